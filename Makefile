@@ -1,0 +1,41 @@
+# What a newcomer types: `make teleop`, `make test`. The rest is listed by `make help`.
+SHELL := /bin/bash
+BIN := .venv/bin
+export PYTHON
+
+.DEFAULT_GOAL := help
+.PHONY: help setup system teleop test check test-long docs figures lock clean
+
+help:  ## list the targets
+	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
+
+setup:  ## make .venv from the lock and install foretouch into it
+	@tools/setup
+
+system:  ## install the system packages that the browser tests need (Debian; elsewhere set FORETOUCH_BROWSER)
+	@[ -n "$$FORETOUCH_BROWSER" ] || tools/system chromium fonts-dejavu-core || echo "system: the browser tests will be skipped" >&2
+
+teleop: setup  ## the main job: leader, follower, console and recorder (options: make teleop ARGS="--headless --duration 20")
+	@$(BIN)/foretouch teleop $(ARGS)
+
+check: setup  ## lint, types, import rules
+	@$(BIN)/ruff check .
+	@$(BIN)/ruff format --check .
+	@$(BIN)/mypy
+	@$(BIN)/lint-imports
+
+test: setup system check docs  ## everything that a change must pass, in under 10 minutes on 2 cores
+	@$(BIN)/pytest -m "not long" $(ARGS)
+
+test-long: setup system  ## what takes longer, every make target among it
+	@$(BIN)/pytest -m long $(ARGS)
+
+docs: setup  ## build the documentation site into docs/_build, warnings as errors
+	@$(BIN)/sphinx-build -q -W --keep-going -b html docs docs/_build
+
+lock:  ## resolve the dependencies again (needs uv): universal, hashed, wheels only, no index address
+	@uv pip compile --universal --python-version 3.11 --fork-strategy fewest --generate-hashes --only-binary :all: \
+	    --no-emit-index-url --no-header --no-annotate --all-extras --quiet --upgrade pyproject.toml -o requirements.lock
+
+clean:  ## remove what was built; the measured recordings in the user's cache stay
+	@rm -rf .venv build dist docs/_build .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache

@@ -1,0 +1,107 @@
+"""Errors that a user can meet, one tree.
+
+    ForetouchError
+    ├── InputError            what was given breaks a rule: exit code 2
+    │   ├── RecordingError    a recording: file, row, rule
+    │   ├── UnknownNameError  no such model, estimator, material ...: the valid names
+    │   ├── SettingError      an option or a constructor argument out of range
+    │   └── DatasetError      a measured file is not here and cannot be fetched
+    ├── LinkError             the network: a port in use, no peer: exit code 2
+    │   └── PeerVersionError  the peer speaks another version of the messages
+    ├── DecodeError           bytes that are no message of ours (counted and dropped inside a session)
+    └── MissingExtraError     a package of an optional extra is not installed: exit code 2
+
+Every message is one line that says what was found, where, which rule it breaks and what to do. Inside a control
+loop nothing raises: a step returns a status with a sentence instead.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+__all__ = [
+    "DatasetError",
+    "DecodeError",
+    "ForetouchError",
+    "InputError",
+    "LinkError",
+    "MissingExtraError",
+    "PeerVersionError",
+    "RecordingError",
+    "SettingError",
+    "UnknownNameError",
+]
+
+
+class ForetouchError(Exception):
+    """Base of every error that foretouch raises on purpose; its text is one line for the user."""
+
+
+class InputError(ForetouchError):
+    """What was given breaks a rule."""
+
+
+class RecordingError(InputError):
+    """A recording cannot be used.
+
+    Args:
+        source: The file (or another name of the recording).
+        problem: What was found and which rule it breaks, in one line.
+        row: Row in the file, counted as an editor counts lines (header = 1), where one row is to blame.
+    """
+
+    def __init__(self, source: object, problem: str, *, row: int | None = None) -> None:
+        where = f"{source}" if row is None else f"{source}, row {row}"
+        super().__init__(f"{where}: {problem}")
+        self.source = source
+        self.row = row
+
+
+class UnknownNameError(InputError):
+    """A name that is not registered.
+
+    Args:
+        kind: What was looked for, for example ``"estimator"``.
+        name: The name that was given.
+        choices: The names that exist.
+    """
+
+    def __init__(self, kind: str, name: str, choices: Iterable[str]) -> None:
+        self.choices = sorted(choices)
+        super().__init__(f"unknown {kind} {name!r}: choose one of {', '.join(self.choices)}")
+
+
+class SettingError(InputError):
+    """An option or constructor argument breaks its rule."""
+
+    def __init__(self, name: str, value: object, rule: str) -> None:
+        super().__init__(f"{name} = {value!r}: {rule}")
+
+
+class DatasetError(InputError):
+    """A measured file is neither in ``FORETOUCH_DATA_DIR`` nor in the cache, and could not be fetched."""
+
+
+class LinkError(ForetouchError):
+    """The network link cannot be used."""
+
+
+class PeerVersionError(LinkError):
+    """The peer speaks another version of the messages."""
+
+    def __init__(self, theirs: object, ours: int) -> None:
+        super().__init__(
+            f"the peer speaks message version {theirs}, this side version {ours}: "
+            "install the same foretouch version on both machines"
+        )
+
+
+class DecodeError(ForetouchError):
+    """Bytes that are no message of ours."""
+
+
+class MissingExtraError(ForetouchError):
+    """An optional package is missing."""
+
+    def __init__(self, package: str, extra: str) -> None:
+        super().__init__(f"{package} is not installed: pip install 'foretouch[{extra}]'")

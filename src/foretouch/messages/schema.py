@@ -1,0 +1,192 @@
+"""Every message, field by field. SI units; a field in nanoseconds says so in its name.
+
+On the wire a message is a msgpack array whose first element is `VERSION`. Times are the sender's own monotonic
+clock: nothing may compare them with the receiver's.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import msgspec
+
+__all__ = [
+    "VERSION",
+    "Command",
+    "Handle",
+    "Hello",
+    "LeaderState",
+    "Message",
+    "ModelUpdate",
+    "Settings",
+    "Stop",
+    "Telemetry",
+]
+
+VERSION = 1
+"""Version of the schema. It changes with every change of a field; peers must agree."""
+
+Count = Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)]
+Text = Annotated[str, msgspec.Meta(max_length=400)]
+Numbers = Annotated[tuple[float, ...], msgspec.Meta(max_length=4096)]
+Names = Annotated[tuple[str, ...], msgspec.Meta(max_length=64)]
+
+
+class Message(msgspec.Struct, frozen=True, array_like=True, forbid_unknown_fields=True, gc=False):
+    """What all messages share: the version, the sender's running number and the sender's clock.
+
+    Attributes:
+        version: `VERSION` of the sender.
+        sequence: Running number of this kind of message at the sender, from 1.
+        time_ns: Sender's monotonic clock at the tick that made the message [ns].
+    """
+
+    version: Count
+    sequence: Count
+    time_ns: Count
+
+
+class Command(Message, frozen=True, array_like=True, gc=False):
+    """Leader to follower, every leader tick: where the operator is.
+
+    Attributes:
+        position: Desired probe position [m].
+        acknowledged_model: `sequence` of the newest model that has arrived at the leader, 0 before the first.
+    """
+
+    position: float
+    acknowledged_model: Count
+
+
+class ModelUpdate(Message, frozen=True, array_like=True, gc=False):
+    """Follower to leader, about 50 a second and at once on change: the identified contact model.
+
+    Attributes:
+        command_sequence: The command that the follower had applied when `state` was taken, 0 before the first.
+        law: Name of the contact law, for example ``"linearised-continuous-switching"``.
+        parameters: The law's numbers, in the order that the law declares.
+        state: What the material remembers at `command_sequence`; empty for laws without memory.
+        surface: Position of the undeformed surface [m].
+        valid: Whether a force may be rendered from it.
+        reason: One sentence: why it is not valid, or what there is to know.
+        estimator: Name of the estimator that made it.
+    """
+
+    command_sequence: Count
+    law: Text
+    parameters: Numbers
+    state: Numbers
+    surface: float
+    valid: bool
+    reason: Text
+    estimator: Text
+
+
+class Telemetry(Message, frozen=True, array_like=True, gc=False):
+    """Follower to all that watch, every follower tick. No renderer reads it.
+
+    `sequence` counts follower ticks.
+
+    Attributes:
+        command_sequence: The command applied in this tick, 0 before the first.
+        desired_position: Position that the robot was told to take [m].
+        position: Probe position from the encoders [m].
+        velocity: Estimated from the positions, causally [m/s].
+        sensor_force: Sensor force less weight and inertia of the tool, offset still in it [N].
+        force: The same less the offset that the follower found in free air [N].
+        exact_force: The simulator's own contact force [N]; NaN on a robot, where nobody knows it.
+        in_contact: The follower's own judgement.
+        clipped: Whether the robot's force limit cut this tick's command.
+        model_sequence: Newest model sent, 0 before the first.
+        period_ns: Time since the last tick began [ns].
+        compute_ns: Time that this tick's computing took [ns].
+    """
+
+    command_sequence: Count
+    desired_position: float
+    position: float
+    velocity: float
+    sensor_force: float
+    force: float
+    exact_force: float
+    in_contact: bool
+    clipped: bool
+    model_sequence: Count
+    period_ns: Count
+    compute_ns: Count
+
+
+class LeaderState(Message, frozen=True, array_like=True, gc=False):
+    """Leader to all that watch, every leader tick; `sequence` is that of the tick's command.
+
+    Attributes:
+        position: Position of the operator's hand [m].
+        velocity: Estimated from the positions, causally [m/s].
+        predicted_force: The newest model at the hand's motion, before mediation and clamps [N].
+        rendered_force: What the hand is given, after everything [N].
+        delayed_force: The newest telemetry's force that had arrived; recorded, never rendered [N].
+        telemetry_sequence: That telemetry's sequence, 0 before the first.
+        model_sequence: The newest model that had arrived, 0 before the first.
+        clipped: Whether a force or force-rate limit cut the rendered force.
+        period_ns: Time since the last tick began [ns].
+        compute_ns: Time that this tick's computing took [ns].
+    """
+
+    position: float
+    velocity: float
+    predicted_force: float
+    rendered_force: float
+    delayed_force: float
+    telemetry_sequence: Count
+    model_sequence: Count
+    clipped: bool
+    period_ns: Count
+    compute_ns: Count
+
+
+class Handle(Message, frozen=True, array_like=True, gc=False):
+    """Console to leader, on every mouse move: where the handle is and whether somebody holds it.
+
+    Attributes:
+        position: Handle position [m], in the frame of the probe.
+        held: True while the handle is dragged.
+    """
+
+    position: float
+    held: bool
+
+
+class Settings(Message, frozen=True, array_like=True, gc=False):
+    """Console to both sides, latest wins: the delays put on top of the network.
+
+    Attributes:
+        position_delay: One-way delay of commands [s], 0 to 10.
+        force_delay: One-way delay of models and telemetry [s], 0 to 10.
+    """
+
+    position_delay: Annotated[float, msgspec.Meta(ge=0, le=10)]
+    force_delay: Annotated[float, msgspec.Meta(ge=0, le=10)]
+
+
+class Stop(Message, frozen=True, array_like=True, gc=False):
+    """Anyone to all: end the session.
+
+    Attributes:
+        reason: One sentence.
+    """
+
+    reason: Text
+
+
+class Hello(Message, frozen=True, array_like=True, gc=False):
+    """Both sides to all, twice a second: who speaks, and with which settings the session runs.
+
+    Attributes:
+        role: ``"leader"`` or ``"follower"``.
+        names: Names of the settings that follow, for example ``"material"``.
+        values: Their values as text, one for each name.
+    """
+
+    role: Text
+    names: Names
+    values: Names

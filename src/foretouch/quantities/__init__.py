@@ -1,0 +1,6 @@
+"""What is measured: one table of names, units and signs, and the recording that holds the samples."""
+
+from foretouch.quantities.recording import LARGEST_POSITION, Recording
+from foretouch.quantities.table import QUANTITIES, Quantity
+
+__all__ = ["LARGEST_POSITION", "QUANTITIES", "Quantity", "Recording"]

@@ -1,0 +1,83 @@
+"""A recording of presses in memory: time, position, force, and velocity where it was measured."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from foretouch.errors import RecordingError
+
+__all__ = ["LARGEST_POSITION", "Recording"]
+
+Array = NDArray[np.float64]
+
+LARGEST_POSITION = 1.0
+"""Positions beyond this [m] are refused: they are in other units, or not of a press."""
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """One recording, checked on construction.
+
+    Attributes:
+        time: Sample times [s], strictly increasing, shape (n,).
+        position: Probe position [m], growing with depth, at most 1 m in size, shape (n,).
+        force: Force as the sensor gives it [N], offset included, positive under compression, shape (n,).
+        velocity: Measured velocity [m/s], positive while deepening, shape (n,), or None: then it is estimated
+            causally from the positions.
+        name: For messages, usually the file.
+        contact_floor: Smallest force [N] that scoring counts as contact, by the noise of the origin.
+        first_row: Row in the file that holds sample 0, as an editor counts lines, for error messages.
+
+    Raises:
+        RecordingError: A column of another length, fewer than 2 samples, a value that is not finite, time that
+            does not increase, or a position beyond 1 m. The message names row and rule.
+    """
+
+    time: Array
+    position: Array
+    force: Array
+    velocity: Array | None = None
+    name: str = "recording"
+    contact_floor: float = 0.05
+    first_row: int | None = field(default=None, repr=False)
+
+    def __post_init__(self) -> None:
+        columns: dict[str, ArrayLike | None] = {
+            "time": self.time,
+            "position": self.position,
+            "force": self.force,
+            "velocity": self.velocity,
+        }
+        length = np.size(self.time)
+        for label, column in columns.items():
+            if column is None:
+                continue
+            array = np.array(column, dtype=np.float64)  # a copy: the caller's array stays the caller's
+            if array.ndim != 1 or array.size != length:
+                raise RecordingError(self.name, f"{label} has shape {array.shape}, time has {length} samples")
+            if length < 2:
+                raise RecordingError(self.name, f"{length} samples: at least 2 are needed")
+            self._refuse(~np.isfinite(array), array, f"{label} is {{}}: every value must be finite")
+            object.__setattr__(self, label, array)
+            array.flags.writeable = False
+        step = np.diff(self.time)
+        late = np.concatenate(([False], step <= 0.0))
+        self._refuse(late, self.time, "time {} s does not come after the row before: time must increase")
+        self._refuse(
+            np.abs(self.position) > LARGEST_POSITION,
+            self.position,
+            "position {} m is beyond 1 m: if it is not in metres, say so with --position-unit (mm, um, ...)",
+        )
+
+    def _refuse(self, bad: NDArray[np.bool_], values: Array, problem: str) -> None:
+        if bad.any():
+            index = int(np.argmax(bad))
+            row = None if self.first_row is None else self.first_row + index
+            where = "" if row is not None else f"sample {index}: "
+            raise RecordingError(self.name, where + problem.format(f"{values[index]:g}"), row=row)
+
+    def __len__(self) -> int:
+        return int(self.time.size)
