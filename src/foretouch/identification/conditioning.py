@@ -1,0 +1,146 @@
+"""From raw samples to depth, velocity and force in contact, causally."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from typing import NamedTuple
+
+from foretouch.models import MotionFilter
+
+__all__ = ["OFFSET_WINDOW", "Conditioner", "ContactSample"]
+
+OFFSET_WINDOW = 0.05
+"""Length [s] of the window whose lowest mean so far is taken for the force in free air."""
+
+SMALLEST_THRESHOLD = 0.005
+"""Least force [N] that counts as contact, however quiet the sensor."""
+
+NOISE_FACTOR = 6.0
+"""Contact begins this many standard deviations of the free-air force above it."""
+
+PEAK_SHARE = 0.05
+"""Contact begins at least this share of the largest force so far above free air: friction of the mechanism grows
+with what presses it, and is no contact."""
+
+RELEASE_SHARE = 0.5
+"""Contact ends at this share of the threshold where it began."""
+
+DOUBT_FACTOR = 2.0
+"""A surface that was found at a threshold this many times smaller than today's is looked for again."""
+
+
+class ContactSample(NamedTuple):
+    """One conditioned sample.
+
+    Attributes:
+        time: [s].
+        depth: Below the surface [m]; NaN before the surface is known.
+        velocity: [m/s], positive while deepening.
+        force: Less the offset [N].
+        in_contact: Whether the probe is judged to touch.
+    """
+
+    time: float
+    depth: float
+    velocity: float
+    force: float
+    in_contact: bool
+
+
+class Conditioner:
+    """Finds force offset, contact and surface as the samples come.
+
+    - **Offset**: the lowest mean force over 50 ms so far. Where a recording never leaves contact this is a
+      convention; nothing in the data can tell.
+    - **Contact** begins when the force rises above a threshold, the largest of 5 mN, six standard deviations of the
+      force in the window that gave the offset, and 5 % of the largest force so far; it ends at half of it.
+    - **Surface**: the last position, before the first contact, at which the force was below the threshold of ending.
+      It moves outwards when contact is felt further out, and is found anew when the threshold has at least doubled
+      since, for then the first contact was none.
+
+    Args:
+        surface: Position of the surface [m], or None to find it.
+        force_offset: Force in free air [N], or None to find it.
+
+    Attributes:
+        surface: [m]; NaN before it is known.
+        force_offset: [N].
+        in_contact: The newest judgement.
+    """
+
+    def __init__(self, *, surface: float | None = None, force_offset: float | None = None) -> None:
+        self._given_surface = surface
+        self._given_offset = force_offset
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget all samples."""
+        self.surface = math.nan if self._given_surface is None else self._given_surface
+        self.force_offset = 0.0 if self._given_offset is None else self._given_offset
+        self.in_contact = False
+        self._motion = MotionFilter()
+        self._window: deque[tuple[float, float]] = deque()
+        self._reference = math.nan  # subtracted before squaring, so that the running sums stay small
+        self._sum = 0.0
+        self._square_sum = 0.0
+        self._lowest_mean = math.inf
+        self._noise = 0.0
+        self._peak = 0.0
+        self._surface_threshold = math.inf
+        self._free_position = math.nan
+
+    def update(self, time: float, position: float, force: float, velocity: float | None = None) -> ContactSample:
+        """Take one sample; a sample that is not finite is answered with "no contact" and changes nothing."""
+        if not (math.isfinite(time) and math.isfinite(position) and math.isfinite(force)):
+            return ContactSample(time, math.nan, 0.0, 0.0, False)
+        if velocity is None:
+            velocity = self._motion.update(time, position)
+        self._learn_offset(time, force)
+        force -= self.force_offset
+        self._peak = max(self._peak, force)
+        threshold = max(SMALLEST_THRESHOLD, NOISE_FACTOR * self._noise, PEAK_SHARE * self._peak)
+        if self.in_contact:
+            self.in_contact = force > RELEASE_SHARE * threshold
+        else:
+            if force <= RELEASE_SHARE * threshold or math.isnan(self._free_position):
+                self._free_position = position
+            if force > threshold:
+                self.in_contact = True
+                self._learn_surface(self._free_position, threshold)
+        if self.in_contact and self._given_surface is None and position < self.surface:
+            self.surface = position
+        return ContactSample(time, position - self.surface, velocity, force, self.in_contact)
+
+    def _learn_offset(self, time: float, force: float) -> None:
+        """Keep mean and spread of the last 50 ms, and those of the quietest 50 ms so far."""
+        if math.isnan(self._reference):
+            self._reference = force
+        shifted = force - self._reference
+        self._window.append((time, shifted))
+        self._sum += shifted
+        self._square_sum += shifted * shifted
+        full = False
+        while time - self._window[0][0] >= OFFSET_WINDOW:
+            full = True
+            _, old = self._window.popleft()
+            self._sum -= old
+            self._square_sum -= old * old
+        count = len(self._window)
+        mean = self._sum / count
+        if (full or math.isinf(self._lowest_mean)) and mean < self._lowest_mean:
+            if full:
+                self._lowest_mean = mean
+            self._noise = math.sqrt(max(0.0, self._square_sum / count - mean * mean))
+            if self._given_offset is None:
+                self.force_offset = mean + self._reference
+
+    def _learn_surface(self, position: float, threshold: float) -> None:
+        """Take the surface from a contact that begins, if none is known or the known one is in doubt."""
+        if self._given_surface is not None:
+            return
+        if math.isnan(self.surface) or threshold > DOUBT_FACTOR * self._surface_threshold:
+            self.surface = position
+            self._surface_threshold = threshold
+        else:
+            self.surface = min(self.surface, position)

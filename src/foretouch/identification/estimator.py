@@ -1,0 +1,61 @@
+"""What an estimator is: samples in, a contact model and its doubt out."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from enum import Enum
+from typing import ClassVar
+
+from foretouch.identification.conditioning import ContactSample
+from foretouch.models import ContactModel
+
+__all__ = ["Estimator", "Status"]
+
+
+class Status(Enum):
+    """What an update did; the value is the sentence for people."""
+
+    LEARNT = "learnt from this sample"
+    FREE_AIR = "not in contact: nothing to learn"
+    UNUSABLE = "depth or force too small for the logarithm: sample left out"
+    RESTARTED = "the covariance was no longer usable: the estimator began again"
+
+
+class Estimator(ABC):
+    """Identifies one contact law from conditioned samples.
+
+    `update` is called at every sample, inside and outside contact, and never raises.
+
+    Attributes:
+        name: Of the estimator, as on the command line.
+        model_name: Of the law it identifies, as on the command line.
+        updates: Samples learnt from since the last reset.
+    """
+
+    name: ClassVar[str]
+    model_name: ClassVar[str]
+    updates: int
+
+    @abstractmethod
+    def update(self, sample: ContactSample) -> Status:
+        """Learn from one sample and say what was done."""
+
+    @abstractmethod
+    def reset(self) -> None:
+        """Forget all samples."""
+
+    @property
+    @abstractmethod
+    def model(self) -> ContactModel | None:
+        """The law as it is known now, None while nothing usable is known."""
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """The law's numbers by name, empty while nothing is known."""
+        model = self.model
+        return {} if model is None else dict(zip(model.parameter_names, model.parameters, strict=True))
+
+    @property
+    @abstractmethod
+    def standard_errors(self) -> dict[str, float] | None:
+        """Standard error of each parameter, None where the estimator has none to give."""

@@ -1,0 +1,104 @@
+"""Identification of a whole recording, sample by sample."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from foretouch.errors import RecordingError
+from foretouch.identification.learner import Learner
+from foretouch.models import advance
+from foretouch.quantities import Recording
+
+__all__ = ["FEWEST_CONTACT_SAMPLES", "Identification", "identify"]
+
+Array = NDArray[np.float64]
+
+FEWEST_CONTACT_SAMPLES = 50
+"""Fewer samples in contact are refused: four parameters from less say nothing."""
+
+
+@dataclass(frozen=True)
+class Identification:
+    """What a recording taught.
+
+    Attributes:
+        parameters: The law's numbers by name, after the last sample.
+        standard_errors: By name, None where the estimator has none.
+        surface: Position of the surface found [m].
+        force_offset: Force in free air found [N].
+        in_contact: The conditioner's judgement at every sample, shape (n,).
+        residual: Measured force less the force of the model learnt before that sample [N]; NaN outside contact and
+            before there was a model, shape (n,).
+        contact_force_rms: RMS of the force over the samples that have a residual [N].
+        history: Parameters after every sample by name, NaN before there was a model, shape (n,) each.
+    """
+
+    parameters: dict[str, float]
+    standard_errors: dict[str, float] | None
+    surface: float
+    force_offset: float
+    in_contact: NDArray[np.bool_]
+    residual: Array
+    contact_force_rms: float
+    history: dict[str, Array]
+
+    @property
+    def residual_rms(self) -> float:
+        """RMS of the one-step residual [N], NaN where there is none."""
+        return _rms(self.residual[np.isfinite(self.residual)])
+
+
+def identify(recording: Recording, learner: Learner) -> Identification:
+    """Feed a recording to a learner and keep what it knew at every sample.
+
+    Raises:
+        RecordingError: Fewer than 50 samples in contact, or never enough for a model.
+    """
+    size = len(recording)
+    in_contact = np.zeros(size, dtype=np.bool_)
+    residual = np.full(size, np.nan)
+    force = np.full(size, np.nan)
+    history: dict[str, Array] = {}
+    velocities = [None] * size if recording.velocity is None else recording.velocity.tolist()
+    model = None
+    samples = zip(
+        recording.time.tolist(), recording.position.tolist(), recording.force.tolist(), velocities, strict=True
+    )
+    before = recording.time[0]
+    for index, (time, position, raw_force, velocity) in enumerate(samples):
+        sample = learner.update(time, position, raw_force, velocity)
+        in_contact[index] = sample.in_contact
+        if sample.in_contact and model is not None:
+            _, expected, _ = advance(model, model.initial_state(), sample.depth, sample.velocity, time - before)
+            residual[index] = sample.force - expected
+            force[index] = sample.force
+        before = time
+        model = learner.estimator.model
+        if model is not None:
+            for name, value in learner.estimator.parameters.items():
+                history.setdefault(name, np.full(size, np.nan))[index] = value
+    contacts = int(in_contact.sum())
+    if contacts < FEWEST_CONTACT_SAMPLES:
+        raise RecordingError(
+            recording.name,
+            f"{contacts} samples in contact, at least {FEWEST_CONTACT_SAMPLES} are needed to identify a model",
+        )
+    if model is None:
+        raise RecordingError(recording.name, f"{learner.estimator.name} found no model: {learner.learnt().reason}")
+    return Identification(
+        learner.estimator.parameters,
+        learner.estimator.standard_errors,
+        learner.conditioner.surface,
+        learner.conditioner.force_offset,
+        in_contact,
+        residual,
+        _rms(force[np.isfinite(force)]),
+        history,
+    )
+
+
+def _rms(values: Array) -> float:
+    return float(np.sqrt(np.mean(np.square(values)))) if values.size else float("nan")

@@ -1,0 +1,67 @@
+"""Conditioning and estimation together: the follower's whole learning, one call a sample."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from foretouch.identification.conditioning import Conditioner, ContactSample
+from foretouch.identification.estimator import Estimator, Status
+from foretouch.models import ContactModel, ContactState
+
+__all__ = ["Learner", "LearntModel"]
+
+
+@dataclass(frozen=True, slots=True)
+class LearntModel:
+    """What has been learnt at one moment; this is what crosses the network.
+
+    Attributes:
+        model: The law, or None while no force may be rendered.
+        surface: Position of the surface [m]; 0 while unknown.
+        state: What the material remembers now.
+        reason: One sentence: why there is no model, or what the last update did.
+    """
+
+    model: ContactModel | None
+    surface: float
+    state: ContactState
+    reason: str
+
+
+class Learner:
+    """Raw samples in, contact model out; the same code runs on recordings, simulations and robots.
+
+    Args:
+        estimator: Identifies the law.
+        surface: Position of the surface [m], None to find it.
+        force_offset: Force in free air [N], None to find it.
+
+    Attributes:
+        sample: The newest conditioned sample.
+        status: What the estimator did with it.
+    """
+
+    def __init__(
+        self, estimator: Estimator, *, surface: float | None = None, force_offset: float | None = None
+    ) -> None:
+        self.estimator = estimator
+        self.conditioner = Conditioner(surface=surface, force_offset=force_offset)
+        self.sample = ContactSample(math.nan, math.nan, 0.0, 0.0, False)
+        self.status = Status.FREE_AIR
+
+    def update(self, time: float, position: float, force: float, velocity: float | None = None) -> ContactSample:
+        """Learn from one raw sample (`Conditioner.update`) and return it conditioned."""
+        self.sample = self.conditioner.update(time, position, force, velocity)
+        self.status = self.estimator.update(self.sample)
+        return self.sample
+
+    def learnt(self) -> LearntModel:
+        """What is known now."""
+        surface = self.conditioner.surface
+        if math.isnan(surface):
+            return LearntModel(None, 0.0, (), "nothing has been touched yet")
+        model = self.estimator.model
+        if model is None:
+            return LearntModel(None, surface, (), "too few samples in contact")
+        return LearntModel(model, surface, model.initial_state(), self.status.value)

@@ -1,0 +1,28 @@
+"""Which laws can be identified, and by which estimators."""
+
+from __future__ import annotations
+
+from foretouch.errors import UnknownNameError
+from foretouch.identification.estimator import Estimator
+from foretouch.identification.fprls import FPRLS
+
+__all__ = ["ESTIMATORS", "make_estimator"]
+
+ESTIMATORS: dict[str, dict[str, type[Estimator]]] = {}
+"""Estimators by name of the law, then by their own name."""
+
+for _kind in (FPRLS,):
+    ESTIMATORS.setdefault(_kind.model_name, {})[_kind.name] = _kind
+
+
+def make_estimator(model: str, estimator: str) -> Estimator:
+    """A fresh estimator with its default options.
+
+    Raises:
+        UnknownNameError: No such law, or no such estimator for it.
+    """
+    if model not in ESTIMATORS:
+        raise UnknownNameError("model", model, ESTIMATORS)
+    if estimator not in ESTIMATORS[model]:
+        raise UnknownNameError(f"estimator for {model}", estimator, ESTIMATORS[model])
+    return ESTIMATORS[model][estimator]()
