@@ -1,1 +1,5 @@
 """Room `report`."""
+
+from foretouch.report.scores import STATUSES, Scores, delayed, lowest_mean, score
+
+__all__ = ["STATUSES", "Scores", "delayed", "lowest_mean", "score"]

@@ -1,0 +1,306 @@
+"""The scoring, the same for a session, a recording and a benchmark."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from foretouch.errors import InputError, SettingError
+
+__all__ = ["JND_FORCE", "JND_SHARE", "OFFSET_WINDOW", "STATUSES", "Scores", "delayed", "lowest_mean", "score"]
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+OFFSET_WINDOW = 0.05
+"""Length of the window whose lowest mean is the zero of the measured force [s]."""
+
+THRESHOLD_SHARE = 0.05
+"""The contact threshold as a share of the 98th percentile of the measured force."""
+
+JND_SHARE = 0.10
+"""Just noticeable difference of force, as a share of the force."""
+
+JND_FORCE = 0.05
+"""The smallest just noticeable difference that is asked for [N]."""
+
+REST_SLOPE = 0.25
+"""Force slope below the contact threshold, as a share of the slope above it, from which on a recording counts as
+never out of contact. Measured files: foam and skin at most 0.1, preloaded springs at least 0.8."""
+
+FEWEST_SAMPLES = 10
+"""Samples that an offset window must hold, unless most windows of the file hold fewer."""
+
+STATUSES: dict[str, str] = {
+    "nothing_to_score": "no sample lies in the window",
+    "no_contact": "the measured force never rises above the contact floor in the window",
+    "prediction_not_finite": "a predicted force is not a number: its error has no bound and is given as null",
+    "offset_unobservable": "the probe never leaves contact: the zero of the measured force is a convention",
+    "ok": "scored",
+}
+"""What `Scores.status` can be; where several hold, the first of them in this order."""
+
+
+@dataclass(frozen=True, eq=False)
+class Scores:
+    """How well a force was predicted. A metric is None where there is nothing to measure it on.
+
+    Attributes:
+        samples: Samples in all.
+        scored_samples: Samples that the errors are taken over: in the window, and in contact or predicted to be.
+        contact_force_rms_N: RMS of the measured force over the contact samples of the window.
+        prediction_rmse_N: RMS of predicted less measured force over the scored samples.
+        prediction_error_percent: The same as a share of `contact_force_rms_N`.
+        delayed_force_error_percent: The delayed force's RMS error over the same samples, as the same share.
+        delayed_force_rmse_N: That RMS error.
+        within_jnd_percent: Share of contact samples whose error is at most max(10 % of the force, 0.05 N).
+        phantom_force_rms_N: RMS of the prediction over the window's samples out of contact.
+        missed_contact_percent: Share of contact samples predicted below the threshold.
+        status: A key of `STATUSES`.
+        threshold_N: The measured force above which a sample is in contact; None without contact.
+        in_contact: The scoring flag, for every sample, those outside the window too.
+        measured_force: Measured force less its zero [N], every sample.
+    """
+
+    samples: int
+    scored_samples: int
+    contact_force_rms_N: float | None
+    prediction_rmse_N: float | None
+    prediction_error_percent: float | None
+    delayed_force_error_percent: float | None
+    delayed_force_rmse_N: float | None
+    within_jnd_percent: float | None
+    phantom_force_rms_N: float | None
+    missed_contact_percent: float | None
+    status: str
+    threshold_N: float | None
+    in_contact: Flags
+    measured_force: Array
+
+
+def score(
+    time: ArrayLike,
+    measured_force: ArrayLike,
+    predicted_force: ArrayLike,
+    delayed_force: ArrayLike,
+    *,
+    contact_floor: float,
+    score_from: float = 1.5,
+    score_to: float | None = None,
+    position: ArrayLike | None = None,
+    offset: float | None = None,
+) -> Scores:
+    r"""Score a predicted force against the measured one.
+
+    The measured force F is the input less its lowest 50 ms mean over all samples (`lowest_mean`). With the 98th
+    percentile :math:`F_{98}` over the window, a sample is in contact where
+
+    .. math:: F > \theta = \max(0.05\, F_{98},\; \text{contact floor}).
+
+    The scored samples S are those of the window that are in contact or predicted above :math:`\theta`; both errors,
+    of the prediction and of the delayed force, are taken over the same S:
+
+    .. math:: e = 100\,\sqrt{\operatorname{mean}_S (\hat F - F)^2} \,\Big/\, \sqrt{\operatorname{mean}_C F^2}
+
+    where C are the contact samples of the window. A prediction that is not finite counts as above the threshold, as
+    outside the just noticeable difference and as missed contact; the RMS figures that it enters are None, so it
+    can never look good.
+
+    Args:
+        time: Sample times [s], increasing, shape (n,); they count from the first.
+        measured_force: As the sensor gives it [N], offset included, finite, shape (n,).
+        predicted_force: Predicted at the same samples [N], shape (n,).
+        delayed_force: Known at the receiver at the same samples [N], shape (n,); not finite where nothing had
+            arrived, which counts as 0.
+        contact_floor: Smallest force that counts as contact [N], positive.
+        score_from: Start of the window [s], included.
+        score_to: End of the window [s], included; None for the last sample.
+        position: Probe position [m], shape (n,). With it, a recording that never leaves contact is noticed
+            (``offset_unobservable``); from the force alone this cannot be told.
+        offset: Zero of the measured force [N] where it is known; None to find it.
+
+    Raises:
+        InputError: Arrays of other lengths, time that does not increase, a measured force that is not finite.
+        SettingError: A floor that is not positive, or a window that ends before it begins.
+    """
+    clock, measured, predicted, known = _arrays(time, measured_force, predicted_force, delayed_force)
+    _check(clock, measured, contact_floor, score_from, score_to)
+    known = np.where(np.isfinite(known), known, 0.0)
+    if clock.size:
+        measured = measured - (lowest_mean(clock, measured) if offset is None else offset)
+    window = _window(clock, score_from, score_to)
+    nothing = Scores(
+        samples=clock.size,
+        scored_samples=0,
+        contact_force_rms_N=None,
+        prediction_rmse_N=None,
+        prediction_error_percent=None,
+        delayed_force_error_percent=None,
+        delayed_force_rmse_N=None,
+        within_jnd_percent=None,
+        phantom_force_rms_N=None,
+        missed_contact_percent=None,
+        status="nothing_to_score",
+        threshold_N=None,
+        in_contact=np.zeros(clock.size, dtype=np.bool_),
+        measured_force=measured,
+    )
+    if not window.any():
+        return nothing
+    threshold = max(THRESHOLD_SHARE * float(np.percentile(measured[window], 98.0)), contact_floor)
+    in_contact = measured > threshold
+    contact = in_contact & window
+    if not contact.any():
+        return replace(nothing, status="no_contact")
+    finite = np.isfinite(predicted)
+    scored = window & (in_contact | ~finite | (predicted > threshold))
+    contact_rms = _rms(measured[contact])
+    rmse = _rms((predicted - measured)[scored])
+    delayed_rmse = _rms((known - measured)[scored])
+    tolerance = np.maximum(JND_SHARE * measured[contact], JND_FORCE)
+    near = np.abs(predicted[contact] - measured[contact]) <= tolerance * (1.0 + 1e-9)
+    found = predicted[contact] >= threshold
+    apart = window & ~in_contact
+    status = "ok"
+    if position is not None and _never_leaves_contact(position, measured, in_contact):
+        status = "offset_unobservable"
+    if not finite[window].all():
+        status = "prediction_not_finite"
+    return Scores(
+        samples=clock.size,
+        scored_samples=int(scored.sum()),
+        contact_force_rms_N=contact_rms,
+        prediction_rmse_N=_number(rmse),
+        prediction_error_percent=_number(100.0 * rmse / contact_rms),
+        delayed_force_error_percent=_number(100.0 * delayed_rmse / contact_rms),
+        delayed_force_rmse_N=_number(delayed_rmse),
+        within_jnd_percent=100.0 * float(near.mean()),
+        phantom_force_rms_N=_number(_rms(predicted[apart])) if apart.any() else None,
+        missed_contact_percent=100.0 * (1.0 - float(found.mean())),
+        status=status,
+        threshold_N=threshold,
+        in_contact=in_contact,
+        measured_force=measured,
+    )
+
+
+def delayed(time: ArrayLike, force: ArrayLike, delay: float) -> Array:
+    """The force that is known a delay later: the newest sample not later than t - delay, 0 where there is none.
+
+    Times are compared with a tolerance of a thousandth of the median sample period, so that a delay of a whole
+    number of samples is that number of samples in spite of rounding.
+
+    Args:
+        time: Sample times [s], increasing, shape (n,).
+        force: Force at those times [N], shape (n,).
+        delay: One-way delay [s], 0 or more.
+
+    Raises:
+        InputError: Arrays of other lengths, or time that does not increase.
+        SettingError: A delay below 0 or not finite.
+    """
+    clock, values = _arrays(time, force)
+    if not (np.isfinite(delay) and delay >= 0.0):
+        raise SettingError("delay", delay, "must be 0 s or more")
+    _increasing(clock)
+    newest = np.searchsorted(clock, clock - delay + 1e-3 * _period(clock), side="right") - 1
+    return np.where(newest >= 0, values[np.maximum(newest, 0)], 0.0)
+
+
+def lowest_mean(time: ArrayLike, force: ArrayLike, window: float = OFFSET_WINDOW) -> float:
+    """The lowest mean of the force over a time window: where the sensor's zero is, seen from afterwards.
+
+    A window ends at each sample and reaches back by its length; it counts once the samples before it fill it, and
+    if it holds 10 samples, or as many as most windows of the file do, so that one sample after a gap is no mean. At
+    an even rate these are all runs of ``window / sample period`` samples. A file shorter than the window has one
+    mean, that of all its samples.
+
+    Args:
+        time: Sample times [s], increasing, shape (n,).
+        force: Measured force [N], shape (n,), n of at least 1.
+        window: Its length [s].
+    """
+    clock, values = _arrays(time, force)
+    period = _period(clock)
+    first = np.searchsorted(clock, clock - window + 1e-3 * period, side="right")
+    last = np.arange(1, clock.size + 1)
+    held = last - first
+    full = clock - clock[0] >= window - 1.001 * period
+    if not full.any():
+        return float(values.mean())
+    full &= held >= min(FEWEST_SAMPLES, float(np.median(held[full])))
+    middle = values.mean()  # sums of small numbers lose fewer digits
+    sums = np.concatenate(([0.0], np.cumsum(values - middle)))
+    return float(((sums[last] - sums[first])[full] / held[full]).min() + middle)
+
+
+def _arrays(*columns: ArrayLike) -> tuple[Array, ...]:
+    arrays = tuple(np.asarray(column, dtype=np.float64) for column in columns)
+    shapes = {array.shape for array in arrays}
+    if len(shapes) > 1 or arrays[0].ndim != 1:
+        raise InputError(f"columns of shapes {', '.join(str(array.shape) for array in arrays)}: all must be (n,)")
+    return arrays
+
+
+def _check(clock: Array, measured: Array, contact_floor: float, score_from: float, score_to: float | None) -> None:
+    _increasing(clock)
+    bad = ~np.isfinite(measured)
+    if bad.any():
+        raise InputError(f"measured force, sample {int(np.argmax(bad))}: every value must be finite")
+    if not (np.isfinite(contact_floor) and contact_floor > 0.0):
+        raise SettingError("contact_floor", contact_floor, "must be above 0 N")
+    if not np.isfinite(score_from):
+        raise SettingError("score_from", score_from, "must be finite")
+    if score_to is not None and not score_to > score_from:
+        raise SettingError("score_to", score_to, f"must be later than score_from = {score_from:g} s")
+
+
+def _increasing(clock: Array) -> None:
+    bad = ~np.isfinite(clock)
+    bad[1:] |= np.diff(clock) <= 0.0
+    if bad.any():
+        raise InputError(f"time, sample {int(np.argmax(bad))}: time must be finite and increase")
+
+
+def _period(clock: Array) -> float:
+    """Median sample period [s], 0 for a single sample."""
+    return float(np.median(np.diff(clock))) if clock.size > 1 else 0.0
+
+
+def _window(clock: Array, score_from: float, score_to: float | None) -> Flags:
+    """The samples between two times that count from the first sample, both ends included."""
+    if not clock.size:
+        return np.zeros(0, dtype=np.bool_)
+    since = clock - clock[0]
+    tolerance = 1e-3 * _period(clock)
+    inside: Flags = since >= score_from - tolerance
+    if score_to is not None:
+        inside &= since <= score_to + tolerance
+    return inside
+
+
+def _never_leaves_contact(position: ArrayLike, force: Array, in_contact: Flags) -> bool:
+    """Whether the force still follows the position below the contact threshold, as it does nowhere in free air."""
+    (place, _) = _arrays(position, force)
+    above = _slope(place[in_contact], force[in_contact])
+    below = _slope(place[~in_contact], force[~in_contact])
+    return above > 0.0 and below > REST_SLOPE * above
+
+
+def _slope(position: Array, force: Array) -> float:
+    """Least-squares slope of force over position [N/m], 0 where the position does not vary."""
+    if position.size < 3 or not np.ptp(position) > 0.0:
+        return 0.0
+    centred = position - position.mean()
+    return float((centred * (force - force.mean())).sum() / (centred**2).sum())
+
+
+def _rms(values: Array) -> float:
+    with np.errstate(over="ignore", invalid="ignore"):
+        return float(np.sqrt(np.mean(np.square(values))))
+
+
+def _number(value: float) -> float | None:
+    return value if np.isfinite(value) else None
