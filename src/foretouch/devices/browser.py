@@ -1,0 +1,128 @@
+"""An operator at a mouse."""
+
+from __future__ import annotations
+
+import math
+from typing import ClassVar, Literal
+
+from foretouch.devices.device import Device, limit_force
+from foretouch.devices.motion import PEAK_SPEED_RATIO, minimum_jerk
+from foretouch.models.checks import require
+
+__all__ = ["BrowserOperator"]
+
+TRACKING_RATE = 100.0
+"""Rate [1/s] of the critically damped tracker: it lags by 2 / rate = 20 ms."""
+RAMP_SHARE, LONGEST_RAMP = 0.8, 0.05
+"""Each new position is approached in this share of the usual time between positions, at most so long [s]."""
+LARGEST_SPEED = 0.25
+"""Bound on the speed of the aim [m/s]."""
+SILENCE = 1.0
+"""A held handle that says nothing for so long [s] counts as let go: its browser may be gone."""
+HOLD_TIME = 3.0
+"""How long [s] the hand stays where it was let go."""
+EASE_TIME, EASE_SPEED = 1.5, 0.1
+"""Shortest way back into the script [s], and the peak speed [m/s] above which it takes longer."""
+
+
+class BrowserOperator(Device):
+    r"""Presses by script until somebody takes the handle.
+
+    Handle positions arrive irregularly, 10 to 60 a second. The aim r goes to each new one in a straight line, no faster
+    than 0.25 m/s, and the hand x follows it by
+
+    .. math:: \ddot x = \omega^2 (r - x) - 2 \omega \dot x, \quad \omega = 100/\mathrm{s}
+
+    solved exactly for every step: no overshoot, no step, a lag of 20 ms plus 0.8 of the usual time between positions
+    (60 ms at 20 a second). Let go, the hand stays for 3 s, then eases back into the script, which has gone on
+    meanwhile.
+
+    Args:
+        script: The device that presses as long as nobody else does, for example `ScriptedOperator`.
+        deepest: Bound on handle positions [m]; those beyond it, or below 0, count as the bound.
+
+    Raises:
+        SettingError: `deepest` out of range.
+    """
+
+    name: ClassVar[str] = "browser"
+    closed_loop: ClassVar[bool] = False
+
+    def __init__(self, script: Device, deepest: float = 0.2) -> None:
+        require("deepest", deepest, above=0.0, at_most=0.5)
+        self._script = script
+        self._deepest = deepest
+        self._mode: Literal["script", "held", "resting", "returning"] = "script"
+        self._since_ns = 0  # when the mode began; while held, when the newest position arrived
+        self._now_ns: int | None = None
+        self._position = self._velocity = 0.0  # of the hand
+        self._aim = self._target = self._aim_speed = 0.0
+        self._interval = LONGEST_RAMP  # usual time between handle positions
+        self._ease_time = EASE_TIME
+
+    @property
+    def held(self) -> bool:
+        """Whether somebody holds the handle."""
+        return self._mode == "held"
+
+    def take(self, position: float, held: bool, now_ns: int) -> None:
+        """One handle message; call it from the thread that calls `read`.
+
+        Args:
+            position: Where the handle is [m]; one that is not a finite number is ignored.
+            held: Whether it is being dragged.
+            now_ns: When the message arrived [ns], by the clock that `read` gets.
+        """
+        if not math.isfinite(position) or not (held or self.held):
+            return
+        if not self.held:
+            self._aim = self._position
+            self._interval = LONGEST_RAMP
+        elif now_ns > self._since_ns:
+            self._interval += 0.3 * (min((now_ns - self._since_ns) * 1e-9, 0.1) - self._interval)
+        self._target = min(max(position, 0.0), self._deepest)
+        ramp = max(min(RAMP_SHARE * self._interval, LONGEST_RAMP), 1e-3)
+        self._aim_speed = min(abs(self._target - self._aim) / ramp, LARGEST_SPEED)
+        self._mode = "held" if held else "resting"
+        self._since_ns = now_ns
+
+    def read(self, now_ns: int) -> float:
+        """Position of the hand [m]."""
+        now_ns = now_ns if self._now_ns is None else max(now_ns, self._now_ns)
+        period = 0.0 if self._now_ns is None else (now_ns - self._now_ns) * 1e-9
+        self._now_ns = now_ns
+        script = self._script.read(now_ns)
+        since = (now_ns - self._since_ns) * 1e-9
+        if self._mode == "held" and since > SILENCE:
+            self._mode, self._since_ns = "resting", now_ns
+        elif self._mode == "resting" and since > HOLD_TIME:
+            self._mode, self._since_ns, since = "returning", now_ns, 0.0
+            self._target = self._position
+            self._ease_time = max(EASE_TIME, PEAK_SPEED_RATIO * abs(script - self._target) / EASE_SPEED)
+        if self._mode == "held" or self._mode == "resting":
+            return self._track(period)
+        if self._mode == "returning":
+            share = minimum_jerk(since / self._ease_time)
+            if share >= 1.0:
+                self._mode = "script"
+            script = self._target + share * (script - self._target)
+        if period > 0.0:
+            self._velocity = (script - self._position) / period
+        self._position = script
+        return script
+
+    def render(self, force: float) -> float:
+        """Nobody feels it: the force [N] within the limit that every device has."""
+        return limit_force(force)
+
+    def _track(self, period: float) -> float:
+        """One step of the aim towards the newest handle position, and of the hand towards the aim."""
+        left = self._target - self._aim
+        step = self._aim_speed * period
+        self._aim = self._target if abs(left) <= step else self._aim + math.copysign(step, left)
+        error = self._position - self._aim
+        pull = self._velocity + TRACKING_RATE * error
+        decay = math.exp(-TRACKING_RATE * period)
+        self._position = self._aim + (error + pull * period) * decay
+        self._velocity = (self._velocity - TRACKING_RATE * pull * period) * decay
+        return self._position

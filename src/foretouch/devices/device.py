@@ -1,0 +1,46 @@
+"""What a device is: where the operator's hand is, and what it is given to feel."""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from typing import ClassVar
+
+__all__ = ["FORCE_LIMIT", "Device", "limit_force"]
+
+FORCE_LIMIT = 10.0
+"""Largest force [N] that a device without a limit of its own accepts."""
+
+
+class Device(ABC):
+    """An operator's handle. It reads no clock: the caller says what time it is.
+
+    Times never go back; a time that does counts as the newest one. The first time that `read` is given is the start.
+
+    Attributes:
+        name: Name of the device, one of `foretouch.devices.OPERATORS` for those in the package.
+        closed_loop: Whether the rendered force moves the hand. Where it is False, the motion would have been the same
+            without any force, and reports say so.
+    """
+
+    __slots__ = ()
+    name: ClassVar[str]
+    closed_loop: ClassVar[bool]
+
+    @abstractmethod
+    def read(self, now_ns: int) -> float:
+        """Position of the hand [m] in the probe's frame: 0 = start in free air, growing into the material."""
+
+    @abstractmethod
+    def render(self, force: float) -> float:
+        """Give the hand a force [N], 0 or more, and return what it was really given after the device's own limits.
+
+        A force that is not a number is rendered as none.
+        """
+
+
+def limit_force(force: float, limit: float = FORCE_LIMIT) -> float:
+    """The force [N] within 0 and `limit` [N]; 0 where it is not a number."""
+    if math.isnan(force):
+        return 0.0
+    return min(max(force, 0.0), limit)

@@ -1,0 +1,111 @@
+"""What every device keeps to. A new one is added to DEVICES and passes before anything else."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from foretouch.devices import OPERATORS, BrowserOperator, Device, RecordedOperator, ScriptedOperator
+
+SURFACE, PRESS_DEPTH = 0.012, 0.009
+TICK_NS = 1_000_000
+LARGEST_SPEED, LARGEST_ACCELERATION = 0.3, 30.0
+
+
+def recorded() -> RecordedOperator:
+    t = np.arange(0.0, 4.0, 0.0005)
+    hand = 0.004 * np.sin(2 * np.pi * 1.3 * t) + 0.001 * np.sin(2 * np.pi * 0.37 * t + 1.0)
+    return RecordedOperator(t + 20.0, np.round(hand / 1.6e-6) * 1.6e-6, SURFACE, PRESS_DEPTH)
+
+
+DEVICES: dict[str, Callable[[], Device]] = {
+    "scripted": lambda: ScriptedOperator(SURFACE, PRESS_DEPTH, seed=3),
+    "recorded": recorded,
+    "browser": lambda: BrowserOperator(ScriptedOperator(SURFACE, PRESS_DEPTH, seed=3)),
+}
+
+
+def run(device: Device, seconds: float, start_ns: int = 7_000_000_000) -> np.ndarray:
+    return np.array([device.read(start_ns + i * TICK_NS) for i in range(int(seconds * 1000))])
+
+
+@pytest.fixture(params=sorted(DEVICES))
+def make(request: pytest.FixtureRequest) -> Callable[[], Device]:
+    return DEVICES[request.param]
+
+
+def test_every_operator_has_a_conformance_test_and_says_its_name() -> None:
+    assert set(DEVICES) == set(OPERATORS)
+    assert {name: make().name for name, make in DEVICES.items()} == {name: name for name in OPERATORS}
+
+
+def test_motion_is_finite_continuous_and_bounded(make: Callable[[], Device]) -> None:
+    position = run(make(), 60.0)
+    assert np.isfinite(position).all()
+    assert position[0] == pytest.approx(0.0, abs=1e-9)
+    assert np.abs(np.diff(position)).max() / 1e-3 < LARGEST_SPEED
+    assert np.abs(np.diff(position, 2)).max() / 1e-6 < LARGEST_ACCELERATION
+    # From rest: no velocity at the start.
+    assert abs(position[1] - position[0]) / 1e-3 < 0.01
+
+
+def test_motion_touches_by_itself_and_stays_within_the_press_depth(make: Callable[[], Device]) -> None:
+    position = run(make(), 60.0)
+    touched = position > SURFACE
+    assert not touched[:900].any()
+    assert touched.any()
+    assert position.max() <= SURFACE + PRESS_DEPTH + 1e-6
+    assert position.max() > SURFACE + 0.8 * PRESS_DEPTH
+    assert position.min() >= -1e-9
+    # It comes and goes: many touches, and as many departures.
+    assert np.count_nonzero(np.diff(touched.astype(int)) == 1) > 10
+
+
+def test_motion_depends_on_nothing_but_the_times(make: Callable[[], Device]) -> None:
+    assert np.array_equal(run(make(), 12.0), run(make(), 12.0))
+    # The first time is the start, whatever the clock says.
+    assert np.allclose(run(make(), 5.0, 0), run(make(), 5.0, 9 * 10**18), rtol=0, atol=1e-9)
+
+
+def test_times_that_stand_still_or_go_back_do_no_harm(make: Callable[[], Device]) -> None:
+    device = make()
+    run(device, 2.0, 0)
+    here = device.read(2_000_000_000)
+    assert device.read(2_000_000_000) == pytest.approx(here, abs=1e-12)
+    assert device.read(500_000_000) == pytest.approx(here, abs=1e-12)
+    assert device.read(2_001_000_000) == pytest.approx(here, abs=LARGEST_SPEED * 1e-3)
+
+
+def test_late_ticks_catch_up(make: Callable[[], Device]) -> None:
+    device, punctual = make(), make()
+    run(device, 2.0, 0)
+    steady = run(punctual, 3.0, 0)
+    assert device.read(2_999_000_000) == pytest.approx(steady[-1], abs=1e-6)
+
+
+def test_render_tells_what_was_rendered(make: Callable[[], Device]) -> None:
+    device = make()
+    assert not device.closed_loop
+    assert device.render(1.25) == 1.25
+    assert device.render(0.0) == 0.0
+    assert device.render(-3.0) == 0.0
+    assert device.render(math.nan) == 0.0
+    assert device.render(math.inf) == device.render(1e6) == 10.0
+    assert device.render(-math.inf) == 0.0
+
+
+def test_read_is_cheap(make: Callable[[], Device]) -> None:
+    device = make()
+    run(device, 2.0, 0)
+    best = math.inf
+    for block in range(20):
+        begin = time.perf_counter()
+        for i in range(500):
+            device.read(2_000_000_000 + (500 * block + i) * TICK_NS)
+        best = min(best, (time.perf_counter() - begin) / 500)
+    # 1 to 3 us where it was written; the bound leaves room for slower machines and is 2 % of a tick.
+    assert best < 20e-6
