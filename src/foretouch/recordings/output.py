@@ -1,0 +1,77 @@
+"""Writes result files so that none is ever half there."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from foretouch.errors import RecordingError
+from foretouch.recordings._extra import optional
+
+__all__ = ["atomic_path", "write_columns"]
+
+
+@contextmanager
+def atomic_path(path: str | PathLike[str]) -> Iterator[Path]:
+    """A path to write to; what is written there takes the place of ``path`` when the block ends well.
+
+    If the block raises, ``path`` stays as it was and what was written is removed.
+
+    Raises:
+        RecordingError: ``path`` cannot be written, or is something else than a file.
+    """
+    target = Path(path).resolve()
+    if target.exists() and not target.is_file():
+        raise RecordingError(path, "cannot be written: it is there and is no regular file")
+    beside = target.with_name(f".{target.stem}.{os.getpid()}.part{target.suffix}")
+    try:
+        try:
+            yield beside
+            beside.replace(target)
+        except OSError as error:
+            raise RecordingError(path, f"cannot be written: {error.strerror or error}") from None
+    finally:
+        beside.unlink(missing_ok=True)
+
+
+def write_columns(path: str | PathLike[str], columns: Mapping[str, ArrayLike]) -> None:
+    """Write columns of one length as CSV or Parquet, whichever the name ends with.
+
+    Numbers in CSV are the shortest that read back as the same float64; true and false are 1 and 0.
+
+    Args:
+        path: The file, ending with ``.csv`` or ``.parquet``.
+        columns: Column name to values, shape (n,).
+
+    Raises:
+        RecordingError: Another ending, columns of unequal length, or the file cannot be written.
+        MissingExtraError: The package ``pyarrow`` is not installed.
+    """
+    suffix = Path(path).suffix.lower()
+    if suffix not in (".csv", ".parquet"):
+        raise RecordingError(path, "cannot be written: its name must end with .csv or .parquet")
+    arrays = {name: np.asarray(values) for name, values in columns.items()}
+    shapes = {array.shape for array in arrays.values()}
+    if len(shapes) != 1 or len(next(iter(shapes))) != 1:
+        raise RecordingError(path, f"columns of unequal length cannot be written: {shapes}")
+    pyarrow = optional("pyarrow")
+    with atomic_path(path) as part:
+        if suffix == ".csv":
+            _write_csv(part, pyarrow, arrays)
+        else:
+            optional("pyarrow.parquet").write_table(pyarrow.table(arrays), part, compression="zstd")
+
+
+def _write_csv(part: Path, pyarrow: Any, arrays: dict[str, Any]) -> None:
+    csv = optional("pyarrow.csv")
+    numbers = {name: array.astype(np.int8) if array.dtype == bool else array for name, array in arrays.items()}
+    with part.open("wb") as file:
+        file.write((",".join(arrays) + "\n").encode())  # pyarrow would put the names in quotes
+        csv.write_csv(pyarrow.table(numbers), file, csv.WriteOptions(include_header=False))

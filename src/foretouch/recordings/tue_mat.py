@@ -1,0 +1,94 @@
+"""Reads the measured presses of the TU/e one-degree-of-freedom teleoperation experiment (MATLAB ``.mat``).
+
+A person moves the leader lever, the follower lever presses a material; both are 0.075 m long, sampled at 2 kHz.
+"""
+
+from __future__ import annotations
+
+from os import PathLike
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from foretouch.errors import RecordingError, UnknownNameError
+from foretouch.quantities import Recording
+
+__all__ = ["CONTACT_FLOOR", "FORCE_CHANNELS", "read_leader_motion", "read_tue"]
+
+LEVER = 0.075
+"""Length of the levers [m]."""
+
+TORQUE_PER_VOLT = 0.2361
+"""Torque on the follower lever for one volt of its force bridge [N m/V]."""
+
+CONTACT_FLOOR = 0.3
+"""Smallest force [N] that counts as contact: lever friction and inertia stay below it."""
+
+FORCE_CHANNELS: Final = ("raw", "logged")
+
+Array = NDArray[np.float64]
+
+
+def read_tue(path: str | PathLike[str], force_channel: str = "raw", *, flip: bool = False) -> Recording:
+    """The follower's press: position = 0.075 m times its angle, force = torque / 0.075 m.
+
+    In these files the angle and both torques already grow while pressing.
+
+    Args:
+        path: The file.
+        force_channel: ``"raw"``, the force bridge with its offset of 7 to 8 N; or ``"logged"``, the environment
+            torque that the experiment logged, which lags by about 3 ms behind a first-order low-pass.
+        flip: Change the sign of the positions.
+
+    Raises:
+        RecordingError: The file is no such recording.
+        UnknownNameError: Another force channel.
+    """
+    if force_channel not in FORCE_CHANNELS:
+        raise UnknownNameError("force channel", force_channel, FORCE_CHANNELS)
+    time, angles, torques, bridge = _signals(path)
+    torque = bridge * TORQUE_PER_VOLT if force_channel == "raw" else torques[:, 1]
+    lever = -LEVER if flip else LEVER
+    return Recording(time, lever * angles[:, 1], torque / LEVER, name=str(path), contact_floor=CONTACT_FLOOR)
+
+
+def read_leader_motion(path: str | PathLike[str]) -> tuple[Array, Array]:
+    """Motion of the leader lever in a TU/e file: a real hand.
+
+    Returns:
+        Time since the first sample [s] and position [m], 0.075 m times the leader's angle, growing with depth.
+
+    Raises:
+        RecordingError: The file is no such recording.
+    """
+    time, angles, _, _ = _signals(path)
+    motion = Recording(time, LEVER * angles[:, 0], np.zeros(time.size), name=str(path))  # checks time and position
+    return motion.time - motion.time[0], motion.position
+
+
+def _signals(path: str | PathLike[str]) -> tuple[Array, Array, Array, Array]:
+    """Time (n,), leader and follower angle (n, 2), minus operator and environment torque (n, 2), bridge (n,)."""
+    from scipy.io import loadmat
+
+    try:
+        content: dict[str, Any] = loadmat(
+            str(path), squeeze_me=True, struct_as_record=False, variable_names=["scope", "env_est3"]
+        )
+    except OSError as error:
+        raise RecordingError(path, f"cannot be read: {error.strerror or error}") from None
+    except Exception as error:  # SciPy raises many kinds on a damaged or foreign file
+        raise RecordingError(path, f"is no MATLAB file that can be read: {' '.join(str(error).split())}") from None
+    try:
+        scope = content["scope"]
+        time = np.asarray(scope.time, dtype=np.float64)
+        angles = np.asarray(scope.signals[0].values, dtype=np.float64)
+        torques = np.asarray(scope.signals[1].values, dtype=np.float64)
+        bridge = np.asarray(content["env_est3"].signals[2].values, dtype=np.float64)
+    except (KeyError, AttributeError, IndexError, TypeError, ValueError):
+        angles = torques = bridge = time = np.empty(0)
+    if time.ndim != 1 or angles.shape != (time.size, 2) or torques.shape != angles.shape or bridge.shape != time.shape:
+        raise RecordingError(
+            path, "is no TU/e teleoperation recording (no scope with angles, torques and force bridge): use CSV"
+        )
+    return time, angles, torques, bridge
