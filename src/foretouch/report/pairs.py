@@ -1,0 +1,87 @@
+"""The rows of a session that are scored: leader and follower at equal command sequence."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from foretouch.errors import ForetouchError
+from foretouch.messages import ModelUpdate, SessionLog
+from foretouch.models import ContactModel, Predictor, make_model
+
+__all__ = ["Pairs", "force_at_follower", "model_of", "pair"]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Pairs:
+    """One row per command that the follower applied, in the order of the follower's ticks.
+
+    Attributes:
+        time: Time of the follower's tick since the first row [s], shape (n,). The force was measured then; the
+            leader's tick was one position delay earlier.
+        leader: The leader's tick that sent the command, shape (n,).
+        follower: The first follower tick that applied it, shape (n,).
+        never_applied: Commands that no tick applied.
+    """
+
+    time: Array
+    leader: NDArray[np.void]
+    follower: NDArray[np.void]
+    never_applied: int
+
+
+def pair(log: SessionLog) -> Pairs:
+    """Pair the applied commands of a log; a tick without a sensor force is left out."""
+    rows = log.rows()
+    clock = rows.follower["time_ns"]
+    _, order = np.unique(clock, return_index=True)
+    order = order[np.isfinite(rows.follower["sensor_force"][order])]
+    leader, follower = rows.leader[order], rows.follower[order]
+    since = follower["time_ns"] - follower["time_ns"][0] if order.size else follower["time_ns"]
+    return Pairs(since * 1e-9, leader, follower, rows.never_applied)
+
+
+def model_of(update: ModelUpdate) -> ContactModel | None:
+    """The contact model of a message, None where it is not valid or not a law that is known here."""
+    if not update.valid:
+        return None
+    try:
+        return make_model(update.law, update.parameters)
+    except ForetouchError:
+        return None
+
+
+def force_at_follower(log: SessionLog, pairs: Pairs) -> Array:
+    """What the leader's model says of the follower's own motion: the prediction error less the tracking error.
+
+    In each row the newest model that had arrived at the leader is run at the follower's position and velocity;
+    without a valid model the force is 0, as it is at the leader. A law with memory runs on along the rows, from the
+    state that its message carried.
+
+    Returns:
+        Force [N], shape (n,).
+    """
+    sent = {model.sequence: model for model in log.models}
+    predictor = Predictor()
+    newest = 0
+    forces = np.zeros(pairs.time.size)
+    columns = (
+        pairs.time.tolist(),
+        pairs.follower["position"].tolist(),
+        pairs.follower["velocity"].tolist(),
+        pairs.leader["model_sequence"].tolist(),
+    )
+    for index, (time, position, velocity, sequence) in enumerate(zip(*columns, strict=True)):
+        if sequence != newest:
+            newest = sequence
+            update = sent.get(sequence)
+            if update is None:
+                predictor.adopt(None, 0.0)
+            else:
+                predictor.adopt(model_of(update), update.surface, update.state)
+        forces[index] = predictor.update(time, position, velocity)
+    return forces

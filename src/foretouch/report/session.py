@@ -1,0 +1,222 @@
+"""The numbers of a session."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize_scalar
+
+from foretouch.messages import CHANNELS, SessionLog
+from foretouch.report.pairs import Pairs, force_at_follower, model_of, pair
+from foretouch.report.scores import Scores, score
+
+__all__ = ["CONTACT_FLOOR", "OPEN_LOOP", "session_report"]
+
+Array = NDArray[np.float64]
+
+CONTACT_FLOOR = 0.05
+"""Smallest force that counts as contact in a session [N]."""
+
+OPEN_LOOP = "open loop: the force does not move the hand yet"
+
+LONGEST_LAG = 0.2
+"""Tracking lags are looked for up to this [s]."""
+
+LATE = 1.5
+"""A tick is late when its period is longer than this many nominal periods."""
+
+
+def session_report(
+    log: SessionLog,
+    *,
+    score_from: float = 1.5,
+    score_to: float | None = None,
+    recording: str | None = None,
+) -> dict[str, Any]:
+    """All figures of a session as one object of plain numbers, texts and None, ready for JSON.
+
+    True, predicted, rendered and delayed force are compared at equal command sequence, one row per applied command
+    (`foretouch.report.pair`), and scored by `foretouch.report.score` at the time of the follower's tick. The true
+    force is the follower's compensated sensor force. A figure is None where there is nothing to measure it on.
+
+    Args:
+        log: What was said in the session.
+        score_from: Start of the scoring window [s] after the first row.
+        score_to: Its end [s]; None for the last row.
+        recording: Path of the recording, to be named in the report.
+
+    Raises:
+        SettingError: A window that ends before it begins.
+    """
+    pairs = pair(log)
+    leader, follower = pairs.leader, pairs.follower
+    window: dict[str, Any] = {
+        "contact_floor": CONTACT_FLOOR,
+        "score_from": score_from,
+        "score_to": score_to,
+        "position": follower["position"],
+    }
+    sensor, predicted, known = follower["sensor_force"], leader["predicted_force"], leader["delayed_force"]
+    main = score(pairs.time, sensor, predicted, known, **window)
+    rendered = score(pairs.time, sensor, leader["rendered_force"], known, **window)
+    local = score(pairs.time, sensor, force_at_follower(log, pairs), known, **window)
+    exact = None
+    if np.isfinite(follower["exact_force"]).all():  # the simulator's force has no offset to take off
+        exact = score(pairs.time, follower["exact_force"], predicted, known, offset=0.0, **window)
+    return {
+        "status": main.status,
+        "recording": recording,
+        "duration_s": _duration(log),
+        "samples": main.samples,
+        "scored_samples": main.scored_samples,
+        "score_from_s": score_from,
+        "score_to_s": score_to,
+        "contact_force_rms_N": main.contact_force_rms_N,
+        "prediction_rmse_N": main.prediction_rmse_N,
+        "prediction_error_percent": main.prediction_error_percent,
+        "delayed_force_rmse_N": main.delayed_force_rmse_N,
+        "delayed_force_error_percent": main.delayed_force_error_percent,
+        "rendered_rmse_N": rendered.prediction_rmse_N,
+        "rendered_error_percent": rendered.prediction_error_percent,
+        "within_jnd_percent": main.within_jnd_percent,
+        "rendered_within_jnd_percent": rendered.within_jnd_percent,
+        "phantom_force_rms_N": main.phantom_force_rms_N,
+        "rendered_phantom_force_rms_N": rendered.phantom_force_rms_N,
+        "missed_contact_percent": main.missed_contact_percent,
+        "equal_position": _errors(local),
+        "exact_force": _errors(exact),
+        "max_rendered_force_N": _largest(log.leader["rendered_force"]),
+        "largest_rendered_jump_N": _largest(np.abs(np.diff(log.leader["rendered_force"]))),
+        "max_follower_force_N": _largest_contact_force(log),
+        "clipped_ticks": int(log.leader["clipped"].sum() + log.follower["clipped"].sum()),
+        "clipped": {"leader": int(log.leader["clipped"].sum()), "follower": int(log.follower["clipped"].sum())},
+        "tracking_error": _tracking(pairs, score_from, score_to),
+        "commands": {
+            "sent": int(log.leader.size),
+            "applied": int(log.leader.size - pairs.never_applied),
+            "never_applied": pairs.never_applied,
+        },
+        "models": _models(log),
+        "messages": _messages(log),
+        "timing": {
+            "leader": _timing(log.leader, CHANNELS["command"].rate),
+            "follower": _timing(log.follower, CHANNELS["telemetry"].rate),
+        },
+        "operator": log.settings.get("operator"),
+        "loop": OPEN_LOOP,
+        "settings": dict(log.settings),
+    }
+
+
+def _errors(scores: Scores | None) -> dict[str, float | None]:
+    """The figures of a second comparison."""
+    return {
+        "contact_force_rms_N": None if scores is None else scores.contact_force_rms_N,
+        "prediction_rmse_N": None if scores is None else scores.prediction_rmse_N,
+        "prediction_error_percent": None if scores is None else scores.prediction_error_percent,
+        "within_jnd_percent": None if scores is None else scores.within_jnd_percent,
+    }
+
+
+def _duration(log: SessionLog) -> float:
+    """Time between the first and the last tick of the side that ran longer [s]."""
+    spans = [np.ptp(table["time_ns"]) for table in (log.leader, log.follower) if table.size]
+    return float(max(spans, default=0)) * 1e-9
+
+
+def _largest(values: Array) -> float | None:
+    finite = values[np.isfinite(values)]
+    return float(finite.max()) if finite.size else None
+
+
+def _largest_contact_force(log: SessionLog) -> float | None:
+    """Largest force between probe and material: the simulator's where it is known, else the sensor's."""
+    exact = _largest(log.follower["exact_force"])
+    return _largest(log.follower["force"]) if exact is None else exact
+
+
+def _models(log: SessionLog) -> dict[str, int]:
+    """How many models were sent, could be rendered from, and were the newest at some leader tick."""
+    arrived = np.unique(log.leader["model_sequence"])
+    return {
+        "sent": len(log.models),
+        "valid": sum(model_of(model) is not None for model in log.models),
+        "used": int((arrived > 0).sum()),
+    }
+
+
+def _messages(log: SessionLog) -> dict[str, int | None]:
+    """Counters of both sides, summed; what nobody counted is None, but for what the log itself shows was sent."""
+    said = int(log.leader.size + log.follower.size) + len(log.models)
+    sent = _total(log.counts, "sent")
+    return {
+        "sent": said if sent is None else sent,
+        "lost": _total(log.counts, "lost"),
+        "late": _total(log.counts, "late"),
+        "undecodable": _total(log.counts, "undecodable"),
+    }
+
+
+def _total(counts: dict[str, int], word: str) -> int | None:
+    """Sum of the counters whose name is or ends with the word, as ``lost``, ``leader_lost`` or ``leader.lost``."""
+    matching = [count for name, count in counts.items() if name.replace(".", "_").split("_")[-1] == word]
+    return sum(matching) if matching else None
+
+
+def _timing(table: NDArray[np.void], rate: float) -> dict[str, Any]:
+    """Loop period and compute time of one side; the first tick has no period."""
+    period = table["period_ns"][table["period_ns"] > 0]
+    return {
+        "period_ms": _spread(period * 1e-6),
+        "compute_us": _spread(table["compute_ns"] * 1e-3),
+        "late_ticks": int((period > LATE * 1e9 / rate).sum()),
+        "ticks": int(table.size),
+    }
+
+
+def _spread(values: Array) -> dict[str, float | None]:
+    if not values.size:
+        return {"p50": None, "p99": None, "max": None}
+    p50, p99 = np.percentile(values, [50.0, 99.0])
+    return {"p50": float(p50), "p99": float(p99), "max": float(values.max())}
+
+
+def _tracking(pairs: Pairs, score_from: float, score_to: float | None) -> dict[str, float | None]:
+    """How far the robot stood from the commands it applied, and the time by which it lagged, over the window."""
+    inside = pairs.time >= score_from
+    if score_to is not None:
+        inside &= pairs.time <= score_to
+    time = pairs.time[inside]
+    commanded, actual = pairs.leader["position"][inside], pairs.follower["position"][inside]
+    if not time.size:
+        return {"rms_mm": None, "max_mm": None, "lag_ms": None}
+    apart = 1e3 * np.abs(actual - commanded)
+    lag = _lag(time, commanded, actual)
+    return {
+        "rms_mm": float(np.sqrt(np.mean(apart**2))),
+        "max_mm": float(apart.max()),
+        "lag_ms": None if lag is None else 1e3 * lag,
+    }
+
+
+def _lag(time: Array, commanded: Array, actual: Array) -> float | None:
+    """The shift tau [s] that makes ``actual(t) - commanded(t - tau)`` least in squares, a constant offset aside.
+
+    None where the session is too short or the hand hardly moved (under 0.1 mm).
+    """
+    inside = (time >= time[0] + LONGEST_LAG) & (time <= time[-1] - LONGEST_LAG)
+    if inside.sum() < 100 or np.ptp(commanded[inside]) < 1e-4:
+        return None
+    thin = max(1, int(inside.sum()) // 5000)
+    when, where = time[inside][::thin], actual[inside][::thin]
+
+    def leftover(lag: float) -> float:
+        return float(np.var(where - np.interp(when - lag, time, commanded)))
+
+    step = 0.002
+    grid = np.arange(-LONGEST_LAG / 10, LONGEST_LAG, step)
+    best = float(grid[np.argmin([leftover(lag) for lag in grid])])
+    found = minimize_scalar(leftover, bounds=(best - step, best + step), method="bounded", options={"xatol": 1e-6})
+    return float(found.x)

@@ -1,0 +1,162 @@
+"""The report of a session as plain text, to be read at a glance."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from foretouch.report.scores import STATUSES
+
+__all__ = ["findings", "render_text"]
+
+
+def render_text(report: dict[str, Any]) -> str:
+    """The report of a session for a terminal.
+
+    Args:
+        report: What `session_report` gave.
+
+    Returns:
+        Lines of at most about 100 characters, without a last line break.
+    """
+    parts = [_heading(report), *findings(report), "", *_forces(report), "", *_motion(report), "", *_machine(report)]
+    if report["recording"]:
+        parts.append(f"  recording  {report['recording']}")
+    return "\n".join(parts)
+
+
+def findings(report: dict[str, Any]) -> list[str]:
+    """What the numbers say, bad news first, one plain sentence each."""
+    status = report["status"]
+    said = [] if status == "ok" else [f"{status}: {STATUSES[status]}."]
+    error, late = report["prediction_error_percent"], report["delayed_force_error_percent"]
+    if error is not None and late:
+        if error > late:
+            said.append(f"The predicted force is worse than the delayed force (x {_figure(error / late)}).")
+        else:
+            said.append(f"The predicted force is better than the delayed force (error x {_figure(error / late)}).")
+        if error > 100.0:
+            said.append(f"It is wrong by more than the force itself ({_figure(error)} %): the estimate is no use here.")
+    within = report["within_jnd_percent"]
+    if within is not None and within < 100.0:
+        said.append(f"An operator could feel the prediction's error in {100.0 - within:.0f} % of the contact time.")
+    if report["missed_contact_percent"]:
+        said.append(f"Contact was missed in {report['missed_contact_percent']:.1f} % of the contact time.")
+    clipped = report["clipped"]
+    for side, what in (("leader", "rendered force"), ("follower", "robot's command")):
+        if clipped[side]:
+            said.append(f"The limits cut the {what} in {clipped[side]:,} ticks.")
+    if status not in ("nothing_to_score",) and not report["models"]["valid"]:
+        said.append("No valid contact model was ever identified: nothing could be predicted.")
+    return said
+
+
+def _heading(report: dict[str, Any]) -> str:
+    chosen = report["settings"]
+    words = [f"{report['duration_s']:.1f} s"]
+    for name, unit in _SHOWN.items():
+        if chosen.get(name):
+            words.append(f"{name.replace('_', ' ')} {chosen[name]}{unit}")
+    return f"Session: {', '.join(words)}\n{report['loop'].capitalize()}."
+
+
+_SHOWN = {"material": "", "operator": "", "estimator": "", "position_delay": " s", "force_delay": " s"}
+
+
+def _forces(report: dict[str, Any]) -> list[str]:
+    equal, exact = report["equal_position"], report["exact_force"]
+    contact = f"force in contact {_number(report['contact_force_rms_N'], 'N')} RMS"
+    lines = [
+        f"Forces at equal command, {contact}, {report['scored_samples']:,} of {report['samples']:,} samples scored",
+        f"  {'':<34}{'error':>12}{'RMSE':>12}{'within JND':>14}{'in free air':>14}",
+        _row(
+            "predicted (newest model)",
+            report["prediction_error_percent"],
+            report["prediction_rmse_N"],
+            report["within_jnd_percent"],
+            report["phantom_force_rms_N"],
+        ),
+        _row(
+            "rendered (after limits)",
+            report["rendered_error_percent"],
+            report["rendered_rmse_N"],
+            report["rendered_within_jnd_percent"],
+            report["rendered_phantom_force_rms_N"],
+        ),
+        _row("delayed (never rendered)", report["delayed_force_error_percent"], report["delayed_force_rmse_N"]),
+        _row(
+            "predicted at follower's position",
+            equal["prediction_error_percent"],
+            equal["prediction_rmse_N"],
+            equal["within_jnd_percent"],
+        ),
+    ]
+    if exact["contact_force_rms_N"] is not None:
+        lines.append(
+            _row(
+                "predicted, against exact force",
+                exact["prediction_error_percent"],
+                exact["prediction_rmse_N"],
+                exact["within_jnd_percent"],
+            )
+        )
+    return lines
+
+
+def _row(
+    name: str, error: float | None, rmse: float | None, within: float | None = None, phantom: float | None = None
+) -> str:
+    more = "" if within is None and phantom is None else f"{_number(within, '%'):>14}"
+    more += "" if phantom is None else f"{_number(phantom, 'N'):>14}"
+    return f"  {name:<34}{_number(error, '%'):>12}{_number(rmse, 'N'):>12}{more}"
+
+
+def _motion(report: dict[str, Any]) -> list[str]:
+    tracking, commands, clipped = report["tracking_error"], report["commands"], report["clipped"]
+    rendered = _number(report["max_rendered_force_N"], "N")
+    jump = _number(report["largest_rendered_jump_N"], "N")
+    rms, lag = _number(tracking["rms_mm"], "mm"), _number(tracking["lag_ms"], "ms")
+    return [
+        "Motion and limits",
+        f"  robot      {rms} RMS from its commands, lag {lag}",
+        f"  commands   {commands['sent']:,} sent, {commands['never_applied']:,} never applied",
+        f"  leader     at most {rendered}, {jump} in one tick, {clipped['leader']:,} ticks cut",
+        f"  follower   at most {_number(report['max_follower_force_N'], 'N')}, {clipped['follower']:,} ticks cut",
+    ]
+
+
+def _machine(report: dict[str, Any]) -> list[str]:
+    lines = ["Loops (median / 99 % / largest) and messages"]
+    for side in ("leader", "follower"):
+        timing = report["timing"][side]
+        period, compute = timing["period_ms"], timing["compute_us"]
+        lines.append(
+            f"  {side:<10} period {_three(period, 'ms')}, compute {_three(compute, 'us')}, "
+            f"{timing['late_ticks']:,} of {timing['ticks']:,} ticks late"
+        )
+    models, messages = report["models"], report["messages"]
+    counted = ", ".join(f"{count:,} {name}" for name, count in messages.items() if count is not None)
+    lines.append(f"  models     {models['sent']:,} sent, {models['valid']:,} valid, {models['used']:,} used")
+    lines.append(f"  messages   {counted}")
+    return lines
+
+
+def _three(spread: dict[str, float | None], unit: str) -> str:
+    if spread["p50"] is None:
+        return "-"
+    return " / ".join(_figure(spread[key] or 0.0) for key in ("p50", "p99", "max")) + f" {unit}"
+
+
+def _number(value: float | None, unit: str) -> str:
+    return "-" if value is None else f"{_figure(value)} {unit}"
+
+
+def _figure(value: float) -> str:
+    """Three figures, thousands marked, no exponent until a million."""
+    size = abs(value)
+    if size >= 1e6:
+        return f"{value:.2e}"
+    if size >= 100.0:
+        return f"{value:,.0f}"
+    if size >= 10.0:
+        return f"{value:.1f}"
+    return f"{value:.2f}" if size >= 0.1 or size < 1e-4 else f"{value:.2g}"

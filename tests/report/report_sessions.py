@@ -1,0 +1,133 @@
+"""Sessions made from messages, with every number known: what the tests of the report look at."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from foretouch.messages import VERSION, LeaderState, ModelUpdate, SessionLog, Telemetry
+from foretouch.models import MotionFilter, Predictor, make_model
+
+MATERIAL = make_model("hunt-crossley", (3000.0, 1500.0, 1.4))
+POSITION_DELAY = 80
+FORCE_DELAY = 300
+TICK = 1_000_000
+
+
+def hand(tick: int) -> float:
+    """Two presses a second, 15 mm deep, from 5 mm above the surface [m]."""
+    return -0.005 + 0.010 * (1.0 - np.cos(2 * np.pi * 2.0 * tick * 1e-3))
+
+
+def make_session(
+    duration: float = 4.0,
+    *,
+    stiffness: float = 1.0,
+    offset: float = 1.3,
+    noise: float = 0.0,
+    lag: int = 0,
+    limit: float = 1e9,
+    touching: bool = True,
+    valid: bool = True,
+    exact: bool = True,
+    models: bool = True,
+    seed: int = 0,
+) -> SessionLog:
+    """A session on a Hunt-Crossley material whose models are right but for a factor.
+
+    Args:
+        duration: [s].
+        stiffness: Factor on stiffness and damping of every model sent.
+        offset: Of the sensor [N].
+        noise: Of the sensor, standard deviation [N].
+        lag: Of the robot [ticks].
+        limit: Of the rendered force [N].
+        touching: False puts the surface out of reach.
+        valid: Whether the models are.
+        exact: Whether the simulator's force is known.
+        models: Whether any is sent.
+        seed: Of the noise.
+    """
+    rng = np.random.default_rng(seed)
+    ticks = round(duration * 1000)
+    surface = 0.0 if touching else 0.5
+    feel = Predictor()
+    feel.adopt(MATERIAL, surface)
+    velocity = MotionFilter()
+    leader, follower, sent = [], [], []
+    start = 5_000_000_000  # the follower's clock is another one
+    for tick in range(1, ticks + 1):
+        command = max(0, tick - POSITION_DELAY)
+        place = hand(max(1, command - lag))
+        force = feel.update(tick * 1e-3, place)
+        measured = force + rng.normal(0.0, noise)
+        if models and tick % 20 == 0:
+            numbers = (stiffness * MATERIAL.stiffness, stiffness * MATERIAL.damping, MATERIAL.exponent)
+            sent.append(
+                ModelUpdate(
+                    VERSION,
+                    len(sent) + 1,
+                    start + tick * TICK,
+                    command,
+                    MATERIAL.law,
+                    numbers,
+                    (),
+                    surface,
+                    valid,
+                    "",
+                    "none",
+                )
+            )
+        follower.append(
+            Telemetry(
+                VERSION,
+                tick,
+                start + tick * TICK,
+                command,
+                place,
+                place,
+                velocity.update(tick * 1e-3, place),
+                measured + offset,
+                measured,
+                force if exact else float("nan"),
+                force > 0.0,
+                False,
+                len(sent),
+                TICK if tick > 1 else 0,
+                180_000 + 1000 * (tick % 50),
+            )
+        )
+    render = Predictor()
+    newest = 0
+    for tick in range(1, ticks + 1):
+        arrived = sum(model.time_ns <= start + (tick - FORCE_DELAY) * TICK for model in sent[newest : newest + 2])
+        if arrived:
+            newest += arrived
+            update = sent[newest - 1]
+            render.adopt(make_model(update.law, update.parameters) if update.valid else None, update.surface)
+        predicted = render.update(tick * 1e-3, hand(tick))
+        known = follower[tick - FORCE_DELAY - 1].force if tick > FORCE_DELAY else 0.0
+        leader.append(
+            LeaderState(
+                VERSION,
+                tick,
+                77_000_000 + tick * TICK,
+                hand(tick),
+                render.velocity,
+                predicted,
+                min(predicted, limit),
+                known,
+                max(0, tick - FORCE_DELAY),
+                newest,
+                predicted > limit,
+                TICK if tick > 1 else 0,
+                120_000 + 1000 * (tick % 70),
+            )
+        )
+    settings = {
+        "material": "hunt-crossley",
+        "operator": "scripted",
+        "model": "continuous-switching",
+        "position_delay": "0.08",
+        "force_delay": "0.3",
+    }
+    return SessionLog.from_messages(leader, follower, sent, settings, {"leader_lost": 2, "follower_lost": 3})
