@@ -29,7 +29,7 @@ def read_aurora(path: str | PathLike[str], *, flip: bool = False) -> Recording:
     Raises:
         RecordingError: The file is no such recording, or a row of it holds no numbers.
     """
-    lines = Path(path).read_text(encoding="latin-1").splitlines()
+    lines = Path(path).read_text(encoding="latin-1").split("\n")
     header = next((index for index, line in enumerate(lines) if line.startswith("Sample\tAI0\tAI1\t")), None)
     if header is None or not lines[0].startswith("DMC"):
         raise RecordingError(path, "is no Aurora recording (no line of columns 'Sample, AI0, AI1, ...')")
@@ -39,15 +39,19 @@ def read_aurora(path: str | PathLike[str], *, flip: bool = False) -> Recording:
     if not any(line.startswith("Units\tmm\tmN\t") for line in lines[:header]) or rate <= 0:
         raise RecordingError(path, "channels AI0 and AI1 are not length in mm and force in mN")
     volts = _rows(path, lines, header + 1)
-    time = volts[:, 0] / rate
-    used = (time >= WINDOW[0]) & (time <= WINDOW[1])
-    if used.sum() < 2:
-        raise RecordingError(path, f"ends before {WINDOW[0]:g} s: the press is at {WINDOW[0]:g} to {WINDOW[1]:g} s")
     length = (volts[:, 1] - offset[0]) * scale[0] / (-1e3 if flip else 1e3)
     force = (volts[:, 2] - offset[1]) * scale[1] / 1e3
-    first_row = header + 2 + int(np.argmax(used))
+    whole = Recording(volts[:, 0] / rate, length, force, name=str(path), first_row=header + 2)
+    used = (whole.time >= WINDOW[0]) & (whole.time <= WINDOW[1])
+    if used.sum() < 2:
+        raise RecordingError(path, f"ends before {WINDOW[0]:g} s: the press is at {WINDOW[0]:g} to {WINDOW[1]:g} s")
     return Recording(
-        time[used], length[used], force[used], name=str(path), contact_floor=CONTACT_FLOOR, first_row=first_row
+        whole.time[used],
+        whole.position[used],
+        whole.force[used],
+        name=str(path),
+        contact_floor=CONTACT_FLOOR,
+        first_row=header + 2 + int(np.argmax(used)),
     )
 
 

@@ -22,6 +22,9 @@ __all__ = ["DATASETS", "DATA_DIR", "Dataset", "Origin", "fetch", "fetch_all", "l
 DATA_DIR: Final = "FORETOUCH_DATA_DIR"
 """Environment variable that names a folder which already has the files."""
 
+HOST = "https://raw.githubusercontent.com"
+"""Where the origins' files are served from."""
+
 TIMEOUT = (5.0, 20.0)
 """How long to wait for a connection, and for the next bytes of an answer [s]."""
 
@@ -69,9 +72,7 @@ class Dataset:
     def url(self) -> str:
         """Address of the file at its origin."""
         origin = self.origin
-        return "https://raw.githubusercontent.com/" + quote(
-            f"{origin.repository}/{origin.commit}/{origin.folder}/{self.file}"
-        )
+        return f"{HOST}/" + quote(f"{origin.repository}/{origin.commit}/{origin.folder}/{self.file}")
 
 
 _TUE = Origin(
@@ -262,13 +263,9 @@ def _through_pooch(dataset: Dataset) -> Path:
         )
     except (OSError, ValueError) as error:  # requests' errors are OSErrors; ValueError is a wrong checksum
         raise DatasetError(
-            f"{dataset.name} is not here and could not be fetched from {_host(dataset)} ({_cause(error)}): connect to "
+            f"{dataset.name} is not here and could not be fetched from {HOST} ({_cause(error)}): connect to "
             f"the network once, or set {DATA_DIR} to a folder that has {dataset.origin.local_folder}/"
         ) from None
-
-
-def _host(dataset: Dataset) -> str:
-    return dataset.url.split("/")[2]
 
 
 def _cause(error: Exception) -> str:

@@ -1,0 +1,38 @@
+"""What all tests share: reproducible property tests, and the measured files where they can be had."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from hypothesis import settings
+
+settings.register_profile("foretouch", derandomize=True, deadline=None, max_examples=50)
+settings.load_profile("foretouch")
+
+BESIDE = Path(__file__).resolve().parents[2] / "shared" / "datasets"
+if "FORETOUCH_DATA_DIR" not in os.environ and BESIDE.is_dir():
+    os.environ["FORETOUCH_DATA_DIR"] = str(BESIDE)  # processes that tests start see it too
+
+_missing: list[str] = []  # once one file cannot be had, nobody waits for the network again
+
+
+@pytest.fixture(scope="session")
+def measured() -> Callable[[str], Path]:
+    """Path of a measured file by its name in `foretouch.recordings.DATASETS`; skips where it cannot be had."""
+    from foretouch.errors import DatasetError
+    from foretouch.recordings import fetch
+
+    def path_of(name: str) -> Path:
+        if not _missing:
+            try:
+                return fetch(name)
+            except DatasetError as error:
+                if "SHA-256" in str(error):
+                    raise  # a wrong file is a failure, not an absence
+                _missing.append(name)
+        pytest.skip("the measured recordings are not here: set FORETOUCH_DATA_DIR, or connect to the network")
+
+    return path_of

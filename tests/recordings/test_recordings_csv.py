@@ -1,0 +1,182 @@
+import re
+import sys
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from foretouch.errors import RecordingError, UnknownNameError
+from foretouch.recordings import csv_table, read_recording
+from foretouch.recordings.units import Units
+
+GOOD = "time_s,position_m,force_N\n0,0.001,0.5\n0.001,0.002,0.75\n0.002,0.003,1\n"
+
+
+@pytest.fixture
+def table(tmp_path):
+    def write(content, name="press.csv"):
+        path = tmp_path / name
+        path.write_bytes(content if isinstance(content, bytes) else content.encode())
+        return path
+
+    return write
+
+
+def refused(path, **options):
+    with pytest.raises(RecordingError) as caught:
+        read_recording(path, **options)
+    assert "\n" not in str(caught.value)
+    assert str(caught.value).startswith(str(path))
+    return caught.value
+
+
+def assert_good(recording):
+    assert recording.time.tolist() == [0.0, 0.001, 0.002]
+    assert recording.position.tolist() == [0.001, 0.002, 0.003]
+    assert recording.force.tolist() == [0.5, 0.75, 1.0]
+
+
+def test_reads_the_columns_and_nothing_else(table):
+    path = table(GOOD)
+    recording = read_recording(path)
+    assert_good(recording)
+    assert recording.velocity is None
+    assert recording.name == str(path)
+    assert recording.contact_floor == 0.05
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        b"\xef\xbb\xbf" + GOOD.encode(),
+        GOOD.replace("\n", "\r\n"),
+        GOOD + "\n\n  \n",
+        GOOD.rstrip("\n"),
+        GOOD.replace(",", " , "),
+        "note,force_N,time_s,,position_m,\nhé;,0.5,0,,0.001,\n,0.75,0.001,x,0.002,\n,1,0.002,,0.003,\n",
+        '"time_s","position_m","force_N"\n"0","0.001","0.5"\n0.001,0.002,0.75\n0.002,0.003,1e0\n',
+        GOOD.replace("\n0.002", "\n\n0.002"),
+    ],
+    ids=["bom", "crlf", "blank-end", "no-newline", "spaces", "order-and-extras", "quotes", "blank-inside"],
+)
+def test_tolerates(table, content):
+    assert_good(read_recording(table(content)))
+
+
+def test_extra_text_in_another_encoding_is_ignored(table):
+    content = b"time_s,position_m,force_N,who\n0,0.001,0.5,Andr\xe9\n0.001,0.002,0.75,\n0.002,0.003,1,\n"
+    assert_good(read_recording(table(content)))
+
+
+def test_velocity_is_read_where_it_is_there(table):
+    recording = read_recording(table("time_s,position_m,force_N,velocity_m_s\n0,0,0,1\n1,0.5,0,-2\n"))
+    assert recording.velocity.tolist() == [1.0, -2.0]
+
+
+@pytest.mark.parametrize(("unit", "factor"), [("m", 1.0), ("cm", 100.0), ("mm", 1000.0), ("um", 1e6)])
+@pytest.mark.parametrize(("force_unit", "force_factor"), [("N", 1.0), ("mN", 1000.0)])
+@pytest.mark.parametrize("flip", [False, True])
+def test_units_and_flip(table, unit, factor, force_unit, force_factor, flip):
+    content = "time_s,position_m,force_N,velocity_m_s\n0,0.5,0.25,3\n1,0.75,0.3,4\n"
+    recording = read_recording(table(content), position_unit=unit, force_unit=force_unit, flip=flip)
+    sign = -1.0 if flip else 1.0
+    assert recording.position.tolist() == [sign * 0.5 / factor, sign * 0.75 / factor]
+    assert recording.velocity.tolist() == [sign * 3 / factor, sign * 4 / factor]
+    assert recording.force.tolist() == [0.25 / force_factor, 0.3 / force_factor]
+    assert recording.time.tolist() == [0.0, 1.0]
+
+
+@pytest.mark.parametrize("option", [{"position_unit": "inch"}, {"force_unit": "kg"}, {"force_channel": "other"}])
+def test_unknown_units_are_refused_with_those_there_are(table, option):
+    with pytest.raises(UnknownNameError, match="choose one of"):
+        read_recording(table(GOOD), **option)
+
+
+@pytest.mark.parametrize(
+    ("content", "row", "problem"),
+    [
+        ("time_s,position_m,force\n0,0,0\n", 1, "column force_N missing; the columns are time_s, position_m, force"),
+        ("time_s,position_mm,force_N\n0,0,0\n1,0,0\n", 1, "position_m missing.*--position-unit"),
+        ("time_s;position_m;force_N\n0;0;0\n", 1, "separate them by commas"),
+        ("0,0.001,0.5\n0.001,0.002,0.75\n", 1, "column time_s, position_m, force_N missing"),
+        ("time_s,force_N,position_m,force_N\n0,0,0,0\n1,0,0,0\n", 1, "column force_N is there 2 times"),
+        (GOOD + "0.003,0.004,abc\n", 5, "force_N is 'abc', which is no number"),
+        (GOOD + "0.003,,1\n", 5, "position_m is '', which is no number"),
+        (GOOD + "0.003,NaN,1\n", 5, "position is nan: every value must be finite"),
+        (GOOD + "0.003,0.001,inf\n0.004,0,0\n", 5, "force is inf: every value must be finite"),
+        (GOOD + "0.003,0.001,1_0\n", 5, "'1_0', which is no number"),
+        (GOOD + "0.003,0.001\n", 5, "2 values, the header names 3 columns"),
+        (GOOD + "0.003,0.001,1,2\n", 5, "4 values, the header names 3 columns"),
+        (GOOD + "0.002,0.004,1\n", 5, "time 0.002 s does not come after the row before"),
+        (GOOD + "0.001,0.004,1\n", 5, "time 0.001 s does not come after the row before"),
+        (GOOD + "\n\n0.001,0.004,1\n", 7, "time 0.001 s does not come after the row before"),
+        (GOOD + "0.003,12.5,1\n", 5, "position 12.5 m is beyond 1 m.*--position-unit"),
+        (GOOD + '0.003,"0.0\n1",1\n', 6, "which is no number"),
+        ("time_s,position_m,force_N\n", None, "0 samples: at least 2"),
+        ("time_s,position_m,force_N\n0,0,0\n\n", None, "1 samples: at least 2"),
+        ("", 1, "has no header"),
+        ("\n\n", 1, "has no header"),
+        (GOOD.encode("utf-16"), 1, "is no UTF-8 text"),
+        (b"\x89PNG\r\n\x1a\n\0\0", 1, "is no UTF-8 text"),
+    ],
+)
+def test_bad_tables_are_refused_with_row_and_rule(table, content, row, problem):
+    path = table(content)
+    error = refused(path)
+    assert error.row == row
+    assert re.search(problem, str(error)), str(error)
+    assert row is None or f"row {row}: " in str(error)
+
+
+def test_units_count_before_the_limit_of_one_metre(table):
+    content = "time_s,position_m,force_N\n0,12.5,0\n1,1200,0\n"
+    assert "row 3: position 1.2 m" in str(refused(table(content), position_unit="mm"))
+    assert read_recording(table(content), position_unit="um").position.tolist() == [12.5e-6, 1.2e-3]
+
+
+def test_files_that_are_no_recording(table, tmp_path):
+    assert "no such file" in str(refused(tmp_path / "absent.csv"))
+    assert "must end with one of .csv, .parquet, .mat, .ddf, .mcap" in str(refused(table(GOOD, "press.txt")))
+    folder = tmp_path / "folder.csv"
+    folder.mkdir()
+    assert "is no file" in str(refused(folder))
+    assert_good(read_recording(table(GOOD, "PRESS.CSV")))
+
+
+def test_options_of_other_formats_are_refused(table):
+    assert "--force-channel" in str(refused(table(GOOD), force_channel="logged"))
+    for suffix in (".mat", ".ddf", ".mcap"):
+        assert "states its own units" in str(refused(table(b"", "press" + suffix), position_unit="mm"))
+
+
+numbers = st.floats(allow_nan=False, allow_infinity=False, width=64)
+
+
+@given(forces=st.lists(numbers, min_size=2, max_size=30))
+def test_both_ways_read_the_same_bits(tmp_path_factory, forces):
+    path = tmp_path_factory.mktemp("bits") / "t.csv"
+    rows = "".join(f"{index / 7!r},0.{index},{force!r}\n" for index, force in enumerate(forces))
+    path.write_text("time_s,position_m,force_N\n" + rows)
+    fast, careful = csv_table._read_fast(path, Units()), csv_table._read_carefully(path, Units())
+    assert fast is not None
+    for name in ("time", "position", "force"):
+        assert getattr(fast, name).tobytes() == getattr(careful, name).tobytes()
+    assert fast.force.tobytes() == np.array(forces).tobytes()
+
+
+def test_csv_needs_no_optional_package(table, monkeypatch):
+    monkeypatch.setitem(sys.modules, "pyarrow", None)
+    assert_good(read_recording(table(GOOD)))
+
+
+def test_a_long_table_takes_the_fast_way(tmp_path):
+    path = tmp_path / "long.csv"
+    count = 100_000
+    with path.open("w") as file:
+        file.write("time_s,position_m,force_N\n")
+        file.writelines(f"{index / 1000},0.{index % 1000},{index % 17}\n" for index in range(count))
+    assert len(csv_table._read_fast(path, Units())) == count
+    with path.open("a") as file:
+        file.write("1000,0.1,oops\n")
+    assert refused(path).row == count + 2

@@ -1,0 +1,137 @@
+import hashlib
+import re
+import shutil
+import sys
+from functools import partial
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
+from threading import Thread
+
+import pytest
+
+from foretouch.errors import DatasetError, MissingExtraError, UnknownNameError
+from foretouch.recordings import DATA_DIR, DATASETS, datasets, fetch, fetch_all, list_datasets
+
+NAME = "aurora/400-mN"
+
+
+class Quiet(SimpleHTTPRequestHandler):
+    def log_message(self, *_):
+        pass
+
+
+@pytest.fixture
+def original(measured):
+    """The file as it was published, found before the places to look are taken away."""
+    return measured(NAME)
+
+
+@pytest.fixture
+def elsewhere(monkeypatch, tmp_path):
+    """No data folder, an empty cache, and no proxy between us and the loopback."""
+    monkeypatch.delenv(DATA_DIR, raising=False)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    monkeypatch.setenv("NO_PROXY", "127.0.0.1")
+    monkeypatch.setattr(datasets, "HOST", "http://127.0.0.1:9")  # nobody listens there
+    return tmp_path
+
+
+@pytest.fixture
+def origin(original, elsewhere, monkeypatch):
+    """A server that publishes one file where the real origin has it."""
+    dataset = DATASETS[NAME]
+    where = dataset.origin
+    published = elsewhere / "www" / where.repository / where.commit / where.folder / dataset.file
+    published.parent.mkdir(parents=True)
+    shutil.copyfile(original, published)
+    server = ThreadingHTTPServer(("127.0.0.1", 0), partial(Quiet, directory=str(elsewhere / "www")))
+    thread = Thread(target=server.serve_forever, daemon=True)
+    thread.start()
+    monkeypatch.setattr(datasets, "HOST", f"http://127.0.0.1:{server.server_port}")
+    yield published
+    server.shutdown()
+    server.server_close()
+    thread.join()
+
+
+def test_the_registry_is_whole():
+    assert len(DATASETS) == 13
+    assert len({dataset.sha256 for dataset in DATASETS.values()}) == 13
+    for name, dataset in DATASETS.items():
+        assert name == dataset.name
+        assert re.fullmatch(r"(tue|aurora)/[a-z0-9]+(-[a-z0-9]+)*(-mN)?", name)
+        assert re.fullmatch("[0-9a-f]{64}", dataset.sha256)
+        assert re.fullmatch("[0-9a-f]{40}", dataset.origin.commit)
+        assert dataset.origin.commit in dataset.url
+        assert " " not in dataset.url
+        assert dataset.origin.licence.startswith("MIT, Copyright (c) ")
+    assert [dataset.name for dataset in list_datasets("rigid")] == ["tue/a-rigid"]
+    assert len(list_datasets("foam")) == 5
+    assert len(list_datasets("skin")) == 4
+    assert [dataset.name for dataset in list_datasets()] == list(DATASETS)
+    assert DATASETS["aurora/100-mN"].url.endswith("/Emma%20protocols/22-01-18/100%20mN%20data%20file.ddf")
+
+
+@pytest.mark.data
+@pytest.mark.parametrize("name", DATASETS)
+def test_every_measured_file_is_the_registered_one(measured, name):
+    assert hashlib.sha256(measured(name).read_bytes()).hexdigest() == DATASETS[name].sha256
+
+
+def test_an_unknown_name_is_refused_with_those_there_are():
+    with pytest.raises(UnknownNameError, match="unknown dataset 'foam': choose one of aurora/100-mN, "):
+        fetch("foam")
+
+
+@pytest.mark.data
+def test_a_data_folder_serves_without_network_or_pooch(original, elsewhere, monkeypatch):
+    deep = elsewhere / "store" / "below" / "aurora_skin_indentation"
+    deep.mkdir(parents=True)
+    shutil.copyfile(original, deep / original.name)
+    monkeypatch.setenv(DATA_DIR, str(elsewhere / "store"))
+    monkeypatch.setitem(sys.modules, "pooch", None)
+    assert fetch(NAME) == deep / original.name
+    with pytest.raises(MissingExtraError, match="pooch"):
+        fetch("tue/a-foam")
+
+
+def test_a_wrong_file_in_the_data_folder_is_refused(elsewhere, monkeypatch):
+    dataset = DATASETS[NAME]
+    wrong = elsewhere / dataset.origin.local_folder / dataset.file
+    wrong.parent.mkdir()
+    wrong.write_text("something else")
+    monkeypatch.setenv(DATA_DIR, str(elsewhere))
+    with pytest.raises(DatasetError, match="is not aurora/400-mN: its SHA-256 differs"):
+        fetch(NAME)
+
+
+def test_a_data_folder_that_is_none_is_refused(elsewhere, monkeypatch):
+    monkeypatch.setenv(DATA_DIR, str(elsewhere / "absent"))
+    with pytest.raises(DatasetError, match="is no folder"):
+        fetch(NAME)
+
+
+def test_without_network_one_line_says_what_to_do(elsewhere):
+    for attempt in (lambda: fetch(NAME), lambda: fetch_all("skin")):
+        with pytest.raises(DatasetError) as caught:
+            attempt()
+        assert re.search(r"is not here and could not be fetched.*refused.*FORETOUCH_DATA_DIR", str(caught.value))
+        assert "\n" not in str(caught.value)
+
+
+@pytest.mark.data
+def test_the_origin_is_asked_once_and_then_the_cache(origin, elsewhere, monkeypatch):
+    path = fetch(NAME)
+    assert path.read_bytes() == origin.read_bytes()
+    assert elsewhere / "cache" in path.parents
+    monkeypatch.setattr(datasets, "HOST", "http://127.0.0.1:9")
+    assert fetch(NAME) == path
+
+
+@pytest.mark.data
+def test_what_the_origin_changed_is_not_taken(origin):
+    origin.write_text("another version")
+    with pytest.raises(DatasetError, match="what came has another SHA-256"):
+        fetch(NAME)
+    origin.unlink()
+    with pytest.raises(DatasetError, match="404"):
+        fetch(NAME)

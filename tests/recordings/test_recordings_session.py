@@ -1,0 +1,357 @@
+import signal
+import subprocess
+import sys
+import time
+from collections import Counter, defaultdict
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+import session_messages as made
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from mcap.reader import make_reader
+from mcap.writer import Writer
+from mcap_ros2.decoder import DecoderFactory
+
+from foretouch.errors import MissingExtraError, RecordingError
+from foretouch.messages import (
+    CHANNELS,
+    VERSION,
+    Handle,
+    LeaderState,
+    Message,
+    ModelUpdate,
+    SessionLog,
+    Telemetry,
+)
+from foretouch.recordings import SessionWriter, read_recording, read_session
+from foretouch.recordings.cdr import HEADER, Layout
+from foretouch.recordings.topics import TOPICS
+
+
+def decoded(path):
+    """What another reader makes of the file: channel, record and decoded message, in the order of the file."""
+    with path.open("rb") as file:
+        reader = make_reader(file, decoder_factories=[DecoderFactory()])
+        return [got[1:] for got in reader.iter_decoded_messages(log_time_order=False)]
+
+
+def bits(value):
+    """A value such that equal means equal bit by bit."""
+    if isinstance(value, float):
+        return np.float64(value).tobytes()
+    if isinstance(value, (list, tuple)) or (hasattr(value, "typecode") and hasattr(value, "tobytes")):
+        return tuple(bits(item) for item in value)
+    return value
+
+
+def expected_log(ticks):
+    messages = [message for message, _ in made.session(ticks)]
+    by_kind = defaultdict(list)
+    for message in messages:
+        by_kind[type(message)].append(message)
+    return SessionLog.from_messages(by_kind[LeaderState], by_kind[Telemetry], by_kind[ModelUpdate], {}, {})
+
+
+def assert_same(log, expected):
+    assert log.leader.dtype == expected.leader.dtype
+    assert log.follower.dtype == expected.follower.dtype
+    assert log.leader.tobytes() == expected.leader.tobytes()
+    assert log.follower.tobytes() == expected.follower.tobytes()
+    assert [bits(msgspec.structs.astuple(m)) for m in log.models] == [
+        bits(msgspec.structs.astuple(m)) for m in expected.models
+    ]
+
+
+def test_a_session_reads_back_bit_by_bit(tmp_path):
+    path = tmp_path / "session.mcap"
+    made.write_session(path, 501, {"undecodable": 3, "late": 0})
+    log = read_session(path)
+    assert_same(log, expected_log(501))
+    assert log.settings == {"operator": "scripted", "seed": "1", "material": "foam-measured", "note": ""}
+    assert log.counts == {"undecodable": 3, "late": 0}
+
+
+def test_an_independent_reader_gets_every_value(tmp_path):
+    path = tmp_path / "session.mcap"
+    made.write_session(path, 120, {"late": 1})
+    sent = list(made.session(120))
+    own = {topic.name: kind for kind, topic in TOPICS.items()}
+    read = defaultdict(list)
+    for channel, record, message in decoded(path):
+        read[channel.topic].append((record, message))
+    for topic, kind in own.items():
+        pairs = zip(read[topic], [pair for pair in sent if type(pair[0]) is kind], strict=True)
+        for (record, got), (message, log_time_ns) in pairs:
+            values = [getattr(got, name) for name in kind.__struct_fields__]
+            assert bits(values) == bits(msgspec.structs.astuple(message))
+            assert (record.log_time, record.publish_time) == (log_time_ns, message.time_ns)
+            assert record.sequence == message.sequence
+    for topic, kind, force in (
+        ("/follower/joint_states", Telemetry, "force"),
+        ("/leader/joint_states", LeaderState, "rendered_force"),
+    ):
+        for (_, state), message in zip(read[topic], [m for m, _ in sent if type(m) is kind], strict=True):
+            assert state.header.stamp.sec * 10**9 + state.header.stamp.nanosec == message.time_ns
+            assert (state.header.frame_id, list(state.name)) == ("probe", ["probe"])
+            assert bits([*state.position, *state.velocity, *state.effort]) == bits(
+                [message.position, message.velocity, getattr(message, force)]
+            )
+    for (_, got), message in zip(read["/follower/wrench"], [m for m, _ in sent if type(m) is Telemetry], strict=True):
+        force, torque = got.wrench.force, got.wrench.torque
+        assert got.header.frame_id == "probe"
+        assert bits([force.x, force.y, force.z, torque.x, torque.y, torque.z]) == bits(
+            [0.0, 0.0, message.force, 0.0, 0.0, 0.0]
+        )
+
+
+def test_the_index_serves_tools_that_seek(tmp_path):
+    path = tmp_path / "session.mcap"
+    made.write_session(path, 300)
+    with path.open("rb") as file:
+        reader = make_reader(file)
+        summary = reader.get_summary()
+        counted = Counter(
+            channel.topic for _, channel, _ in reader.iter_messages(starting_at=100_000_000, ending_before=200_000_000)
+        )
+    assert summary.statistics.channel_message_counts
+    assert all(schema.encoding == "ros2msg" for schema in summary.schemas.values())
+    assert all(channel.message_encoding == "cdr" for channel in summary.channels.values())
+    for topic in ("/follower/state", "/leader/state", "/follower/wrench", "/leader/joint_states"):
+        assert counted[topic] == 100
+
+
+def test_equal_sessions_give_equal_bytes(tmp_path):
+    for name in ("a.mcap", "b.mcap"):
+        made.write_session(tmp_path / name, 400, {"late": 2})
+    assert (tmp_path / "a.mcap").read_bytes() == (tmp_path / "b.mcap").read_bytes()
+
+
+@pytest.mark.parametrize("flushed", [1, 2500, 12_000])
+def test_a_killed_writer_leaves_what_was_flushed(tmp_path, flushed):
+    path = tmp_path / "session.mcap"
+    command = [sys.executable, made.__file__, str(path), str(flushed)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE) as process:
+        assert process.stdout.readline() == b"flushed\n"
+        process.send_signal(signal.SIGKILL)
+    assert process.returncode == -signal.SIGKILL
+    log = read_session(path)
+    assert log.counts == {"truncated": 1}
+    ticks = range(1, flushed + 1)
+    whole = SessionLog.from_messages(
+        [made.leader_state(tick) for tick in ticks], [made.telemetry(tick) for tick in ticks], [], {}, {}
+    )
+    assert_same(log, whole)
+
+
+def test_a_file_cut_anywhere_gives_a_beginning_of_the_session(tmp_path):
+    path, cut = tmp_path / "session.mcap", tmp_path / "cut.mcap"
+    made.write_session(path, 300, {"late": 1})
+    content = path.read_bytes()
+    expected = expected_log(300)
+    lengths, refusals = set(), set()
+    for length in [*range(0, 64), *range(64, len(content), 211), *range(len(content) - 40, len(content))]:
+        cut.write_bytes(content[:length])
+        try:
+            log = read_session(cut)
+        except RecordingError as error:
+            refusals.add(str(error).removeprefix(f"{cut}: "))
+            continue
+        assert log.counts["truncated"] == 1
+        lengths.add(log.follower.size)
+        assert log.follower.tobytes() == expected.follower[: log.follower.size].tobytes()
+        assert log.leader.tobytes() == expected.leader[: log.leader.size].tobytes()
+    assert max(lengths) == 300
+    assert len(lengths) > 2
+    assert refusals == {"is no MCAP file: it does not begin like one", "was cut off before anything was flushed"}
+
+
+def test_a_tail_that_was_never_written_counts_as_cut(tmp_path):
+    path = tmp_path / "session.mcap"
+    made.write_session(path, 100)
+    content = path.read_bytes()
+    end = content.index(b"\x0f\x04\x00\x00\x00\x00\x00\x00\x00")  # the end of the data section
+    path.write_bytes(content[:end] + bytes(4096))
+    log = read_session(path)
+    assert log.counts == {"truncated": 1}
+    assert log.follower.size == 100
+
+
+def test_a_damaged_block_is_refused(tmp_path):
+    path = tmp_path / "session.mcap"
+    made.write_session(path, 300)
+    content = bytearray(path.read_bytes())
+    content[len(content) // 3] ^= 0xFF
+    path.write_bytes(content)
+    with pytest.raises(RecordingError, match=r"the block at byte \d+ is damaged") as caught:
+        read_session(path)
+    assert "\n" not in str(caught.value)
+
+
+def foreign(path, topic, type_name, schema):
+    with path.open("wb") as file:
+        writer = Writer(file)
+        writer.start()
+        number = writer.register_schema(type_name, "ros2msg", schema.encode())
+        channel = writer.register_channel(topic, "cdr", number)
+        writer.add_message(channel, 1, HEADER + bytes(8), 1)
+        writer.finish()
+
+
+def test_other_mcap_files_are_refused(tmp_path):
+    path = tmp_path / "other.mcap"
+    foreign(path, "/chatter", "std_msgs/msg/Int64", "int64 data\n")
+    with pytest.raises(RecordingError, match="holds no foretouch session; its topics: /chatter"):
+        read_session(path)
+    foreign(path, "/follower/state", "foretouch_msgs/msg/FollowerState", "int64 version\n")
+    with pytest.raises(RecordingError, match="/follower/state has other fields than this version"):
+        read_session(path)
+    ours = TOPICS[Telemetry]
+    foreign(path, ours.name, ours.type_name, ours.layout.schema)
+    with pytest.raises(RecordingError, match=r"/follower/state: a message is not \d+ bytes long"):
+        read_session(path)
+    ours = TOPICS[ModelUpdate]
+    foreign(path, ours.name, ours.type_name, ours.layout.schema)
+    with pytest.raises(RecordingError, match="/follower/model: not a ModelUpdate"):
+        read_session(path)
+    with pytest.raises(RecordingError, match="cannot be read: No such file"):
+        read_session(tmp_path / "absent.mcap")
+
+
+def test_a_session_copied_without_blocks_reads_the_same(tmp_path):
+    path, copy = tmp_path / "session.mcap", tmp_path / "copy.mcap"
+    made.write_session(path, 60)
+    with path.open("rb") as source, copy.open("wb") as target:
+        reader, writer = make_reader(source), Writer(target, use_chunking=False)
+        writer.start()
+        channels = {}
+        for schema, channel, message in reader.iter_messages(log_time_order=False):
+            if channel.topic not in channels:
+                number = writer.register_schema(schema.name, schema.encoding, schema.data)
+                channels[channel.topic] = writer.register_channel(channel.topic, channel.message_encoding, number)
+            writer.add_message(channels[channel.topic], message.log_time, message.data, message.publish_time)
+        writer.finish()
+    assert_same(read_session(copy), expected_log(60))
+
+
+def test_a_session_with_nothing_said(tmp_path):
+    path = tmp_path / "session.mcap"
+    with SessionWriter(path) as writer:
+        writer.close({"late": 4})
+    log = read_session(path)
+    assert (log.leader.size, log.follower.size, log.models, log.settings) == (0, 0, (), {})
+    assert log.counts == {"late": 4}
+    with pytest.raises(RecordingError, match="0 samples of the follower: at least 2"):
+        read_recording(path)
+
+
+def pressing(tick):
+    position = tick * 1e-5
+    return Telemetry(VERSION, tick, 10**12 + tick * 10**6, tick, 0, position, 0, 5.5, 5, 4, True, False, 0, 0, 0)
+
+
+def test_the_follower_of_a_session_is_a_recording(tmp_path):
+    path = tmp_path / "session.mcap"
+    with SessionWriter(path) as writer:
+        for tick in range(1, 101):
+            writer.write(pressing(tick), tick)
+    recording = read_recording(path)
+    assert recording.time.tolist() == [tick * 10**6 / 1e9 for tick in range(100)]
+    assert recording.position.tolist() == [tick * 1e-5 for tick in range(1, 101)]
+    assert set(recording.force.tolist()) == {5.5}
+    assert recording.velocity is None
+    assert recording.contact_floor == 0.05
+    assert (read_recording(path, flip=True).position == -recording.position).all()
+
+
+def test_a_telemetry_tick_that_comes_twice_is_named(tmp_path):
+    path = tmp_path / "session.mcap"
+    with SessionWriter(path) as writer:
+        for tick in (1, 2, 2):
+            writer.write(pressing(tick), tick)
+    with pytest.raises(RecordingError, match=r"sample 2: time 0\.001 s does not come after"):
+        read_recording(path)
+
+
+def test_every_message_of_the_schema_can_be_recorded(tmp_path):
+    assert set(TOPICS) == {channel.kind for channel in CHANNELS.values()}
+    path = tmp_path / "session.mcap"
+    with SessionWriter(path) as writer:
+        writer.write(Handle(VERSION, 1, 2**63 - 1, 0.5, True), 3)
+        writer.write(msgspec.structs.replace(made.telemetry(1), time_ns=2**63 - 1, sequence=2**40), 3)
+    got = {channel.topic: message for channel, _, message in decoded(path)}
+    assert (got["/console/handle"].position, got["/console/handle"].held) == (0.5, True)
+    assert got["/follower/wrench"].header.stamp.sec == 2**31 - 1
+    assert read_session(path).follower["sequence"].tolist() == [2**40]
+
+
+def test_the_schema_follows_the_fields():
+    class Extended(Telemetry, frozen=True, array_like=True, gc=False):
+        temperature: float
+        note: str
+
+    layout = Layout(Extended)
+    assert layout.dtype is None
+    assert layout.schema.endswith("int64 compute_ns\nfloat64 temperature\nstring note\n")
+    message = Extended(*msgspec.structs.astuple(made.telemetry(3)), 36.5, "warm")
+    assert bits(msgspec.structs.astuple(layout.unpack(layout.pack(message)))) == bits(msgspec.structs.astuple(message))
+
+    class Unknown(Message, frozen=True, array_like=True, gc=False):
+        table: dict[str, int]
+
+    with pytest.raises(TypeError, match=r"Unknown\.table has a type without a ROS 2 counterpart"):
+        Layout(Unknown)
+
+
+texts = st.text(max_size=12)
+floats = st.lists(st.floats(width=64), max_size=5).map(tuple)
+models = st.builds(
+    ModelUpdate,
+    version=st.just(VERSION),
+    sequence=st.integers(0, 2**32 - 1),
+    time_ns=st.integers(0, 2**63 - 1),
+    command_sequence=st.integers(0, 2**63 - 1),
+    law=texts,
+    parameters=floats,
+    state=floats,
+    surface=st.floats(width=64),
+    valid=st.booleans(),
+    reason=texts,
+    estimator=texts,
+)
+
+
+@settings(max_examples=60)
+@given(models)
+def test_text_and_sequences_pack_as_another_reader_expects(tmp_path_factory, message):
+    layout = TOPICS[ModelUpdate].layout
+    values = bits(msgspec.structs.astuple(message))
+    assert bits(msgspec.structs.astuple(layout.unpack(layout.pack(message)))) == values
+    path = tmp_path_factory.mktemp("model") / "m.mcap"
+    with SessionWriter(path) as writer:
+        writer.write(message, 1)
+    ((_, _, got),) = decoded(path)
+    assert bits([getattr(got, name) for name in ModelUpdate.__struct_fields__]) == values
+
+
+def test_a_file_that_cannot_be_written_gives_one_line(tmp_path):
+    with pytest.raises(RecordingError, match="cannot be written: No such file or directory"):
+        SessionWriter(tmp_path / "absent" / "session.mcap")
+
+
+def test_a_missing_package_is_named(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "mcap.writer", None)
+    with pytest.raises(MissingExtraError, match=r"mcap is not installed: pip install 'foretouch\[recordings\]'"):
+        SessionWriter(tmp_path / "session.mcap")
+    assert not Path(tmp_path / "session.mcap").exists()
+
+
+def test_a_minute_reads_in_seconds(tmp_path):
+    path = tmp_path / "session.mcap"
+    made.write_session(path, 20_000)
+    start = time.process_time()
+    log = read_session(path)
+    assert time.process_time() - start < 1.5  # a third of a minute; 0.15 s on an idle machine
+    assert log.follower.size == 20_000
