@@ -8,12 +8,13 @@ from foretouch.identification.estimator import Estimator, Status
 from foretouch.identification.fprls import FPRLS, FPRLSOptions
 from foretouch.identification.identify import Identification, identify
 from foretouch.identification.learner import Learner, LearntModel
-from foretouch.identification.prediction import Motion, predict
+from foretouch.identification.prediction import TIME_TOLERANCE, Motion, predict
 from foretouch.identification.registry import ESTIMATORS, make_estimator
 
 __all__ = [
     "ESTIMATORS",
     "FPRLS",
+    "TIME_TOLERANCE",
     "Conditioner",
     "ContactSample",
     "Estimator",

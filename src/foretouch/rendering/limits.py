@@ -1,0 +1,51 @@
+"""The last stage before the hand: limits on force and on how fast it changes."""
+
+from __future__ import annotations
+
+import math
+
+from foretouch.models.checks import require
+
+__all__ = ["LARGEST_FORCE", "LARGEST_FORCE_RATE", "ForceLimiter"]
+
+LARGEST_FORCE = 10.0
+"""Default limit of the rendered force [N]."""
+
+LARGEST_FORCE_RATE = 200.0
+"""Default limit of its rate [N/s]."""
+
+
+class ForceLimiter:
+    r"""Clamps a force and its rate.
+
+    .. math:: F_k = \mathrm{clip}\big(\mathrm{clip}(F, 0, F_{max}),\;
+        F_{k-1} - \dot F_{max} T,\; F_{k-1} + \dot F_{max} T\big)
+
+    A force that is not finite counts as zero: the rendered force then falls to zero as fast as the rate allows.
+
+    Args:
+        largest_force: [N], positive.
+        largest_rate: [N/s], positive.
+
+    Attributes:
+        force: The newest limited force [N], from 0 to `largest_force`.
+        clipped: Whether a limit changed the newest force.
+    """
+
+    __slots__ = ("_largest_force", "_largest_rate", "clipped", "force")
+
+    def __init__(self, largest_force: float = LARGEST_FORCE, largest_rate: float = LARGEST_FORCE_RATE) -> None:
+        require("largest_force", largest_force, above=0.0)
+        require("largest_rate", largest_rate, above=0.0)
+        self._largest_force = largest_force
+        self._largest_rate = largest_rate
+        self.force = 0.0
+        self.clipped = False
+
+    def update(self, wanted: float, period: float) -> float:
+        """Limit one tick's force [N]; `period` [s] is the time since the last tick."""
+        target = min(max(wanted, 0.0), self._largest_force) if math.isfinite(wanted) else 0.0
+        step = self._largest_rate * max(period, 0.0)
+        self.force = min(max(target, self.force - step), self.force + step)
+        self.clipped = self.force != wanted
+        return self.force
