@@ -341,6 +341,34 @@ def test_a_file_that_cannot_be_written_gives_one_line(tmp_path):
         SessionWriter(tmp_path / "absent" / "session.mcap")
 
 
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full here")
+def test_a_full_disk_gives_one_line():
+    with pytest.raises(RecordingError, match="/dev/full: cannot be written: No space left on device"):
+        SessionWriter("/dev/full")
+
+
+def test_a_disk_that_fills_up_gives_one_line(tmp_path):
+    """A real limit on the size of files, in a process of its own."""
+    code = (
+        "import resource, signal, sys\n"
+        f"sys.path.insert(0, {str(Path(made.__file__).parent)!r})\n"
+        "from session_messages import write_session\n"
+        "signal.signal(signal.SIGXFSZ, signal.SIG_IGN)\n"
+        "resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, 100_000))\n"
+        "try:\n"
+        "    write_session(sys.argv[1], 2000)\n"
+        "except Exception as error:\n"
+        "    print(type(error).__name__, error)\n"
+    )
+    path = tmp_path / "session.mcap"
+    done = subprocess.run([sys.executable, "-c", code, str(path)], capture_output=True, text=True, check=True)
+    assert done.stdout == f"RecordingError {path}: cannot be written: File too large\n"
+    log = read_session(path)
+    assert log.counts == {"truncated": 1}
+    assert 0 < log.follower.size < 2000
+    assert log.follower.tobytes() == expected_log(2000).follower[: log.follower.size].tobytes()
+
+
 def test_a_missing_package_is_named(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "mcap.writer", None)
     with pytest.raises(MissingExtraError, match=r"mcap is not installed: pip install 'foretouch\[recordings\]'"):

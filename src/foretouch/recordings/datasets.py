@@ -2,6 +2,10 @@
 
 The files stay out of the package. Every one is checked against its SHA-256 before it is handed out, and every one is
 taken from its origin at one pinned commit.
+
+Names say the origin and what tells a file from the others, and do not change: ``tue/<letter>-<what>``, with the
+experiment's own letters (a to c position-position control, d to f position-force control) and the material as its file
+calls it; ``aurora/<force>-mN``, with the force that the motor was told to reach.
 """
 
 from __future__ import annotations
@@ -9,6 +13,7 @@ from __future__ import annotations
 import hashlib
 import logging
 import os
+import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -89,10 +94,9 @@ _AURORA = Origin(
     folder="Emma protocols/22-01-18",
     local_folder="aurora_skin_indentation",
     licence="MIT, Copyright (c) 2021 S McIntyre",
-    about="a motor presses skin to a target force, holds and releases; 2 kHz, 2018",
+    about="a motor presses skin to a target force, holds and releases; 2 kHz",
 )
 
-# The TU/e letters are the experiment's own: a to c position-position control, d to f position-force control.
 DATASETS: Final[dict[str, Dataset]] = {
     name: Dataset(name, origin, file, kind, sha256)
     for name, origin, file, kind, sha256 in (
@@ -275,4 +279,4 @@ def _cause(error: Exception) -> str:
     while getattr(reason, "args", None) and isinstance(reason.args[0], Exception):
         reason = reason.args[0]
     text = " ".join(str(getattr(reason, "reason", None) or reason).split())
-    return text if len(text) <= 120 else text[:120] + " ..."
+    return re.sub(r"^\w+\(.*?\): ", "", text)[:160]  # without the connection object
