@@ -1,0 +1,21 @@
+"""Materials that the simulated robot presses: one file each."""
+
+from foretouch.robot.materials.foam_fit import FOAM_DATASETS, FoamFit, fit_foam, save_foam_fit
+from foretouch.robot.materials.foam_measured import shipped_foam_fit
+from foretouch.robot.materials.hysteretic_contact import HystereticContact
+from foretouch.robot.materials.material import DEFAULT_SURFACE, Material
+from foretouch.robot.materials.registry import DEFAULT_MATERIAL, MATERIALS, make_material
+
+__all__ = [
+    "DEFAULT_MATERIAL",
+    "DEFAULT_SURFACE",
+    "FOAM_DATASETS",
+    "MATERIALS",
+    "FoamFit",
+    "HystereticContact",
+    "Material",
+    "fit_foam",
+    "make_material",
+    "save_foam_fit",
+    "shipped_foam_fit",
+]

@@ -1,0 +1,197 @@
+"""The paper's slave in simulation: a remote-centre-of-motion arm with a linear probe, in MuJoCo."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from foretouch.errors import MissingExtraError, SettingError
+from foretouch.models import ContactState
+from foretouch.models.checks import require
+from foretouch.robot.arm_scene import CARRIAGE_MASS, GRAVITY, TOOL_MASS, arm_scene
+from foretouch.robot.insertion_servo import InsertionServo
+from foretouch.robot.materials import Material
+from foretouch.robot.robot import Robot, RobotSample, RobotSpecification
+
+__all__ = ["RcmArm"]
+
+MOVED_MASS = CARRIAGE_MASS + TOOL_MASS
+RAIL_DAMPING = 1.0  # of the insertion joint [N s/m], as in the scene
+LARGEST_CONTACT_FORCE = 1000.0  # a law that gives more, or no number, is cut here, so that the physics stay finite [N]
+NOISE_BLOCK = 4096
+
+
+class RcmArm(Robot):
+    """Two hinges through the remote centre, held so that the rod stays vertical, and a slide that inserts the probe.
+
+    The hinges are position-controlled by MuJoCo, the insertion by `InsertionServo`. The force of the material comes
+    from its law, advanced at every physics step with the exact depth and velocity of the tip, and is applied to the
+    tool from outside; native contact is off, because its stiffness depends on the mass that touches.
+
+    The force sensor stands between carriage and tool. Its chain: MuJoCo's interaction force, first-order low-pass,
+    offset, noise. MuJoCo gives the force at the start of the last physics step, so the chain is late by that step
+    and the low-pass (0.5 + 0.8 ms as built).
+
+    Same seed, same commands: same samples, bit for bit.
+
+    Args:
+        material: What the probe presses.
+        seed: Of the sensor and encoder noise.
+        surface: Position of the undeformed surface [m]; None takes the material's own.
+        sample_period: [s].
+        substeps: Physics steps in a sample period.
+        force_limit: Contact force that the drive can hold at most [N].
+        encoder_resolution: [m]; 0 does not round.
+        encoder_noise: Standard deviation before rounding [m].
+        sensor_noise: Standard deviation [N].
+        sensor_bandwidth: Cut-off of the low-pass [Hz].
+        sensor_offset: What the sensor shows with nothing on it [N].
+        workspace: Smallest and largest position of the tip [m]; 0 lies inside.
+
+    Attributes:
+        material: What the probe presses.
+        surface: Position of the undeformed surface [m].
+        mj_model: MuJoCo's model, for rendering.
+        mj_data: MuJoCo's data, for rendering: look, do not touch.
+
+    Raises:
+        SettingError: A setting out of range.
+        MissingExtraError: MuJoCo is not installed.
+    """
+
+    mj_model: Any
+    mj_data: Any
+
+    def __init__(
+        self,
+        material: Material,
+        *,
+        seed: int,
+        surface: float | None = None,
+        sample_period: float = 1e-3,
+        substeps: int = 2,
+        force_limit: float = 15.0,
+        encoder_resolution: float = 5e-6,
+        encoder_noise: float = 2e-6,
+        sensor_noise: float = 0.02,
+        sensor_bandwidth: float = 200.0,
+        sensor_offset: float = 0.3,
+        workspace: tuple[float, float] = (-0.02, 0.06),
+    ) -> None:
+        require("sample_period", sample_period, above=0.0, at_most=0.01)
+        require("substeps", substeps, at_least=1)
+        require("force_limit", force_limit, above=0.0)
+        require("encoder_resolution", encoder_resolution, at_least=0.0)
+        require("encoder_noise", encoder_noise, at_least=0.0)
+        require("sensor_noise", sensor_noise, at_least=0.0)
+        require("sensor_bandwidth", sensor_bandwidth, above=0.0)
+        require("sensor_offset", sensor_offset)
+        if not -math.inf < workspace[0] < 0.0 < workspace[1] < math.inf:
+            raise SettingError("workspace", workspace, "must be finite and reach from below 0 to above 0")
+        self.material = material
+        self.surface = material.surface if surface is None else surface
+        require("surface", self.surface)
+        self.specification = RobotSpecification(
+            sample_period=sample_period,
+            force_limit=force_limit,
+            encoder_resolution=encoder_resolution,
+            encoder_noise=encoder_noise,
+            tool_mass=TOOL_MASS,
+            gravity=GRAVITY,
+            sensor_noise=sensor_noise,
+            sensor_bandwidth=sensor_bandwidth,
+            workspace=workspace,
+        )
+        self._substeps = int(substeps)
+        self._h = sample_period / self._substeps
+        if self._h > 6e-4:
+            raise SettingError("substeps", substeps, "the physics step (sample_period / substeps) is at most 0.6 ms")
+        self._low_pass = 1.0 - math.exp(-2.0 * math.pi * sensor_bandwidth * self._h)
+        self._offset = sensor_offset
+        self._random = np.random.default_rng(seed)
+        self._noise: list[float] = []
+        self._build()
+
+    def _build(self) -> None:
+        try:
+            import mujoco
+        except ImportError as error:
+            raise MissingExtraError("mujoco", "sim") from error
+        self.mj_model = mujoco.MjModel.from_xml_string(arm_scene(self.surface, self._h))
+        self.mj_data = mujoco.MjData(self.mj_model)
+        self._mj_step = mujoco.mj_step
+        joint = int(self.mj_model.joint("insertion").qposadr[0])
+        self._qpos = self.mj_data.qpos[joint : joint + 1]  # views of one number each: quicker than a search by name
+        self._qvel = self.mj_data.qvel[joint : joint + 1]
+        self._drive = self.mj_data.ctrl[self.mj_model.actuator("insertion").id :][:1]
+        self._applied = self.mj_data.xfrc_applied[self.mj_model.body("tool").id][2:3]
+        self._interaction = self.mj_data.sensordata[2:3]
+        self._servo = InsertionServo(
+            mass=MOVED_MASS,
+            damping=RAIL_DAMPING,
+            force_limit=self.specification.force_limit,
+            sample_period=self.specification.sample_period,
+            position=0.0,
+        )
+        self._desired = 0.0
+        self._state: ContactState = self.material.model.initial_state()
+        self._contact_force = 0.0
+        self._touch(0.0, 0.0)
+        self._tool = self.specification.tool_force(0.0)
+        self._sensor = self._contact_force + self._tool  # the low-pass, settled
+        self._sample = self._measure()
+
+    def read(self) -> RobotSample:
+        """What the sensors show now; no time passes and nothing moves."""
+        return self._sample
+
+    def exchange(self, desired_position: float) -> RobotSample:
+        """Give a command, let one sample period pass, and return what the sensors show then: see `Robot`."""
+        lowest, highest = self.specification.workspace
+        if math.isfinite(desired_position):
+            self._desired = min(highest, max(lowest, desired_position))
+        servo = self._servo
+        servo.command(self._desired)
+        shown = self._sample.sensor_force - self._sensor  # offset and noise of the newest sample
+        h = self._h
+        position, velocity = float(self._qpos[0]), float(self._qvel[0])
+        for _ in range(self._substeps):
+            effort = servo.effort(position, velocity, self._sensor + shown - self._tool, h)
+            self._drive[0] = effort - MOVED_MASS * GRAVITY
+            self._applied[0] = self._contact_force
+            self._mj_step(self.mj_model, self.mj_data)
+            # MuJoCo gives what the carriage does to the tool along the world's z: compression pushes it down
+            self._sensor += self._low_pass * (-float(self._interaction[0]) - self._sensor)
+            before, position, velocity = velocity, float(self._qpos[0]), float(self._qvel[0])
+            tool = TOOL_MASS * ((velocity - before) / h - GRAVITY)
+            self._tool += self._low_pass * (tool - self._tool)  # the drive's own compensation, as late as the sensor
+            self._touch(position, velocity)
+        self._sample = self._measure()
+        return self._sample
+
+    def _touch(self, position: float, velocity: float) -> None:
+        """Advance the material to where the tip is now; its force acts through the next physics step."""
+        self._state, force, _ = self.material.model.advance(self._state, position - self.surface, velocity, self._h)
+        self._contact_force = min(force, LARGEST_CONTACT_FORCE) if force >= 0.0 else 0.0
+
+    def _measure(self) -> RobotSample:
+        exact = float(self._qpos[0])
+        measured = exact + self.specification.encoder_noise * self._draw()
+        resolution = self.specification.encoder_resolution
+        if resolution > 0.0:
+            measured = round(measured / resolution) * resolution
+        return RobotSample(
+            position=measured,
+            sensor_force=self._sensor + self._offset + self.specification.sensor_noise * self._draw(),
+            exact_force=self._contact_force,
+            exact_position=exact,
+            commanded_position=self._servo.reference,
+            clipped=self._servo.clipped,
+        )
+
+    def _draw(self) -> float:
+        if not self._noise:
+            self._noise = self._random.standard_normal(NOISE_BLOCK).tolist()
+        return self._noise.pop()

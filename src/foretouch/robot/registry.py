@@ -1,0 +1,29 @@
+"""From names to robots."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from foretouch.robot.materials import Material, make_material
+from foretouch.robot.rcm_arm import RcmArm
+
+__all__ = ["make_robot"]
+
+
+def make_robot(material: str | Material, *, seed: int, surface: float | None = None, **options: Any) -> RcmArm:
+    """The simulated arm over a material.
+
+    Args:
+        material: A material, or its name in `MATERIALS`.
+        seed: Of the sensor and encoder noise.
+        surface: Position of the undeformed surface [m]; None takes the material's own.
+        **options: Settings of `RcmArm`.
+
+    Raises:
+        UnknownNameError: No such material.
+        SettingError: A setting out of range.
+        MissingExtraError: MuJoCo is not installed.
+    """
+    if isinstance(material, str):
+        material = make_material(material)
+    return RcmArm(material, seed=seed, surface=surface, **options)

@@ -1,0 +1,100 @@
+"""What a follower robot is: one exchange a sample period, positions in, sensors out."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import NamedTuple
+
+__all__ = ["Robot", "RobotSample", "RobotSpecification"]
+
+
+class RobotSample(NamedTuple):
+    """What the robot's sensors show after one sample period. Positions are of the probe's tip along the approach.
+
+    Attributes:
+        position: From the encoders [m], growing into the material.
+        sensor_force: As the sensor gives it [N], along the outward normal, positive in compression; its offset and
+            the weight and inertia of the tool are in it (`RobotSpecification.tool_force`).
+        exact_force: The simulator's own contact force [N]; NaN on hardware.
+        exact_position: The simulator's own position [m]; NaN on hardware.
+        commanded_position: What the robot was really told in the end [m], after its limits.
+        clipped: Whether the force limit cut the command in this tick.
+    """
+
+    position: float
+    sensor_force: float
+    exact_force: float
+    exact_position: float
+    commanded_position: float
+    clipped: bool
+
+
+@dataclass(frozen=True, slots=True)
+class RobotSpecification:
+    """What there is to know about a robot before it moves.
+
+    Attributes:
+        sample_period: Time of one exchange [s].
+        force_limit: The contact force that the robot holds in the end, at most [N].
+        encoder_resolution: Step of the encoders at the tip [m].
+        encoder_noise: Standard deviation of the encoders before rounding [m].
+        tool_mass: Mass beyond the force sensor [kg].
+        gravity: Gravity along the approach [m/s^2], positive where it pulls the tool into the material.
+        sensor_noise: Standard deviation of the force sensor [N].
+        sensor_bandwidth: Cut-off of its first-order low-pass [Hz].
+        workspace: Smallest and largest position of the tip [m].
+    """
+
+    sample_period: float
+    force_limit: float
+    encoder_resolution: float
+    encoder_noise: float
+    tool_mass: float
+    gravity: float
+    sensor_noise: float
+    sensor_bandwidth: float
+    workspace: tuple[float, float]
+
+    def tool_force(self, acceleration: float) -> float:
+        r"""Part of the sensor force that the tool's weight and inertia make [N].
+
+        .. math:: F_{sensor} = F_{contact} + F_{offset} + m (\ddot p - g)
+
+        A tool that hangs below its sensor pulls on it: at rest in free air this is -m g.
+
+        Args:
+            acceleration: Of the tip along the approach [m/s^2], positive into the material.
+        """
+        return self.tool_mass * (acceleration - self.gravity)
+
+
+class Robot(ABC):
+    """A position-controlled follower with a force sensor at its probe.
+
+    Leaves may move simulated time or wait for real time; the caller does not see which.
+
+    Attributes:
+        specification: What there is to know about the robot.
+    """
+
+    specification: RobotSpecification
+
+    @abstractmethod
+    def read(self) -> RobotSample:
+        """What the sensors show now; no time passes and nothing moves."""
+
+    @abstractmethod
+    def exchange(self, desired_position: float) -> RobotSample:
+        """Give a command, let one sample period pass, and return what the sensors show then.
+
+        Never raises on bad data.
+
+        Args:
+            desired_position: Where the tip should be now [m]; limited to the workspace. One that is not finite is
+                left out: the one before holds.
+        """
+
+    def close(self) -> None:
+        """Give back what the robot holds; a second call does nothing."""
+        return None
