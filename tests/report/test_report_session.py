@@ -193,7 +193,7 @@ def test_text_says_the_bad_news_first() -> None:
     report = session_report(make_session(3.0, stiffness=20.0, noise=0.02))
     text = render_text(report)
     ratio = report["prediction_error_percent"] / report["delayed_force_error_percent"]
-    assert f"worse than the delayed force (x {ratio:.1f})" in text
+    assert f"worse than the delayed force (error x {ratio:.1f})" in text
     assert "wrong by more than the force itself" in text
     assert text.index("worse than") < text.index("Forces at equal command")
     good = render_text(session_report(make_session(3.0)))

@@ -100,6 +100,7 @@ def session_report(
         },
         "models": _models(log),
         "messages": _messages(log),
+        "counts": dict(log.counts),
         "timing": {
             "leader": _timing(log.leader, CHANNELS["command"].rate),
             "follower": _timing(log.follower, CHANNELS["telemetry"].rate),

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Mapping
+from typing import Any, NamedTuple
 
 from foretouch.report.scores import STATUSES
 
-__all__ = ["findings", "render_text"]
+__all__ = ["Finding", "findings", "number", "render_text", "scoring_findings"]
 
 
-def render_text(report: dict[str, Any]) -> str:
+def render_text(report: Mapping[str, Any]) -> str:
     """The report of a session for a terminal.
 
     Args:
@@ -18,39 +19,63 @@ def render_text(report: dict[str, Any]) -> str:
     Returns:
         Lines of at most about 100 characters, without a last line break.
     """
-    parts = [_heading(report), *findings(report), "", *_forces(report), "", *_motion(report), "", *_machine(report)]
+    parts = [
+        _heading(report),
+        *(finding.text for finding in findings(report)),
+        "",
+        *_forces(report),
+        "",
+        *_motion(report),
+        "",
+        *_machine(report),
+    ]
     if report["recording"]:
         parts.append(f"  recording  {report['recording']}")
     return "\n".join(parts)
 
 
-def findings(report: dict[str, Any]) -> list[str]:
-    """What the numbers say, bad news first, one plain sentence each."""
-    status = report["status"]
-    said = [] if status == "ok" else [f"{status}: {STATUSES[status]}."]
-    error, late = report["prediction_error_percent"], report["delayed_force_error_percent"]
-    if error is not None and late:
-        if error > late:
-            said.append(f"The predicted force is worse than the delayed force (x {_figure(error / late)}).")
-        else:
-            said.append(f"The predicted force is better than the delayed force (error x {_figure(error / late)}).")
-        if error > 100.0:
-            said.append(f"It is wrong by more than the force itself ({_figure(error)} %): the estimate is no use here.")
-    within = report["within_jnd_percent"]
-    if within is not None and within < 100.0:
-        said.append(f"An operator could feel the prediction's error in {100.0 - within:.0f} % of the contact time.")
-    if report["missed_contact_percent"]:
-        said.append(f"Contact was missed in {report['missed_contact_percent']:.1f} % of the contact time.")
-    clipped = report["clipped"]
+class Finding(NamedTuple):
+    """One plain sentence about a session, and whether it is good news."""
+
+    text: str
+    good: bool
+
+
+def findings(report: Mapping[str, Any]) -> list[Finding]:
+    """What the numbers of a session say, one plain sentence each."""
+    said = scoring_findings(report)
     for side, what in (("leader", "rendered force"), ("follower", "robot's command")):
-        if clipped[side]:
-            said.append(f"The limits cut the {what} in {clipped[side]:,} ticks.")
-    if status not in ("nothing_to_score",) and not report["models"]["valid"]:
-        said.append("No valid contact model was ever identified: nothing could be predicted.")
+        if report["clipped"][side]:
+            said.append(Finding(f"The limits cut the {what} in {report['clipped'][side]:,} ticks.", False))
+    if report["samples"] and not report["models"]["valid"]:
+        said.append(Finding("No valid contact model was ever identified: nothing could be predicted.", False))
     return said
 
 
-def _heading(report: dict[str, Any]) -> str:
+def scoring_findings(figures: Mapping[str, Any]) -> list[Finding]:
+    """What the scores say, of a session or of a prediction on a recording."""
+    status = figures["status"]
+    said = [] if status == "ok" else [Finding(f"{status}: {STATUSES[status]}.", False)]
+    error, late = figures["prediction_error_percent"], figures["delayed_force_error_percent"]
+    if error is not None and late:
+        better = error <= late
+        word = "better" if better else "worse"
+        said.append(
+            Finding(f"The predicted force is {word} than the delayed force (error x {_figure(error / late)}).", better)
+        )
+        if error > 100.0:
+            text = f"It is wrong by more than the force itself ({_figure(error)} %): the estimate is no use here."
+            said.append(Finding(text, False))
+    within, missed = figures["within_jnd_percent"], figures["missed_contact_percent"]
+    if within is not None and within < 100.0:
+        text = f"An operator could feel the prediction's error in {_figure(100.0 - within)} % of the contact time."
+        said.append(Finding(text, False))
+    if missed:
+        said.append(Finding(f"Contact was missed in {_figure(missed)} % of the contact time.", False))
+    return said
+
+
+def _heading(report: Mapping[str, Any]) -> str:
     chosen = report["settings"]
     words = [f"{report['duration_s']:.1f} s"]
     for name, unit in _SHOWN.items():
@@ -62,9 +87,9 @@ def _heading(report: dict[str, Any]) -> str:
 _SHOWN = {"material": "", "operator": "", "estimator": "", "position_delay": " s", "force_delay": " s"}
 
 
-def _forces(report: dict[str, Any]) -> list[str]:
+def _forces(report: Mapping[str, Any]) -> list[str]:
     equal, exact = report["equal_position"], report["exact_force"]
-    contact = f"force in contact {_number(report['contact_force_rms_N'], 'N')} RMS"
+    contact = f"force in contact {number(report['contact_force_rms_N'], 'N')} RMS"
     lines = [
         f"Forces at equal command, {contact}, {report['scored_samples']:,} of {report['samples']:,} samples scored",
         f"  {'':<34}{'error':>12}{'RMSE':>12}{'within JND':>14}{'in free air':>14}",
@@ -105,26 +130,26 @@ def _forces(report: dict[str, Any]) -> list[str]:
 def _row(
     name: str, error: float | None, rmse: float | None, within: float | None = None, phantom: float | None = None
 ) -> str:
-    more = "" if within is None and phantom is None else f"{_number(within, '%'):>14}"
-    more += "" if phantom is None else f"{_number(phantom, 'N'):>14}"
-    return f"  {name:<34}{_number(error, '%'):>12}{_number(rmse, 'N'):>12}{more}"
+    more = "" if within is None and phantom is None else f"{number(within, '%'):>14}"
+    more += "" if phantom is None else f"{number(phantom, 'N'):>14}"
+    return f"  {name:<34}{number(error, '%'):>12}{number(rmse, 'N'):>12}{more}"
 
 
-def _motion(report: dict[str, Any]) -> list[str]:
+def _motion(report: Mapping[str, Any]) -> list[str]:
     tracking, commands, clipped = report["tracking_error"], report["commands"], report["clipped"]
-    rendered = _number(report["max_rendered_force_N"], "N")
-    jump = _number(report["largest_rendered_jump_N"], "N")
-    rms, lag = _number(tracking["rms_mm"], "mm"), _number(tracking["lag_ms"], "ms")
+    rendered = number(report["max_rendered_force_N"], "N")
+    jump = number(report["largest_rendered_jump_N"], "N")
+    rms, lag = number(tracking["rms_mm"], "mm"), number(tracking["lag_ms"], "ms")
     return [
         "Motion and limits",
         f"  robot      {rms} RMS from its commands, lag {lag}",
         f"  commands   {commands['sent']:,} sent, {commands['never_applied']:,} never applied",
         f"  leader     at most {rendered}, {jump} in one tick, {clipped['leader']:,} ticks cut",
-        f"  follower   at most {_number(report['max_follower_force_N'], 'N')}, {clipped['follower']:,} ticks cut",
+        f"  follower   at most {number(report['max_follower_force_N'], 'N')}, {clipped['follower']:,} ticks cut",
     ]
 
 
-def _machine(report: dict[str, Any]) -> list[str]:
+def _machine(report: Mapping[str, Any]) -> list[str]:
     lines = ["Loops (median / 99 % / largest) and messages"]
     for side in ("leader", "follower"):
         timing = report["timing"][side]
@@ -146,7 +171,8 @@ def _three(spread: dict[str, float | None], unit: str) -> str:
     return " / ".join(_figure(spread[key] or 0.0) for key in ("p50", "p99", "max")) + f" {unit}"
 
 
-def _number(value: float | None, unit: str) -> str:
+def number(value: float | None, unit: str) -> str:
+    """A figure with its unit, a dash for None."""
     return "-" if value is None else f"{_figure(value)} {unit}"
 
 

@@ -1,0 +1,315 @@
+"""The figures of a session, each a Matplotlib figure of its own; no global state is touched."""
+
+from __future__ import annotations
+
+import importlib
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from foretouch.errors import MissingExtraError
+from foretouch.messages import ModelUpdate, SessionLog
+from foretouch.models import LAWS
+from foretouch.quantities import QUANTITIES
+from foretouch.report.pairs import Pairs
+from foretouch.report.scores import JND_FORCE, JND_SHARE
+
+__all__ = [
+    "force_figure",
+    "loop_figure",
+    "model_figure",
+    "prediction_figure",
+    "timing_figure",
+    "tracking_figure",
+]
+
+Array = NDArray[np.float64]
+
+TRUE, PREDICTED, DELAYED, RENDERED, ERROR = "#000000", "#0072B2", "#E69F00", "#009E73", "#D55E00"
+"""Okabe and Ito's colours, which the colour-blind tell apart."""
+
+ZOOM = 2.5
+"""Length of the close-up [s]."""
+
+ROOM = 1.35
+"""The force axis reaches to this multiple of the largest measured or delayed force."""
+
+
+def new_figure(height: float) -> Any:
+    """An empty figure, 10 inches wide.
+
+    Raises:
+        MissingExtraError: Matplotlib is not installed.
+    """
+    try:
+        figure = importlib.import_module("matplotlib.figure")
+    except ModuleNotFoundError:
+        raise MissingExtraError("matplotlib", "report") from None
+    return figure.Figure(figsize=(10.0, height), layout="constrained")
+
+
+def force_figure(
+    time: Array,
+    true_force: Array,
+    predicted_force: Array,
+    delayed_force: Array,
+    rendered_force: Array | None = None,
+    *,
+    limits: tuple[float, float] | None = None,
+) -> Any:
+    """Forces over time, a close-up, and their errors in it; the layout of the paper's Fig. 11 and more.
+
+    Args:
+        time: [s], increasing, shape (n,), n of at least 1.
+        true_force: Less its zero [N], shape (n,).
+        predicted_force: [N], shape (n,).
+        delayed_force: [N], shape (n,).
+        rendered_force: [N], shape (n,), or None where nothing was rendered.
+        limits: Start and end of the scoring window [s], to be marked.
+    """
+    name = "measured" if rendered_force is None else "true (follower's sensor)"
+    curves = [(name, true_force, TRUE, 1.6), ("delayed", delayed_force, DELAYED, 1.1)]
+    if rendered_force is not None:
+        curves.append(("rendered", rendered_force, RENDERED, 1.8))
+    curves.append(("predicted", predicted_force, PREDICTED, 1.1))
+    figure = new_figure(9.5)
+    whole, near, error = figure.subplots(3, 1)
+    top = ROOM * max(_largest(true_force), _largest(delayed_force), 0.1)
+    inside = _close_up(time, true_force)
+    for axes, chosen in ((whole, np.ones(time.size, dtype=np.bool_)), (near, inside)):
+        for label, force, colour, width in curves:
+            axes.plot(*_thin(time[chosen], force[chosen]), color=colour, linewidth=width, label=label)
+        axes.set_ylim(-0.08 * top, top)
+        axes.set_ylabel("force [N]")
+        _say_beyond(axes, predicted_force[chosen], top)
+    whole.set_title("Contact force at equal command")
+    if limits is not None:
+        whole.axvspan(*limits, color="#56B4E9", alpha=0.12, linewidth=0.0, label="scored")
+    whole.axvspan(time[inside][0], time[inside][-1], color="0.5", alpha=0.15, linewidth=0.0, label="close-up below")
+    near.set_title("Close-up")
+    _legend(whole, columns=6)
+    band = np.maximum(JND_SHARE * true_force[inside], JND_FORCE)
+    error.fill_between(
+        time[inside], -band, band, color="0.5", alpha=0.3, linewidth=0.0, label="not noticed: max(10 %, 0.05 N)"
+    )
+    for label, force, colour in (("delayed", delayed_force, DELAYED), ("predicted", predicted_force, PREDICTED)):
+        error.plot(*_thin(time[inside], (force - true_force)[inside]), color=colour, linewidth=1.1, label=label)
+    error.set_ylim(-top, top)
+    error.set_title("Error in the close-up: force less true force")
+    error.set_ylabel("error [N]")
+    error.set_xlabel("time [s]")
+    _say_beyond(error, np.abs(predicted_force - true_force)[inside], top)
+    _legend(error, columns=3)
+    return _finished(figure)
+
+
+def prediction_figure(
+    time: Array, measured_force: Array, predicted_force: Array, delayed_force: Array, in_contact: NDArray[np.bool_]
+) -> Any:
+    """Forces of a prediction on a recording, as `force_figure`, with the samples in contact marked below them."""
+    figure = force_figure(time, measured_force, predicted_force, delayed_force)
+    figure.axes[0].set_title("Measured and predicted contact force", pad=22.0)
+    for axes in figure.axes[:2]:
+        sides, low = axes.get_xlim(), axes.get_ylim()[0]
+        axes.plot(time, np.where(in_contact, 0.6 * low, np.nan), color="0.45", linewidth=3.0)
+        axes.set_xlim(sides)
+    figure.axes[0].plot([], [], color="0.45", linewidth=3.0, label="in contact")
+    _legend(figure.axes[0], columns=6)
+    return _finished(figure)
+
+
+def model_figure(models: tuple[ModelUpdate, ...], start_ns: int) -> Any:
+    """Identified parameters over time, each in axes of its own; the layout of the paper's Fig. 10.
+
+    Args:
+        models: Of at least one law that is known here; the law that was sent most is shown.
+        start_ns: Time zero by the follower's clock [ns].
+    """
+    laws = [model.law for model in models if model.law in LAWS]
+    law = max(sorted(set(laws)), key=laws.count)
+    shown = [model for model in models if model.law == law]
+    names = LAWS[law].parameter_names
+    time = np.array([(model.time_ns - start_ns) * 1e-9 for model in shown])
+    valid = np.array([model.valid for model in shown])
+    rows = (len(names) + 1) // 2
+    figure = new_figure(0.6 + 2.3 * rows)
+    grid = figure.subplots(rows, 2, squeeze=False, sharex=True)
+    for column, name in enumerate(names):
+        axes = grid.flat[column]
+        values = np.array([model.parameters[column] for model in shown])
+        axes.plot(time, np.where(valid, values, np.nan), color=PREDICTED, linewidth=1.2, label="valid")
+        axes.plot(time[~valid], values[~valid], ".", color=ERROR, markersize=3.0, label="not valid")
+        _robust_range(axes, values[valid] if valid.any() else values)
+        symbol, unit = _symbol_and_unit(name)
+        axes.set_title(f"{name}" if symbol in ("", name) else f"{name} ({symbol})")
+        axes.set_ylabel(f"[{unit}]")
+    for axes in grid.flat[len(names) :]:
+        axes.set_visible(False)
+    for axes in grid[-1]:
+        axes.set_xlabel("time [s]")
+    _legend(grid.flat[0], columns=2)
+    figure.suptitle(f"Identified parameters: {law}")
+    return _finished(figure)
+
+
+def loop_figure(pairs: Pairs, true_force: Array, surface: float | None) -> Any:
+    """Force against depth: what the follower felt at its place, and what was predicted at the hand's."""
+    figure = new_figure(4.6)
+    axes = figure.subplots()
+    zero = 0.0 if surface is None else surface
+    step = max(1, pairs.time.size // 6000)
+    for label, position, force, colour in (
+        ("true, at the follower's position", pairs.follower["position"], true_force, TRUE),
+        ("predicted, at the leader's position", pairs.leader["position"], pairs.leader["predicted_force"], PREDICTED),
+    ):
+        axes.plot(1e3 * (position[::step] - zero), force[::step], color=colour, linewidth=0.7, label=label)
+    top = ROOM * max(_largest(true_force), 0.1)
+    axes.set_ylim(-0.08 * top, top)
+    _say_beyond(axes, pairs.leader["predicted_force"], top)
+    axes.set_title("Force against depth")
+    axes.set_xlabel("position [mm]" if surface is None else "depth, from the last surface that was sent [mm]")
+    axes.set_ylabel("force [N]")
+    _legend(axes, columns=2)
+    return _finished(figure)
+
+
+def tracking_figure(pairs: Pairs) -> Any:
+    """Commanded and actual position of the robot, and the distance between them."""
+    figure = new_figure(5.0)
+    place, apart = figure.subplots(2, 1, sharex=True)
+    commanded, actual = 1e3 * pairs.leader["position"], 1e3 * pairs.follower["position"]
+    place.plot(*_thin(pairs.time, commanded), color=DELAYED, linewidth=1.6, label="command that was applied")
+    place.plot(*_thin(pairs.time, actual), color=TRUE, linewidth=0.9, label="follower")
+    place.set_title("Position of the robot at equal command")
+    place.set_ylabel("position [mm]")
+    _legend(place, columns=2)
+    apart.plot(*_thin(pairs.time, actual - commanded), color=ERROR, linewidth=0.9)
+    apart.set_title("Tracking error: follower less command")
+    apart.set_ylabel("error [mm]")
+    apart.set_xlabel("time [s]")
+    return _finished(figure)
+
+
+def timing_figure(log: SessionLog) -> Any:
+    """How long the ticks of both sides were apart, and how long their computing took."""
+    figure = new_figure(5.4)
+    grid = figure.subplots(2, 2)
+    for row, (side, table, colour) in enumerate(
+        (("leader", log.leader, PREDICTED), ("follower", log.follower, RENDERED))
+    ):
+        period = table["period_ns"][table["period_ns"] > 0] * 1e-6
+        for axes, values, title, unit in (
+            (grid[row][0], period, f"{side}: period", "ms"),
+            (grid[row][1], table["compute_ns"] * 1e-3, f"{side}: compute time", "µs"),
+        ):
+            _histogram(axes, values, colour)
+            axes.set_title(title)
+            axes.set_xlabel(f"[{unit}]")
+            axes.set_ylabel("ticks")
+    return _finished(figure)
+
+
+def _histogram(axes: Any, values: Array, colour: str) -> None:
+    if not values.size:
+        axes.text(0.5, 0.5, "no ticks", ha="center", va="center", transform=axes.transAxes)
+        return
+    low, high = float(values.min()), float(values.max())
+    room = max(0.05 * (high - low), 0.1 * high - 0.5 * (high - low), 1e-6)
+    axes.hist(values, bins=np.linspace(low - room, high + room, 61), color=colour, histtype="stepfilled")
+    axes.set_yscale("log")
+    axes.minorticks_off()
+    axes.set_ylim(0.7, 2.0 * values.size)
+    p99 = float(np.percentile(values, 99.0))
+    axes.axvline(p99, color=ERROR, linewidth=1.2, linestyle="--", label=f"99 % below {p99:.3g}")
+    axes.legend(loc="upper right", fontsize="small")
+
+
+def _close_up(time: Array, force: Array) -> NDArray[np.bool_]:
+    """The last stretch of `ZOOM` seconds that ends with some contact: the estimate has had its time to settle."""
+    touched = np.flatnonzero(force > 0.2 * _largest(force))
+    end = time[touched[-1]] if touched.size else time[-1]
+    begin = max(end - ZOOM, time[0])
+    return np.asarray((time >= begin) & (time <= begin + 1.1 * ZOOM))
+
+
+def _thin(time: Array, values: Array, buckets: int = 1500) -> tuple[Array, Array]:
+    """Lowest and highest sample of each bucket, in order: the same picture with fewer points."""
+    size = -(-time.size // buckets)
+    if size <= 2:
+        return time, values
+    keep = []
+    finite = np.where(np.isfinite(values), values, 0.0)
+    for start in range(0, time.size, size):
+        piece = finite[start : start + size]
+        keep += sorted({start + int(piece.argmin()), start + int(piece.argmax())})
+    return time[keep], values[keep]
+
+
+def _largest(values: Array) -> float:
+    finite = values[np.isfinite(values)]
+    return float(finite.max()) if finite.size else 0.0
+
+
+def _say_beyond(axes: Any, predicted: Array, top: float) -> None:
+    """Say in the axes how much of the predicted force they do not show."""
+    beyond = 100.0 * float(np.mean(~(predicted <= top))) if predicted.size else 0.0
+    if beyond > 0.0:
+        axes.text(
+            0.995,
+            0.96,
+            f"predicted force beyond the axis in {beyond:.2g} % of samples (at most {_largest(predicted):.3g} N)",
+            ha="right",
+            va="top",
+            transform=axes.transAxes,
+            fontsize="small",
+            color="white",
+            bbox={"facecolor": PREDICTED, "edgecolor": "none", "pad": 3.0},
+        )
+
+
+def _robust_range(axes: Any, values: Array) -> None:
+    """Let the outermost hundredths go beyond the axis where they would flatten the rest, and say so."""
+    finite = values[np.isfinite(values)]
+    if not finite.size:
+        return
+    low, high = np.percentile(finite, [2.0, 98.0])
+    room = 0.25 * (high - low) or 0.1 * max(abs(high), 1e-9)
+    low, high = low - room, high + room
+    outside = 100.0 * float(np.mean((finite < low) | (finite > high)))
+    if outside > 0.0:
+        axes.text(
+            0.99,
+            0.03,
+            f"{outside:.2g} % beyond the axis",
+            ha="right",
+            va="bottom",
+            transform=axes.transAxes,
+            fontsize="small",
+            bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 2.0},
+        )
+    else:
+        low, high = min(low, finite.min()), max(high, finite.max())
+    axes.set_ylim(low, high)
+
+
+def _symbol_and_unit(name: str) -> tuple[str, str]:
+    for quantity in QUANTITIES:
+        if quantity.name == name:
+            return quantity.symbol, quantity.unit
+    return "", "SI"
+
+
+def _legend(axes: Any, columns: int) -> None:
+    """A legend between title and plot, where it hides nothing."""
+    axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=columns, frameon=False, fontsize="small")
+    axes.set_title(axes.get_title(), pad=22.0)
+
+
+def _finished(figure: Any) -> Any:
+    for axes in figure.axes:
+        axes.grid(alpha=0.3, linewidth=0.6)
+        axes.spines[["top", "right"]].set_visible(False)
+        axes.title.set_fontsize("medium")
+        axes.title.set_fontweight("bold")
+    return figure

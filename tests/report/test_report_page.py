@@ -1,0 +1,139 @@
+"""The page: one file, whole or not there, with nothing to fetch."""
+
+from __future__ import annotations
+
+import base64
+import re
+import sys
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+from report_sessions import make_session
+
+from foretouch.errors import ForetouchError, InputError, MissingExtraError
+from foretouch.messages import FOLLOWER_DTYPE, LEADER_DTYPE, SessionLog
+from foretouch.report import delayed, session_report, write_page, write_prediction_page
+from foretouch.report.figures import _thin, force_figure
+
+EMPTY = SessionLog(np.zeros(0, LEADER_DTYPE), np.zeros(0, FOLLOWER_DTYPE), ())
+
+
+def images(page: Path) -> list[ElementTree.Element]:
+    data = re.findall(r'src="data:image/svg\+xml;base64,([^"]+)"', page.read_text())
+    return [ElementTree.fromstring(base64.b64decode(image)) for image in data]
+
+
+@pytest.mark.parametrize(
+    ("log", "figures"),
+    [
+        (make_session(3.0, noise=0.02), 5),
+        (make_session(3.0, stiffness=30.0, limit=10.0), 5),
+        (make_session(2.5, touching=False), 5),
+        (make_session(2.5, models=False), 4),
+        (make_session(2.5, valid=False), 5),
+        (make_session(0.2), 5),
+        (make_session(0.05), 2),
+        (EMPTY, 0),
+    ],
+    ids=["good", "diverged", "no contact", "no models", "no valid model", "short", "nothing applied", "empty"],
+)
+def test_every_session_has_a_page(tmp_path: Path, log: SessionLog, figures: int) -> None:
+    report = session_report(log, recording="session.mcap")
+    page = write_page(tmp_path / "new" / "folder", log, report)
+    assert page == tmp_path / "new" / "folder" / "index.html"
+    assert [path.name for path in page.parent.iterdir()] == ["index.html"]
+    text = page.read_text()
+    assert report["status"] in text
+    assert len(images(page)) == figures
+    assert text.startswith("<!doctype html>")
+    assert text.rstrip().endswith("</html>")
+
+
+def test_the_page_asks_nobody_for_anything(tmp_path: Path) -> None:
+    log = make_session(2.0)
+    text = write_page(tmp_path, log, session_report(log)).read_text()
+    sources = re.findall(r'(?:src|href|url)\s*[=(]\s*["\']?([^"\')\s>]+)', text)
+    assert sources
+    assert all(source.startswith("data:") for source in sources)
+    assert "<script" not in text
+
+
+def test_texts_from_the_session_are_escaped(tmp_path: Path) -> None:
+    log = make_session(2.0)
+    log.settings["material"] = "<script>alert(1)</script>"
+    assert "<script" not in write_page(tmp_path, log, session_report(log)).read_text()
+
+
+def test_a_page_is_replaced_and_a_file_in_the_way_is_named(tmp_path: Path) -> None:
+    log = EMPTY
+    report = session_report(log)
+    write_page(tmp_path, log, report)
+    write_page(tmp_path, log, report)
+    (tmp_path / "taken").write_text("mine")
+    with pytest.raises(InputError, match="taken"):
+        write_page(tmp_path / "taken", log, report)
+    assert (tmp_path / "taken").read_text() == "mine"
+    (tmp_path / "folder" / "index.html").mkdir(parents=True)
+    with pytest.raises(ForetouchError, match=r"index\.html"):
+        write_page(tmp_path / "folder", log, report)
+
+
+def test_a_missing_matplotlib_is_named_and_leaves_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    log = make_session(0.2)
+    monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
+    with pytest.raises(MissingExtraError, match=r"foretouch\[report\]"):
+        write_page(tmp_path / "out", log, session_report(log))
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_prediction_has_a_page(tmp_path: Path) -> None:
+    time = np.arange(4000) * 1e-3
+    force = np.maximum(0.0, 4.0 * np.sin(6.0 * time))
+    forces = {
+        "time_s": time,
+        "measured_force_N": force,
+        "predicted_force_N": 3.0 * force,
+        "delayed_force_N": delayed(time, force, 0.3),
+        "in_contact": force > 0.2,
+    }
+    figures = {
+        "delay_s": 0.3,
+        "prediction_error_percent": 200.0,
+        "delayed_force_error_percent": 100.0,
+        "within_jnd_percent": 0.0,
+        "phantom_force_rms_N": None,
+        "contact_force_rms_N": 2.0,
+        "missed_contact_percent": 0.0,
+        "status": "ok",
+    }
+    page = write_prediction_page(tmp_path, "press & hold.csv", forces, figures)
+    text = page.read_text()
+    assert len(images(page)) == 1
+    assert "press &amp; hold.csv" in text
+    assert "worse than the delayed force (error x 2.00)" in text
+
+
+def test_a_diverged_prediction_does_not_flatten_the_figure_and_is_told() -> None:
+    time = np.arange(3000) * 1e-3
+    force = np.maximum(0.0, 4.0 * np.sin(6.0 * time))
+    predicted = force.copy()
+    predicted[::100] = 1e6
+    figure = force_figure(time, force, predicted, force, force)
+    for axes in figure.axes[:2]:
+        assert axes.get_ylim()[1] < 10.0
+        assert any("beyond the axis in 1 % of samples" in text.get_text() for text in axes.texts)
+    assert [line.get_label() for line in figure.axes[0].lines][-1] == "predicted"
+
+
+def test_thinning_keeps_every_peak() -> None:
+    time = np.arange(100_000) * 1e-3
+    values = np.zeros(100_000)
+    values[[777, 50_001, 99_999]] = [5.0, -3.0, 2.0]
+    thin_time, thin = _thin(time, values)
+    assert thin.size <= 3002
+    assert thin.max() == 5.0
+    assert thin.min() == -3.0
+    assert thin[-1] == 2.0
+    assert (np.diff(thin_time) >= 0.0).all()
