@@ -1,3 +1,4 @@
+import random
 import signal
 import subprocess
 import sys
@@ -188,6 +189,23 @@ def test_a_damaged_block_is_refused(tmp_path):
     with pytest.raises(RecordingError, match=r"the block at byte \d+ is damaged") as caught:
         read_session(path)
     assert "\n" not in str(caught.value)
+
+
+def test_bytes_that_changed_give_one_line_or_a_session(tmp_path):
+    path = tmp_path / "session.mcap"
+    made.write_session(path, 60, {"late": 1})
+    content, draw = path.read_bytes(), random.Random(1)
+    refused = 0
+    for _ in range(400):
+        changed = bytearray(content)
+        for _ in range(3):
+            changed[draw.randrange(8, len(content))] = draw.randrange(256)
+        path.write_bytes(changed)
+        try:
+            read_session(path)
+        except RecordingError as error:
+            refused += "\n" not in str(error)
+    assert refused > 100
 
 
 def foreign(path, topic, type_name, schema):

@@ -135,26 +135,25 @@ class _Scan:
 
     def _structure(self, code: int, content: bytes, start: int) -> None:
         """Read a record that is no message."""
-        stream = self._stream.ReadDataStream(BytesIO(content))
-        if code == _SCHEMA:
-            schema = self._records.Schema.read(stream)
-            self._schemas[schema.id] = schema
-        elif code == _CHANNEL:
-            self._channel(self._records.Channel.read(stream))
-        elif code == _METADATA:
-            metadata = self._records.Metadata.read(stream)
-            if metadata.name == COUNTS:
-                self._counts |= {name: int(count) for name, count in metadata.metadata.items()}
-        else:
-            self._records_of(self._unpacked(stream, start), 0)
-
-    def _unpacked(self, stream: Any, start: int) -> bytes:
         try:
-            chunk = self._records.Chunk.read(stream)
-            content, length = self._stream.get_chunk_data_stream(chunk, validate_crc=True)
-            return bytes(content.read(length))
-        except Exception as error:  # each compression library has its own errors
+            self._read(code, content)
+        except RecordingError:
+            raise
+        except Exception as error:  # mcap, struct and each compression library have their own errors
             raise RecordingError(self._path, f"the block at byte {start} is damaged: {_one_line(error)}") from None
+
+    def _read(self, code: int, content: bytes) -> None:
+        kinds = {_SCHEMA: "Schema", _CHANNEL: "Channel", _CHUNK: "Chunk", _METADATA: "Metadata"}
+        record = getattr(self._records, kinds[code]).read(self._stream.ReadDataStream(BytesIO(content)))
+        if code == _SCHEMA:
+            self._schemas[record.id] = record
+        elif code == _CHANNEL:
+            self._channel(record)
+        elif code == _CHUNK:
+            inside, length = self._stream.get_chunk_data_stream(record, validate_crc=True)
+            self._records_of(bytes(inside.read(length)), 0)
+        elif record.name == COUNTS:
+            self._counts |= {name: int(count) for name, count in record.metadata.items()}
 
     def _channel(self, channel: Any) -> None:
         self._topics.add(channel.topic)
