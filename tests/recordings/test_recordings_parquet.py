@@ -58,3 +58,19 @@ def test_missing_columns_and_foreign_files_are_refused(tmp_path):
         with pytest.raises(RecordingError, match="is no Parquet file") as caught:
             read_recording(path)
         assert "\n" not in str(caught.value)
+
+
+def test_damaged_files_give_one_line(table):
+    path = table()
+    content = path.read_bytes()
+    for place in range(4, len(content) - 8, 7):
+        path.write_bytes(content[:place] + bytes([content[place] ^ 0x80]) + content[place + 1 :])
+        try:
+            read_recording(path)
+        except RecordingError as error:
+            shown = str(error)
+            if "\n" in shown:
+                pytest.fail(shown)
+    path.write_bytes(content[: len(content) // 2])
+    with pytest.raises(RecordingError, match="is no Parquet file"):
+        read_recording(path)

@@ -30,8 +30,10 @@ def read_parquet(path: str | PathLike[str], units: Units) -> Recording:
             names = file.schema_arrow.names
             wanted = wanted_columns(path, names)
             table = file.read(columns=wanted)
-    except pyarrow.ArrowException as error:
-        raise RecordingError(path, f"is no Parquet file: {' '.join(str(error).split())}") from None
+    except RecordingError:
+        raise
+    except Exception as error:  # pyarrow raises many kinds on a damaged or foreign file
+        raise RecordingError(path, f"is no Parquet file that can be read: {' '.join(str(error).split())}") from None
     columns = {name: _numbers(path, name, table[name], pyarrow) for name in wanted}
     return to_recording(path, columns, units, first_row=1)
 
