@@ -29,7 +29,7 @@ Array = NDArray[np.float64]
 TRUE, PREDICTED, DELAYED, RENDERED, ERROR = "#000000", "#0072B2", "#E69F00", "#009E73", "#D55E00"
 """Okabe and Ito's colours, which the colour-blind tell apart."""
 
-ZOOM = 2.5
+ZOOM = 4.0
 """Length of the close-up [s]."""
 
 ROOM = 1.35
@@ -46,7 +46,7 @@ def new_figure(height: float) -> Any:
         figure = importlib.import_module("matplotlib.figure")
     except ModuleNotFoundError:
         raise MissingExtraError("matplotlib", "report") from None
-    return figure.Figure(figsize=(10.0, height), layout="constrained")
+    return figure.Figure(figsize=(10.0, height))
 
 
 def force_figure(
@@ -71,7 +71,7 @@ def force_figure(
     name = "measured" if rendered_force is None else "true (follower's sensor)"
     curves = [(name, true_force, TRUE, 1.6), ("delayed", delayed_force, DELAYED, 1.1)]
     if rendered_force is not None:
-        curves.append(("rendered", rendered_force, RENDERED, 1.8))
+        curves.append(("rendered", rendered_force, RENDERED, 4.0))  # wide, under the predicted one
     curves.append(("predicted", predicted_force, PREDICTED, 1.1))
     figure = new_figure(9.5)
     whole, near, error = figure.subplots(3, 1)
@@ -79,7 +79,8 @@ def force_figure(
     inside = _close_up(time, true_force)
     for axes, chosen in ((whole, np.ones(time.size, dtype=np.bool_)), (near, inside)):
         for label, force, colour, width in curves:
-            axes.plot(*_thin(time[chosen], force[chosen]), color=colour, linewidth=width, label=label)
+            alpha = 0.45 if force is rendered_force else 1.0
+            axes.plot(*_thin(time[chosen], force[chosen]), color=colour, linewidth=width, alpha=alpha, label=label)
         axes.set_ylim(-0.08 * top, top)
         axes.set_ylabel("force [N]")
         _say_beyond(axes, predicted_force[chosen], top)
@@ -101,7 +102,7 @@ def force_figure(
     error.set_xlabel("time [s]")
     _say_beyond(error, np.abs(predicted_force - true_force)[inside], top)
     _legend(error, columns=3)
-    return _finished(figure)
+    return _finished(figure, 3)
 
 
 def prediction_figure(
@@ -116,7 +117,7 @@ def prediction_figure(
         axes.set_xlim(sides)
     figure.axes[0].plot([], [], color="0.45", linewidth=3.0, label="in contact")
     _legend(figure.axes[0], columns=6)
-    return _finished(figure)
+    return _finished(figure, 3)
 
 
 def model_figure(models: tuple[ModelUpdate, ...], start_ns: int) -> Any:
@@ -133,7 +134,7 @@ def model_figure(models: tuple[ModelUpdate, ...], start_ns: int) -> Any:
     time = np.array([(model.time_ns - start_ns) * 1e-9 for model in shown])
     valid = np.array([model.valid for model in shown])
     rows = (len(names) + 1) // 2
-    figure = new_figure(0.6 + 2.3 * rows)
+    figure = new_figure(1.0 + 2.3 * rows)
     grid = figure.subplots(rows, 2, squeeze=False, sharex=True)
     for column, name in enumerate(names):
         axes = grid.flat[column]
@@ -149,8 +150,8 @@ def model_figure(models: tuple[ModelUpdate, ...], start_ns: int) -> Any:
     for axes in grid[-1]:
         axes.set_xlabel("time [s]")
     _legend(grid.flat[0], columns=2)
-    figure.suptitle(f"Identified parameters: {law}")
-    return _finished(figure)
+    figure.suptitle(f"Identified parameters: {law}", y=1.0 - 0.25 / figure.get_figheight(), va="center")
+    return _finished(figure, rows, above=0.95, gap=0.6)
 
 
 def loop_figure(pairs: Pairs, true_force: Array, surface: float | None) -> Any:
@@ -171,7 +172,7 @@ def loop_figure(pairs: Pairs, true_force: Array, surface: float | None) -> Any:
     axes.set_xlabel("position [mm]" if surface is None else "depth, from the last surface that was sent [mm]")
     axes.set_ylabel("force [N]")
     _legend(axes, columns=2)
-    return _finished(figure)
+    return _finished(figure, 1)
 
 
 def tracking_figure(pairs: Pairs) -> Any:
@@ -188,7 +189,7 @@ def tracking_figure(pairs: Pairs) -> Any:
     apart.set_title("Tracking error: follower less command")
     apart.set_ylabel("error [mm]")
     apart.set_xlabel("time [s]")
-    return _finished(figure)
+    return _finished(figure, 2, gap=0.5)
 
 
 def timing_figure(log: SessionLog) -> Any:
@@ -207,7 +208,7 @@ def timing_figure(log: SessionLog) -> Any:
             axes.set_title(title)
             axes.set_xlabel(f"[{unit}]")
             axes.set_ylabel("ticks")
-    return _finished(figure)
+    return _finished(figure, 2, above=0.4)
 
 
 def _histogram(axes: Any, values: Array, colour: str) -> None:
@@ -216,7 +217,11 @@ def _histogram(axes: Any, values: Array, colour: str) -> None:
         return
     low, high = float(values.min()), float(values.max())
     room = max(0.05 * (high - low), 0.1 * high - 0.5 * (high - low), 1e-6)
-    axes.hist(values, bins=np.linspace(low - room, high + room, 61), color=colour, histtype="stepfilled")
+    bins = np.linspace(low - room, high + room, 61)
+    if high > 20.0 * low > 0.0:  # a few late ticks would leave all others in one bar
+        bins = np.geomspace(0.9 * low, 1.1 * high, 61)
+        axes.set_xscale("log")
+    axes.hist(values, bins=bins, color=colour, histtype="stepfilled")
     axes.set_yscale("log")
     axes.minorticks_off()
     axes.set_ylim(0.7, 2.0 * values.size)
@@ -306,7 +311,14 @@ def _legend(axes: Any, columns: int) -> None:
     axes.set_title(axes.get_title(), pad=22.0)
 
 
-def _finished(figure: Any) -> Any:
+def _finished(figure: Any, rows: int, *, above: float = 0.6, gap: float = 0.85) -> Any:
+    """Place the axes by hand, inches above and between the rows: the automatic layouts draw everything twice."""
+    height = figure.get_figheight()
+    below = 0.55
+    row = (height - above - below - (rows - 1) * gap) / rows
+    figure.subplots_adjust(
+        left=0.08, right=0.985, bottom=below / height, top=1.0 - above / height, hspace=gap / row, wspace=0.2
+    )
     for axes in figure.axes:
         axes.grid(alpha=0.3, linewidth=0.6)
         axes.spines[["top", "right"]].set_visible(False)
