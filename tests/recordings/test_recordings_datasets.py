@@ -77,6 +77,11 @@ def test_every_measured_file_is_the_registered_one(measured, name):
     assert hashlib.sha256(measured(name).read_bytes()).hexdigest() == DATASETS[name].sha256
 
 
+@pytest.mark.data
+def test_all_of_a_kind_are_fetched_in_order(measured):
+    assert [measured(dataset.name) for dataset in list_datasets("foam")] == fetch_all("foam")
+
+
 def test_an_unknown_name_is_refused_with_those_there_are():
     with pytest.raises(UnknownNameError, match="unknown dataset 'foam': choose one of aurora/100-mN, "):
         fetch("foam")

@@ -228,14 +228,14 @@ def fetch(name: str) -> Path:
     return _in_data_dir(dataset) or _through_pooch(dataset)
 
 
-def fetch_all(kind: str | None = None) -> dict[str, Path]:
-    """Paths of all measured files, or of those of one kind, by name.
+def fetch_all(kind: str | None = None) -> list[Path]:
+    """Paths of all measured files, or of those of one kind, in the order of `list_datasets`.
 
     Raises:
         UnknownNameError: There is no such kind.
         DatasetError: As `fetch`.
     """
-    return {dataset.name: fetch(dataset.name) for dataset in list_datasets(kind)}
+    return [fetch(dataset.name) for dataset in list_datasets(kind)]
 
 
 def _in_data_dir(dataset: Dataset) -> Path | None:
