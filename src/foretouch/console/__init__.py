@@ -1,1 +1,8 @@
-"""Room `console`."""
+"""The console: a session in a browser, which watches messages and publishes three inputs (handle, settings, stop).
+
+It never imports a step and moves no bytes: the caller gives it what arrives and sends what it publishes.
+"""
+
+from foretouch.console.console import Console, require_free_port
+
+__all__ = ["Console", "require_free_port"]

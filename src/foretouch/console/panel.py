@@ -1,0 +1,176 @@
+"""The panel beside the picture: what to do, the plot, the numbers, the delays, the stop button."""
+
+from __future__ import annotations
+
+import html
+import math
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from foretouch.console.history import Window
+from foretouch.console.palette import BLUE, INK, VERMILLION, css
+
+__all__ = ["INSTRUCTION", "LONGEST_DELAY", "Numbers", "Panel"]
+
+INSTRUCTION = "Drag the blue handle down to press."
+LONGEST_DELAY = 2.0
+"""End of the sliders [s]."""
+SECONDS = 6.0
+"""Length of the plot [s]."""
+
+
+class Numbers(NamedTuple):
+    """What stands beside the plot; NaN where it is not known.
+
+    Attributes:
+        predicted: Force of the newest model at the hand's motion [N].
+        delayed: Force of the newest telemetry that had arrived [N].
+        true: Newest true force that is known [N].
+        true_age: How long ago the hand was there [s].
+        rendered: What the hand is given after the clamps [N].
+        depth: Of the operator's tip below the surface [m].
+        prediction_error: Over the plotted time [%].
+        delayed_error: Over the plotted time [%].
+        status: One line: what the session is doing.
+    """
+
+    predicted: float
+    delayed: float
+    true: float
+    true_age: float
+    rendered: float
+    depth: float
+    prediction_error: float
+    delayed_error: float
+    status: str
+
+
+class Panel:
+    """The viewer's panel.
+
+    Args:
+        server: The viewer's server.
+        on_delays: Called with both one-way delays [s] when a user moves a slider.
+        on_stop: Called when the stop button is pressed.
+    """
+
+    def __init__(self, server: Any, on_delays: Callable[[float, float], None], on_stop: Callable[[], None]) -> None:
+        self._on_delays = on_delays
+        self._on_stop = on_stop
+        gui = server.gui
+        gui.set_panel_label("foretouch")
+        gui.configure_theme(control_width="large", show_logo=False, show_share_button=False, brand_color=BLUE)
+        gui.main_panel.dock_right()
+        gui.main_panel.set_width(460)
+        self._head = gui.add_html(_head_html(INSTRUCTION))
+        self._plot = _add_plot(gui)
+        self._numbers = gui.add_html("")
+        self._position_delay = gui.add_slider("Delay there [s]", 0.0, LONGEST_DELAY, 0.01, 0.0, hint=_DELAY_THERE)
+        self._force_delay = gui.add_slider("Delay back [s]", 0.0, LONGEST_DELAY, 0.01, 0.0, hint=_DELAY_BACK)
+        self._stop = gui.add_button("Stop the session", color=VERMILLION)
+        self._position_delay.on_update(self._slid)
+        self._force_delay.on_update(self._slid)
+        self._stop.on_click(self._clicked)
+
+    def set_delays(self, position_delay: float, force_delay: float) -> None:
+        """Put the sliders where the session is, without telling the session."""
+        self._position_delay.value = min(max(position_delay, 0.0), LONGEST_DELAY)
+        self._force_delay.value = min(max(force_delay, 0.0), LONGEST_DELAY)
+
+    def plot(self, window: Window) -> None:
+        """Draw the forces."""
+        if len(window.time):
+            data = (window.time, window.true, window.predicted, window.delayed)
+            self._plot.data = tuple(np.ascontiguousarray(a, np.float64) for a in data)
+
+    def write(self, numbers: Numbers) -> None:
+        """Write the numbers."""
+        text = _numbers_html(numbers)
+        if text != self._numbers.content:
+            self._numbers.content = text
+
+    def instruct(self, instruction: str) -> None:
+        """Say what to do, in one line."""
+        self._head.content = _head_html(instruction)
+
+    def stopping(self) -> None:
+        """Show that the session ends."""
+        self._stop.label = "Stopping"
+        self._stop.disabled = True
+
+    async def _slid(self, event: Any) -> None:
+        if event.client is not None:  # None: the program set it
+            self._on_delays(float(self._position_delay.value), float(self._force_delay.value))
+
+    async def _clicked(self, event: Any) -> None:
+        self._on_stop()
+
+
+def _add_plot(gui: Any) -> Any:
+    """The plot of forces; its x axis is numbers, not dates."""
+    start = np.array([-SECONDS, 0.0])
+    unknown = np.full(2, np.nan)
+    return gui.add_uplot(
+        (start, np.zeros(2), unknown, unknown),
+        (
+            {"label": "time [s]"},
+            {"label": "true (robot's sensor)", "stroke": css(INK), "width": 3.0, "points": {"show": False}},
+            {"label": "predicted (you feel)", "stroke": css(BLUE), "width": 2.0, "points": {"show": False}},
+            {
+                "label": "delayed (network)",
+                "stroke": css(VERMILLION),
+                "width": 2.0,
+                "dash": (6.0, 4.0),
+                "points": {"show": False},
+            },
+        ),
+        title="Contact force [N]",
+        scales={"x": {"time": False, "range": (-SECONDS, 0.0)}, "y": {"time": False, "range": (0.0, None)}},
+        axes=({"label": "time of your motion before now [s]", "labelSize": 20.0}, {"size": 44.0}),
+        legend={"show": True, "live": False},
+        cursor={"show": False},
+        height=235,
+    )
+
+
+def _head_html(instruction: str) -> str:
+    """What to do, and what it is about."""
+    return (
+        f'<div style="padding:2px 12px 6px 12px;font-size:1.15em"><b style="color:{css(BLUE)}">'
+        f'{html.escape(instruction)}</b><br><span style="font-size:0.8em;color:#555">The robot touches the material on '
+        "the far side of a slow network. A model of the material crosses instead of the force, so that you feel the "
+        "contact at once.</span></div>"
+    )
+
+
+_DELAY_THERE = "One-way delay of your positions on their way to the robot"
+_DELAY_BACK = "One-way delay of models and measured forces on their way back"
+
+
+def _number(value: float, unit: str, digits: int = 2) -> str:
+    return f"{value:.{digits}f} {unit}" if math.isfinite(value) else "–"
+
+
+def _numbers_html(n: Numbers) -> str:
+    """The table of numbers."""
+    age = f" ({n.true_age:.2f} s ago)" if math.isfinite(n.true_age) else ""
+    rows = (
+        (css(BLUE), "Predicted force now", _number(n.predicted, "N"), _number(n.prediction_error, "%", 1)),
+        (css(VERMILLION), "Delayed force now", _number(n.delayed, "N"), _number(n.delayed_error, "%", 1)),
+        (css(INK), f"True force{age}", _number(n.true, "N"), ""),
+        ("#555", "Rendered to the hand", _number(n.rendered, "N"), ""),
+        ("#555", "Depth of the probe", _number(max(n.depth, 0.0) * 1e3, "mm", 1), ""),
+    )
+    cells = "".join(
+        f'<tr><td><b style="color:{colour}">&#9632;</b> {name}</td><td style="text-align:right"><b>{value}</b></td>'
+        f'<td style="text-align:right">{error}</td></tr>'
+        for colour, name, value, error in rows
+    )
+    right = 'style="text-align:right"'
+    head = f'<tr style="color:#555"><td></td><td {right}>value</td><td {right}>error, last {SECONDS:.0f} s</td></tr>'
+    return (
+        '<div style="padding:0 12px"><table style="width:100%;font-variant-numeric:tabular-nums;border-spacing:0 1px">'
+        f'{head}{cells}</table><div style="color:#555;padding-top:4px">{html.escape(n.status)}</div></div>'
+    )

@@ -1,0 +1,174 @@
+"""The picture: probe, material, the delayed robot's ghost, force arrows, and the handle that a mouse drags."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from foretouch.console import shapes
+from foretouch.console.palette import BLUE, CUT, SURFACE, VERMILLION
+
+__all__ = ["CAMERA", "FIELD_OF_VIEW", "UNITS", "Scene", "height_on_axis"]
+
+UNITS = 200.0
+"""Scene units per metre: one unit is 5 mm."""
+UNITS_PER_NEWTON = 0.4
+CAMERA = ((2.6, -20.5, 8.4), (0.0, 0.0, 2.6))
+"""Where the camera is at first and what it looks at [scene units]."""
+FIELD_OF_VIEW = math.radians(34.0)
+"""Vertical."""
+SMALLEST_CHANGE = 0.002
+"""Changes below this [scene units], 0.01 mm, are not drawn."""
+RULER_X = -4.4
+
+
+class Scene:
+    """The viewer's scene. Heights are z = (surface - position) * `UNITS`: the undeformed surface is at 0.
+
+    Args:
+        server: The viewer's server.
+        on_drag: Called with the handle's height [scene units] and whether it is held, at every move of a drag, from the
+            viewer's own thread.
+    """
+
+    def __init__(self, server: Any, on_drag: Callable[[float, bool], None]) -> None:
+        self._on_drag = on_drag
+        self._grab_offset = 0.0
+        self._handle_z = 0.0
+        self._drawn_depth = 0.0
+        self._travel = (0.0, 0.0)
+        self.held = False
+        scene = server.scene
+        scene.set_up_direction("+z")
+        scene.configure_default_lights(cast_shadow=False)
+        scene.world_axes.visible = False
+        camera = server.initial_camera
+        camera.fov = FIELD_OF_VIEW
+        camera.position, camera.look_at = CAMERA
+        self._add_material(scene)
+        self._add_ruler(scene)
+        self._probe = self._add_body(scene, "/probe", shapes.probe(), (92, 106, 120))
+        self._ghost = self._add_body(scene, "/robot", shapes.probe(growth=0.12), VERMILLION, opacity=0.38)
+        self._force = self._add_body(scene, "/probe_force", shapes.arrow(0.0), BLUE)
+        self._ghost_force = self._add_body(scene, "/robot_force", shapes.arrow(0.0), VERMILLION)
+        self._handle = self._add_body(scene, "/handle", shapes.handle(), BLUE)
+        self._rail = self._add_body(scene, "/rail", shapes.rail(0.0, 1.0), BLUE, opacity=0.1)
+        for node in (self._handle, self._rail, self._probe):  # a handle that moves is hard to catch; its rail stands
+            node.on_drag("left")(self._dragged)
+        self._handle_label = scene.add_label(
+            "/labels/handle", "Drag me down to press", anchor="bottom-center", font_screen_scale=1.25
+        )
+        self._force_label = scene.add_label("/labels/force", "", anchor="center-right", font_screen_scale=1.1)
+        self._ghost_label = scene.add_label("/labels/robot", "", anchor="center-left", font_screen_scale=1.1)
+
+    def draw(self, z: float, ghost_z: float, force: float, ghost_force: float) -> None:
+        """Move everything.
+
+        Args:
+            z: Height of the operator's tip [scene units].
+            ghost_z: Height of the robot's tip as last seen [scene units]; NaN hides it.
+            force: What the operator feels [N].
+            ghost_force: Delayed force [N].
+        """
+        self._probe.position = (0.0, 0.0, z)
+        self._draw_material(-z)
+        self._draw_force(self._force, -1.15, z, force)
+        self._force_label.position = (-1.6, 0.0, z + 0.5)
+        seen = math.isfinite(ghost_z)
+        for node in (self._ghost, self._ghost_force, self._ghost_label):
+            node.visible = seen
+        if seen:
+            self._ghost.position = (0.0, 0.0, ghost_z)
+            self._draw_force(self._ghost_force, 1.15, ghost_z, ghost_force)
+            self._ghost_label.position = (1.6, 0.0, ghost_z + 0.5)
+        if not self.held:
+            self._handle_z = z + shapes.HANDLE_HEIGHT
+        self._handle.position = (0.0, 0.0, self._handle_z)
+        self._handle_label.position = (0.0, 0.0, self._handle_z + 1.4)
+
+    def label(self, handle: str, force: str, ghost: str) -> None:
+        """Write beside the handle, the probe and the ghost."""
+        for node, text in ((self._handle_label, handle), (self._force_label, force), (self._ghost_label, ghost)):
+            if node.text != text:
+                node.text = text
+
+    def set_travel(self, bottom: float, top: float) -> None:
+        """Between which heights of the operator's tip [scene units] the handle can be dragged."""
+        if self._travel != (bottom, top):
+            self._travel = (bottom, top)
+            self._rail.vertices = shapes.rail(bottom + shapes.HANDLE_HEIGHT, top + shapes.HANDLE_HEIGHT)[0]
+
+    def offer_handle(self, offered: bool) -> None:
+        """Show the handle and its rail, or hide them where nobody listens to them."""
+        for node in (self._handle, self._rail, self._handle_label):
+            node.visible = offered
+
+    def hold_at(self, z: float) -> None:
+        """Put the held handle at a height [scene units], after limits."""
+        self._handle_z = z
+
+    async def _dragged(self, event: Any) -> None:
+        """A drag of the handle: async, so that the viewer keeps the order of start, moves and end."""
+        height = height_on_axis(np.asarray(event.client.camera.position), np.asarray(event.end_position))
+        if event.phase == "start":  # from where the handle is now, wherever on it or on its rail the mouse is
+            self._grab_offset = 0.0 if math.isnan(height) else height - self._handle_z
+        self.held = event.phase != "end"
+        self._on_drag(self._handle_z if math.isnan(height) else height - self._grab_offset, self.held)
+
+    def _add_body(
+        self, scene: Any, name: str, mesh: shapes.Mesh, colour: tuple[int, int, int], opacity: float | None = None
+    ) -> Any:
+        return scene.add_mesh_simple(name, *mesh, color=colour, opacity=opacity, side="double")
+
+    def _add_material(self, scene: Any) -> None:
+        self._material = shapes.Material()
+        top, cut = self._material.top(0.0), self._material.cut(0.0)
+        self._top = self._add_body(scene, "/material/top", (top, self._material.top_faces), SURFACE)
+        self._cut = [
+            self._add_body(scene, f"/material/cut_{i}", (cut, faces), colour)
+            for i, (faces, colour) in enumerate(zip(self._material.layer_faces, CUT, strict=True))
+        ]
+        self._add_body(scene, "/material/sides", self._material.sides(), CUT[1])
+
+    def _add_ruler(self, scene: Any) -> None:
+        heights = [-depth_mm * 1e-3 * UNITS for depth_mm in (0, 5, 10)]
+        y = -0.05
+        ticks = [[(RULER_X - 0.15, y, z), (RULER_X + 0.15, y, z)] for z in heights]
+        points = np.array([*ticks, [(RULER_X, y, heights[0]), (RULER_X, y, heights[-1])]], np.float32)
+        scene.add_line_segments("/ruler", points, (60, 60, 60))
+        for depth_mm, z in zip((0, 5, 10), heights, strict=True):
+            scene.add_label(
+                f"/ruler/{depth_mm}", f"{depth_mm} mm", position=(RULER_X - 0.25, y, z), anchor="center-right"
+            )
+
+    def _draw_material(self, depth: float) -> None:
+        depth = min(max(depth, 0.0), 2.9)
+        if abs(depth - self._drawn_depth) < SMALLEST_CHANGE:
+            return
+        self._drawn_depth = depth
+        self._top.vertices = self._material.top(depth)
+        for node in self._cut:
+            node.vertices = self._material.cut(depth)
+
+    def _draw_force(self, node: Any, x: float, z: float, force: float) -> None:
+        length = force * UNITS_PER_NEWTON if math.isfinite(force) else 0.0
+        node.visible = length > 0.01
+        if node.visible:
+            node.vertices = shapes.arrow(min(length, 6.0))[0]
+            node.position = (x, -0.3, z)
+
+
+def height_on_axis(eye: Any, seen: Any) -> float:
+    """Height z at which the z axis comes nearest to the line of sight from `eye` through `seen`.
+
+    A mouse has two dimensions and the handle one: this is the handle's height under the mouse. NaN when the eye looks
+    along the axis.
+    """
+    dx, dy, dz = seen - eye
+    across = dx * dx + dy * dy
+    if across < 1e-9 * (across + dz * dz) or not math.isfinite(across):
+        return float("nan")
+    return float(eye[2] - dz * (eye[0] * dx + eye[1] * dy) / across)

@@ -1,0 +1,139 @@
+"""Meshes of the scene, in its own units: bodies of revolution and the cut material. Numbers only, no viewer."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["HANDLE_HEIGHT", "TIP_RADIUS", "Material", "arrow", "handle", "probe", "rail"]
+
+Mesh = tuple[NDArray[np.float32], NDArray[np.uint32]]
+"""Vertices (V, 3) [scene units] and triangles (F, 3)."""
+
+TIP_RADIUS = 0.45
+EDGE = 3.9
+"""Distance from the axis at which the material does not sink any more [scene units]."""
+HANDLE_HEIGHT = 4.6
+"""Of the middle of the handle above the tip [scene units]."""
+
+
+def lathe(profile: list[tuple[float, float]], segments: int = 24) -> Mesh:
+    """Body of revolution about z.
+
+    Args:
+        profile: Radius and height [scene units], from the bottom up; radii of 0 close the ends.
+        segments: Around the axis.
+    """
+    angle = np.linspace(0.0, 2.0 * math.pi, segments, endpoint=False)
+    radius, height = np.array(profile).T
+    ring = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    vertices = np.empty((len(profile), segments, 3), np.float32)
+    vertices[..., :2] = radius[:, None, None] * ring
+    vertices[..., 2] = height[:, None]
+    i, j = np.meshgrid(np.arange(len(profile) - 1), np.arange(segments), indexing="ij")
+    a, b = i * segments + j, i * segments + (j + 1) % segments
+    c, d = a + segments, b + segments
+    faces = np.stack([np.stack([a, b, d], -1), np.stack([a, d, c], -1)], axis=2).reshape(-1, 3)
+    return vertices.reshape(-1, 3), faces.astype(np.uint32)
+
+
+def probe(growth: float = 0.0) -> Mesh:
+    """Round tip at the origin and the rod above it; `growth` [scene units] makes a shell around it."""
+    radius = TIP_RADIUS
+    tip = [
+        (math.sin(a) * (radius + growth), radius - math.cos(a) * (radius + growth))
+        for a in np.linspace(0.0, 0.8 * math.pi, 14)
+    ]
+    rod = 0.2 + growth
+    return lathe([*tip, (rod, 1.8 * radius + 0.15), (rod, HANDLE_HEIGHT), (0.0, HANDLE_HEIGHT)])
+
+
+def handle() -> Mesh:
+    """A double arrow about the origin: what can be pulled up and pushed down."""
+    neck, width, cone, end = 0.42, 0.95, 0.45, 1.25
+    half = [(neck, 0.0), (neck, cone), (width, cone), (0.0, end)]
+    return lathe([(r, -z) for r, z in reversed(half[1:])] + half, segments=32)
+
+
+def arrow(length: float) -> Mesh:
+    """Arrow from the origin upwards, `length` [scene units] long, all of it head where that is short."""
+    length = max(length, 1e-3)
+    head = min(0.5, length)
+    shaft = 0.1
+    return lathe([(0.0, 0.0), (shaft, 0.0), (shaft, length - head), (2.4 * shaft, length - head), (0.0, length)], 16)
+
+
+def rail(bottom: float, top: float) -> Mesh:
+    """Flat strip behind the handle, between two heights of its middle [scene units]."""
+    x, y, low, high = 1.15, 0.0, bottom - 1.3, top + 1.3
+    vertices = np.array([(-x, y, low), (x, y, low), (x, y, high), (-x, y, high)], np.float32)
+    return vertices, np.array([(0, 1, 2), (0, 2, 3)], np.uint32)
+
+
+class Material:
+    r"""A block that is cut through the middle, so that the dent shows in the cut as well as on top.
+
+    Under a tip at depth d the surface sinks by
+
+    .. math:: u(r) = d \left(1 + r^2 / w^2\right)^{-3/2} \left(1 - r^2 / W^2\right)^2, \quad w^2 = w_0^2 + 3 d R
+
+    which follows the tip (radius R) and ends at the block's nearest edge (at W); below, the sinking fades linearly to
+    none at the bottom. It is a picture, not a solution.
+
+    Args:
+        width: Half the extent in x [scene units].
+        depth: Extent in y behind the cut [scene units].
+        height: Thickness [scene units].
+        layers: Coloured layers in the cut.
+    """
+
+    def __init__(self, width: float = 4.0, depth: float = 4.0, height: float = 3.0, layers: int = 6) -> None:
+        fine = np.sinh(np.linspace(-2.2, 2.2, 33)) / math.sinh(2.2)
+        self._x = width * fine
+        y = depth * np.sinh(np.linspace(0.0, 2.0, 11)) / math.sinh(2.0)
+        self._height = height
+        self._top = np.stack([a.ravel() for a in np.meshgrid(self._x, y, indexing="ij")], axis=1)
+        self._levels = np.linspace(0.0, -height, layers + 1)
+        self.top_faces = _grid(len(self._x), len(y))
+        cut = _grid(len(self._x), layers + 1).reshape(len(self._x) - 1, layers, 2, 3)
+        self.layer_faces = (cut[:, 0::2].reshape(-1, 3), cut[:, 1::2].reshape(-1, 3))
+        """Triangles of every other layer of the cut, both over the vertices of `cut`."""
+
+    def top(self, depth: float) -> NDArray[np.float32]:
+        """Vertices of the upper surface with the tip at `depth` [scene units]."""
+        x, y = self._top.T
+        return np.stack([x, y, -_sinking(np.hypot(x, y), depth)], axis=1).astype(np.float32)
+
+    def cut(self, depth: float) -> NDArray[np.float32]:
+        """Vertices of the cut face with the tip at `depth` [scene units]."""
+        sinking = _sinking(np.abs(self._x), depth)[:, None] * (1.0 + self._levels / self._height)
+        z = np.maximum(self._levels - sinking, -self._height)
+        x = np.broadcast_to(self._x[:, None], z.shape)
+        return np.stack([x, np.zeros_like(z), z], axis=-1).reshape(-1, 3).astype(np.float32)
+
+    def sides(self) -> Mesh:
+        """The block's other faces, which do not move."""
+        w, d, h = float(self._x[-1]), float(self._top[-1, 1]), self._height
+        vertices = np.array([(x, y, z) for x in (-w, w) for y in (0.0, d) for z in (0.0, -h)], np.float32)
+        quads = ((0, 1, 3, 2), (4, 6, 7, 5), (2, 3, 7, 6), (1, 5, 7, 3))
+        faces = [triangle for a, b, c, e in quads for triangle in ((a, b, c), (a, c, e))]
+        return vertices, np.array(faces, np.uint32)
+
+
+def _sinking(radius: NDArray[np.float64], depth: float) -> NDArray[np.float64]:
+    """How far the surface sinks [scene units] at a distance from the axis."""
+    depth = max(depth, 0.0)
+    width_squared = 0.5 + 3.0 * depth * TIP_RADIUS
+    edge = np.maximum(1.0 - (radius / EDGE) ** 2, 0.0) ** 2
+    sinking: NDArray[np.float64] = depth * edge * (1.0 + radius**2 / width_squared) ** -1.5
+    return sinking
+
+
+def _grid(rows: int, columns: int) -> NDArray[np.uint32]:
+    """Triangles over a grid of vertices in row order."""
+    i, j = np.meshgrid(np.arange(rows - 1), np.arange(columns - 1), indexing="ij")
+    a = i * columns + j
+    quads = np.stack([np.stack([a, a + columns, a + columns + 1], -1), np.stack([a, a + columns + 1, a + 1], -1)], 2)
+    return quads.reshape(-1, 3).astype(np.uint32)

@@ -1,0 +1,226 @@
+"""What tests of the console share: a browser, the mouse on the handle, and a session made of a script and a law."""
+
+from __future__ import annotations
+
+import contextlib
+import heapq
+import os
+import shutil
+import threading
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from foretouch.console.scene import CAMERA, FIELD_OF_VIEW, UNITS
+from foretouch.console.shapes import HANDLE_HEIGHT
+from foretouch.devices import BrowserOperator, ScriptedOperator
+from foretouch.messages import VERSION, Handle, Hello, LeaderState, Message, ModelUpdate, Settings, Telemetry
+from foretouch.models import HuntCrossley, advance
+
+SURFACE, PRESS_DEPTH = 0.012, 0.009
+
+# --- the browser ------------------------------------------------------------------------------------------------------
+
+CHROMIUM_ARGUMENTS = [
+    "--no-sandbox",
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-default-apps",
+    "--disable-domain-reliability",
+    "--disable-sync",
+    "--no-first-run",
+    "--no-pings",
+]
+
+
+def chromium() -> str | None:
+    """Path of a Chromium, None where there is none."""
+    named = os.environ.get("FORETOUCH_BROWSER")
+    if named:
+        return named if Path(named).is_file() else None
+    return next((path for name in ("chromium", "chromium-browser") if (path := shutil.which(name))), None)
+
+
+@contextlib.contextmanager
+def open_page(url: str, width: int = 1000, height: int = 720) -> Iterator[tuple[Any, list[str]]]:
+    """A page that shows the console, and the list of all addresses that it asked for."""
+    from playwright.sync_api import sync_playwright
+
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=chromium(), args=CHROMIUM_ARGUMENTS)
+        page = browser.new_page(viewport={"width": width, "height": height})
+        requests: list[str] = []
+        page.on("request", lambda request: requests.append(request.url))
+        page.on("websocket", lambda socket: requests.append(socket.url))
+        page.goto(url)
+        page.locator("canvas").first.wait_for(timeout=30_000)
+        page.get_by_text("Drag the blue handle down to press").wait_for(timeout=30_000)
+        try:
+            yield page, requests
+        finally:
+            browser.close()
+
+
+def on_screen(page: Any, point: tuple[float, float, float]) -> tuple[float, float]:
+    """Where a point of the scene is on the page [pixels], seen by the camera that nobody has moved yet."""
+    box = _scene_box(page)
+    eye, target = (np.array(v) for v in CAMERA)
+    ahead = (target - eye) / np.linalg.norm(target - eye)
+    right = np.cross(ahead, (0.0, 0.0, 1.0))
+    right /= np.linalg.norm(right)
+    up = np.cross(right, ahead)
+    to = np.array(point) - eye
+    scale = 0.5 * box["height"] / np.tan(0.5 * FIELD_OF_VIEW) / (to @ ahead)
+    return (
+        box["x"] + 0.5 * box["width"] + scale * float(to @ right),
+        box["y"] + 0.5 * box["height"] - scale * float(to @ up),
+    )
+
+
+def _scene_box(page: Any) -> dict[str, float]:
+    """The largest canvas: the scene; plots are canvases too."""
+    boxes = [canvas.bounding_box() for canvas in page.locator("canvas").all()]
+    return max((box for box in boxes if box), key=lambda box: box["width"] * box["height"])
+
+
+def drag_handle(page: Any, press_mm: float, seconds: float = 1.0, hold: float = 0.5, steps: int = 10) -> None:
+    """Take the handle's rail with the mouse, push down by `press_mm` [mm], hold for `hold` [s], let go."""
+    with held_handle(page, press_mm, seconds, steps):
+        page.wait_for_timeout(1000 * hold)
+
+
+@contextlib.contextmanager
+def held_handle(page: Any, press_mm: float, seconds: float = 1.0, steps: int = 10) -> Iterator[None]:
+    """Like `drag_handle`, held while the block runs."""
+    middle = HANDLE_HEIGHT + 1.0
+    x, y = on_screen(page, (0.0, 0.0, middle))
+    to_x, to_y = on_screen(page, (0.0, 0.0, middle - press_mm * 1e-3 * UNITS))
+    page.mouse.move(x, y)
+    page.wait_for_timeout(300)
+    page.mouse.down()
+    try:
+        for step in range(1, steps + 1):
+            share = step / steps
+            page.mouse.move(x + share * (to_x - x), y + share * (to_y - y))
+            page.wait_for_timeout(1000 * seconds / steps)
+        yield
+    finally:
+        page.mouse.up()
+
+
+def plot_data(page: Any) -> list[np.ndarray]:
+    """Time, true, predicted and delayed force as the browser's plot holds them; NaN where there is none."""
+    columns = page.evaluate(
+        "Array.from(Object.values(window.__viserTestpoints.uplots)[0].chart.data,"
+        " column => Array.from(column, value => Number.isFinite(value) ? value : null))"
+    )
+    return [np.array([np.nan if value is None else value for value in column]) for column in columns]
+
+
+# --- the session ------------------------------------------------------------------------------------------------------
+
+
+class Session:
+    """Messages of a session in real time: the browser's operator, a law on the follower's side, a slightly wrong one on
+    the leader's, and delays as the settings say.
+
+    Args:
+        watch: Gets every message.
+    """
+
+    def __init__(
+        self, watch: Callable[[Message], None], position_delay: float = 0.08, force_delay: float = 0.3
+    ) -> None:
+        self.published: list[Message] = []
+        self.positions: list[float] = []
+        self.jumps: list[float] = []  # from hand to handle [m] whenever somebody takes it
+        self._watch = watch
+        self._delays = (position_delay, force_delay)
+        self._operator = BrowserOperator(ScriptedOperator(SURFACE, PRESS_DEPTH, seed=5), deepest=0.05)
+        self._material = HuntCrossley(stiffness=2600.0, damping=4000.0, exponent=1.5)
+        self._model = HuntCrossley(stiffness=2750.0, damping=3000.0, exponent=1.5)
+        self._end = threading.Event()
+        self._thread = threading.Thread(target=self._run)
+
+    def publish(self, message: Message) -> None:
+        self.published.append(message)
+        if isinstance(message, Settings):
+            self._delays = (message.position_delay, message.force_delay)
+
+    def of(self, kind: type[Message]) -> list[Any]:
+        return [message for message in self.published if isinstance(message, kind)]
+
+    def __enter__(self) -> Session:
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._end.set()
+        self._thread.join()
+
+    def _run(self) -> None:
+        tick, taken = 0, 0
+        before = 0.0
+        arrived: Telemetry | None = None
+        under_way: list[tuple[float, int, Telemetry]] = []
+        commands: list[tuple[float, int, int, float, float]] = []
+        start = time.monotonic()
+        while not self._end.wait(0.004):
+            while tick * 1e-3 < time.monotonic() - start:
+                tick += 1
+                now, now_ns = tick * 1e-3, tick * 1_000_000
+                for message in self.published[taken:]:
+                    if isinstance(message, Handle):
+                        if message.held and not self._operator.held:
+                            self.jumps.append(message.position - before)
+                        self._operator.take(message.position, message.held, now_ns)
+                    taken += 1
+                position = self._operator.read(now_ns)
+                velocity, before = (position - before) / 1e-3, position
+                self.positions.append(position)
+                heapq.heappush(commands, (now + self._delays[0], tick, tick, position, velocity))
+                while commands and commands[0][0] <= now:
+                    _, _, sequence, x, v = heapq.heappop(commands)
+                    telemetry = self._telemetry(tick, now_ns, sequence, x, v)
+                    self._watch(telemetry)
+                    heapq.heappush(under_way, (now + self._delays[1], sequence, telemetry))
+                while under_way and under_way[0][0] <= now:
+                    arrived = heapq.heappop(under_way)[2]
+                self._watch(self._leader(tick, now_ns, position, velocity, arrived))
+                if tick % 500 == 1:
+                    self._say_hello(tick, now_ns)
+
+    def _telemetry(self, tick: int, now_ns: int, sequence: int, x: float, v: float) -> Telemetry:
+        force = advance(self._material, (), x - SURFACE, v, 1e-3)[1]
+        touching = x > SURFACE
+        return Telemetry(
+            VERSION, tick, now_ns, sequence, x, x, v, force, force, force, touching, False, 1, 1_000_000, 50_000
+        )
+
+    def _leader(self, tick: int, now_ns: int, x: float, v: float, arrived: Telemetry | None) -> LeaderState:
+        force = advance(self._model, (), x - SURFACE, v, 1e-3)[1]
+        delayed, sequence = (arrived.force, arrived.sequence) if arrived else (0.0, 0)
+        return LeaderState(
+            VERSION, tick, now_ns, x, v, force, min(force, 10.0), delayed, sequence, 1, False, 1_000_000, 50_000
+        )
+
+    def _say_hello(self, tick: int, now_ns: int) -> None:
+        values = {
+            "operator": "browser",
+            "material": "hunt-crossley",
+            "position_delay": str(self._delays[0]),
+            "force_delay": str(self._delays[1]),
+            "surface": str(SURFACE),
+            "press_depth": str(PRESS_DEPTH),
+        }
+        self._watch(Hello(VERSION, tick, now_ns, "leader", tuple(values), tuple(values.values())))
+        self._watch(
+            ModelUpdate(
+                VERSION, tick, now_ns, tick, self._model.law, self._model.parameters, (), SURFACE, True, "", "given"
+            )
+        )

@@ -1,0 +1,125 @@
+"""What the console keeps of a session, and how it brings forces to one time."""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from foretouch.console.history import History
+from foretouch.messages import VERSION, LeaderState, Telemetry
+
+
+def leader(sequence: int, predicted: float, delayed: float = 0.0, position: float = 0.0) -> LeaderState:
+    return LeaderState(
+        VERSION, sequence, sequence * 1_000_000, position, 0.0, predicted, predicted, delayed, 0, 1, False, 0, 0
+    )
+
+
+def telemetry(sequence: int, applied: int, force: float, position: float = 0.0) -> Telemetry:
+    return Telemetry(
+        VERSION, sequence, 0, applied, position, position, 0.0, force, force, force, force > 0, False, 1, 0, 0
+    )
+
+
+def test_true_force_stands_where_its_command_was_given():
+    history = History()
+    true = {i: 1.0 + i * 1e-3 for i in range(1, 1001)}
+    for i in range(1, 1001):
+        history.add_leader(leader(i, predicted=true[i] + 0.1, delayed=0.5))
+        if i > 80:  # the follower applies a command 80 ticks later, twice
+            history.add_telemetry(telemetry(2 * i, i - 80, true[i - 80]))
+            history.add_telemetry(telemetry(2 * i + 1, i - 80, 99.0))
+    window = history.window(points=2000)
+    sequence = np.rint(window.time * 1000).astype(int) + 1000
+    assert list(sequence) == list(range(1, 1001))
+    known = sequence <= 920
+    assert window.true[known] == pytest.approx([true[i] for i in sequence[known]])
+    assert np.isnan(window.true[~known]).all()
+    rms = np.sqrt(np.mean([true[i] ** 2 for i in range(1, 921)]))
+    assert window.prediction_error == pytest.approx(100 * 0.1 / rms)
+    delayed = np.sqrt(np.mean([(true[i] - 0.5) ** 2 for i in range(1, 921)]))
+    assert window.delayed_error == pytest.approx(100 * delayed / rms)
+
+
+def test_free_air_has_no_error():
+    history = History()
+    for i in range(1, 500):
+        history.add_leader(leader(i, 0.0))
+        history.add_telemetry(telemetry(i, i, 0.01))
+    assert np.isnan(history.window().prediction_error)
+
+
+def test_nothing_heard_is_an_empty_window():
+    window = History().window()
+    assert len(window.time) == 0
+    assert np.isnan(window.prediction_error)
+
+
+def test_points_stay_the_same_ticks_while_the_window_moves():
+    history = History()
+    for i in range(1, 9000):
+        history.add_leader(leader(i, float(i)))
+    before = history.window()
+    assert 300 <= len(before.time) <= 400
+    for i in range(9000, 9037):
+        history.add_leader(leader(i, float(i)))
+    after = history.window()
+    assert set(before.predicted[5:]) <= set(after.predicted)
+    assert after.time[-1] <= 0.0
+    assert after.time[0] >= -6.0
+
+
+def test_lines_bridge_a_few_lost_commands_but_no_outage():
+    history = History()
+    for i in range(1, 1001):
+        history.add_leader(leader(i, 0.0))
+        if i % 3 == 0 and not 400 < i < 600:
+            history.add_telemetry(telemetry(i, i, i * 1e-3))
+    window = history.window(points=2000)
+    sequence = np.rint(window.time * 1000).astype(int) + 1000
+    inside = (sequence >= 3) & (sequence <= 999) & ((sequence < 400) | (sequence > 600))
+    assert window.true[inside] == pytest.approx(sequence[inside] * 1e-3)
+    assert np.isnan(window.true[(sequence > 402) & (sequence < 598)]).all()
+
+
+def test_where_the_robot_was_in_one_telemetry():
+    history = History(length=16)
+    for i in range(1, 40):
+        history.add_telemetry(telemetry(i, i, 0.0, position=i * 1e-3))
+    assert history.follower_position(39) == pytest.approx(0.039)
+    assert history.follower_position(24) == pytest.approx(0.024)
+    assert np.isnan(history.follower_position(23))  # overwritten
+    assert np.isnan(history.follower_position(0))
+    assert np.isnan(history.follower_position(41))
+
+
+@settings(derandomize=True, deadline=None, max_examples=40)
+@given(st.lists(st.tuples(st.integers(1, 300), st.integers(0, 300), st.floats(-1.0, 10.0)), max_size=60))
+def test_any_order_of_messages_gives_a_window(messages):
+    history = History(length=64)
+    for sequence, applied, force in messages:
+        history.add_leader(leader(sequence, force))
+        history.add_telemetry(telemetry(sequence, applied, force))
+    window = history.window()
+    assert (np.diff(window.time) > 0).all()
+    assert len({len(a) for a in window[:4]}) == 1
+
+
+def test_storing_costs_the_same_after_many_messages():
+    history = History()
+    messages = [(leader(i, 1.0), telemetry(i, i, 1.0)) for i in range(1, 20_001)]
+
+    def cost(part):
+        begin = time.perf_counter()
+        for state, tick in part:
+            history.add_leader(state)
+            history.add_telemetry(tick)
+        return (time.perf_counter() - begin) / len(part)
+
+    costs = [cost(messages[i : i + 1000]) for i in range(0, 20_000, 1000)]
+    assert min(costs[10:]) < 3 * min(costs[:10])
+    assert min(costs) < 100e-6

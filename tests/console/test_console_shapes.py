@@ -1,0 +1,63 @@
+"""Geometry of the picture."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from foretouch.console import shapes
+from foretouch.console.scene import height_on_axis
+
+
+@pytest.mark.parametrize(
+    "mesh", [shapes.probe(), shapes.probe(0.1), shapes.handle(), shapes.arrow(2.0), shapes.arrow(0.0)]
+)
+def test_bodies_are_closed(mesh):
+    vertices, faces = mesh
+    assert np.isfinite(vertices).all()
+    assert faces.max() < len(vertices)
+    # Every edge inside the body of revolution belongs to two triangles; only the ends, of radius 0, have one.
+    edges = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1)
+    single = {
+        tuple(edge) for edge, count in zip(*np.unique(edges, axis=0, return_counts=True), strict=True) if count == 1
+    }
+    assert all(np.hypot(*vertices[i, :2]) < 1e-6 for edge in single for i in edge)
+
+
+def test_probe_stands_on_its_tip():
+    assert shapes.probe()[0][:, 2].min() == pytest.approx(0.0, abs=1e-6)
+
+
+@settings(derandomize=True, deadline=None, max_examples=30)
+@given(st.floats(-2.0, 2.9))
+def test_material_sinks_under_the_tip_and_nowhere_at_its_edge(depth):
+    material = shapes.Material()
+    top, cut = material.top(depth), material.cut(depth)
+    assert top[:, 2].min() == pytest.approx(-max(depth, 0.0), abs=1e-5)
+    assert (top[:, 2] <= 1e-6).all()
+    edge = np.hypot(top[:, 0], top[:, 1]) >= shapes.EDGE
+    assert edge.any()
+    assert top[edge, 2] == pytest.approx(0.0, abs=1e-6)
+    # The cut's upper line is the top's edge, and its layers never cross.
+    levels = cut.reshape(-1, 7, 3)[..., 2]
+    assert levels[:, 0] == pytest.approx(top[np.isclose(top[:, 1], 0.0), 2], abs=1e-5)
+    assert (np.diff(levels, axis=1) <= 1e-6).all()
+    assert levels.min() >= -3.0 - 1e-6
+
+
+@settings(derandomize=True, deadline=None, max_examples=60)
+@given(
+    st.tuples(st.floats(-20, 20), st.floats(-30, -3), st.floats(-10, 20)), st.floats(-5.0, 10.0), st.floats(0.2, 3.0)
+)
+def test_height_under_the_mouse_is_where_the_line_of_sight_meets_the_axis(eye, height, share):
+    eye = np.array(eye)
+    seen = eye + share * (np.array([0.0, 0.0, height]) - eye)
+    assert height_on_axis(eye, seen) == pytest.approx(height, abs=1e-6)
+
+
+def test_looking_along_the_axis_gives_no_height():
+    assert math.isnan(height_on_axis(np.array([0.0, 0.0, 10.0]), np.array([0.0, 0.0, 1.0])))
