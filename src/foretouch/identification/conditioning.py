@@ -16,6 +16,10 @@ OFFSET_WINDOW = 0.05
 SMALLEST_THRESHOLD = 0.005
 """Least force [N] that counts as contact, however quiet the sensor."""
 
+QUIET_FACTOR = 4.0
+"""A window tells the force in free air only if its spread is at most this many times that of the quietest so far:
+when the tool is jerked, the sensor may show less than nothing for a moment."""
+
 NOISE_FACTOR = 6.0
 """Contact begins this many standard deviations of the free-air force above it."""
 
@@ -51,8 +55,8 @@ class ContactSample(NamedTuple):
 class Conditioner:
     """Finds force offset, contact and surface as the samples come.
 
-    - **Offset**: the lowest mean force over 50 ms so far. Where a recording never leaves contact this is a
-      convention; nothing in the data can tell.
+    - **Offset**: the lowest mean force over 50 ms so far, of the windows that are not much noisier than the
+      quietest. Where a recording never leaves contact this is a convention; nothing in the data can tell.
     - **Contact** begins when the force rises above a threshold, the largest of 5 mN, six standard deviations of the
       force in the window that gave the offset, and 5 % of the largest force so far; it ends at half of it.
     - **Surface**: the last position, before the first contact, at which the force was below the threshold of ending.
@@ -86,6 +90,7 @@ class Conditioner:
         self._square_sum = 0.0
         self._lowest_mean = math.inf
         self._noise = 0.0
+        self._quietest = math.inf
         self._peak = 0.0
         self._surface_threshold = math.inf
         self._free_position = math.nan
@@ -128,12 +133,17 @@ class Conditioner:
             self._square_sum -= old * old
         count = len(self._window)
         mean = self._sum / count
-        if (full or math.isinf(self._lowest_mean)) and mean < self._lowest_mean:
-            if full:
-                self._lowest_mean = mean
-            self._noise = math.sqrt(max(0.0, self._square_sum / count - mean * mean))
-            if self._given_offset is None:
-                self.force_offset = mean + self._reference
+        spread = math.sqrt(max(0.0, self._square_sum / count - mean * mean))
+        if full:
+            self._quietest = min(self._quietest, spread)
+            if mean >= self._lowest_mean or spread > max(QUIET_FACTOR * self._quietest, SMALLEST_THRESHOLD):
+                return
+            self._lowest_mean = mean
+        elif math.isfinite(self._lowest_mean):
+            return
+        self._noise = spread
+        if self._given_offset is None:
+            self.force_offset = mean + self._reference
 
     def _learn_surface(self, position: float, threshold: float) -> None:
         """Take the surface from a contact that begins, if none is known or the known one is in doubt."""

@@ -2,10 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from typing import ClassVar, TypeAlias
 
-__all__ = ["NO_STATE", "ContactModel", "ContactState", "advance"]
+__all__ = ["LARGEST_DEPTH", "LARGEST_SPEED", "NO_STATE", "ContactModel", "ContactState", "advance"]
+
+LARGEST_DEPTH = 1.0
+"""Depths beyond this [m], on either side, count as this: no law is asked for forces that overflow."""
+
+LARGEST_SPEED = 10.0
+"""Velocities beyond this [m/s] count as this."""
 
 ContactState: TypeAlias = tuple[float, ...]
 """What the material remembers (hysteresis, relaxation), as plain numbers; empty for the paper's laws."""
@@ -49,12 +56,15 @@ def advance(
     Args:
         model: The law with its numbers.
         state: What the material remembers before this sample.
-        depth: Penetration depth x [m], positive inside the surface.
-        velocity: Penetration velocity [m/s], positive while deepening.
+        depth: Penetration depth x [m], positive inside the surface; bounded to 1 m, and outside where it is no number.
+        velocity: Penetration velocity [m/s], positive while deepening; bounded to 10 m/s, 0 where it is no number.
         sample_period: Time since the sample before [s], positive.
 
     Returns:
         The state after this sample; the force on the probe along the outward normal [N], finite, never negative,
         zero outside; and its standard deviation [N], NaN where the model carries no doubt.
     """
+    if not (-LARGEST_DEPTH <= depth <= LARGEST_DEPTH and -LARGEST_SPEED <= velocity <= LARGEST_SPEED):
+        depth = -LARGEST_DEPTH if math.isnan(depth) else min(max(depth, -LARGEST_DEPTH), LARGEST_DEPTH)
+        velocity = 0.0 if math.isnan(velocity) else min(max(velocity, -LARGEST_SPEED), LARGEST_SPEED)
     return model.advance(state, depth, velocity, sample_period)

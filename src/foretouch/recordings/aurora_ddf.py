@@ -11,20 +11,17 @@ from numpy.typing import NDArray
 from foretouch.errors import RecordingError
 from foretouch.quantities import Recording
 
-__all__ = ["CONTACT_FLOOR", "WINDOW", "read_aurora"]
+__all__ = ["CONTACT_FLOOR", "read_aurora"]
 
 CONTACT_FLOOR = 0.005
 """Smallest force [N] that counts as contact."""
 
-WINDOW = (0.5, 1.6)
-"""Part of a file that holds the press [s]; outside it the motor's force control chatters off contact."""
-
 
 def read_aurora(path: str | PathLike[str], *, flip: bool = False) -> Recording:
-    """The press of a ``.ddf`` file: length (channel AI0) and force (AI1), scaled as the file's header says.
+    """A whole ``.ddf`` file: length (channel AI0) and force (AI1), scaled as the file's header says.
 
-    Only `WINDOW` is read; times stay those of the file. The length grows as the tip goes into the skin, and the force
-    is positive under compression.
+    The length grows as the tip goes into the skin, and the force is positive under compression. The press is at 0.5 to
+    1.6 s; outside it the motor's force control chatters off contact, so score from 0.5 to 1.6.
 
     Raises:
         RecordingError: The file is no such recording, or a row of it holds no numbers.
@@ -41,17 +38,8 @@ def read_aurora(path: str | PathLike[str], *, flip: bool = False) -> Recording:
     volts = _rows(path, lines, header + 1)
     length = (volts[:, 1] - offset[0]) * scale[0] / (-1e3 if flip else 1e3)
     force = (volts[:, 2] - offset[1]) * scale[1] / 1e3
-    whole = Recording(volts[:, 0] / rate, length, force, name=str(path), first_row=header + 2)
-    used = (whole.time >= WINDOW[0]) & (whole.time <= WINDOW[1])
-    if used.sum() < 2:
-        raise RecordingError(path, f"ends before {WINDOW[0]:g} s: the press is at {WINDOW[0]:g} to {WINDOW[1]:g} s")
     return Recording(
-        whole.time[used],
-        whole.position[used],
-        whole.force[used],
-        name=str(path),
-        contact_floor=CONTACT_FLOOR,
-        first_row=header + 2 + int(np.argmax(used)),
+        volts[:, 0] / rate, length, force, name=str(path), contact_floor=CONTACT_FLOOR, first_row=header + 2
     )
 
 

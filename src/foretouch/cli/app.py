@@ -1,0 +1,37 @@
+"""All commands, gathered."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from foretouch import __version__
+from foretouch.cli import data, offline, sessions
+
+__all__ = ["app"]
+
+app = typer.Typer(
+    name="foretouch",
+    help="Model-mediated teleoperation: feel what the remote robot touches before the network can tell you.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+)
+
+
+@app.callback()
+def _root(
+    version: Annotated[bool, typer.Option("--version", help="Print the version and end.", is_eager=True)] = False,
+) -> None:
+    if version:
+        typer.echo(f"foretouch {__version__}")
+        raise typer.Exit
+
+
+for module in (sessions, offline):
+    for command in module.COMMANDS:
+        app.command()(command)
+app.add_typer(data.datasets, name="datasets")
+app.add_typer(data.materials, name="materials")

@@ -1,0 +1,73 @@
+"""Commands about measured files and materials."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from foretouch.cli.options import Json, print_json
+
+__all__ = ["datasets", "materials"]
+
+datasets = typer.Typer(help="Measured recordings: what there is, and fetching it.", no_args_is_help=True)
+materials = typer.Typer(help="What the simulated follower can press.", no_args_is_help=True)
+
+
+@datasets.command("list")
+def list_datasets(json_output: Json = False) -> None:
+    """The measured recordings, and whose they are.
+
+    Example: foretouch datasets list
+    """
+    from foretouch import recordings
+
+    entries = recordings.list_datasets()
+    if json_output:
+        print_json(
+            {entry.name: {"kind": entry.kind, "licence": entry.origin.licence, "url": entry.url} for entry in entries}
+        )
+        return
+    for entry in entries:
+        typer.echo(f"{entry.name:<20} {entry.kind:<8} {entry.file:<34} {entry.origin.licence}")
+
+
+@datasets.command("fetch")
+def fetch_dataset(
+    name: Annotated[str, typer.Argument(help="A name from `foretouch datasets list`, or all.")],
+) -> None:
+    """Make measured recordings available here and print where they lie.
+
+    They come from the folder that FORETOUCH_DATA_DIR names, from the cache, or from their public origin.
+
+    Example: foretouch datasets fetch tue/b-foam
+    """
+    from foretouch import recordings
+
+    for path in recordings.fetch_all() if name == "all" else [recordings.fetch(name)]:
+        typer.echo(str(path))
+
+
+@materials.command("list")
+def list_materials(json_output: Json = False) -> None:
+    """The materials, and where their numbers come from.
+
+    Example: foretouch materials list
+    """
+    from foretouch.robot import MATERIALS, make_material
+
+    entries = {name: make_material(name) for name in MATERIALS}
+    if json_output:
+        print_json(
+            {
+                name: {
+                    "description": entry.description,
+                    "provenance": entry.provenance,
+                    "press_depth_m": entry.press_depth,
+                }
+                for name, entry in entries.items()
+            }
+        )
+        return
+    for name, entry in entries.items():
+        typer.echo(f"{name:<16} to {1e3 * entry.press_depth:.1f} mm   {entry.description}")

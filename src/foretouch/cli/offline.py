@@ -1,0 +1,236 @@
+"""Commands that work on recordings."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import typer
+
+from foretouch.cli.options import (
+    EstimatorName,
+    Flip,
+    ForceChannel,
+    ForceOffset,
+    ForceUnit,
+    Json,
+    ModelName,
+    PositionUnit,
+    ReportDirectory,
+    Surface,
+    print_json,
+    say,
+)
+from foretouch.errors import SettingError
+
+__all__ = ["COMMANDS", "identify", "predict", "report"]
+
+RecordingPath = Annotated[Path, typer.Argument(help="CSV, Parquet, MCAP of ours, TU/e .mat or Aurora .ddf.")]
+
+
+def identify(
+    recording: RecordingPath,
+    model: ModelName = "continuous-switching",
+    estimator: EstimatorName = "fprls",
+    surface: Surface = "auto",
+    force_offset: ForceOffset = "auto",
+    position_unit: PositionUnit = "m",
+    force_unit: ForceUnit = "N",
+    flip: Flip = False,
+    force_channel: ForceChannel = "raw",
+    out: Annotated[Path | None, typer.Option(help="CSV or Parquet file for the parameters at every sample.")] = None,
+    json_output: Json = False,
+) -> None:
+    """Identify a contact model from a recording, sample by sample.
+
+    Example: foretouch identify press.csv --position-unit mm --json
+    """
+    from foretouch import identification
+    from foretouch.recordings import read_recording, write_columns
+
+    learner = identification.Learner(
+        identification.make_estimator(model, estimator),
+        surface=_number_or_auto("surface", surface),
+        force_offset=_number_or_auto("force-offset", force_offset),
+    )
+    data = read_recording(
+        recording, position_unit=position_unit, force_unit=force_unit, flip=flip, force_channel=force_channel
+    )
+    result = identification.identify(data, learner)
+    residual, contact = result.residual_rms, result.contact_force_rms
+    content = {
+        "model": model,
+        "estimator": estimator,
+        "parameters": result.parameters,
+        "standard_errors": result.standard_errors,
+        "surface_m": result.surface,
+        "force_offset_N": result.force_offset,
+        "samples": len(data),
+        "contact_samples": int(result.in_contact.sum()),
+        "residual_rms_N": _finite(residual),
+        "residual_percent": _finite(100.0 * residual / contact) if contact > 0.0 else None,
+        "status": "ok" if math.isfinite(residual) else "no_residual",
+    }
+    if out is not None:
+        write_columns(out, {"time_s": data.time, "in_contact": result.in_contact, **result.history})
+    if json_output:
+        print_json(content)
+    else:
+        _print_lines(f"{recording}: {model} by {estimator}", content)
+
+
+def predict(
+    recording: RecordingPath,
+    delay: Annotated[float, typer.Option(help="Of the forces [s].")] = 0.3,
+    model: ModelName = "continuous-switching",
+    estimator: EstimatorName = "fprls",
+    surface: Surface = "auto",
+    force_offset: ForceOffset = "auto",
+    position_unit: PositionUnit = "m",
+    force_unit: ForceUnit = "N",
+    flip: Flip = False,
+    force_channel: ForceChannel = "raw",
+    score_from: Annotated[float, typer.Option(help="Scoring begins [s after the first sample].")] = 1.5,
+    score_to: Annotated[float | None, typer.Option(help="Scoring ends [s after the first sample].")] = None,
+    contact_floor: Annotated[
+        float | None,
+        typer.Option(help="Least force that counts as contact [N]; TU/e 0.3, Aurora 0.005, others 0.05."),
+    ] = None,
+    out: Annotated[Path | None, typer.Option(help="CSV or Parquet file for the forces.")] = None,
+    report_directory: ReportDirectory = None,
+    json_output: Json = False,
+) -> None:
+    """Predict the force of a recorded motion as a leader would, whose forces arrive late.
+
+    Example: foretouch predict press.csv --delay 0.3 --json
+    """
+    from foretouch import identification
+    from foretouch.models.checks import require
+    from foretouch.recordings import write_columns
+    from foretouch.report import score
+
+    require("delay", delay, at_least=0.0)
+    learner = identification.Learner(
+        identification.make_estimator(model, estimator),
+        surface=_number_or_auto("surface", surface),
+        force_offset=_number_or_auto("force-offset", force_offset),
+    )
+    units = {"position_unit": position_unit, "force_unit": force_unit, "flip": flip, "force_channel": force_channel}
+    columns = _predicted(recording, learner, delay, units)
+    scores = score(
+        columns["time"],
+        columns["measured"],
+        columns["predicted"],
+        columns["delayed"],
+        contact_floor=columns["floor"] if contact_floor is None else contact_floor,
+        score_from=score_from,
+        score_to=score_to,
+        position=columns["position"],
+    )
+    names = (
+        "samples",
+        "scored_samples",
+        "contact_force_rms_N",
+        "prediction_rmse_N",
+        "prediction_error_percent",
+        "delayed_force_error_percent",
+        "within_jnd_percent",
+        "phantom_force_rms_N",
+        "missed_contact_percent",
+        "status",
+    )
+    content = {"delay_s": delay, **{name: getattr(scores, name) for name in names}}
+    forces = {
+        "time_s": columns["time"],
+        "measured_force_N": scores.measured_force,
+        "predicted_force_N": columns["predicted"],
+        "delayed_force_N": columns["delayed"],
+        "in_contact": scores.in_contact,
+    }
+    if out is not None:
+        write_columns(out, forces)
+    if report_directory is not None:
+        from foretouch.report import write_prediction_page
+
+        write_prediction_page(report_directory, recording.name, forces, content)
+        say(f"report: {report_directory / 'index.html'}")
+    if json_output:
+        print_json(content)
+    else:
+        _print_lines(f"{recording}: {model} by {estimator}", content)
+
+
+def report(
+    recording: Annotated[Path, typer.Argument(help="MCAP of a session.")],
+    directory: ReportDirectory = None,
+    json_output: Json = False,
+) -> None:
+    """Print the report of a recorded session again, and write its page.
+
+    Example: foretouch report session.mcap --report out
+    """
+    from foretouch.cli.sessions import print_report
+    from foretouch.recordings import read_session
+
+    print_report(read_session(recording), recording, directory, json_output)
+
+
+COMMANDS = (identify, predict, report)
+
+
+def _predicted(path: Path, learner: Any, delay: float, units: dict[str, Any]) -> dict[str, Any]:
+    """Measured, predicted and delayed force of a recording, at the samples that are scored."""
+    from foretouch.identification import predict as run
+    from foretouch.recordings import read_recording, read_session
+    from foretouch.report import CONTACT_FLOOR, delayed, lowest_mean, pair
+    from foretouch.session import replay
+
+    if path.suffix.lower() == ".mcap":
+        log = read_session(path)
+        forces, pairs = replay(log, learner, delay=delay), pair(log)
+        ticks = np.searchsorted(log.leader["sequence"], pairs.leader["sequence"])
+        return {
+            "time": pairs.time,
+            "measured": pairs.follower["sensor_force"],
+            "predicted": forces.predicted[ticks],
+            "delayed": forces.delayed[ticks],
+            "position": pairs.follower["position"],
+            "floor": CONTACT_FLOOR,
+        }
+    data = read_recording(path, **units)
+    return {
+        "time": data.time,
+        "measured": data.force,
+        "predicted": run(data, learner, delay=delay),
+        "delayed": delayed(data.time, data.force - lowest_mean(data.time, data.force), delay),
+        "position": data.position,
+        "floor": data.contact_floor,
+    }
+
+
+def _number_or_auto(name: str, text: str) -> float | None:
+    if text == "auto":
+        return None
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise SettingError(name, text, "must be auto or a number")
+    return value
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None
+
+
+def _print_lines(title: str, content: dict[str, Any]) -> None:
+    """A result as aligned lines."""
+    typer.echo(title)
+    for name, value in content.items():
+        text = f"{value:.6g}" if isinstance(value, float) else str(value)
+        if isinstance(value, dict):
+            text = ", ".join(f"{key} {number:.6g}" for key, number in value.items())
+        typer.echo(f"  {name:<28} {text}")

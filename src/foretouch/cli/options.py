@@ -1,0 +1,113 @@
+"""Options that several commands share, and how they are printed."""
+
+from __future__ import annotations
+
+import functools
+import inspect
+import json
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+__all__ = [
+    "SESSION_OPTIONS",
+    "Connect",
+    "Duration",
+    "EstimatorName",
+    "Flip",
+    "ForceChannel",
+    "ForceOffset",
+    "ForceUnit",
+    "Insecure",
+    "Json",
+    "Listen",
+    "ModelName",
+    "Parent",
+    "PositionUnit",
+    "ReportDirectory",
+    "Surface",
+    "print_json",
+    "say",
+    "with_session_settings",
+]
+
+ModelName = Annotated[str, typer.Option("--model", help="Contact law to identify.")]
+EstimatorName = Annotated[str, typer.Option("--estimator", help="Estimator that identifies it.")]
+Duration = Annotated[float | None, typer.Option(help="End after so long [s]; without it, Ctrl-C ends.")]
+ReportDirectory = Annotated[Path | None, typer.Option("--report", help="Folder for the page with the figures.")]
+Json = Annotated[bool, typer.Option("--json", help="Print one JSON object instead of text.")]
+Listen = Annotated[list[str] | None, typer.Option(help="Endpoint to listen on, such as tcp/127.0.0.1:7447.")]
+Connect = Annotated[list[str] | None, typer.Option(help="Endpoint to connect to; may be given more than once.")]
+Insecure = Annotated[bool, typer.Option("--insecure", help="Allow endpoints off this machine, unencrypted.")]
+Parent = Annotated[int | None, typer.Option(hidden=True)]
+PositionUnit = Annotated[str, typer.Option(help="Unit of positions in the file: m, cm, mm or um.")]
+ForceUnit = Annotated[str, typer.Option(help="Unit of forces in the file: N or mN.")]
+Flip = Annotated[bool, typer.Option("--flip", help="Positions in the file shrink with depth.")]
+ForceChannel = Annotated[str, typer.Option(help="Force of a TU/e file: raw bridge or logged torque.")]
+Surface = Annotated[str, typer.Option(help="Position of the surface [m], or auto.")]
+ForceOffset = Annotated[str, typer.Option(help="Force in free air [N], or auto.")]
+
+
+def say(line: str) -> None:
+    """One line for people, on the error stream: the output stays clean for programs."""
+    typer.echo(line, err=True)
+
+
+def print_json(content: Mapping[str, Any]) -> None:
+    """One JSON object, the whole output."""
+    typer.echo(json.dumps(content, allow_nan=False))
+
+
+SESSION_OPTIONS: dict[str, tuple[type, object, str]] = {
+    "material": (str, "foam-measured", "What the follower presses: `foretouch materials list`."),
+    "operator": (str, "scripted", "Who moves the leader: scripted, recorded or browser."),
+    "model": (str, "continuous-switching", "Contact law to identify."),
+    "estimator": (str, "fprls", "Estimator that identifies it."),
+    "position_delay": (float, 0.08, "One-way delay of positions, leader to follower [s]."),
+    "force_delay": (float, 0.3, "One-way delay of models and telemetry, follower to leader [s]."),
+    "jitter": (float, 0.0, "Largest change of either delay, to both sides [s]."),
+    "loss": (float, 0.0, "Share of messages lost, 0 to 1."),
+    "outage": (float, 0.0, "Length of one outage in every 10 s [s]."),
+    "seed": (int, 0, "Of sensors, operator and network."),
+    "model_rate": (float, 50.0, "Models a second while nothing changes [1/s]."),
+}
+"""Type, default and help of every option that becomes a field of `foretouch.session.SessionSettings`."""
+
+
+def with_session_settings(**defaults: object) -> Callable[[Callable[..., None]], Callable[..., None]]:
+    """Give a command all of `SESSION_OPTIONS`; it receives them as one argument, ``settings``.
+
+    Args:
+        **defaults: Defaults of this command that differ from the common ones.
+    """
+
+    def decorate(command: Callable[..., None]) -> Callable[..., None]:
+        @functools.wraps(command)
+        def run(**arguments: Any) -> None:
+            from foretouch.session import SessionSettings
+
+            settings = SessionSettings(**{name: arguments.pop(name) for name in SESSION_OPTIONS})
+            command(settings=settings, **arguments)
+
+        own = [
+            parameter
+            for parameter in inspect.signature(command, eval_str=True).parameters.values()
+            if parameter.name != "settings"
+        ]
+        shared = [
+            inspect.Parameter(
+                name,
+                inspect.Parameter.KEYWORD_ONLY,
+                default=defaults.get(name, default),
+                annotation=Annotated[kind, typer.Option(help=text)],
+            )
+            for name, (kind, default, text) in SESSION_OPTIONS.items()
+        ]
+        parameters = [parameter.replace(kind=inspect.Parameter.KEYWORD_ONLY) for parameter in own] + shared
+        run.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
+        run.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
+        return run
+
+    return decorate

@@ -1,0 +1,334 @@
+"""Commands that run a session or a part of one."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from foretouch.cli.options import (
+    Connect,
+    Duration,
+    Insecure,
+    Json,
+    Listen,
+    Parent,
+    ReportDirectory,
+    print_json,
+    say,
+    with_session_settings,
+)
+from foretouch.errors import LinkError, SettingError
+
+if TYPE_CHECKING:
+    from foretouch.link import ZenohLink
+    from foretouch.messages import Message, SessionLog
+
+__all__ = ["COMMANDS", "console", "follower", "leader", "print_report", "record", "simulate", "teleop"]
+
+RecordingFile = Annotated[Path | None, typer.Option("--recording", help="MCAP file to write.")]
+
+
+@with_session_settings(operator="browser")
+def teleop(
+    *,
+    settings: Any,
+    duration: Duration = None,
+    headless: Annotated[bool, typer.Option("--headless", help="No console.")] = False,
+    port: Annotated[int, typer.Option(help="Of the console, on 127.0.0.1.")] = 8080,
+    recording: RecordingFile = None,
+    report: ReportDirectory = None,
+    json_output: Json = False,
+) -> None:
+    """The main job: leader, follower, console and recorder on this machine, joined by a real network connection.
+
+    Example: foretouch teleop --headless --duration 20 --operator recorded --report out
+    """
+    from foretouch.session import StopFlag, run_processes
+
+    _check_duration(duration)
+    _check_material(settings.material)
+    path = recording or _default_recording(report)
+    _check_writable(path)
+    if not headless:
+        from foretouch.link import check_endpoint, check_port_free
+
+        endpoint = f"tcp/127.0.0.1:{port}"
+        check_endpoint(endpoint)
+        check_port_free(endpoint)
+    say("Ctrl-C ends the session and prints the report." if duration is None else f"running for {duration:g} s")
+    code = run_processes(
+        settings,
+        recording=path,
+        console_port=None if headless else port,
+        duration=duration,
+        stop=StopFlag().on_signals(),
+        say=say,
+    )
+    if path.exists() and path.stat().st_size:
+        from foretouch.recordings import read_session
+
+        print_report(read_session(path), path, report, json_output)
+    if code:
+        raise typer.Exit(code)
+
+
+@with_session_settings()
+def simulate(
+    *,
+    settings: Any,
+    duration: Annotated[float, typer.Option(help="Simulated time [s].")] = 20.0,
+    recording: RecordingFile = None,
+    report: ReportDirectory = None,
+    json_output: Json = False,
+) -> None:
+    """The same session in simulated time: one process, seeded network, the same result every time.
+
+    Example: foretouch simulate --duration 20 --material hunt-crossley --report out
+    """
+    from foretouch.recordings import SessionWriter
+    from foretouch.robot import make_robot
+    from foretouch.session import make_operator
+    from foretouch.session import simulate as run
+
+    _check_duration(duration)
+    if settings.operator == "browser":
+        raise SettingError(
+            "operator", settings.operator, "needs real time: use `foretouch teleop`, or scripted or recorded"
+        )
+    robot = make_robot(settings.material, seed=settings.seed)
+    moved_by = make_operator(
+        settings.operator,
+        surface=robot.material.surface,
+        press_depth=robot.material.press_depth,
+        seed=settings.seed,
+        say=say,
+    )
+    if recording is None:
+        session = run(settings, duration=duration, operator=moved_by, robot=robot)
+    else:
+        _check_writable(recording)
+        with SessionWriter(recording) as writer:
+            session = run(settings, duration=duration, operator=moved_by, robot=robot, record=writer.write)
+            writer.close(session.log.counts)
+    print_report(session.log, recording, report, json_output, elapsed=session.elapsed)
+
+
+@with_session_settings()
+def follower(
+    *,
+    settings: Any,
+    listen: Listen = None,
+    connect: Connect = None,
+    insecure: Insecure = False,
+    duration: Duration = None,
+    parent: Parent = None,
+) -> None:
+    """The follower's side alone: the robot, what it presses, and the identification.
+
+    Example: foretouch follower --listen tcp/127.0.0.1:7447 --duration 5
+    """
+    from foretouch.robot import make_robot
+    from foretouch.session import FOLLOWER_CHANNELS, StopFlag, run_follower
+
+    _check_duration(duration)
+    robot = make_robot(settings.material, seed=settings.seed)
+    description = settings.as_text() | {
+        "surface": str(robot.material.surface),
+        "press_depth": str(robot.material.press_depth),
+    }
+    del description["operator"]  # the leader's to say
+    with _link(listen, connect, insecure, FOLLOWER_CHANNELS) as link:
+        run_follower(
+            link,
+            robot,
+            settings,
+            stop=StopFlag().on_signals(),
+            say=say,
+            description=description,
+            duration=duration,
+            parent=parent,
+        )
+
+
+@with_session_settings()
+def leader(
+    *,
+    settings: Any,
+    listen: Listen = None,
+    connect: Connect = None,
+    insecure: Insecure = False,
+    duration: Duration = None,
+    wait_for_recorder: Annotated[
+        bool, typer.Option("--wait-for-recorder", help="Begin when a recorder listens, or after 10 s.")
+    ] = False,
+    parent: Parent = None,
+) -> None:
+    """The leader's side alone: the operator and the virtual environment. Waits for a follower.
+
+    Example: foretouch leader --connect tcp/127.0.0.1:7447 --duration 5
+    """
+    from foretouch.session import (
+        LEADER_CHANNELS,
+        StopFlag,
+        make_operator,
+        run_leader,
+        wait_for_hello,
+    )
+
+    _check_duration(duration)
+    stop = StopFlag().on_signals()
+    with _link(listen, connect, insecure, LEADER_CHANNELS) as link:
+        hello = wait_for_hello(link, {"follower"}, stop, parent=parent).get("follower", {})
+        if stop.reason:
+            return
+        moved_by = make_operator(
+            settings.operator,
+            surface=_reach(hello, "surface"),
+            press_depth=_reach(hello, "press_depth"),
+            seed=settings.seed,
+            say=say,
+        )
+        run_leader(
+            link,
+            moved_by,
+            settings,
+            stop=stop,
+            say=say,
+            description={"operator": moved_by.name},
+            duration=duration,
+            wait_for_recorder=wait_for_recorder,
+            parent=parent,
+        )
+
+
+def record(
+    path: Annotated[Path, typer.Argument(help="MCAP file to write.")],
+    connect: Connect = None,
+    listen: Listen = None,
+    insecure: Insecure = False,
+    parent: Parent = None,
+) -> None:
+    """Record a session that runs elsewhere, until it ends or Ctrl-C.
+
+    Example: foretouch record session.mcap --connect tcp/127.0.0.1:7447 --connect tcp/127.0.0.1:7448
+    """
+    from foretouch.session import RECORDER_CHANNELS, StopFlag, run_recorder
+
+    _check_writable(path)
+    with _link(listen, connect, insecure, RECORDER_CHANNELS) as link:
+        run_recorder(link, path, stop=StopFlag().on_signals(), say=say, parent=parent)
+
+
+def console(
+    connect: Connect = None,
+    listen: Listen = None,
+    insecure: Insecure = False,
+    port: Annotated[int, typer.Option(help="On 127.0.0.1.")] = 8080,
+    parent: Parent = None,
+) -> None:
+    """Watch a session in the browser, and take its handle.
+
+    Example: foretouch console --connect tcp/127.0.0.1:7447 --connect tcp/127.0.0.1:7448
+    """
+    from foretouch.console import Console
+    from foretouch.messages import Stop
+    from foretouch.session import StopFlag, orphaned
+
+    stop = StopFlag().on_signals()
+    shown = Console(port, lambda message: link.publish(message))
+
+    def watch(message: Message) -> None:
+        if isinstance(message, Stop):
+            stop.set(message.reason)
+        shown.watch(message)
+
+    with _link(listen, connect, insecure, WATCHED_CHANNELS, watch) as link:
+        say(f"console: {shown.url}")
+        shown.run(lambda: bool(stop.reason) or orphaned(parent))
+        shown.close()
+
+
+COMMANDS = (teleop, simulate, leader, follower, record, console)
+
+WATCHED_CHANNELS = ("telemetry", "leader", "model", "hello", "stop")
+"""What the console's link receives."""
+
+
+def _link(
+    listen: list[str] | None,
+    connect: list[str] | None,
+    insecure: bool,
+    channels: Sequence[str],
+    watch: Callable[[Message], None] | None = None,
+) -> ZenohLink:
+    """The link of one process."""
+    from foretouch.link import ZenohLink
+
+    if not listen and not connect:
+        raise LinkError("no endpoint: give --listen or --connect, for example --connect tcp/127.0.0.1:7447")
+    return ZenohLink(listen=listen or (), connect=connect or (), subscribe=channels, insecure=insecure, watch=watch)
+
+
+def _reach(hello: dict[str, str], name: str) -> float:
+    """A length that the follower said, for the operator to reach the material."""
+    try:
+        value = float(hello[name])
+    except (KeyError, ValueError):
+        value = math.nan
+    if not 0.0 < value < 1.0:
+        raise LinkError(f"the follower's hello has {name} = {hello.get(name)!r}: it must be a length below 1 m")
+    return value
+
+
+def _check_duration(duration: float | None) -> None:
+    if duration is not None and not 0.0 < duration < math.inf:
+        raise SettingError("duration", duration, "must be above 0 s")
+
+
+def _check_material(name: str) -> None:
+    from foretouch.robot import make_material
+
+    make_material(name)
+
+
+def _default_recording(report: Path | None) -> Path:
+    if report is not None:
+        return report / "session.mcap"
+    return Path(time.strftime("foretouch-%Y%m%d-%H%M%S.mcap"))
+
+
+def _check_writable(path: Path) -> None:
+    """Refuse a recording that could not be written, before anything starts."""
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        new = not path.exists()
+        with path.open("ab"):
+            pass
+        if new:
+            path.unlink()  # it is the writer's to make
+    except OSError as error:
+        raise SettingError("recording", str(path), f"cannot be written: {error.strerror}") from None
+
+
+def print_report(
+    log: SessionLog, path: Path | None, directory: Path | None, json_output: bool, *, elapsed: float | None = None
+) -> None:
+    """Print a session's report, and write its page where one is asked for."""
+    from foretouch.report import render_text, session_report, write_page
+
+    content = session_report(log)
+    content["recording"] = None if path is None else str(path)
+    if elapsed is not None:
+        content["timing"]["elapsed_s"] = elapsed
+    if directory is not None:
+        write_page(directory, log, content)
+        say(f"report: {directory / 'index.html'}")
+    if json_output:
+        print_json(content)
+    else:
+        typer.echo(render_text(content))

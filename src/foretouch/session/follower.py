@@ -1,0 +1,169 @@
+"""The follower's step: commands and sensors in; a robot position, telemetry and models out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+from foretouch.identification import Estimator, Learner, LearntModel
+from foretouch.link import SequenceCounter
+from foretouch.messages import VERSION, Command, ModelUpdate, Telemetry
+from foretouch.models import MotionFilter
+from foretouch.robot import RobotSample, RobotSpecification
+
+__all__ = ["Inputs", "Outputs", "State", "start", "step"]
+
+SURFACE_CHANGE = 1e-4
+"""A surface that has moved by more than this [m] since the last model is sent at once."""
+
+TOOL_CUTOFFS = (40.0, 20.0)
+"""Cut-offs of velocity and acceleration [Hz] for the inertia of the tool: higher ones let the steps of a 5 um encoder
+through as force (0.03 N with a tool of 0.1 kg), lower ones come too late for a quick hand."""
+
+
+@dataclass(slots=True)
+class State:
+    """What the follower remembers from tick to tick; updated in place.
+
+    Attributes:
+        specification: Of the robot: its tool is weighed out of the force.
+        learner: Conditions and identifies.
+        model_period_ns: Between two models while nothing changes [ns].
+        motion: Of the probe, for the inertia of the tool.
+        commands: Counts arriving commands.
+        desired_position: Newest command [m]; the robot's own position before the first.
+        tick: Number of the newest tick.
+        start_ns: Clock at the first tick, None before it.
+        model_sequence: Of the newest model sent.
+        sent: That model.
+        sent_ns: When it was sent.
+    """
+
+    specification: RobotSpecification
+    learner: Learner
+    model_period_ns: int
+    motion: MotionFilter = field(default_factory=lambda: MotionFilter(*TOOL_CUTOFFS))
+    commands: SequenceCounter = field(default_factory=SequenceCounter)
+    desired_position: float | None = None
+    tick: int = 0
+    start_ns: int | None = None
+    model_sequence: int = 0
+    sent: LearntModel | None = None
+    sent_ns: int = 0
+
+
+class Inputs(NamedTuple):
+    """What a tick is given.
+
+    Attributes:
+        commands: That have arrived since the last tick.
+        sample: What the robot's sensors show.
+        period_ns: Since the last tick began [ns].
+        compute_ns: That the last tick's computing took [ns].
+    """
+
+    commands: list[Command]
+    sample: RobotSample
+    period_ns: int
+    compute_ns: int
+
+
+class Outputs(NamedTuple):
+    """What a tick gives.
+
+    Attributes:
+        desired_position: For the robot [m].
+        telemetry: For all that watch.
+        model: For the leader, when one is due.
+    """
+
+    desired_position: float
+    telemetry: Telemetry
+    model: ModelUpdate | None
+
+
+def start(specification: RobotSpecification, estimator: Estimator, *, model_rate: float = 50.0) -> State:
+    """State before the first tick.
+
+    Args:
+        specification: Of the robot.
+        estimator: Fresh.
+        model_rate: Models a second while nothing changes [1/s].
+    """
+    return State(specification, Learner(estimator), round(1e9 / model_rate))
+
+
+def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
+    """One tick of the follower.
+
+    Args:
+        state: Updated in place and returned.
+        inputs: Of this tick.
+        now_ns: This side's monotonic clock [ns].
+    """
+    if state.start_ns is None:
+        state.start_ns = now_ns
+    sample = inputs.sample
+    for command in inputs.commands:
+        if state.commands.is_newest(command.sequence):
+            state.desired_position = command.position
+    if state.desired_position is None:
+        state.desired_position = sample.commanded_position
+    time = (now_ns - state.start_ns) * 1e-9
+    sensor_force = _compensated(state, time, sample)
+    learnt_from = state.learner.update(time, sample.position, sensor_force)
+    model = _due_model(state, now_ns)
+    state.tick += 1
+    telemetry = Telemetry(
+        VERSION,
+        state.tick,
+        now_ns,
+        state.commands.newest,
+        state.desired_position,
+        sample.position,
+        learnt_from.velocity,
+        sensor_force,
+        learnt_from.force,
+        sample.exact_force,
+        learnt_from.in_contact,
+        sample.clipped,
+        state.model_sequence,
+        inputs.period_ns,
+        inputs.compute_ns,
+    )
+    return state, Outputs(state.desired_position, telemetry, model)
+
+
+def _compensated(state: State, time: float, sample: RobotSample) -> float:
+    """Sensor force less weight and inertia of the tool beyond the sensor."""
+    state.motion.update(time, sample.position)
+    return sample.sensor_force - state.specification.tool_force(state.motion.acceleration)
+
+
+def _due_model(state: State, now_ns: int) -> ModelUpdate | None:
+    """The model to send in this tick: on schedule, and at once when it became valid or not or its surface moved."""
+    learnt = state.learner.learnt()
+    sent = state.sent
+    changed = (
+        sent is None
+        or (learnt.model is None) != (sent.model is None)
+        or abs(learnt.surface - sent.surface) > SURFACE_CHANGE
+    )
+    if not changed and now_ns - state.sent_ns < state.model_period_ns:
+        return None
+    state.sent, state.sent_ns = learnt, now_ns
+    state.model_sequence += 1
+    model = learnt.model
+    return ModelUpdate(
+        VERSION,
+        state.model_sequence,
+        now_ns,
+        state.commands.newest,
+        "" if model is None else model.law,
+        () if model is None else model.parameters,
+        learnt.state,
+        learnt.surface,
+        model is not None,
+        learnt.reason,
+        state.learner.estimator.name,
+    )

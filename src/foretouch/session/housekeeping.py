@@ -1,0 +1,123 @@
+"""What a live process does beside its loop: say who it is, report what did not decode, notice that it should end."""
+
+from __future__ import annotations
+
+import os
+import signal
+import threading
+import time
+from collections.abc import Callable
+from types import FrameType
+
+from foretouch.errors import PeerVersionError
+from foretouch.link import ZenohLink
+from foretouch.messages import VERSION, Hello, Stop
+
+__all__ = ["ORPHANED", "Housekeeper", "StopFlag", "orphaned"]
+
+HELLO_PERIOD = 0.5
+"""Between two `Hello` messages [s]."""
+
+
+ORPHANED = "the parent process has gone"
+"""Reason to stop when `orphaned`."""
+
+
+def orphaned(parent: int | None) -> bool:
+    """Whether the process that started this one, and whose end should end it, has gone."""
+    return parent is not None and os.getppid() != parent
+
+
+class StopFlag:
+    """Set by Ctrl-C, by SIGTERM, by the end of the parent process, or by hand; a loop looks at `reason` each tick.
+
+    Attributes:
+        reason: Why the process should end; "" while it should not.
+    """
+
+    def __init__(self) -> None:
+        self.reason = ""
+
+    def set(self, reason: str) -> None:
+        """Ask for the end; the first reason stays."""
+        self.reason = self.reason or reason
+
+    def on_signals(self) -> StopFlag:
+        """Set on SIGINT and SIGTERM from now on (main thread only)."""
+
+        def handle(number: int, frame: FrameType | None) -> None:
+            self.set("interrupted" if number == signal.SIGINT else "terminated")
+
+        signal.signal(signal.SIGINT, handle)
+        signal.signal(signal.SIGTERM, handle)
+        return self
+
+
+class Housekeeper(threading.Thread):
+    """Publishes `Hello` twice a second and reports messages that did not decode once a second.
+
+    It runs on a thread of its own, so that the loop neither prints nor waits.
+
+    Args:
+        link: To speak on.
+        role: For the `Hello`.
+        describe: Gives the texts of the `Hello`; called on this thread.
+        stop: Set when the parent process has gone, if `parent` is given.
+        say: Prints one line for people.
+        parent: Process id of the parent whose end ends this process too.
+    """
+
+    def __init__(
+        self,
+        link: ZenohLink,
+        role: str,
+        describe: Callable[[], dict[str, str]],
+        stop: StopFlag,
+        say: Callable[[str], None],
+        parent: int | None = None,
+    ) -> None:
+        super().__init__(name="housekeeping", daemon=True)
+        self._link = link
+        self._role = role
+        self._describe = describe
+        self._stop_flag = stop
+        self._say = say
+        self._parent = parent
+        self._hellos = 0
+        self._reported = 0
+        self._ended = threading.Event()
+
+    def run(self) -> None:
+        """Work until `close`."""
+        count = 0
+        while not self._ended.wait(HELLO_PERIOD):
+            self.say_hello()
+            count += 1
+            if count % 2 == 0:
+                self._report_undecodable()
+            if orphaned(self._parent):
+                self._stop_flag.set(ORPHANED)
+
+    def say_hello(self) -> None:
+        """Publish one `Hello` now."""
+        texts = self._describe()
+        self._hellos += 1
+        self._link.publish(
+            Hello(VERSION, self._hellos, time.monotonic_ns(), self._role, tuple(texts), tuple(texts.values()))
+        )
+
+    def close(self, reason: str) -> None:
+        """Publish the last `Hello` and a `Stop`, and end the thread."""
+        self._ended.set()
+        self.join()
+        self.say_hello()
+        self._link.publish(Stop(VERSION, 1, time.monotonic_ns(), reason[:400]))
+        self._report_undecodable()
+
+    def _report_undecodable(self) -> None:
+        total = self._link.undecodable
+        if total > self._reported:
+            error = self._link.version_error
+            because = f" ({error})" if isinstance(error, PeerVersionError) else ""
+            self._say(f"{self._role}: {total - self._reported} messages did not decode and were dropped{because}")
+            self._reported = total

@@ -1,0 +1,59 @@
+"""One pacing rule for every real-time loop: absolute deadlines, sleep, then a short spin."""
+
+from __future__ import annotations
+
+import time
+
+from foretouch.models.checks import require
+
+__all__ = ["LoopTimer"]
+
+SPIN_NS = 200_000
+"""Sleeping ends this long before the deadline [ns]; the rest is spun, for sleep is late by about 0.1 ms."""
+
+
+class LoopTimer:
+    """Wakes at multiples of a period after the first tick.
+
+    A tick that took too long does not shift the ones after it: deadlines that have passed are skipped and counted.
+
+    Args:
+        period: [s], positive.
+
+    Attributes:
+        missed: Deadlines skipped so far.
+        woke_ns: When the newest tick really began [ns, monotonic clock].
+    """
+
+    __slots__ = ("_deadline_ns", "_period_ns", "missed", "woke_ns")
+
+    def __init__(self, period: float) -> None:
+        require("period", period, above=0.0)
+        self._period_ns = round(period * 1e9)
+        self._deadline_ns = 0
+        self.missed = 0
+        self.woke_ns = 0
+
+    def wait(self) -> tuple[int, int]:
+        """Sleep until the next deadline.
+
+        Returns:
+            The deadline [ns, monotonic clock], which is the time of the tick: it lies on an even grid, so that how
+            late the machine woke does not enter velocities. And how many periods have passed since the tick before:
+            1, and one more for each deadline that was skipped; 0 in the first tick.
+        """
+        now = time.monotonic_ns()
+        if self._deadline_ns == 0:
+            self._deadline_ns = self.woke_ns = now
+            return now, 0
+        self._deadline_ns += self._period_ns
+        skipped = max(0, (now - self._deadline_ns) // self._period_ns)
+        self._deadline_ns += skipped * self._period_ns
+        self.missed += skipped
+        left = self._deadline_ns - now
+        if left > SPIN_NS:
+            time.sleep((left - SPIN_NS) * 1e-9)
+        while (now := time.monotonic_ns()) < self._deadline_ns:
+            pass
+        self.woke_ns = now
+        return self._deadline_ns, 1 + skipped

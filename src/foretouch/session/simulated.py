@@ -1,0 +1,117 @@
+"""The runner in simulated time: the same steps, one process, a seeded network, bit-identical on repeat."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from foretouch.devices import Device
+from foretouch.link import FaultStage
+from foretouch.messages import VERSION, Command, Hello, Message, ModelUpdate, SessionLog, Telemetry
+from foretouch.robot import Robot
+from foretouch.session import follower, leader
+from foretouch.session.counting import follower_counts, leader_counts
+from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
+
+__all__ = ["SimulatedSession", "simulate"]
+
+_PERIOD_NS = round(SAMPLE_PERIOD * 1e9)
+
+
+@dataclass(frozen=True)
+class SimulatedSession:
+    """A simulated session.
+
+    Attributes:
+        log: What was said; its `compute_ns` columns hold what the steps really took on this machine, which is the
+            only thing that differs on repeat.
+        duration: Simulated [s].
+        elapsed: Real [s].
+    """
+
+    log: SessionLog
+    duration: float
+    elapsed: float
+
+
+def simulate(
+    settings: SessionSettings,
+    *,
+    duration: float,
+    operator: Device,
+    robot: Robot,
+    record: Callable[[Message, int], None] | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> SimulatedSession:
+    """Run a session in simulated time.
+
+    Each tick runs the follower, then the leader. Time is the number of the tick, so that nothing of this machine
+    enters; the real computing times are kept out of the messages.
+
+    Args:
+        settings: Of the session.
+        duration: Simulated [s].
+        operator: Moves the leader.
+        robot: The follower's.
+        record: Called with each message to keep and its simulated time [ns].
+        progress: Called now and then with the simulated time [s].
+    """
+    commands: FaultStage[Command] = FaultStage(settings.command_faults)
+    returned: FaultStage[ModelUpdate | Telemetry] = FaultStage(settings.return_faults)
+    leading = leader.start()
+    following = follower.start(robot.specification, settings.make_estimator(), model_rate=settings.model_rate)
+    ticks = round(duration / SAMPLE_PERIOD)
+    compute = np.zeros((2, ticks), dtype=np.int64)
+    leader_log, follower_log, models = [], [], []
+    texts = settings.as_text()
+    if record is not None:
+        record(Hello(VERSION, 1, 0, "simulation", tuple(texts), tuple(texts.values())), 0)
+    sample = robot.read()
+    began = time.perf_counter()
+    for tick in range(ticks):
+        now_ns = tick * _PERIOD_NS
+        start = time.perf_counter_ns()
+        following, acted = follower.step(
+            following, follower.Inputs(commands.pop_due(now_ns), sample, _PERIOD_NS, 0), now_ns
+        )
+        compute[1, tick] = time.perf_counter_ns() - start
+        follower_log.append(acted.telemetry)
+        returned.push(now_ns, acted.telemetry)
+        if acted.model is not None:
+            models.append(acted.model)
+            returned.push(now_ns, acted.model)
+        sample = robot.exchange(acted.desired_position)
+
+        arrived = returned.pop_due(now_ns)
+        position = operator.read(now_ns)
+        start = time.perf_counter_ns()
+        leading, led = leader.step(
+            leading,
+            leader.Inputs(
+                position,
+                [message for message in arrived if type(message) is ModelUpdate],
+                [message for message in arrived if type(message) is Telemetry],
+                _PERIOD_NS,
+                0,
+            ),
+            now_ns,
+        )
+        compute[0, tick] = time.perf_counter_ns() - start
+        operator.render(led.record.rendered_force)
+        leader_log.append(led.record)
+        commands.push(now_ns, led.command)
+        if record is not None:
+            record(acted.telemetry, now_ns)
+            if acted.model is not None:
+                record(acted.model, now_ns)
+            record(led.record, now_ns)
+        if progress is not None and tick % 1000 == 0:
+            progress(now_ns * 1e-9)
+    elapsed = time.perf_counter() - began
+    counts = leader_counts(leading) | follower_counts(following)
+    log = SessionLog.from_messages(leader_log, follower_log, models, texts, counts)
+    log.leader["compute_ns"], log.follower["compute_ns"] = compute
+    return SimulatedSession(log, duration, elapsed)

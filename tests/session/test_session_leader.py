@@ -1,0 +1,98 @@
+"""The leader's step by itself: what may and what may not move the rendered force."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from foretouch.messages import VERSION, ModelUpdate, Telemetry
+from foretouch.models import HuntCrossley
+from foretouch.session import leader
+
+MS = 1_000_000
+
+
+def model(
+    sequence: int, *, valid: bool = True, law: str = "hunt-crossley", parameters: Sequence[float] = ()
+) -> ModelUpdate:
+    numbers = tuple(parameters) or (3000.0, 0.0, 1.4)
+    return ModelUpdate(VERSION, sequence, 0, 0, law, numbers, (), 0.01, valid, "", "fprls")
+
+
+def telemetry(sequence: int, force: float) -> Telemetry:
+    return Telemetry(VERSION, sequence, 0, 0, 0.0, 0.0, 0.0, force, force, force, True, False, 0, MS, 0)
+
+
+def run(
+    models: dict[int, ModelUpdate], forces: Sequence[float] = (), *, ticks: int = 200, depth: float = 0.01
+) -> list[leader.Outputs]:
+    state, outputs = leader.start(), []
+    for tick in range(ticks):
+        arrived = [telemetry(tick + 1, forces[tick])] if tick < len(forces) else []
+        inputs = leader.Inputs(0.01 + depth, [models[tick]] if tick in models else [], arrived, MS, 0)
+        state, output = leader.step(state, inputs, tick * MS)
+        outputs.append(output)
+    return outputs
+
+
+@given(st.lists(st.floats(-100.0, 100.0), min_size=200, max_size=200))
+def test_the_delayed_force_moves_nothing(forces: list[float]) -> None:
+    quiet, loud = run({5: model(1)}), run({5: model(1)}, forces)
+    assert [o.record.predicted_force for o in quiet] == [o.record.predicted_force for o in loud]
+    assert [o.record.rendered_force for o in quiet] == [o.record.rendered_force for o in loud]
+    assert [o.command for o in quiet] == [o.command for o in loud]
+    assert loud[-1].record.delayed_force == forces[-1]
+
+
+def test_there_is_no_force_before_a_valid_model() -> None:
+    outputs = run({5: model(1, valid=False)})
+    assert max(o.record.rendered_force for o in outputs) == 0.0
+    assert outputs[-1].command.acknowledged_model == 1
+
+
+def test_the_force_is_the_model_s_within_the_rate_limit() -> None:
+    outputs = run({5: model(1)})
+    law = HuntCrossley(3000.0, 0.0, 1.4)
+    expected = law.advance((), 0.01, 0.0, 1e-3)[1]
+    assert outputs[-1].record.rendered_force == pytest.approx(expected)
+    jumps = np.abs(np.diff([o.record.rendered_force for o in outputs]))
+    assert jumps.max() == pytest.approx(0.2)
+    assert outputs[5].record.clipped
+    assert not outputs[-1].record.clipped
+
+
+def test_an_old_model_does_not_replace_a_newer_one() -> None:
+    outputs = run({5: model(7), 50: model(6, parameters=(9000.0, 0.0, 1.4))})
+    assert outputs[-1].record.model_sequence == 7
+    assert outputs[-1].record.predicted_force == outputs[40].record.predicted_force
+
+
+@pytest.mark.parametrize(
+    "bad",
+    [
+        model(2, law="jelly"),
+        model(2, parameters=(1.0,)),
+        model(2, parameters=(float("nan"), 0.0, 1.4)),
+        model(2, parameters=(-1.0, 0.0, 1.4)),
+    ],
+)
+def test_a_model_that_cannot_be_run_lets_the_force_go(bad: ModelUpdate) -> None:
+    outputs = run({5: model(1), 100: bad})
+    assert outputs[99].record.rendered_force > 4.0
+    assert outputs[-1].record.rendered_force == 0.0
+
+
+@given(st.lists(st.floats(allow_nan=True, allow_infinity=True), min_size=50, max_size=50))
+def test_no_position_raises_or_breaks_the_limits(positions: list[float]) -> None:
+    state, before = leader.start(), 0.0
+    for tick, position in enumerate(positions):
+        arrived = [model(1)] if tick == 0 else []
+        state, output = leader.step(state, leader.Inputs(position, arrived, [], MS, 0), tick * MS)
+        force = output.record.rendered_force
+        assert 0.0 <= force <= 10.0
+        assert abs(force - before) <= 0.2 + 1e-9
+        before = force

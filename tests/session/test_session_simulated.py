@@ -1,0 +1,178 @@
+"""The lap in simulated time."""
+
+from __future__ import annotations
+
+import hashlib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from foretouch.devices import Device, ScriptedOperator
+from foretouch.errors import SettingError, UnknownNameError
+from foretouch.identification import Learner, make_estimator
+from foretouch.messages import SessionLog
+from foretouch.recordings import SessionWriter, read_session
+from foretouch.report import session_report
+from foretouch.robot import MATERIALS, make_robot
+from foretouch.session import SessionSettings, SimulatedSession, replay, simulate
+
+
+def run(duration: float = 6.0, *, record: Path | None = None, **changes: Any) -> SimulatedSession:
+    settings = SessionSettings(**changes)
+    robot = make_robot(settings.material, seed=settings.seed)
+    operator = ScriptedOperator(robot.material.surface, robot.material.press_depth, settings.seed)
+    if record is None:
+        return simulate(settings, duration=duration, operator=operator, robot=robot)
+    with SessionWriter(record) as writer:
+        session = simulate(settings, duration=duration, operator=operator, robot=robot, record=writer.write)
+        writer.close(session.log.counts)
+    return session
+
+
+@pytest.fixture(scope="module")
+def session() -> SimulatedSession:
+    return run(8.0, material="hunt-crossley")
+
+
+def without_timing(log: SessionLog) -> list[np.ndarray[Any, Any]]:
+    return [table[[name for name in table.dtype.names if name != "compute_ns"]] for table in (log.leader, log.follower)]
+
+
+def test_it_repeats_to_the_last_bit(tmp_path: Path) -> None:
+    faults = {"jitter": 0.01, "loss": 0.05, "outage": 0.3, "seed": 5}
+    first = run(3.0, record=tmp_path / "a.mcap", **faults)
+    second = run(3.0, record=tmp_path / "b.mcap", **faults)
+    for one, other in zip(without_timing(first.log), without_timing(second.log), strict=True):
+        np.testing.assert_array_equal(one, other)
+    assert first.log.models == second.log.models
+    assert first.log.counts == second.log.counts
+    digests = {hashlib.sha256((tmp_path / name).read_bytes()).digest() for name in ("a.mcap", "b.mcap")}
+    assert len(digests) == 1
+
+
+def test_another_seed_is_another_session() -> None:
+    assert run(1.0, seed=1).log.follower["sensor_force"][-1] != run(1.0, seed=2).log.follower["sensor_force"][-1]
+
+
+def test_the_recording_holds_the_session(tmp_path: Path) -> None:
+    path = tmp_path / "s.mcap"
+    log = run(2.0, record=path).log
+    read = read_session(path)
+    for one, other in zip(without_timing(log), without_timing(read), strict=True):
+        np.testing.assert_array_equal(one, other)
+    assert read.models == log.models
+    assert read.settings == log.settings
+    assert read.counts == log.counts
+
+
+def test_commands_and_models_take_their_delays(session: SimulatedSession) -> None:
+    log = session.log
+    rows = log.rows()
+    transit = rows.follower["time_ns"] - rows.leader["time_ns"]
+    assert set(transit.tolist()) == {80_000_000}
+    assert rows.never_applied == 80
+    sent = {model.sequence: model.time_ns for model in log.models}
+    arrived = np.unique(log.leader["model_sequence"], return_index=True)
+    ages = [int(log.leader["time_ns"][i]) - sent[s] for s, i in zip(*map(np.ndarray.tolist, arrived), strict=True) if s]
+    assert min(ages) == max(ages) == 300_000_000
+
+
+def test_models_come_fifty_times_a_second_and_at_once_on_change(session: SimulatedSession) -> None:
+    gaps = np.diff([model.time_ns for model in session.log.models])
+    assert np.median(gaps) == 20_000_000
+    assert gaps.max() == 20_000_000
+    assert gaps.min() < 20_000_000
+
+
+def test_predicting_the_recording_gives_the_session_s_own_figure(session: SimulatedSession) -> None:
+    again = replay(session.log, Learner(make_estimator("continuous-switching", "fprls")), delay=0.3)
+    np.testing.assert_array_equal(again.predicted, session.log.leader["predicted_force"])
+    late = session.log.leader["telemetry_sequence"] > 0
+    np.testing.assert_array_equal(again.delayed[late], session.log.leader["delayed_force"][late])
+
+
+@pytest.mark.parametrize("material", MATERIALS)
+def test_every_material_is_pressed_within_the_clamps(material: str) -> None:
+    log = run(5.0, material=material, seed=3).log
+    assert log.follower["in_contact"].any()
+    assert np.isfinite(log.follower["force"]).all()
+    assert np.isfinite(log.leader["predicted_force"]).all()
+    assert log.leader["rendered_force"].min() >= 0.0
+    assert log.leader["rendered_force"].max() <= 10.0
+    assert np.abs(np.diff(log.leader["rendered_force"])).max() <= 0.2 + 1e-9
+    assert log.follower["exact_force"].max() <= 1.1 * 15.0
+
+
+def test_the_robot_follows_within_two_milliseconds(session: SimulatedSession) -> None:
+    tracking = session_report(session.log)["tracking_error"]
+    assert 0.0 < tracking["lag_ms"] <= 2.0
+    assert tracking["rms_mm"] < 0.1
+
+
+def test_compensation_leaves_the_exact_force(session: SimulatedSession) -> None:
+    """The conditioned force is the simulator's own, but for noise, the sensor's low-pass and the offset's estimate."""
+    follower = session.log.follower[1500:]
+    error = follower["force"] - follower["exact_force"]
+    assert abs(error.mean()) < 0.03
+    assert error.std() < 0.06
+
+
+def test_faults_are_counted() -> None:
+    log = run(3.0, loss=0.1, jitter=0.005, seed=2).log
+    lost = log.counts["commands_lost"] / log.counts["commands_sent"]
+    assert 0.07 < lost < 0.13
+    assert log.counts["commands_late"] > 0
+    assert log.counts["telemetry_lost"] > 200
+    assert session_report(log)["messages"]["lost"] == sum(n for name, n in log.counts.items() if name.endswith("_lost"))
+
+
+class Still(Device):
+    """A hand that stays where it is."""
+
+    name = "still"
+    closed_loop = False
+
+    def read(self, now_ns: int) -> float:
+        return 0.0
+
+    def render(self, force: float) -> float:
+        return force
+
+
+def test_a_still_hand_in_free_air_feels_nothing() -> None:
+    robot = make_robot("foam-measured", seed=0, sensor_noise=0.005)
+    log = simulate(SessionSettings(), duration=2.0, operator=Still(), robot=robot).log
+    assert log.leader["rendered_force"].max() == 0.0
+    assert not log.follower["in_contact"].any()
+    report = session_report(log, score_from=0.0)
+    assert report["status"] == "no_contact"
+    assert report["prediction_error_percent"] is None
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"position_delay": -0.1}, r"position_delay = -0\.1: must be .*at least 0"),
+        ({"force_delay": float("nan")}, "force_delay = nan"),
+        ({"loss": 2.0}, "loss = 2.0"),
+        ({"model_rate": 0.0}, "model_rate = 0.0"),
+    ],
+)
+def test_settings_out_of_range_are_refused(changes: dict[str, float], message: str) -> None:
+    with pytest.raises(SettingError, match=message):
+        SessionSettings(**changes)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"operator": "nobody"}, "unknown operator 'nobody': choose one of browser, recorded, scripted"),
+        ({"model": "jelly"}, "unknown model 'jelly': choose one of continuous-switching"),
+        ({"estimator": "guess"}, "unknown estimator for continuous-switching 'guess': choose one of fprls"),
+    ],
+)
+def test_unknown_names_are_refused_with_the_choices(changes: dict[str, str], message: str) -> None:
+    with pytest.raises(UnknownNameError, match=message):
+        SessionSettings(**changes)
