@@ -61,6 +61,7 @@ class InsertionServo:
         "_slope",
         "_velocity",
         "_velocity_gain",
+        "_velocity_slope",
         "clipped",
         "reference",
         "velocity",
@@ -75,7 +76,7 @@ class InsertionServo:
         self._period = sample_period
         self._velocity_gain = 1.0 - math.exp(-2.0 * math.pi * VELOCITY_CUTOFF * sample_period)
         self._newest = self._command = self.reference = position
-        self._slope = self._velocity = self.velocity = 0.0
+        self._slope = self._velocity = self._velocity_slope = self.velocity = 0.0
         self.clipped = False
 
     def command(self, position: float) -> None:
@@ -83,7 +84,7 @@ class InsertionServo:
         self._command = self._newest
         self._newest = position
         self._slope = (position - self._command) / self._period
-        self._velocity += self._velocity_gain * (self._slope - self._velocity)
+        self._velocity_slope = self._velocity_gain * (self._slope - self._velocity) / self._period
         self.clipped = False
 
     def effort(self, position: float, velocity: float, contact_force: float, h: float) -> float:
@@ -108,6 +109,7 @@ class InsertionServo:
         self.velocity += h * acceleration
         self.reference += h * self.velocity
         self._command += h * self._slope
+        self._velocity += h * self._velocity_slope
         ceiling = self._force_limit
         excess = contact_force - ceiling
         if excess > 0.0:  # what speed and the moving mass add: brake, and go back

@@ -32,13 +32,13 @@ class RcmArm(Robot):
 
     The force sensor stands between carriage and tool. Its chain: MuJoCo's interaction force, first-order low-pass,
     offset, noise. MuJoCo gives the force at the start of the last physics step, so the chain is late by that step
-    and the low-pass (0.5 + 0.8 ms as built).
+    and the low-pass (0.5 + 0.8 ms as built). The drive feeds its own copy forward, tared at the start.
 
     Same seed, same commands: same samples, bit for bit.
 
     Args:
         material: What the probe presses.
-        seed: Of the sensor and encoder noise.
+        seed: Of the sensor and encoder noise, not negative.
         surface: Position of the undeformed surface [m]; None takes the material's own.
         sample_period: [s].
         substeps: Physics steps in a sample period.
@@ -80,6 +80,7 @@ class RcmArm(Robot):
         sensor_offset: float = 0.3,
         workspace: tuple[float, float] = (-0.02, 0.06),
     ) -> None:
+        require("seed", seed, at_least=0)
         require("sample_period", sample_period, above=0.0, at_most=0.01)
         require("substeps", substeps, at_least=1)
         require("force_limit", force_limit, above=0.0)
@@ -154,11 +155,11 @@ class RcmArm(Robot):
             self._desired = min(highest, max(lowest, desired_position))
         servo = self._servo
         servo.command(self._desired)
-        shown = self._sample.sensor_force - self._sensor  # offset and noise of the newest sample
+        noise = self._sample.sensor_force - self._sensor - self._offset  # the drive's own copy is tared at the start
         h = self._h
         position, velocity = float(self._qpos[0]), float(self._qvel[0])
         for _ in range(self._substeps):
-            effort = servo.effort(position, velocity, self._sensor + shown - self._tool, h)
+            effort = servo.effort(position, velocity, self._sensor + noise - self._tool, h)
             self._drive[0] = effort - MOVED_MASS * GRAVITY
             self._applied[0] = self._contact_force
             self._mj_step(self.mj_model, self.mj_data)

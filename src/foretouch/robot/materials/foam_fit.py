@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Iterator, Sequence
+from itertools import pairwise
 from pathlib import Path
 
 import msgspec
@@ -13,7 +14,7 @@ from numpy.typing import NDArray
 
 from foretouch.errors import RecordingError, SettingError
 from foretouch.quantities import Recording
-from foretouch.robot.materials.hysteretic_contact import Branch, Element, HystereticContact
+from foretouch.robot.materials.hysteretic_contact import Branch, HystereticContact, Spring
 
 __all__ = ["FOAM_DATASETS", "FOAM_PROVENANCE", "FittedFile", "FoamFit", "fit_foam", "replay", "save_foam_fit"]
 
@@ -31,12 +32,12 @@ FOAM_PROVENANCE = (
 PERIOD = 1e-3  # of the samples that the fit uses [s]
 APPROACH = 0.2  # time in which the untouched material is brought to the first sample [s]
 SETTLING = 0.2  # first part of a file, not scored: what was done to the foam before it is not known [s]
-SPRING_KNOTS = np.array([0, 1, 2, 3, 4, 5, 6, 7, 8, 10, 12, 20]) * 1e-3  # the last ramp is open beyond the data
-RAMPS = ((0.0, 2e-3), (3e-3, 6e-3), (5e-3, 7e-3), (8e-3, 14e-3))  # where dashpots and branches engage [m]
+SPRING_KNOTS = (0.0, 1e-3, 2e-3, 3e-3, 4e-3, 5e-3, 7e-3, 9e-3, 17e-3)  # the last ramp is open beyond the data [m]
+RAMPS = ((0.0, 1e-3), (0.0, 3e-3), (2e-3, 4e-3), (5e-3, 11e-3))  # where branches engage [m]
 SLIP = 0.7e-3  # deflection at which a branch slips [m]
-RELAXATIONS = (0.03, 0.3)  # [s]
+RELAXATIONS = (0.004, 0.3)  # the short one is the damping [s]
 SMALLEST_OFFSET = -0.1  # the true zero may lie this far below the lowest 50 ms mean [N]
-TYPICAL_DEPTH = 6.5e-3  # first guess of the deflection at 2 N, where the steep part is [m]
+TYPICAL_DEPTH = 3.5e-3  # first guess of the deflection at 2 N, where the steep part is [m]
 SEARCH_STEPS = (1e-3, 0.5e-3, 0.25e-3)  # of the surfaces [m]
 
 
@@ -63,22 +64,20 @@ class FoamFit(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         provenance: Origin of the recordings, one line.
         measured_depth: Deepest deflection in the recordings [m].
         springs: (start [m], end [m], force [N]) each.
-        dashpots: (start [m], end [m], N s/m) each.
         branches: (start [m], end [m], stiffness [N/m], slip force [N], relaxation time [s]) each; None is infinite.
         files: One entry for each recording.
     """
 
     provenance: str
     measured_depth: float
-    springs: tuple[Element, ...]
-    dashpots: tuple[Element, ...]
+    springs: tuple[Spring, ...]
     branches: tuple[tuple[float, float, float, float | None, float | None], ...]
     files: tuple[FittedFile, ...]
 
     def model(self) -> HystereticContact:
         """The contact law."""
         branches = tuple((a, b, k, _unbounded(r), _unbounded(tau)) for a, b, k, r, tau in self.branches)
-        return HystereticContact(self.springs, self.dashpots, branches)
+        return HystereticContact(self.springs, branches)
 
 
 def _unbounded(value: float | None) -> float:
@@ -184,10 +183,9 @@ def _ramp(y: Array, start: float, end: float) -> Array:
 
 def _parts() -> Iterator[tuple[str, tuple[float, ...]]]:
     """Candidates, in the order of the columns of `_columns`; slip per unit stiffness [m]."""
-    for start, end in zip(SPRING_KNOTS[:-1].tolist(), SPRING_KNOTS[1:].tolist(), strict=True):
+    for start, end in pairwise(SPRING_KNOTS):
         yield "spring", (start, end)
     for start, end in RAMPS:
-        yield "dashpot", (start, end)
         yield "branch", (start, end, SLIP, math.inf)
         for relaxation in RELAXATIONS:
             yield "branch", (start, end, math.inf, relaxation)
@@ -199,13 +197,10 @@ def _columns(press: _Press, surface: float) -> Array:
     from foretouch.robot.materials.hysteretic_kernel import branch_response
 
     path = np.maximum(_with_approach(press.position - surface), 0.0)
-    velocity = np.diff(path, prepend=path[0]) / PERIOD
     columns = []
     for kind, numbers in _parts():
         if kind == "spring":
             columns.append(_ramp(path, *numbers))
-        elif kind == "dashpot":
-            columns.append(_ramp(path, *numbers) * velocity)
         else:
             columns.append(branch_response(path, PERIOD, *numbers))
     return np.column_stack(columns)[round(APPROACH / PERIOD) :]
@@ -241,17 +236,16 @@ def _result(
     provenance: str,
 ) -> FoamFit:
     """Round, drop what is nothing, and score the law as it will run."""
-    springs: list[Element] = []
-    dashpots: list[Element] = []
+    springs: list[Spring] = []
     branches: list[Branch] = []
     for (kind, numbers), strength in zip(_parts(), strengths.tolist(), strict=False):
         rounded = float(f"{strength:.4g}")
         if kind == "branch" and rounded > 0.1:  # N/m
             start, end, slip, relaxation = numbers
             branches.append((start, end, rounded, float(f"{strength * slip:.4g}"), relaxation))
-        elif kind != "branch" and rounded > 1e-3:  # N or N s/m
-            (springs if kind == "spring" else dashpots).append((numbers[0], numbers[1], rounded))
-    model = HystereticContact(tuple(springs), tuple(dashpots), tuple(branches))
+        elif kind == "spring" and rounded > 1e-3:  # N
+            springs.append((numbers[0], numbers[1], rounded))
+    model = HystereticContact(tuple(springs), tuple(branches))
     offsets = strengths[-len(presses) :] + SMALLEST_OFFSET
     files = []
     for recording, press, surface, offset in zip(recordings, presses, surfaces, offsets.tolist(), strict=True):
@@ -262,7 +256,6 @@ def _result(
         provenance=provenance,
         measured_depth=round(max(float(p.position.max()) - s for p, s in zip(presses, surfaces, strict=True)), 6),
         springs=model.springs,
-        dashpots=model.dashpots,
         branches=tuple((a, b, k, _bounded(r), _bounded(tau)) for a, b, k, r, tau in model.branches),
         files=tuple(files),
     )

@@ -30,5 +30,5 @@ def foam_measured() -> Material:
         description="foam with plateau, densification, hysteresis and relaxation, fitted to measured presses",
         provenance=fit.provenance,
         model=fit.model(),
-        press_depth=0.012,
+        press_depth=0.009,
     )

@@ -1,7 +1,7 @@
 """Compiled step of the hysteretic contact law; the equations are in `hysteretic_contact`.
 
-Springs, dashpots and branches stand in one table, one row each: start a [m], end b [m], strength, slip force [N],
-relaxation time [s] (the last two of branches only). One table keeps the call short.
+Springs and branches stand in one table, one row each: start a [m], end b [m], force [N] or stiffness [N/m], and for
+branches slip force [N] and relaxation time [s]. One table keeps the call short.
 """
 
 from __future__ import annotations
@@ -56,31 +56,27 @@ mean_ramp: Callable[[float, float, float, float], float] = njit(cache=True)(_mea
 load_branch: Callable[[float, float, float, float, float, float], float] = njit(cache=True)(_load_branch)
 
 
-def _total_force(
-    loads: Array, before: float, after: float, h: float, table: Array, springs: int, branches: int
-) -> float:
+def _total_force(loads: Array, before: float, after: float, h: float, table: Array, springs: int) -> float:
     """Force of the whole material [N] if its surface moves from one deflection to the next."""
     force = 0.0
     for i in range(springs):
         force += table[i, 2] * ramp(after, table[i, 0], table[i, 1])
-    for i in range(springs, branches):
-        force += table[i, 2] * mean_ramp(before, after, table[i, 0], table[i, 1]) * (after - before) / h
-    for i in range(branches, table.shape[0]):
+    for i in range(springs, table.shape[0]):
         lever = mean_ramp(before, after, table[i, 0], table[i, 1])
         way = lever * (after - before)
-        force += lever * load_branch(loads[i - branches], way, h, table[i, 2], table[i, 3], table[i, 4])
+        force += lever * load_branch(loads[i - springs], way, h, table[i, 2], table[i, 3], table[i, 4])
     return force
 
 
-total_force: Callable[[Array, float, float, float, Array, int, int], float] = njit(cache=True)(_total_force)
+total_force: Callable[[Array, float, float, float, Array, int], float] = njit(cache=True)(_total_force)
 
 
-def _step(state: tuple[float, ...], depth: float, h: float, table: Array, springs: int, branches: int) -> Array:
+def _step(state: tuple[float, ...], depth: float, h: float, table: Array, springs: int) -> Array:
     """New deflection, branch loads and, last, the force on the probe [N].
 
-    `springs` and `branches` are the rows of the table where the springs end and the branches begin.
+    The first `springs` rows of the table are springs, the others branches.
     """
-    count = table.shape[0] - branches
+    count = table.shape[0] - springs
     result = np.empty(count + 2)
     loads = result[1 : count + 1]
     for i in range(count):
@@ -88,20 +84,20 @@ def _step(state: tuple[float, ...], depth: float, h: float, table: Array, spring
     before = state[0]
     known = math.isfinite(depth)
     after = max(depth, 0.0) if known else before
-    force = total_force(loads, before, after, h, table, springs, branches)
+    force = total_force(loads, before, after, h, table, springs)
     if force < 0.0 and after < before:
         low, high = after, before  # the material pulls at low: the surface stays behind the probe
         for _ in range(BISECTIONS):
             middle = 0.5 * (low + high)
-            if total_force(loads, before, middle, h, table, springs, branches) < 0.0:
+            if total_force(loads, before, middle, h, table, springs) < 0.0:
                 low = middle
             else:
                 high = middle
         after = high  # pushing, or not moved at all: either way no energy is made
         force = 0.0
-    for i in range(branches, table.shape[0]):
+    for i in range(springs, table.shape[0]):
         way = mean_ramp(before, after, table[i, 0], table[i, 1]) * (after - before)
-        loads[i - branches] = load_branch(loads[i - branches], way, h, table[i, 2], table[i, 3], table[i, 4])
+        loads[i - springs] = load_branch(loads[i - springs], way, h, table[i, 2], table[i, 3], table[i, 4])
     result[0] = after
     result[count + 1] = max(force, 0.0) if known and depth > 0.0 else 0.0
     return result
@@ -119,5 +115,5 @@ def _branch_response(deflection: Array, h: float, start: float, end: float, slip
     return response
 
 
-step: Callable[[tuple[float, ...], float, float, Array, int, int], Array] = njit(cache=True)(_step)
+step: Callable[[tuple[float, ...], float, float, Array, int], Array] = njit(cache=True)(_step)
 branch_response: Callable[[Array, float, float, float, float, float], Array] = njit(cache=True)(_branch_response)

@@ -19,5 +19,5 @@ def kelvin_voigt() -> Material:
         description="Kelvin-Voigt law: stiff (6 N at 1 mm), damping jumps at the surface",
         provenance="the paper's simulation: K = 6000 N/m, B = 500 N s/m",
         model=KelvinVoigt(stiffness=6000.0, damping=500.0),
-        press_depth=0.0015,
+        press_depth=0.001,
     )
