@@ -96,6 +96,23 @@ class InsertionServo:
             contact_force: Measured, tool compensated [N].
             h: Length of the step [s].
         """
+        stiffness, damping = SERVO_RATE * SERVO_RATE, 2.0 * SERVO_RATE
+        restoring = stiffness * (self.reference - position) + damping * (self.velocity - velocity)
+        friction = self._damping * self.velocity
+        effort = self._mass * (self._move_reference(h) + restoring) + friction + contact_force
+        ceiling = self._force_limit
+        excess = contact_force - ceiling
+        if excess > 0.0:  # what speed and the moving mass add: brake, and go back
+            ceiling -= excess + damping * self._mass * max(velocity, 0.0)
+        if effort > ceiling:
+            effort = ceiling
+            self.clipped = True
+            self.reference = min(self.reference, position + max(0.0, -excess) / (self._mass * stiffness))
+            self.velocity = min(self.velocity, max(velocity, 0.0))
+        return max(effort, -LARGEST_RETRACTION)
+
+    def _move_reference(self, h: float) -> float:
+        """Move the reference and the command on by h seconds; gives the reference's acceleration [m/s^2]."""
         error = self._command - self.reference
         distance = abs(error)
         closing = min(0.5 * REFERENCE_RATE * distance, math.sqrt(1.4 * LARGEST_ACCELERATION * distance))
@@ -103,21 +120,8 @@ class InsertionServo:
         wanted = max(-LARGEST_VELOCITY, min(LARGEST_VELOCITY, wanted))
         acceleration = 2.0 * REFERENCE_RATE * (wanted - self.velocity)
         acceleration = max(-LARGEST_ACCELERATION, min(LARGEST_ACCELERATION, acceleration))
-        stiffness = SERVO_RATE * SERVO_RATE
-        restoring = stiffness * (self.reference - position) + 2.0 * SERVO_RATE * (self.velocity - velocity)
-        effort = self._mass * (acceleration + restoring) + self._damping * self.velocity + contact_force
         self.velocity += h * acceleration
         self.reference += h * self.velocity
         self._command += h * self._slope
         self._velocity += h * self._velocity_slope
-        ceiling = self._force_limit
-        excess = contact_force - ceiling
-        if excess > 0.0:  # what speed and the moving mass add: brake, and go back
-            ceiling -= excess + 2.0 * SERVO_RATE * self._mass * max(velocity, 0.0)
-        if effort > ceiling:
-            effort = ceiling
-            self.clipped = True
-            spare = max(0.0, self._force_limit - contact_force) / (self._mass * stiffness)
-            self.reference = min(self.reference, position + spare)
-            self.velocity = min(self.velocity, max(velocity, 0.0))
-        return max(effort, -LARGEST_RETRACTION)
+        return acceleration
