@@ -1,3 +1,87 @@
-"""foretouch: feel what the remote robot touches before the network can tell you."""
+"""foretouch: feel what the remote robot touches before the network can tell you.
+
+The public interface; what is not here may change without notice. Names are imported when they are first used, so that
+`import foretouch` costs nothing.
+
+- Recordings: `Recording`, `read_recording`, `read_session`, `fetch`
+- Contact models: `ContactModel`, `advance`, `make_model`
+- Identification: `make_estimator`, `Learner`, `identify`, `predict`
+- Scoring: `score`, `delayed`
+- Sessions: `SessionSettings`, `simulate`, `make_robot`, `make_operator`, `session_report`, `SessionLog`
+- Errors: `ForetouchError`
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from foretouch.errors import ForetouchError
+    from foretouch.identification import Learner, identify, make_estimator, predict
+    from foretouch.messages import SessionLog
+    from foretouch.models import ContactModel, advance, make_model
+    from foretouch.quantities import Recording
+    from foretouch.recordings import fetch, read_recording, read_session
+    from foretouch.report import delayed, score, session_report
+    from foretouch.robot import make_robot
+    from foretouch.session import SessionSettings, make_operator, simulate
 
 __version__ = "0.1.0"
+
+_HOME = {
+    "ForetouchError": "errors",
+    "Recording": "quantities",
+    "read_recording": "recordings",
+    "read_session": "recordings",
+    "fetch": "recordings",
+    "ContactModel": "models",
+    "advance": "models",
+    "make_model": "models",
+    "make_estimator": "identification",
+    "Learner": "identification",
+    "identify": "identification",
+    "predict": "identification",
+    "score": "report",
+    "delayed": "report",
+    "session_report": "report",
+    "SessionLog": "messages",
+    "SessionSettings": "session",
+    "simulate": "session",
+    "make_operator": "session",
+    "make_robot": "robot",
+}
+
+__all__ = [
+    "ContactModel",
+    "ForetouchError",
+    "Learner",
+    "Recording",
+    "SessionLog",
+    "SessionSettings",
+    "__version__",
+    "advance",
+    "delayed",
+    "fetch",
+    "identify",
+    "make_estimator",
+    "make_model",
+    "make_operator",
+    "make_robot",
+    "predict",
+    "read_recording",
+    "read_session",
+    "score",
+    "session_report",
+    "simulate",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOME:
+        raise AttributeError(f"module 'foretouch' has no attribute {name!r}")
+    return getattr(importlib.import_module(f"foretouch.{_HOME[name]}"), name)
+
+
+def __dir__() -> list[str]:
+    return __all__

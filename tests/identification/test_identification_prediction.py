@@ -1,0 +1,93 @@
+"""Prediction under a delay uses the motion up to now and the forces up to a delay ago, and nothing more."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from presses import press, true_force
+
+from foretouch.errors import RecordingError, SettingError
+from foretouch.identification import Learner, Motion, identify, make_estimator, predict
+from foretouch.quantities import Recording
+
+
+def learner(**given_values: float) -> Learner:
+    return Learner(make_estimator("continuous-switching", "fprls"), **given_values)
+
+
+def changed(recording: Recording, *, force_from: float = np.inf, position_from: float = np.inf) -> Recording:
+    force, position = recording.force.copy(), recording.position.copy()
+    force[recording.time > force_from] = 9.0
+    position[recording.time > position_from] = 0.05
+    return Recording(recording.time, position, force)
+
+
+@given(st.sampled_from([0.0, 0.001, 0.05, 0.3, 1.0]), st.floats(1.2, 3.5))
+def test_the_future_is_not_used(delay: float, now: float) -> None:
+    recording = press(duration=4.0, noise=0.01)
+    whole = predict(recording, learner(), delay=delay)
+    past = recording.time <= now
+    other = predict(changed(recording, force_from=now - delay + 1e-9, position_from=now), learner(), delay=delay)
+    np.testing.assert_array_equal(other[past], whole[past])
+
+
+def test_the_newest_force_allowed_is_used() -> None:
+    """The other side of causality: a force that may be known does change the prediction."""
+    recording, delay, now = press(duration=4.0), 0.3, 2.5
+    whole = predict(recording, learner(), delay=delay)
+    other = predict(changed(recording, force_from=now - delay - 0.0101), learner(), delay=delay)
+    index = int(np.searchsorted(recording.time, now))
+    assert whole[index] > 1.0
+    assert other[index] != whole[index]
+
+
+def test_a_law_that_fits_is_predicted_over_any_delay() -> None:
+    recording = press(duration=8.0)
+    for delay in (0.0, 0.3):
+        forces = predict(recording, learner(surface=0.01, force_offset=0.3), delay=delay)
+        late = recording.time > 4.0
+        error = np.sqrt(np.mean((forces - true_force(recording))[late] ** 2))
+        assert error < 0.05 * np.sqrt(np.mean(true_force(recording)[late] ** 2))
+
+
+def test_nothing_is_predicted_before_a_model_has_arrived() -> None:
+    recording = press()
+    forces = predict(recording, learner(), delay=0.3)
+    assert not forces[recording.time < 1.3].any()
+    assert forces.any()
+
+
+def test_another_motion_gets_its_own_forces() -> None:
+    recording = press(duration=4.0)
+    motion = Motion(recording.time, recording.position - 0.1, np.arange(len(recording)))
+    assert not predict(recording, learner(), delay=0.1, motion=motion).any()
+    same = Motion(recording.time, recording.position, np.arange(len(recording)))
+    np.testing.assert_array_equal(
+        predict(recording, learner(), delay=0.1, motion=same), predict(recording, learner(), delay=0.1)
+    )
+
+
+def test_models_that_are_not_sent_are_not_used() -> None:
+    recording = press(duration=4.0)
+    motion = Motion(recording.time, recording.position, np.array([2000], dtype=np.int64))
+    forces = predict(recording, learner(), delay=0.1, motion=motion)
+    assert not forces[recording.time < 2.1 - 1e-6].any()
+    assert forces.any()
+
+
+def test_a_measured_velocity_is_used() -> None:
+    recording = press(duration=3.0)
+    still = Recording(recording.time, recording.position, recording.force, velocity=np.zeros(len(recording)))
+    assert (predict(still, learner(), delay=0.1) != predict(recording, learner(), delay=0.1)).any()
+
+
+def test_a_delay_below_zero_is_refused() -> None:
+    with pytest.raises(SettingError, match=r"delay = -0\.3: must be finite and at least 0"):
+        predict(press(), learner(), delay=-0.3)
+
+
+def test_too_little_contact_cannot_be_identified() -> None:
+    with pytest.raises(RecordingError, match="samples in contact, at least 50 are needed"):
+        identify(press(duration=1.0), learner())
