@@ -60,6 +60,8 @@ def open_page(url: str, width: int = 1000, height: int = 720) -> Iterator[tuple[
         page.goto(url)
         page.locator("canvas").first.wait_for(timeout=30_000)
         page.get_by_text("Drag the blue handle down to press").wait_for(timeout=30_000)
+        for close in page.locator(".mantine-Notification-closeButton").all():  # the advice on software rendering
+            close.click()
         try:
             yield page, requests
         finally:
