@@ -35,7 +35,7 @@ class FPRLSOptions:
         initial_covariance: P_0 = this times I; the paper names 10^6.
         perturbation: delta, added to the diagonal of P when the self-perturbing test trips; the paper's 10^6.
         sensitivity: kappa of the test kappa e^2 >= 1; the paper's 1.
-        forgetting_rate: rho [1/m] of mu = 0.95 + 0.05 exp(-rho |dx|). The paper gives no value. At its 10 Hz a hand
+        forgetting_rate: rho [1/m] of `mu = 0.95 + 0.05 exp(-rho |dx|)`. The paper gives no value. At its 10 Hz a hand
             moves millimetres between samples, so 1000 / m (one per millimetre) lets mu work in the middle of its
             range there. What is forgotten is forgotten by distance moved: at 1 kHz the same motion is cut into
             hundred times smaller steps, each forgetting about as much less.
