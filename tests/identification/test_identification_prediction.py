@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from presses import press, true_force
 
 from foretouch.errors import RecordingError, SettingError
-from foretouch.identification import Learner, Motion, identify, make_estimator, predict
+from foretouch.identification import Learner, Motion, identify, make_estimator, predict, predict_motion
 from foretouch.quantities import Recording
 
 
@@ -61,20 +61,21 @@ def test_nothing_is_predicted_before_a_model_has_arrived() -> None:
 
 def test_another_motion_gets_its_own_forces() -> None:
     recording = press(duration=4.0)
-    motion = Motion(recording.time, recording.position - 0.1, np.arange(len(recording)))
-    assert not predict(recording, learner(), delay=0.1, motion=motion).any()
-    same = Motion(recording.time, recording.position, np.arange(len(recording)))
-    np.testing.assert_array_equal(
-        predict(recording, learner(), delay=0.1, motion=same), predict(recording, learner(), delay=0.1)
-    )
+    every = np.arange(len(recording))
+    away = Motion(recording.time, recording.position - 0.1, every, recording.time + 0.1)
+    assert not predict_motion(recording, learner(), away).any()
+    same = Motion(recording.time, recording.position, every, recording.time + 0.1)
+    np.testing.assert_array_equal(predict_motion(recording, learner(), same), predict(recording, learner(), delay=0.1))
 
 
-def test_models_that_are_not_sent_are_not_used() -> None:
+def test_only_models_that_arrive_are_used() -> None:
     recording = press(duration=4.0)
-    motion = Motion(recording.time, recording.position, np.array([2000], dtype=np.int64))
-    forces = predict(recording, learner(), delay=0.1, motion=motion)
-    assert not forces[recording.time < 2.1 - 1e-6].any()
+    motion = Motion(recording.time, recording.position, np.array([2000, 2100]), np.array([2.5, np.inf]))
+    forces = predict_motion(recording, learner(), motion)
+    assert not forces[recording.time < 2.5 - 1e-6].any()
     assert forces.any()
+    later = changed(recording, force_from=2.05)  # would show in the model that was lost
+    np.testing.assert_array_equal(predict_motion(later, learner(), motion), forces)
 
 
 def test_a_measured_velocity_is_used() -> None:

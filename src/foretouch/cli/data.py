@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -71,3 +73,29 @@ def list_materials(json_output: Json = False) -> None:
         return
     for name, entry in entries.items():
         typer.echo(f"{name:<16} to {1e3 * entry.press_depth:.1f} mm   {entry.description}")
+
+
+@materials.command("fit")
+def fit_material(
+    name: Annotated[str, typer.Argument(help="foam-measured: the material that comes from measured files.")],
+    out: Annotated[Path | None, typer.Option(help="JSON file for the coefficients.")] = None,
+    json_output: Json = False,
+) -> None:
+    """Fit a measured material again from its recordings, and print how well the law describes each.
+
+    Example: foretouch materials fit foam-measured --out foam.json
+    """
+    from foretouch.errors import UnknownNameError
+    from foretouch.recordings import fetch, read_recording
+    from foretouch.robot import FOAM_DATASETS, fit_foam, save_foam_fit
+
+    if name != "foam-measured":
+        raise UnknownNameError("fitted material", name, ["foam-measured"])
+    fit = fit_foam([replace(read_recording(fetch(dataset)), name=dataset) for dataset in FOAM_DATASETS])
+    if out is not None:
+        save_foam_fit(fit, out)
+    if json_output:
+        print_json({file.name: {"residual_percent": file.residual_percent} for file in fit.files})
+        return
+    for file in fit.files:
+        typer.echo(f"{file.name:<16} residual {file.residual_percent:5.1f} % of the contact-force RMS")

@@ -8,7 +8,7 @@ from foretouch.identification.estimator import Estimator, Status
 from foretouch.identification.fprls import FPRLS, FPRLSOptions
 from foretouch.identification.identify import Identification, identify
 from foretouch.identification.learner import Learner, LearntModel
-from foretouch.identification.prediction import TIME_TOLERANCE, Motion, predict
+from foretouch.identification.prediction import TIME_TOLERANCE, Motion, predict, predict_motion
 from foretouch.identification.registry import ESTIMATORS, make_estimator
 
 __all__ = [
@@ -27,4 +27,5 @@ __all__ = [
     "identify",
     "make_estimator",
     "predict",
+    "predict_motion",
 ]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections import deque
+import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from itertools import repeat
@@ -15,7 +15,7 @@ from foretouch.models import Predictor
 from foretouch.models.checks import require
 from foretouch.quantities import Recording
 
-__all__ = ["TIME_TOLERANCE", "Motion", "predict"]
+__all__ = ["TIME_TOLERANCE", "Motion", "predict", "predict_motion"]
 
 Array = NDArray[np.float64]
 
@@ -25,73 +25,89 @@ TIME_TOLERANCE = 1e-7
 
 @dataclass(frozen=True)
 class Motion:
-    """The operator's motion, where it is another one than the probe's.
+    """The operator's motion, where it is another one than the probe's, and when models reached the operator.
 
     Attributes:
-        time: [s], in the time of the recording, increasing, shape (m,).
+        time: [s], increasing, shape (m,).
         position: [m], in the frame of the probe, shape (m,).
-        published: Indices of the recording's samples after which a model was sent, increasing.
+        published: Indices of the recording's samples after which a model was sent, increasing, shape (k,).
+        arrived: When each of these models could be used [s], in the time of the motion; inf for one that was lost,
+            shape (k,).
     """
 
     time: Array
     position: Array
     published: NDArray[np.int64]
+    arrived: Array
 
 
-def predict(recording: Recording, learner: Learner, *, delay: float, motion: Motion | None = None) -> Array:
-    """Force that a leader would have rendered, had this recording happened under a delay.
+def predict(recording: Recording, learner: Learner, *, delay: float) -> Array:
+    """Force that a leader would have rendered for the recorded motion, had the forces come under a delay.
 
     At time t the motion is known up to t and the forces up to t - delay: the model that predicts at t was learnt from
-    samples no later than t - delay. By default the motion is the recording's own, and a model is sent after every
-    sample.
+    samples no later than t - delay. A model is sent after every sample.
 
     Args:
         recording: What the follower felt.
         learner: Fresh; it is fed the recording sample by sample.
         delay: Of the forces [s], not negative.
-        motion: The operator's motion and the moments at which models were sent, or None.
 
     Returns:
-        Predicted force [N] at each sample of the motion; 0 before the first model.
+        Predicted force [N] at each sample; 0 before the first model.
 
     Raises:
         SettingError: delay is negative or not finite.
     """
     require("delay", delay, at_least=0.0)
+    models = ((time + delay, learner.learnt()) for time in _learn(recording, learner))
+    return _run(recording.time, recording.position, _velocities(recording), models)
+
+
+def predict_motion(recording: Recording, learner: Learner, motion: Motion) -> Array:
+    """Force that a leader would have rendered for its own motion, learning from what the follower felt.
+
+    Args:
+        recording: What the follower felt.
+        learner: Fresh; it is fed the recording sample by sample, as far as the models that arrive need.
+        motion: The operator's.
+
+    Returns:
+        Predicted force [N] at each sample of the motion; 0 before the first model.
+    """
+    arrivals = dict(zip(motion.published.tolist(), motion.arrived.tolist(), strict=True))
+    models = (
+        (arrivals[index], learner.learnt())
+        for index, _ in enumerate(_learn(recording, learner))
+        if arrivals.get(index, math.inf) < math.inf
+    )
+    return _run(motion.time, motion.position, repeat(None), models)
+
+
+def _run(
+    time: Array, position: Array, velocity: Iterable[float | None], models: Iterator[tuple[float, LearntModel]]
+) -> Array:
+    """Predict along a motion; each model comes with the time from which it may be used."""
     predictor = Predictor()
-    models = _published(recording, learner, None if motion is None else motion.published)
     upcoming = next(models, None)
-    velocities: Iterable[float | None]
-    if motion is None:
-        times, positions = recording.time.tolist(), recording.position.tolist()
-        velocities = repeat(None) if recording.velocity is None else recording.velocity.tolist()
-    else:
-        times, positions, velocities = motion.time.tolist(), motion.position.tolist(), repeat(None)
-    forces = np.empty(len(times))
-    for index, (time, position, velocity) in enumerate(zip(times, positions, velocities, strict=False)):
+    forces = np.empty(time.size)
+    for index, (now, place, speed) in enumerate(zip(time.tolist(), position.tolist(), velocity, strict=False)):
         newest: LearntModel | None = None
-        while upcoming is not None and upcoming[0] + delay <= time + TIME_TOLERANCE:
+        while upcoming is not None and upcoming[0] <= now + TIME_TOLERANCE:
             newest = upcoming[1]
             upcoming = next(models, None)
         if newest is not None:
             predictor.adopt(newest.model, newest.surface, newest.state)
-        forces[index] = predictor.update(time, position, velocity)
+        forces[index] = predictor.update(now, place, speed)
     return forces
 
 
-def _published(
-    recording: Recording, learner: Learner, published: NDArray[np.int64] | None
-) -> Iterator[tuple[float, LearntModel]]:
-    """Times at which models are sent, and the models, learning as far as each needs and no further."""
-    wanted = None if published is None else deque(published.tolist())
-    velocities = repeat(None) if recording.velocity is None else recording.velocity.tolist()
-    samples = zip(
-        recording.time.tolist(), recording.position.tolist(), recording.force.tolist(), velocities, strict=False
-    )
-    for index, (time, position, force, velocity) in enumerate(samples):
+def _learn(recording: Recording, learner: Learner) -> Iterator[float]:
+    """Feed the recording to the learner; yields the time of each sample once it is learnt."""
+    columns = (recording.time.tolist(), recording.position.tolist(), recording.force.tolist(), _velocities(recording))
+    for time, position, force, velocity in zip(*columns, strict=False):
         learner.update(time, position, force, velocity)
-        if wanted is None:
-            yield time, learner.learnt()
-        elif wanted and wanted[0] == index:
-            wanted.popleft()
-            yield time, learner.learnt()
+        yield time
+
+
+def _velocities(recording: Recording) -> Iterable[float | None]:
+    return repeat(None) if recording.velocity is None else recording.velocity.tolist()

@@ -33,7 +33,7 @@ class State:
         commands: Counts arriving commands.
         desired_position: Newest command [m]; the robot's own position before the first.
         tick: Number of the newest tick.
-        start_ns: Clock at the first tick, None before it.
+        start_ns: Clock at the first tick that had a command, None before it.
         model_sequence: Of the newest model sent.
         sent: That model.
         sent_ns: When it was sent.
@@ -96,23 +96,28 @@ def start(specification: RobotSpecification, estimator: Estimator, *, model_rate
 def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
     """One tick of the follower.
 
+    Learning begins with the first command: nobody operates before, and who records a session from its first command
+    holds all that was learnt from.
+
     Args:
         state: Updated in place and returned.
         inputs: Of this tick.
         now_ns: This side's monotonic clock [ns].
     """
-    if state.start_ns is None:
-        state.start_ns = now_ns
     sample = inputs.sample
     for command in inputs.commands:
         if state.commands.is_newest(command.sequence):
             state.desired_position = command.position
     if state.desired_position is None:
         state.desired_position = sample.commanded_position
-    time = (now_ns - state.start_ns) * 1e-9
-    sensor_force = _compensated(state, time, sample)
-    learnt_from = state.learner.update(time, sample.position, sensor_force)
-    model = _due_model(state, now_ns)
+    sensor_force = _compensated(state, now_ns, sample)
+    model = None
+    if state.commands.received:
+        if state.start_ns is None:
+            state.start_ns = now_ns
+        state.learner.update((now_ns - state.start_ns) * 1e-9, sample.position, sensor_force)
+        model = _due_model(state, now_ns)
+    learnt_from = state.learner.sample
     state.tick += 1
     telemetry = Telemetry(
         VERSION,
@@ -134,9 +139,9 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
     return state, Outputs(state.desired_position, telemetry, model)
 
 
-def _compensated(state: State, time: float, sample: RobotSample) -> float:
+def _compensated(state: State, now_ns: int, sample: RobotSample) -> float:
     """Sensor force less weight and inertia of the tool beyond the sensor."""
-    state.motion.update(time, sample.position)
+    state.motion.update(now_ns * 1e-9, sample.position)
     return sample.sensor_force - state.specification.tool_force(state.motion.acceleration)
 
 

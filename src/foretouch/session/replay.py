@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foretouch.errors import RecordingError
-from foretouch.identification import TIME_TOLERANCE, Learner, Motion, predict
+from foretouch.identification import TIME_TOLERANCE, Learner, Motion, predict_motion
 from foretouch.messages import SessionLog
+from foretouch.models.checks import require
 from foretouch.quantities import Recording
 
 __all__ = ["Replay", "replay"]
@@ -33,26 +34,50 @@ class Replay:
 def replay(log: SessionLog, learner: Learner, *, delay: float) -> Replay:
     """Learn from what the follower felt and predict on what the operator did, under a delay of one's own choice.
 
-    Models are sent in the ticks in which the session sent them. The clocks of both sides are taken to agree, as they
-    do for a session on one machine; the commands' own delay stays as it was.
+    Models and telemetry are sent in the ticks in which the session sent them, and arrive when they arrived in the
+    session, earlier or later by the difference of the delays: the network's own jitter and losses stay, and no two
+    clocks are compared. At the session's own delay the session's own prediction comes out.
 
     Args:
         log: Of the session.
         learner: Fresh.
-        delay: Of models and telemetry [s].
+        delay: Of models and telemetry [s], not negative.
 
     Raises:
-        RecordingError: A side is missing, or its columns cannot be read as a recording.
+        RecordingError: A side is missing, the session's own delay is, or a column cannot be read as a recording.
+        SettingError: delay is negative or not finite.
     """
-    if log.follower.size < 2 or not log.leader.size:
+    require("delay", delay, at_least=0.0)
+    felt = log.follower[log.follower["command_sequence"] > 0]  # learning begins with the first command
+    if felt.size < 2 or not log.leader.size:
         raise RecordingError("session", "a side is missing: nothing to predict")
-    origin = log.follower["time_ns"][0]
-    felt = (log.follower["time_ns"] - origin) * 1e-9
-    moved = (log.leader["time_ns"] - origin) * 1e-9
-    recording = Recording(felt, log.follower["position"], log.follower["sensor_force"])
-    before = np.concatenate(([0], log.follower["model_sequence"][:-1]))
-    published = np.flatnonzero(log.follower["model_sequence"] > before)
-    motion = Motion(moved, np.ascontiguousarray(log.leader["position"]), published)
-    predicted = predict(recording, learner, delay=delay, motion=motion)
-    known = np.searchsorted(felt, moved + TIME_TOLERANCE - delay, side="right") - 1
-    return Replay(predicted, np.where(known >= 0, log.follower["force"][known], 0.0))
+    try:
+        later = delay - float(log.settings["force_delay"])
+    except (KeyError, ValueError):
+        raise RecordingError(
+            "session", "does not say its force_delay: no other delay can be put in its place"
+        ) from None
+    clock = (log.leader["time_ns"] - log.leader["time_ns"][0]) * 1e-9
+    published = np.flatnonzero(np.diff(felt["model_sequence"], prepend=0) > 0)
+    motion = Motion(
+        clock,
+        np.ascontiguousarray(log.leader["position"]),
+        published,
+        _arrivals(clock, log.leader["model_sequence"], felt["model_sequence"][published]) + later,
+    )
+    recording = Recording((felt["time_ns"] - felt["time_ns"][0]) * 1e-9, felt["position"], felt["sensor_force"])
+    told = _arrivals(clock, log.leader["telemetry_sequence"], log.follower["sequence"]) + later
+    known = np.searchsorted(told, clock + TIME_TOLERANCE, side="right") - 1
+    delayed = np.where(known >= 0, log.follower["force"][known], 0.0)
+    return Replay(predict_motion(recording, learner, motion), delayed)
+
+
+def _arrivals(clock: Array, newest: NDArray[np.int64], sequences: NDArray[np.int64]) -> Array:
+    """Time at which each message, or a newer one, had arrived [s]; inf where none did.
+
+    Args:
+        clock: Of the receiver's ticks [s].
+        newest: Newest sequence number that had arrived at each tick.
+        sequences: Of the messages, increasing.
+    """
+    return np.append(clock, np.inf)[np.searchsorted(np.maximum.accumulate(newest), sequences)]

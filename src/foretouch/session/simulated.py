@@ -66,7 +66,7 @@ def simulate(
     ticks = round(duration / SAMPLE_PERIOD)
     compute = np.zeros((2, ticks), dtype=np.int64)
     leader_log, follower_log, models = [], [], []
-    texts = settings.as_text()
+    texts = settings.as_text() | {"operator": operator.name}
     if record is not None:
         record(Hello(VERSION, 1, 0, "simulation", tuple(texts), tuple(texts.values())), 0)
     sample = robot.read()

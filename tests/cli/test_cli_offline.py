@@ -1,0 +1,212 @@
+"""The commands on recordings, as a user types them: outputs, contracts, exit codes."""
+
+from __future__ import annotations
+
+import csv
+import json
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner, Result
+
+from foretouch.cli.app import app
+from foretouch.cli.options import SESSION_OPTIONS
+from foretouch.errors import ForetouchError
+from foretouch.models import HuntCrossley
+from foretouch.recordings import write_columns
+from foretouch.session import SessionSettings
+
+IDENTIFY_KEYS = {
+    "model",
+    "estimator",
+    "parameters",
+    "standard_errors",
+    "surface_m",
+    "force_offset_N",
+    "samples",
+    "contact_samples",
+    "residual_rms_N",
+    "residual_percent",
+    "status",
+}
+PREDICT_KEYS = {
+    "delay_s",
+    "samples",
+    "scored_samples",
+    "contact_force_rms_N",
+    "prediction_rmse_N",
+    "prediction_error_percent",
+    "delayed_force_error_percent",
+    "within_jnd_percent",
+    "phantom_force_rms_N",
+    "missed_contact_percent",
+    "status",
+}
+
+
+def run(*arguments: object) -> Result:
+    return CliRunner().invoke(app, [str(argument) for argument in arguments])
+
+
+def output_of(*arguments: object) -> dict[str, Any]:
+    result = run(*arguments)
+    assert result.exit_code == 0, result.exception
+    content = json.loads(result.stdout)
+    assert isinstance(content, dict)
+    return content
+
+
+def refusal_of(*arguments: object) -> str:
+    """The error line of a command that must be refused."""
+    result = run(*arguments)
+    assert isinstance(result.exception, ForetouchError), result.output
+    assert not result.stdout
+    assert "\n" not in str(result.exception)
+    return str(result.exception)
+
+
+@pytest.fixture(scope="module")
+def press(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    time = np.arange(0.0, 6.0, 1e-3)
+    t = np.maximum(time - 1.0, 0.0)
+    depth = 0.01 * (np.sin(2 * np.pi * 0.8 * t) * (0.7 + 0.3 * np.sin(2 * np.pi * 0.31 * t)) - 0.05)
+    velocity = np.gradient(depth, time)
+    law = HuntCrossley(3000.0, 300.0, 1.4)
+    force = np.array([law.advance((), x, v, 1e-3)[1] for x, v in zip(depth, velocity, strict=True)])
+    path = tmp_path_factory.mktemp("press") / "press.csv"
+    write_columns(path, {"time_s": time, "position_m": depth + 0.01, "force_N": force + 0.3})
+    return path
+
+
+def test_identify_keeps_its_contract(press: Path) -> None:
+    content = output_of("identify", press, "--json")
+    assert content.keys() == IDENTIFY_KEYS
+    assert content["parameters"].keys() == {"ln_k", "s", "b1", "b2"}
+    assert content["status"] == "ok"
+    assert content["samples"] == 6000
+    assert content["force_offset_N"] == pytest.approx(0.3, abs=0.01)
+    assert content["surface_m"] == pytest.approx(0.01, abs=1.5e-3)
+
+
+def test_identify_writes_the_parameters_at_every_sample(press: Path, tmp_path: Path) -> None:
+    content = output_of("identify", press, "--json", "--out", tmp_path / "p.csv")
+    rows = list(csv.DictReader((tmp_path / "p.csv").read_text().splitlines()))
+    assert len(rows) == 6000
+    assert rows[0].keys() == {"time_s", "in_contact", "ln_k", "s", "b1", "b2"}
+    assert float(rows[-1]["s"]) == content["parameters"]["s"]
+
+
+def test_predict_keeps_its_contract(press: Path, tmp_path: Path) -> None:
+    out = tmp_path / "forces.csv"
+    content = output_of("predict", press, "--delay", 0.3, "--json", "--out", out, "--surface", 0.01)
+    assert content.keys() == PREDICT_KEYS
+    assert content["status"] == "ok"
+    assert content["delay_s"] == 0.3
+    rows = list(csv.DictReader(out.read_text().splitlines()))
+    assert list(rows[0]) == ["time_s", "measured_force_N", "predicted_force_N", "delayed_force_N", "in_contact"]
+    assert len(rows) == content["samples"] == 6000
+    measured = np.array([float(row["measured_force_N"]) for row in rows])
+    delayed = np.array([float(row["delayed_force_N"]) for row in rows])
+    np.testing.assert_allclose(delayed[300:], measured[:-300], atol=1e-12)
+    assert {row["in_contact"] for row in rows} == {"0", "1"}
+
+
+def test_a_delay_of_zero_leaves_no_delayed_error(press: Path) -> None:
+    assert output_of("predict", press, "--delay", 0, "--json")["delayed_force_error_percent"] == pytest.approx(0.0)
+
+
+def test_units_and_direction_change_nothing_but_the_numbers_in_the_file(press: Path, tmp_path: Path) -> None:
+    table = np.genfromtxt(press, delimiter=",", names=True)
+    path = tmp_path / "other.csv"
+    columns = {"time_s": table["time_s"], "position_m": -1e3 * table["position_m"], "force_N": 1e3 * table["force_N"]}
+    write_columns(path, columns)
+    units = ("--position-unit", "mm", "--force-unit", "mN", "--flip")
+    plain, other = (output_of("identify", *arguments, "--json") for arguments in ((press,), (path, *units)))
+    assert other["parameters"] == pytest.approx(plain["parameters"], rel=1e-3)
+    assert other["contact_samples"] == plain["contact_samples"]
+
+
+def test_a_recording_that_never_touches(tmp_path: Path) -> None:
+    time = np.arange(0.0, 3.0, 1e-3)
+    random = np.random.default_rng(0)
+    path = tmp_path / "air.csv"
+    write_columns(
+        path,
+        {"time_s": time, "position_m": 0.01 * np.sin(time), "force_N": 0.2 + random.normal(0, 1e-3, time.size)},
+    )
+    content = output_of("predict", path, "--json")
+    assert content["status"] == "no_contact"
+    assert content["prediction_error_percent"] is None
+    assert "samples in contact, at least 50 are needed" in refusal_of("identify", path)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("time_s,position_m\n0,0\n1,0\n", "press.csv, row 1: column force_N missing"),
+        ("time_s,position_m,force_N\n0,0,1\n1,0,nan\n", "press.csv, row 3: force is nan"),
+        ("time_s,position_m,force_N\n0,0,1\n1,inf,1\n", "press.csv, row 3: position is inf"),
+        ("time_s,position_m,force_N\n1,0,1\n0,0,1\n", "press.csv, row 3: time 0 s does not come after the row before"),
+        ("time_s,position_m,force_N\n0,0,1\n1,12.5,1\n", "press.csv, row 3: position 12.5 m is beyond 1 m"),
+    ],
+)
+def test_a_bad_recording_is_refused_by_file_row_and_rule(tmp_path: Path, text: str, message: str) -> None:
+    (tmp_path / "press.csv").write_text(text)
+    for command in ("identify", "predict"):
+        assert message in refusal_of(command, tmp_path / "press.csv")
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (("--delay", -0.1), "delay = -0.1: must be finite and at least 0"),
+        (("--model", "jelly"), "unknown model 'jelly': choose one of continuous-switching"),
+        (("--estimator", "guess"), "unknown estimator for continuous-switching 'guess': choose one of fprls"),
+        (("--surface", "deep"), "surface = 'deep': must be auto or a number"),
+        (("--force-offset", "nan"), "force-offset = 'nan': must be auto or a number"),
+        (("--position-unit", "miles"), "miles"),
+        (("--score-from", 2, "--score-to", 1), "score_to = 1.0: must be later than score_from = 2 s"),
+        (("--contact-floor", 0), "contact_floor = 0.0: must be above 0 N"),
+    ],
+)
+def test_bad_options_are_refused(press: Path, options: tuple[object, ...], message: str) -> None:
+    assert message in refusal_of("predict", press, *options)
+
+
+def test_nothing_is_left_half_written(press: Path, tmp_path: Path) -> None:
+    (tmp_path / "bad.csv").write_text("time_s,position_m,force_N\n0,0,1\n1,0,nan\n")
+    refusal_of("predict", tmp_path / "bad.csv", "--out", tmp_path / "out.csv")
+    refusal_of("predict", press, "--out", tmp_path / "missing" / "out.csv")
+    assert [path.name for path in tmp_path.iterdir()] == ["bad.csv"]
+
+
+def test_a_refusal_is_one_line_and_exit_code_2(tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "foretouch", "predict", str(tmp_path / "no.csv")]
+    result = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    assert result.returncode == 2
+    assert result.stdout == ""
+    assert result.stderr == f"foretouch: {tmp_path / 'no.csv'}: no such file\n"
+
+
+def test_session_options_are_the_fields_and_defaults_of_the_settings() -> None:
+    settings = SessionSettings()
+    assert {name: str(default) for name, (_, default, _) in SESSION_OPTIONS.items()} == settings.as_text()
+
+
+@pytest.mark.data
+def test_every_measured_press_is_predicted(measured: Any) -> None:
+    for name in ("tue/a-foam", "tue/a-spring", "tue/a-rigid"):
+        content = output_of("predict", measured(name), "--delay", 0.3, "--json")
+        assert content["contact_force_rms_N"] > 1.0
+        assert content["prediction_error_percent"] > 0.0
+        assert 70.0 < content["delayed_force_error_percent"] < 110.0
+        assert content["status"] == ("offset_unobservable" if "spring" in name else "ok")
+    assert output_of("predict", measured("tue/a-free-motion"), "--json")["status"] == "no_contact"
+    skin = output_of(
+        "predict", measured("aurora/400-mN"), "--delay", 0.02, "--score-from", 0.5, "--score-to", 1.6, "--json"
+    )
+    assert skin["status"] == "ok"

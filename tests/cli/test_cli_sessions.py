@@ -1,0 +1,146 @@
+"""Simulated sessions from the command line: reports, recordings, repetition, refusals."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+from typer.testing import CliRunner, Result
+
+from foretouch.cli.app import app
+from foretouch.errors import ForetouchError
+
+REPORT_KEYS = {
+    "contact_force_rms_N",
+    "prediction_rmse_N",
+    "prediction_error_percent",
+    "delayed_force_error_percent",
+    "rendered_error_percent",
+    "within_jnd_percent",
+    "phantom_force_rms_N",
+    "max_rendered_force_N",
+    "max_follower_force_N",
+    "clipped_ticks",
+    "messages",
+    "recording",
+    "status",
+    "timing",
+}
+
+
+def run(*arguments: object) -> Result:
+    return CliRunner().invoke(app, [str(argument) for argument in arguments])
+
+
+def report_of(*arguments: object) -> dict[str, Any]:
+    result = run(*arguments, "--json")
+    assert result.exit_code == 0, result.exception
+    content = json.loads(result.stdout)
+    assert isinstance(content, dict)
+    return content
+
+
+def test_the_report_keeps_its_contract() -> None:
+    report = report_of("simulate", "--duration", 3, "--material", "hunt-crossley")
+    assert report.keys() >= REPORT_KEYS
+    assert report["messages"].keys() >= {"sent", "lost", "late"}
+    for side in ("leader", "follower"):
+        for figure in ("period_ms", "compute_us"):
+            assert report["timing"][side][figure].keys() == {"p50", "p99", "max"}
+    assert report["status"] == "ok"
+    assert 0.0 < report["max_rendered_force_N"] <= 10.0
+
+
+def test_a_session_repeats_but_for_timing_and_paths(tmp_path: Path) -> None:
+    def once(name: str) -> tuple[dict[str, Any], bytes]:
+        path = tmp_path / name
+        options = ("--duration", 3, "--seed", 4, "--jitter", 0.01, "--loss", 0.05, "--outage", 0.2)
+        report = report_of("simulate", *options, "--recording", path)
+        assert report.pop("recording") == str(path)
+        del report["timing"]
+        return report, path.read_bytes()
+
+    assert once("a.mcap") == once("b.mcap")
+
+
+def test_predict_on_the_recording_gives_the_session_s_own_figures(tmp_path: Path) -> None:
+    path = tmp_path / "s.mcap"
+    report = report_of("simulate", "--duration", 6, "--material", "hunt-crossley", "--recording", path)
+    content = json.loads(run("predict", path, "--delay", 0.3, "--json").stdout)
+    for figure in ("prediction_error_percent", "delayed_force_error_percent", "within_jnd_percent"):
+        assert content[figure] == pytest.approx(report[figure], abs=0.1)
+    assert content["scored_samples"] == report["scored_samples"]
+    again = json.loads(run("report", path, "--json").stdout)
+    for figure in REPORT_KEYS - {"timing", "recording"}:
+        assert again[figure] == report[figure]
+    assert json.loads(run("identify", path, "--json").stdout)["status"] == "ok"
+
+
+def test_the_page_is_written(tmp_path: Path) -> None:
+    report_of("simulate", "--duration", 3, "--report", tmp_path / "out")
+    page = (tmp_path / "out" / "index.html").read_text()
+    assert "http://" not in page.replace("http://www.w3.org", "")
+    assert "https://" not in page
+    assert page.rstrip().endswith("</html>")
+
+
+@pytest.mark.data
+def test_a_recorded_hand_presses(measured: Any) -> None:
+    measured("tue/b-foam")
+    report = report_of("simulate", "--duration", 5, "--operator", "recorded")
+    assert report["operator"] == "recorded"
+    assert report["contact_force_rms_N"] > 0.3
+
+
+def test_without_the_measured_hand_the_script_presses_and_says_so(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from foretouch.errors import DatasetError
+    from foretouch.session import operators
+
+    def offline(name: str) -> Path:
+        raise DatasetError(f"{name} is not here: set FORETOUCH_DATA_DIR")
+
+    monkeypatch.setattr(operators, "fetch", offline)
+    result = run("simulate", "--duration", 1, "--operator", "recorded", "--json")
+    assert result.exit_code == 0
+    lines = [line for line in result.stderr.splitlines() if line]
+    assert len(lines) == 1
+    assert "the script presses instead of the recorded hand" in lines[0]
+    assert json.loads(result.stdout)["operator"] == "scripted"
+
+
+@pytest.mark.parametrize(
+    ("command", "message"),
+    [
+        (("simulate", "--operator", "browser"), "operator = 'browser': needs real time"),
+        (("simulate", "--material", "jelly"), "unknown material 'jelly': choose one of foam-measured"),
+        (("simulate", "--duration", "0"), "duration = 0.0: must be above 0 s"),
+        (("simulate", "--duration", "nan"), "duration = nan: must be above 0 s"),
+        (("simulate", "--position-delay", "-0.1"), "position_delay = -0.1: must be finite and at least 0"),
+        (("simulate", "--loss", "3"), "loss = 3.0"),
+        (("simulate", "--recording", "/proc/no/s.mcap"), "recording = '/proc/no/s.mcap': cannot be written"),
+        (("teleop", "--material", "jelly"), "unknown material 'jelly'"),
+        (("teleop", "--operator", "nobody"), "unknown operator 'nobody'"),
+        (("follower",), "no endpoint: give --listen or --connect"),
+        (("follower", "--listen", "tcp/0.0.0.0:7447"), "off this machine"),
+        (("leader", "--connect", "7447"), "write it as tcp/HOST:PORT"),
+        (("report", "/nowhere.mcap"), "/nowhere.mcap: cannot be read: No such file"),
+        (("datasets", "fetch", "moon"), "unknown dataset 'moon': choose one of "),
+        (("materials", "fit", "jelly"), "unknown fitted material 'jelly': choose one of foam-measured"),
+    ],
+)
+def test_bad_input_is_refused_in_one_line(command: tuple[str, ...], message: str) -> None:
+    result = run(*command)
+    assert isinstance(result.exception, ForetouchError), result.output
+    assert message in str(result.exception)
+    assert "\n" not in str(result.exception)
+
+
+def test_lists_are_printed() -> None:
+    assert "foam-measured" in run("materials", "list").stdout
+    assert "tue/a-foam" in run("datasets", "list").stdout
+    assert json.loads(run("datasets", "list", "--json").stdout)["tue/a-foam"]["kind"] == "foam"
+    assert json.loads(run("materials", "list", "--json").stdout).keys() >= {"foam-measured", "kelvin-voigt"}
