@@ -123,3 +123,11 @@ def test_storing_costs_the_same_after_many_messages():
     costs = [cost(messages[i : i + 1000]) for i in range(0, 20_000, 1000)]
     assert min(costs[10:]) < 3 * min(costs[:10])
     assert min(costs) < 100e-6
+
+
+def test_a_model_that_has_diverged_is_not_hidden():
+    history = History()
+    for i in range(1, 200):
+        history.add_leader(leader(i, 1e6))
+        history.add_telemetry(telemetry(i, i, 2.0))
+    assert history.window().prediction_error > 1e7

@@ -241,7 +241,7 @@ class Console:
         self._panel.write(numbers)
         self._scene.label(
             "Let go and the script goes on" if self._held else "Drag me down to press",
-            "" if leader is None else f"you feel {leader.rendered_force:.2f} N",
+            "" if leader is None else f"a hand would feel {leader.rendered_force:.2f} N",
             "" if leader is None else f"delayed robot: {leader.delayed_force:.2f} N",
         )
         if not self._introduced and {"position_delay", "force_delay"} <= self._settings.keys():

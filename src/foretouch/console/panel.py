@@ -17,6 +17,8 @@ __all__ = ["INSTRUCTION", "LONGEST_DELAY", "Numbers", "Panel"]
 INSTRUCTION = "Drag the blue handle down to press."
 LONGEST_DELAY = 2.0
 """End of the sliders [s]."""
+LARGEST_DRAWN = 15.0
+"""Forces beyond it [N], the robot's own limit, are drawn there: a model that has diverged would hide the others."""
 SECONDS = 6.0
 """Length of the plot [s]."""
 
@@ -82,8 +84,8 @@ class Panel:
     def plot(self, window: Window) -> None:
         """Draw the forces."""
         if len(window.time):
-            data = (window.time, window.true, window.predicted, window.delayed)
-            self._plot.data = tuple(np.ascontiguousarray(a, np.float64) for a in data)
+            forces = (window.true, window.predicted, window.delayed)
+            self._plot.data = (window.time, *(np.clip(force, 0.0, LARGEST_DRAWN) for force in forces))
 
     def write(self, numbers: Numbers) -> None:
         """Write the numbers."""
@@ -117,7 +119,7 @@ def _add_plot(gui: Any) -> Any:
         (
             {"label": "time [s]"},
             {"label": "true (robot's sensor)", "stroke": css(INK), "width": 3.0, "points": {"show": False}},
-            {"label": "predicted (you feel)", "stroke": css(BLUE), "width": 2.0, "points": {"show": False}},
+            {"label": "predicted (model)", "stroke": css(BLUE), "width": 2.0, "points": {"show": False}},
             {
                 "label": "delayed (network)",
                 "stroke": css(VERMILLION),
@@ -126,7 +128,7 @@ def _add_plot(gui: Any) -> Any:
                 "points": {"show": False},
             },
         ),
-        title="Contact force [N]",
+        title=f"Contact force [N], drawn up to {LARGEST_DRAWN:.0f} N",
         scales={"x": {"time": False, "range": (-SECONDS, 0.0)}, "y": {"time": False, "range": (0.0, None)}},
         axes=({"label": "time of your motion before now [s]", "labelSize": 20.0}, {"size": 44.0}),
         legend={"show": True, "live": False},
@@ -139,9 +141,9 @@ def _head_html(instruction: str) -> str:
     """What to do, and what it is about."""
     return (
         f'<div style="padding:2px 12px 6px 12px;font-size:1.15em"><b style="color:{css(BLUE)}">'
-        f'{html.escape(instruction)}</b><br><span style="font-size:0.8em;color:#555">The robot touches the material on '
-        "the far side of a slow network. A model of the material crosses instead of the force, so that you feel the "
-        "contact at once.</span></div>"
+        f'{html.escape(instruction)}</b><br><span style="font-size:0.8em;color:#555">A robot touches the material '
+        "beyond a slow network. A model of the material comes back, and the force is computed here, at once. A mouse cannot "
+        "push back: the blue arrow shows what a hand would feel.</span></div>"
     )
 
 
@@ -150,7 +152,9 @@ _DELAY_BACK = "One-way delay of models and measured forces on their way back"
 
 
 def _number(value: float, unit: str, digits: int = 2) -> str:
-    return f"{value:.{digits}f} {unit}" if math.isfinite(value) else "–"
+    if not math.isfinite(value):
+        return "–"
+    return f"{value:.{digits}f} {unit}" if abs(value) < 1000.0 else f"over {math.copysign(1000, value):.0f} {unit}"
 
 
 def _numbers_html(n: Numbers) -> str:

@@ -58,11 +58,11 @@ def handle() -> Mesh:
 
 
 def arrow(length: float) -> Mesh:
-    """Arrow from the origin upwards, `length` [scene units] long, all of it head where that is short."""
+    """Arrow from the origin upwards, `length` [scene units] long; a short one is small all over."""
     length = max(length, 1e-3)
-    head = min(0.5, length)
-    shaft = 0.1
-    return lathe([(0.0, 0.0), (shaft, 0.0), (shaft, length - head), (2.4 * shaft, length - head), (0.0, length)], 16)
+    head = min(0.5, 0.7 * length)
+    shaft, width = 0.2 * head, 0.48 * head
+    return lathe([(0.0, 0.0), (shaft, 0.0), (shaft, length - head), (width, length - head), (0.0, length)], 16)
 
 
 def rail(bottom: float, top: float) -> Mesh:
