@@ -27,6 +27,8 @@ SCENE_PERIOD, PLOT_PERIOD, TEXT_PERIOD = 1 / 30, 1 / 12, 1 / 6
 """How often scene, plot and numbers are sent to the browser [s]."""
 KEEP_ALIVE = 0.1
 """A held handle says where it is at least this often [s], so that silence means a lost browser."""
+NAMES = ("material", "model", "estimator")
+"""Settings that stand in the panel."""
 SURFACE, PRESS_DEPTH = 0.012, 0.01
 """Surface position and depth of presses [m] until the session says its own."""
 
@@ -237,11 +239,12 @@ class Console:
             prediction_error=window.prediction_error,
             delayed_error=window.delayed_error,
             status=self._status(now),
+            names=", ".join(f"{name} {self._settings[name]}" for name in NAMES if name in self._settings),
         )
         self._panel.write(numbers)
         self._scene.label(
             "Let go and the script goes on" if self._held else "Drag me down to press",
-            "" if leader is None else f"a hand would feel {leader.rendered_force:.2f} N",
+            "" if leader is None else f"rendered: {leader.rendered_force:.2f} N",
             "" if leader is None else f"delayed robot: {leader.delayed_force:.2f} N",
         )
         if not self._introduced and {"position_delay", "force_delay"} <= self._settings.keys():
@@ -268,8 +271,7 @@ class Console:
         model = self._model
         if model is None or not model.valid:
             doing += " No force yet: " + (model.reason if model and model.reason else "no model has arrived.")
-        names = [self._settings[name] for name in ("material", "model", "estimator") if name in self._settings]
-        return doing + (f" ({', '.join(names)})" if names else "")
+        return doing
 
 
 def _free_port(host: str) -> int:

@@ -36,6 +36,7 @@ class Numbers(NamedTuple):
         prediction_error: Over the plotted time [%].
         delayed_error: Over the plotted time [%].
         status: One line: what the session is doing.
+        names: One line: what is pressed, and what learns it.
     """
 
     predicted: float
@@ -47,6 +48,7 @@ class Numbers(NamedTuple):
     prediction_error: float
     delayed_error: float
     status: str
+    names: str
 
 
 class Panel:
@@ -142,8 +144,8 @@ def _head_html(instruction: str) -> str:
     return (
         f'<div style="padding:2px 12px 6px 12px;font-size:1.15em"><b style="color:{css(BLUE)}">'
         f'{html.escape(instruction)}</b><br><span style="font-size:0.8em;color:#555">A robot touches the material '
-        "beyond a slow network. A model of the material comes back, and the force is computed here, at once. A mouse cannot "
-        "push back: the blue arrow shows what a hand would feel.</span></div>"
+        "beyond a slow network. A model of it comes back, and the force is computed here, at once. (A mouse cannot "
+        "push back: see the blue arrow.)</span></div>"
     )
 
 
@@ -176,5 +178,6 @@ def _numbers_html(n: Numbers) -> str:
     head = f'<tr style="color:#555"><td></td><td {right}>value</td><td {right}>error, last {SECONDS:.0f} s</td></tr>'
     return (
         '<div style="padding:0 12px"><table style="width:100%;font-variant-numeric:tabular-nums;border-spacing:0 1px">'
-        f'{head}{cells}</table><div style="color:#555;padding-top:4px">{html.escape(n.status)}</div></div>'
+        f'{head}{cells}</table><div style="color:#555;padding-top:4px">{html.escape(n.status)}'
+        f'<br><span style="font-size:0.85em">{html.escape(n.names)}</span></div></div>'
     )
