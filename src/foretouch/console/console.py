@@ -29,6 +29,8 @@ KEEP_ALIVE = 0.1
 """A held handle says where it is at least this often [s], so that silence means a lost browser."""
 NAMES = ("material", "model", "estimator")
 """Settings that stand in the panel."""
+DEEPEST = 1.2
+"""How far the handle goes below the surface, in press depths."""
 SURFACE, PRESS_DEPTH = 0.012, 0.01
 """Surface position and depth of presses [m] until the session says its own."""
 
@@ -58,7 +60,7 @@ class Console:
     `Handle`, `Settings` and `Stop`, each in order, from whichever thread notices it.
 
     While nobody drags the handle it follows the operator's hand. Positions of the handle are in the probe's frame, from
-    0 to 1.3 times the press depth below the surface. Surface and press depth come from `Hello` (settings ``surface``
+    0 to 1.2 times the press depth below the surface. Surface and press depth come from `Hello` (settings ``surface``
     and ``press_depth`` [m]), the surface from the newest valid model once there is one; the sliders begin at the
     session's ``position_delay`` and ``force_delay`` [s]. With an ``operator`` other than ``browser`` the handle is
     hidden.
@@ -198,7 +200,7 @@ class Console:
 
     def _deepest(self) -> float:
         """Bound of the handle [m]."""
-        return self._surface() + 1.3 * self._setting("press_depth", PRESS_DEPTH)
+        return self._surface() + DEEPEST * self._setting("press_depth", PRESS_DEPTH)
 
     def _setting(self, name: str, otherwise: float) -> float:
         """A number among the session's settings, or another where there is none."""
@@ -239,7 +241,7 @@ class Console:
             prediction_error=window.prediction_error,
             delayed_error=window.delayed_error,
             status=self._status(now),
-            names=", ".join(f"{name} {self._settings[name]}" for name in NAMES if name in self._settings),
+            names=" · ".join(self._settings[name] for name in NAMES if name in self._settings),
         )
         self._panel.write(numbers)
         self._scene.label(

@@ -1,0 +1,80 @@
+"""The whole lap with a browser: the mouse moves the real probe and the forces that are plotted."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import time
+import urllib.error
+import urllib.request
+from pathlib import Path
+
+import numpy as np
+import pytest
+from console_driver import chromium, held_handle, open_page, plot_data
+
+from foretouch.link import free_endpoint
+from foretouch.recordings import read_session
+
+pytestmark = [
+    pytest.mark.browser,
+    pytest.mark.live,
+    pytest.mark.skipif(chromium() is None, reason="no Chromium: install it, or set FORETOUCH_BROWSER"),
+]
+
+
+def wait_for_page(url: str, seconds: float = 40.0) -> None:
+    end = time.monotonic() + seconds
+    while True:
+        try:
+            urllib.request.urlopen(url, timeout=2).close()
+        except (urllib.error.URLError, OSError):
+            assert time.monotonic() < end, "the console did not come up"
+            time.sleep(0.2)
+        else:
+            return
+
+
+def test_dragging_the_handle_presses_the_material(tmp_path: Path) -> None:
+    path = tmp_path / "live.mcap"
+    port = int(free_endpoint().rpartition(":")[2])
+    url = f"http://127.0.0.1:{port}"
+    options = ["--port", str(port), "--material", "hunt-crossley", "--recording", str(path), "--json"]
+    with subprocess.Popen(
+        [sys.executable, "-m", "foretouch", "teleop", *options],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    ) as teleop:
+        try:
+            wait_for_page(url)
+            with open_page(url) as (page, requests):
+                page.wait_for_timeout(4000)
+                with held_handle(page, press_mm=18.0, seconds=2.0):
+                    page.wait_for_timeout(2500)
+                    columns = plot_data(page)
+                assert all(address.split("//")[1].startswith("127.0.0.1") for address in requests if "//" in address)
+                page.get_by_text("Stop the session").click()
+                _, err = teleop.communicate(timeout=40)
+        finally:
+            teleop.kill()
+    assert teleop.returncode == 0, err
+    log = read_session(path)
+    # A hand on the handle rests, which the script never does for two seconds; so does the real probe, where it pressed.
+    surface = float(log.settings["surface"])
+    rows = log.rows()
+    resting = [
+        stretch
+        for stretch in np.array_split(np.arange(rows.leader.size), max(1, rows.leader.size // 500))
+        if np.ptp(rows.leader["time_ns"][stretch]) > 4e8 and np.ptp(rows.leader["position"][stretch]) < 1e-4
+    ]
+    assert len(resting) >= 4, "the handle did not hold the leader still"
+    held = np.concatenate(resting)
+    depth = np.median(rows.follower["position"][held]) - surface
+    assert depth > 0.004
+    assert np.median(rows.follower["position"][held] - rows.leader["position"][held]) == pytest.approx(0.0, abs=1e-4)
+    pressed = np.median(rows.follower["exact_force"][held])
+    assert pressed > 1.0
+    # What the page drew as true force while the handle was held is what the simulator says.
+    true = columns[1][np.isfinite(columns[1])]
+    assert true[-20:].mean() == pytest.approx(pressed, abs=0.3)
