@@ -1,0 +1,230 @@
+"""Directives that take their content from the package itself, so that the pages cannot drift from it.
+
+- `room`: the public names of one room (its `__all__`), each with its docstring.
+- `quantities`: the table of `foretouch.quantities.QUANTITIES`.
+- `statuses`: the values of `status` that scoring can give.
+- `commands`: the help of every `foretouch` command.
+- `layers`: the rooms and their order, from pyproject.toml; `imports`: which of them a room may import.
+- `public-names`: what `import foretouch` gives, and the room of each name.
+"""
+
+from __future__ import annotations
+
+import ast
+import importlib
+import inspect
+import os
+import tomllib
+from collections.abc import Iterator
+from pathlib import Path
+
+from docutils import nodes
+from sphinx.application import Sphinx
+from sphinx.pycode import ModuleAnalyzer
+from sphinx.util.docutils import SphinxDirective
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+class Generated(SphinxDirective):
+    """A directive that writes reStructuredText; use it inside `eval-rst`."""
+
+    required_arguments = 0
+    optional_arguments = 1
+
+    def run(self) -> list[nodes.Node]:
+        """Parse what `lines` gives."""
+        self.env.note_dependency(__file__)
+        return self.parse_text_to_nodes("\n".join(self.lines()), allow_section_headings=True)
+
+    def lines(self) -> Iterator[str]:
+        """The text, line by line."""
+        raise NotImplementedError
+
+
+class Room(Generated):
+    """The public names of a room."""
+
+    required_arguments = 1
+    optional_arguments = 0
+
+    def lines(self) -> Iterator[str]:
+        room = self.arguments[0]
+        module = importlib.import_module(room)
+        homes = _homes(module)
+        yield f".. py:module:: {room}"
+        yield ""
+        for name in sorted(module.__all__, key=lambda name: (_kind(getattr(module, name)), name.lower())):
+            value = getattr(module, name)
+            if inspect.isclass(value):
+                ours = any(base.__module__.startswith("foretouch.") for base in value.__bases__)
+                yield from (
+                    f".. autoclass:: {room}.{name}",
+                    "   :members:",
+                    "   :show-inheritance:" if ours else "",
+                    "",
+                )
+            elif callable(value) and hasattr(value, "__doc__") and hasattr(value, "__module__"):
+                yield from (f".. autofunction:: {room}.{name}", "")
+            else:
+                yield from _data(name, value, homes[name])
+
+
+class Quantities(Generated):
+    """The table of quantities."""
+
+    def lines(self) -> Iterator[str]:
+        from foretouch.quantities import QUANTITIES
+
+        yield from (".. list-table::", "   :header-rows: 1", "   :widths: 20 10 20 50", "")
+        yield from ("   * - Name", "     - Symbol", "     - Unit", "     - Meaning")
+        for quantity in QUANTITIES:
+            yield f"   * - ``{quantity.name}``"
+            yield f"     - {quantity.symbol}"
+            yield f"     - {quantity.unit}"
+            yield f"     - {quantity.meaning}"
+
+
+class Statuses(Generated):
+    """What the status of scores can be."""
+
+    def lines(self) -> Iterator[str]:
+        from foretouch.report import STATUSES
+
+        for name, meaning in STATUSES.items():
+            yield from (f"``{name}``", f"   {meaning[0].upper()}{meaning[1:]}.", "")
+
+
+class Commands(Generated):
+    """The help of every command."""
+
+    def lines(self) -> Iterator[str]:
+        import typer.main
+        from typer.testing import CliRunner
+
+        from foretouch.cli.app import app
+
+        os.environ["COLUMNS"] = "100"
+        os.environ["TERMINAL_WIDTH"] = "100"
+        group = typer.main.get_command(app)
+        for words in _command_names(group):
+            text = CliRunner().invoke(app, [*words, "--help"]).output
+            title = f"``foretouch {' '.join(words)}``"
+            yield from (title, "-" * len(title), "", ".. code-block:: text", "")
+            yield from (f"   {line}" for line in text.splitlines())
+            yield ""
+
+
+class Layers(Generated):
+    """The rooms, highest first."""
+
+    def lines(self) -> Iterator[str]:
+        yield from ("::", "")
+        yield from (f"   {'  |  '.join(layer)}" for layer in _layers())
+
+
+class Imports(Generated):
+    """Which rooms a room may import."""
+
+    required_arguments = 1
+    optional_arguments = 0
+
+    def lines(self) -> Iterator[str]:
+        room, layers = self.arguments[0], _layers()
+        height = next(index for index, layer in enumerate(layers) if room in layer)
+        below = [f"``{name}``" for layer in layers[height + 1 :] for name in layer]
+        other = [f"``{name}``" for layer in layers[: height + 1] for name in layer if name != room]
+        yield f"| **May import** {', '.join(below) or 'nothing of foretouch'}."
+        yield f"| **Must not import** {', '.join(other)}." if other else ""
+
+
+class PublicNames(Generated):
+    """What `import foretouch` gives."""
+
+    def lines(self) -> Iterator[str]:
+        import foretouch
+
+        yield from (".. list-table::", "   :header-rows: 1", "", "   * - Name", "     - Room", "     - What it is")
+        for name in sorted(foretouch.__all__, key=str.lower):
+            value = getattr(foretouch, name)
+            room = foretouch._HOME.get(name)
+            link = f":py:obj:`~foretouch.{room}.{name}`" if room else f"``{name}``"
+            text = inspect.getdoc(value) if room else "The version."
+            yield from (f"   * - {link}", f"     - {room or ''}", f"     - {(text or '').splitlines()[0]}")
+
+
+def _layers() -> list[list[str]]:
+    """The rooms by layer, highest first."""
+    rules = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["importlinter"]["contracts"][0]
+    return [[room.strip() for room in layer.split("|")] for layer in rules["layers"]]
+
+
+def _command_names(group: object, before: tuple[str, ...] = ()) -> Iterator[tuple[str, ...]]:
+    for name, command in group.commands.items():  # type: ignore[attr-defined]
+        if hasattr(command, "commands"):
+            yield from _command_names(command, (*before, name))
+        else:
+            yield (*before, name)
+
+
+def _kind(value: object) -> int:
+    """Classes first, then functions, then data."""
+    return 0 if inspect.isclass(value) else 1 if callable(value) else 2
+
+
+def _homes(module: object) -> dict[str, str]:
+    """The module that each name of a room comes from."""
+    tree = ast.parse(inspect.getsource(module))  # type: ignore[arg-type]
+    homes: dict[str, str] = {}
+    for statement in tree.body:
+        if isinstance(statement, ast.ImportFrom) and statement.module:
+            homes |= {alias.asname or alias.name: statement.module for alias in statement.names}
+    return {name: homes.get(name, module.__name__) for name in module.__all__}  # type: ignore[attr-defined]
+
+
+def _data(name: str, value: object, home: str) -> Iterator[str]:
+    """A constant with the docstring below it in its own module."""
+    while True:  # a room may hand on what an inner package hands on
+        documented = ModuleAnalyzer.for_module(home)
+        documented.analyze()
+        text = documented.attr_docs.get(("", name))
+        inner = _homes_or_nothing(home).get(name)
+        if text is not None or inner in (None, home):
+            break
+        home = inner
+    yield f".. py:data:: {name}"
+    shown = repr(value)
+    if isinstance(value, int | float | str | tuple) and len(shown) < 70:
+        yield f"   :value: {shown}"
+    yield ""
+    yield from (f"   {line}" for line in text or ())
+    yield ""
+
+
+def _homes_or_nothing(home: str) -> dict[str, str]:
+    module = importlib.import_module(home)
+    return _homes(module) if hasattr(module, "__path__") else {}
+
+
+def skip_plain_fields(app: Sphinx, what: str, name: str, member: object, skip: bool, options: object) -> bool | None:
+    """Leave out what the class docstring already says: the fields of named tuples and of structs."""
+    if type(member).__name__ in ("_tuplegetter", "member_descriptor"):
+        return True
+    return None
+
+
+def setup(app: Sphinx) -> dict[str, bool]:
+    """Register the directives."""
+    directives = {
+        "room": Room,
+        "quantities": Quantities,
+        "statuses": Statuses,
+        "commands": Commands,
+        "layers": Layers,
+        "imports": Imports,
+        "public-names": PublicNames,
+    }
+    for name, directive in directives.items():
+        app.add_directive(name, directive)
+    app.connect("autodoc-skip-member", skip_plain_fields)
+    return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -1,0 +1,84 @@
+"""Take the pictures of the documentation again, from a real session in a real browser.
+
+Starts `foretouch teleop`, opens its console in Chromium, takes the handle with the mouse, presses, and writes
+`docs/images/console.png`. Usage: `.venv/bin/python docs/take_screenshots.py [PORT]`.
+"""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import tempfile
+import time
+import urllib.error
+import urllib.request
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(ROOT / "tests" / "console"))  # the mouse and the browser are the tests' own
+
+from console_driver import held_handle, open_page, plot_data  # noqa: E402
+
+IMAGE = ROOT / "docs" / "images" / "console.png"
+PRESS_MM = 9.0
+WATCHED = 12.0
+"""So long the script presses before the picture is taken [s]: the plot is full then."""
+
+
+def main(port: int) -> None:
+    """Take all pictures."""
+    with tempfile.TemporaryDirectory() as folder:
+        command = [sys.executable, "-m", "foretouch", "teleop", "--duration", "45", "--port", str(port)]
+        session = subprocess.Popen(command, cwd=folder, stdout=subprocess.DEVNULL)
+        try:
+            url = f"http://127.0.0.1:{port}"
+            _wait_for(url)
+            with open_page(url, 1280, 800) as (page, _):
+                page.wait_for_timeout(1000 * WATCHED)
+                _close_notices(page)
+                _press_and_shoot(page)
+        finally:
+            session.terminate()
+            session.wait(30)
+    _shrink(IMAGE)
+    print(f"{IMAGE.relative_to(ROOT)}: {IMAGE.stat().st_size / 1000:.0f} kB")
+
+
+def _press_and_shoot(page: Any) -> None:
+    """Press with the mouse, and take the picture while the delayed force is still on its way."""
+    with held_handle(page, PRESS_MM, seconds=1.2, steps=20):
+        page.wait_for_timeout(600)
+        page.screenshot(path=IMAGE)
+        largest = max(value for value in plot_data(page)[2] if value == value)
+    print(f"largest predicted force in the picture: {largest:.2f} N")
+
+
+def _close_notices(page: Any) -> None:
+    """Close what the viewer says about rendering without a graphics card."""
+    for button in page.locator(".mantine-Notification-closeButton").all():
+        button.click()
+
+
+def _wait_for(url: str) -> None:
+    end = time.monotonic() + 30.0
+    while time.monotonic() < end:
+        try:
+            urllib.request.urlopen(url, timeout=1.0).close()
+            return
+        except (urllib.error.URLError, OSError):
+            time.sleep(0.2)
+    raise SystemExit(f"the console did not come up at {url}")
+
+
+def _shrink(path: Path) -> None:
+    """Fewer colours, where Pillow is there to do it (Matplotlib brings it)."""
+    from PIL import Image
+
+    with Image.open(path) as image:
+        small = image.convert("RGB").quantize(colors=256, method=Image.Quantize.MEDIANCUT)
+    small.save(path, optimize=True)
+
+
+if __name__ == "__main__":
+    main(int(sys.argv[1]) if len(sys.argv) > 1 else 8091)
