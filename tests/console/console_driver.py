@@ -110,6 +110,9 @@ def held_handle(page: Any, press_mm: float, seconds: float = 1.0, steps: int = 1
             share = step / steps
             page.mouse.move(x + share * (to_x - x), y + share * (to_y - y))
             page.wait_for_timeout(1000 * seconds / steps)
+        # A slow renderer answers late: go on when the console has heard of the drag and the last move has been drawn.
+        page.get_by_text("You press.").wait_for(timeout=30_000)
+        page.evaluate("new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))")
         yield
     finally:
         page.mouse.up()
