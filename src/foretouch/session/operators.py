@@ -31,7 +31,7 @@ def make_operator(name: str, *, surface: float, press_depth: float, seed: int, s
         raise UnknownNameError("operator", name, OPERATORS)
     script = ScriptedOperator(surface, press_depth, seed)
     if name == "browser":
-        return BrowserOperator(script)
+        return BrowserOperator(script, deepest=surface + 1.2 * press_depth)
     if name == "recorded":
         try:
             time, position = read_leader_motion(fetch(RECORDED_MOTION))
