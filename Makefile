@@ -4,7 +4,7 @@ BIN := .venv/bin
 export PYTHON
 
 .DEFAULT_GOAL := help
-.PHONY: help setup system teleop test check test-long docs figures lock clean
+.PHONY: help setup system teleop test check test-long docs screenshots lock clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -32,6 +32,9 @@ test-long: setup system  ## what takes longer, every make target among it
 
 docs: setup  ## build the documentation site into docs/_build, warnings as errors
 	@$(BIN)/sphinx-build -q -W --keep-going -b html docs docs/_build
+
+screenshots: setup system  ## take the pictures of the documentation again
+	@$(BIN)/python docs/take_screenshots.py
 
 lock:  ## resolve the dependencies again (needs uv): universal, hashed, wheels only, no index address
 	@uv pip compile --universal --python-version 3.11 --fork-strategy fewest --generate-hashes --only-binary :all: \
