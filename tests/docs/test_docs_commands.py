@@ -1,0 +1,274 @@
+"""Every `foretouch` command that the documentation shows runs, in a short form; so do its Python blocks.
+
+A command that is not one of `OFFLINE` or `LIVE` fails here: give a new one its short form.
+"""
+
+from __future__ import annotations
+
+import re
+import shlex
+import shutil
+import signal
+import socket
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from docs_pages import Block, blocks, commands
+from typer.main import get_command
+from typer.testing import CliRunner
+
+from foretouch.cli.app import app
+
+FETCHED = re.compile(r"\$\(foretouch datasets fetch (\S+?)\)")
+
+
+def lasting(seconds: float) -> Callable[[list[str]], list[str]]:
+    """A short form: this duration instead of the command's own."""
+    return lambda arguments: [*without(arguments, "--duration"), "--duration", str(seconds)]
+
+
+def as_it_is(arguments: list[str]) -> list[str]:
+    return arguments
+
+
+OFFLINE: dict[tuple[str, ...], Callable[[list[str]], list[str]]] = {
+    ("--help",): as_it_is,
+    ("simulate",): lasting(2.0),
+    ("identify",): as_it_is,
+    ("predict",): as_it_is,
+    ("report",): as_it_is,
+    ("datasets", "list"): as_it_is,
+    ("datasets", "fetch"): as_it_is,
+    ("materials", "list"): as_it_is,
+    ("materials", "fit"): as_it_is,
+}
+"""Commands that end by themselves, and their short forms."""
+
+LIVE = ("teleop", "follower", "leader", "record", "console")
+"""Commands of a session in real time."""
+
+
+def without(arguments: list[str], option: str) -> list[str]:
+    """The arguments without an option and its value."""
+    if option not in arguments:
+        return arguments
+    place = arguments.index(option)
+    return without(arguments[:place] + arguments[place + 2 :], option)
+
+
+def examples() -> dict[str, str]:
+    """The examples in the help of the commands."""
+    found: dict[str, str] = {}
+
+    def look(command: Any, name: str) -> None:
+        for text in re.findall(r"Example: foretouch (.+)", " ".join((command.help or "").split())):
+            found[text] = f"foretouch {name} --help"
+        for child, inner in getattr(command, "commands", {}).items():
+            look(inner, f"{name} {child}".strip())
+
+    look(get_command(app), "")
+    return found
+
+
+SHOWN = examples() | commands()
+
+
+def of(*words: str) -> list[str]:
+    return [text for text in SHOWN if tuple(shlex.split(text)[: len(words)]) == words]
+
+
+def kind(text: str) -> tuple[str, ...] | None:
+    """The key of a command in `OFFLINE`, or its name in `LIVE`."""
+    words = shlex.split(text)
+    for length in (2, 1):
+        if tuple(words[:length]) in OFFLINE:
+            return tuple(words[:length])
+    return (words[0],) if words[0] in LIVE else None
+
+
+def test_the_commands_are_found() -> None:
+    assert len(SHOWN) > 25
+    assert {"README.md", "docs/getting-started.md"} <= {place.split(":")[0] for place in SHOWN.values()}
+
+
+@pytest.mark.parametrize("text", SHOWN)
+def test_every_command_has_a_short_form_and_known_options(text: str) -> None:
+    assert kind(text) is not None, f"{SHOWN[text]}: foretouch {text} has no short form in {Path(__file__).name}"
+    command, words = get_command(app), shlex.split(FETCHED.sub("file.mat", text))
+    name = "foretouch"
+    while hasattr(command, "commands") and words and words[0] in command.commands:
+        name = words.pop(0)
+        command = command.commands[name]
+    if words[:1] != ["--help"]:
+        command.make_context(name, words)  # raises on an option that is not there
+
+
+# --- commands that end by themselves ----------------------------------------------------------------------------------
+
+
+def write_press(path: Path, scale: float = 1.0) -> dict[str, np.ndarray]:
+    """Presses of a Hunt-Crossley material as CSV, positions times `scale`; the columns in SI units."""
+    time = np.arange(0.0, 4.0, 1e-3)
+    position = 0.010 + 0.006 * np.sin(2.0 * np.pi * 0.9 * time - 1.5)
+    depth, velocity = np.maximum(position - 0.010, 0.0), np.gradient(position, time)
+    noise = 0.005 * np.random.default_rng(3).standard_normal(time.size)
+    force = np.maximum(depth**1.4 * (3000.0 + 1500.0 * velocity), 0.0) + 0.5 + noise
+    rows = (f"{t:.4f},{scale * x:.7g},{f:.6f}" for t, x, f in zip(time, position, force, strict=True))
+    path.write_text("time_s,position_m,force_N\n" + "\n".join(rows) + "\n")
+    return {"time_s": time, "position_m": position, "force_N": force}
+
+
+@pytest.fixture(scope="module")
+def samples(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The files that the commands name."""
+    folder = tmp_path_factory.mktemp("samples")
+    columns = write_press(folder / "press.csv")
+    pyarrow, parquet = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
+    parquet.write_table(pyarrow.table(columns), folder / "press.parquet")
+    run(["simulate", "--duration", "2.5", "--material", "hunt-crossley", "--recording", str(folder / "session.mcap")])
+    return folder
+
+
+@pytest.fixture
+def folder(samples: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A working folder of its own with the sample files."""
+    shutil.copytree(samples, tmp_path, dirs_exist_ok=True)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def run(arguments: list[str]) -> str:
+    result = CliRunner().invoke(app, arguments)
+    assert result.exit_code == 0, f"foretouch {shlex.join(arguments)}: {result.exception}\n{result.output}"
+    return result.stdout
+
+
+@pytest.mark.parametrize("text", [text for text in SHOWN if kind(text) in OFFLINE])
+def test_a_command_runs_in_its_short_form(text: str, folder: Path, measured: Callable[[str], Path]) -> None:
+    key = kind(text)
+    assert key is not None
+    needed = FETCHED.findall(text)
+    if key == ("datasets", "fetch"):
+        needed = [shlex.split(text)[2]]
+    elif key == ("materials", "fit") or "--operator recorded" in text:
+        needed = ["tue/b-foam"]
+    for name in needed:
+        measured("tue/b-foam" if name == "all" else name)  # skips where the measured files cannot be had
+    arguments = shlex.split(FETCHED.sub(lambda match: str(measured(match[1])), text))
+    if "--position-unit mm" in text:
+        write_press(folder / arguments[1], -1e3 if "--flip" in arguments else 1e3)
+    there = set(folder.rglob("*"))
+    assert run(OFFLINE[key](arguments)).strip()
+    for option in ("--out", "--recording", "--report"):
+        if option in arguments:
+            made = folder / arguments[arguments.index(option) + 1]
+            assert made.exists(), f"{SHOWN[text]}: {option} wrote nothing"
+    assert not [path for path in set(folder.rglob("*")) - there if path.name.startswith(".")], "left half-written"
+
+
+# --- commands of a live session ---------------------------------------------------------------------------------------
+
+
+def free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+def start(arguments: list[str], folder: Path) -> subprocess.Popen[str]:
+    command = [sys.executable, "-m", "foretouch", *arguments]
+    return subprocess.Popen(command, cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+
+
+def finish(process: subprocess.Popen[str], seconds: float = 40.0) -> str:
+    """Output of a process that must end well by itself."""
+    out, err = process.communicate(timeout=seconds)
+    assert process.returncode == 0, f"{shlex.join(process.args[2:])}: exit code {process.returncode}\n{err}"  # type: ignore[index]
+    return out
+
+
+@pytest.fixture
+def running() -> Iterator[list[subprocess.Popen[str]]]:
+    """Processes that the test starts; none stays behind."""
+    processes: list[subprocess.Popen[str]] = []
+    yield processes
+    for process in processes:
+        if process.poll() is None:
+            process.send_signal(signal.SIGTERM)
+            try:
+                process.communicate(timeout=10)
+            except subprocess.TimeoutExpired:
+                process.kill()
+                process.communicate()
+
+
+@pytest.mark.live
+@pytest.mark.parametrize("text", of("teleop"), ids=str)
+def test_a_session_runs_in_its_short_form(text: str, tmp_path: Path, running: list[subprocess.Popen[str]]) -> None:
+    arguments = lasting(1.5)(shlex.split(text))
+    if "--headless" not in arguments:
+        arguments = [*without(arguments, "--port"), "--port", str(free_port())]
+    running.append(start(arguments, tmp_path))
+    out = finish(running[0])
+    assert '"prediction_error_percent"' in out if "--json" in arguments else "Forces at equal command" in out
+    assert list(tmp_path.rglob("*.mcap"))
+
+
+def laps() -> Iterator[dict[str, str]]:
+    """The commands of single sides, combined so that each is in at least one lap."""
+    sides = {name: of(name) for name in LIVE if name != "teleop"}
+    for lap in range(max(map(len, sides.values()))):
+        yield {name: texts[lap % len(texts)] for name, texts in sides.items()}
+
+
+def on_this_machine(text: str, ports: tuple[int, int]) -> list[str]:
+    """The same command with endpoints here: the follower listens on the first port, the leader on the second."""
+    words = shlex.split(text)
+    expected = {
+        ("follower", "--listen"): [0],
+        ("leader", "--connect"): [0],
+        ("leader", "--listen"): [1],
+        ("record", "--connect"): [0, 1],
+        ("console", "--connect"): [0, 1],
+    }
+    for option in ("--listen", "--connect"):
+        places = [i + 1 for i, word in enumerate(words) if word == option]
+        for number, place in enumerate(places):
+            words[place] = f"tcp/127.0.0.1:{ports[expected[words[0], option][number]]}"
+    return words
+
+
+@pytest.mark.live
+@pytest.mark.parametrize("lap", list(laps()), ids=lambda lap: lap["leader"])
+def test_the_sides_run_one_by_one(lap: dict[str, str], tmp_path: Path, running: list[subprocess.Popen[str]]) -> None:
+    ports = (free_port(), free_port())
+    follower = without(on_this_machine(lap["follower"], ports), "--duration")
+    leader = lasting(1.5)(on_this_machine(lap["leader"], ports))
+    recorder = on_this_machine(lap["record"], ports)
+    console = [*without(on_this_machine(lap["console"], ports), "--port"), "--port", str(free_port())]
+    running += [start(arguments, tmp_path) for arguments in (follower, recorder, console)]
+    running.append(start([*leader, "--wait-for-recorder"] if "--listen" in leader else leader, tmp_path))
+    for process in reversed(running):
+        finish(process)
+    assert (tmp_path / recorder[1]).stat().st_size > 10_000
+
+
+# --- Python -----------------------------------------------------------------------------------------------------------
+
+
+PYTHON = [block for block in blocks() if block.language == "python"]
+
+
+@pytest.mark.parametrize("block", PYTHON, ids=lambda block: f"{block.page}:{block.line}")
+def test_a_python_block_runs(block: Block, folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    exec(compile(block.text, f"{block.page}:{block.line}", "exec"), {"__name__": "__main__"})
+    capsys.readouterr()
+
+
+def test_there_are_python_blocks() -> None:
+    assert len(PYTHON) >= 3
