@@ -49,3 +49,4 @@ CHANNELS: dict[str, Channel] = {
         Channel("hello", Hello, "any", 2.0),
     )
 }
+"""Every channel of a session by name."""

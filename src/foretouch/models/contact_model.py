@@ -18,6 +18,7 @@ ContactState: TypeAlias = tuple[float, ...]
 """What the material remembers (hysteresis, relaxation), as plain numbers; empty for the paper's laws."""
 
 NO_STATE: ContactState = ()
+"""State of a law without memory."""
 
 
 class ContactModel(ABC):

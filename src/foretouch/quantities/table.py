@@ -46,3 +46,4 @@ QUANTITIES: tuple[Quantity, ...] = (
     Quantity("one_way_delay", "", "s", "from sending to arrival, one direction"),
     Quantity("sample_period", "", "s", "between two ticks of a loop"),
 )
+"""The table."""

@@ -26,6 +26,7 @@ CONTACT_FLOOR = 0.3
 """Smallest force [N] that counts as contact: lever friction and inertia stay below it."""
 
 FORCE_CHANNELS: Final = ("raw", "logged")
+"""Forces of a file: the raw bridge, and the torque that the experiment logged."""
 
 Array = NDArray[np.float64]
 

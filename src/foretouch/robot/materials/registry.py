@@ -13,6 +13,7 @@ from foretouch.robot.materials.material import Material
 __all__ = ["DEFAULT_MATERIAL", "MATERIALS", "make_material"]
 
 DEFAULT_MATERIAL = "foam-measured"
+"""What is pressed where nothing else is asked for."""
 
 MATERIALS: dict[str, Callable[[], Material]] = {
     "foam-measured": foam_measured,
