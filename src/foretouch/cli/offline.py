@@ -232,5 +232,9 @@ def _print_lines(title: str, content: dict[str, Any]) -> None:
     for name, value in content.items():
         text = f"{value:.6g}" if isinstance(value, float) else str(value)
         if isinstance(value, dict):
-            text = ", ".join(f"{key} {number:.6g}" for key, number in value.items())
+            text = ", ".join(f"{key} {_or_undetermined(number)}" for key, number in value.items())
         typer.echo(f"  {name:<28} {text}")
+
+
+def _or_undetermined(value: float | None) -> str:
+    return "undetermined" if value is None else f"{value:.6g}"

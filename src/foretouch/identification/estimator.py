@@ -17,7 +17,8 @@ class Status(Enum):
 
     LEARNT = "learnt from this sample"
     FREE_AIR = "not in contact: nothing to learn"
-    UNUSABLE = "depth or force too small for the logarithm: sample left out"
+    UNUSABLE = "depth, velocity or force is not a number this estimator can take: sample left out"
+    GATED = "depth or force below the contact gate: sample left out"
     RESTARTED = "the covariance was no longer usable: the estimator began again"
 
 
@@ -50,12 +51,15 @@ class Estimator(ABC):
         """The law as it is known now, None while nothing usable is known."""
 
     @property
-    def parameters(self) -> dict[str, float]:
-        """The law's numbers by name, empty while nothing is known."""
+    def parameters(self) -> dict[str, float | None]:
+        """The law's numbers by name, and what follows from them; empty while nothing is known.
+
+        None: undetermined by the samples so far.
+        """
         model = self.model
         return {} if model is None else dict(zip(model.parameter_names, model.parameters, strict=True))
 
     @property
     @abstractmethod
-    def standard_errors(self) -> dict[str, float] | None:
-        """Standard error of each parameter, None where the estimator has none to give."""
+    def standard_errors(self) -> dict[str, float | None] | None:
+        """Standard error of each of `parameters`, None where the estimator has none to give."""

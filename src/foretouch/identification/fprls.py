@@ -183,6 +183,6 @@ class FPRLS(Estimator):
         return LinearisedContinuousSwitching(*values)
 
     @property
-    def standard_errors(self) -> dict[str, float] | None:
+    def standard_errors(self) -> dict[str, float | None] | None:
         """None: P is not scaled by a noise variance, and forgetting and perturbation take its meaning away."""
         return None

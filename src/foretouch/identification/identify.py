@@ -25,7 +25,7 @@ class Identification:
     """What a recording taught.
 
     Attributes:
-        parameters: The law's numbers by name, after the last sample.
+        parameters: The law's numbers by name, after the last sample; None for one that is undetermined.
         standard_errors: By name, None where the estimator has none.
         surface: Position of the surface found [m].
         force_offset: Force in free air found [N].
@@ -33,11 +33,12 @@ class Identification:
         residual: Measured force less the force of the model learnt before that sample [N]; NaN outside contact and
             before there was a model, shape (n,).
         contact_force_rms: RMS of the force over the samples that have a residual [N].
-        history: Parameters after every sample by name, NaN before there was a model, shape (n,) each.
+        history: Parameters after every sample by name, NaN before there was a model and where undetermined,
+            shape (n,) each.
     """
 
-    parameters: dict[str, float]
-    standard_errors: dict[str, float] | None
+    parameters: dict[str, float | None]
+    standard_errors: dict[str, float | None] | None
     surface: float
     force_offset: float
     in_contact: NDArray[np.bool_]
@@ -79,7 +80,7 @@ def identify(recording: Recording, learner: Learner) -> Identification:
         model = learner.estimator.model
         if model is not None:
             for name, value in learner.estimator.parameters.items():
-                history.setdefault(name, np.full(size, np.nan))[index] = value
+                history.setdefault(name, np.full(size, np.nan))[index] = np.nan if value is None else value
     contacts = int(in_contact.sum())
     if contacts < FEWEST_CONTACT_SAMPLES:
         raise RecordingError(

@@ -11,7 +11,11 @@ __all__ = ["ESTIMATORS", "make_estimator"]
 ESTIMATORS: dict[str, dict[str, type[Estimator]]] = {}
 """Estimators by name of the law, then by their own name."""
 
-for _kind in (FPRLS,):
+_KINDS: tuple[type[Estimator], ...] = (
+    FPRLS,
+)  # fmt: skip
+
+for _kind in _KINDS:
     ESTIMATORS.setdefault(_kind.model_name, {})[_kind.name] = _kind
 
 
