@@ -1,7 +1,7 @@
-"""Take the pictures of the documentation again, from a real session in a real browser.
+"""Take the picture of the documentation again, from a real session in a real browser.
 
 Starts `foretouch teleop`, opens its console in Chromium, takes the handle with the mouse, presses, and writes
-`docs/images/console.png`. Usage: `.venv/bin/python docs/take_screenshots.py [PORT]`.
+`docs/images/console.png`. Usage: `make screenshots`, or `.venv/bin/python docs/take_screenshots.py [PORT]`.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from typing import Any
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT / "tests" / "console"))  # the mouse and the browser are the tests' own
 
-from console_driver import held_handle, open_page, plot_data  # noqa: E402
+from console_driver import held_handle, open_page  # noqa: E402
 
 IMAGE = ROOT / "docs" / "images" / "console.png"
 PRESS_MM = 9.0
@@ -27,17 +27,12 @@ WATCHED = 12.0
 
 
 def main(port: int) -> None:
-    """Take all pictures."""
+    """Take the picture."""
     with tempfile.TemporaryDirectory() as folder:
-        command = [sys.executable, "-m", "foretouch", "teleop", "--duration", "45", "--port", str(port)]
+        command = [sys.executable, "-m", "foretouch", "teleop", "--duration", "60", "--port", str(port)]
         session = subprocess.Popen(command, cwd=folder, stdout=subprocess.DEVNULL)
         try:
-            url = f"http://127.0.0.1:{port}"
-            _wait_for(url)
-            with open_page(url, 1280, 800) as (page, _):
-                page.wait_for_timeout(1000 * WATCHED)
-                _close_notices(page)
-                _press_and_shoot(page)
+            _take(f"http://127.0.0.1:{port}")
         finally:
             session.terminate()
             session.wait(30)
@@ -45,13 +40,14 @@ def main(port: int) -> None:
     print(f"{IMAGE.relative_to(ROOT)}: {IMAGE.stat().st_size / 1000:.0f} kB")
 
 
-def _press_and_shoot(page: Any) -> None:
-    """Press with the mouse, and take the picture while the delayed force is still on its way."""
-    with held_handle(page, PRESS_MM, seconds=1.2, steps=20):
-        page.wait_for_timeout(600)
-        page.screenshot(path=IMAGE)
-        largest = max(value for value in plot_data(page)[2] if value == value)
-    print(f"largest predicted force in the picture: {largest:.2f} N")
+def _take(url: str) -> None:
+    """Watch for a while, then press with the mouse and take the picture while the robot is still behind."""
+    _wait_for(url)
+    with open_page(url, 1280, 800) as (page, _):
+        page.wait_for_timeout(1000 * WATCHED)
+        _close_notices(page)
+        with held_handle(page, PRESS_MM, seconds=1.0, steps=20):
+            page.screenshot(path=IMAGE)
 
 
 def _close_notices(page: Any) -> None:
