@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import dataclasses
+import functools
 import importlib
 import inspect
 import itertools
@@ -30,8 +31,13 @@ SECTION = re.compile(r"^(Args|Attributes):\n((?:(?: {4}.*)?\n?)*)", re.MULTILINE
 NAME = re.compile(r"^ {4}(\*{0,2}\w+)(?: \([^)]*\))?:", re.MULTILINE)
 
 
-def callables() -> Iterator[tuple[str, Any]]:
+@functools.cache
+def public_callables() -> dict[str, Any]:
     """Every public function, class and method, once, by its full name."""
+    return dict(_callables())
+
+
+def _callables() -> Iterator[tuple[str, Any]]:
     seen: set[int] = set()
     for name in MODULES:
         module = importlib.import_module(name)
@@ -49,9 +55,6 @@ def callables() -> Iterator[tuple[str, Any]]:
                     inner = inner.fget if isinstance(inner, property) else inner
                     if not attribute.startswith("_") and inspect.isfunction(inner):
                         yield f"{value.__module__}.{value.__qualname__}.{attribute}", inner
-
-
-CALLABLES = dict(callables())
 
 
 def sections(value: Any) -> dict[str, set[str]]:
@@ -81,7 +84,7 @@ def test_what_a_module_exports_is_there(name: str) -> None:
 
 def test_every_public_function_class_and_method_is_described() -> None:
     silent = []
-    for name, value in CALLABLES.items():
+    for name, value in public_callables().items():
         text = (value.__doc__ or "").strip()
         if not text or text.startswith(f"{value.__name__}("):  # the text that a dataclass makes of its own signature
             silent.append(name)
@@ -90,7 +93,7 @@ def test_every_public_function_class_and_method_is_described() -> None:
 
 def test_the_arguments_that_are_described_are_those_that_there_are() -> None:
     wrong = []
-    for name, value in CALLABLES.items():
+    for name, value in public_callables().items():
         described = sections(value).get("Args")
         if described is not None and described != parameters(value):
             wrong.append(f"{name}: {sorted(described ^ parameters(value))}")
