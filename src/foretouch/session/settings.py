@@ -32,7 +32,7 @@ class SessionSettings:
         jitter: Largest change of either delay [s].
         loss: Share of messages lost, in either direction.
         outage: Length of an outage in every 10 s, in either direction [s].
-        seed: Of everything random: sensors, operator, network.
+        seed: Of everything random: sensors, operator, network; not negative.
         model_rate: Models a second while nothing changes [1/s].
 
     Raises:
@@ -60,6 +60,7 @@ class SessionSettings:
         make_estimator(self.model, self.estimator)
         require("position_delay", self.position_delay, at_least=0.0)
         require("force_delay", self.force_delay, at_least=0.0)
+        require("seed", self.seed, at_least=0)
         require("model_rate", self.model_rate, above=0.0, at_most=1.0 / SAMPLE_PERIOD)
         common = (self.jitter, self.loss, self.outage)
         object.__setattr__(self, "command_faults", Faults(self.position_delay, *common, seed=2 * self.seed))
