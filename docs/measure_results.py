@@ -96,16 +96,17 @@ def identifications() -> str:
 
 
 def sessions() -> str:
-    """`foretouch simulate` for every material and operator."""
+    """`foretouch simulate` for every material and operator, and with the jitter that real time has."""
     rows = []
     for material in json.loads(foretouch("materials list --json")):
-        for operator in ("scripted", "recorded"):
-            options = f"--material {material} --operator {operator}"
+        for operator, jitter in (("scripted", "0"), ("recorded", "0"), ("scripted", "0.0005")):
+            options = f"--material {material} --operator {operator} --jitter {jitter}"
             found = json.loads(foretouch(f"simulate --duration 20 {options} --json"))
             rows.append(
                 [
                     f"`{material}`",
                     operator,
+                    f"{1e3 * float(jitter):g}",
                     figure(found["contact_force_rms_N"]),
                     figure(found["delayed_force_error_percent"]),
                     figure(found["prediction_error_percent"]),
@@ -117,6 +118,7 @@ def sessions() -> str:
     heads = (
         "Material",
         "Operator",
+        "Jitter [ms]",
         "Force RMS [N]",
         "Delayed error [%]",
         "Prediction error [%]",
