@@ -1,5 +1,6 @@
 """What a session or a recording shows: scores, the report of a session, figures and the page."""
 
+from foretouch.report.html import embedded, named_values, table, write_html
 from foretouch.report.page import write_page, write_prediction_page
 from foretouch.report.pairs import Pairs, force_at_follower, pair
 from foretouch.report.scores import STATUSES, Scores, delayed, lowest_mean, score
@@ -12,13 +13,17 @@ __all__ = [
     "Pairs",
     "Scores",
     "delayed",
+    "embedded",
     "findings",
     "force_at_follower",
     "lowest_mean",
+    "named_values",
     "pair",
     "render_text",
     "score",
     "session_report",
+    "table",
+    "write_html",
     "write_page",
     "write_prediction_page",
 ]

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import base64
-import io
 from collections.abc import Mapping
 from html import escape
 from os import PathLike
@@ -13,10 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from foretouch.errors import InputError
 from foretouch.messages import SessionLog
 from foretouch.models import LAWS
-from foretouch.recordings import atomic_path
 from foretouch.report.figures import (
     force_figure,
     loop_figure,
@@ -25,30 +21,12 @@ from foretouch.report.figures import (
     timing_figure,
     tracking_figure,
 )
+from foretouch.report.html import embedded, named_values, write_html
 from foretouch.report.pairs import pair
 from foretouch.report.scores import lowest_mean
 from foretouch.report.text import Finding, findings, number, render_text, scoring_findings
 
 __all__ = ["write_page", "write_prediction_page"]
-
-STYLE = """
-:root { color-scheme: light dark; --ink: #1b1b1b; --quiet: #5c5c5c; --paper: #fafafa; --card: #fff; --line: #ddd;
-  --bad: #a33c00; }
-@media (prefers-color-scheme: dark) { :root { --ink: #ececec; --quiet: #aaa; --paper: #161616; --card: #222;
-  --line: #444; --bad: #ffa36b; } }
-body { font: 16px/1.5 system-ui, sans-serif; color: var(--ink); background: var(--paper); margin: 0 auto;
-  padding: 1.5rem; max-width: 64rem; }
-h1 { font-size: 1.5rem; margin: 0 0 .2rem; } h2 { font-size: 1.15rem; margin: 2rem 0 .6rem; }
-p { margin: .3rem 0; } .quiet { color: var(--quiet); } .bad, .good { font-weight: 600; } .bad { color: var(--bad); }
-.tiles { display: grid; grid-template-columns: repeat(auto-fit, minmax(8.5rem, 1fr)); gap: .8rem; margin: 1rem 0; }
-.tile { background: var(--card); border: 1px solid var(--line); border-radius: .5rem; padding: .7rem .9rem; }
-.tile b { display: block; font-size: 1.5rem; } .tile span { color: var(--quiet); font-size: .85rem; }
-figure { margin: 1rem 0; background: #fff; border: 1px solid var(--line); border-radius: .5rem; padding: .5rem; }
-figure img { width: 100%; height: auto; display: block; } figcaption { color: #444; font-size: .85rem; padding: .3rem; }
-table { border-collapse: collapse; } td { border-bottom: 1px solid var(--line); padding: .25rem 1.5rem .25rem 0; }
-pre { overflow-x: auto; background: var(--card); border: 1px solid var(--line); border-radius: .5rem; padding: .8rem;
-  font-size: .8rem; }
-"""
 
 
 def write_page(directory: str | PathLike[str], log: SessionLog, report: dict[str, Any]) -> Path:
@@ -73,11 +51,11 @@ def write_page(directory: str | PathLike[str], log: SessionLog, report: dict[str
         _tiles(report),
         *_session_figures(log, report),
         "<h2>Settings</h2>",
-        _table(report["settings"] or {"settings": "not recorded"}),
+        named_values(report["settings"] or {"settings": "not recorded"}),
         "<h2>All figures</h2>",
         f"<pre>{escape(render_text(report))}</pre>",
     ]
-    return _write(directory, "foretouch session", body)
+    return write_html(directory, "foretouch session", body)
 
 
 def write_prediction_page(
@@ -111,9 +89,9 @@ def write_prediction_page(
         measured, predicted, known = (columns[f"{kind}_force_N"] for kind in ("measured", "predicted", "delayed"))
         time = columns["time_s"] - columns["time_s"][0]
         drawn = prediction_figure(time, measured, predicted, known, columns["in_contact"].astype(np.bool_))
-        body.append(_embedded(drawn, "Measured, predicted and delayed force over time, and the errors"))
-    body += ["<h2>All figures</h2>", _table(figures)]
-    return _write(directory, f"Prediction on {name}", body)
+        body.append(embedded(drawn, "Measured, predicted and delayed force over time, and the errors"))
+    body += ["<h2>All figures</h2>", named_values(figures)]
+    return write_html(directory, f"Prediction on {name}", body)
 
 
 def _sentences(said: list[Finding]) -> list[str]:
@@ -153,53 +131,15 @@ def _session_figures(log: SessionLog, report: dict[str, Any]) -> list[str]:
         limits = (report["score_from_s"], end) if end > report["score_from_s"] else None
         columns = (pairs.leader[f"{kind}_force"] for kind in ("predicted", "delayed", "rendered"))
         forces = force_figure(pairs.time, true_force, *columns, limits=limits)
-        drawn.append(_embedded(forces, "True, predicted, delayed and rendered force over time, and the errors"))
+        drawn.append(embedded(forces, "True, predicted, delayed and rendered force over time, and the errors"))
         surfaces = [model.surface for model in log.models if model.valid and np.isfinite(model.surface)]
         loop = loop_figure(pairs, true_force, surfaces[-1] if surfaces else None)
-        drawn.append(_embedded(loop, "Force against depth, true and predicted"))
+        drawn.append(embedded(loop, "Force against depth, true and predicted"))
     if any(model.law in LAWS for model in log.models):
         start = int(pairs.follower["time_ns"][0]) if pairs.time.size else log.models[0].time_ns
-        drawn.append(_embedded(model_figure(log.models, start), "Identified parameters over time"))
+        drawn.append(embedded(model_figure(log.models, start), "Identified parameters over time"))
     if pairs.time.size:
-        drawn.append(_embedded(tracking_figure(pairs), "Position of the robot, and its tracking error"))
+        drawn.append(embedded(tracking_figure(pairs), "Position of the robot, and its tracking error"))
     if log.leader.size or log.follower.size:
-        drawn.append(_embedded(timing_figure(log), "Loop periods and compute times of leader and follower"))
+        drawn.append(embedded(timing_figure(log), "Loop periods and compute times of leader and follower"))
     return drawn
-
-
-def _embedded(figure: Any, caption: str) -> str:
-    """A figure as an image inside the page; as an image of its own, its inner names clash with no other's."""
-    buffer = io.BytesIO()
-    figure.savefig(buffer, format="svg", metadata={"Date": None})
-    data = base64.b64encode(buffer.getvalue()).decode("ascii")
-    text = escape(caption, quote=True)
-    return f'<figure><img alt="{text}" src="data:image/svg+xml;base64,{data}"><figcaption>{text}</figcaption></figure>'
-
-
-def _table(rows: Mapping[str, Any]) -> str:
-    def cell(value: Any) -> str:
-        return "-" if value is None else f"{value:.6g}" if isinstance(value, float) else str(value)
-
-    cells = (f"<tr><td>{escape(name)}</td><td>{escape(cell(value))}</td></tr>" for name, value in rows.items())
-    return f"<table>{''.join(cells)}</table>"
-
-
-def _write(directory: str | PathLike[str], title: str, body: list[str]) -> Path:
-    folder = Path(directory)
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"{folder}: the report cannot be written there: {error.strerror}") from None
-    page = folder / "index.html"
-    text = "\n".join(
-        (
-            '<!doctype html><html lang="en"><head><meta charset="utf-8">',
-            '<meta name="viewport" content="width=device-width, initial-scale=1">',
-            f"<title>{escape(title)}</title><style>{STYLE}</style></head><body>",
-            *body,
-            "</body></html>\n",
-        )
-    )
-    with atomic_path(page) as part:
-        part.write_text(text, encoding="utf-8")
-    return page
