@@ -14,9 +14,11 @@ from foretouch.models import (
     LAWS,
     NO_STATE,
     ContactModel,
+    ContinuousSwitching,
     HuntCrossley,
     KelvinVoigt,
     LinearisedContinuousSwitching,
+    ThresholdSwitching,
     advance,
     make_model,
 )
@@ -24,6 +26,8 @@ from foretouch.models import (
 EXAMPLES: dict[str, ContactModel] = {
     "kelvin-voigt": KelvinVoigt(6000.0, 500.0),
     "hunt-crossley": HuntCrossley(3000.0, 1500.0, 1.4),
+    "threshold-switching": ThresholdSwitching(3900.0, 500.0, 3000.0, 1500.0, 1.4, 4000.0),
+    "continuous-switching": ContinuousSwitching(4500.0, 1000.0, 0.7, 0.5),
     "linearised-continuous-switching": LinearisedContinuousSwitching(math.log(3000.0), 1.4, 0.5, 1e-3),
 }
 depths = st.one_of(st.floats(-0.05, 0.05), st.floats())
@@ -103,6 +107,11 @@ def test_a_diverged_estimate_stays_finite() -> None:
         ("hunt-crossley", (1.0, np.inf, 1.0)),
         ("linearised-continuous-switching", (1.0, 1.0, np.nan, 1.0)),
         ("linearised-continuous-switching", (1.0,)),
+        ("continuous-switching", (1.0, 1.0, -0.1, 1.0)),
+        ("continuous-switching", (1.0, 1.0, 1.0, -0.1)),
+        ("continuous-switching", (1.0, 1.0, 0.0, 0.0)),
+        ("threshold-switching", (1.0, 1.0, 1.0, 1.0, 1.0, 0.0)),
+        ("threshold-switching", (1.0, 1.0, 1.0, -1.0, 1.0, 1.0)),
     ],
 )
 def test_parameters_out_of_range_are_refused(law: str, parameters: tuple[float, ...]) -> None:
@@ -111,5 +120,5 @@ def test_parameters_out_of_range_are_refused(law: str, parameters: tuple[float, 
 
 
 def test_an_unknown_law_is_refused_with_the_choices() -> None:
-    with pytest.raises(UnknownNameError, match="choose one of hunt-crossley, kelvin-voigt"):
+    with pytest.raises(UnknownNameError, match="choose one of continuous-switching, hunt-crossley, "):
         make_model("jelly", ())

@@ -6,14 +6,14 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from foretouch.models.checks import require
-from foretouch.models.contact_model import NO_STATE, ContactModel, ContactState
+from foretouch.models.memoryless_law import MemorylessLaw
 
 __all__ = ["HuntCrossley"]
 
 
 @dataclass(frozen=True, slots=True)
-class HuntCrossley(ContactModel):
-    r"""Power-law spring whose damping grows with depth.
+class HuntCrossley(MemorylessLaw):
+    r"""Power-law spring whose damping grows with depth: (4) with alpha = 0.
 
     .. math:: F = \max(0,\; k x^n + \lambda x^n \dot x), \quad F = 0 \text{ for } x \le 0
 
@@ -41,11 +41,7 @@ class HuntCrossley(ContactModel):
         require("damping", self.damping, at_least=0.0)
         require("exponent", self.exponent, above=0.0)
 
-    def advance(
-        self, state: ContactState, depth: float, velocity: float, sample_period: float
-    ) -> tuple[ContactState, float, float]:
-        """One step: see `foretouch.models.advance`."""
-        if depth <= 0.0:
-            return NO_STATE, 0.0, float("nan")
-        force = depth**self.exponent * (self.stiffness + self.damping * velocity)
-        return NO_STATE, max(0.0, force), float("nan")
+    @property
+    def general_form(self) -> tuple[float, float, float, float]:
+        """The same law as numbers of (4): k, lambda, n, 0."""
+        return self.stiffness, self.damping, self.exponent, 0.0

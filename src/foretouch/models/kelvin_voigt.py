@@ -6,19 +6,19 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from foretouch.models.checks import require
-from foretouch.models.contact_model import NO_STATE, ContactModel, ContactState
+from foretouch.models.memoryless_law import MemorylessLaw
 
 __all__ = ["KelvinVoigt"]
 
 
 @dataclass(frozen=True, slots=True)
-class KelvinVoigt(ContactModel):
-    r"""Linear spring and linear damper in parallel.
+class KelvinVoigt(MemorylessLaw):
+    r"""Linear spring and linear damper in parallel: (4) with n = 0 and alpha = 1.
 
     .. math:: F = \max(0,\; K x + B \dot x), \quad F = 0 \text{ for } x \le 0
 
     Equation (1) lets the force turn negative at release, where the material would pull the probe; here the force
-    is never negative.
+    is never negative, unless a method is asked for it. The force jumps to B times the speed at first touch.
 
     Args:
         stiffness: K [N/m], positive.
@@ -37,9 +37,7 @@ class KelvinVoigt(ContactModel):
         require("stiffness", self.stiffness, above=0.0)
         require("damping", self.damping, at_least=0.0)
 
-    def advance(
-        self, state: ContactState, depth: float, velocity: float, sample_period: float
-    ) -> tuple[ContactState, float, float]:
-        """One step: see `foretouch.models.advance`."""
-        force = self.stiffness * depth + self.damping * velocity if depth > 0.0 else 0.0
-        return NO_STATE, max(0.0, force), float("nan")
+    @property
+    def general_form(self) -> tuple[float, float, float, float]:
+        """The same law as numbers of (4): K, B, 0, 1."""
+        return self.stiffness, self.damping, 0.0, 1.0

@@ -6,14 +6,17 @@ from collections.abc import Sequence
 
 from foretouch.errors import SettingError, UnknownNameError
 from foretouch.models.contact_model import ContactModel
+from foretouch.models.continuous_switching import ContinuousSwitching
 from foretouch.models.hunt_crossley import HuntCrossley
 from foretouch.models.kelvin_voigt import KelvinVoigt
 from foretouch.models.linearised import LinearisedContinuousSwitching
+from foretouch.models.threshold_switching import ThresholdSwitching
 
 __all__ = ["LAWS", "make_model"]
 
 LAWS: dict[str, type[ContactModel]] = {
-    law.law: law for law in (KelvinVoigt, HuntCrossley, LinearisedContinuousSwitching)
+    law.law: law
+    for law in (KelvinVoigt, HuntCrossley, ThresholdSwitching, ContinuousSwitching, LinearisedContinuousSwitching)
 }
 """Every law that a model message may name."""
 

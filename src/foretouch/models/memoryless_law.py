@@ -1,0 +1,157 @@
+"""What the laws (1) to (4) have in common: one force formula, once for the loop and once for arrays."""
+
+from __future__ import annotations
+
+import math
+from abc import abstractmethod
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from foretouch.models.contact_model import NO_STATE, ContactModel, ContactState
+
+__all__ = ["MemorylessLaw"]
+
+Array = NDArray[np.float64]
+
+
+class MemorylessLaw(ContactModel):
+    r"""A law of depth and velocity alone; each of the paper's is a case of equation (4).
+
+    .. math:: F = \max\left(0,\; x^n (k x^\alpha + \lambda \dot x)\right), \quad F = 0 \text{ for } x \le 0
+
+    (at x = 0 itself the paper's Kelvin-Voigt law gives B times the velocity, here 0). What is vectorised takes floats
+    or arrays that broadcast, and returns an array of the shape that they broadcast to (a NumPy float for floats).
+    It knows no bounds: depths and velocities are taken as they are, and NaN stays NaN. `advance` has the same
+    formula, in scalar arithmetic for the loop.
+
+    Energies are those of a spring and a damper in parallel: what the spring holds comes back, what the damper takes
+    does not. Where the force is held at zero (see `tension_depth`) the material comes back by itself, more slowly
+    than the probe, and what its spring still gives up goes into its own damper.
+    """
+
+    __slots__ = ()
+
+    @property
+    @abstractmethod
+    def general_form(self) -> tuple[float, float, float, float]:
+        """The same law as numbers of (4): k [N/m^(n + alpha)], lambda [N s/m^(n+1)], n [-], alpha [-]."""
+
+    def advance(
+        self, state: ContactState, depth: float, velocity: float, sample_period: float
+    ) -> tuple[ContactState, float, float]:
+        """One step: see `foretouch.models.advance`."""
+        if depth <= 0.0:
+            return NO_STATE, 0.0, math.nan
+        k, damping, n, alpha = self.general_form
+        force = depth**n * (k * depth**alpha + damping * velocity)
+        return NO_STATE, force if force > 0.0 else 0.0, math.nan
+
+    def force(self, depth: ArrayLike, velocity: ArrayLike, *, allow_tension: bool = False) -> Array:
+        """Force [N], equation (4).
+
+        Args:
+            depth: x [m].
+            velocity: [m/s], positive while deepening.
+            allow_tension: True leaves negative forces as the equation gives them: the material pulls the probe.
+        """
+        k, damping, n, alpha = self.general_form
+        x, v = np.asarray(depth, dtype=np.float64), np.asarray(velocity, dtype=np.float64)
+        inside = np.maximum(x, 0.0)
+        force = np.where(x <= 0.0, 0.0, inside**n * (k * inside**alpha + damping * v))
+        return _plain(force if allow_tension else np.maximum(force, 0.0))
+
+    def local_stiffness(self, depth: ArrayLike, velocity: ArrayLike = 0.0, *, allow_tension: bool = False) -> Array:
+        r"""Slope of the force over depth at constant velocity [N/m].
+
+        .. math:: \partial F / \partial x = s k x^{s - 1} + n \lambda x^{n - 1} \dot x, \quad s = n + \alpha
+
+        0 outside, and where the force is held at zero. Without bound towards the surface where an exponent is
+        between 0 and 1. This is what laws of different exponents can be compared by, at one depth; k is not.
+
+        Args:
+            depth: x [m].
+            velocity: [m/s].
+            allow_tension: True gives the slope of the equation where it pulls.
+        """
+        k, damping, n, alpha = self.general_form
+        s = n + alpha
+        x, v = np.asarray(depth, dtype=np.float64), np.asarray(velocity, dtype=np.float64)
+        inside = np.where(x <= 0.0, 1.0, x)
+        with np.errstate(over="ignore"):  # x^(n - 1) at depths of 1e-300 m
+            slope = s * k * inside ** (s - 1.0) + (n * damping * inside ** (n - 1.0) * v if n > 0.0 else 0.0 * v)
+        pulls = np.less(self.force(x, v, allow_tension=True), 0.0) & (not allow_tension)
+        return _plain(np.where((x <= 0.0) | pulls, 0.0, slope))
+
+    def stored_energy(self, depth: ArrayLike) -> Array:
+        r"""Energy in the spring [J].
+
+        .. math:: E_{store} = k x^{s + 1} / (s + 1), \quad s = n + \alpha
+
+        Args:
+            depth: x [m]; outside 0 J.
+        """
+        k, _, n, alpha = self.general_form
+        s = n + alpha
+        return _plain(k * np.maximum(np.asarray(depth, dtype=np.float64), 0.0) ** (s + 1.0) / (s + 1.0))
+
+    def power(self, depth: ArrayLike, velocity: ArrayLike, *, allow_tension: bool = False) -> Array:
+        """Power into the material [W]: force times velocity, negative where the material gives energy back.
+
+        Args:
+            depth: x [m].
+            velocity: [m/s].
+            allow_tension: As in `force`.
+        """
+        return _plain(self.force(depth, velocity, allow_tension=allow_tension) * np.asarray(velocity, np.float64))
+
+    def dissipated_power(self, depth: ArrayLike, velocity: ArrayLike, *, allow_tension: bool = False) -> Array:
+        r"""Power that does not come back [W], never negative: all power less what goes into the spring.
+
+        .. math:: P_{diss} = (F - k x^s) \dot x
+
+        which is :math:`\lambda x^n \dot x^2` unless the force is held at zero.
+
+        Args:
+            depth: x [m].
+            velocity: [m/s].
+            allow_tension: As in `force`.
+        """
+        elastic = self.force(depth, 0.0)
+        damper = self.force(depth, velocity, allow_tension=allow_tension) - elastic
+        return _plain(damper * np.asarray(velocity, dtype=np.float64))
+
+    def tension_depth(self, velocity: ArrayLike) -> Array:
+        r"""Depth [m] below which the equation pulls, at a velocity.
+
+        .. math:: x_0 = (\lambda |\dot x| / k)^{1 / \alpha}, \quad \dot x < 0
+
+        For Kelvin-Voigt that is :math:`B |\dot x| / K`; for every alpha above 0 it is above 0 at any release. For
+        Hunt-Crossley (alpha = 0) it is 0 up to the speed :math:`k / \lambda`, and infinite beyond. `advance` and the
+        other methods hold the force at zero there: a hand that lets go is not to be held back.
+
+        Args:
+            velocity: [m/s]; nothing pulls while it is positive.
+        """
+        k, damping, _, alpha = self.general_form
+        ratio = damping * np.maximum(-np.asarray(velocity, dtype=np.float64), 0.0) / k
+        if alpha == 0.0:
+            return _plain(np.where(ratio > 1.0, np.inf, 0.0 * ratio))
+        with np.errstate(over="ignore"):
+            return _plain(ratio ** (1.0 / alpha))
+
+    def validity(self) -> tuple[str, ...]:
+        """Sentences that say which parts of the paper's range (5) the numbers break; empty where they keep to it."""
+        _, _, n, alpha = self.general_form
+        s, broken = n + alpha, []
+        if not 1.0 <= s < 2.0:
+            broken.append(f"the exponent of depth s = n + alpha = {s:.6g} is outside [1, 2) of the paper's range (5)")
+        if not 0.0 <= alpha <= 1.0:
+            broken.append(f"the switching alpha = {alpha:.6g} is outside [0, 1] of the paper's range (5)")
+        return tuple(broken)
+
+
+def _plain(values: Array) -> Array:
+    """An array as it is; without dimensions, its number."""
+    number_or_array: Array = np.asarray(values)[()]
+    return number_or_array
