@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import re
+from typing import Any
 
 from docutils import nodes
 from docutils.utils.math import MathError, latex2mathml
 from sphinx.application import Sphinx
-from sphinx.errors import ExtensionError
+from sphinx.util import logging
 
 _SIZES = re.compile(r"\\[bB]igg?[lr]?(?![a-zA-Z])")  # the browser sizes brackets itself
 
@@ -16,14 +17,26 @@ def mathml(tex: str, block: bool) -> str:
     """One formula; lines end with two backslashes, and `&` aligns them."""
     tex = _SIZES.sub("", tex).strip()
     try:
-        if not block or ("&" not in tex and "\\\\" not in tex):
+        rows = [_split(row, "&") for row in _split(tex, "\\\\") if row.strip()]
+        if not block or max(map(len, rows), default=1) * len(rows) <= 1:
             return latex2mathml.tex2mathml(tex, as_block=block)
-        rows = [row for row in re.split(r"\\\\", tex) if row.strip()]
-        cells = [[f"<mtd>{_bare(cell)}</mtd>" for cell in row.split("&")] for row in rows]
+        cells = [[f"<mtd>{_bare(cell)}</mtd>" for cell in row] for row in rows]
     except (MathError, AttributeError) as error:
-        raise ExtensionError(f"formula {tex!r}: {error}") from error
+        raise ValueError(f"formula {tex!r} cannot be read: {error}") from error
     table = "".join(f"<mtr>{''.join(row)}</mtr>" for row in cells)
     return f'<math display="block"><mtable class="aligned" displaystyle="true">{table}</mtable></math>'
+
+
+def _split(tex: str, mark: str) -> list[str]:
+    """Split at a mark, but not inside an environment, which has rows and cells of its own."""
+    pieces, depth = [""], 0
+    for token in re.split(r"(\\begin\{|\\end\{|\\\\|&)", tex):
+        depth += (token == "\\begin{") - (token == "\\end{")
+        if token == mark and depth == 0:
+            pieces.append("")
+        else:
+            pieces[-1] += token
+    return pieces
 
 
 def _bare(tex: str) -> str:
@@ -31,16 +44,22 @@ def _bare(tex: str) -> str:
     return re.sub(r"^<math[^>]*>|</math>\s*$", "", latex2mathml.tex2mathml(tex.strip()))
 
 
-def visit_inline(translator: object, node: nodes.math) -> None:
+def _visit(translator: Any, node: nodes.Node, block: bool) -> None:
+    try:
+        translator.body.append(mathml(node.astext(), block))
+    except ValueError as error:
+        logging.getLogger(__name__).warning(str(error), location=node)
+    raise nodes.SkipNode
+
+
+def visit_inline(translator: Any, node: nodes.math) -> None:
     """Write a formula in a line."""
-    translator.body.append(mathml(node.astext(), block=False))  # type: ignore[attr-defined]
-    raise nodes.SkipNode
+    _visit(translator, node, block=False)
 
 
-def visit_block(translator: object, node: nodes.math_block) -> None:
+def visit_block(translator: Any, node: nodes.math_block) -> None:
     """Write a formula on lines of its own."""
-    translator.body.append(mathml(node.astext(), block=True))  # type: ignore[attr-defined]
-    raise nodes.SkipNode
+    _visit(translator, node, block=True)
 
 
 def setup(app: Sphinx) -> dict[str, bool]:
