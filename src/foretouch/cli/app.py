@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from foretouch import __version__
-from foretouch.cli import data, offline, sessions
+from foretouch.cli import data, offline, paper, sessions
 
 __all__ = ["app"]
 
@@ -30,7 +30,7 @@ def _root(
         raise typer.Exit
 
 
-for module in (sessions, offline):
+for module in (sessions, offline, paper):
     for command in module.COMMANDS:
         app.command()(command)
 app.add_typer(data.datasets, name="datasets")

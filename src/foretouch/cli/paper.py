@@ -1,0 +1,50 @@
+"""The command that makes the paper again."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from foretouch.cli.options import Json, say
+
+__all__ = ["COMMANDS", "reproduce"]
+
+
+def reproduce(
+    out: Annotated[Path | None, typer.Option(help="Folder for the page, the figures and the data.")] = None,
+    only: Annotated[list[str] | None, typer.Option(help="One section; may be given more than once.")] = None,
+    json_output: Json = False,
+) -> None:
+    """Make the figures of the paper again and say which of its claims hold.
+
+    Example: foretouch reproduce --out paper
+    """
+    import json
+
+    from foretouch.reproduction import SECTIONS, write_report
+    from foretouch.reproduction import reproduce as run
+
+    names = only or list(SECTIONS)
+
+    def progress(name: str, seconds: float) -> None:
+        done.append(name)
+        say(f"{len(done):2} of {len(names)}  {name:<12} after {seconds:.0f} s")
+
+    done: list[str] = []
+    sections = run(names, progress=progress)
+    if out is not None:
+        say(f"report: {write_report(out, sections)}")
+    claims = [claim for section in sections for claim in section.claims]
+    if json_output:
+        typer.echo(json.dumps([claim.as_row() for claim in claims], allow_nan=False))
+        return
+    for section in sections:
+        typer.echo(f"{section.title}")
+        for claim in section.claims:
+            typer.echo(f"  {claim.verdict:<26} {claim.claim}: paper {claim.paper}; measured {claim.measured}")
+            typer.echo(f"  {'':<26} ({claim.setting})")
+
+
+COMMANDS = (reproduce,)
