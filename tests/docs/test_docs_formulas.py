@@ -50,5 +50,5 @@ def test_a_formula_in_a_line_is_no_block(mathml: Callable[..., str]) -> None:
 
 
 def test_a_formula_that_cannot_be_read_is_an_error(mathml: Callable[..., str]) -> None:
-    with pytest.raises(ValueError, match="formula .* cannot be read"):
+    with pytest.raises(ValueError, match=r"formula .* cannot be read"):
         mathml(r"\nosuchcommand x", block=True)
