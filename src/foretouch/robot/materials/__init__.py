@@ -3,17 +3,24 @@
 from foretouch.robot.materials.foam_fit import FOAM_DATASETS, FoamFit, fit_foam, save_foam_fit
 from foretouch.robot.materials.foam_measured import shipped_foam_fit
 from foretouch.robot.materials.hysteretic_contact import HystereticContact
+from foretouch.robot.materials.layered_contact import Layer, LayeredContact
 from foretouch.robot.materials.material import DEFAULT_SURFACE, Material
 from foretouch.robot.materials.registry import DEFAULT_MATERIAL, MATERIALS, make_material
+from foretouch.robot.materials.relaxing_contact import ElasticResponse, Relaxation, RelaxingContact
 
 __all__ = [
     "DEFAULT_MATERIAL",
     "DEFAULT_SURFACE",
     "FOAM_DATASETS",
     "MATERIALS",
+    "ElasticResponse",
     "FoamFit",
     "HystereticContact",
+    "Layer",
+    "LayeredContact",
     "Material",
+    "Relaxation",
+    "RelaxingContact",
     "fit_foam",
     "make_material",
     "save_foam_fit",
