@@ -243,6 +243,19 @@ def test_hand_is_layered() -> None:
         assert depth == pytest.approx(path[index], rel=1e-9)
 
 
+def test_hand_relaxes_layer_by_layer() -> None:
+    """Held for long, each layer bears F = (1 - g) E; on the way, each relaxes with its own time."""
+    model = make_material("hand").model
+    assert isinstance(model, LayeredContact)
+    held = follow(model, np.full(40000, 0.007), 1e-3)
+    depth = held[-1] / model.base_stiffness
+    depth += sum(h * held[-1] / (held[-1] + p * (1.0 - g)) for h, p, g, _ in model.layers)
+    assert depth == pytest.approx(0.007, rel=1e-6)
+    one = replace(model, layers=((0.015, 20.0, 0.5, 0.2), (1e-6, 1e3, 0.0, 1.0), (1e-6, 1e3, 0.0, 1.0)))
+    held = follow(one, np.full(201, 0.007), 1e-3)  # one soft layer: E stands, half of it goes as e^(-t / tau)
+    assert held[200] / held[0] == pytest.approx(0.5 + 0.5 * math.exp(-1.0), rel=5e-3)
+
+
 def test_a_quick_press_of_the_hand_meets_twice_the_force() -> None:
     quick, slow = (
         follow(make_material("hand").model, ramp(0.0, 0.006, speed, period), period)[-1]

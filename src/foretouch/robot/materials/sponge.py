@@ -52,7 +52,7 @@ def sponge() -> Material:
     An exponential response with a Prony series of three terms: a tenth of a second, a second and several seconds.
     The form (nonlinear elastic response, hereditary kernel of few exponentials) is that of Deng, Davies and Bajaj for
     flexible polyurethane; the exponential is Fung's. The numbers are our own, of the right order of magnitude for a
-    household sponge under a probe of 6 mm radius: 8 N at 15 mm, five times as stiff there as at first, and 45 % of
+    household sponge under a probe of 6 mm radius: 8 N at 15 mm, six times as stiff there as at first, and 45 % of
     the response relaxing in the end.
     """
     return Material(
