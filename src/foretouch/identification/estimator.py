@@ -19,6 +19,8 @@ class Status(Enum):
     FREE_AIR = "not in contact: nothing to learn"
     UNUSABLE = "depth, velocity or force is not a number this estimator can take: sample left out"
     GATED = "depth or force below the contact gate: sample left out"
+    HELD = "held in one place: nothing to tell the law's parts apart"
+    CHANGED = "the material changed suddenly: learning it anew"
     RESTARTED = "the covariance was no longer usable: the estimator began again"
 
 
@@ -44,6 +46,17 @@ class Estimator(ABC):
     @abstractmethod
     def reset(self) -> None:
         """Forget all samples."""
+
+    def trust_surface(self, trusted: bool) -> None:  # noqa: B027 - most estimators take the surface as given
+        """Told by the learner, before the first sample, whether somebody has stated where the surface is."""
+
+    def move_surface(self, change: float) -> None:  # noqa: B027
+        """Told by the learner that depths count from a surface that is deeper by `change` [m] from now on."""
+
+    @property
+    def surface_correction(self) -> float:
+        """Height of the surface that the model counts from above the one that the samples count from [m]."""
+        return 0.0
 
     @property
     @abstractmethod

@@ -27,7 +27,7 @@ class Identification:
     Attributes:
         parameters: The law's numbers by name, after the last sample; None for one that is undetermined.
         standard_errors: By name, None where the estimator has none.
-        surface: Position of the surface found [m].
+        surface: Position of the surface found [m], as the model counts from it.
         force_offset: Force in free air found [N].
         in_contact: The conditioner's judgement at every sample, shape (n,).
         residual: Measured force less the force of the model learnt before that sample [N]; NaN outside contact and
@@ -64,7 +64,7 @@ def identify(recording: Recording, learner: Learner) -> Identification:
     force = np.full(size, np.nan)
     history: dict[str, Array] = {}
     velocities = [None] * size if recording.velocity is None else recording.velocity.tolist()
-    model = None
+    model, surface = None, np.nan
     samples = zip(
         recording.time.tolist(), recording.position.tolist(), recording.force.tolist(), velocities, strict=True
     )
@@ -73,11 +73,12 @@ def identify(recording: Recording, learner: Learner) -> Identification:
         sample = learner.update(time, position, raw_force, velocity)
         in_contact[index] = sample.in_contact
         if sample.in_contact and model is not None:
-            _, expected, _ = advance(model, model.initial_state(), sample.depth, sample.velocity, time - before)
+            _, expected, _ = advance(model, model.initial_state(), position - surface, sample.velocity, time - before)
             residual[index] = sample.force - expected
             force[index] = sample.force
         before = time
         model = learner.estimator.model
+        surface = learner.conditioner.surface - learner.estimator.surface_correction
         if model is not None:
             for name, value in learner.estimator.parameters.items():
                 history.setdefault(name, np.full(size, np.nan))[index] = np.nan if value is None else value
@@ -92,7 +93,7 @@ def identify(recording: Recording, learner: Learner) -> Identification:
     return Identification(
         learner.estimator.parameters,
         learner.estimator.standard_errors,
-        learner.conditioner.surface,
+        surface,
         learner.conditioner.force_offset,
         in_contact,
         residual,

@@ -46,13 +46,18 @@ class Learner:
         self, estimator: Estimator, *, surface: float | None = None, force_offset: float | None = None
     ) -> None:
         self.estimator = estimator
+        self.estimator.trust_surface(surface is not None)
         self.conditioner = Conditioner(surface=surface, force_offset=force_offset)
         self.sample = ContactSample(math.nan, math.nan, 0.0, 0.0, False)
         self.status = Status.FREE_AIR
 
     def update(self, time: float, position: float, force: float, velocity: float | None = None) -> ContactSample:
         """Learn from one raw sample (`Conditioner.update`) and return it conditioned."""
+        before = self.conditioner.surface
         self.sample = self.conditioner.update(time, position, force, velocity)
+        moved = self.conditioner.surface - before
+        if abs(moved) > 0.0:  # not where one of them is unknown
+            self.estimator.move_surface(moved)
         self.status = self.estimator.update(self.sample)
         return self.sample
 
@@ -64,4 +69,5 @@ class Learner:
         model = self.estimator.model
         if model is None:
             return LearntModel(None, surface, (), "too few samples in contact")
+        surface -= self.estimator.surface_correction
         return LearntModel(model, surface, model.initial_state(), self.status.value)
