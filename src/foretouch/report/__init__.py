@@ -1,5 +1,6 @@
 """What a session or a recording shows: scores, the report of a session, figures and the page."""
 
+from foretouch.report.drawing import COLOURS, finished, legend, new_figure
 from foretouch.report.html import embedded, named_values, table, write_html
 from foretouch.report.page import write_page, write_prediction_page
 from foretouch.report.pairs import Pairs, force_at_follower, pair
@@ -8,6 +9,7 @@ from foretouch.report.session import CONTACT_FLOOR, session_report
 from foretouch.report.text import findings, render_text
 
 __all__ = [
+    "COLOURS",
     "CONTACT_FLOOR",
     "STATUSES",
     "Pairs",
@@ -15,9 +17,12 @@ __all__ = [
     "delayed",
     "embedded",
     "findings",
+    "finished",
     "force_at_follower",
+    "legend",
     "lowest_mean",
     "named_values",
+    "new_figure",
     "pair",
     "render_text",
     "score",

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import importlib
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from foretouch.errors import MissingExtraError
 from foretouch.messages import ModelUpdate, SessionLog
 from foretouch.models import LAWS
 from foretouch.quantities import QUANTITIES
+from foretouch.report.drawing import DELAYED, ERROR, PREDICTED, RENDERED, TRUE, finished, legend, new_figure
 from foretouch.report.pairs import Pairs
 from foretouch.report.scores import JND_FORCE, JND_SHARE
 
@@ -26,27 +25,11 @@ __all__ = [
 
 Array = NDArray[np.float64]
 
-TRUE, PREDICTED, DELAYED, RENDERED, ERROR = "#000000", "#0072B2", "#E69F00", "#009E73", "#D55E00"
-"""Okabe and Ito's colours, which the colour-blind tell apart."""
-
 ZOOM = 4.0
 """Length of the close-up [s]."""
 
 ROOM = 1.35
 """The force axis reaches to this multiple of the largest measured or delayed force."""
-
-
-def new_figure(height: float) -> Any:
-    """An empty figure, 10 inches wide.
-
-    Raises:
-        MissingExtraError: Matplotlib is not installed.
-    """
-    try:
-        figure = importlib.import_module("matplotlib.figure")
-    except ModuleNotFoundError:
-        raise MissingExtraError("matplotlib", "report") from None
-    return figure.Figure(figsize=(10.0, height))
 
 
 def force_figure(
@@ -89,7 +72,7 @@ def force_figure(
         whole.axvspan(*limits, color="#56B4E9", alpha=0.12, linewidth=0.0, label="scored")
     whole.axvspan(time[inside][0], time[inside][-1], color="0.5", alpha=0.15, linewidth=0.0, label="close-up below")
     near.set_title("Close-up")
-    _legend(whole, columns=6)
+    legend(whole, columns=6)
     band = np.maximum(JND_SHARE * true_force[inside], JND_FORCE)
     error.fill_between(
         time[inside], -band, band, color="0.5", alpha=0.3, linewidth=0.0, label="not noticed: max(10 %, 0.05 N)"
@@ -101,8 +84,8 @@ def force_figure(
     error.set_ylabel("error [N]")
     error.set_xlabel("time [s]")
     _say_beyond(error, np.abs(predicted_force - true_force)[inside], top)
-    _legend(error, columns=3)
-    return _finished(figure, 3)
+    legend(error, columns=3)
+    return finished(figure, 3)
 
 
 def prediction_figure(
@@ -116,8 +99,8 @@ def prediction_figure(
         axes.plot(time, np.where(in_contact, 0.6 * low, np.nan), color="0.45", linewidth=3.0)
         axes.set_xlim(sides)
     figure.axes[0].plot([], [], color="0.45", linewidth=3.0, label="in contact")
-    _legend(figure.axes[0], columns=6)
-    return _finished(figure, 3)
+    legend(figure.axes[0], columns=6)
+    return finished(figure, 3)
 
 
 def model_figure(models: tuple[ModelUpdate, ...], start_ns: int) -> Any:
@@ -149,9 +132,9 @@ def model_figure(models: tuple[ModelUpdate, ...], start_ns: int) -> Any:
         axes.set_visible(False)
     for axes in grid[-1]:
         axes.set_xlabel("time [s]")
-    _legend(grid.flat[0], columns=2)
+    legend(grid.flat[0], columns=2)
     figure.suptitle(f"Identified parameters: {law}", y=1.0 - 0.25 / figure.get_figheight(), va="center")
-    return _finished(figure, rows, above=0.95, gap=0.6)
+    return finished(figure, rows, above=0.95, gap=0.6)
 
 
 def loop_figure(pairs: Pairs, true_force: Array, surface: float | None) -> Any:
@@ -171,8 +154,8 @@ def loop_figure(pairs: Pairs, true_force: Array, surface: float | None) -> Any:
     axes.set_title("Force against depth")
     axes.set_xlabel("position [mm]" if surface is None else "depth, from the last surface that was sent [mm]")
     axes.set_ylabel("force [N]")
-    _legend(axes, columns=2)
-    return _finished(figure, 1)
+    legend(axes, columns=2)
+    return finished(figure, 1)
 
 
 def tracking_figure(pairs: Pairs) -> Any:
@@ -184,12 +167,12 @@ def tracking_figure(pairs: Pairs) -> Any:
     place.plot(*_thin(pairs.time, actual), color=TRUE, linewidth=0.9, label="follower")
     place.set_title("Position of the robot at equal command")
     place.set_ylabel("position [mm]")
-    _legend(place, columns=2)
+    legend(place, columns=2)
     apart.plot(*_thin(pairs.time, actual - commanded), color=ERROR, linewidth=0.9)
     apart.set_title("Tracking error: follower less command")
     apart.set_ylabel("error [mm]")
     apart.set_xlabel("time [s]")
-    return _finished(figure, 2, gap=0.5)
+    return finished(figure, 2, gap=0.5)
 
 
 def timing_figure(log: SessionLog) -> Any:
@@ -208,7 +191,7 @@ def timing_figure(log: SessionLog) -> Any:
             axes.set_title(title)
             axes.set_xlabel(f"[{unit}]")
             axes.set_ylabel("ticks")
-    return _finished(figure, 2, above=0.4)
+    return finished(figure, 2, above=0.4)
 
 
 def _histogram(axes: Any, values: Array, colour: str) -> None:
@@ -303,25 +286,3 @@ def _symbol_and_unit(name: str) -> tuple[str, str]:
         if quantity.name == name:
             return quantity.symbol, quantity.unit
     return "", "SI"
-
-
-def _legend(axes: Any, columns: int) -> None:
-    """A legend between title and plot, where it hides nothing."""
-    axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=columns, frameon=False, fontsize="small")
-    axes.set_title(axes.get_title(), pad=22.0)
-
-
-def _finished(figure: Any, rows: int, *, above: float = 0.6, gap: float = 0.85) -> Any:
-    """Place the axes by hand, inches above and between the rows: the automatic layouts draw everything twice."""
-    height = figure.get_figheight()
-    below = 0.55
-    row = (height - above - below - (rows - 1) * gap) / rows
-    figure.subplots_adjust(
-        left=0.08, right=0.985, bottom=below / height, top=1.0 - above / height, hspace=gap / row, wspace=0.2
-    )
-    for axes in figure.axes:
-        axes.grid(alpha=0.3, linewidth=0.6)
-        axes.spines[["top", "right"]].set_visible(False)
-        axes.title.set_fontsize("medium")
-        axes.title.set_fontweight("bold")
-    return figure
