@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from foretouch.errors import SettingError
-from foretouch.identification import FPRLS, ContactSample, FPRLSOptions, Status
+from foretouch.identification import FPRLS, ContactSample, Estimator, FPRLSOptions, Status
 
 TRUE = np.array([math.log(3000.0), 1.4, 0.5, 1e-3])
 
@@ -28,6 +28,13 @@ def samples(
     force = np.exp(log_force + random.normal(0.0, noise, count))
     rows = zip(time.tolist(), depth.tolist(), velocity.tolist(), force.tolist(), strict=True)
     return [ContactSample(*row, True) for row in rows]
+
+
+def linear(estimator: Estimator) -> list[float]:
+    """(ln k, s, b1, b2) as they are known now."""
+    model = estimator.model
+    assert model is not None
+    return list(model.parameters)
 
 
 def as_printed(data: list[ContactSample], options: FPRLSOptions) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -62,7 +69,7 @@ def test_it_is_equation_20(options: FPRLSOptions) -> None:
     for sample in data:
         assert estimator.update(sample) is Status.LEARNT
     theta, covariance = as_printed(data, options)
-    np.testing.assert_allclose(list(estimator.parameters.values()), theta, rtol=1e-7, atol=1e-9)
+    np.testing.assert_allclose(linear(estimator), theta, rtol=1e-7, atol=1e-9)
     np.testing.assert_allclose(estimator.unscaled_covariance, covariance, rtol=1e-6, atol=1e-9)
 
 
@@ -75,18 +82,18 @@ def test_without_forgetting_it_is_regularised_least_squares() -> None:
     phi = np.array([[1.0, math.log(s.depth), s.velocity, s.velocity / s.depth] for s in data])
     y = np.log([s.force for s in data])
     expected = np.linalg.solve(phi.T @ phi + np.eye(4) / 50.0, phi.T @ y)
-    np.testing.assert_allclose(list(estimator.parameters.values()), expected, rtol=1e-8)
+    np.testing.assert_allclose(linear(estimator), expected, rtol=1e-8)
 
 
 def test_known_parameters_are_found_and_a_sudden_change_is_followed() -> None:
     estimator = FPRLS()
     for sample in samples():
         estimator.update(sample)
-    np.testing.assert_allclose(list(estimator.parameters.values()), TRUE, rtol=1e-3, atol=1e-3)
+    np.testing.assert_allclose(linear(estimator), TRUE, rtol=1e-3, atol=1e-3)
     stiffer = TRUE + np.array([3.0, 0.2, 0.0, 0.0])  # about 2 in ln F: the self-perturbing test trips
     for sample in samples(theta=stiffer, seed=1):
         estimator.update(sample)
-    np.testing.assert_allclose(list(estimator.parameters.values()), stiffer, rtol=1e-2, atol=2e-2)
+    np.testing.assert_allclose(linear(estimator), stiffer, rtol=1e-2, atol=2e-2)
 
 
 def test_free_air_and_unusable_samples_change_nothing() -> None:

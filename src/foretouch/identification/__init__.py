@@ -6,24 +6,45 @@ Nothing here sees a robot or a file: the same code runs on recordings, simulatio
 from foretouch.identification.conditioning import Conditioner, ContactSample
 from foretouch.identification.estimator import Estimator, Status
 from foretouch.identification.fprls import FPRLS, FPRLSOptions
+from foretouch.identification.hunt_crossley_log import HuntCrossleyLogOptions, HuntCrossleyLogRLS
+from foretouch.identification.hunt_crossley_two_stage import HuntCrossleyTwoStage, TwoStageOptions
 from foretouch.identification.identify import Identification, identify
+from foretouch.identification.kelvin_voigt_rls import KelvinVoigtOptions, KelvinVoigtRLS
 from foretouch.identification.learner import Learner, LearntModel
 from foretouch.identification.prediction import TIME_TOLERANCE, Motion, predict, predict_motion
 from foretouch.identification.registry import ESTIMATORS, make_estimator
+from foretouch.identification.rls import RLS, ForgettingRLS, SelfPerturbingRLS
+from foretouch.identification.robust import RobustOptions
+from foretouch.identification.robust_fprls import ROBUST, RobustFPRLS
+from foretouch.identification.threshold_switching import SwitchingOptions, ThresholdSwitching
 
 __all__ = [
     "ESTIMATORS",
     "FPRLS",
+    "RLS",
+    "ROBUST",
     "TIME_TOLERANCE",
     "Conditioner",
     "ContactSample",
     "Estimator",
     "FPRLSOptions",
+    "ForgettingRLS",
+    "HuntCrossleyLogOptions",
+    "HuntCrossleyLogRLS",
+    "HuntCrossleyTwoStage",
     "Identification",
+    "KelvinVoigtOptions",
+    "KelvinVoigtRLS",
     "Learner",
     "LearntModel",
     "Motion",
+    "RobustFPRLS",
+    "RobustOptions",
+    "SelfPerturbingRLS",
     "Status",
+    "SwitchingOptions",
+    "ThresholdSwitching",
+    "TwoStageOptions",
     "identify",
     "make_estimator",
     "predict",

@@ -5,6 +5,12 @@ from __future__ import annotations
 from foretouch.errors import UnknownNameError
 from foretouch.identification.estimator import Estimator
 from foretouch.identification.fprls import FPRLS
+from foretouch.identification.hunt_crossley_log import HuntCrossleyLogRLS
+from foretouch.identification.hunt_crossley_two_stage import HuntCrossleyTwoStage
+from foretouch.identification.kelvin_voigt_rls import KelvinVoigtRLS
+from foretouch.identification.rls import RLS, ForgettingRLS, SelfPerturbingRLS
+from foretouch.identification.robust_fprls import RobustFPRLS
+from foretouch.identification.threshold_switching import ThresholdSwitching
 
 __all__ = ["ESTIMATORS", "make_estimator"]
 
@@ -12,8 +18,16 @@ ESTIMATORS: dict[str, dict[str, type[Estimator]]] = {}
 """Estimators by name of the law, then by their own name."""
 
 _KINDS: tuple[type[Estimator], ...] = (
+    RLS,
+    ForgettingRLS,
+    SelfPerturbingRLS,
     FPRLS,
-)  # fmt: skip
+    RobustFPRLS,
+    KelvinVoigtRLS,
+    HuntCrossleyLogRLS,
+    HuntCrossleyTwoStage,
+    ThresholdSwitching,
+)
 
 for _kind in _KINDS:
     ESTIMATORS.setdefault(_kind.model_name, {})[_kind.name] = _kind

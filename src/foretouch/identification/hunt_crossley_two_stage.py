@@ -1,0 +1,150 @@
+"""The Hunt-Crossley law in two stages that feed each other."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from foretouch.identification.conditioning import ContactSample
+from foretouch.identification.estimator import Estimator, Status
+from foretouch.identification.kelvin_voigt_rls import at_least_zero
+from foretouch.identification.recursion import BROKEN, LARGEST_LOG, Recursion
+from foretouch.identification.robust import REFERENCE_DEPTH, REFERENCE_VELOCITY, RobustOptions
+from foretouch.models import HuntCrossley
+from foretouch.models.checks import require
+
+__all__ = ["HuntCrossleyTwoStage", "TwoStageOptions"]
+
+FEWEST_UPDATES = 20
+"""No force is rendered from fewer samples."""
+
+LARGEST_EXPONENT = 10.0
+"""Exponents that stage 1 is computed with stay in -10 to 10: x^n neither overflows nor vanishes."""
+
+
+@dataclass(frozen=True, slots=True)
+class TwoStageOptions:
+    """Choices of `HuntCrossleyTwoStage`.
+
+    Args:
+        initial_exponent: n that stage 1 begins with; 1.5 is Hertz's sphere.
+        initial_covariance: P_0 of (k, lambda), a force noise of 1 N; 10^12 lets stiffnesses of 10^6 N/m^n be found.
+        initial_exponent_covariance: P_0 of n; 1 lets it move by about 1 for an error of ln F of 1.
+        forgetting_factor: mu of both stages at each sample, above 0 and at most 1. Below 1 by default: what stage 1
+            has learnt with an old n is wrong, and must be forgotten for n to converge.
+        robust: `weight_force` acts on stage 2; `largest_rate` does nothing, for nothing is divided by x.
+
+    Raises:
+        SettingError: A value out of range.
+    """
+
+    initial_exponent: float = 1.5
+    initial_covariance: float = 1e12
+    initial_exponent_covariance: float = 1.0
+    forgetting_factor: float = 0.999
+    robust: RobustOptions = field(default_factory=RobustOptions)
+
+    def __post_init__(self) -> None:
+        require("initial_exponent", self.initial_exponent, above=0.0, at_most=LARGEST_EXPONENT)
+        require("initial_covariance", self.initial_covariance, above=0.0)
+        require("initial_exponent_covariance", self.initial_exponent_covariance, above=0.0)
+        require("forgetting_factor", self.forgetting_factor, above=0.0, at_most=1.0)
+
+
+class HuntCrossleyTwoStage(Estimator):
+    r"""Identifies (k, lambda, n) of equation (2) by two recursive least squares, each with the other's newest result.
+
+    .. math::
+        \text{stage 1, given } \hat n: &\quad F = k\, x^{\hat n} + \lambda\, x^{\hat n} \dot x \\
+        \text{stage 2, given } \hat k, \hat\lambda: &\quad \ln\frac{F}{\hat k + \hat\lambda \dot x} = n \ln x
+
+    Nothing is approximated, but error feeds back: an error of n makes stage 1 find a k that is wrong by about
+    `x^(n - n_hat)` at the depths of the moment; stage 2 divides by it, and explains the rest by n. Where the depth
+    hardly changes, k and n then move along the line on which `k x^n` is the same, with nothing to stop them. Depths
+    near 1 in the unit used have ln x near 0 and teach stage 2 nothing; in metres that does not happen.
+
+    `standard_errors` is None: each stage's covariance takes the other's result as exact.
+
+    Args:
+        options: Its choices.
+
+    References:
+        Diolaiti, Melchiorri and Stramigioli (2005), Contact impedance estimation for robotic systems,
+        IEEE Transactions on Robotics 21(5).
+    """
+
+    name: ClassVar[str] = "two-stage"
+    model_name: ClassVar[str] = "hunt-crossley"
+
+    def __init__(self, options: TwoStageOptions | None = None) -> None:
+        self.options = TwoStageOptions() if options is None else options
+        robust = self.options.robust
+        self._depth_scale, self._velocity_scale = (REFERENCE_DEPTH, REFERENCE_VELOCITY) if robust.scaled else (1.0, 1.0)
+        self._forces = Recursion(np.zeros(2), self.options.initial_covariance, trace_limit=robust.trace_limit)
+        self._exponents = Recursion(
+            np.array([self.options.initial_exponent]),
+            self.options.initial_exponent_covariance,
+            trace_limit=robust.trace_limit,
+        )
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget all samples."""
+        self._forces.reset()
+        self._exponents.reset()
+        self.updates = 0
+
+    def update(self, sample: ContactSample) -> Status:
+        """Stage 1, then stage 2; see `Estimator.update`."""
+        robust = self.options.robust
+        refusal = robust.refuse(sample, logarithms=True)
+        if refusal is not None:
+            return refusal
+        _, depth, velocity, force, _ = sample
+        factor = self.options.forgetting_factor
+        log_depth, relative_velocity = math.log(depth / self._depth_scale), velocity / self._velocity_scale
+        exponent = min(max(self._exponents.theta.item(), -LARGEST_EXPONENT), LARGEST_EXPONENT)
+        spring = math.exp(min(exponent * log_depth, LARGEST_LOG))
+        done = self._forces.learn((spring, spring * relative_velocity), force, factor)
+        stiffness, damping = at_least_zero(self._forces.theta, self._forces.covariance, 1).tolist()
+        at_unit_depth = stiffness + damping * relative_velocity
+        if done != BROKEN and 0.0 < at_unit_depth < math.inf:  # else no logarithm: stage 2 waits
+            target = math.log(force) - math.log(at_unit_depth)
+            done = self._exponents.learn((log_depth,), target, factor, robust.weight(force))
+        if done == BROKEN:
+            self.reset()
+            return Status.RESTARTED
+        self.updates += 1
+        return Status.LEARNT
+
+    @property
+    def unscaled_covariance(self) -> NDArray[np.float64]:
+        """P of (k, lambda) and of n in one, in the units of the regressors, shape (3, 3); the stages share nothing."""
+        covariance = np.zeros((3, 3))
+        covariance[:2, :2] = self._forces.covariance
+        covariance[2:, 2:] = self._exponents.covariance
+        return covariance
+
+    @property
+    def model(self) -> HuntCrossley | None:
+        """The law (2), None before 20 samples or while its stiffness or exponent is out of range."""
+        if self.updates < FEWEST_UPDATES:
+            return None
+        exponent = self._exponents.theta.item()
+        if not 0.0 < exponent <= LARGEST_EXPONENT:
+            return None
+        level, damping = at_least_zero(self._forces.theta, self._forces.covariance, 1).tolist()
+        unit = self._depth_scale**exponent
+        stiffness, damping = level / unit, max(0.0, damping) / (unit * self._velocity_scale)
+        if not (0.0 < stiffness < math.inf and damping < math.inf):
+            return None
+        return HuntCrossley(stiffness, damping, exponent)
+
+    @property
+    def standard_errors(self) -> dict[str, float | None] | None:
+        """None: see the class."""
+        return None

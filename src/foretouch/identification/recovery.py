@@ -1,0 +1,182 @@
+"""From the four linear numbers of (18) back to the four of the law (4)."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+__all__ = ["DepthSummary", "Recovered", "inverse_power_fit", "recover"]
+
+Array = NDArray[np.float64]
+
+BINS_PER_DECADE = 24
+DECADES = 5
+DEEPEST = 1.0
+"""The summary of depths covers 10 um to 1 m [m]."""
+
+LEAST_SPREAD = 0.05
+"""Where the spread of 1 / x is a smaller share of its RMS, one depth was seen, and b1 and b2 are one number."""
+
+LARGEST_DOUBT = 0.25
+"""The share of b2 in the damping, from 0 to 1, must be known with a smaller standard error than this."""
+
+SHARE_MARGIN = 0.1
+"""The share may lie this far outside of 0 to 1, for noise; it then counts as 0 or 1."""
+
+LARGEST_GAIN = 1e100
+
+
+class Recovered(NamedTuple):
+    """The law (4) in numbers; None for what is undetermined.
+
+    Attributes:
+        stiffness: k [N/m^s].
+        damping: lambda [N s/m^(n+1)].
+        exponent: n.
+        switching: alpha, from 0 to 1.
+    """
+
+    stiffness: float | None
+    damping: float | None
+    exponent: float | None
+    switching: float | None
+
+
+class DepthSummary:
+    """How much was learnt about b1 and b2 at which depth: a histogram over ln x, bounded and causal.
+
+    Least squares on (18) fits 1 / x^alpha by a1 + a2 / x with the weight v^2 (its regressors are v and v / x), so each
+    sample adds w v^2 to its bin. Old samples fade as the recursion forgets them.
+    """
+
+    def __init__(self) -> None:
+        edges = DEEPEST * 10.0 ** (-DECADES + np.arange(BINS_PER_DECADE * DECADES + 1) / BINS_PER_DECADE)
+        self._inverse_depth = 1.0 / np.sqrt(edges[1:] * edges[:-1])
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget all depths."""
+        self._weights = np.zeros(self._inverse_depth.size)
+        self._gain = 1.0  # grows instead of shrinking all bins at each sample
+
+    def add(self, depth: float, velocity: float, forgetting_factor: float = 1.0, weight: float = 1.0) -> None:
+        """Count one sample.
+
+        Args:
+            depth: x [m]; beyond the ends of the summary it counts as at the end.
+            velocity: [m/s].
+            forgetting_factor: mu of the recursion's step, above 0.
+            weight: w of the recursion's step.
+        """
+        place = (math.log10(max(depth, 1e-9) / DEEPEST) + DECADES) * BINS_PER_DECADE
+        index = min(max(int(place), 0), self._weights.size - 1)
+        self._gain /= forgetting_factor
+        self._weights[index] += self._gain * weight * min(velocity * velocity, 1e6)
+        if self._gain > LARGEST_GAIN:
+            self._weights /= self._gain
+            self._gain = 1.0
+
+    @property
+    def seen(self) -> tuple[Array, Array]:
+        """1 / x [1/m] at the bins that are not empty, and their weights, which sum to 1."""
+        used = self._weights > 0.0
+        weights = self._weights[used]
+        return self._inverse_depth[used], weights / weights.sum() if weights.size else weights
+
+
+def inverse_power_fit(inverse_depth: Array, weights: Array, alpha: float) -> tuple[float, float]:
+    """a1 and a2 of (17), `1 / x^alpha = a1 + a2 / x`, by weighted least squares over depths.
+
+    Args:
+        inverse_depth: 1 / x [1/m], shape (m,).
+        weights: Shape (m,).
+        alpha: From 0 to 1.
+
+    Returns:
+        a1 [m^-alpha] and a2 [m^(1-alpha)]; NaN where all depths are one.
+    """
+    one = first = second = plain = crossed = 0.0
+    for index in range(weights.size):
+        u, w = inverse_depth[index], weights[index]
+        power = w * math.exp(alpha * math.log(u))
+        one += w
+        first += w * u
+        second += w * u * u
+        plain += power
+        crossed += power * u
+    determinant = one * second - first * first
+    if not determinant > 0.0:
+        return math.nan, math.nan
+    return (second * plain - first * crossed) / determinant, (one * crossed - first * plain) / determinant
+
+
+_compiled_fit = njit(cache=True)(inverse_power_fit)
+
+
+def _switching_of_share(inverse_depth: Array, weights: Array, reference: float, share: float) -> float:
+    """The alpha at which a2 / (a1 x_ref + a2), which grows from 0 at alpha = 0 to 1 at alpha = 1, is the share."""
+    low, high = 0.0, 1.0
+    for _ in range(40):
+        middle = 0.5 * (low + high)
+        a1, a2 = _compiled_fit(inverse_depth, weights, middle)
+        if a2 < share * (a1 * reference + a2):
+            low = middle
+        else:
+            high = middle
+    return 0.5 * (low + high)
+
+
+_compiled_switching = njit(cache=True)(_switching_of_share)
+
+
+def recover(linear: tuple[float, float, float, float], covariance: Array | None, depths: DepthSummary) -> Recovered:
+    r"""k, lambda, n, alpha from (ln k, s, b1, b2), over the depths that were seen.
+
+    By (17) and (18), b1 = a1 lambda / k and b2 = a2 lambda / k, where a1 and a2 follow from alpha and the depths. The
+    share of b2 in the damping at a mean depth, `b2 / (b1 x_ref + b2) = a2 / (a1 x_ref + a2)`, thus tells alpha; then
+
+    .. math::
+        \lambda = k \frac{b_1 x_{ref} + b_2}{a_1 x_{ref} + a_2}, \qquad n = s - \alpha
+
+    which is `k b1 / a1` and `k b2 / a2` at once, and stays well-conditioned where a1 or a2 is 0.
+
+    Damping, exponent and switching are undetermined where one depth was seen, where damping is not positive (b1 and b2
+    then say nothing of this law), where the share is not within 0 to 1 but for a margin of 0.1, or where its standard
+    error by `covariance` is above 0.25. At slow motion that is the rule: damping is then a thousandth of the force.
+
+    Args:
+        linear: ln k, s, b1 [s/m], b2 [s], depth in metres.
+        covariance: Of `linear`, shape (4, 4), None where there is none.
+        depths: Seen so far.
+    """
+    ln_k, s, b1, b2 = linear
+    stiffness = math.exp(ln_k) if ln_k < 700.0 else None
+    unknown = Recovered(stiffness, None, None, None)
+    inverse_depth, weights = depths.seen
+    if stiffness is None or weights.size < 2:
+        return unknown
+    mean = float(weights @ inverse_depth)
+    if 1.0 - mean * mean / float(weights @ (inverse_depth * inverse_depth)) < LEAST_SPREAD**2:
+        return unknown
+    reference = 1.0 / mean
+    damping = b1 * reference + b2
+    if not (damping > 0.0 and math.isfinite(damping)):
+        return unknown
+    share = b2 / damping
+    if not -SHARE_MARGIN <= share <= 1.0 + SHARE_MARGIN:
+        return unknown
+    if covariance is None:
+        return unknown
+    slope = np.array([-b2, b1]) * (reference / damping**2)
+    if not float(slope @ covariance[2:, 2:] @ slope) <= LARGEST_DOUBT**2:
+        return unknown
+    if share <= 0.0 or share >= 1.0:
+        switching = 0.0 if share <= 0.0 else 1.0
+    else:
+        switching = float(_compiled_switching(inverse_depth, weights, reference, share))
+    a1, a2 = _compiled_fit(inverse_depth, weights, switching)
+    return Recovered(stiffness, stiffness * damping / (a1 * reference + a2), s - switching, switching)
