@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -10,6 +11,7 @@ from foretouch.link import SequenceCounter
 from foretouch.messages import VERSION, Command, ModelUpdate, Telemetry
 from foretouch.models import MotionFilter
 from foretouch.robot import RobotSample, RobotSpecification
+from foretouch.session.playout import Playout
 
 __all__ = ["Inputs", "Outputs", "State", "start", "step"]
 
@@ -31,7 +33,7 @@ class State:
         model_period_ns: Between two models while nothing changes [ns].
         motion: Of the probe, for the inertia of the tool.
         commands: Counts arriving commands.
-        desired_position: Newest command [m]; the robot's own position before the first.
+        playout: Makes an even stream of them.
         tick: Number of the newest tick.
         start_ns: Clock at the first tick that had a command, None before it.
         model_sequence: Of the newest model sent.
@@ -44,7 +46,7 @@ class State:
     model_period_ns: int
     motion: MotionFilter = field(default_factory=lambda: MotionFilter(*TOOL_CUTOFFS))
     commands: SequenceCounter = field(default_factory=SequenceCounter)
-    desired_position: float | None = None
+    playout: Playout = field(default_factory=Playout)
     tick: int = 0
     start_ns: int | None = None
     model_sequence: int = 0
@@ -106,13 +108,14 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
     """
     sample = inputs.sample
     for command in inputs.commands:
-        if state.commands.is_newest(command.sequence):
-            state.desired_position = command.position
-    if state.desired_position is None:
-        state.desired_position = sample.commanded_position
+        state.commands.is_newest(command.sequence)
+        state.playout.push(command.sequence, command.position)
+    desired_position = state.playout.advance()
+    if math.isnan(desired_position):
+        desired_position = sample.commanded_position
     sensor_force = _compensated(state, now_ns, sample)
     model = None
-    if state.commands.received:
+    if state.playout.applied:
         if state.start_ns is None:
             state.start_ns = now_ns
         state.learner.update((now_ns - state.start_ns) * 1e-9, sample.position, sensor_force)
@@ -123,8 +126,8 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
         VERSION,
         state.tick,
         now_ns,
-        state.commands.newest,
-        state.desired_position,
+        state.playout.applied,
+        desired_position,
         sample.position,
         learnt_from.velocity,
         sensor_force,
@@ -136,7 +139,7 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
         inputs.period_ns,
         inputs.compute_ns,
     )
-    return state, Outputs(state.desired_position, telemetry, model)
+    return state, Outputs(desired_position, telemetry, model)
 
 
 def _compensated(state: State, now_ns: int, sample: RobotSample) -> float:
@@ -163,7 +166,7 @@ def _due_model(state: State, now_ns: int) -> ModelUpdate | None:
         VERSION,
         state.model_sequence,
         now_ns,
-        state.commands.newest,
+        state.playout.applied,
         "" if model is None else model.law,
         () if model is None else model.parameters,
         learnt.state,

@@ -1,0 +1,99 @@
+"""An even stream of positions from commands that arrive unevenly."""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_left, bisect_right, insort
+
+__all__ = ["LONGEST_BRIDGE", "Playout"]
+
+LONGEST_BRIDGE = 250
+"""After an outage the way to the newest command takes so many periods; what was sent meanwhile is not played."""
+
+LARGEST_LEAD = 2 * LONGEST_BRIDGE
+"""Lead [periods] from which on there was an outage; less is played off."""
+
+LOOK_BACK = 500
+"""Ticks: the smallest lead of the last one to two times as many tells how much of it is needed."""
+
+LARGEST_HASTE = 1.0
+"""Played at most at twice the pace at which it was sent."""
+
+HASTE_PER_LEAD = 0.004
+"""Pace added for each period of lead that was never needed."""
+
+
+class Playout:
+    """Plays commands in the rhythm in which they were sent, a tick a command, as late as their jitter demands.
+
+    The newest command is taken at once for as long as one comes a tick. Where a tick finds none, the last position is
+    held, and from then on the stream is played that much later, so that the same unevenness does not show again: a
+    robot that is told 0, 1, 0, 2 steps in turn shakes. What is missing in between is interpolated. A lead that has
+    not been needed for a while is played off, a little faster than it was sent. Only sequence numbers count; no clock
+    is compared with another.
+
+    Attributes:
+        applied: Sequence number of the newest command at or before the point that is played; 0 before the first.
+        position: Played now [m]; NaN before the first command.
+    """
+
+    __slots__ = ("_commands", "_least", "_least_before", "_point", "_ticks", "applied", "position")
+
+    def __init__(self) -> None:
+        self._commands: list[tuple[float, float]] = []  # (sequence, position), those still needed, in order
+        self._point = math.nan  # what is played, in sequence numbers
+        self._least = self._least_before = math.inf
+        self._ticks = 0
+        self.applied = 0
+        self.position = math.nan
+
+    def push(self, sequence: int, position: float) -> None:
+        """Take one command; one that comes after its turn, or that is no number, is left out."""
+        if not math.isfinite(position) or sequence <= self._point:
+            return
+        place = bisect_left(self._commands, (sequence, -math.inf))
+        if place == len(self._commands) or self._commands[place][0] != sequence:
+            insort(self._commands, (sequence, position))
+
+    def advance(self) -> float:
+        """Play one tick and return the position [m]."""
+        commands = self._commands
+        if not commands:
+            return self.position
+        newest = commands[-1][0]
+        if math.isnan(self._point):
+            self._point = newest
+        elif newest - self._point > LARGEST_LEAD:
+            self._bridge(newest)
+        else:
+            self._point = min(self._point + 1.0 + self._haste(newest - self._point), newest)
+        self._play()
+        return self.position
+
+    def _haste(self, lead: float) -> float:
+        """How much faster than sent, from the smallest lead of the last ticks."""
+        self._least = min(self._least, lead)
+        self._ticks += 1
+        if self._ticks == LOOK_BACK:
+            self._least_before, self._least, self._ticks = self._least, lead, 0
+        unneeded = min(self._least, self._least_before) - 1.0  # one came since the last tick: that is no lead
+        return min(LARGEST_HASTE, HASTE_PER_LEAD * unneeded) if 0.0 < unneeded < math.inf else 0.0
+
+    def _bridge(self, newest: float) -> None:
+        """Go from where the robot is to the newest command, in `LONGEST_BRIDGE` periods."""
+        self._point = newest - LONGEST_BRIDGE
+        self._commands[:-1] = [(self._point, self.position)]
+        self._least = self._least_before = math.inf
+        self._ticks = 0
+
+    def _play(self) -> None:
+        """Interpolate at the point, and forget what is no longer needed."""
+        commands = self._commands
+        after = bisect_right(commands, (self._point, math.inf))
+        if after:
+            sequence, self.position = commands[after - 1]
+            self.applied = max(self.applied, int(sequence))
+            if after < len(commands):
+                to, there = commands[after]
+                self.position += (there - self.position) * (self._point - sequence) / (to - sequence)
+            del commands[: after - 1]
