@@ -10,7 +10,11 @@ from foretouch.reproduction.section import Section
 
 __all__ = ["SECTIONS", "make_section"]
 
-SECTIONS: dict[str, str] = {}
+SECTIONS: dict[str, str] = {
+    "fig2": "fig2",
+    "fig3": "fig3",
+    "fig6": "fig6",
+}
 """Name of each section, and the module of this room whose ``make()`` makes it."""
 
 
