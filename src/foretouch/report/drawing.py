@@ -34,7 +34,16 @@ def new_figure(height: float) -> Any:
 
 def legend(axes: Any, columns: int) -> None:
     """A legend between title and plot, where it hides nothing."""
-    axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=columns, frameon=False, fontsize="small")
+    axes.legend(
+        loc="lower left",
+        bbox_to_anchor=(0.0, 1.0),
+        ncols=columns,
+        frameon=False,
+        fontsize="small",
+        columnspacing=1.2,
+        handlelength=1.6,
+        borderaxespad=0.2,
+    )
     axes.set_title(axes.get_title(), pad=22.0)
 
 

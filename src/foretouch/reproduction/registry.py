@@ -13,6 +13,7 @@ __all__ = ["SECTIONS", "make_section"]
 SECTIONS: dict[str, str] = {
     "fig2": "fig2",
     "fig3": "fig3",
+    "shock": "shock",
     "fig6": "fig6",
 }
 """Name of each section, and the module of this room whose ``make()`` makes it."""
