@@ -16,6 +16,7 @@ from typer.testing import CliRunner, Result
 from foretouch.cli.app import app
 from foretouch.cli.options import SESSION_OPTIONS
 from foretouch.errors import ForetouchError
+from foretouch.identification import ESTIMATORS
 from foretouch.models import HuntCrossley
 from foretouch.recordings import write_columns
 from foretouch.session import SessionSettings
@@ -33,6 +34,7 @@ IDENTIFY_KEYS = {
     "residual_percent",
     "status",
 }
+PARAMETERS = ["ln_k", "s", "b1", "b2", "stiffness", "damping", "exponent", "switching"]
 PREDICT_KEYS = {
     "delay_s",
     "samples",
@@ -85,7 +87,7 @@ def press(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_identify_keeps_its_contract(press: Path) -> None:
     content = output_of("identify", press, "--json")
     assert content.keys() == IDENTIFY_KEYS
-    assert content["parameters"].keys() == {"ln_k", "s", "b1", "b2"}
+    assert list(content["parameters"]) == PARAMETERS
     assert content["status"] == "ok"
     assert content["samples"] == 6000
     assert content["force_offset_N"] == pytest.approx(0.3, abs=0.01)
@@ -96,8 +98,32 @@ def test_identify_writes_the_parameters_at_every_sample(press: Path, tmp_path: P
     content = output_of("identify", press, "--json", "--out", tmp_path / "p.csv")
     rows = list(csv.DictReader((tmp_path / "p.csv").read_text().splitlines()))
     assert len(rows) == 6000
-    assert rows[0].keys() == {"time_s", "in_contact", "ln_k", "s", "b1", "b2"}
-    assert float(rows[-1]["s"]) == content["parameters"]["s"]
+    assert rows[0].keys() == {"time_s", "in_contact", *PARAMETERS}
+    for name, value in content["parameters"].items():
+        written = float(rows[-1][name])
+        assert np.isnan(written) if value is None else written == value
+
+
+@pytest.mark.parametrize(("model", "estimator"), [(model, name) for model in ESTIMATORS for name in ESTIMATORS[model]])
+def test_identify_takes_every_model_and_estimator(press: Path, model: str, estimator: str) -> None:
+    content = output_of("identify", press, "--model", model, "--estimator", estimator, "--json")
+    assert (content["model"], content["estimator"], content["status"]) == (model, estimator, "ok")
+    errors = content["standard_errors"]
+    assert errors is None or errors.keys() == content["parameters"].keys()
+
+
+def test_undetermined_is_printed_so(tmp_path: Path) -> None:
+    """A press without damping: nothing tells damping, exponent and switching apart."""
+    time = np.arange(0.0, 6.0, 1e-3)
+    depth = 0.01 * np.sin(2 * np.pi * 0.5 * np.maximum(time - 1.0, 0.0))
+    force = 3000.0 * np.maximum(depth, 0.0) ** 1.4 + np.random.default_rng(0).normal(0.0, 0.02, time.size)
+    path = tmp_path / "spring.csv"
+    write_columns(path, {"time_s": time, "position_m": depth, "force_N": force})
+    result = run("identify", path, "--estimator", "rls", "--surface", 0)
+    assert result.exit_code == 0
+    parameters = next(line for line in result.stdout.splitlines() if line.split()[0] == "parameters")
+    assert "switching undetermined" in parameters
+    assert "stiffness undetermined" not in parameters
 
 
 def test_predict_keeps_its_contract(press: Path, tmp_path: Path) -> None:
@@ -126,7 +152,10 @@ def test_units_and_direction_change_nothing_but_the_numbers_in_the_file(press: P
     write_columns(path, columns)
     units = ("--position-unit", "mm", "--force-unit", "mN", "--flip")
     plain, other = (output_of("identify", *arguments, "--json") for arguments in ((press,), (path, *units)))
-    assert other["parameters"] == pytest.approx(plain["parameters"], rel=1e-3)
+    for name in ("ln_k", "s", "b1", "b2", "stiffness"):
+        assert other["parameters"][name] == pytest.approx(plain["parameters"][name], rel=1e-3)
+    for name, value in plain["parameters"].items():
+        assert (other["parameters"][name] is None) == (value is None)
     assert other["contact_samples"] == plain["contact_samples"]
 
 
@@ -165,7 +194,7 @@ def test_a_bad_recording_is_refused_by_file_row_and_rule(tmp_path: Path, text: s
     [
         (("--delay", -0.1), "delay = -0.1: must be finite and at least 0"),
         (("--model", "jelly"), "unknown model 'jelly': choose one of continuous-switching"),
-        (("--estimator", "guess"), "unknown estimator for continuous-switching 'guess': choose one of fprls"),
+        (("--estimator", "guess"), "unknown estimator for continuous-switching 'guess': choose one of "),
         (("--surface", "deep"), "surface = 'deep': must be auto or a number"),
         (("--force-offset", "nan"), "force-offset = 'nan': must be auto or a number"),
         (("--position-unit", "miles"), "miles"),
