@@ -14,6 +14,7 @@ SECTIONS: dict[str, str] = {
     "fig2": "fig2",
     "fig3": "fig3",
     "shock": "shock",
+    "fig4": "fig4",
     "fig6": "fig6",
 }
 """Name of each section, and the module of this room whose ``make()`` makes it."""
