@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -21,6 +22,9 @@ Array = NDArray[np.float64]
 
 _LONGEST = 1e4
 """When an impact that neither separates nor loses its energy is given up [lengths over speeds of the scaling]."""
+
+_MOST_EVALUATIONS = 200_000
+"""Evaluations of the law before an impact is given up: seconds. Ordinary ones take some thousands."""
 
 _LEFT = 1e-9
 """Share of the energy with which a mass that is pulled back counts as stuck: it creeps out forever."""
@@ -114,7 +118,7 @@ def integrate_impact(
 
     Raises:
         SettingError: A law with a memory, tension asked of a law that knows none, a number out of range, or an impact
-            that the solver cannot follow.
+            that the solver cannot follow: a mass held by a Kelvin-Voigt law that pulls, its damping ratio above 100.
     """
     from scipy.integrate import solve_ivp
 
@@ -126,7 +130,11 @@ def integrate_impact(
     length = _first_guess(force, mass, speed)
     energy = mass * speed**2  # twice the kinetic energy; force * length over it is acceleration in scaled units
 
+    evaluations = itertools.count()
+
     def rates(_time: float, state: Array) -> list[float]:
+        if next(evaluations) > _MOST_EVALUATIONS:
+            raise _cannot(law, mass, speed)
         depth, velocity = float(state[0]) * length, float(state[1]) * speed
         total = force(depth, velocity)
         damper = total - force(depth, 0.0)
@@ -158,7 +166,7 @@ def integrate_impact(
         atol=1e-3 * relative_tolerance,
     )
     if solution.status != 1 or not np.isfinite(solution.y).all():
-        raise SettingError("law", law, f"its impact of {mass:g} kg at {speed:g} m/s cannot be integrated to its end")
+        raise _cannot(law, mass, speed)
     end = float(solution.t[-1])
     times = np.linspace(0.0, end, samples)
     states = solution.sol(times)
@@ -171,7 +179,7 @@ def integrate_impact(
         rebound_speed=rebound,
         separated=separated,
         duration=end * length / speed,
-        maximum_depth=float(solution.y_events[1][0][0]) * length,
+        maximum_depth=max([float(solution.y[0].max()), *(float(state[0]) for state in solution.y_events[1])]) * length,
         fastest_return=max([rebound, *(-float(state[1]) * speed for state in solution.y_events[2])]),
         damping_work=float(solution.y[2, -1]) * energy,
         time=times * (length / speed),
@@ -179,6 +187,12 @@ def integrate_impact(
         velocity=velocity,
         force=np.array([force(x, v) for x, v in zip(depth.tolist(), velocity.tolist(), strict=True)]),
     )
+
+
+def _cannot(law: ContactModel, mass: float, speed: float) -> SettingError:
+    """The error for an impact that the solver cannot follow."""
+    impact = f"an impact of {mass:g} kg at {speed:g} m/s cannot be integrated to its end"
+    return SettingError("law", law, f"{impact}: take less damping, or a greater relative_tolerance")
 
 
 def _force_of(law: ContactModel, allow_tension: bool) -> Callable[[float, float], float]:

@@ -48,10 +48,11 @@ Array = NDArray[np.float64]
 TABLE_1: dict[float, tuple[float, float]] = {0.3: (2.35, 0.016), 0.5: (3.44, 0.067)}
 """The paper's Table 1: alpha to (a1 [m^-alpha], a2 [m^(1 - alpha)]).
 
-Either pair is a least-squares fit of (17) over depths of some millimetres to 30 or 40 mm, but no one range and
-weighting gives both: their lines cross x^-alpha at 9 and 28 mm (0.3) and at 11 and 35 mm (0.5), while one fit crosses
-at nearly the same depths for both. The nearest that one simple setting comes is 2.26, 0.0162 and 3.60, 0.0604: all
-depths of the first 8 s of 40 sin(t / 4) mm at 10 Hz, ``depth_power=1``."""
+Either pair is a least-squares fit of (17) over depths of some millimetres to 30 or 40 mm (with ``depth_power=1`` along
+a sine: 3.35 to 32.2 mm, and 3.79 to 39.7 mm), but no one fit gives both: their lines cross x^-alpha at 9 and 28 mm
+(0.3) and at 11 and 35 mm (0.5), while fits of the same depths cross deeper for 0.3 than for 0.5. The nearest that
+one simple setting comes is 2.26, 0.0162 and 3.60, 0.0604: the first 8 s of 40 sin(t / 4) mm at 10 Hz,
+``depth_power=1``."""
 
 
 @dataclass(frozen=True, slots=True)
