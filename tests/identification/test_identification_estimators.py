@@ -49,7 +49,8 @@ def test_its_model_can_cross_the_network(estimator: Estimator) -> None:
     assert model is not None
     assert LAWS[model.law] is type(model)
     assert make_model(model.law, model.parameters) == model
-    assert estimator.parameters.items() >= dict(zip(model.parameter_names, model.parameters, strict=True)).items()
+    for name, value in zip(model.parameter_names, model.parameters, strict=True):
+        assert estimator.parameters[name] in (value, None)  # None: the model needs a number, but it is undetermined
     errors = estimator.standard_errors
     assert errors is None or errors.keys() == estimator.parameters.keys()
 
@@ -158,7 +159,7 @@ def test_what_an_update_costs(estimator: Estimator, capsys: pytest.CaptureFixtur
 def test_unknown_names_list_the_choices() -> None:
     with pytest.raises(UnknownNameError, match="unknown model 'x': choose one of continuous-switching"):
         make_estimator("x", "fprls")
-    with pytest.raises(UnknownNameError, match="unknown estimator for continuous-switching 'x': choose one of fprls"):
+    with pytest.raises(UnknownNameError, match=r"unknown estimator for continuous-switching 'x': choose .*fprls"):
         make_estimator("continuous-switching", "x")
 
 

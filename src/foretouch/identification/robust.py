@@ -37,7 +37,7 @@ class RobustOptions:
     r"""Departures from the printed methods, all off by default.
 
     Args:
-        gate_force: Samples with less force [N] are left out: near the surface the logarithm of a noisy force is
+        gate_force: Samples with less force [N] are left out, 0 for no gate: near the surface the logarithm of a noisy force is
             mostly noise, and the error of the surface is largest against the depth.
         gate_depth: Samples at less depth [m] are left out, for the same reason.
         largest_rate: Bound [1/s] on the regressor v / x, None for none. In the first millimetre v / x is hundreds,
@@ -88,7 +88,8 @@ class RobustOptions:
         _, depth, velocity, force, _ = sample
         if not (smallest_depth <= depth < math.inf and smallest_force <= force < math.inf and math.isfinite(velocity)):
             return Status.UNUSABLE
-        return Status.GATED if force < self.gate_force or depth < self.gate_depth else None
+        shut = (self.gate_force > 0.0 and force < self.gate_force) or depth < self.gate_depth
+        return Status.GATED if shut else None
 
     def weight(self, force: float) -> float:
         """Weight of the logarithm of a force [N]."""
