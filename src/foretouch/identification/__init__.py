@@ -5,17 +5,36 @@ Nothing here sees a robot or a file: the same code runs on recordings, simulatio
 
 from foretouch.identification.conditioning import Conditioner, ContactSample
 from foretouch.identification.estimator import Estimator, Status
+from foretouch.identification.exact_recursive import (
+    ExactHuntCrossley,
+    ExactKelvinVoigt,
+    ExactRecursive,
+    ExactRecursiveOptions,
+)
 from foretouch.identification.fprls import FPRLS, FPRLSOptions
 from foretouch.identification.hunt_crossley_log import HuntCrossleyLogOptions, HuntCrossleyLogRLS
 from foretouch.identification.hunt_crossley_two_stage import HuntCrossleyTwoStage, TwoStageOptions
 from foretouch.identification.identify import Identification, identify
 from foretouch.identification.kelvin_voigt_rls import KelvinVoigtOptions, KelvinVoigtRLS
 from foretouch.identification.learner import Learner, LearntModel
+from foretouch.identification.offline import (
+    OfflineContinuousSwitching,
+    OfflineFit,
+    OfflineHuntCrossley,
+    OfflineKelvinVoigt,
+    fit_offline,
+)
 from foretouch.identification.prediction import TIME_TOLERANCE, Motion, predict, predict_motion
 from foretouch.identification.registry import ESTIMATORS, make_estimator
 from foretouch.identification.rls import RLS, ForgettingRLS, SelfPerturbingRLS
 from foretouch.identification.robust import RobustOptions
 from foretouch.identification.robust_fprls import ROBUST, RobustFPRLS
+from foretouch.identification.steepest_descent import (
+    SteepestDescent,
+    SteepestDescentHuntCrossley,
+    SteepestDescentKelvinVoigt,
+    SteepestDescentOptions,
+)
 from foretouch.identification.threshold_switching import SwitchingOptions, ThresholdSwitching
 
 __all__ = [
@@ -27,6 +46,10 @@ __all__ = [
     "Conditioner",
     "ContactSample",
     "Estimator",
+    "ExactHuntCrossley",
+    "ExactKelvinVoigt",
+    "ExactRecursive",
+    "ExactRecursiveOptions",
     "FPRLSOptions",
     "ForgettingRLS",
     "HuntCrossleyLogOptions",
@@ -38,13 +61,22 @@ __all__ = [
     "Learner",
     "LearntModel",
     "Motion",
+    "OfflineContinuousSwitching",
+    "OfflineFit",
+    "OfflineHuntCrossley",
+    "OfflineKelvinVoigt",
     "RobustFPRLS",
     "RobustOptions",
     "SelfPerturbingRLS",
     "Status",
+    "SteepestDescent",
+    "SteepestDescentHuntCrossley",
+    "SteepestDescentKelvinVoigt",
+    "SteepestDescentOptions",
     "SwitchingOptions",
     "ThresholdSwitching",
     "TwoStageOptions",
+    "fit_offline",
     "identify",
     "make_estimator",
     "predict",

@@ -120,7 +120,7 @@ def _upper(theta: Array, settings: Array, index: int) -> float:
     if index == 0:
         return LARGEST_FORCE
     if index == 1:
-        return LARGEST_DAMPING * max(theta[0], SMALLEST_FORCE)
+        return LARGEST_DAMPING * float(max(theta[0], SMALLEST_FORCE))
     return LARGEST_SURFACE if index == 4 else float(settings[S_LOWER + 1 + 2 * (index - 2)])
 
 

@@ -34,11 +34,14 @@ LARGEST_BUFFER = 4096
 """Samples that the estimator holds; when they are reached, every second one is dropped and only every second one of
 those to come is taken, so that the buffer always covers the whole of what was felt evenly."""
 
-REFIT_SHARE = 0.05
+REFIT_SHARE = 0.1
 """The estimator fits again when this share of new samples has come: a fit costs milliseconds."""
 
 STARTS = 3
 """Local searches, from the best points of a grid over s and alpha."""
+
+GRID_SAMPLES = 400
+"""Of the samples, spread evenly, about so many choose the starts."""
 
 UNIFORM_INFORMATION = 12.0
 """Inverse variance of what is known of an exponent before any data: it lies somewhere in a range of length 1."""
@@ -149,9 +152,9 @@ class _Problem:
                 np.clip(start[1][self.free], lower, upper),
                 jac=self._free_jacobian,
                 bounds=(lower, upper),
-                xtol=1e-12,
-                ftol=1e-12,
-                gtol=1e-12,
+                xtol=1e-10,
+                ftol=1e-10,
+                gtol=1e-10,
                 max_nfev=100,
             )
             if found.cost < cost:
@@ -163,18 +166,21 @@ class _Problem:
     def _grid(self) -> list[tuple[float, Array]]:
         """Cost and unknowns at grid points of s and alpha, each with its best strengths."""
         points = []
+        some = slice(None, None, max(1, self.force.size // GRID_SAMPLES))
+        log_depth, speed, force = self.log_depth[some], self.speed[some], self.force[some]
         for s in np.unique(np.linspace(self.lower[2], self.upper[2], 6)):
             for alpha in np.unique(np.linspace(self.lower[3], self.upper[3], 4)):
                 unknowns = np.array([1.0, 0.0, s, alpha])
-                elastic = np.exp(s * self.log_depth)
-                viscous = np.exp((s - alpha) * self.log_depth) * self.speed
-                both, *_ = np.linalg.lstsq(np.column_stack((elastic, viscous)), self.force, rcond=None)
+                elastic = np.exp(s * log_depth)
+                viscous = np.exp((s - alpha) * log_depth) * speed
+                both, *_ = np.linalg.lstsq(np.column_stack((elastic, viscous)), force, rcond=None)
                 if both.min() > 0.0:
                     unknowns[:2] = both
                 else:
-                    unknowns[0] = max(1e-6, float(elastic @ self.force / (elastic @ elastic)))
+                    unknowns[0] = max(1e-6, float(elastic @ force / (elastic @ elastic)))
                     unknowns[1] = 1e-3 * unknowns[0]
-                points.append((float(np.sum(np.square(self.residual(unknowns)))), unknowns))
+                error = unknowns[0] * elastic + unknowns[1] * viscous - force
+                points.append((float(error @ error), unknowns))
         return points
 
     def _whole(self, free: Array) -> Array:
@@ -217,7 +223,7 @@ class _Problem:
 class _Offline(Estimator):
     """Stores samples and fits them when asked: see `fit_offline`.
 
-    Samples in contact go into a buffer of at most 4,096 that covers all of them evenly; `model` fits when 5 % of new
+    Samples in contact go into a buffer of at most 4,096 that covers all of them evenly; `model` fits when 10 % of new
     samples have come since the last fit. Each model is causal, but a fit takes milliseconds: this is the reference for
     recordings, not an estimator for a control loop.
     """

@@ -4,12 +4,19 @@ from __future__ import annotations
 
 from foretouch.errors import UnknownNameError
 from foretouch.identification.estimator import Estimator
+from foretouch.identification.exact_recursive import ExactHuntCrossley, ExactKelvinVoigt, ExactRecursive
 from foretouch.identification.fprls import FPRLS
 from foretouch.identification.hunt_crossley_log import HuntCrossleyLogRLS
 from foretouch.identification.hunt_crossley_two_stage import HuntCrossleyTwoStage
 from foretouch.identification.kelvin_voigt_rls import KelvinVoigtRLS
+from foretouch.identification.offline import OfflineContinuousSwitching, OfflineHuntCrossley, OfflineKelvinVoigt
 from foretouch.identification.rls import RLS, ForgettingRLS, SelfPerturbingRLS
 from foretouch.identification.robust_fprls import RobustFPRLS
+from foretouch.identification.steepest_descent import (
+    SteepestDescent,
+    SteepestDescentHuntCrossley,
+    SteepestDescentKelvinVoigt,
+)
 from foretouch.identification.threshold_switching import ThresholdSwitching
 
 __all__ = ["ESTIMATORS", "make_estimator"]
@@ -27,6 +34,15 @@ _KINDS: tuple[type[Estimator], ...] = (
     HuntCrossleyLogRLS,
     HuntCrossleyTwoStage,
     ThresholdSwitching,
+    SteepestDescent,
+    SteepestDescentKelvinVoigt,
+    SteepestDescentHuntCrossley,
+    OfflineContinuousSwitching,
+    OfflineKelvinVoigt,
+    OfflineHuntCrossley,
+    ExactRecursive,
+    ExactKelvinVoigt,
+    ExactHuntCrossley,
 )
 
 for _kind in _KINDS:
