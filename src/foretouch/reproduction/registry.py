@@ -15,6 +15,7 @@ SECTIONS: dict[str, str] = {
     "fig3": "fig3",
     "shock": "shock",
     "fig4": "fig4",
+    "table1": "table1",
     "fig6": "fig6",
 }
 """Name of each section, and the module of this room whose ``make()`` makes it."""
