@@ -49,7 +49,8 @@ class Impact:
         time: Sample times [s], evenly spaced, shape (samples,).
         depth: x [m], shape (samples,).
         velocity: [m/s], shape (samples,).
-        force: On the mass [N], shape (samples,).
+        force: On the mass [N], shape (samples,); 0 in the first sample, at the surface itself, where the
+            Kelvin-Voigt force jumps to B v_i.
     """
 
     mass: float
