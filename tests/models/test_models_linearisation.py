@@ -220,9 +220,9 @@ def away_from_table_1(depth: Array, power: float) -> float:
 
 
 def test_one_setting_comes_within_6_percent_of_table_1() -> None:
-    away = away_from_table_1(sweep(0.0065, 0.04), 0.0)
+    away = away_from_table_1(sweep(0.0065, 0.0398), 0.0)
     print(f"Table 1 by one fit: within {away:.1%}")  # noqa: T201
-    assert away == pytest.approx(0.054, abs=2e-3)
+    assert away == pytest.approx(0.0553, abs=5e-4)
 
 
 @quickly

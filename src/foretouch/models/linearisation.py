@@ -51,7 +51,7 @@ TABLE_1: dict[float, tuple[float, float]] = {0.3: (2.35, 0.016), 0.5: (3.44, 0.0
 Either pair is a least-squares fit of (17) over depths of some millimetres to 30 or 40 mm (with ``depth_power=1`` along
 a sine: 3.35 to 32.2 mm, and 3.79 to 39.7 mm), but no one fit gives both: their lines cross x^-alpha at 9 and 28 mm
 (0.3) and at 11 and 35 mm (0.5), while fits of the same depths cross deeper for 0.3 than for 0.5. One setting comes
-within 5.4 % of all four numbers at best, with 2.286, 0.0169 and 3.626, 0.0634: 40 sin(t / 4) mm from 6.5 mm on,
+within 5.5 % of all four numbers at best, with 2.285, 0.0169 and 3.623, 0.0634: 6.5 to 39.8 mm along a sine,
 ``depth_power=0``."""
 
 
