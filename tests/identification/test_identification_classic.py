@@ -119,7 +119,7 @@ def test_two_stages_find_the_force_soon_and_the_law_where_regressors_are_scaled(
         found[robust.scaled] = estimator.model
         ours, true = (one.advance((), 0.009, 0.0, 1.0)[1] for one in (estimator.model, law))
         assert ours == pytest.approx(true, rel=0.1)
-    np.testing.assert_allclose(found[True].parameters, law.parameters, rtol=0.02)
+    np.testing.assert_allclose(found[True].parameters, law.parameters, rtol=0.05)
     assert abs(found[False].exponent - 1.4) > abs(found[True].exponent - 1.4)
 
 

@@ -37,8 +37,8 @@ class RobustOptions:
     r"""Departures from the printed methods, all off by default.
 
     Args:
-        gate_force: Samples with less force [N] are left out, 0 for no gate: near the surface the logarithm of a noisy force is
-            mostly noise, and the error of the surface is largest against the depth.
+        gate_force: Samples with less force [N] are left out, 0 for no gate: near the surface the logarithm of a noisy
+            force is mostly noise, and the error of the surface is largest against the depth.
         gate_depth: Samples at less depth [m] are left out, for the same reason.
         largest_rate: Bound [1/s] on the regressor v / x, None for none. In the first millimetre v / x is hundreds,
             and b2 would be learnt there alone.
