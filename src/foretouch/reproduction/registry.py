@@ -15,6 +15,7 @@ SECTIONS: dict[str, str] = {
     "fig3": "fig3",
     "shock": "shock",
     "fig4": "fig4",
+    "fig5": "fig5",
     "table1": "table1",
     "fig6": "fig6",
 }
