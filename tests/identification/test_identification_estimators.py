@@ -131,6 +131,8 @@ def test_no_samples_unbound_its_covariance(estimator: Estimator) -> None:
             continue
         model = estimator.model
         assert model is None or all(map(math.isfinite, model.parameters))
+        for numbers in (estimator.parameters, estimator.standard_errors or {}):
+            assert all(value is None or math.isfinite(value) for value in numbers.values())
         covariance = getattr(estimator, "unscaled_covariance", None)
         if covariance is not None:
             assert np.abs(covariance).max() < 1e101

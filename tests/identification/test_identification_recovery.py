@@ -73,6 +73,22 @@ def test_undetermined_is_an_answer(
     assert found.stiffness == pytest.approx(math.exp(8.0))
 
 
+sizes = st.one_of(st.floats(-10.0, 10.0), st.floats(allow_nan=False, allow_infinity=False))
+
+
+@given(st.tuples(sizes, sizes, sizes, sizes), st.floats(0.0, 1e200), st.lists(st.tuples(sizes, sizes), max_size=20))
+def test_no_numbers_make_it_raise_or_answer_with_none_such(
+    linear: tuple[float, float, float, float], variance: float, rows: list[tuple[float, float]]
+) -> None:
+    """Warnings of overflow count as failures here."""
+    seen = summary(*motion(count=50))
+    for depth, velocity in rows:
+        seen.add(depth, velocity)
+    found = recover(linear, variance * np.eye(4), seen)
+    assert all(value is None or math.isfinite(value) for value in found)
+    assert found.switching is None or 0.0 <= found.switching <= 1.0
+
+
 def test_without_a_covariance_nothing_but_the_stiffness_is_determined() -> None:
     assert recover((8.0, 1.4, 0.5, 0.001), None, summary(*motion()))[1:] == (None, None, None)
     assert recover((800.0, 1.4, 0.5, 0.001), SURE, summary(*motion())) == (None, None, None, None)

@@ -13,7 +13,7 @@ from foretouch.errors import SettingError
 from foretouch.identification.conditioning import ContactSample
 from foretouch.identification.estimator import Estimator, Status
 from foretouch.identification.kelvin_voigt_rls import at_least_zero
-from foretouch.identification.recursion import BROKEN, Recursion
+from foretouch.identification.recursion import BROKEN, Recursion, error_along
 from foretouch.identification.robust import REFERENCE_DEPTH, REFERENCE_VELOCITY, RobustOptions
 from foretouch.models import HuntCrossley
 from foretouch.models.checks import require
@@ -139,7 +139,7 @@ class HuntCrossleyLogRLS(Estimator):
             model.stiffness * (max(0.0, rate) * ln_k + per_rate),
             np.array([0.0, 0.0, 1.0]),
         )
-        errors = (math.sqrt(max(0.0, float(slope @ covariance @ slope))) for slope in slopes)
+        errors = (error_along(slope, covariance) for slope in slopes)
         return dict(zip(model.parameter_names, errors, strict=True))
 
     def _unknowns(self) -> tuple[float, float, float]:

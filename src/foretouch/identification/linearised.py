@@ -21,6 +21,7 @@ from foretouch.identification.recursion import (
     PerturbationForm,
     PerturbationMoment,
     Recursion,
+    error_along,
 )
 from foretouch.identification.robust import REFERENCE_DEPTH, REFERENCE_VELOCITY, RobustOptions, require_choice
 from foretouch.models import LinearisedContinuousSwitching
@@ -177,6 +178,11 @@ class LinearisedEstimator(Estimator):
         return Status.LEARNT
 
     @property
+    def linear_parameters(self) -> tuple[float, float, float, float]:
+        """(ln k, s, b1, b2) as they are now, depth in metres; theta_0 before the first sample."""
+        return self._linear()
+
+    @property
     def unscaled_covariance(self) -> Array:
         """A copy of P, shape (4, 4), of the unknowns in the units of the regressors."""
         return self._recursion.covariance.copy()
@@ -227,7 +233,7 @@ class LinearisedEstimator(Estimator):
                 errors[name] = None
                 continue
             slope = np.array([pair[0] - pair[1] for pair in ends]) / (2.0 * steps)
-            errors[name] = math.sqrt(max(0.0, float(slope @ covariance @ slope)))
+            errors[name] = error_along(slope, covariance)
         return errors
 
     def _linear(self) -> tuple[float, float, float, float]:

@@ -160,7 +160,7 @@ def recover(linear: tuple[float, float, float, float], covariance: Array | None,
     if stiffness is None or weights.size < 2:
         return unknown
     mean = float(weights @ inverse_depth)
-    if 1.0 - mean * mean / float(weights @ (inverse_depth * inverse_depth)) < LEAST_SPREAD**2:
+    if not 1.0 - mean * mean / float(weights @ (inverse_depth * inverse_depth)) >= LEAST_SPREAD**2:
         return unknown
     reference = 1.0 / mean
     damping = b1 * reference + b2
@@ -171,12 +171,15 @@ def recover(linear: tuple[float, float, float, float], covariance: Array | None,
         return unknown
     if covariance is None:
         return unknown
-    slope = np.array([-b2, b1]) * (reference / damping**2)
-    if not float(slope @ covariance[2:, 2:] @ slope) <= LARGEST_DOUBT**2:
+    # Plain floats from here: they overflow to inf and not to a warning, and no inf passes the comparisons.
+    (c11, c12), (_, c22) = covariance[2:, 2:].tolist()
+    by_b1, by_b2 = -share * (reference / damping), b1 / damping * (reference / damping)
+    if not by_b1 * by_b1 * c11 + 2.0 * by_b1 * by_b2 * c12 + by_b2 * by_b2 * c22 <= LARGEST_DOUBT**2:
         return unknown
     if share <= 0.0 or share >= 1.0:
         switching = 0.0 if share <= 0.0 else 1.0
     else:
         switching = float(_compiled_switching(inverse_depth, weights, reference, share))
     a1, a2 = _compiled_fit(inverse_depth, weights, switching)
-    return Recovered(stiffness, stiffness * damping / (a1 * reference + a2), s - switching, switching)
+    damping *= stiffness / (a1 * reference + a2)
+    return Recovered(stiffness, damping, s - switching, switching) if math.isfinite(damping) else unknown

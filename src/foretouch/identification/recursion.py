@@ -107,7 +107,7 @@ def _step(
     residuals[1] = forgetting_factor * residuals[1] + 1.0
     if tripped and not before:
         _compiled_perturb(covariance, perturbation, resetting, trace_limit)
-    if not trace / growth < LARGEST_TRACE:
+    if not (trace / growth < LARGEST_TRACE and np.all(np.isfinite(theta))):
         return BROKEN
     return PERTURBED if tripped else LEARNT
 
@@ -213,9 +213,21 @@ class Recursion:
 
     @property
     def error_covariance(self) -> Array | None:
-        """P times the residual variance, shape (n, n); None from too few samples.
+        """P times the residual variance, shape (n, n); None from too few samples, or where it says nothing.
 
         It is the covariance of the estimate where errors of the targets are independent and nothing was perturbed.
         """
         variance = self.residual_variance
-        return None if variance is None else self.covariance * variance
+        if variance is None or not variance * float(np.trace(self.covariance)) < LARGEST_TRACE:
+            return None
+        return self.covariance * variance
+
+
+def error_along(slope: Array, covariance: Array) -> float | None:
+    """Standard error of what changes by `slope`, shape (n,), with unknowns of this covariance, shape (n, n).
+
+    None where it is no number.
+    """
+    with np.errstate(over="ignore", invalid="ignore"):
+        variance = float(slope @ covariance @ slope)
+    return math.sqrt(max(0.0, variance)) if math.isfinite(variance) else None
