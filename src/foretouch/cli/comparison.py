@@ -1,0 +1,91 @@
+"""The command that compares laws and estimators."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from foretouch.cli.options import (
+    Flip,
+    ForceChannel,
+    ForceUnit,
+    Json,
+    PositionUnit,
+    ReportDirectory,
+    print_json,
+    say,
+)
+
+__all__ = ["COMMANDS", "compare"]
+
+
+def compare(
+    recordings: Annotated[
+        list[Path] | None, typer.Argument(help="CSV, Parquet, MCAP of ours, TU/e .mat or Aurora .ddf; any number.")
+    ] = None,
+    simulated: Annotated[
+        bool, typer.Option("--simulated", help="On simulated recordings too, whose truth is known.")
+    ] = False,
+    models: Annotated[
+        list[str] | None, typer.Option("--models", help="Contact law; may be given more than once. Without it, all.")
+    ] = None,
+    estimators: Annotated[
+        list[str] | None, typer.Option("--estimators", help="Estimator; may be given more than once. Without it, all.")
+    ] = None,
+    delay: Annotated[
+        list[float] | None, typer.Option(help="Of the forces [s], 0.3; may be given more than once.")
+    ] = None,
+    position_unit: PositionUnit = "m",
+    force_unit: ForceUnit = "N",
+    flip: Flip = False,
+    force_channel: ForceChannel = "raw",
+    score_from: Annotated[
+        float | None, typer.Option(help="Scoring begins [s after the first sample]: 1.5, simulated recordings 3.")
+    ] = None,
+    score_to: Annotated[float | None, typer.Option(help="Scoring ends [s after the first sample].")] = None,
+    contact_floor: Annotated[
+        float | None,
+        typer.Option(help="Least force that counts as contact [N]; TU/e 0.3, Aurora 0.005, others 0.05."),
+    ] = None,
+    jobs: Annotated[int | None, typer.Option(min=1, help="Processes at a time; without it, one for each core.")] = None,
+    report_directory: ReportDirectory = None,
+    json_output: Json = False,
+) -> None:
+    """Compare contact laws and estimators on recordings: every law by every estimator that it has.
+
+    Example: foretouch compare press.csv session.mcap --delay 0.1 --delay 0.3 --report comparison
+    """
+    from foretouch import comparison
+
+    cases = [
+        comparison.file_case(
+            path, position_unit=position_unit, force_unit=force_unit, flip=flip, force_channel=force_channel
+        )
+        for path in recordings or []
+    ]
+    if simulated:
+        cases += comparison.simulated_cases()
+
+    def progress(done: int, total: int, result: comparison.Result) -> None:
+        said = "" if result.status == "ok" else f"  failed: {result.reason}"
+        say(f"{done:{len(str(total))}} of {total}  {result.recording}: {result.model} by {result.estimator}{said}")
+
+    results = comparison.compare(
+        cases,
+        models=models or (),
+        estimators=estimators or (),
+        scoring=comparison.Scoring(tuple(delay or (0.3,)), score_from, score_to, contact_floor),
+        processes=jobs,
+        progress=progress,
+    )
+    if report_directory is not None:
+        say(f"report: {comparison.write_comparison_page(report_directory, results)}")
+    if json_output:
+        print_json({"results": [result.as_row() for result in results]})
+    else:
+        typer.echo(comparison.render_table(results))
+
+
+COMMANDS = (compare,)

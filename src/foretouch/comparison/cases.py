@@ -1,0 +1,113 @@
+"""What is compared on: a file, or a simulated recording; both are small names that a worker process loads itself."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from os import PathLike
+from pathlib import Path
+from typing import NamedTuple
+
+from foretouch.comparison.simulated import SIMULATED, simulate
+from foretouch.comparison.truth import Truth
+from foretouch.errors import RecordingError, UnknownNameError
+from foretouch.messages import SessionLog
+from foretouch.quantities import Recording
+from foretouch.recordings import read_recording, read_session
+
+__all__ = ["Case", "Loaded", "file_case", "load", "simulated_case", "simulated_cases"]
+
+
+@dataclass(frozen=True)
+class Case:
+    """One recording to compare on.
+
+    Attributes:
+        name: For tables: the file as it was given, or the name of the simulated recording.
+        simulated: Whether it is simulated, with known truth.
+        position_unit: Of the file, as `read_recording`.
+        force_unit: Of the file.
+        flip: Of the file.
+        force_channel: Of the file.
+        changed_ns: When the file was changed last, so that a worker does not take an old one for it.
+    """
+
+    name: str
+    simulated: bool = False
+    position_unit: str = "m"
+    force_unit: str = "N"
+    flip: bool = False
+    force_channel: str = "raw"
+    changed_ns: int = 0
+
+    @property
+    def score_from(self) -> float:
+        """When scoring begins if nothing else is asked for [s]."""
+        return 3.0 if self.simulated else 1.5
+
+
+class Loaded(NamedTuple):
+    """A case in memory.
+
+    Attributes:
+        recording: What the follower felt.
+        truth: Where it is known.
+        log: Of a file that holds a session: the prediction is then made on the leader's motion.
+    """
+
+    recording: Recording
+    truth: Truth | None = None
+    log: SessionLog | None = None
+
+
+def file_case(path: str | PathLike[str], **units: object) -> Case:
+    """A recording in a file.
+
+    Args:
+        path: CSV, Parquet, MCAP of ours, TU/e .mat or Aurora .ddf.
+        **units: As `read_recording` takes them.
+
+    Raises:
+        RecordingError: There is no such file.
+    """
+    file = Path(path)
+    if not file.is_file():
+        raise RecordingError(path, "is no file" if file.exists() else "no such file")
+    return Case(str(path), changed_ns=file.stat().st_mtime_ns, **units)  # type: ignore[arg-type]
+
+
+def simulated_case(name: str) -> Case:
+    """A simulated recording.
+
+    Raises:
+        UnknownNameError: No such recording.
+    """
+    if name not in SIMULATED:
+        raise UnknownNameError("simulated recording", name, SIMULATED)
+    return Case(name, simulated=True)
+
+
+def simulated_cases() -> list[Case]:
+    """All simulated recordings."""
+    return [simulated_case(name) for name in SIMULATED]
+
+
+@lru_cache(maxsize=2)
+def load(case: Case) -> Loaded:
+    """The recording of a case; the newest two are kept, for a worker is given all estimators of one recording in turn.
+
+    Raises:
+        ForetouchError: The file cannot be used.
+    """
+    if case.simulated:
+        made = simulate(case.name)
+        return Loaded(made.recording, made.truth)
+    recording = read_recording(
+        case.name,
+        position_unit=case.position_unit,
+        force_unit=case.force_unit,
+        flip=case.flip,
+        force_channel=case.force_channel,
+    )
+    log = read_session(case.name) if case.name.lower().endswith(".mcap") else None
+    return Loaded(recording, log=log)

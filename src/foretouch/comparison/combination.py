@@ -1,0 +1,294 @@
+"""One law by one estimator on one recording: everything that is measured of it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field, replace
+from time import perf_counter
+from typing import Any, Final
+
+from foretouch.comparison.cases import Case, Loaded, load
+from foretouch.comparison.forces import OnceLearnt, forces_under_delay, score_outside
+from foretouch.comparison.truth import (
+    Convergence,
+    ParameterError,
+    Truth,
+    convergence,
+    local_stiffness,
+    parameter_errors,
+    unforeseeable,
+)
+from foretouch.errors import ForetouchError, SettingError
+from foretouch.identification import Learner, identify, make_estimator
+from foretouch.models.checks import require
+
+__all__ = ["Combination", "LocalStiffness", "Prediction", "Result", "Scoring", "measure", "try_combination"]
+
+UNIFORM_SPREAD: Final = 1.0 / math.sqrt(12.0)
+"""Standard deviation of a number of which only its range of length 1 is known."""
+
+EXPONENTS: Final = ("exponent", "switching", "s")
+"""Parameters whose range has the length 1, by equation (5) of the paper or in practice."""
+
+
+@dataclass(frozen=True)
+class Scoring:
+    """How predictions are scored.
+
+    Attributes:
+        delays: Of the forces [s], 0 or more, at least one.
+        score_from: Start of the window [s after the first sample]; None: 1.5, simulated recordings 3.
+        score_to: Its end, None for the last sample.
+        contact_floor: Smallest force that counts as contact [N]; None takes that of the recording.
+
+    Raises:
+        SettingError: A value out of range, or no delay.
+    """
+
+    delays: tuple[float, ...] = (0.3,)
+    score_from: float | None = None
+    score_to: float | None = None
+    contact_floor: float | None = None
+
+    def __post_init__(self) -> None:
+        if not self.delays:
+            raise SettingError("delays", self.delays, "must be at least one")
+        for delay in self.delays:
+            require("delay", delay, at_least=0.0)
+        if self.score_from is not None:
+            require("score_from", self.score_from)
+        if self.score_to is not None:
+            require("score_to", self.score_to)
+            if self.score_from is not None and self.score_to <= self.score_from:
+                raise SettingError("score_to", self.score_to, f"must be later than score_from = {self.score_from:g} s")
+        if self.contact_floor is not None:
+            require("contact_floor", self.contact_floor, above=0.0)
+
+
+@dataclass(frozen=True)
+class Combination:
+    """What one worker does at a time.
+
+    Attributes:
+        case: The recording.
+        model: Name of the law.
+        estimator: Name of the estimator.
+        scoring: How predictions are scored.
+    """
+
+    case: Case
+    model: str
+    estimator: str
+    scoring: Scoring
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """Errors under one delay, as shares of the contact-force RMS [%]; None where there is nothing to measure.
+
+    Attributes:
+        delay_s: Of the forces [s].
+        prediction_error_percent: Of the predicted force.
+        delayed_force_error_percent: Of the delayed force, over the same samples.
+        within_jnd_percent: Share of contact samples whose error a hand cannot tell [%].
+        status: As in `foretouch.report.STATUSES`.
+        unforeseeable_percent: Share of the recording's samples that nothing before t - delay could tell [%]; None where
+            the truth is not known, as the next two.
+        foreseeable_prediction_error_percent: Of the predicted force without these samples.
+        foreseeable_delayed_force_error_percent: Of the delayed force without them.
+    """
+
+    delay_s: float
+    prediction_error_percent: float | None
+    delayed_force_error_percent: float | None
+    within_jnd_percent: float | None
+    status: str
+    unforeseeable_percent: float | None = None
+    foreseeable_prediction_error_percent: float | None = None
+    foreseeable_delayed_force_error_percent: float | None = None
+
+
+@dataclass(frozen=True)
+class LocalStiffness:
+    """Slope of the force over depth at rest, by which laws of different exponents can be compared [N/m].
+
+    Attributes:
+        depth_m: At half of the deepest press.
+        estimated: None without a model.
+        true: Of the law that holds at the end.
+        error_percent: Estimated less true.
+    """
+
+    depth_m: float
+    estimated: float | None
+    true: float
+    error_percent: float | None
+
+
+@dataclass(frozen=True)
+class Result:
+    """What came of one combination.
+
+    Attributes:
+        recording: Name of the recording.
+        model: Name of the law.
+        estimator: Name of the estimator.
+        status: ``"ok"`` or ``"failed"``.
+        reason: Why it failed, None if it did not.
+        samples: Of the recording.
+        contact_samples: As the estimator's conditioning judges it.
+        residual_percent: One-step error: RMS residual as a share of the RMS force over the same samples [%].
+        us_per_sample: Time of identification [us], in a process beside others.
+        parameters: The law's numbers after the last sample; None where undetermined.
+        standard_errors: By name, None where there are none.
+        warnings: One sentence for each parameter that cannot be told from the others.
+        predictions: One for each delay.
+        convergence: After the first touch and each change; empty where the truth is not known, as what follows.
+        parameter_errors: By name.
+        local_stiffness: None where no law is the true one.
+    """
+
+    recording: str
+    model: str
+    estimator: str
+    status: str
+    reason: str | None = None
+    samples: int | None = None
+    contact_samples: int | None = None
+    residual_percent: float | None = None
+    us_per_sample: float | None = None
+    parameters: Mapping[str, float | None] = field(default_factory=dict)
+    standard_errors: Mapping[str, float | None] | None = None
+    warnings: tuple[str, ...] = ()
+    predictions: tuple[Prediction, ...] = ()
+    convergence: tuple[Convergence, ...] = ()
+    parameter_errors: Mapping[str, ParameterError] = field(default_factory=dict)
+    local_stiffness: LocalStiffness | None = None
+
+    def as_row(self) -> dict[str, Any]:
+        """As plain values for JSON: no NaN, no infinity."""
+        row: dict[str, Any] = _finite(asdict(self))
+        return row
+
+
+def try_combination(job: Combination) -> Result:
+    """Measure one combination; whatever goes wrong is the reason in its result."""
+    try:
+        return measure(job)
+    except ForetouchError as error:
+        return failed(job, str(error))
+    except Exception as error:  # an estimator's own fault is a result too, and the others go on
+        return failed(job, f"{type(error).__name__}: {error}")
+
+
+def failed(job: Combination, reason: str) -> Result:
+    """The result of a combination that gave none."""
+    return Result(job.case.name, job.model, job.estimator, "failed", " ".join(reason.split()))
+
+
+def measure(job: Combination) -> Result:
+    """Measure one combination.
+
+    Raises:
+        ForetouchError: The recording cannot be read, or nothing can be identified from it.
+    """
+    loaded = load(job.case)
+    learner = Learner(make_estimator(job.model, job.estimator))
+    begin = perf_counter()
+    found = identify(loaded.recording, learner)
+    seconds = perf_counter() - begin
+    residual, contact = found.residual_rms, found.contact_force_rms
+    once = OnceLearnt(make_estimator(job.model, job.estimator))
+    predictions = tuple(_prediction(job, loaded, once, delay) for delay in job.scoring.delays)
+    truth = loaded.truth
+    return Result(
+        job.case.name,
+        job.model,
+        job.estimator,
+        "ok",
+        samples=len(loaded.recording),
+        contact_samples=int(found.in_contact.sum()),
+        residual_percent=100.0 * residual / contact if contact > 0.0 else None,
+        us_per_sample=1e6 * seconds / len(loaded.recording),
+        parameters=found.parameters,
+        standard_errors=found.standard_errors,
+        warnings=inseparable(found.parameters, found.standard_errors),
+        predictions=predictions,
+        convergence=() if truth is None else convergence(loaded.recording, truth, once.memory),
+        parameter_errors={} if truth is None else parameter_errors(job.model, found.parameters, truth),
+        local_stiffness=None if truth is None else _local_stiffness(learner, truth),
+    )
+
+
+def inseparable(
+    parameters: Mapping[str, float | None], standard_errors: Mapping[str, float | None] | None
+) -> tuple[str, ...]:
+    """One sentence for each parameter that the samples do not tell from the others.
+
+    That is one that is undetermined, a strength whose standard error is larger than itself, and an exponent whose
+    standard error is larger than that of a number of which nothing but its range of length 1 is known.
+    """
+    said = []
+    for name, value in parameters.items():
+        error = (standard_errors or {}).get(name)
+        if value is None:
+            said.append(f"{name} is undetermined")
+        elif error is None:
+            continue
+        elif name in EXPONENTS and not error <= UNIFORM_SPREAD:
+            said.append(f"{name} has the standard error {error:.2g}: more than if nothing were known of it")
+        elif name in ("stiffness", "damping") and not error <= abs(value):
+            said.append(f"{name} has the standard error {error:.2g}: more than itself")
+    return tuple(said)
+
+
+def _prediction(job: Combination, loaded: Loaded, learner: OnceLearnt, delay: float) -> Prediction:
+    scoring = job.scoring
+    window: dict[str, Any] = {
+        "score_from": job.case.score_from if scoring.score_from is None else scoring.score_from,
+        "score_to": scoring.score_to,
+        "contact_floor": scoring.contact_floor,
+    }
+    forces = forces_under_delay(loaded, learner, delay)
+    scores = score_outside(forces, None, **window)
+    plain = Prediction(
+        delay,
+        scores.prediction_error_percent,
+        scores.delayed_force_error_percent,
+        scores.within_jnd_percent,
+        scores.status,
+    )
+    if loaded.truth is None:
+        return plain
+    hidden = unforeseeable(forces.time, loaded.truth.depth, delay, loaded.truth.changes)
+    told = score_outside(forces, hidden, **window)
+    return replace(
+        plain,
+        unforeseeable_percent=100.0 * float(hidden.mean()),
+        foreseeable_prediction_error_percent=told.prediction_error_percent,
+        foreseeable_delayed_force_error_percent=told.delayed_force_error_percent,
+    )
+
+
+def _local_stiffness(learner: Learner, truth: Truth) -> LocalStiffness | None:
+    if truth.law is None:
+        return None
+    depth = 0.5 * float(truth.depth.max())
+    true = local_stiffness(truth.law, depth)
+    model = learner.learnt().model
+    if model is None:
+        return LocalStiffness(depth, None, true, None)
+    estimated = local_stiffness(model, depth)
+    return LocalStiffness(depth, estimated, true, 100.0 * (estimated / true - 1.0))
+
+
+def _finite(value: Any) -> Any:
+    """The same with None for every number that is not finite."""
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if isinstance(value, dict):
+        return {key: _finite(inner) for key, inner in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(inner) for inner in value]
+    return value

@@ -1,0 +1,75 @@
+"""All laws by all estimators on all recordings."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+from foretouch.comparison.cases import Case
+from foretouch.comparison.combination import Combination, Result, Scoring, failed, try_combination
+from foretouch.comparison.parallel import run_all
+from foretouch.errors import InputError, UnknownNameError
+from foretouch.identification import ESTIMATORS
+
+__all__ = ["combinations", "compare"]
+
+Progress = Callable[[int, int, Result], None]
+
+
+def combinations(models: Sequence[str] = (), estimators: Sequence[str] = ()) -> list[tuple[str, str]]:
+    """Pairs of law and estimator that exist.
+
+    Args:
+        models: Names of laws; empty for all.
+        estimators: Names of estimators; empty for all.
+
+    Raises:
+        UnknownNameError: No such law, or an estimator that none of these laws has.
+    """
+    for model in models:
+        if model not in ESTIMATORS:
+            raise UnknownNameError("model", model, ESTIMATORS)
+    chosen = list(dict.fromkeys(models)) or list(ESTIMATORS)
+    known = {name for model in chosen for name in ESTIMATORS[model]}
+    for estimator in estimators:
+        if estimator not in known:
+            raise UnknownNameError(f"estimator for {', '.join(chosen)}", estimator, known)
+    return [(model, name) for model in chosen for name in ESTIMATORS[model] if not estimators or name in estimators]
+
+
+def compare(
+    cases: Sequence[Case],
+    *,
+    models: Sequence[str] = (),
+    estimators: Sequence[str] = (),
+    scoring: Scoring | None = None,
+    processes: int | None = None,
+    progress: Progress | None = None,
+) -> list[Result]:
+    """Measure every combination of law and estimator on every recording.
+
+    Args:
+        cases: The recordings.
+        models: Names of laws; empty for all.
+        estimators: Names of estimators; empty for all.
+        scoring: Delays, window and floor.
+        processes: At a time; None for as many as there are cores.
+        progress: Called with the number of results so far, that of all, and the newest.
+
+    Returns:
+        One result for each combination, those that failed too, in the order of the recordings.
+
+    Raises:
+        InputError: No recordings.
+        UnknownNameError: As `combinations`.
+    """
+    if not cases:
+        raise InputError("nothing to compare: name recordings, or ask for the simulated ones with --simulated")
+    scoring = Scoring() if scoring is None else scoring
+    pairs = combinations(models, estimators)
+    jobs = [Combination(case, model, name, scoring) for case in cases for model, name in pairs]
+    results: dict[int, Result] = {}
+    for place, result in run_all(try_combination, jobs, processes=processes, lost=failed):
+        results[place] = result
+        if progress is not None:
+            progress(len(results), len(jobs), result)
+    return [results[place] for place in range(len(jobs))]

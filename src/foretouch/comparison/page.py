@@ -1,0 +1,118 @@
+"""The results as one HTML page that needs nothing else."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from html import escape
+from itertools import groupby
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+from foretouch.comparison.combination import Prediction, Result
+from foretouch.comparison.figures import delay_figure, matrix_figure
+from foretouch.comparison.table import convergence_text, note, parameter_text
+from foretouch.report import embedded, table, write_html
+
+__all__ = ["write_comparison_page"]
+
+
+def write_comparison_page(directory: str | PathLike[str], results: Sequence[Result]) -> Path:
+    """Write plots and tables of a comparison as ``index.html``.
+
+    Args:
+        directory: Made if it is not there.
+        results: As `compare` gave them, at least one.
+
+    Returns:
+        Path of the page.
+
+    Raises:
+        InputError: The folder cannot be made or the page cannot be written.
+        MissingExtraError: Matplotlib is not installed.
+    """
+    failed = sum(result.status != "ok" for result in results)
+    recordings = len({result.recording for result in results})
+    body = [
+        "<h1>Comparison of laws and estimators</h1>",
+        f'<p class="quiet">{len(results)} combinations on {recordings} recordings; {failed} failed.</p>',
+        "<p>Errors are shares of the RMS of the contact force. The delayed force is what would be felt without a "
+        "model: a prediction that is no better than it is of no use.</p>",
+        *_figures(results),
+        "<h2>Every combination</h2>",
+    ]
+    for name, rows in groupby(results, key=lambda result: result.recording):
+        body += [f"<h3>{escape(name)}</h3>", _table(list(rows))]
+    return write_html(directory, "Comparison of laws and estimators", body)
+
+
+def _figures(results: Sequence[Result]) -> list[str]:
+    drawn = []
+    delays = [p.delay_s for p in next((row.predictions for row in results if row.predictions), ())]
+    known = any(row.convergence for row in results)
+
+    def add(*arguments: Any, **options: Any) -> None:
+        drawn.append(embedded(matrix_figure(results, *arguments, **options), arguments[1]))
+
+    for index, delay in enumerate(delays):
+        add(
+            _of(index, "prediction_error_percent"),
+            f"Prediction error at {delay:g} s [%]",
+            first_row=("(the delayed force)", _of(index, "delayed_force_error_percent")),
+        )
+        if known:
+            add(
+                _of(index, "foreseeable_prediction_error_percent"),
+                f"The same without the samples that nothing before t - {delay:g} s could tell [%]",
+                first_row=("(the delayed force)", _of(index, "foreseeable_delayed_force_error_percent")),
+            )
+    if len(delays) > 1:
+        drawn.append(embedded(delay_figure(results), "Prediction error against delay"))
+    add(lambda result: result.residual_percent, "One-step error [%]")
+    if known:
+        add(_slowest, "Convergence after the first touch or a change, the slowest [s]", limits=(0.05, 5.0))
+        add(
+            lambda result: None if result.local_stiffness is None else result.local_stiffness.error_percent,
+            "Error of dF/dx at half of the deepest press [%]",
+        )
+    add(lambda result: result.us_per_sample, "Time per sample [us], beside other jobs", limits=(20.0, 2000.0))
+    return drawn
+
+
+def _of(index: int, name: str) -> Any:
+    def figure(result: Result) -> float | None:
+        prediction: Prediction | None = result.predictions[index] if result.predictions else None
+        return None if prediction is None else getattr(prediction, name)
+
+    return figure
+
+
+def _slowest(result: Result) -> float | None:
+    """None where one never converged."""
+    times = [event.convergence_s for event in result.convergence]
+    return max((time for time in times if time is not None), default=None) if None not in times else None
+
+
+def _table(rows: list[Result]) -> str:
+    delays = [p.delay_s for p in next((row.predictions for row in rows if row.predictions), ())]
+    known = any(row.convergence for row in rows)
+    head = ["law", "estimator", "one step [%]"]
+    for delay in delays:
+        head += [f"at {delay:g} s [%]", "delayed [%]"] + (["foreseeable [%]", "delayed [%]"] if known else [])
+    head += ["us"] + (["converged [s]", "parameters: error"] if known else []) + ["remarks"]
+    lines = []
+    for row in rows:
+        line: list[Any] = [row.model, row.estimator, _rounded(row.residual_percent)]
+        names = ["prediction_error_percent", "delayed_force_error_percent"]
+        names += ["foreseeable_prediction_error_percent", "foreseeable_delayed_force_error_percent"] if known else []
+        for index in range(len(delays)):
+            line += [_rounded(_of(index, name)(row)) for name in names]
+        line.append(_rounded(row.us_per_sample))
+        line += [convergence_text(row), parameter_text(row) or None] if known else []
+        remarks = [note(row)] if row.status != "ok" else [*row.warnings]
+        lines.append([*line, "; ".join(remarks)])
+    return f'<div style="overflow-x: auto; font-size: .8rem">{table(head, lines)}</div>'
+
+
+def _rounded(value: float | None) -> str | None:
+    return None if value is None else f"{value:.3g}"

@@ -1,0 +1,225 @@
+"""What can be said of an estimate where the truth is known."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from foretouch.identification import LearntModel
+from foretouch.models import ContactModel, HuntCrossley, KelvinVoigt, MemorylessLaw, MotionFilter, advance
+from foretouch.quantities import Recording
+from foretouch.report import delayed
+
+__all__ = [
+    "CONVERGED_ERROR",
+    "CONVERGED_SPAN",
+    "LEARNING_TIME",
+    "Convergence",
+    "ParameterError",
+    "Truth",
+    "convergence",
+    "local_stiffness",
+    "parameter_errors",
+    "unforeseeable",
+]
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+LEARNING_TIME: Final = 0.1
+"""What is granted for learning a changed law, beyond the delay [s]."""
+
+CONVERGED_SPAN: Final = 0.5
+"""What has converged foretells so long [s] ..."""
+
+CONVERGED_ERROR: Final = 0.10
+"""... with at most this error, as a share of the true force."""
+
+CONVERGED_STEP: Final = 0.02
+"""Convergence is looked for at this distance [s]."""
+
+CONVERGED_SAMPLES: Final = 100
+"""So many samples of the span are looked at."""
+
+HOLDS: Final[dict[str, tuple[str, ...]]] = {
+    "kelvin-voigt": ("kelvin-voigt", "threshold-switching", "continuous-switching"),
+    "hunt-crossley": ("hunt-crossley", "threshold-switching", "continuous-switching"),
+    "continuous-switching": ("continuous-switching",),
+}
+"""Laws that can be the true one, for each true law: only their numbers can be compared with it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Truth:
+    """What is behind a simulated recording.
+
+    Attributes:
+        depth: Of the probe below the surface [m], shape (n,).
+        force: On the probe [N], without noise and offset, shape (n,).
+        law: The law that holds at the last sample, None where the material is none of the laws.
+        changes: When the law changed suddenly [s].
+    """
+
+    depth: Array
+    force: Array
+    law: MemorylessLaw | None
+    changes: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True)
+class Convergence:
+    """How long an estimate took after a change.
+
+    Attributes:
+        event_s: When the change was felt first: at the first sample in contact [s]; the first touch counts as one.
+        convergence_s: Time from there until the estimate was right [s]; None if it never was, before the next change.
+    """
+
+    event_s: float
+    convergence_s: float | None
+
+
+@dataclass(frozen=True)
+class ParameterError:
+    """One number of an estimated law beside the true one.
+
+    Attributes:
+        estimated: None where it is undetermined.
+        true: Its true value, at the last sample.
+        error: Estimated less true, as a share of the true one for `stiffness` and `damping` [%], else as it is.
+    """
+
+    estimated: float | None
+    true: float
+    error: float | None
+
+
+def unforeseeable(time: Array, depth: Array, delay: float, changes: Sequence[float] = ()) -> Flags:
+    r"""Samples whose force nothing before t - delay could tell, whoever learns.
+
+    Those are, from the truth,
+
+    - depths that were never reached before:
+      :math:`x(t) > \max_{\tau \le t - d} x(\tau)`, inside the material;
+    - from a sudden change of the law until the delay and 0.1 s for learning have passed since it could be felt first:
+      at the first sample in contact from the change on.
+
+    Args:
+        time: [s], increasing, shape (n,).
+        depth: True depth [m], shape (n,).
+        delay: d, of the forces [s], 0 or more.
+        changes: When the law changed without notice [s].
+
+    Returns:
+        Flags, shape (n,).
+
+    Raises:
+        SettingError: A delay below 0.
+    """
+    reached = delayed(time, np.maximum.accumulate(np.maximum(depth, 0.0)), delay)
+    flags: Flags = (depth > 0.0) & (depth > reached)
+    for change in changes:
+        felt = _felt(time, depth, change)
+        flags |= (time >= change) & (time < felt + delay + LEARNING_TIME)
+    return flags
+
+
+def convergence(recording: Recording, truth: Truth, learnt: Sequence[LearntModel]) -> tuple[Convergence, ...]:
+    """Time until what was learnt is right, after the first touch and after each change.
+
+    A model has converged if it, and no newer one, gives the true force of the recorded motion over the next half second
+    with an RMS error of at most 10 % of that force's RMS, over the samples in contact. Every fiftieth of a second is
+    tried, while the half second ends before the next change.
+
+    Args:
+        recording: n samples.
+        truth: Of the recording.
+        learnt: What was known after each sample, n of them.
+
+    Returns:
+        One for the first touch and for each change that is felt.
+    """
+    time, position = recording.time, recording.position
+    velocity = (
+        MotionFilter().run(time.tolist(), position.tolist()) if recording.velocity is None else recording.velocity
+    )
+    begins = [_felt(time, truth.depth, change) for change in (-math.inf, *truth.changes)]
+    begins = [begin for begin in begins if math.isfinite(begin)]
+    ends = [*truth.changes[: len(begins) - 1], float(time[-1])]
+    found = []
+    for begin, end in zip(begins, ends, strict=True):
+        settled: float | None = None
+        for first in np.searchsorted(time, np.arange(begin, end - CONVERGED_SPAN, CONVERGED_STEP)).tolist():
+            last = int(np.searchsorted(time, time[first] + CONVERGED_SPAN))
+            span = slice(first + 1, last, max(1, (last - first) // CONVERGED_SAMPLES))
+            columns = (time[span], position[span], velocity[span], truth.force[span], truth.depth[span] > 0.0)
+            if _foretells(learnt[first], float(time[first]), *columns):
+                settled = float(time[first]) - begin
+                break
+        found.append(Convergence(begin, settled))
+    return tuple(found)
+
+
+def _foretells(
+    learnt: LearntModel, now: float, time: Array, position: Array, velocity: Array, force: Array, inside: Flags
+) -> bool:
+    """Whether a model gives the true force along a motion that comes after it."""
+    if learnt.model is None or not inside.any():
+        return False
+    state, errors = learnt.state, []
+    samples = zip(time.tolist(), position.tolist(), velocity.tolist(), force.tolist(), strict=True)
+    for later, place, speed, true in samples:
+        state, given, _ = advance(learnt.model, state, place - learnt.surface, speed, later - now)
+        errors.append(given - true)
+        now = later
+    error = np.square(np.array(errors)[inside]).sum()
+    return bool(error <= CONVERGED_ERROR**2 * np.square(force[inside]).sum())
+
+
+def parameter_errors(
+    model_name: str, parameters: Mapping[str, float | None], truth: Truth
+) -> dict[str, ParameterError]:
+    """Errors of a law's numbers, by name; empty where the law that is estimated cannot be the true one.
+
+    Args:
+        model_name: Of the law that is estimated, as on the command line.
+        parameters: By name, None where undetermined.
+        truth: Of the recording.
+    """
+    law = truth.law
+    if law is None or model_name not in HOLDS[law.law]:
+        return {}
+    k, damping, n, alpha = law.general_form
+    true = {"stiffness": k, "damping": damping, "exponent": n, "switching": alpha, "s": n + alpha, "ln_k": math.log(k)}
+    if isinstance(law, HuntCrossley | KelvinVoigt) and model_name == "threshold-switching":
+        true = dict(zip(law.parameter_names, law.parameters, strict=True))
+    errors = {}
+    for name, value in parameters.items():
+        if name in true:
+            scale = 0.01 * true[name] if name in ("stiffness", "damping") else 1.0
+            error = None if value is None or not scale > 0.0 else (value - true[name]) / scale
+            errors[name] = ParameterError(value, true[name], error)
+    return errors
+
+
+def local_stiffness(model: ContactModel, depth: float) -> float:
+    """Slope of a resting law's force over depth [N/m], by which laws of different exponents can be compared.
+
+    Args:
+        model: The law, as untouched.
+        depth: Where [m], positive.
+    """
+    step = 1e-3 * depth
+    forces = [advance(model, model.initial_state(), depth + side * step, 0.0, 1e-3)[1] for side in (-1.0, 1.0)]
+    return (forces[1] - forces[0]) / (2.0 * step)
+
+
+def _felt(time: Array, depth: Array, change: float) -> float:
+    """Time of the first sample in contact at or after a change [s], inf if there is none."""
+    samples = np.flatnonzero((time >= change) & (depth > 0.0))
+    return float(time[samples[0]]) if samples.size else math.inf
