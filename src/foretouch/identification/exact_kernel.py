@@ -132,13 +132,14 @@ def _project(theta: Array, covariance: Array, settings: Array) -> None:
     """Into the bounds: nearest in the metric of the covariance, one bound after the other, and at last plainly."""
     for attempt in range(3):
         for i in range(UNKNOWNS):
-            excess = min(max(theta[i], lower_bound(settings, i)), upper_bound(theta, settings, i)) - theta[i]
-            if excess != 0.0:
+            inside = min(max(theta[i], lower_bound(settings, i)), upper_bound(theta, settings, i))
+            if inside != theta[i]:
+                excess = inside - theta[i]
                 if attempt < 2 and covariance[i, i] > 0.0:
                     for j in range(UNKNOWNS):
                         if j != i:
                             theta[j] += excess * covariance[j, i] / covariance[i, i]
-                theta[i] += excess
+                theta[i] = inside
 
 
 def _restart(theta: Array, covariance: Array, settings: Array, force: float) -> None:
@@ -191,6 +192,8 @@ def _move_reference(theta: Array, covariance: Array, memory: Array, settings: Ar
         covariance[k, 0] = elastic * covariance[k, 0] + per_s * covariance[k, 2]
         covariance[k, 1] = viscous * covariance[k, 1] + per_n * (covariance[k, 2] - covariance[k, 3])
         covariance[k, 4] /= ratio
+        for j in range(k):
+            covariance[j, k] = covariance[k, j]  # rounding differs
     memory[REFERENCE] *= ratio
     before = memory[LARGEST_REFERENCE] / memory[REFERENCE]
     if before < 1.0:
@@ -207,7 +210,7 @@ def _drift(theta: Array, covariance: Array, memory: Array, settings: Array, peri
         bound = (settings[i] * scale) ** 2
         if i < 4:
             covariance[i, i] += settings[DRIFT] ** 2 * period * bound
-        if i == 0:
+        if i < 2:
             bound *= 100.0  # a change may have found a force ten times larger
         if covariance[i, i] > bound:
             shrink = math.sqrt(bound / covariance[i, i])
@@ -363,9 +366,8 @@ def _update(
         code = CHANGED
         memory[ALARM], memory[PAUSE], memory[EXCESS] = 0.0, ALARM_PAUSE, 1.0
         scale = max(theta[0], math.sqrt(memory[POWER]))
-        restart(theta, covariance, settings, scale)
-        reach = settings[0] * min(abs(innovation) / per_strength, 10.0 * scale)
-        covariance[0, 0] = max(covariance[0, 0], reach * reach)
+        restart(theta, covariance, settings, max(scale, min(abs(innovation) / per_strength, 10.0 * scale)))
+        memory[POWER] = max(memory[POWER], force * force)
         doubt = project_slope(covariance, slope, projected)
         normalised = innovation * innovation / (variance + doubt)
 

@@ -180,8 +180,18 @@ class _ExactFilter(Estimator):
         return math.sqrt(self._covariance[4, 4]) * float(self._memory[REFERENCE])
 
     @property
+    def reference_depth(self) -> float:
+        """x0 [m], 0 before the first sample."""
+        return float(self._memory[REFERENCE])
+
+    @property
+    def unknowns(self) -> Array:
+        """A copy of (F0, D, s, alpha, zeta), shape (5,)."""
+        return self._theta.copy()
+
+    @property
     def covariance(self) -> Array:
-        """A copy of P of (F0, D, s, alpha, zeta), shape (5, 5)."""
+        """A copy of P, shape (5, 5)."""
         return self._covariance.copy()
 
     @property
