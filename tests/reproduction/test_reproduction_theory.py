@@ -234,7 +234,7 @@ def test_the_error_along_the_press_is_18_less_15(number: int) -> None:
     np.testing.assert_allclose(error.total, linear - exact, atol=1e-9)
     share = float(np.mean(np.abs(linear - exact) < 0.01))
     assert share_small(error) == share > 0.5
-    assert f"{100.0 * share:.0f} % (case {number})" in claim("fig5", "mostly below").measured
+    assert f"{100.0 * share:.0f} % (case {number})" in claim("fig5", "is mostly below").measured
     depth = breaking_depth(law, -0.010)
     deeper = np.linspace(1.005 * depth, 0.040, 2000)
     ratio = np.exp(-damping / k * 0.010 * (a1 + a2 / deeper)) / (1.0 - damping / k * 0.010 / deeper**alpha)

@@ -158,7 +158,7 @@ def _claims_of_press(runs: dict[int, tuple[Array, LinearisationError]], shares: 
             f"{100.0 * max(others):.0f} %",
         ),
         Claim(
-            "The same at 1 kHz with the velocity from the noisy depth",
+            "Linearisation error at 1 kHz, velocity from the noisy depth: mostly below 0.01 N",
             "most below 0.01 N",
             ", ".join(f"{100.0 * share:.0f} % (case {number})" for number, share in fast.items()),
             "holds" if min(fast.values()) > 0.5 else "does not hold",

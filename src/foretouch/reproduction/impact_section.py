@@ -25,7 +25,7 @@ Areas = tuple[float, float, float]
 
 def impact_of(law: MemorylessLaw, *, speed: float = SPEED, allow_tension: bool = True) -> Impact:
     """One impact with so many samples that sums over them are integrals to five digits."""
-    return integrate_impact(law, MASS, speed, allow_tension=allow_tension, samples=8001)
+    return integrate_impact(law, MASS, speed, allow_tension=allow_tension, samples=2001)
 
 
 def slope(law: MemorylessLaw, speed: float, *, allow_tension: bool = True) -> float:
