@@ -128,8 +128,8 @@ def make() -> Section:
         "met much better by a setting of its own; but duration and forgetting are two free numbers to meet two with. "
         f"The table is in metres (in millimetres a1 would be {_in_mm(0.3):.2f} and {_in_mm(0.5):.2f}). Panel (b) is "
         "what a constant pair costs, the printed one and a fit of x^(1-alpha) over even depths: the printed "
-        f"ones are within {100.0 * max(e[deep].max() for e in errors.values()):.0f} % of x^-alpha beyond 5 mm, and more than "
-        f"{100.0 * min(e[near].min() for e in errors.values()):.0f} % wrong at every depth under 2 mm."
+        f"ones are within {100.0 * max(e[deep].max() for e in errors.values()):.0f} % of x^-alpha beyond "
+        f"5 mm, and more than {100.0 * min(e[near].min() for e in errors.values()):.0f} % wrong at every depth under 2 mm."
     )
     claims = (
         Claim(
