@@ -204,7 +204,7 @@ def _claims_of_impacts(damped: dict[str, dict[str, Array]], ends: dict[str, LowD
             + "; ".join(f"{', '.join(f'{100.0 * x:.3g} %' for x in lost)} ({label})" for label, lost in shares.items()),
             "holds under stated choice" if shares["alpha = 0"][-1] < 0.05 else "does not hold",
             "choice: alpha = 0; the share goes as v^(gamma - 2), so slowly for larger alpha and not at all for "
-            "Kelvin-Voigt; 1 kg on the materials of Fig. 7c",
+            "Kelvin-Voigt; 1 kg on the softer two materials of Fig. 7c, and on that of Fig. 2",
         ),
     )
 
