@@ -18,6 +18,7 @@ SECTIONS: dict[str, str] = {
     "fig5": "fig5",
     "table1": "table1",
     "fig6": "fig6",
+    "fig10": "fig10",
 }
 """Name of each section, and the module of this room whose ``make()`` makes it."""
 
