@@ -211,6 +211,10 @@ def test_nothing_is_left_half_written(press: Path, tmp_path: Path) -> None:
     refusal_of("predict", tmp_path / "bad.csv", "--out", tmp_path / "out.csv")
     refusal_of("predict", press, "--out", tmp_path / "missing" / "out.csv")
     assert [path.name for path in tmp_path.iterdir()] == ["bad.csv"]
+    before = press.read_bytes()
+    for command in ("identify", "predict"):
+        assert "is the recording itself" in refusal_of(command, press, "--out", press)
+    assert press.read_bytes() == before
 
 
 def test_a_refusal_is_one_line_and_exit_code_2(tmp_path: Path) -> None:

@@ -116,12 +116,16 @@ def test_without_the_measured_hand_the_script_presses_and_says_so(
     ("command", "message"),
     [
         (("simulate", "--operator", "browser"), "operator = 'browser': needs real time"),
-        (("simulate", "--material", "jelly"), "unknown material 'jelly': choose one of foam-measured"),
+        (("simulate", "--material", "jelly"), "unknown material 'jelly': choose one of "),
         (("simulate", "--duration", "0"), "duration = 0.0: must be above 0 s"),
         (("simulate", "--duration", "nan"), "duration = nan: must be above 0 s"),
         (("simulate", "--position-delay", "-0.1"), "position_delay = -0.1: must be finite and at least 0"),
         (("simulate", "--loss", "3"), "loss = 3.0"),
-        (("simulate", "--recording", "/proc/no/s.mcap"), "recording = '/proc/no/s.mcap': cannot be written"),
+        (("simulate", "--recording", "/proc/no/s.mcap"), "folder = '/proc/no': cannot be written"),
+        (("simulate", "--recording", "s.csv"), "recording = 's.csv': must end with .mcap"),
+        (("simulate", "--report", "/proc/no"), "folder = '/proc/no': cannot be written"),
+        (("simulate", "--seed", "-1"), "seed = -1: must be finite and at least 0"),
+        (("teleop", "--port", "70000"), "port = 70000: must be 0 to 65535"),
         (("teleop", "--material", "jelly"), "unknown material 'jelly'"),
         (("teleop", "--operator", "nobody"), "unknown operator 'nobody'"),
         (("follower",), "no endpoint: give --listen or --connect"),
@@ -135,6 +139,7 @@ def test_without_the_measured_hand_the_script_presses_and_says_so(
 def test_bad_input_is_refused_in_one_line(command: tuple[str, ...], message: str) -> None:
     result = run(*command)
     assert isinstance(result.exception, ForetouchError), result.output
+    assert not list(Path.cwd().glob("*.csv"))
     assert message in str(result.exception)
     assert "\n" not in str(result.exception)
 

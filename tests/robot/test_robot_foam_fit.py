@@ -12,7 +12,7 @@ import pytest
 from foretouch.errors import RecordingError, SettingError
 from foretouch.quantities import Recording
 from foretouch.recordings import read_recording
-from foretouch.robot import FOAM_DATASETS, fit_foam, save_foam_fit
+from foretouch.robot import FOAM_DATASETS, fit_foam, foam_fit_json
 from foretouch.robot.materials import FoamFit, shipped_foam_fit
 from foretouch.robot.materials.foam_fit import replay
 
@@ -50,7 +50,7 @@ def test_bad_recordings_are_refused() -> None:
 
 def test_fit_is_written_whole(tmp_path: Path) -> None:
     fit = shipped_foam_fit()
-    save_foam_fit(fit, tmp_path / "foam.json")
+    (tmp_path / "foam.json").write_bytes(foam_fit_json(fit))
     assert msgspec.json.decode((tmp_path / "foam.json").read_bytes(), type=FoamFit) == fit
     assert [path.name for path in tmp_path.iterdir()] == ["foam.json"]
 

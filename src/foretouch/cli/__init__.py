@@ -7,14 +7,18 @@ import sys
 
 def main() -> None:
     """Run the `foretouch` command; a mistake of the user ends it with one line and exit code 2."""
-    from foretouch.cli.app import app
-    from foretouch.errors import ForetouchError
-
     try:
-        app()
-    except ForetouchError as error:
-        sys.stderr.write(f"foretouch: {error}\n")
-        sys.exit(2)
+        from foretouch.cli.app import app
+        from foretouch.errors import ForetouchError
+
+        try:
+            app()
+        except ForetouchError as error:
+            sys.stderr.write(f"foretouch: {error}\n")
+            sys.exit(2)
+    except KeyboardInterrupt:  # also while imports still run
+        sys.stderr.write("foretouch: interrupted\n")
+        sys.exit(130)
 
 
 __all__ = ["main"]

@@ -86,14 +86,15 @@ def fit_material(
     Example: foretouch materials fit foam-measured --out foam.json
     """
     from foretouch.errors import UnknownNameError
-    from foretouch.recordings import fetch, read_recording
-    from foretouch.robot import FOAM_DATASETS, fit_foam, save_foam_fit
+    from foretouch.recordings import atomic_path, fetch, read_recording
+    from foretouch.robot import FOAM_DATASETS, fit_foam, foam_fit_json
 
     if name != "foam-measured":
         raise UnknownNameError("fitted material", name, ["foam-measured"])
     fit = fit_foam([replace(read_recording(fetch(dataset)), name=dataset) for dataset in FOAM_DATASETS])
     if out is not None:
-        save_foam_fit(fit, out)
+        with atomic_path(out) as part:
+            part.write_bytes(foam_fit_json(fit))
     if json_output:
         print_json({file.name: {"residual_percent": file.residual_percent} for file in fit.files})
         return

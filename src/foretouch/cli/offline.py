@@ -20,6 +20,7 @@ from foretouch.cli.options import (
     PositionUnit,
     ReportDirectory,
     Surface,
+    make_folder,
     print_json,
     say,
 )
@@ -49,6 +50,8 @@ def identify(
     """
     from foretouch import identification
     from foretouch.recordings import read_recording, write_columns
+
+    _refuse_to_replace(recording, out)
 
     learner = identification.Learner(
         identification.make_estimator(model, estimator),
@@ -112,6 +115,9 @@ def predict(
     from foretouch.report import score
 
     require("delay", delay, at_least=0.0)
+    _refuse_to_replace(recording, out)
+    if report_directory is not None:
+        make_folder(report_directory)
     learner = identification.Learner(
         identification.make_estimator(model, estimator),
         surface=_number_or_auto("surface", surface),
@@ -208,6 +214,12 @@ def _predicted(path: Path, learner: Any, delay: float, units: dict[str, Any]) ->
         "position": data.position,
         "floor": data.contact_floor,
     }
+
+
+def _refuse_to_replace(recording: Path, out: Path | None) -> None:
+    """Results never take the place of what they come from."""
+    if out is not None and out.resolve() == recording.resolve():
+        raise SettingError("out", str(out), "is the recording itself: name another file")
 
 
 def _number_or_auto(name: str, text: str) -> float | None:

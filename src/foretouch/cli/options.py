@@ -5,11 +5,14 @@ from __future__ import annotations
 import functools
 import inspect
 import json
+import tempfile
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
+
+from foretouch.errors import SettingError
 
 __all__ = [
     "SESSION_OPTIONS",
@@ -28,6 +31,7 @@ __all__ = [
     "PositionUnit",
     "ReportDirectory",
     "Surface",
+    "make_folder",
     "print_json",
     "say",
     "with_session_settings",
@@ -48,6 +52,20 @@ Flip = Annotated[bool, typer.Option("--flip", help="Positions in the file shrink
 ForceChannel = Annotated[str, typer.Option(help="Force of a TU/e file: raw bridge or logged torque.")]
 Surface = Annotated[str, typer.Option(help="Position of the surface [m], or auto.")]
 ForceOffset = Annotated[str, typer.Option(help="Force in free air [N], or auto.")]
+
+
+def make_folder(path: Path) -> None:
+    """Make a folder for results, before anything is computed that would be lost.
+
+    Raises:
+        SettingError: It cannot be made or written to.
+    """
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=path):
+            pass
+    except OSError as error:
+        raise SettingError("folder", str(path), f"cannot be written: {error.strerror}") from None
 
 
 def say(line: str) -> None:

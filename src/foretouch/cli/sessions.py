@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 import time
 from collections.abc import Callable, Sequence
@@ -18,6 +19,7 @@ from foretouch.cli.options import (
     Listen,
     Parent,
     ReportDirectory,
+    make_folder,
     print_json,
     say,
     with_session_settings,
@@ -27,8 +29,12 @@ from foretouch.errors import LinkError, SettingError
 if TYPE_CHECKING:
     from foretouch.link import ZenohLink
     from foretouch.messages import Message, SessionLog
+    from foretouch.robot import Material
 
 __all__ = ["COMMANDS", "console", "follower", "leader", "print_report", "record", "simulate", "teleop"]
+
+LONGEST_REACH = 0.1
+"""Largest surface position and press depth [m] that a leader takes from a follower."""
 
 RecordingFile = Annotated[Path | None, typer.Option("--recording", help="MCAP file to write.")]
 
@@ -54,12 +60,12 @@ def teleop(
     _check_material(settings.material)
     path = recording or _default_recording(report)
     _check_writable(path)
+    if report is not None:
+        make_folder(report)
     if not headless:
-        from foretouch.link import check_endpoint, check_port_free
+        from foretouch.console import require_free_port
 
-        endpoint = f"tcp/127.0.0.1:{port}"
-        check_endpoint(endpoint)
-        check_port_free(endpoint)
+        require_free_port(port)
     say("Ctrl-C ends the session and prints the report." if duration is None else f"running for {duration:g} s")
     code = run_processes(
         settings,
@@ -100,6 +106,8 @@ def simulate(
         raise SettingError(
             "operator", settings.operator, "needs real time: use `foretouch teleop`, or scripted or recorded"
         )
+    if report is not None:
+        make_folder(report)
     robot = make_robot(settings.material, seed=settings.seed)
     moved_by = make_operator(
         settings.operator,
@@ -108,12 +116,15 @@ def simulate(
         seed=settings.seed,
         say=say,
     )
+    start = functools.partial(
+        run, settings, duration=duration, operator=moved_by, robot=robot, description=_reach_texts(robot.material)
+    )
     if recording is None:
-        session = run(settings, duration=duration, operator=moved_by, robot=robot)
+        session = start()
     else:
         _check_writable(recording)
         with SessionWriter(recording) as writer:
-            session = run(settings, duration=duration, operator=moved_by, robot=robot, record=writer.write)
+            session = start(record=writer.write)
             writer.close(session.log.counts)
     print_report(session.log, recording, report, json_output, elapsed=session.elapsed)
 
@@ -137,12 +148,11 @@ def follower(
 
     _check_duration(duration)
     robot = make_robot(settings.material, seed=settings.seed)
-    description = settings.as_text() | {
-        "surface": str(robot.material.surface),
-        "press_depth": str(robot.material.press_depth),
-    }
+    description = settings.as_text() | _reach_texts(robot.material)
     del description["operator"]  # the leader's to say
     with _link(listen, connect, insecure, FOLLOWER_CHANNELS) as link:
+        if parent is None:
+            say(f"follower: pressing {settings.material}, waiting for a leader")
         run_follower(
             link,
             robot,
@@ -183,6 +193,8 @@ def leader(
     _check_duration(duration)
     stop = StopFlag().on_signals()
     with _link(listen, connect, insecure, LEADER_CHANNELS) as link:
+        if parent is None:
+            say("leader: waiting for a follower")
         hello = wait_for_hello(link, {"follower"}, stop, parent=parent).get("follower", {})
         if stop.reason:
             return
@@ -249,8 +261,10 @@ def console(
 
     with _link(listen, connect, insecure, WATCHED_CHANNELS, watch) as link:
         say(f"console: {shown.url}")
-        shown.run(lambda: bool(stop.reason) or orphaned(parent))
+        shown.run(lambda: bool(stop.reason or link.version_error) or orphaned(parent))
         shown.close()
+        if link.version_error is not None:
+            raise link.version_error
 
 
 COMMANDS = (teleop, simulate, leader, follower, record, console)
@@ -274,14 +288,19 @@ def _link(
     return ZenohLink(listen=listen or (), connect=connect or (), subscribe=channels, insecure=insecure, watch=watch)
 
 
+def _reach_texts(material: Material) -> dict[str, str]:
+    """Where a material is and how deep it is pressed, for an operator to reach it."""
+    return {"surface": str(material.surface), "press_depth": str(material.press_depth)}
+
+
 def _reach(hello: dict[str, str], name: str) -> float:
     """A length that the follower said, for the operator to reach the material."""
     try:
         value = float(hello[name])
     except (KeyError, ValueError):
         value = math.nan
-    if not 0.0 < value < 1.0:
-        raise LinkError(f"the follower's hello has {name} = {hello.get(name)!r}: it must be a length below 1 m")
+    if not 0.0 < value <= LONGEST_REACH:
+        raise LinkError(f"the follower says {name} = {hello.get(name)!r}: it must be at most {LONGEST_REACH:g} m")
     return value
 
 
@@ -304,15 +323,11 @@ def _default_recording(report: Path | None) -> Path:
 
 def _check_writable(path: Path) -> None:
     """Refuse a recording that could not be written, before anything starts."""
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        new = not path.exists()
-        with path.open("ab"):
-            pass
-        if new:
-            path.unlink()  # it is the writer's to make
-    except OSError as error:
-        raise SettingError("recording", str(path), f"cannot be written: {error.strerror}") from None
+    if path.suffix.lower() != ".mcap":
+        raise SettingError("recording", str(path), "must end with .mcap")
+    make_folder(path.parent)
+    if path.exists() and not path.is_file():
+        raise SettingError("recording", str(path), "is there and is no file")
 
 
 def print_report(
@@ -325,10 +340,10 @@ def print_report(
     content["recording"] = None if path is None else str(path)
     if elapsed is not None:
         content["timing"]["elapsed_s"] = elapsed
-    if directory is not None:
-        write_page(directory, log, content)
-        say(f"report: {directory / 'index.html'}")
     if json_output:
         print_json(content)
     else:
         typer.echo(render_text(content))
+    if directory is not None:
+        write_page(directory, log, content)
+        say(f"report: {directory / 'index.html'}")

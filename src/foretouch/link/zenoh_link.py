@@ -21,8 +21,6 @@ __all__ = ["ZenohLink"]
 LONGEST_QUEUE = 20_000
 """Messages that an inbox holds; beyond it the oldest are dropped, so that a reader that stopped costs no memory."""
 
-_CHANNEL_OF = {channel.kind: channel.name for channel in CHANNELS.values()}
-
 
 class ZenohLink:
     """One process's place on the network.

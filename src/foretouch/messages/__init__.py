@@ -18,10 +18,19 @@ from foretouch.messages.schema import (
     Stop,
     Telemetry,
 )
-from foretouch.messages.session_log import FOLLOWER_DTYPE, LEADER_DTYPE, SessionLog, SessionRows, as_row
+from foretouch.messages.session_log import (
+    COUNT_PREFIX,
+    FOLLOWER_DTYPE,
+    LEADER_DTYPE,
+    SessionLog,
+    SessionRows,
+    as_row,
+    split_texts,
+)
 
 __all__ = [
     "CHANNELS",
+    "COUNT_PREFIX",
     "FOLLOWER_DTYPE",
     "LEADER_DTYPE",
     "VERSION",
@@ -40,4 +49,5 @@ __all__ = [
     "as_row",
     "decode",
     "encode",
+    "split_texts",
 ]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import msgspec
@@ -10,7 +11,7 @@ from numpy.typing import NDArray
 
 from foretouch.messages.schema import LeaderState, Message, ModelUpdate, Telemetry
 
-__all__ = ["FOLLOWER_DTYPE", "LEADER_DTYPE", "SessionLog", "SessionRows", "as_row"]
+__all__ = ["COUNT_PREFIX", "FOLLOWER_DTYPE", "LEADER_DTYPE", "SessionLog", "SessionRows", "as_row", "split_texts"]
 
 _TYPES = {"position": "f8", "velocity": "f8", "clipped": "?", "in_contact": "?"}
 
@@ -36,6 +37,20 @@ FOLLOWER_DTYPE = _dtype(Telemetry)
 def as_row(message: Message) -> tuple[object, ...]:
     """The fields of a message as a row of its table."""
     return msgspec.structs.astuple(message)[1:]
+
+
+COUNT_PREFIX = "count_"
+"""Begins the names of counters among the texts of a `Hello`."""
+
+
+def split_texts(texts: Mapping[str, str]) -> tuple[dict[str, str], dict[str, int]]:
+    """The settings and the counters among the texts of a `Hello`."""
+    counts = {
+        name.removeprefix(COUNT_PREFIX): int(value)
+        for name, value in texts.items()
+        if name.startswith(COUNT_PREFIX) and value.isdigit()
+    }
+    return {name: value for name, value in texts.items() if not name.startswith(COUNT_PREFIX)}, counts
 
 
 @dataclass(frozen=True)

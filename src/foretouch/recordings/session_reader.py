@@ -22,6 +22,7 @@ from foretouch.messages import (
     ModelUpdate,
     SessionLog,
     Telemetry,
+    split_texts,
 )
 from foretouch.quantities import Recording
 from foretouch.recordings._extra import optional
@@ -179,7 +180,9 @@ class _Scan:
                 if isinstance(message, ModelUpdate):
                     self._models.append(message)
                 elif isinstance(message, Hello):
-                    self._settings |= dict(zip(message.names, message.values, strict=False))
+                    settings, counts = split_texts(dict(zip(message.names, message.values, strict=False)))
+                    self._settings |= settings
+                    self._counts |= counts
         except ValueError as error:
             raise RecordingError(self._path, f"{TOPICS[kind].name}: {_one_line(error)}") from None
 

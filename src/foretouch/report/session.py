@@ -122,9 +122,9 @@ def _errors(scores: Scores | None) -> dict[str, float | None]:
 
 
 def _duration(log: SessionLog) -> float:
-    """Time between the first and the last tick of the side that ran longer [s]."""
-    spans = [np.ptp(table["time_ns"]) for table in (log.leader, log.follower) if table.size]
-    return float(max(spans, default=0)) * 1e-9
+    """Time between the first and the last tick of the leader, or of the follower where no leader was heard [s]."""
+    table = log.leader if log.leader.size else log.follower
+    return float(np.ptp(table["time_ns"])) * 1e-9 if table.size else 0.0
 
 
 def _largest(values: Array) -> float | None:

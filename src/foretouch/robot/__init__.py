@@ -8,8 +8,8 @@ from foretouch.robot.materials import (
     FoamFit,
     Material,
     fit_foam,
+    foam_fit_json,
     make_material,
-    save_foam_fit,
 )
 from foretouch.robot.rcm_arm import RcmArm
 from foretouch.robot.registry import make_robot
@@ -30,7 +30,7 @@ __all__ = [
     "RobotSample",
     "RobotSpecification",
     "fit_foam",
+    "foam_fit_json",
     "make_material",
     "make_robot",
-    "save_foam_fit",
 ]

@@ -10,7 +10,7 @@ from contextlib import contextmanager
 
 from foretouch.devices import BrowserOperator, Device
 from foretouch.link import FaultStage, ZenohLink
-from foretouch.messages import Command, ModelUpdate, Telemetry
+from foretouch.messages import COUNT_PREFIX, Command, ModelUpdate, Telemetry
 from foretouch.robot import Robot
 from foretouch.session import follower, leader
 from foretouch.session.counting import follower_counts, leader_counts
@@ -105,7 +105,7 @@ def run_follower(
     state = follower.start(robot.specification, settings.make_estimator(), model_rate=settings.model_rate)
 
     def describe() -> dict[str, str]:
-        return description | _as_text(follower_counts(state) | {"follower_undecodable": link.undecodable})
+        return description | _as_text(follower_counts(state) | _link_counts("follower", link))
 
     house = Housekeeper(link, "follower", describe, stop, say, parent)
     house.start()
@@ -164,7 +164,7 @@ def run_leader(
     state = leader.start()
 
     def describe() -> dict[str, str]:
-        return description | _as_text(leader_counts(state) | {"leader_undecodable": link.undecodable})
+        return description | _as_text(leader_counts(state) | _link_counts("leader", link))
 
     house = Housekeeper(link, "leader", describe, stop, say, parent)
     house.start()
@@ -207,6 +207,10 @@ def run_leader(
     house.close(stop.reason)
 
 
+def _link_counts(role: str, link: ZenohLink) -> dict[str, int]:
+    return {f"{role}_undecodable": link.undecodable, f"{role}_unsent": link.unsent}
+
+
 def _as_text(counts: dict[str, int]) -> dict[str, str]:
     """Counters as texts of a `Hello`; the recorder tells them from settings by the prefix."""
-    return {f"count_{name}": str(value) for name, value in counts.items()}
+    return {COUNT_PREFIX + name: str(value) for name, value in counts.items()}

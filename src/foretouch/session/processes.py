@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from foretouch.link import check_endpoint, free_endpoint
+from foretouch.link import free_endpoint
 from foretouch.session.housekeeping import StopFlag
 from foretouch.session.settings import SessionSettings
 
@@ -51,8 +51,6 @@ def run_processes(
         0, or the exit code of the process that failed.
     """
     follower, leader = free_endpoint(), free_endpoint()
-    for endpoint in (follower, leader):
-        check_endpoint(endpoint)
     common = ["--parent", str(os.getpid())]
     watching = ["--connect", follower, "--connect", leader, *common]
     chosen = _options(settings)
@@ -109,11 +107,12 @@ def _watch(children: list[_Child], stop: StopFlag, say: Callable[[str], None]) -
 
 
 def _end(children: list[_Child]) -> None:
-    """End all processes: the leader first, whose last word ends the others; then by signal."""
-    for child in children:
-        if child.role == "leader":
-            child.process.terminate()
-    _wait(children)
+    """End all processes: the leader first, whose last word ends the others; then, or if it has none, by signal."""
+    leading = next((child for child in children if child.role == "leader" and child.process.poll() is None), None)
+    if leading is not None:
+        leading.process.terminate()
+    if leading is not None or all(child.process.poll() in (None, 0) for child in children):
+        _wait(children)
     for insist in (subprocess.Popen.terminate, subprocess.Popen.kill):
         for child in children:
             if child.process.poll() is None:

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from foretouch.link import ZenohLink
-from foretouch.messages import VERSION, Hello
+from foretouch.messages import VERSION, Hello, split_texts
 from foretouch.recordings import SessionWriter
 from foretouch.session.housekeeping import ORPHANED, StopFlag, orphaned
 
@@ -39,6 +39,9 @@ def run_recorder(
         stop: Looked at in every round.
         say: Prints one line for people.
         parent: Process whose end ends this one.
+
+    Raises:
+        PeerVersionError: All that was heard speaks another version; no file is left.
     """
     counts: dict[str, int] = {}
     heard: set[str] = set()
@@ -52,12 +55,14 @@ def run_recorder(
                     writer.write(message, arrival)
                     if isinstance(message, Hello):
                         heard.add(message.role)
-                        counts |= _counts(message)
+                        counts |= split_texts(dict(zip(message.names, message.values, strict=False)))[1]
                     elif name == "stop" and end is None:
                         end = time.monotonic() + GRACE
             if not announced and {"leader", "follower"} <= heard:
                 link.publish(Hello(VERSION, 1, time.monotonic_ns(), "recorder", (), ()))
                 announced = True
+            if link.version_error is not None and not heard:
+                break
             if time.monotonic() - flushed >= FLUSH_PERIOD:
                 writer.flush()
                 flushed = time.monotonic()
@@ -66,13 +71,9 @@ def run_recorder(
             time.sleep(POLL_PERIOD)
         counts["recorder_undecodable"] = link.undecodable
         writer.close(counts)
+    if link.version_error is not None and not heard:
+        path.unlink()
+        raise link.version_error
+    if link.undecodable:
+        say(f"recorder: {link.undecodable} messages did not decode and were dropped")
     say(f"recorder: wrote {path}")
-
-
-def _counts(hello: Hello) -> dict[str, int]:
-    """The counters among a `Hello`'s texts."""
-    counts = {}
-    for name, value in zip(hello.names, hello.values, strict=False):
-        if name.startswith("count_") and value.isdigit():
-            counts[name.removeprefix("count_")] = int(value)
-    return counts

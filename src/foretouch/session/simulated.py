@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -43,6 +43,7 @@ def simulate(
     duration: float,
     operator: Device,
     robot: Robot,
+    description: Mapping[str, str] | None = None,
     record: Callable[[Message, int], None] | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> SimulatedSession:
@@ -56,6 +57,7 @@ def simulate(
         duration: Simulated [s].
         operator: Moves the leader.
         robot: The follower's.
+        description: Further settings for the log, as the sides say in their `Hello`.
         record: Called with each message to keep and its simulated time [ns].
         progress: Called now and then with the simulated time [s].
     """
@@ -66,7 +68,7 @@ def simulate(
     ticks = round(duration / SAMPLE_PERIOD)
     compute = np.zeros((2, ticks), dtype=np.int64)
     leader_log, follower_log, models = [], [], []
-    texts = settings.as_text() | {"operator": operator.name}
+    texts = settings.as_text() | {"operator": operator.name} | dict(description or {})
     if record is not None:
         record(Hello(VERSION, 1, 0, "simulation", tuple(texts), tuple(texts.values())), 0)
     sample = robot.read()

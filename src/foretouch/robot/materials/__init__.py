@@ -1,6 +1,6 @@
 """Materials that the simulated robot presses: one file each."""
 
-from foretouch.robot.materials.foam_fit import FOAM_DATASETS, FoamFit, fit_foam, save_foam_fit
+from foretouch.robot.materials.foam_fit import FOAM_DATASETS, FoamFit, fit_foam, foam_fit_json
 from foretouch.robot.materials.foam_measured import shipped_foam_fit
 from foretouch.robot.materials.hysteretic_contact import HystereticContact
 from foretouch.robot.materials.layered_contact import Layer, LayeredContact
@@ -22,7 +22,7 @@ __all__ = [
     "Relaxation",
     "RelaxingContact",
     "fit_foam",
+    "foam_fit_json",
     "make_material",
-    "save_foam_fit",
     "shipped_foam_fit",
 ]

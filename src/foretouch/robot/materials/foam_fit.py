@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
 from pathlib import Path
@@ -16,7 +15,7 @@ from foretouch.errors import RecordingError, SettingError
 from foretouch.quantities import Recording
 from foretouch.robot.materials.hysteretic_contact import Branch, HystereticContact, Spring
 
-__all__ = ["FOAM_DATASETS", "FOAM_PROVENANCE", "FittedFile", "FoamFit", "fit_foam", "replay", "save_foam_fit"]
+__all__ = ["FOAM_DATASETS", "FOAM_PROVENANCE", "FittedFile", "FoamFit", "fit_foam", "foam_fit_json", "replay"]
 
 Array = NDArray[np.float64]
 
@@ -130,11 +129,9 @@ def replay(model: HystereticContact, recording: Recording, surface: float) -> tu
     return times, force
 
 
-def save_foam_fit(fit: FoamFit, path: Path) -> None:
-    """Write a fit as JSON, whole or not at all."""
-    temporary = path.with_name(path.name + ".part")
-    temporary.write_bytes(msgspec.json.format(msgspec.json.encode(fit), indent=1) + b"\n")
-    os.replace(temporary, path)
+def foam_fit_json(fit: FoamFit) -> bytes:
+    """A fit as JSON, as it is shipped."""
+    return msgspec.json.format(msgspec.json.encode(fit), indent=1) + b"\n"
 
 
 class _Press:
