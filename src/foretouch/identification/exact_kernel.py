@@ -95,7 +95,7 @@ REFERENCE_STEP = 0.4
 """x0 follows the mean depth in steps of at least this much in ln x."""
 
 FADE_TIME = 0.1
-FADE_FROM = 1.5
+FADE_FROM = 2.5
 """Squared normalised innovations whose mean over 0.1 s is above this say that the covariance is too small."""
 
 LARGEST_GAP = 1.0
