@@ -128,6 +128,17 @@ def test_faults_are_counted() -> None:
     assert session_report(log)["messages"]["lost"] == sum(n for name, n in log.counts.items() if name.endswith("_lost"))
 
 
+@pytest.mark.parametrize("jitter", [0.0, 0.0005, 0.005])
+def test_the_network_s_jitter_does_not_shake_what_the_follower_feels(jitter: float) -> None:
+    log = run(6.0, material="hunt-crossley", jitter=jitter, seed=1).log
+    learnt = log.follower[log.follower["command_sequence"] > 0]
+    air = learnt[learnt["exact_force"] == 0.0]
+    assert air["sensor_force"].std() < 0.05
+    assert log.models[-1].surface == pytest.approx(0.010, abs=1.5e-3)
+    assert not air["in_contact"][:500].any()
+    assert np.mean(learnt["in_contact"] == (learnt["exact_force"] > 0.0)) > 0.9
+
+
 class Still(Device):
     """A hand that stays where it is."""
 

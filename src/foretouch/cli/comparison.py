@@ -14,6 +14,7 @@ from foretouch.cli.options import (
     Json,
     PositionUnit,
     ReportDirectory,
+    make_folder,
     print_json,
     say,
 )
@@ -59,6 +60,8 @@ def compare(
     """
     from foretouch import comparison
 
+    if report_directory is not None:
+        make_folder(report_directory)
     cases = [
         comparison.file_case(
             path, position_unit=position_unit, force_unit=force_unit, flip=flip, force_channel=force_channel
@@ -80,12 +83,14 @@ def compare(
         processes=jobs,
         progress=progress,
     )
-    if report_directory is not None:
-        say(f"report: {comparison.write_comparison_page(report_directory, results)}")
     if json_output:
         print_json({"results": [result.as_row() for result in results]})
     else:
         typer.echo(comparison.render_table(results))
+    if report_directory is not None:
+        say(f"report: {comparison.write_comparison_page(report_directory, results)}")
+    if all(result.status != "ok" for result in results):
+        raise typer.Exit(1)
 
 
 COMMANDS = (compare,)

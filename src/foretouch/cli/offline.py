@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import functools
 import math
+from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 import typer
@@ -25,6 +27,10 @@ from foretouch.cli.options import (
     say,
 )
 from foretouch.errors import SettingError
+
+if TYPE_CHECKING:
+    from foretouch.identification import Learner
+    from foretouch.quantities import Recording
 
 __all__ = ["COMMANDS", "identify", "predict", "report"]
 
@@ -52,16 +58,11 @@ def identify(
     from foretouch.recordings import read_recording, write_columns
 
     _refuse_to_replace(recording, out)
-
-    learner = identification.Learner(
-        identification.make_estimator(model, estimator),
-        surface=_number_or_auto("surface", surface),
-        force_offset=_number_or_auto("force-offset", force_offset),
-    )
+    learner = _learner(model, estimator, surface, force_offset)
     data = read_recording(
         recording, position_unit=position_unit, force_unit=force_unit, flip=flip, force_channel=force_channel
     )
-    result = identification.identify(data, learner)
+    result = identification.identify(data, learner(contact_floor=data.contact_floor))
     residual, contact = result.residual_rms, result.contact_force_rms
     content = {
         "model": model,
@@ -74,7 +75,7 @@ def identify(
         "contact_samples": int(result.in_contact.sum()),
         "residual_rms_N": _finite(residual),
         "residual_percent": _finite(100.0 * residual / contact) if contact > 0.0 else None,
-        "status": "ok" if math.isfinite(residual) else "no_residual",
+        "status": _identified(data) if math.isfinite(residual) else "no_residual",
     }
     if out is not None:
         write_columns(out, {"time_s": data.time, "in_contact": result.in_contact, **result.history})
@@ -109,7 +110,6 @@ def predict(
 
     Example: foretouch predict press.csv --delay 0.3 --json
     """
-    from foretouch import identification
     from foretouch.models.checks import require
     from foretouch.recordings import write_columns
     from foretouch.report import score
@@ -118,11 +118,7 @@ def predict(
     _refuse_to_replace(recording, out)
     if report_directory is not None:
         make_folder(report_directory)
-    learner = identification.Learner(
-        identification.make_estimator(model, estimator),
-        surface=_number_or_auto("surface", surface),
-        force_offset=_number_or_auto("force-offset", force_offset),
-    )
+    learner = _learner(model, estimator, surface, force_offset)
     units = {"position_unit": position_unit, "force_unit": force_unit, "flip": flip, "force_channel": force_channel}
     columns = _predicted(recording, learner, delay, units)
     scores = score(
@@ -186,7 +182,7 @@ def report(
 COMMANDS = (identify, predict, report)
 
 
-def _predicted(path: Path, learner: Any, delay: float, units: dict[str, Any]) -> dict[str, Any]:
+def _predicted(path: Path, learner: Callable[..., Learner], delay: float, units: dict[str, Any]) -> dict[str, Any]:
     """Measured, predicted and delayed force of a recording, at the samples that are scored."""
     from foretouch.identification import predict as run
     from foretouch.recordings import read_recording, read_session
@@ -195,7 +191,7 @@ def _predicted(path: Path, learner: Any, delay: float, units: dict[str, Any]) ->
 
     if path.suffix.lower() == ".mcap":
         log = read_session(path)
-        forces, pairs = replay(log, learner, delay=delay), pair(log)
+        forces, pairs = replay(log, learner(), delay=delay), pair(log)
         ticks = np.searchsorted(log.leader["sequence"], pairs.leader["sequence"])
         return {
             "time": pairs.time,
@@ -209,11 +205,40 @@ def _predicted(path: Path, learner: Any, delay: float, units: dict[str, Any]) ->
     return {
         "time": data.time,
         "measured": data.force,
-        "predicted": run(data, learner, delay=delay),
+        "predicted": run(data, learner(contact_floor=data.contact_floor), delay=delay),
         "delayed": delayed(data.time, data.force - lowest_mean(data.time, data.force), delay),
         "position": data.position,
         "floor": data.contact_floor,
     }
+
+
+def _learner(model: str, estimator: str, surface: str, force_offset: str) -> Callable[..., Learner]:
+    """Makes the learner that the options ask for, once the recording's contact floor is known."""
+    from foretouch import identification
+
+    return functools.partial(
+        identification.Learner,
+        identification.make_estimator(model, estimator),
+        surface=_number_or_auto("surface", surface),
+        force_offset=_number_or_auto("force-offset", force_offset),
+    )
+
+
+def _identified(data: Recording) -> str:
+    """Status of an identification: whether the recording's force has a zero that can be known."""
+    from foretouch.report import score
+
+    nothing = np.zeros(len(data))
+    scores = score(
+        data.time,
+        data.force,
+        nothing,
+        nothing,
+        contact_floor=data.contact_floor,
+        score_from=0.0,
+        position=data.position,
+    )
+    return "offset_unobservable" if scores.status == "offset_unobservable" else "ok"
 
 
 def _refuse_to_replace(recording: Path, out: Path | None) -> None:

@@ -7,14 +7,18 @@ from collections import deque
 from typing import NamedTuple
 
 from foretouch.models import MotionFilter
+from foretouch.models.checks import require
 
-__all__ = ["OFFSET_WINDOW", "Conditioner", "ContactSample"]
+__all__ = ["CONTACT_FLOOR", "OFFSET_WINDOW", "Conditioner", "ContactSample"]
 
 OFFSET_WINDOW = 0.05
 """Length [s] of the window whose lowest mean so far is taken for the force in free air."""
 
-SMALLEST_THRESHOLD = 0.005
-"""Least force [N] that counts as contact, however quiet the sensor."""
+CONTACT_FLOOR = 0.05
+"""Least force [N] that counts as contact where nothing better is known of the sensor."""
+
+SMALLEST_SPREAD = 0.005
+"""Windows with less spread than this [N] are quiet, however quiet the quietest was."""
 
 QUIET_FACTOR = 4.0
 """A window tells the force in free air only if its spread is at most this many times that of the quietest so far:
@@ -57,8 +61,9 @@ class Conditioner:
 
     - **Offset**: the lowest mean force over 50 ms so far, of the windows that are not much noisier than the
       quietest. Where a recording never leaves contact this is a convention; nothing in the data can tell.
-    - **Contact** begins when the force rises above a threshold, the largest of 5 mN, six standard deviations of the
-      force in the window that gave the offset, and 5 % of the largest force so far; it ends at half of it.
+    - **Contact** begins when the force rises above a threshold, the largest of the contact floor, six standard
+      deviations of the force in the window that gave the offset, and 5 % of the largest force so far; it ends at half
+      of it.
     - **Surface**: the last position, before the first contact, at which the force was below the threshold of ending.
       It moves outwards when contact is felt further out, and is found anew when the threshold has at least doubled
       since, for then the first contact was none.
@@ -66,6 +71,7 @@ class Conditioner:
     Args:
         surface: Position of the surface [m], or None to find it.
         force_offset: Force in free air [N], or None to find it.
+        contact_floor: Least force that counts as contact [N], by the noise of the origin; positive.
 
     Attributes:
         surface: [m]; NaN before it is known.
@@ -73,7 +79,15 @@ class Conditioner:
         in_contact: The newest judgement.
     """
 
-    def __init__(self, *, surface: float | None = None, force_offset: float | None = None) -> None:
+    def __init__(
+        self,
+        *,
+        surface: float | None = None,
+        force_offset: float | None = None,
+        contact_floor: float = CONTACT_FLOOR,
+    ) -> None:
+        require("contact_floor", contact_floor, above=0.0)
+        self._floor = contact_floor
         self._given_surface = surface
         self._given_offset = force_offset
         self.reset()
@@ -104,7 +118,7 @@ class Conditioner:
         self._learn_offset(time, force)
         force -= self.force_offset
         self._peak = max(self._peak, force)
-        threshold = max(SMALLEST_THRESHOLD, NOISE_FACTOR * self._noise, PEAK_SHARE * self._peak)
+        threshold = max(self._floor, NOISE_FACTOR * self._noise, PEAK_SHARE * self._peak)
         if self.in_contact:
             self.in_contact = force > RELEASE_SHARE * threshold
         else:
@@ -136,7 +150,7 @@ class Conditioner:
         spread = math.sqrt(max(0.0, self._square_sum / count - mean * mean))
         if full:
             self._quietest = min(self._quietest, spread)
-            if mean >= self._lowest_mean or spread > max(QUIET_FACTOR * self._quietest, SMALLEST_THRESHOLD):
+            if mean >= self._lowest_mean or spread > max(QUIET_FACTOR * self._quietest, SMALLEST_SPREAD):
                 return
             self._lowest_mean = mean
         elif math.isfinite(self._lowest_mean):

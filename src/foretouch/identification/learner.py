@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from foretouch.identification.conditioning import Conditioner, ContactSample
+from foretouch.identification.conditioning import CONTACT_FLOOR, Conditioner, ContactSample
 from foretouch.identification.estimator import Estimator, Status
 from foretouch.models import ContactModel, ContactState
 
@@ -36,6 +36,7 @@ class Learner:
         estimator: Identifies the law.
         surface: Position of the surface [m], None to find it.
         force_offset: Force in free air [N], None to find it.
+        contact_floor: Least force that counts as contact [N], by the noise of the origin.
 
     Attributes:
         sample: The newest conditioned sample.
@@ -43,11 +44,16 @@ class Learner:
     """
 
     def __init__(
-        self, estimator: Estimator, *, surface: float | None = None, force_offset: float | None = None
+        self,
+        estimator: Estimator,
+        *,
+        surface: float | None = None,
+        force_offset: float | None = None,
+        contact_floor: float = CONTACT_FLOOR,
     ) -> None:
         self.estimator = estimator
         self.estimator.trust_surface(surface is not None)
-        self.conditioner = Conditioner(surface=surface, force_offset=force_offset)
+        self.conditioner = Conditioner(surface=surface, force_offset=force_offset, contact_floor=contact_floor)
         self.sample = ContactSample(math.nan, math.nan, 0.0, 0.0, False)
         self.status = Status.FREE_AIR
 
