@@ -24,8 +24,10 @@ check: setup  ## lint, types, import rules
 	@$(BIN)/mypy
 	@$(BIN)/lint-imports
 
+# What starts processes in real time runs alone; the rest shares the cores.
 test: setup system check docs  ## everything that a change must pass, in under 10 minutes on 2 cores
-	@$(BIN)/pytest -m "not long" $(ARGS)
+	@$(BIN)/pytest -m "not long and not live" --numprocesses 2 --dist loadfile $(ARGS)
+	@$(BIN)/pytest -m "live and not long" $(ARGS)
 
 test-long: setup system  ## what takes longer, every make target among it
 	@$(BIN)/pytest -m long $(ARGS)
