@@ -1,0 +1,208 @@
+"""The ideal simulations of Figs. 7 and 8: one motion, four materials, what an estimator makes of each sample."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from foretouch.errors import UnknownNameError
+from foretouch.identification import ContactSample
+from foretouch.identification.linearised import LinearisedEstimator
+from foretouch.models import (
+    ContactModel,
+    ContinuousSwitching,
+    HuntCrossley,
+    KelvinVoigt,
+    LinearisedContinuousSwitching,
+    MemorylessLaw,
+    advance,
+    fit_polynomial,
+    linearise,
+)
+from foretouch.reproduction.trajectories import WAVES, two_presses
+
+__all__ = [
+    "DURATION",
+    "HUNT_CROSSLEY",
+    "KELVIN_VOIGT",
+    "MATERIALS",
+    "PERIOD",
+    "STEPS",
+    "Press",
+    "Trace",
+    "follow",
+    "forces_of",
+    "press",
+    "true_parameters",
+]
+
+Array = NDArray[np.float64]
+
+DURATION = 25.0
+"""Of the paper's simulations [s]."""
+
+PERIOD = 0.1
+"""Of the paper's samples [s]: its changes at 7 s and 15 s are at the 70th and 150th iteration."""
+
+KELVIN_VOIGT = KelvinVoigt(6000.0, 500.0)
+"""The paper's <1>."""
+
+HUNT_CROSSLEY = HuntCrossley(3000.0, 1500.0, 1.4)
+"""The paper's <2>."""
+
+STEPS = (7.0, 15.0)
+"""Times of the two sudden changes [s]."""
+
+_STEP_LAWS = (
+    ContinuousSwitching(3000.0, 1500.0, 1.4, 0.0),
+    ContinuousSwitching(4500.0, 1000.0, 0.7, 0.5),
+    ContinuousSwitching(6000.0, 500.0, 0.0, 1.0),
+)
+
+
+def _gradual(time: float) -> MemorylessLaw:
+    # n = 1.4 - 0.056 t as printed, written so that it ends at 0 and not at a rounding error below it.
+    share = time / DURATION
+    return ContinuousSwitching(3000.0 + 120.0 * time, 1500.0 - 40.0 * time, 1.4 * (1.0 - share), share)
+
+
+def _sudden(time: float) -> MemorylessLaw:
+    return _STEP_LAWS[sum(time >= step for step in STEPS)]
+
+
+MATERIALS: dict[str, Callable[[float], MemorylessLaw]] = {
+    "kelvin-voigt": lambda time: KELVIN_VOIGT,
+    "hunt-crossley": lambda time: HUNT_CROSSLEY,
+    "continuous": _gradual,
+    "steps": _sudden,
+}
+"""The law of each simulated material at a time [s]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Press:
+    """One simulation: what the estimator is given, and what is true.
+
+    Attributes:
+        material: Its name.
+        time: [s], shape (m,); the first sample is one period after 0.
+        depth: As given to the estimator [m], shape (m,).
+        velocity: As given to the estimator [m/s], shape (m,).
+        force: As given to the estimator [N], shape (m,).
+        true_force: Of the exact law on the exact motion [N], shape (m,).
+        laws: The exact law at each sample, m of them.
+    """
+
+    material: str
+    time: Array
+    depth: Array
+    velocity: Array
+    force: Array
+    true_force: Array
+    laws: tuple[MemorylessLaw, ...]
+
+    @property
+    def samples(self) -> list[ContactSample]:
+        """For `Estimator.update`."""
+        columns = (self.time.tolist(), self.depth.tolist(), self.velocity.tolist(), self.force.tolist())
+        return [ContactSample(*row, True) for row in zip(*columns, strict=True)]
+
+
+def press(
+    material: str,
+    *,
+    period: float = PERIOD,
+    noise: float = 0.0,
+    seed: int = 0,
+    differenced: bool = False,
+    waves: tuple[tuple[float, float], ...] = WAVES,
+) -> Press:
+    """Press one material along the trajectory of Fig. 6; every sample is in contact.
+
+    Args:
+        material: Of `MATERIALS`.
+        period: Between samples [s].
+        noise: Standard deviation of the force noise [N].
+        seed: Of the noise.
+        differenced: Whether the velocity is the difference of the last two depths instead of the derivative.
+        waves: Of the trajectory.
+
+    Raises:
+        UnknownNameError: No such material.
+    """
+    if material not in MATERIALS:
+        raise UnknownNameError("material", material, MATERIALS)
+    count = round(DURATION / period)
+    time = np.arange(1, count + 1) * DURATION / count
+    depth, velocity = two_presses(time, waves)
+    laws = tuple(map(MATERIALS[material], time.tolist()))
+    force = forces_of(laws, depth, velocity)
+    given = force + noise * np.random.default_rng(seed).standard_normal(count) if noise > 0.0 else force
+    seen = velocity
+    if differenced:
+        seen = np.diff(depth, prepend=two_presses(0.0, waves)[0]) / period
+    return Press(material, time, depth, seen, given, force, laws)
+
+
+def forces_of(models: tuple[ContactModel | None, ...], depth: Array, velocity: Array) -> Array:
+    """Force [N] of one model for each sample, NaN where there is none."""
+    return np.array(
+        [
+            np.nan if model is None else advance(model, (), x, v, PERIOD)[1]
+            for model, x, v in zip(models, depth.tolist(), velocity.tolist(), strict=True)
+        ]
+    )
+
+
+def true_parameters(pressed: Press) -> Array:
+    """(k, s, b1, b2) of the true law linearised, shape (4, m); k in N/m^s, b1 in s/m, b2 in s.
+
+    a1 and a2 of (17) are fitted over the depths of the whole trajectory, for (18) has one pair for all depths.
+    """
+    depths = two_presses(np.arange(0.0, DURATION, PERIOD))[0]
+    known: dict[MemorylessLaw, LinearisedContinuousSwitching] = {}
+    for law in pressed.laws:
+        if law not in known:
+            fit = fit_polynomial(law.general_form[3], depths, depth_power=0.0)
+            known[law] = linearise(law, fit.a1, fit.a2)
+    columns = np.array([known[law].parameters for law in pressed.laws]).T
+    columns[0] = np.exp(columns[0])
+    return columns
+
+
+@dataclass(frozen=True, eq=False)
+class Trace:
+    """What an estimator of the linearised law (18) found at each sample.
+
+    Attributes:
+        k: Stiffness [N/m^s], shape (m,).
+        s: Exponent of depth, shape (m,).
+        b1: [s/m], shape (m,).
+        b2: [s], shape (m,).
+        force: Of each sample by the parameters that were learnt from it too [N], shape (m,).
+        ahead: Of each sample by the parameters before it [N], shape (m,); the first is NaN.
+    """
+
+    k: Array
+    s: Array
+    b1: Array
+    b2: Array
+    force: Array
+    ahead: Array
+
+
+def follow(estimator: LinearisedEstimator, pressed: Press) -> Trace:
+    """Feed every sample to a fresh estimator of the linearised law (18)."""
+    found = []
+    for sample in pressed.samples:
+        estimator.update(sample)
+        found.append(estimator.linear_parameters)
+    models = tuple(LinearisedContinuousSwitching(*linear) for linear in found)
+    ln_k, s, b1, b2 = np.array(found).T
+    force = forces_of(models, pressed.depth, pressed.velocity)
+    ahead = forces_of((None, *models[:-1]), pressed.depth, pressed.velocity)
+    with np.errstate(over="ignore"):
+        return Trace(np.exp(ln_k), s, b1, b2, force, ahead)
