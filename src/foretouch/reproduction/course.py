@@ -29,15 +29,16 @@ JUMP_TIME = 0.1
 """Changes within this time are jumps [s]: a twelfth of a compression."""
 
 
-def settled_at(history: History, period: float, band: float) -> int | None:
-    """Iteration from which on s stays within a band about where it is in the end.
+def settled_at(history: History, period: float, band: float | None) -> int | None:
+    """Iteration from which on s stays where it is in the end.
 
-    Where it is in the end is its median over the last two presses.
+    Where it is in the end is a band about its median over the last two presses, or its range over these two, wider by
+    half of itself on either side.
 
     Args:
         history: Of `Watched`.
         period: Of one press [s].
-        band: To either side [-].
+        band: To either side [-]; None for the range.
 
     Returns:
         The iteration, that of the first note at least; None where s leaves the band within the last two presses.
@@ -46,7 +47,11 @@ def settled_at(history: History, period: float, band: float) -> int | None:
     if not time.size:
         return None
     late = time > time[-1] - 2.0 * period
-    outside = np.flatnonzero(np.abs(s - np.median(s[late])) > band)
+    middle, half = float(np.median(s[late])), band
+    if half is None:
+        low, high = float(s[late].min()), float(s[late].max())
+        middle, half = 0.5 * (low + high), high - low
+    outside = np.flatnonzero(np.abs(s - middle) > half)
     if not outside.size:
         return int(history["iteration"][0])
     return None if late[outside[-1]] else int(history["iteration"][outside[-1] + 1])

@@ -17,10 +17,23 @@ from foretouch.messages import SessionLog
 from foretouch.robot import Material, make_material, make_robot
 from foretouch.session import SessionSettings, simulate
 
-__all__ = ["MATERIALS", "PRESS_PERIOD", "SCRIPTS", "Experiment", "Script", "SlowPresses", "run_experiment"]
+__all__ = [
+    "FORCE_DELAY",
+    "FURTHER_BACK",
+    "MATERIALS",
+    "PRESS_PERIOD",
+    "Experiment",
+    "Script",
+    "SlowPresses",
+    "make_script",
+    "run_experiment",
+]
 
 MATERIALS = ("sponge", "foam", "hand")
 """In the order of the paper's Figs. 10 and 11."""
+
+FORCE_DELAY = 0.3
+"""Of models and telemetry in the paper's experiment [s]."""
 
 PRESS_PERIOD = 2.5
 """Of one compression and one restitution of sponge and foam [s]; the paper gives none, its figures last 14 s."""
@@ -35,25 +48,41 @@ Script = tuple[tuple[float, float], ...]
 """Turning points of the hand: time [s] and depth [m], negative above the surface."""
 
 
-def _repeated(deepest: float, presses: int) -> Script:
-    """Compression to `deepest` and restitution to half of it, again and again."""
-    half = 0.5 * PRESS_PERIOD
+BACK, FURTHER_BACK = 1.0 / 2.0, 1.0 / 3.0
+"""Share of the depth to which sponge and foam are let go in each restitution: without being left, and nearly so."""
+
+_HAND: Script = (
+    *((3.2, 0.0070), (4.9, -0.002), (5.4, -0.002)),
+    *((7.4, 0.0082), (9.4, -0.002), (9.9, -0.002)),
+    *((11.5, 0.0065), (13.1, -0.002), (14.0, -0.002)),
+)
+
+_DEEPEST = {"sponge": 0.015, "foam": 0.019}
+
+
+def make_script(material: str, presses: int | None = None, *, back: float = BACK) -> Script:
+    """What the operator does after the approach.
+
+    Sponge and foam are penetrated, five times if not said otherwise, and each time let go to a share of the depth. The
+    hand is pressed three times, the second time deepest, with less than 15 N, and left each time.
+
+    Args:
+        material: One of `MATERIALS`.
+        presses: Counted from the first; None for all.
+        back: That share, for sponge and foam.
+
+    Raises:
+        UnknownNameError: No such material here.
+    """
+    if material not in MATERIALS:
+        raise UnknownNameError("material of the experiment", material, MATERIALS)
+    if material == "hand":
+        return _HAND if presses is None else _HAND[: 3 * presses]
+    deepest, half = _DEEPEST[material], 0.5 * PRESS_PERIOD
     return tuple(
-        (FIRST_PRESS + (turn + 1) * half, deepest if turn % 2 == 0 else 0.5 * deepest) for turn in range(2 * presses)
+        (FIRST_PRESS + (turn + 1) * half, deepest if turn % 2 == 0 else back * deepest)
+        for turn in range(2 * (5 if presses is None else presses))
     )
-
-
-SCRIPTS: dict[str, Script] = {
-    "sponge": _repeated(0.015, 5),
-    "foam": _repeated(0.019, 5),
-    "hand": (
-        *((3.2, 0.0070), (4.9, -0.002), (5.4, -0.002)),
-        *((7.4, 0.0082), (9.4, -0.002), (9.9, -0.002)),
-        *((11.5, 0.0065), (13.1, -0.002), (14.0, -0.002)),
-    ),
-}
-"""What the operator does after the approach. Sponge and foam are penetrated and then compressed and let go repeatedly
-without being left; the hand is pressed three times, the second time deepest, with less than 15 N."""
 
 
 class SlowPresses(Device):
@@ -124,23 +153,21 @@ class Experiment:
 
 
 @cache
-def run_experiment(name: str, presses: int | None = None) -> Experiment:
+def run_experiment(name: str, presses: int | None = None, *, back: float = BACK) -> Experiment:
     """The session on one material, with the real steps of both sides, 80 ms out and 300 ms back, as in the paper.
 
     Args:
         name: One of `MATERIALS`.
-        presses: Of the script, counted from the first; None for all.
+        presses: As of `make_script`.
+        back: As of `make_script`.
 
     Raises:
         UnknownNameError: No such material here.
         MissingExtraError: MuJoCo is not installed.
     """
-    if name not in SCRIPTS:
-        raise UnknownNameError("material of the experiment", name, SCRIPTS)
+    script = make_script(name, presses, back=back)
     material = make_material(name)
-    whole = SCRIPTS[name]
-    script = whole if presses is None else whole[: presses * (3 if name == "hand" else 2)]
-    settings = SessionSettings(material=name, position_delay=0.08, force_delay=0.3)
+    settings = SessionSettings(material=name, position_delay=0.08, force_delay=FORCE_DELAY)
     session = simulate(
         settings,
         duration=script[-1][0],

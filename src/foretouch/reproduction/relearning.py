@@ -11,11 +11,21 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from foretouch.identification import FPRLS, Estimator, FPRLSOptions, Learner, RobustFPRLS, Status, make_estimator
-from foretouch.identification.conditioning import ContactSample
+from foretouch.identification import (
+    FPRLS,
+    ContactSample,
+    Estimator,
+    FPRLSOptions,
+    Learner,
+    RobustFPRLS,
+    Status,
+    make_estimator,
+)
+from foretouch.identification.recursion import ErrorUnit
 from foretouch.messages import SessionLog
 from foretouch.models import ContactModel
 from foretouch.report import session_report
+from foretouch.reproduction.experiment import FORCE_DELAY
 from foretouch.session import replay
 
 __all__ = [
@@ -33,9 +43,6 @@ __all__ = [
 ]
 
 Array = NDArray[np.float64]
-
-FORCE_DELAY = 0.3
-"""Of the paper's experiment [s]."""
 
 FIELDS = (
     *("time", "iteration", "depth", "velocity", "force"),
@@ -147,27 +154,30 @@ class Choice:
         name: For people.
         every: Which samples of the 1 kHz it is given: 1 all, 10 a tenth of them.
         make: A fresh estimator.
+        test: What the self-perturbing test sees, where that is a choice.
     """
 
     name: str
     every: int
     make: Callable[[], Estimator]
+    test: ErrorUnit | None = None
 
 
-def _fprls(every: int, rate: float, error: Any, perturbation: float = 1e6) -> Choice:
+def _fprls(every: int, rate: float, error: ErrorUnit, perturbation: float = 1e6) -> Choice:
     options = FPRLSOptions(forgetting_rate=rate, perturbation_error=error, perturbation=perturbation)
     parts = [f"fprls at {1000 // every} Hz", f"rho = {rate:g} /m", f"test in {error}"]
     if not perturbation > 0.0:
         parts[2] = "delta = 0"
-    return Choice(", ".join(parts), every, lambda: FPRLS(options))
+    return Choice(", ".join(parts), every, lambda: FPRLS(options), error)
 
 
-def _departures(answers: tuple[int, float, str]) -> int:
+def _departures(answers: tuple[int, float, ErrorUnit]) -> int:
     every, rate, error = answers
     return (every != 1) + (rate != FPRLSOptions().forgetting_rate) + (error != "log")
 
 
-_ANSWERS = sorted(product((1, 10, 100), (1e3, 1e2, 1e4), ("log", "newton")), key=_departures)
+_TESTS: tuple[ErrorUnit, ...] = ("log", "newton")
+_ANSWERS = sorted(product((1, 10, 100), (1e3, 1e2, 1e4), _TESTS), key=_departures)
 
 CHOICES = tuple(_fprls(*answers) for answers in _ANSWERS)
 """The paper's estimator under every combination of three open choices, the printed defaults first, then by the number
@@ -217,6 +227,10 @@ class Prediction:
     def error(self) -> float:
         """Of the predicted force [% of the RMS of the contact force]; inf where it has no bound."""
         return _bounded(self.report["prediction_error_percent"])
+
+    def error_from(self, time: float) -> float:
+        """The same, scored from a time [s] on."""
+        return _bounded(session_report(self.log, score_from=time)["prediction_error_percent"])
 
     @property
     def delayed_error(self) -> float:
