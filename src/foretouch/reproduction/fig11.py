@@ -141,7 +141,7 @@ def _owed(hand: Experiment, made: Mapping[str, Predictions]) -> Claim:
         if other.name not in without:
             without[other.name] = predict_again(hand.log, other)
         bare = without[other.name]
-        trips = tripped(choice, prediction)
+        trips = tripped(choice, prediction.history)
         measured = f"{_percent(prediction.error)} with {trips} perturbations, {_percent(bare.error)} with delta = 0"
         outcomes.append(Outcome(choice.name, trips > 0 and bare.error > OWED * prediction.error, measured))
     return judge(
@@ -153,14 +153,13 @@ def _owed(hand: Experiment, made: Mapping[str, Predictions]) -> Claim:
     )
 
 
-def tripped(choice: Choice, prediction: Prediction) -> int:
+def tripped(choice: Choice, course: Mapping[str, Array]) -> int:
     """How often the self-perturbing test tripped after the first notes, computed from them.
 
     Args:
         choice: Of `CHOICES`.
-        prediction: Under that choice.
+        course: What it found (`Watched.history`).
     """
-    course = prediction.history
     before = np.stack([course[name][:-1] for name in ("ln_k", "s", "b1", "b2")])
     depth, velocity, force = (course[name][1:] for name in ("depth", "velocity", "force"))
     regressors = np.stack([np.ones_like(depth), np.log(depth), velocity, velocity / depth])
