@@ -139,7 +139,7 @@ class Result:
         samples: Of the recording.
         contact_samples: As the estimator's conditioning judges it.
         residual_percent: One-step error: RMS residual as a share of the RMS force over the same samples [%].
-        us_per_sample: Time of identification [us], in a process beside others.
+        us_per_sample: Time of `identify` [us], which keeps every parameter at every sample; beside other jobs.
         parameters: The law's numbers after the last sample; None where undetermined.
         standard_errors: By name, None where there are none.
         warnings: One sentence for each parameter that cannot be told from the others.
@@ -183,8 +183,9 @@ def try_combination(job: Combination) -> Result:
 
 
 def failed(job: Combination, reason: str) -> Result:
-    """The result of a combination that gave none."""
-    return Result(job.case.name, job.model, job.estimator, "failed", " ".join(reason.split()))
+    """The result of a combination that gave none; the reason without the recording's name, which the result has."""
+    text = " ".join(reason.split()).removeprefix(f"{job.case.name}: ")
+    return Result(job.case.name, job.model, job.estimator, "failed", text)
 
 
 def measure(job: Combination) -> Result:
@@ -194,14 +195,16 @@ def measure(job: Combination) -> Result:
         ForetouchError: The recording cannot be read, or nothing can be identified from it.
     """
     loaded = load(job.case)
-    learner = Learner(make_estimator(job.model, job.estimator))
+    floor = loaded.recording.contact_floor
+    learner = Learner(make_estimator(job.model, job.estimator), contact_floor=floor)
     begin = perf_counter()
     found = identify(loaded.recording, learner)
     seconds = perf_counter() - begin
     residual, contact = found.residual_rms, found.contact_force_rms
-    once = OnceLearnt(make_estimator(job.model, job.estimator))
+    once, truth = OnceLearnt(make_estimator(job.model, job.estimator), contact_floor=floor), loaded.truth
+    if truth is not None:
+        once.learn(loaded.recording)
     predictions = tuple(_prediction(job, loaded, once, delay) for delay in job.scoring.delays)
-    truth = loaded.truth
     return Result(
         job.case.name,
         job.model,

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foretouch.comparison.combination import Result
-from foretouch.comparison.table import middle
+from foretouch.comparison.table import NEVER, middle
 from foretouch.report import COLOURS, finished, legend, new_figure
 
 __all__ = ["delay_figure", "matrix_figure", "short_names"]
@@ -32,7 +32,7 @@ def matrix_figure(
 
     Args:
         results: As `compare` gave them.
-        figure_of: The number, None where there is none; its size is what is coloured.
+        figure_of: The number, None where there is none, infinite where it was never reached; its size is coloured.
         title: What the numbers are, with unit.
         first_row: Name of a row above all others, and what its median over the combinations is taken of.
         limits: Numbers at the ends of the colours, positive.
@@ -59,10 +59,10 @@ def _draw(
     values: Array, texts: list[list[str]], labels: list[str], names: list[str], title: str, limits: tuple[float, float]
 ) -> Any:
     low, high = np.log(limits)
-    figure = new_figure(1.9 + 0.27 * len(labels))
+    figure = new_figure(1.7 + 0.27 * len(labels))
     axes = figure.subplots()
     shade = np.clip((np.log(np.maximum(values, 1e-12)) - low) / (high - low), 0.0, 1.0)
-    shade = np.where(np.isfinite(values), shade, np.nan)
+    shade = np.where(np.isnan(values), np.nan, shade)
     axes.imshow(np.ma.masked_invalid(shade), cmap="YlOrRd", vmin=0.0, vmax=1.15, aspect="auto")
     size = 8.5 if len(names) <= 10 else 7.0 if len(names) <= 16 else 5.5
     for row, line in enumerate(texts):
@@ -78,7 +78,7 @@ def _draw(
     axes.spines[["bottom", "left"]].set_visible(False)
     axes.tick_params(length=0)
     height = figure.get_figheight()
-    figure.subplots_adjust(left=0.30, right=0.99, bottom=1.25 / height, top=1.0 - 0.4 / height)
+    figure.subplots_adjust(left=0.30, right=0.99, bottom=1.05 / height, top=1.0 - 0.4 / height)
     return figure
 
 
@@ -139,4 +139,6 @@ def _medians(rows: Sequence[Result], figure_of: Callable[[Any], float | None]) -
 def _short(value: float | None) -> str:
     if value is None:
         return "-"
-    return f"{value:.0e}" if abs(value) >= 1e4 else f"{value:.0f}" if abs(value) >= 100.0 else f"{value:.2g}"
+    if np.isinf(value):
+        return NEVER
+    return f"{value:.0e}" if abs(value) >= 1e4 else f"{value:.0f}" if abs(value) >= 9.95 else f"{value:.2g}"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import repeat
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 from foretouch.comparison.cases import Loaded
 from foretouch.identification import ContactSample, Learner, LearntModel, predict
 from foretouch.identification.estimator import Estimator
+from foretouch.quantities import Recording
 from foretouch.report import CONTACT_FLOOR, Scores, delayed, lowest_mean, pair, score
 from foretouch.session import replay
 
@@ -45,10 +47,14 @@ class OnceLearnt(Learner):
     """A learner that learns a recording once and, fed with the same recording again, says the same from memory.
 
     So the prediction can be made under many delays for one learning.
+
+    Args:
+        estimator: Fresh.
+        contact_floor: Of the recording [N], as `Learner`.
     """
 
-    def __init__(self, estimator: Estimator) -> None:
-        super().__init__(estimator)
+    def __init__(self, estimator: Estimator, *, contact_floor: float) -> None:
+        super().__init__(estimator, contact_floor=contact_floor)
         self._memory: list[LearntModel] = []
         self._place = -1
 
@@ -56,6 +62,14 @@ class OnceLearnt(Learner):
     def memory(self) -> Sequence[LearntModel]:
         """What was known after each sample of the recording so far."""
         return self._memory
+
+    def learn(self, recording: Recording) -> None:
+        """Learn all samples of a recording; predictions alone leave out those that come too late for them."""
+        self.again()
+        velocities = repeat(None) if recording.velocity is None else recording.velocity.tolist()
+        columns = (recording.time.tolist(), recording.position.tolist(), recording.force.tolist(), velocities)
+        for sample in zip(*columns, strict=False):
+            self.update(*sample)
 
     def again(self) -> OnceLearnt:
         """Back at the beginning of the recording."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from html import escape
 from itertools import groupby
@@ -88,9 +89,12 @@ def _of(index: int, name: str) -> Any:
 
 
 def _slowest(result: Result) -> float | None:
-    """None where one never converged."""
-    times = [event.convergence_s for event in result.convergence]
-    return max((time for time in times if time is not None), default=None) if None not in times else None
+    """Infinite where one never converged."""
+    return max((_or_never(event.convergence_s) for event in result.convergence), default=None)
+
+
+def _or_never(value: float | None) -> float:
+    return math.inf if value is None else value
 
 
 def _table(rows: list[Result]) -> str:

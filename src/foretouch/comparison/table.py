@@ -60,9 +60,9 @@ def parameter_text(result: Result) -> str:
     for name, found in result.parameter_errors.items():
         if name == "ln_k":
             continue
-        unit = " %" if name in ("stiffness", "damping") else ""
         error = found.error
-        value = "undetermined" if found.estimated is None else "-" if error is None else f"{error:+.3g}{unit}"
+        text = "-" if error is None else f"{error:+.3g} %" if name in ("stiffness", "damping") else f"{error:+.3f}"
+        value = "undetermined" if found.estimated is None else text
         parts.append(f"{name} {value}")
     return ", ".join(parts)
 

@@ -149,10 +149,10 @@ def convergence(recording: Recording, truth: Truth, learnt: Sequence[LearntModel
         MotionFilter().run(time.tolist(), position.tolist()) if recording.velocity is None else recording.velocity
     )
     begins = [_felt(time, truth.depth, change) for change in (-math.inf, *truth.changes)]
-    begins = [begin for begin in begins if math.isfinite(begin)]
-    ends = [*truth.changes[: len(begins) - 1], float(time[-1])]
     found = []
-    for begin, end in zip(begins, ends, strict=True):
+    for begin, end in zip(begins, (*truth.changes, float(time[-1])), strict=True):
+        if not begin < end:
+            continue  # never felt, or not before the next change
         settled: float | None = None
         for first in np.searchsorted(time, np.arange(begin, end - CONVERGED_SPAN, CONVERGED_STEP)).tolist():
             last = int(np.searchsorted(time, time[first] + CONVERGED_SPAN))
