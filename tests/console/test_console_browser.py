@@ -58,7 +58,7 @@ def bench() -> Iterator[Bench]:
 
 
 def test_page_comes_up_and_says_what_to_do(bench):
-    assert bench.seconds_to_page < 20.0  # about 4 s with a software renderer on 2 cores, the browser's start included
+    assert bench.seconds_to_page < 60.0  # about 4 s with a software renderer on 2 idle cores
     bench.page.get_by_text("Predicted force now").wait_for()
     for text in (
         "Contact force [N], drawn up to 15 N",
