@@ -18,7 +18,15 @@ SECTIONS: dict[str, str] = {
     "fig5": "fig5",
     "table1": "table1",
     "fig6": "fig6",
+    "fig7a": "fig7a",
+    "fig7b": "fig7b",
+    "fig7c": "fig7c",
+    "fig8": "fig8",
+    "choices": "search",
+    "arguments": "arguments",
+    "fast": "fast",
     "fig10": "fig10",
+    "fig11": "fig11",
 }
 """Name of each section, and the module of this room whose ``make()`` makes it."""
 
