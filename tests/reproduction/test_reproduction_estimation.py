@@ -17,13 +17,13 @@ from foretouch.models import HuntCrossley, KelvinVoigt, MotionFilter
 from foretouch.reproduction import Section, make_section
 from foretouch.reproduction.arguments import SETS, exponent_effects, stiff_fits, two_stage_errors
 from foretouch.reproduction.choices import BEST, NEAREST, PRINTED, VALUES, Choice, answer, combinations, runs_of
-from foretouch.reproduction.fast import VARIANTS
+from foretouch.reproduction.fast import VARIANTS, floor
 from foretouch.reproduction.fast_walk import AHEAD, NOISE, hold, measured_press, taps, walk
 from foretouch.reproduction.fig7c import FIRST, SECOND, covariance_at_steps, log_errors
 from foretouch.reproduction.fig8 import FORGETTING, switching_grid, switching_options
 from foretouch.reproduction.presses import MATERIALS, Press, Trace, follow, press, true_parameters
-from foretouch.reproduction.questions import QUESTIONS, settled_at
-from foretouch.reproduction.search import Search, best_of
+from foretouch.reproduction.questions import QUESTIONS, ordinal, settled_at
+from foretouch.reproduction.search import Search, best_of, noise_shares
 from foretouch.reproduction.threshold import errors_of_threshold
 from foretouch.reproduction.trajectories import WAVES
 
@@ -407,3 +407,32 @@ def test_verdicts() -> None:
     }
     counts = {verdict: list(verdicts.values()).count(verdict) for verdict in set(verdicts.values())}
     assert counts == {"holds": 4, "holds under stated choice": 10, "does not hold": 7}, verdicts
+
+
+def test_nobody_is_right_before_the_model_arrives() -> None:
+    least = floor()
+    walked = walk(VARIANTS["gates"](), measured_press(press("steps", period=1e-3)))
+    assert least == pytest.approx(0.1446, abs=2e-4)
+    assert least <= walked.ahead_share + 1e-4 < least + 0.01
+
+
+def test_noise_takes_claims_of_fig7a_away() -> None:
+    shares = noise_shares()
+    assert shares[0.002]["kvm b2"] == 1.0
+    for name in shares[0.002]:
+        assert shares[0.1][name] <= shares[0.002][name]
+
+
+def test_ordinals() -> None:
+    assert [ordinal(n) for n in (1, 2, 3, 4, 11, 12, 13, 21, 112, 198)] == [
+        "1st",
+        "2nd",
+        "3rd",
+        "4th",
+        "11th",
+        "12th",
+        "13th",
+        "21st",
+        "112th",
+        "198th",
+    ]

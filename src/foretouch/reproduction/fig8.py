@@ -15,6 +15,7 @@ from foretouch.report import COLOURS, finished, legend, new_figure
 from foretouch.reproduction.choices import NEAREST, PRINTED, PRINTED_WORDS, claims_of, runs_of
 from foretouch.reproduction.claims import Claim
 from foretouch.reproduction.presses import Press, press
+from foretouch.reproduction.questions import ordinal
 from foretouch.reproduction.section import Section
 from foretouch.reproduction.threshold import errors_of_threshold
 
@@ -58,10 +59,10 @@ class Switch:
         if not self.iterations:
             return "never switches"
         each = (
-            f"{at}th ({before:.2g} N before, {after:.2g} N after)"
+            f"{ordinal(at)} ({before:.2g} N before, {after:.2g} N after)"
             for at, (before, after) in zip(self.iterations, self.shocks, strict=True)
         )
-        back = f", and back at the {', '.join(map(str, self.back))}th" if self.back else ""
+        back = f", and back at the {', '.join(map(ordinal, self.back))}" if self.back else ""
         return f"at the {', '.join(each)}{back}"
 
     @property

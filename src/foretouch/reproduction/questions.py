@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from foretouch.reproduction.presses import KELVIN_VOIGT, PERIOD, STEPS, Press, Trace, true_parameters
 from foretouch.reproduction.threshold import errors_of_threshold
 
-__all__ = ["QUESTIONS", "SETTLED", "Answer", "Question", "Runs", "settled_at"]
+__all__ = ["QUESTIONS", "SETTLED", "Answer", "Question", "Runs", "ordinal", "settled_at"]
 
 Array = NDArray[np.float64]
 
@@ -202,7 +202,13 @@ def _rms(values: Array) -> float:
 
 
 def _iteration(value: float) -> str:
-    return f"found from the {value:.0f}. on" if np.isfinite(value) else "never found"
+    return f"found from the {ordinal(int(value))} on" if np.isfinite(value) else "never found"
+
+
+def ordinal(number: int) -> str:
+    """1st, 2nd, 3rd, 4th ..."""
+    ending = "th" if 10 <= number % 100 <= 20 else {1: "st", 2: "nd", 3: "rd"}.get(number % 10, "th")
+    return f"{number}{ending}"
 
 
 _FOUND_RULE = f"k within {100 * SETTLED:g} % and s within {SETTLED:g} of the set values"
