@@ -156,6 +156,9 @@ def test_a_claim_is_judged_by_the_printed_choice_first() -> None:
     printed = judge("c", "p", outcomes(True, False), "s")
     assert (printed.verdict, printed.measured) == ("holds", "as printed 0 N")
     assert printed.setting == "choice 0; s; holds under 1 of 2 choices"
+    given = judge("c", "p", outcomes(True), "s", given=True)
+    assert given.verdict == "holds under stated choice"
+    assert judge("c", "p", outcomes(False), "s", given=True).verdict == "does not hold"
     stated = judge("c", "p", outcomes(False, False, True, True), "s", beside=outcomes(False)[:1])
     assert (stated.verdict, stated.measured) == (
         "holds under stated choice",
@@ -274,7 +277,7 @@ def test_the_verdicts(name: str) -> None:
         assert list(verdicts.values()) == [
             "holds under stated choice",
             "does not hold",
-            "holds",
+            "holds under stated choice",
             "does not hold",
             "holds under stated choice",
             "holds under stated choice",
@@ -283,6 +286,7 @@ def test_the_verdicts(name: str) -> None:
             "holds under stated choice",
         ]
     else:
-        assert list(verdicts.values()) == ["holds"] * 4 + ["does not hold", "holds", "does not hold", "holds"]
+        after = ["does not hold", "holds under stated choice", "does not hold", "holds"]
+        assert list(verdicts.values()) == ["holds"] * 4 + after
     for table in section.data.values():
         assert len({len(column) for column in table.values()}) == 1

@@ -85,6 +85,12 @@ def _table(history: History) -> dict[str, Array]:
     return {column: history[name][due] for name, column in names.items()}
 
 
+def _least_force(experiment: Experiment) -> float:
+    """Least force [N] after the first compression."""
+    follower = experiment.log.follower
+    return float(follower["exact_force"][follower["time_ns"] * 1e-9 > experiment.deepest[0] + 0.5].min())
+
+
 def slow_stiffness(model: ContactModel, force: float, *, speed: float = 0.01) -> float:
     """dF/dx [N/m] of a material pressed at an even speed [m/s] from rest, where its force first is `force` [N]."""
     state, period, depth, before = model.initial_state(), 1e-3, 0.0, 0.0
@@ -124,11 +130,12 @@ def _text(experiments: Mapping[str, Experiment], courses: Mapping[str, Courses],
         "drawn are limited, and grey lines are the greatest depths. The sponge itself is "
         f"stiffer in compression: {np.mean(slopes[0::2]):.0f} N/m at {1e3 * (at - sponge.material.surface):.2f} mm, "
         f"and {np.mean(slopes[1::2]):.0f} N/m in restitution. ln k and s move together: a change of s by 1 at about "
-        "10 mm goes with a change of ln k by 4.6, so k alone is no stiffness. Much hangs on "
-        "staying in contact: let go to a third of the depth instead of a half, the sponge, which recovers late, nearly "
-        f"leaves the probe; as printed, ln k then jumps by {jump(further, PRESS_PERIOD):.1f} within 0.1 s. The hand "
+        "10 mm goes with a change of ln k by 4.6, so k alone is no stiffness. How far the sponge is let "
+        "go decides much: to a half of the depth the force never falls below "
+        f"{_least_force(sponge):.2f} N, to a third it falls to {_least_force(experiments[FURTHER]):.2f} N, and as "
+        f"printed ln k then jumps by {jump(further, PRESS_PERIOD):.1f} within 0.1 s. The hand "
         f"has {own:.0f} N/m at 15 N when it is pressed at 10 mm/s, {inside} the cited {CITED_STIFFNESS[0]:g} to "
-        f"{CITED_STIFFNESS[1]:g} N/m. On the simulated hand k is largest not at the greatest depth but on the way out, "
-        "where the flesh has relaxed and the force falls faster than the depth. lambda, n and alpha are what the "
+        f"{CITED_STIFFNESS[1]:g} N/m. On the simulated hand k is largest not at the greatest depth but later or "
+        "earlier, as printed mostly on the way out. lambda, n and alpha are what the "
         f"estimator itself calls determined in this share of its samples: {shares}."
     )

@@ -67,10 +67,11 @@ def parameter_claims(experiments: Mapping[str, Experiment], courses: Mapping[str
     rate = "samples of 1 kHz, 80 ms out and 300 ms back, 0.02 N of force noise, 5 um encoder"
     sponge = f"simulated sponge, five presses of {PRESS_PERIOD:g} s between 7.5 and 15 mm"
 
-    def claim(says: str, paper: str, test: Test, setting: str) -> Claim:
+    def claim(says: str, paper: str, test: Test, setting: str, *, given: bool = False) -> Claim:
         outcomes = {name: Outcome(name, *test(found)) for name, found in courses.items()}
         deciding = [outcomes[choice.name] for choice in (*CHOICES, ROBUST)]
-        return judge(says, paper, deciding, f"{setting}; {rate}", beside=[outcomes[ROBUST.name], outcomes[EXACT.name]])
+        beside = [outcomes[ROBUST.name], outcomes[EXACT.name]]
+        return judge(says, paper, deciding, f"{setting}; {rate}", beside=beside, given=given)
 
     return [
         claim(
@@ -90,14 +91,15 @@ def parameter_claims(experiments: Mapping[str, Experiment], courses: Mapping[str
             "Sponge: after that the parameters have the shape of a sawtooth wave, one tooth a press",
             "sawtooth",
             _sawtooth("sponge"),
-            f"{sponge}; {SAWTOOTH}",
+            f"{sponge}, which is a choice: it hangs on how far the sponge is let go, see the next; {SAWTOOTH}",
+            given=True,
         ),
         claim(
             "Sponge, let go to a third of the depth: the same sawtooth",
             "sawtooth",
             _sawtooth(FURTHER),
-            f"simulated sponge, five presses of {PRESS_PERIOD:g} s between 5 and 15 mm, where it recovers so late "
-            f"that it nearly leaves the probe; {SAWTOOTH}",
+            f"simulated sponge, five presses of {PRESS_PERIOD:g} s between 5 and 15 mm, where the force falls "
+            f"below 0.1 N; {SAWTOOTH}",
         ),
         claim(
             "Sponge: local stiffness is bigger in compression than in restitution",

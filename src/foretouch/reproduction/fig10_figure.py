@@ -32,7 +32,7 @@ ROWS = (
 
 LOGARITHMIC = ("k", "damping")
 LONGEST_LINE = 0.1
-"""Notes further apart than this are not joined [s]: there was no contact between."""
+"""Notes further apart than this are not joined [s]: nothing was learnt between."""
 
 
 def parameters_figure(
@@ -68,7 +68,7 @@ def parameters_figure(
 
 
 def _line(history: History, name: str) -> tuple[Array, Array]:
-    """Time and values, broken where there was no contact."""
+    """Time and values, broken where nothing was learnt."""
     time = history["time"]
     with np.errstate(over="ignore"):
         values = np.exp(history["ln_k"]) if name == "k" else history[name]

@@ -26,7 +26,13 @@ class Outcome:
 
 
 def judge(
-    claim: str, paper: str, outcomes: Sequence[Outcome], setting: str, *, beside: Sequence[Outcome] = ()
+    claim: str,
+    paper: str,
+    outcomes: Sequence[Outcome],
+    setting: str,
+    *,
+    beside: Sequence[Outcome] = (),
+    given: bool = False,
 ) -> Claim:
     """A claim from its outcomes.
 
@@ -39,6 +45,8 @@ def judge(
         outcomes: At least one, the printed one first, then in the order in which they are preferred.
         setting: How it was measured.
         beside: To be reported but not to decide.
+        given: Whether the setting itself holds a choice that the paper leaves open and on which the verdict hangs; then
+            the claim holds under a stated choice at best.
     """
     printed = outcomes[0]
     giving = [outcome for outcome in outcomes if outcome.holds]
@@ -46,7 +54,7 @@ def judge(
     verdict: Verdict = "does not hold"
     under = printed.choice
     if printed.holds:
-        verdict = "holds"
+        verdict = "holds under stated choice" if given else "holds"
     elif giving:
         verdict, under = "holds under stated choice", giving[0].choice
         measured.append(f"under the choice {giving[0].measured}")
