@@ -45,8 +45,9 @@ class RcmArm(Robot):
         force_limit: Contact force that the drive can hold at most [N].
         encoder_resolution: [m]; 0 does not round.
         encoder_noise: Standard deviation before rounding [m].
-        sensor_noise: Standard deviation [N].
-        sensor_bandwidth: Cut-off of the low-pass [Hz].
+        sensor_noise: Standard deviation of the force [N].
+        accelerometer_noise: Standard deviation of the acceleration [m/s^2].
+        sensor_bandwidth: Cut-off of the low-pass of both [Hz].
         sensor_offset: What the sensor shows with nothing on it [N].
         workspace: Smallest and largest position of the tip [m]; 0 lies inside.
 
@@ -76,6 +77,7 @@ class RcmArm(Robot):
         encoder_resolution: float = 5e-6,
         encoder_noise: float = 2e-6,
         sensor_noise: float = 0.02,
+        accelerometer_noise: float = 0.05,
         sensor_bandwidth: float = 200.0,
         sensor_offset: float = 0.3,
         workspace: tuple[float, float] = (-0.02, 0.06),
@@ -87,6 +89,7 @@ class RcmArm(Robot):
         require("encoder_resolution", encoder_resolution, at_least=0.0)
         require("encoder_noise", encoder_noise, at_least=0.0)
         require("sensor_noise", sensor_noise, at_least=0.0)
+        require("accelerometer_noise", accelerometer_noise, at_least=0.0)
         require("sensor_bandwidth", sensor_bandwidth, above=0.0)
         require("sensor_offset", sensor_offset)
         if not -math.inf < workspace[0] < 0.0 < workspace[1] < math.inf:
@@ -102,6 +105,7 @@ class RcmArm(Robot):
             tool_mass=TOOL_MASS,
             gravity=GRAVITY,
             sensor_noise=sensor_noise,
+            accelerometer_noise=accelerometer_noise,
             sensor_bandwidth=sensor_bandwidth,
             workspace=workspace,
         )
@@ -186,6 +190,7 @@ class RcmArm(Robot):
         return RobotSample(
             position=measured,
             sensor_force=self._sensor + self._offset + self.specification.sensor_noise * self._draw(),
+            acceleration=self._tool / TOOL_MASS + GRAVITY + self.specification.accelerometer_noise * self._draw(),
             exact_force=self._contact_force,
             exact_position=exact,
             commanded_position=self._servo.reference,

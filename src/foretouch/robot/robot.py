@@ -16,6 +16,8 @@ class RobotSample(NamedTuple):
         position: From the encoders [m], growing into the material.
         sensor_force: As the sensor gives it [N], along the outward normal, positive in compression; its offset and
             the weight and inertia of the tool are in it (`RobotSpecification.tool_force`).
+        acceleration: Of the tool along the approach [m/s^2], positive into the material, as an accelerometer beside
+            the force sensor gives it, through the same low-pass: without it, a jerked tool is felt as contact.
         exact_force: The simulator's own contact force [N]; NaN on hardware.
         exact_position: The simulator's own position [m]; NaN on hardware.
         commanded_position: What the robot was really told in the end [m], after its limits.
@@ -24,6 +26,7 @@ class RobotSample(NamedTuple):
 
     position: float
     sensor_force: float
+    acceleration: float
     exact_force: float
     exact_position: float
     commanded_position: float
@@ -42,7 +45,8 @@ class RobotSpecification:
         tool_mass: Mass beyond the force sensor [kg].
         gravity: Gravity along the approach [m/s^2], positive where it pulls the tool into the material.
         sensor_noise: Standard deviation of the force sensor [N].
-        sensor_bandwidth: Cut-off of its first-order low-pass [Hz].
+        accelerometer_noise: Standard deviation of the accelerometer [m/s^2].
+        sensor_bandwidth: Cut-off of the first-order low-pass of both [Hz].
         workspace: Smallest and largest position of the tip [m].
     """
 
@@ -53,6 +57,7 @@ class RobotSpecification:
     tool_mass: float
     gravity: float
     sensor_noise: float
+    accelerometer_noise: float
     sensor_bandwidth: float
     workspace: tuple[float, float]
 

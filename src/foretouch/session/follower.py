@@ -9,7 +9,6 @@ from typing import NamedTuple
 from foretouch.identification import Estimator, Learner, LearntModel
 from foretouch.link import SequenceCounter
 from foretouch.messages import VERSION, Command, ModelUpdate, Telemetry
-from foretouch.models import MotionFilter
 from foretouch.robot import RobotSample, RobotSpecification
 from foretouch.session.playout import Playout
 
@@ -17,10 +16,6 @@ __all__ = ["Inputs", "Outputs", "State", "start", "step"]
 
 SURFACE_CHANGE = 1e-4
 """A surface that has moved by more than this [m] since the last model is sent at once."""
-
-TOOL_CUTOFFS = (40.0, 20.0)
-"""Cut-offs of velocity and acceleration [Hz] for the inertia of the tool: higher ones let the steps of a 5 um encoder
-through as force (0.03 N with a tool of 0.1 kg), lower ones come too late for a quick hand."""
 
 
 @dataclass(slots=True)
@@ -31,7 +26,6 @@ class State:
         specification: Of the robot: its tool is weighed out of the force.
         learner: Conditions and identifies.
         model_period_ns: Between two models while nothing changes [ns].
-        motion: Of the probe, for the inertia of the tool.
         commands: Counts arriving commands.
         playout: Makes an even stream of them.
         tick: Number of the newest tick.
@@ -44,7 +38,6 @@ class State:
     specification: RobotSpecification
     learner: Learner
     model_period_ns: int
-    motion: MotionFilter = field(default_factory=lambda: MotionFilter(*TOOL_CUTOFFS))
     commands: SequenceCounter = field(default_factory=SequenceCounter)
     playout: Playout = field(default_factory=Playout)
     tick: int = 0
@@ -113,7 +106,8 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
     desired_position = state.playout.advance()
     if math.isnan(desired_position):
         desired_position = sample.commanded_position
-    sensor_force = _compensated(state, now_ns, sample)
+    # Weight and inertia of the tool beyond the sensor are no contact.
+    sensor_force = sample.sensor_force - state.specification.tool_force(sample.acceleration)
     model = None
     if state.playout.applied:
         if state.start_ns is None:
@@ -140,12 +134,6 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
         inputs.compute_ns,
     )
     return state, Outputs(desired_position, telemetry, model)
-
-
-def _compensated(state: State, now_ns: int, sample: RobotSample) -> float:
-    """Sensor force less weight and inertia of the tool beyond the sensor."""
-    state.motion.update(now_ns * 1e-9, sample.position)
-    return sample.sensor_force - state.specification.tool_force(state.motion.acceleration)
 
 
 def _due_model(state: State, now_ns: int) -> ModelUpdate | None:
