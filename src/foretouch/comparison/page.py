@@ -113,7 +113,8 @@ def _table(rows: list[Result]) -> str:
             line += [_rounded(_of(index, name)(row)) for name in names]
         line.append(_rounded(row.us_per_sample))
         line += [convergence_text(row), parameter_text(row) or None] if known else []
-        remarks = [note(row)] if row.status != "ok" else [*row.warnings]
+        statuses = sorted({p.status for p in row.predictions} - {"ok"})
+        remarks = [*statuses, *row.warnings] if row.status == "ok" else [note(row)]
         lines.append([*line, "; ".join(remarks)])
     return f'<div style="overflow-x: auto; font-size: .8rem">{table(head, lines)}</div>'
 
