@@ -79,8 +79,11 @@ def identifications() -> str:
     """`foretouch identify` on every measured file."""
     rows = []
     for name, kind in datasets().items():
+        if kind == "free":
+            continue  # refused: nothing is touched
         found = json.loads(foretouch(f"identify {shlex.quote(foretouch(f'datasets fetch {name}'))} --json"))
-        numbers = ", ".join(f"{key} {value:.3g}" for key, value in found["parameters"].items())
+        known = ((key, found["parameters"][key]) for key in ("ln_k", "s", "b1", "b2"))
+        numbers = ", ".join(f"{key} {value:.3g}" for key, value in known)
         rows.append(
             [
                 f"`{name}`",

@@ -15,15 +15,15 @@ from typer.testing import CliRunner
 
 from foretouch import comparison
 from foretouch.cli.app import app
-from foretouch.comparison.cases import Case, Loaded, load
+from foretouch.comparison.cases import Case, load
 from foretouch.comparison.combination import Combination, inseparable, measure
-from foretouch.comparison.forces import Forces, OnceLearnt, forces_under_delay, score_outside
+from foretouch.comparison.forces import OnceLearnt, score_outside
 from foretouch.comparison.parallel import run_all
 from foretouch.errors import ForetouchError, InputError, RecordingError, SettingError, UnknownNameError
 from foretouch.identification import ESTIMATORS, Learner, identify, make_estimator, predict
 from foretouch.models import HuntCrossley
 from foretouch.recordings import read_recording, write_columns
-from foretouch.report import delayed, lowest_mean, score
+from foretouch.report import Forces, delayed, forces_under_delay, lowest_mean, score
 
 PAIR = {"models": ("kelvin-voigt",), "estimators": ("rls",)}
 
@@ -239,7 +239,7 @@ def test_what_was_learnt_once_is_predicted_from_memory(folder: Path) -> None:
     recording = read_recording(folder / "press.csv")
     once = OnceLearnt(make_estimator("kelvin-voigt", "rls"), contact_floor=recording.contact_floor)
     for delay in (1.0, 0.0, 0.3):
-        forces = forces_under_delay(Loaded(recording), once, delay)
+        forces = forces_under_delay(recording, once.again(), delay)
         assert np.array_equal(forces.predicted, predict(recording, fresh(recording), delay=delay))
     assert len(once.memory) == len(recording)
 

@@ -111,25 +111,30 @@ def predict(
     Example: foretouch predict press.csv --delay 0.3 --json
     """
     from foretouch.models.checks import require
-    from foretouch.recordings import write_columns
-    from foretouch.report import score
+    from foretouch.recordings import read_recording, read_session, write_columns
+    from foretouch.report import forces_under_delay, score
 
     require("delay", delay, at_least=0.0)
     _refuse_to_replace(recording, out)
     if report_directory is not None:
         make_folder(report_directory)
     learner = _learner(model, estimator, surface, force_offset)
-    units = {"position_unit": position_unit, "force_unit": force_unit, "flip": flip, "force_channel": force_channel}
-    columns = _predicted(recording, learner, delay, units)
+    if recording.suffix.lower() == ".mcap":
+        found = forces_under_delay(read_session(recording), learner(), delay)
+    else:
+        data = read_recording(
+            recording, position_unit=position_unit, force_unit=force_unit, flip=flip, force_channel=force_channel
+        )
+        found = forces_under_delay(data, learner(contact_floor=data.contact_floor), delay)
     scores = score(
-        columns["time"],
-        columns["measured"],
-        columns["predicted"],
-        columns["delayed"],
-        contact_floor=columns["floor"] if contact_floor is None else contact_floor,
+        found.time,
+        found.measured,
+        found.predicted,
+        found.delayed,
+        contact_floor=found.contact_floor if contact_floor is None else contact_floor,
         score_from=score_from,
         score_to=score_to,
-        position=columns["position"],
+        position=found.position,
     )
     names = (
         "samples",
@@ -145,10 +150,10 @@ def predict(
     )
     content = {"delay_s": delay, **{name: getattr(scores, name) for name in names}}
     forces = {
-        "time_s": columns["time"],
+        "time_s": found.time,
         "measured_force_N": scores.measured_force,
-        "predicted_force_N": columns["predicted"],
-        "delayed_force_N": columns["delayed"],
+        "predicted_force_N": found.predicted,
+        "delayed_force_N": found.delayed,
         "in_contact": scores.in_contact,
     }
     if out is not None:
@@ -180,36 +185,6 @@ def report(
 
 
 COMMANDS = (identify, predict, report)
-
-
-def _predicted(path: Path, learner: Callable[..., Learner], delay: float, units: dict[str, Any]) -> dict[str, Any]:
-    """Measured, predicted and delayed force of a recording, at the samples that are scored."""
-    from foretouch.identification import predict as run
-    from foretouch.recordings import read_recording, read_session
-    from foretouch.report import CONTACT_FLOOR, delayed, lowest_mean, pair
-    from foretouch.session import replay
-
-    if path.suffix.lower() == ".mcap":
-        log = read_session(path)
-        forces, pairs = replay(log, learner(), delay=delay), pair(log)
-        ticks = np.searchsorted(log.leader["sequence"], pairs.leader["sequence"])
-        return {
-            "time": pairs.time,
-            "measured": pairs.follower["sensor_force"],
-            "predicted": forces.predicted[ticks],
-            "delayed": forces.delayed[ticks],
-            "position": pairs.follower["position"],
-            "floor": CONTACT_FLOOR,
-        }
-    data = read_recording(path, **units)
-    return {
-        "time": data.time,
-        "measured": data.force,
-        "predicted": run(data, learner(contact_floor=data.contact_floor), delay=delay),
-        "delayed": delayed(data.time, data.force - lowest_mean(data.time, data.force), delay),
-        "position": data.position,
-        "floor": data.contact_floor,
-    }
 
 
 def _learner(model: str, estimator: str, surface: str, force_offset: str) -> Callable[..., Learner]:

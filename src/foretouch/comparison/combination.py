@@ -9,7 +9,7 @@ from time import perf_counter
 from typing import Any, Final
 
 from foretouch.comparison.cases import Case, Loaded, load
-from foretouch.comparison.forces import OnceLearnt, forces_under_delay, score_outside
+from foretouch.comparison.forces import OnceLearnt, score_outside
 from foretouch.comparison.truth import (
     Convergence,
     ParameterError,
@@ -22,6 +22,7 @@ from foretouch.comparison.truth import (
 from foretouch.errors import ForetouchError, SettingError
 from foretouch.identification import Learner, identify, make_estimator
 from foretouch.models.checks import require
+from foretouch.report import forces_under_delay
 
 __all__ = ["Combination", "LocalStiffness", "Prediction", "Result", "Scoring", "measure", "try_combination"]
 
@@ -253,7 +254,7 @@ def _prediction(job: Combination, loaded: Loaded, learner: OnceLearnt, delay: fl
         "score_to": scoring.score_to,
         "contact_floor": scoring.contact_floor,
     }
-    forces = forces_under_delay(loaded, learner, delay)
+    forces = forces_under_delay(loaded.recording if loaded.log is None else loaded.log, learner.again(), delay)
     scores = score_outside(forces, None, **window)
     plain = Prediction(
         delay,

@@ -1,46 +1,21 @@
-"""Measured, predicted and delayed force of a recording: what a prediction is scored on."""
+"""Learning once and predicting under many delays, and scoring a part of the samples."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import repeat
 
 import numpy as np
 from numpy.typing import NDArray
 
-from foretouch.comparison.cases import Loaded
-from foretouch.identification import ContactSample, Learner, LearntModel, predict
+from foretouch.identification import ContactSample, Learner, LearntModel
 from foretouch.identification.estimator import Estimator
 from foretouch.quantities import Recording
-from foretouch.report import CONTACT_FLOOR, Scores, delayed, lowest_mean, pair, score
-from foretouch.session import replay
+from foretouch.report import Forces, Scores, lowest_mean, score
 
-__all__ = ["Forces", "OnceLearnt", "forces_under_delay", "score_outside"]
+__all__ = ["OnceLearnt", "score_outside"]
 
-Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
-
-
-@dataclass(frozen=True, eq=False)
-class Forces:
-    """Columns of shape (n,): those of the recording, or of a session at equal command.
-
-    Attributes:
-        time: [s].
-        position: Of the probe [m].
-        measured: As the sensor gives it [N].
-        predicted: [N].
-        delayed: What the receiver knows [N].
-        contact_floor: Smallest force that counts as contact [N].
-    """
-
-    time: Array
-    position: Array
-    measured: Array
-    predicted: Array
-    delayed: Array
-    contact_floor: float
 
 
 class OnceLearnt(Learner):
@@ -87,36 +62,6 @@ class OnceLearnt(Learner):
     def learnt(self) -> LearntModel:
         """What was known after the newest sample."""
         return self._memory[self._place] if self._place >= 0 else super().learnt()
-
-
-def forces_under_delay(loaded: Loaded, learner: OnceLearnt, delay: float) -> Forces:
-    """Predict a recording's force, or a session's at the leader's own motion, whose forces are known late.
-
-    Args:
-        loaded: The recording.
-        learner: Fresh, or one that has learnt this recording.
-        delay: Of the forces [s], 0 or more.
-
-    Raises:
-        RecordingError: A session with a side missing.
-        SettingError: A delay below 0.
-    """
-    recording, _, log = loaded
-    learner.again()
-    if log is None:
-        known = delayed(recording.time, recording.force - lowest_mean(recording.time, recording.force), delay)
-        predicted = predict(recording, learner, delay=delay)
-        return Forces(recording.time, recording.position, recording.force, predicted, known, recording.contact_floor)
-    again, pairs = replay(log, learner, delay=delay), pair(log)
-    ticks = np.searchsorted(log.leader["sequence"], pairs.leader["sequence"])
-    return Forces(
-        pairs.time,
-        pairs.follower["position"],
-        pairs.follower["sensor_force"],
-        again.predicted[ticks],
-        again.delayed[ticks],
-        CONTACT_FLOOR,
-    )
 
 
 def score_outside(

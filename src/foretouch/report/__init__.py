@@ -1,6 +1,7 @@
 """What a session or a recording shows: scores, the report of a session, figures and the page."""
 
 from foretouch.report.drawing import COLOURS, finished, legend, new_figure
+from foretouch.report.forces import Forces, forces_under_delay
 from foretouch.report.html import embedded, named_values, table, write_html
 from foretouch.report.page import write_page, write_prediction_page
 from foretouch.report.pairs import Pairs, force_at_follower, pair
@@ -12,6 +13,7 @@ __all__ = [
     "COLOURS",
     "CONTACT_FLOOR",
     "STATUSES",
+    "Forces",
     "Pairs",
     "Scores",
     "delayed",
@@ -19,6 +21,7 @@ __all__ = [
     "findings",
     "finished",
     "force_at_follower",
+    "forces_under_delay",
     "legend",
     "lowest_mean",
     "named_values",
