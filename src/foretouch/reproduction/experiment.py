@@ -153,13 +153,14 @@ class Experiment:
 
 
 @cache
-def run_experiment(name: str, presses: int | None = None, *, back: float = BACK) -> Experiment:
+def run_experiment(name: str, presses: int | None = None, *, back: float = BACK, seed: int = 0) -> Experiment:
     """The session on one material, with the real steps of both sides, 80 ms out and 300 ms back, as in the paper.
 
     Args:
         name: One of `MATERIALS`.
         presses: As of `make_script`.
         back: As of `make_script`.
+        seed: Of the noise of sensor and encoder, not negative; the motion is the same.
 
     Raises:
         UnknownNameError: No such material here.
@@ -167,7 +168,7 @@ def run_experiment(name: str, presses: int | None = None, *, back: float = BACK)
     """
     script = make_script(name, presses, back=back)
     material = make_material(name)
-    settings = SessionSettings(material=name, position_delay=0.08, force_delay=FORCE_DELAY)
+    settings = SessionSettings(material=name, position_delay=0.08, force_delay=FORCE_DELAY, seed=seed)
     session = simulate(
         settings,
         duration=script[-1][0],
