@@ -3,7 +3,7 @@
 `docs/results.md` and `README.md` hold blocks between `<!-- measured: NAME -->` and `<!-- end -->`. Each block names the
 command that prints its figures; this script runs those commands and puts what they print into the blocks.
 Usage: `.venv/bin/python docs/measure_results.py [NAME ...]`, without names for all blocks. It needs the measured
-recordings (a network, or FORETOUCH_DATA_DIR) and takes about two minutes on two cores.
+recordings (a network, or FORETOUCH_DATA_DIR) and takes about ten minutes on two cores.
 """
 
 from __future__ import annotations
@@ -98,6 +98,31 @@ def identifications() -> str:
     return table(heads, rows)
 
 
+def estimators() -> str:
+    """`foretouch compare` on every TU/e file."""
+    names = [name for name, kind in datasets().items() if name.startswith("tue/") and kind != "free"]
+    paths = " ".join(shlex.quote(foretouch(f"datasets fetch {name}")) for name in names)
+    return compared(f"compare {paths} --json", "prediction_error_percent")
+
+
+def simulated() -> str:
+    """`foretouch compare --simulated`, without what nothing before t - delay could tell."""
+    return compared("compare --simulated --json", "foreseeable_prediction_error_percent")
+
+
+def compared(arguments: str, key: str) -> str:
+    """One row for each law and estimator, one column for each recording."""
+    errors: dict[str, dict[str, str]] = {}
+    for result in json.loads(foretouch(arguments))["results"]:
+        row = errors.setdefault(f"`{result['model']}` `{result['estimator']}`", {})
+        place = Path(result["recording"]).stem.removeprefix("m2_question1")
+        row[place] = figure(result["predictions"][0][key]) if result["predictions"] else "–"
+    places = list(next(iter(errors.values())))
+    return table(
+        ("Law and estimator", *places), [[name, *(row[place] for place in places)] for name, row in errors.items()]
+    )
+
+
 def sessions() -> str:
     """`foretouch simulate` for every material and operator, and with the jitter that real time has."""
     rows = []
@@ -167,6 +192,8 @@ def table(heads: tuple[str, ...], rows: list[Row]) -> str:
 MEASURE: dict[str, Callable[[], str]] = {
     "predictions": predictions,
     "identifications": identifications,
+    "estimators": estimators,
+    "simulated": simulated,
     "sessions": sessions,
     "foam": foam,
     "session": session,
