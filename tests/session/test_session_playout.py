@@ -96,7 +96,7 @@ def test_nothing_raises_goes_back_or_leaves_what_was_said(arrivals: list[list[tu
     for commands in arrivals:
         for sequence, position in commands:
             playout.push(sequence, position)
-            if math.isfinite(position):
+            if abs(position) <= 1.0:
                 said.append(position)
         position = playout.advance()
         assert playout.applied >= applied

@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from bisect import bisect_left, bisect_right, insort
 
+from foretouch.quantities import LARGEST_POSITION
+
 __all__ = ["LONGEST_BRIDGE", "Playout"]
 
 LONGEST_BRIDGE = 250
@@ -48,8 +50,8 @@ class Playout:
         self.position = math.nan
 
     def push(self, sequence: int, position: float) -> None:
-        """Take one command; one that comes after its turn, or that is no number, is left out."""
-        if not math.isfinite(position) or sequence <= self._point:
+        """Take one command; one that comes after its turn, or is no position within a metre, is left out."""
+        if not abs(position) <= LARGEST_POSITION or sequence <= self._point:
             return
         place = bisect_left(self._commands, (sequence, -math.inf))
         if place == len(self._commands) or self._commands[place][0] != sequence:
@@ -95,5 +97,5 @@ class Playout:
             self.applied = max(self.applied, int(sequence))
             if after < len(commands):
                 to, there = commands[after]
-                self.position += (there - self.position) * (self._point - sequence) / (to - sequence)
+                self.position += (there - self.position) * ((self._point - sequence) / (to - sequence))
             del commands[: after - 1]
