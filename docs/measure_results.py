@@ -105,6 +105,12 @@ def estimators() -> str:
     return compared(f"compare {paths} --json", "prediction_error_percent")
 
 
+def claims() -> str:
+    """`foretouch reproduce`: what the paper claims, and what became of it."""
+    rows = [[row["claim"], row["verdict"]] for row in json.loads(foretouch("reproduce --json"))]
+    return table(("Claim of the paper", "Verdict"), [[cell.replace("|", "\\|") for cell in row] for row in rows])
+
+
 def simulated() -> str:
     """`foretouch compare --simulated`, without what nothing before t - delay could tell."""
     return compared("compare --simulated --json", "foreseeable_prediction_error_percent")
@@ -194,6 +200,7 @@ MEASURE: dict[str, Callable[[], str]] = {
     "identifications": identifications,
     "estimators": estimators,
     "simulated": simulated,
+    "claims": claims,
     "sessions": sessions,
     "foam": foam,
     "session": session,

@@ -40,7 +40,7 @@ RecordingPath = Annotated[Path, typer.Argument(help="CSV, Parquet, MCAP of ours,
 def identify(
     recording: RecordingPath,
     model: ModelName = "continuous-switching",
-    estimator: EstimatorName = "fprls",
+    estimator: EstimatorName = None,
     surface: Surface = "auto",
     force_offset: ForceOffset = "auto",
     position_unit: PositionUnit = "m",
@@ -58,6 +58,7 @@ def identify(
     from foretouch.recordings import read_recording, write_columns
 
     _refuse_to_replace(recording, out)
+    estimator = _estimator_for(model, estimator)
     learner = _learner(model, estimator, surface, force_offset)
     data = read_recording(
         recording, position_unit=position_unit, force_unit=force_unit, flip=flip, force_channel=force_channel
@@ -89,7 +90,7 @@ def predict(
     recording: RecordingPath,
     delay: Annotated[float, typer.Option(help="Of the forces [s].")] = 0.3,
     model: ModelName = "continuous-switching",
-    estimator: EstimatorName = "fprls",
+    estimator: EstimatorName = None,
     surface: Surface = "auto",
     force_offset: ForceOffset = "auto",
     position_unit: PositionUnit = "m",
@@ -118,6 +119,7 @@ def predict(
     _refuse_to_replace(recording, out)
     if report_directory is not None:
         make_folder(report_directory)
+    estimator = _estimator_for(model, estimator)
     learner = _learner(model, estimator, surface, force_offset)
     if recording.suffix.lower() == ".mcap":
         found = forces_under_delay(read_session(recording), learner(), delay)
@@ -185,6 +187,13 @@ def report(
 
 
 COMMANDS = (identify, predict, report)
+
+
+def _estimator_for(model: str, estimator: str | None) -> str:
+    """The estimator that was named, or the law's default; an unknown law is refused later, with the choices."""
+    from foretouch.identification import DEFAULT_ESTIMATORS
+
+    return DEFAULT_ESTIMATORS.get(model, "fprls") if estimator is None else estimator
 
 
 def _learner(model: str, estimator: str, surface: str, force_offset: str) -> Callable[..., Learner]:

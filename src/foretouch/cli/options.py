@@ -37,8 +37,12 @@ __all__ = [
     "with_session_settings",
 ]
 
-ModelName = Annotated[str, typer.Option("--model", help="Contact law to identify.")]
-EstimatorName = Annotated[str, typer.Option("--estimator", help="Estimator that identifies it.")]
+LAWS_HELP = "Contact law: continuous-switching, hunt-crossley, kelvin-voigt or threshold-switching."
+ModelName = Annotated[str, typer.Option("--model", help=LAWS_HELP)]
+EstimatorName = Annotated[
+    str | None,
+    typer.Option("--estimator", help="Estimator; without it the law's own. A wrong name lists them all."),
+]
 Duration = Annotated[float | None, typer.Option(help="End after so long [s]; without it, Ctrl-C ends.")]
 ReportDirectory = Annotated[Path | None, typer.Option("--report", help="Folder for the page with the figures.")]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object instead of text.")]
@@ -81,8 +85,8 @@ def print_json(content: Mapping[str, Any]) -> None:
 SESSION_OPTIONS: dict[str, tuple[type, object, str]] = {
     "material": (str, "foam-measured", "What the follower presses: `foretouch materials list`."),
     "operator": (str, "scripted", "Who moves the leader: scripted, recorded or browser."),
-    "model": (str, "continuous-switching", "Contact law to identify."),
-    "estimator": (str, "fprls", "Estimator that identifies it."),
+    "model": (str, "continuous-switching", LAWS_HELP),
+    "estimator": (str, "fprls", "Estimator of that law; a wrong name lists those there are."),
     "position_delay": (float, 0.08, "One-way delay of positions, leader to follower [s]."),
     "force_delay": (float, 0.3, "One-way delay of models and telemetry, follower to leader [s]."),
     "jitter": (float, 0.0, "Largest change of either delay, to both sides [s]."),

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from foretouch.cli.options import Json, say
+from foretouch.cli.options import make_folder, say
 
 __all__ = ["COMMANDS", "reproduce"]
 
@@ -15,7 +15,7 @@ __all__ = ["COMMANDS", "reproduce"]
 def reproduce(
     out: Annotated[Path | None, typer.Option(help="Folder for the page, the figures and the data.")] = None,
     only: Annotated[list[str] | None, typer.Option(help="One section; may be given more than once.")] = None,
-    json_output: Json = False,
+    json_output: Annotated[bool, typer.Option("--json", help="Print the claims as a JSON array.")] = False,
 ) -> None:
     """Make the figures of the paper again and say which of its claims hold.
 
@@ -27,6 +27,8 @@ def reproduce(
     from foretouch.reproduction import reproduce as run
 
     names = only or list(SECTIONS)
+    if out is not None:
+        make_folder(out)
 
     def progress(name: str, seconds: float) -> None:
         done.append(name)

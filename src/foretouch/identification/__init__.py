@@ -25,7 +25,7 @@ from foretouch.identification.offline import (
     fit_offline,
 )
 from foretouch.identification.prediction import TIME_TOLERANCE, Motion, predict, predict_motion
-from foretouch.identification.registry import ESTIMATORS, make_estimator
+from foretouch.identification.registry import DEFAULT_ESTIMATORS, ESTIMATORS, make_estimator
 from foretouch.identification.rls import RLS, ForgettingRLS, SelfPerturbingRLS
 from foretouch.identification.robust import RobustOptions
 from foretouch.identification.robust_fprls import ROBUST, RobustFPRLS
@@ -38,6 +38,7 @@ from foretouch.identification.steepest_descent import (
 from foretouch.identification.threshold_switching import SwitchingOptions, ThresholdSwitching
 
 __all__ = [
+    "DEFAULT_ESTIMATORS",
     "ESTIMATORS",
     "FPRLS",
     "RLS",

@@ -85,7 +85,7 @@ class ExactRecursiveOptions:
     clip: float = 3.0
     gate: float = 16.0
     hold_time: float = 0.2
-    hold_share: float = 0.03
+    hold_share: float = 0.005
     surface_noise: float = 0.02
 
     def __post_init__(self) -> None:

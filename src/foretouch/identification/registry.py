@@ -19,7 +19,7 @@ from foretouch.identification.steepest_descent import (
 )
 from foretouch.identification.threshold_switching import ThresholdSwitching
 
-__all__ = ["ESTIMATORS", "make_estimator"]
+__all__ = ["DEFAULT_ESTIMATORS", "ESTIMATORS", "make_estimator"]
 
 ESTIMATORS: dict[str, dict[str, type[Estimator]]] = {}
 """Estimators by name of the law, then by their own name."""
@@ -47,6 +47,15 @@ _KINDS: tuple[type[Estimator], ...] = (
 
 for _kind in _KINDS:
     ESTIMATORS.setdefault(_kind.model_name, {})[_kind.name] = _kind
+
+
+DEFAULT_ESTIMATORS: dict[str, str] = {
+    "continuous-switching": "fprls",
+    "kelvin-voigt": "rls",
+    "hunt-crossley": "log-rls",
+    "threshold-switching": "switching",
+}
+"""The estimator that is taken for a law where none is named: the paper's, or the one it compares with."""
 
 
 def make_estimator(model: str, estimator: str) -> Estimator:
