@@ -6,11 +6,11 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from foretouch.errors import SettingError
-from foretouch.models import HuntCrossley, MotionFilter, Predictor
+from foretouch.models import HuntCrossley, KelvinVoigt, MotionFilter, Predictor
 
 
 def test_velocity_of_a_ramp_is_its_slope() -> None:
@@ -69,3 +69,55 @@ def test_predictor_takes_a_measured_velocity() -> None:
     predictor.adopt(HuntCrossley(3000.0, 1500.0, 1.4), 0.0)
     predictor.update(0.0, 0.01, 0.05)
     assert predictor.update(1e-3, 0.01, 0.05) == pytest.approx(0.01**1.4 * (3000 + 1500 * 0.05))
+
+
+@settings(derandomize=True, deadline=None, max_examples=25)
+@given(
+    stiffness=st.floats(0.0, 1e4),
+    surface=st.floats(-0.02, 0.02),
+    velocity=st.floats(-0.2, 0.2),
+    at=st.integers(1, 8),
+)
+def test_the_jump_of_a_switch_is_the_difference_of_both_laws(
+    stiffness: float, surface: float, velocity: float, at: int
+) -> None:
+    before, after = HuntCrossley(3000.0, 1500.0, 1.4), KelvinVoigt(stiffness + 1.0, 5.0)
+    predictor = Predictor()
+    predictor.adopt(before, 0.0)
+    jumps = []
+    for tick in range(10):
+        if tick == at:
+            predictor.adopt(after, surface)
+        predictor.update(tick * 1e-3, 0.01, velocity)
+        jumps.append(predictor.jump)
+    old = before.advance((), 0.01, velocity, 1e-3)[1]
+    new = after.advance((), 0.01 - surface, velocity, 1e-3)[1]
+    expected = np.zeros(10)
+    expected[1] = old  # the first sample has no period, so the first model's force begins with the second
+    expected[at] = new if at == 1 else new - old
+    np.testing.assert_allclose(jumps, expected, rtol=1e-12, atol=1e-12)
+
+
+def test_jumps_of_no_model_and_of_the_same_model() -> None:
+    law, predictor, jumps = HuntCrossley(3000.0, 0.0, 1.4), Predictor(), []
+    arrivals = {2: law, 4: HuntCrossley(3000.0, 0.0, 1.4), 6: None, 8: None}
+    for tick in range(10):
+        if tick in arrivals:
+            predictor.adopt(arrivals[tick], 0.01)
+        predictor.update(tick * 1e-3, 0.02)
+        jumps.append(predictor.jump)
+    force = 3000.0 * 0.01**1.4
+    np.testing.assert_allclose(jumps, [0, 0, force, 0, 0, 0, -force, 0, 0, 0], rtol=1e-12)
+    assert math.isnan(predictor.standard_deviation)
+
+
+def test_of_several_models_in_one_sample_only_the_last_makes_the_jump() -> None:
+    first, middle, last = (HuntCrossley(k, 0.0, 1.0) for k in (100.0, 9000.0, 300.0))
+    predictor = Predictor()
+    predictor.adopt(first, 0.0)
+    predictor.update(0.0, 0.01)
+    predictor.update(1e-3, 0.01)
+    predictor.adopt(middle, 0.0)
+    predictor.adopt(last, 0.0)
+    predictor.update(2e-3, 0.01)
+    assert predictor.jump == pytest.approx(3.0 - 1.0)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from foretouch.models.contact_model import NO_STATE, ContactModel, ContactState, advance
 from foretouch.models.motion import MotionFilter
 
@@ -19,22 +21,39 @@ class Predictor:
         velocity: Of the motion [m/s].
         force: Predicted at the newest sample [N].
         standard_deviation: Of that force [N], NaN where the model carries no doubt.
+        jump: Force at the newest sample less the force there of the model before, had it been kept [N]; no model counts
+            as no force. 0 at every sample but the first that predicts after `adopt`.
     """
 
-    __slots__ = ("_motion", "_state", "_time", "force", "model", "standard_deviation", "surface", "velocity")
+    __slots__ = (
+        "_former",
+        "_motion",
+        "_state",
+        "_time",
+        "force",
+        "jump",
+        "model",
+        "standard_deviation",
+        "surface",
+        "velocity",
+    )
 
     def __init__(self) -> None:
         self._motion = MotionFilter()
         self._state: ContactState = NO_STATE
-        self._time = float("nan")
+        self._time = math.nan
+        self._former: tuple[ContactModel | None, ContactState, float] | None = None  # what predicted before `adopt`
         self.model: ContactModel | None = None
         self.surface = 0.0
         self.velocity = 0.0
         self.force = 0.0
-        self.standard_deviation = float("nan")
+        self.standard_deviation = math.nan
+        self.jump = 0.0
 
     def adopt(self, model: ContactModel | None, surface: float, state: ContactState = NO_STATE) -> None:
         """Predict from this model from now on; None means that no model is valid, and the force is zero."""
+        if self._former is None:
+            self._former = (self.model, self._state, self.surface)
         self.model = model
         self.surface = surface
         self._state = state
@@ -53,10 +72,24 @@ class Predictor:
         period = time - self._time
         self._time = time
         self.velocity = self._motion.update(time, position) if velocity is None else velocity
-        if self.model is None or not period > 0.0:
-            self.force = 0.0
+        self.jump = 0.0
+        if not period > 0.0:
+            self.force, self.standard_deviation = 0.0, math.nan
             return 0.0
-        self._state, self.force, self.standard_deviation = advance(
+        former, self._former = self._former, None
+        if former == (self.model, self._state, self.surface):
+            former = None  # nothing changed: not worth a second run
+        self._state, self.force, self.standard_deviation = _run(
             self.model, self._state, position - self.surface, self.velocity, period
         )
+        if former is not None:
+            model, state, surface = former
+            self.jump = self.force - _run(model, state, position - surface, self.velocity, period)[1]
         return self.force
+
+
+def _run(
+    model: ContactModel | None, state: ContactState, depth: float, velocity: float, period: float
+) -> tuple[ContactState, float, float]:
+    """`advance`; no model gives no force."""
+    return (state, 0.0, math.nan) if model is None else advance(model, state, depth, velocity, period)
