@@ -211,7 +211,7 @@ class Session:
         force = advance(self._model, (), x - SURFACE, v, 1e-3)[1]
         delayed, sequence = (arrived.force, arrived.sequence) if arrived else (0.0, 0)
         return LeaderState(
-            VERSION, tick, now_ns, x, v, force, min(force, 10.0), delayed, sequence, 1, False, 1_000_000, 50_000
+            VERSION, tick, now_ns, x, v, force, min(force, 10.0), delayed, sequence, 1, 0.0, False, 1_000_000, 50_000
         )
 
     def _say_hello(self, tick: int, now_ns: int) -> None:

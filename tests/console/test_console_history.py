@@ -15,7 +15,7 @@ from foretouch.messages import VERSION, LeaderState, Telemetry
 
 def leader(sequence: int, predicted: float, delayed: float = 0.0, position: float = 0.0) -> LeaderState:
     return LeaderState(
-        VERSION, sequence, sequence * 1_000_000, position, 0.0, predicted, predicted, delayed, 0, 1, False, 0, 0
+        VERSION, sequence, sequence * 1_000_000, position, 0.0, predicted, predicted, delayed, 0, 1, 0.0, False, 0, 0
     )
 
 

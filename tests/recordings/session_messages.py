@@ -19,8 +19,10 @@ def telemetry(tick):
 
 
 def leader_state(tick):
-    odd = [ODD[(tick + 2 * shift) % len(ODD)] for shift in range(5)]
-    return LeaderState(VERSION, tick, tick * 1_000_000 + 7, *odd, 2**53 + tick, tick, tick % 2 == 1, 0, tick)
+    odd = [ODD[(tick + 2 * shift) % len(ODD)] for shift in range(6)]
+    return LeaderState(
+        VERSION, tick, tick * 1_000_000 + 7, *odd[:5], 2**53 + tick, tick, odd[5], tick % 2 == 1, 0, tick
+    )
 
 
 def model(number):

@@ -118,6 +118,7 @@ def make_session(
                 known,
                 max(0, tick - FORCE_DELAY),
                 newest,
+                render.jump,
                 predicted > limit,
                 TICK if tick > 1 else 0,
                 120_000 + 1000 * (tick % 70),

@@ -65,6 +65,14 @@ def test_the_force_is_the_model_s_within_the_rate_limit() -> None:
     assert not outputs[-1].record.clipped
 
 
+def test_the_tick_that_adopts_a_model_says_by_how_much_it_changed_the_force() -> None:
+    outputs = run({5: model(1), 50: model(2, parameters=(9000.0, 0.0, 1.4)), 100: model(3, valid=False)})
+    jumps = np.array([o.record.model_jump for o in outputs])
+    force = 3000.0 * 0.01**1.4
+    np.testing.assert_allclose(jumps[[5, 50, 100]], [force, 2.0 * force, -3.0 * force])
+    assert np.flatnonzero(jumps).tolist() == [5, 50, 100]
+
+
 def test_an_old_model_does_not_replace_a_newer_one() -> None:
     outputs = run({5: model(7), 50: model(6, parameters=(9000.0, 0.0, 1.4))})
     assert outputs[-1].record.model_sequence == 7

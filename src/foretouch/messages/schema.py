@@ -23,7 +23,7 @@ __all__ = [
     "Telemetry",
 ]
 
-VERSION = 1
+VERSION = 2
 """Version of the schema. It changes with every change of a field; peers must agree."""
 
 Count = Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)]
@@ -127,6 +127,8 @@ class LeaderState(Message, frozen=True, array_like=True, gc=False):
         delayed_force: The newest telemetry's force that had arrived; recorded, never rendered [N].
         telemetry_sequence: That telemetry's sequence, 0 before the first.
         model_sequence: The newest model that had arrived, 0 before the first.
+        model_jump: Predicted force less that of the model before, had it been kept, in the tick that adopted a model
+            [N]; 0 in all other ticks.
         clipped: Whether a force or force-rate limit cut the rendered force.
         period_ns: Time since the last tick began [ns].
         compute_ns: Time that this tick's computing took [ns].
@@ -139,6 +141,7 @@ class LeaderState(Message, frozen=True, array_like=True, gc=False):
     delayed_force: float
     telemetry_sequence: Count
     model_sequence: Count
+    model_jump: float
     clipped: bool
     period_ns: Count
     compute_ns: Count

@@ -106,6 +106,7 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
         state.delayed_force,
         state.telemetry.newest,
         state.models.newest,
+        predictor.jump,
         state.limiter.clipped,
         inputs.period_ns,
         inputs.compute_ns,
