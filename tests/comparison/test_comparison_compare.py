@@ -19,7 +19,7 @@ from foretouch.comparison.cases import Case, load
 from foretouch.comparison.combination import Combination, inseparable, measure
 from foretouch.comparison.forces import OnceLearnt, score_outside
 from foretouch.comparison.parallel import run_all
-from foretouch.errors import ForetouchError, InputError, RecordingError, SettingError, UnknownNameError
+from foretouch.errors import ForetouchError, InputError, SettingError, UnknownNameError
 from foretouch.identification import ESTIMATORS, Learner, identify, make_estimator, predict
 from foretouch.models import HuntCrossley
 from foretouch.recordings import read_recording, write_columns
@@ -57,15 +57,11 @@ def test_every_law_is_compared_by_every_estimator_that_it_has() -> None:
     assert comparison.combinations(("kelvin-voigt", "kelvin-voigt"), ("rls",)) == [("kelvin-voigt", "rls")]
 
 
-def test_names_that_are_not_there_are_refused(tmp_path: Path) -> None:
+def test_names_that_are_not_there_are_refused() -> None:
     with pytest.raises(UnknownNameError, match="unknown model 'jelly'"):
         comparison.combinations(("jelly",))
     with pytest.raises(UnknownNameError, match="unknown estimator for kelvin-voigt 'fprls'"):
         comparison.combinations(("kelvin-voigt",), ("fprls",))
-    with pytest.raises(RecordingError, match="no such file"):
-        comparison.file_case(tmp_path / "no.csv")
-    with pytest.raises(RecordingError, match="is no file"):
-        comparison.file_case(tmp_path)
     with pytest.raises(InputError, match="nothing to compare"):
         comparison.compare([])
     with pytest.raises(UnknownNameError):
@@ -126,6 +122,22 @@ def test_a_combination_that_fails_stays_with_its_reason(folder: Path) -> None:
     assert "failed: 0 samples in contact" in text
     assert "air.csv" in text
     json.dumps([result.as_row() for result in results], allow_nan=False)
+
+
+def test_a_file_that_is_missing_or_is_none_fails_alone(folder: Path, tmp_path: Path) -> None:
+    (tmp_path / "text.csv").write_text("no numbers here")
+    (tmp_path / "folder.csv").mkdir()
+    files = (tmp_path / "no.csv", tmp_path / "folder.csv", tmp_path / "text.csv", folder / "press.csv")
+    result = run(*files, "--models", "kelvin-voigt", "--estimators", "rls", "--estimators", "exact", "--json")
+    assert result.exit_code == 0, result.exception
+    rows = json.loads(result.stdout)["results"]
+    assert [row["status"] for row in rows] == ["failed"] * 6 + ["ok"] * 2
+    assert [rows[0]["reason"], rows[2]["reason"]] == ["no such file", "is no file"]
+    results = comparison.compare([comparison.file_case(file) for file in files[:2]], models=("kelvin-voigt",))
+    text = comparison.render_table(results)
+    assert text.count("no such file") == text.count("is no file") == 1
+    assert f"all {len(ESTIMATORS['kelvin-voigt'])} failed: no such file" in text
+    assert run(files[0], "--models", "kelvin-voigt").exit_code == 1
 
 
 def test_an_estimator_that_breaks_is_a_result(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:

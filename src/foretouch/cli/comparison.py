@@ -38,6 +38,9 @@ def compare(
     delay: Annotated[
         list[float] | None, typer.Option(help="Of the forces [s], 0.3; may be given more than once.")
     ] = None,
+    sweep: Annotated[
+        bool, typer.Option("--sweep", help="At 0, 50, 100, 200, 300, 500 and 1000 ms too: error against delay.")
+    ] = False,
     position_unit: PositionUnit = "m",
     force_unit: ForceUnit = "N",
     flip: Flip = False,
@@ -75,11 +78,12 @@ def compare(
         said = "" if result.status == "ok" else f"  failed: {result.reason}"
         say(f"{done:{len(str(total))}} of {total}  {result.recording}: {result.model} by {result.estimator}{said}")
 
+    delays = sorted({*(delay or ()), *comparison.SWEEP}) if sweep else delay or [0.3]
     results = comparison.compare(
         cases,
         models=models or (),
         estimators=estimators or (),
-        scoring=comparison.Scoring(tuple(delay or (0.3,)), score_from, score_to, contact_floor),
+        scoring=comparison.Scoring(tuple(delays), score_from, score_to, contact_floor),
         processes=jobs,
         progress=progress,
     )

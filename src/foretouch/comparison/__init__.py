@@ -1,17 +1,21 @@
 """All laws by all estimators on any recordings, and on simulated ones whose truth is known."""
 
 from foretouch.comparison.cases import Case, file_case, simulated_case, simulated_cases
-from foretouch.comparison.combination import LocalStiffness, Prediction, Result, Scoring
+from foretouch.comparison.combination import SWEEP, Scoring
 from foretouch.comparison.compare import combinations, compare
+from foretouch.comparison.delays import Curve, delay_curves, delay_figure, delayed_force_curve, floors
 from foretouch.comparison.page import write_comparison_page
+from foretouch.comparison.result import LocalStiffness, Prediction, Result
 from foretouch.comparison.simulated import SIMULATED, Simulated, simulate
 from foretouch.comparison.table import render_table
 from foretouch.comparison.truth import Convergence, ParameterError, Truth, convergence, unforeseeable
 
 __all__ = [
     "SIMULATED",
+    "SWEEP",
     "Case",
     "Convergence",
+    "Curve",
     "LocalStiffness",
     "ParameterError",
     "Prediction",
@@ -22,7 +26,11 @@ __all__ = [
     "combinations",
     "compare",
     "convergence",
+    "delay_curves",
+    "delay_figure",
+    "delayed_force_curve",
     "file_case",
+    "floors",
     "render_table",
     "simulate",
     "simulated_case",

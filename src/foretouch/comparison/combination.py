@@ -4,27 +4,26 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, replace
 from time import perf_counter
 from typing import Any, Final
 
+import numpy as np
+from numpy.typing import NDArray
+
 from foretouch.comparison.cases import Case, Loaded, load
-from foretouch.comparison.forces import OnceLearnt, score_outside
-from foretouch.comparison.truth import (
-    Convergence,
-    ParameterError,
-    Truth,
-    convergence,
-    local_stiffness,
-    parameter_errors,
-    unforeseeable,
-)
+from foretouch.comparison.forces import OnceLearnt, score_outside, whole_file_force
+from foretouch.comparison.result import LocalStiffness, Prediction, Result
+from foretouch.comparison.truth import Truth, convergence, local_stiffness, parameter_errors, unforeseeable
 from foretouch.errors import ForetouchError, SettingError
 from foretouch.identification import Learner, identify, make_estimator
 from foretouch.models.checks import require
-from foretouch.report import forces_under_delay
+from foretouch.report import Forces, forces_under_delay
 
-__all__ = ["Combination", "LocalStiffness", "Prediction", "Result", "Scoring", "measure", "try_combination"]
+__all__ = ["SWEEP", "Combination", "Scoring", "failed", "inseparable", "measure", "try_combination"]
+
+SWEEP: Final = (0.0, 0.05, 0.1, 0.2, 0.3, 0.5, 1.0)
+"""Delays of the plot of error against delay [s]."""
 
 UNIFORM_SPREAD: Final = 1.0 / math.sqrt(12.0)
 """Standard deviation of a number of which only its range of length 1 is known."""
@@ -84,95 +83,6 @@ class Combination:
     scoring: Scoring
 
 
-@dataclass(frozen=True)
-class Prediction:
-    """Errors under one delay, as shares of the contact-force RMS [%]; None where there is nothing to measure.
-
-    Attributes:
-        delay_s: Of the forces [s].
-        prediction_error_percent: Of the predicted force.
-        delayed_force_error_percent: Of the delayed force, over the same samples.
-        within_jnd_percent: Share of contact samples whose error a hand cannot tell [%].
-        status: As in `foretouch.report.STATUSES`.
-        unforeseeable_percent: Share of the recording's samples that nothing before t - delay could tell [%]; None where
-            the truth is not known, as the next two.
-        foreseeable_prediction_error_percent: Of the predicted force without these samples.
-        foreseeable_delayed_force_error_percent: Of the delayed force without them.
-    """
-
-    delay_s: float
-    prediction_error_percent: float | None
-    delayed_force_error_percent: float | None
-    within_jnd_percent: float | None
-    status: str
-    unforeseeable_percent: float | None = None
-    foreseeable_prediction_error_percent: float | None = None
-    foreseeable_delayed_force_error_percent: float | None = None
-
-
-@dataclass(frozen=True)
-class LocalStiffness:
-    """Slope of the force over depth at rest, by which laws of different exponents can be compared [N/m].
-
-    Attributes:
-        depth_m: At half of the deepest press.
-        estimated: None without a model.
-        true: Of the law that holds at the end.
-        error_percent: Estimated less true.
-    """
-
-    depth_m: float
-    estimated: float | None
-    true: float
-    error_percent: float | None
-
-
-@dataclass(frozen=True)
-class Result:
-    """What came of one combination.
-
-    Attributes:
-        recording: Name of the recording.
-        model: Name of the law.
-        estimator: Name of the estimator.
-        status: ``"ok"`` or ``"failed"``.
-        reason: Why it failed, None if it did not.
-        samples: Of the recording.
-        contact_samples: As the estimator's conditioning judges it.
-        residual_percent: One-step error: RMS residual as a share of the RMS force over the same samples [%].
-        us_per_sample: Time of `identify` [us], which keeps every parameter at every sample; beside other jobs.
-        parameters: The law's numbers after the last sample; None where undetermined.
-        standard_errors: By name, None where there are none.
-        warnings: One sentence for each parameter that cannot be told from the others.
-        predictions: One for each delay.
-        convergence: After the first touch and each change; empty where the truth is not known, as what follows.
-        parameter_errors: By name.
-        local_stiffness: None where no law is the true one.
-    """
-
-    recording: str
-    model: str
-    estimator: str
-    status: str
-    reason: str | None = None
-    samples: int | None = None
-    contact_samples: int | None = None
-    residual_percent: float | None = None
-    us_per_sample: float | None = None
-    parameters: Mapping[str, float | None] = field(default_factory=dict)
-    standard_errors: Mapping[str, float | None] | None = None
-    warnings: tuple[str, ...] = ()
-    predictions: tuple[Prediction, ...] = ()
-    convergence: tuple[Convergence, ...] = ()
-    parameter_errors: Mapping[str, ParameterError] = field(default_factory=dict)
-    local_stiffness: LocalStiffness | None = None
-
-    def as_row(self) -> dict[str, Any]:
-        """As plain values for JSON: no NaN, no infinity."""
-        row: dict[str, Any] = _finite(asdict(self))
-        return row
-
-
 def try_combination(job: Combination) -> Result:
     """Measure one combination; whatever goes wrong is the reason in its result."""
     try:
@@ -205,7 +115,8 @@ def measure(job: Combination) -> Result:
     once, truth = OnceLearnt(make_estimator(job.model, job.estimator), contact_floor=floor), loaded.truth
     if truth is not None:
         once.learn(loaded.recording)
-    predictions = tuple(_prediction(job, loaded, once, delay) for delay in job.scoring.delays)
+    floor_force = _floor_force(job, loaded, learner)
+    predictions = tuple(_prediction(job, loaded, once, floor_force, delay) for delay in job.scoring.delays)
     return Result(
         job.case.name,
         job.model,
@@ -247,13 +158,28 @@ def inseparable(
     return tuple(said)
 
 
-def _prediction(job: Combination, loaded: Loaded, learner: OnceLearnt, delay: float) -> Prediction:
+def _floor_force(job: Combination, loaded: Loaded, learner: Learner) -> Forces | None:
+    """What a fit of the whole recording gives, as an estimator of that kind; None for all others."""
+    if not learner.estimator.offline:
+        return None
+    recording = loaded.recording
+    force = whole_file_force(recording, make_estimator(job.model, job.estimator), learner)
+    return Forces(recording.time, recording.position, recording.force, force, recording.force, recording.contact_floor)
+
+
+def _prediction(
+    job: Combination, loaded: Loaded, learner: OnceLearnt, whole_file: Forces | None, delay: float
+) -> Prediction:
     scoring = job.scoring
     window: dict[str, Any] = {
         "score_from": job.case.score_from if scoring.score_from is None else scoring.score_from,
         "score_to": scoring.score_to,
         "contact_floor": scoring.contact_floor,
     }
+
+    def floor(left_out: NDArray[np.bool_] | None) -> float | None:
+        return None if whole_file is None else score_outside(whole_file, left_out, **window).prediction_error_percent
+
     forces = forces_under_delay(loaded.recording if loaded.log is None else loaded.log, learner.again(), delay)
     scores = score_outside(forces, None, **window)
     plain = Prediction(
@@ -262,6 +188,7 @@ def _prediction(job: Combination, loaded: Loaded, learner: OnceLearnt, delay: fl
         scores.delayed_force_error_percent,
         scores.within_jnd_percent,
         scores.status,
+        whole_file_error_percent=floor(None),
     )
     if loaded.truth is None:
         return plain
@@ -272,6 +199,7 @@ def _prediction(job: Combination, loaded: Loaded, learner: OnceLearnt, delay: fl
         unforeseeable_percent=100.0 * float(hidden.mean()),
         foreseeable_prediction_error_percent=told.prediction_error_percent,
         foreseeable_delayed_force_error_percent=told.delayed_force_error_percent,
+        foreseeable_whole_file_error_percent=floor(hidden),
     )
 
 
@@ -285,14 +213,3 @@ def _local_stiffness(learner: Learner, truth: Truth) -> LocalStiffness | None:
         return LocalStiffness(depth, None, true, None)
     estimated = local_stiffness(model, depth)
     return LocalStiffness(depth, estimated, true, 100.0 * (estimated / true - 1.0))
-
-
-def _finite(value: Any) -> Any:
-    """The same with None for every number that is not finite."""
-    if isinstance(value, float):
-        return value if math.isfinite(value) else None
-    if isinstance(value, dict):
-        return {key: _finite(inner) for key, inner in value.items()}
-    if isinstance(value, list | tuple):
-        return [_finite(inner) for inner in value]
-    return value

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from foretouch.comparison.cases import Case
-from foretouch.comparison.combination import Combination, Result, Scoring, failed, try_combination
+from foretouch.comparison.combination import Combination, Scoring, failed, try_combination
 from foretouch.comparison.parallel import run_all
+from foretouch.comparison.result import Result
 from foretouch.errors import InputError, UnknownNameError
 from foretouch.identification import ESTIMATORS
 

@@ -1,4 +1,4 @@
-"""The plots of a comparison: matrices of all combinations and recordings, and curves over delay."""
+"""The plots of a comparison that show a number for every combination and recording, as matrices."""
 
 from __future__ import annotations
 
@@ -9,15 +9,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from foretouch.comparison.combination import Result
+from foretouch.comparison.result import Result
 from foretouch.comparison.table import NEVER, middle
-from foretouch.report import COLOURS, finished, legend, new_figure
+from foretouch.report import finished, new_figure
 
-__all__ = ["delay_figure", "matrix_figure", "short_names"]
+__all__ = ["matrix_figure", "short_names"]
 
 Array = NDArray[np.float64]
-
-DASHES = ("-", "--", ":")
 
 
 def matrix_figure(
@@ -82,58 +80,13 @@ def _draw(
     return figure
 
 
-def delay_figure(results: Sequence[Result]) -> Any:
-    """Median prediction error over the recordings against the delay, for every combination and the delayed force.
-
-    Args:
-        results: As `compare` gave them, with at least two delays.
-    """
-    pairs = list(dict.fromkeys((result.model, result.estimator) for result in results))
-    figure = new_figure(6.2)
-    axes = figure.subplots()
-    for index, (model, estimator) in enumerate(pairs):
-        rows = [r for r in results if (r.model, r.estimator) == (model, estimator) and r.predictions]
-        if rows:
-            delays, errors = _medians(rows, lambda p: p.prediction_error_percent)
-            dashes = DASHES[index // len(COLOURS[:6]) % len(DASHES)]
-            axes.plot(
-                delays,
-                errors,
-                dashes,
-                marker="o",
-                markersize=3,
-                color=COLOURS[index % 6],
-                label=f"{model} / {estimator}",
-            )
-    rows = [result for result in results if result.predictions]
-    axes.plot(
-        *_medians(rows, lambda p: p.delayed_force_error_percent), color="black", linewidth=2.5, label="delayed force"
-    )
-    axes.set_yscale("log")
-    bottom, top = axes.get_ylim()
-    axes.set_ylim(bottom, min(top, 1000.0))
-    axes.set_title("Prediction error against delay, median over the recordings")
-    axes.set_xlabel("delay of the forces [s]")
-    axes.set_ylabel("error [% of contact-force RMS]")
-    legend(axes, columns=3)
-    return finished(figure, 1, above=0.6 + 0.19 * (1 + len(pairs) // 3))
-
-
 def short_names(names: Sequence[str]) -> list[str]:
     """Names without what all have in common: folder, and the beginning and the ending of the file names."""
     stems = [Path(name).stem if "/" in name or "." in name else name for name in names]
     if len(set(stems)) < len(stems):
         return list(names)
-    return [stem if len(stem) <= 24 else f"...{stem[-21:]}" for stem in stems]
-
-
-def _medians(rows: Sequence[Result], figure_of: Callable[[Any], float | None]) -> tuple[list[float], list[float]]:
-    columns: dict[float, list[float | None]] = {}
-    for row in rows:
-        for prediction in row.predictions:
-            columns.setdefault(prediction.delay_s, []).append(figure_of(prediction))
-    points = [(delay, middle(values)) for delay, values in sorted(columns.items())]
-    return [delay for delay, _ in points], [float("nan") if value is None else value for _, value in points]
+    short = [stem if len(stem) <= 24 else f"...{stem[-21:]}" for stem in stems]
+    return stems if len(set(short)) < len(short) else short
 
 
 def _short(value: float | None) -> str:

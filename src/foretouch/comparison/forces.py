@@ -1,8 +1,8 @@
-"""Learning once and predicting under many delays, and scoring a part of the samples."""
+"""Learning once and predicting under many delays, the fit of a whole file, and scoring a part of the samples."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from itertools import repeat
 
 import numpy as np
@@ -10,11 +10,13 @@ from numpy.typing import NDArray
 
 from foretouch.identification import ContactSample, Learner, LearntModel
 from foretouch.identification.estimator import Estimator
+from foretouch.models import Predictor
 from foretouch.quantities import Recording
 from foretouch.report import Forces, Scores, lowest_mean, score
 
-__all__ = ["OnceLearnt", "score_outside"]
+__all__ = ["OnceLearnt", "score_outside", "whole_file_force"]
 
+Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 
@@ -41,9 +43,7 @@ class OnceLearnt(Learner):
     def learn(self, recording: Recording) -> None:
         """Learn all samples of a recording; predictions alone leave out those that come too late for them."""
         self.again()
-        velocities = repeat(None) if recording.velocity is None else recording.velocity.tolist()
-        columns = (recording.time.tolist(), recording.position.tolist(), recording.force.tolist(), velocities)
-        for sample in zip(*columns, strict=False):
+        for sample in _samples(recording):
             self.update(*sample)
 
     def again(self) -> OnceLearnt:
@@ -62,6 +62,40 @@ class OnceLearnt(Learner):
     def learnt(self) -> LearntModel:
         """What was known after the newest sample."""
         return self._memory[self._place] if self._place >= 0 else super().learnt()
+
+
+def whole_file_force(recording: Recording, estimator: Estimator, known: Learner) -> Array:
+    """Force that a fit of the whole recording gives along its motion: no delay, and nothing causal about it.
+
+    Args:
+        recording: n samples.
+        estimator: Fresh.
+        known: A learner that has learnt the recording: where the surface is and what the force in free air is.
+
+    Returns:
+        Force [N], shape (n,); 0 where nothing could be fitted.
+    """
+    found = known.conditioner
+    learner = Learner(
+        estimator,
+        surface=None if np.isnan(found.surface) else found.surface,
+        force_offset=found.force_offset,
+        contact_floor=recording.contact_floor,
+    )
+    for sample in _samples(recording):
+        learner.update(*sample)
+    estimator.finish()
+    learnt = learner.learnt()
+    predictor = Predictor()
+    if learnt.model is not None:
+        predictor.adopt(learnt.model, learnt.surface, learnt.model.initial_state())
+    return np.array([predictor.update(time, place, speed) for time, place, _, speed in _samples(recording)])
+
+
+def _samples(recording: Recording) -> Iterator[tuple[float, float, float, float | None]]:
+    velocities: Iterable[float | None] = repeat(None) if recording.velocity is None else recording.velocity.tolist()
+    columns = (recording.time.tolist(), recording.position.tolist(), recording.force.tolist(), velocities)
+    return zip(*columns, strict=False)
 
 
 def score_outside(

@@ -10,12 +10,16 @@ from os import PathLike
 from pathlib import Path
 from typing import Any
 
-from foretouch.comparison.combination import Prediction, Result
-from foretouch.comparison.figures import delay_figure, matrix_figure
-from foretouch.comparison.table import convergence_text, note, parameter_text
+from foretouch.comparison.delays import delay_figure
+from foretouch.comparison.figures import matrix_figure
+from foretouch.comparison.result import Prediction, Result
+from foretouch.comparison.table import convergence_text, note, parameter_text, same_reason
 from foretouch.report import embedded, table, write_html
 
 __all__ = ["write_comparison_page"]
+
+MOST_MATRICES = 3
+"""With more delays than this, only the one that is the nearest to 0.3 s has matrices of its own."""
 
 
 def write_comparison_page(directory: str | PathLike[str], results: Sequence[Result]) -> Path:
@@ -51,11 +55,16 @@ def _figures(results: Sequence[Result]) -> list[str]:
     drawn = []
     delays = [p.delay_s for p in next((row.predictions for row in results if row.predictions), ())]
     known = any(row.convergence for row in results)
+    nearest = min(delays, key=lambda delay: abs(delay - 0.3), default=None)
 
     def add(*arguments: Any, **options: Any) -> None:
         drawn.append(embedded(matrix_figure(results, *arguments, **options), arguments[1]))
 
+    if len(delays) > 1:
+        drawn += _against_delay(results)
     for index, delay in enumerate(delays):
+        if len(delays) > MOST_MATRICES and delay != nearest:
+            continue  # the plots above show them all, the tables below say them
         add(
             _of(index, "prediction_error_percent"),
             f"Prediction error at {delay:g} s [%]",
@@ -67,8 +76,6 @@ def _figures(results: Sequence[Result]) -> list[str]:
                 f"The same without the samples that nothing before t - {delay:g} s could tell [%]",
                 first_row=("(the delayed force)", _of(index, "foreseeable_delayed_force_error_percent")),
             )
-    if len(delays) > 1:
-        drawn.append(embedded(delay_figure(results), "Prediction error against delay"))
     add(lambda result: result.residual_percent, "One-step error [%]")
     if known:
         add(_slowest, "Convergence after the first touch or a change, the slowest [s]", limits=(0.05, 5.0))
@@ -78,6 +85,21 @@ def _figures(results: Sequence[Result]) -> list[str]:
         )
     add(lambda result: result.us_per_sample, "Time per sample [us], beside other jobs", limits=(20.0, 2000.0))
     return drawn
+
+
+def _against_delay(results: Sequence[Result]) -> list[str]:
+    """The plots of measured and of simulated recordings."""
+    told = [row for row in results if row.predictions]
+    groups = {
+        "Prediction error against delay": [row for row in told if row.predictions[0].unforeseeable_percent is None],
+        "Prediction error against delay, without what nothing before t - delay could tell": [
+            row for row in told if row.predictions[0].unforeseeable_percent is not None
+        ],
+    }
+    note = (
+        "Ceiling: the delayed force. Floor: fits of the whole file, which know no delay. Triangles: beyond the panel."
+    )
+    return [embedded(delay_figure(rows, title), f"{title}. {note}") for title, rows in groups.items() if rows]
 
 
 def _of(index: int, name: str) -> Any:
@@ -98,6 +120,9 @@ def _or_never(value: float | None) -> float:
 
 
 def _table(rows: list[Result]) -> str:
+    reason = same_reason(rows)
+    if reason is not None:
+        return f'<p class="bad">All {len(rows)} failed: {escape(reason)}</p>'
     delays = [p.delay_s for p in next((row.predictions for row in rows if row.predictions), ())]
     known = any(row.convergence for row in rows)
     head = ["law", "estimator", "one step [%]"]

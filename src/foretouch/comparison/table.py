@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from itertools import groupby
 from statistics import median
 
-from foretouch.comparison.combination import Prediction, Result
+from foretouch.comparison.result import Prediction, Result
 from foretouch.report.text import number
 
 __all__ = ["NEVER", "convergence_text", "middle", "note", "parameter_text", "render_table"]
@@ -48,6 +48,12 @@ def note(result: Result) -> str:
     return "; ".join(said)
 
 
+def same_reason(results: Sequence[Result]) -> str | None:
+    """Why all of them failed, where that is one reason, as with a file that cannot be read; else None."""
+    reasons = {result.reason for result in results}
+    return reasons.pop() if len(reasons) == 1 and len(results) > 1 else None
+
+
 def convergence_text(result: Result) -> str:
     """Convergence times after the first touch and each change."""
     times = (NEVER if c.convergence_s is None else f"{c.convergence_s:.2f}" for c in result.convergence)
@@ -68,6 +74,9 @@ def parameter_text(result: Result) -> str:
 
 
 def _block(name: str, rows: list[Result]) -> list[str]:
+    reason = same_reason(rows)
+    if reason is not None:
+        return [name, f"  all {len(rows)} failed: {reason}"]
     delays = [p.delay_s for p in next((row.predictions for row in rows if row.predictions), ())]
     known = any(row.convergence for row in rows)
     head = f"  {'law':<21}{'estimator':<21}{'one step':>10}"

@@ -32,11 +32,14 @@ class Estimator(ABC):
     Attributes:
         name: Of the estimator, as on the command line.
         model_name: Of the law it identifies, as on the command line.
+        offline: Whether it is a fit of a whole recording: no rival in a control loop, but the floor of what its law
+            can reach.
         updates: Samples learnt from since the last reset.
     """
 
     name: ClassVar[str]
     model_name: ClassVar[str]
+    offline: ClassVar[bool] = False
     updates: int
 
     @abstractmethod
@@ -52,6 +55,9 @@ class Estimator(ABC):
 
     def move_surface(self, change: float) -> None:  # noqa: B027
         """Told by the learner that depths count from a surface that is deeper by `change` [m] from now on."""
+
+    def finish(self) -> None:  # noqa: B027 - most have learnt all that there is
+        """Told that no more samples come: `model` is to be that of all samples."""
 
     @property
     def surface_correction(self) -> float:

@@ -229,6 +229,7 @@ class _Offline(Estimator):
     """
 
     name: ClassVar[str] = "offline"
+    offline: ClassVar[bool] = True
 
     def __init__(self) -> None:
         self.reset()
@@ -255,6 +256,11 @@ class _Offline(Estimator):
                 self._stride *= 2
         self.updates += 1
         return Status.LEARNT
+
+    def finish(self) -> None:
+        """Fit the newest samples too."""
+        if self.updates >= FEWEST_SAMPLES:
+            self._next_fit = self.updates
 
     @property
     def fit(self) -> OfflineFit | None:

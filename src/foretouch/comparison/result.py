@@ -1,0 +1,117 @@
+"""What came of one law by one estimator on one recording."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+from foretouch.comparison.truth import Convergence, ParameterError
+
+__all__ = ["LocalStiffness", "Prediction", "Result"]
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """Errors under one delay, as shares of the contact-force RMS [%]; None where there is nothing to measure.
+
+    Attributes:
+        delay_s: Of the forces [s].
+        prediction_error_percent: Of the predicted force.
+        delayed_force_error_percent: Of the delayed force, over the same samples.
+        within_jnd_percent: Share of contact samples whose error a hand cannot tell [%].
+        status: As in `foretouch.report.STATUSES`.
+        unforeseeable_percent: Share of the recording's samples that nothing before t - delay could tell [%]; None where
+            the truth is not known, as the next two.
+        foreseeable_prediction_error_percent: Of the predicted force without these samples.
+        foreseeable_delayed_force_error_percent: Of the delayed force without them.
+        whole_file_error_percent: Of the force that a fit of the whole recording gives, which knows no delay: a floor.
+            None where the estimator is not such a fit, as the next.
+        foreseeable_whole_file_error_percent: The same without the samples that nothing before t - delay could tell.
+    """
+
+    delay_s: float
+    prediction_error_percent: float | None
+    delayed_force_error_percent: float | None
+    within_jnd_percent: float | None
+    status: str
+    unforeseeable_percent: float | None = None
+    foreseeable_prediction_error_percent: float | None = None
+    foreseeable_delayed_force_error_percent: float | None = None
+    whole_file_error_percent: float | None = None
+    foreseeable_whole_file_error_percent: float | None = None
+
+
+@dataclass(frozen=True)
+class LocalStiffness:
+    """Slope of the force over depth at rest, by which laws of different exponents can be compared [N/m].
+
+    Attributes:
+        depth_m: At half of the deepest press.
+        estimated: None without a model.
+        true: Of the law that holds at the end.
+        error_percent: Estimated less true.
+    """
+
+    depth_m: float
+    estimated: float | None
+    true: float
+    error_percent: float | None
+
+
+@dataclass(frozen=True)
+class Result:
+    """What came of one combination.
+
+    Attributes:
+        recording: Name of the recording.
+        model: Name of the law.
+        estimator: Name of the estimator.
+        status: ``"ok"`` or ``"failed"``.
+        reason: Why it failed, None if it did not.
+        samples: Of the recording.
+        contact_samples: As the estimator's conditioning judges it.
+        residual_percent: One-step error: RMS residual as a share of the RMS force over the same samples [%].
+        us_per_sample: Time of `identify` [us], which keeps every parameter at every sample; beside other jobs.
+        parameters: The law's numbers after the last sample; None where undetermined.
+        standard_errors: By name, None where there are none.
+        warnings: One sentence for each parameter that cannot be told from the others.
+        predictions: One for each delay.
+        convergence: After the first touch and each change; empty where the truth is not known, as what follows.
+        parameter_errors: By name.
+        local_stiffness: None where no law is the true one.
+    """
+
+    recording: str
+    model: str
+    estimator: str
+    status: str
+    reason: str | None = None
+    samples: int | None = None
+    contact_samples: int | None = None
+    residual_percent: float | None = None
+    us_per_sample: float | None = None
+    parameters: Mapping[str, float | None] = field(default_factory=dict)
+    standard_errors: Mapping[str, float | None] | None = None
+    warnings: tuple[str, ...] = ()
+    predictions: tuple[Prediction, ...] = ()
+    convergence: tuple[Convergence, ...] = ()
+    parameter_errors: Mapping[str, ParameterError] = field(default_factory=dict)
+    local_stiffness: LocalStiffness | None = None
+
+    def as_row(self) -> dict[str, Any]:
+        """As plain values for JSON: no NaN, no infinity."""
+        row: dict[str, Any] = _finite(asdict(self))
+        return row
+
+
+def _finite(value: Any) -> Any:
+    """The same with None for every number that is not finite."""
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if isinstance(value, dict):
+        return {key: _finite(inner) for key, inner in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(inner) for inner in value]
+    return value
