@@ -46,6 +46,10 @@ PREDICT_KEYS = {
     "within_jnd_percent",
     "phantom_force_rms_N",
     "missed_contact_percent",
+    "largest_update_jump_N",
+    "largest_update_jump_N_per_s",
+    "largest_update_jump_at_s",
+    "time_to_ten_percent_s",
     "status",
 }
 

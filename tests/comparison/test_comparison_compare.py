@@ -97,7 +97,7 @@ def test_the_figures_are_those_of_identify_and_predict(folder: Path) -> None:
         expected = score(
             recording.time,
             recording.force,
-            predict(recording, fresh(recording), delay=delay),
+            predict(recording, fresh(recording), delay=delay).force,
             delayed(recording.time, recording.force - lowest_mean(recording.time, recording.force), delay),
             contact_floor=recording.contact_floor,
             position=recording.position,
@@ -252,7 +252,7 @@ def test_what_was_learnt_once_is_predicted_from_memory(folder: Path) -> None:
     once = OnceLearnt(make_estimator("kelvin-voigt", "rls"), contact_floor=recording.contact_floor)
     for delay in (1.0, 0.0, 0.3):
         forces = forces_under_delay(recording, once.again(), delay)
-        assert np.array_equal(forces.predicted, predict(recording, fresh(recording), delay=delay))
+        assert np.array_equal(forces.predicted, predict(recording, fresh(recording), delay=delay).force)
     assert len(once.memory) == len(recording)
 
 

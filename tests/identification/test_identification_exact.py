@@ -395,7 +395,7 @@ def test_measured_foam_and_spring_are_predicted_over_a_delay_of_300_ms(
     """Percent of the force RMS; no power law fits these foams better than 8 to 14 %, and no change is called."""
     recording = read_recording(measured(name))
     estimator = ExactRecursive()
-    found = predict(recording, Learner(estimator), delay=0.3)
+    found = predict(recording, Learner(estimator), delay=0.3).force
     learner_force = recording.force - lowest_mean(recording.time, recording.force)
     window = recording.time - recording.time[0] >= 1.5
     true, error = learner_force[window], (found - learner_force)[window]

@@ -52,7 +52,7 @@ def errors(recording: Recording, make: Callable[[], Estimator]) -> tuple[float, 
     except RecordingError:
         one_step = math.nan  # no model at the end
     late = delayed(recording.time, recording.force - lowest_mean(recording.time, recording.force), DELAY)
-    predicted = predict(recording, Learner(make()), delay=DELAY)
+    predicted = predict(recording, Learner(make()), delay=DELAY).force
     scores = score(
         recording.time,
         recording.force,

@@ -27,17 +27,17 @@ def changed(recording: Recording, *, force_from: float = np.inf, position_from: 
 @given(st.sampled_from([0.0, 0.001, 0.05, 0.3, 1.0]), st.floats(1.2, 3.5))
 def test_the_future_is_not_used(delay: float, now: float) -> None:
     recording = press(duration=4.0, noise=0.01)
-    whole = predict(recording, learner(), delay=delay)
+    whole = predict(recording, learner(), delay=delay).force
     past = recording.time <= now
     other = predict(changed(recording, force_from=now - delay + 1e-9, position_from=now), learner(), delay=delay)
-    np.testing.assert_array_equal(other[past], whole[past])
+    np.testing.assert_array_equal(other.force[past], whole[past])
 
 
 def test_the_newest_force_allowed_is_used() -> None:
     """The other side of causality: a force that may be known does change the prediction."""
     recording, delay, now = press(duration=4.0), 0.3, 2.5
-    whole = predict(recording, learner(), delay=delay)
-    other = predict(changed(recording, force_from=now - delay - 0.0101), learner(), delay=delay)
+    whole = predict(recording, learner(), delay=delay).force
+    other = predict(changed(recording, force_from=now - delay - 0.0101), learner(), delay=delay).force
     index = int(np.searchsorted(recording.time, now))
     assert whole[index] > 1.0
     assert other[index] != whole[index]
@@ -46,7 +46,7 @@ def test_the_newest_force_allowed_is_used() -> None:
 def test_a_law_that_fits_is_predicted_over_any_delay() -> None:
     recording = press(duration=8.0)
     for delay in (0.0, 0.3):
-        forces = predict(recording, learner(surface=0.01, force_offset=0.3), delay=delay)
+        forces = predict(recording, learner(surface=0.01, force_offset=0.3), delay=delay).force
         late = recording.time > 4.0
         error = np.sqrt(np.mean((forces - true_force(recording))[late] ** 2))
         assert error < 0.05 * np.sqrt(np.mean(true_force(recording)[late] ** 2))
@@ -54,7 +54,7 @@ def test_a_law_that_fits_is_predicted_over_any_delay() -> None:
 
 def test_nothing_is_predicted_before_a_model_has_arrived() -> None:
     recording = press()
-    forces = predict(recording, learner(), delay=0.3)
+    forces = predict(recording, learner(), delay=0.3).force
     assert not forces[recording.time < 1.3].any()
     assert forces.any()
 
@@ -63,25 +63,32 @@ def test_another_motion_gets_its_own_forces() -> None:
     recording = press(duration=4.0)
     every = np.arange(len(recording))
     away = Motion(recording.time, recording.position - 0.1, every, recording.time + 0.1)
-    assert not predict_motion(recording, learner(), away).any()
+    assert not predict_motion(recording, learner(), away).force.any()
     same = Motion(recording.time, recording.position, every, recording.time + 0.1)
-    np.testing.assert_array_equal(predict_motion(recording, learner(), same), predict(recording, learner(), delay=0.1))
+    again, known = predict_motion(recording, learner(), same), predict(recording, learner(), delay=0.1)
+    np.testing.assert_array_equal(again.force, known.force)
+    np.testing.assert_array_equal(again.jump, known.jump)
 
 
 def test_only_models_that_arrive_are_used() -> None:
     recording = press(duration=4.0)
     motion = Motion(recording.time, recording.position, np.array([2000, 2100]), np.array([2.5, np.inf]))
-    forces = predict_motion(recording, learner(), motion)
+    found = predict_motion(recording, learner(), motion)
+    forces = found.force
     assert not forces[recording.time < 2.5 - 1e-6].any()
     assert forces.any()
+    assert np.flatnonzero(found.jump).tolist() == [2500]
+    assert found.jump[2500] == forces[2500]
+    assert np.isnan(found.standard_deviation).all()  # a power law carries no doubt
     later = changed(recording, force_from=2.05)  # would show in the model that was lost
-    np.testing.assert_array_equal(predict_motion(later, learner(), motion), forces)
+    np.testing.assert_array_equal(predict_motion(later, learner(), motion).force, forces)
 
 
 def test_a_measured_velocity_is_used() -> None:
     recording = press(duration=3.0)
     still = Recording(recording.time, recording.position, recording.force, velocity=np.zeros(len(recording)))
-    assert (predict(still, learner(), delay=0.1) != predict(recording, learner(), delay=0.1)).any()
+    one, other = (predict(either, learner(), delay=0.1).force for either in (still, recording))
+    assert (one != other).any()
 
 
 def test_a_delay_below_zero_is_refused() -> None:

@@ -117,7 +117,7 @@ def test_learning_again_gives_the_models_that_were_sent(sponge: Experiment) -> N
 def test_watching_changes_nothing(sponge: Experiment) -> None:
     watched = replay(sponge.log, Learner(Watched(FPRLS())), delay=0.2)
     bare = replay(sponge.log, Learner(FPRLS()), delay=0.2)
-    np.testing.assert_array_equal(watched.predicted, bare.predicted)
+    np.testing.assert_array_equal(watched.predicted.force, bare.predicted.force)
 
 
 def test_fewer_samples_are_every_tenth() -> None:

@@ -88,7 +88,8 @@ def test_models_come_fifty_times_a_second_and_at_once_on_change(session: Simulat
 
 def test_predicting_the_recording_gives_the_session_s_own_figure(session: SimulatedSession) -> None:
     again = replay(session.log, Learner(make_estimator("continuous-switching", "fprls")), delay=0.3)
-    np.testing.assert_array_equal(again.predicted, session.log.leader["predicted_force"])
+    np.testing.assert_array_equal(again.predicted.force, session.log.leader["predicted_force"])
+    np.testing.assert_array_equal(again.predicted.jump, session.log.leader["model_jump"])
     late = session.log.leader["telemetry_sequence"] > 0
     np.testing.assert_array_equal(again.delayed[late], session.log.leader["delayed_force"][late])
 

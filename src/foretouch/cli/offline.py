@@ -148,9 +148,13 @@ def predict(
         "within_jnd_percent",
         "phantom_force_rms_N",
         "missed_contact_percent",
-        "status",
     )
-    content = {"delay_s": delay, **{name: getattr(scores, name) for name in names}}
+    content = {
+        "delay_s": delay,
+        **{name: getattr(scores, name) for name in names},
+        **found.perception(scores),
+        "status": scores.status,
+    }
     forces = {
         "time_s": found.time,
         "measured_force_N": scores.measured_force,

@@ -24,7 +24,7 @@ from foretouch.identification.offline import (
     OfflineKelvinVoigt,
     fit_offline,
 )
-from foretouch.identification.prediction import TIME_TOLERANCE, Motion, predict, predict_motion
+from foretouch.identification.prediction import TIME_TOLERANCE, Motion, PredictedForce, predict, predict_motion
 from foretouch.identification.registry import DEFAULT_ESTIMATORS, ESTIMATORS, make_estimator
 from foretouch.identification.rls import RLS, ForgettingRLS, SelfPerturbingRLS
 from foretouch.identification.robust import RobustOptions
@@ -66,6 +66,7 @@ __all__ = [
     "OfflineFit",
     "OfflineHuntCrossley",
     "OfflineKelvinVoigt",
+    "PredictedForce",
     "RobustFPRLS",
     "RobustOptions",
     "SelfPerturbingRLS",

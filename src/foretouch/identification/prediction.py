@@ -15,7 +15,7 @@ from foretouch.models import Predictor
 from foretouch.models.checks import require
 from foretouch.quantities import Recording
 
-__all__ = ["TIME_TOLERANCE", "Motion", "predict", "predict_motion"]
+__all__ = ["TIME_TOLERANCE", "Motion", "PredictedForce", "predict", "predict_motion"]
 
 Array = NDArray[np.float64]
 
@@ -41,7 +41,23 @@ class Motion:
     arrived: Array
 
 
-def predict(recording: Recording, learner: Learner, *, delay: float) -> Array:
+@dataclass(frozen=True, eq=False)
+class PredictedForce:
+    """A force predicted along a motion, one value a sample; columns of shape (n,).
+
+    Attributes:
+        force: [N]; 0 before the first model.
+        standard_deviation: Of that force [N], NaN where the model carries no doubt.
+        jump: Force less that of the model before, had it been kept, at each sample from which on another model
+            predicts [N]; 0 at all other samples.
+    """
+
+    force: Array
+    standard_deviation: Array
+    jump: Array
+
+
+def predict(recording: Recording, learner: Learner, *, delay: float) -> PredictedForce:
     """Force that a leader would have rendered for the recorded motion, had the forces come under a delay.
 
     At time t the motion is known up to t and the forces up to t - delay: the model that predicts at t was learnt from
@@ -53,7 +69,7 @@ def predict(recording: Recording, learner: Learner, *, delay: float) -> Array:
         delay: Of the forces [s], not negative.
 
     Returns:
-        Predicted force [N] at each sample; 0 before the first model.
+        At each sample of the recording.
 
     Raises:
         SettingError: delay is negative or not finite.
@@ -63,7 +79,7 @@ def predict(recording: Recording, learner: Learner, *, delay: float) -> Array:
     return _run(recording.time, recording.position, _velocities(recording), models)
 
 
-def predict_motion(recording: Recording, learner: Learner, motion: Motion) -> Array:
+def predict_motion(recording: Recording, learner: Learner, motion: Motion) -> PredictedForce:
     """Force that a leader would have rendered for its own motion, learning from what the follower felt.
 
     Args:
@@ -72,7 +88,7 @@ def predict_motion(recording: Recording, learner: Learner, motion: Motion) -> Ar
         motion: The operator's.
 
     Returns:
-        Predicted force [N] at each sample of the motion; 0 before the first model.
+        At each sample of the motion.
     """
     arrivals = dict(zip(motion.published.tolist(), motion.arrived.tolist(), strict=True))
     models = (
@@ -85,11 +101,11 @@ def predict_motion(recording: Recording, learner: Learner, motion: Motion) -> Ar
 
 def _run(
     time: Array, position: Array, velocity: Iterable[float | None], models: Iterator[tuple[float, LearntModel]]
-) -> Array:
+) -> PredictedForce:
     """Predict along a motion; each model comes with the time from which it may be used."""
     predictor = Predictor()
     upcoming = next(models, None)
-    forces = np.empty(time.size)
+    forces, deviations, jumps = np.empty((3, time.size))
     for index, (now, place, speed) in enumerate(zip(time.tolist(), position.tolist(), velocity, strict=False)):
         newest: LearntModel | None = None
         while upcoming is not None and upcoming[0] <= now + TIME_TOLERANCE:
@@ -98,7 +114,9 @@ def _run(
         if newest is not None:
             predictor.adopt(newest.model, newest.surface, newest.state)
         forces[index] = predictor.update(now, place, speed)
-    return forces
+        deviations[index] = predictor.standard_deviation
+        jumps[index] = predictor.jump
+    return PredictedForce(forces, deviations, jumps)
 
 
 def _learn(recording: Recording, learner: Learner) -> Iterator[float]:

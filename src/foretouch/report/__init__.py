@@ -5,6 +5,7 @@ from foretouch.report.forces import Forces, forces_under_delay
 from foretouch.report.html import embedded, named_values, table, write_html
 from foretouch.report.page import write_page, write_prediction_page
 from foretouch.report.pairs import Pairs, force_at_follower, pair
+from foretouch.report.perception import LargestJump, largest_jump, rendered_jump, time_to_accuracy
 from foretouch.report.scores import STATUSES, Scores, delayed, lowest_mean, score
 from foretouch.report.session import CONTACT_FLOOR, session_report
 from foretouch.report.text import findings, render_text
@@ -14,6 +15,7 @@ __all__ = [
     "CONTACT_FLOOR",
     "STATUSES",
     "Forces",
+    "LargestJump",
     "Pairs",
     "Scores",
     "delayed",
@@ -22,15 +24,18 @@ __all__ = [
     "finished",
     "force_at_follower",
     "forces_under_delay",
+    "largest_jump",
     "legend",
     "lowest_mean",
     "named_values",
     "new_figure",
     "pair",
     "render_text",
+    "rendered_jump",
     "score",
     "session_report",
     "table",
+    "time_to_accuracy",
     "write_html",
     "write_page",
     "write_prediction_page",

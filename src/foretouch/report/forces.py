@@ -11,7 +11,8 @@ from foretouch.identification import Learner, predict
 from foretouch.messages import SessionLog
 from foretouch.quantities import Recording
 from foretouch.report.pairs import pair
-from foretouch.report.scores import delayed, lowest_mean
+from foretouch.report.perception import LargestJump, largest_jump, time_to_accuracy
+from foretouch.report.scores import Scores, delayed, lowest_mean
 from foretouch.report.session import CONTACT_FLOOR
 from foretouch.session import replay
 
@@ -31,6 +32,10 @@ class Forces:
         predicted: [N].
         delayed: What the receiver knows [N].
         contact_floor: Smallest force that counts as contact [N].
+        standard_deviation: Of the predicted force [N], NaN where the model carries no doubt; None where models have
+            no part in it, as in the next two.
+        jump: Change of the predicted force by the model that came at the sample [N], 0 where none came.
+        period: Time since the sample before where the prediction was made [s], NaN at the first.
     """
 
     time: Array
@@ -39,6 +44,21 @@ class Forces:
     predicted: Array
     delayed: Array
     contact_floor: float
+    standard_deviation: Array | None = None
+    jump: Array | None = None
+    period: Array | None = None
+
+    def perception(self, scores: Scores) -> dict[str, float | None]:
+        """What an operator would notice, as named figures: the largest jump by a model, and the time to accuracy.
+
+        Args:
+            scores: What `score` gave of these columns, all samples among them.
+        """
+        jump = LargestJump(None, None, None)
+        if self.jump is not None and self.period is not None:
+            jump = largest_jump(self.time, self.jump, self.period)
+        accurate = time_to_accuracy(self.time, scores.measured_force, self.predicted, scores.in_contact)
+        return {**jump.figures("largest_update_jump"), "time_to_ten_percent_s": accurate}
 
 
 def forces_under_delay(source: Recording | SessionLog, learner: Learner, delay: float) -> Forces:
@@ -57,14 +77,32 @@ def forces_under_delay(source: Recording | SessionLog, learner: Learner, delay: 
         felt = source.force - lowest_mean(source.time, source.force)
         predicted = predict(source, learner, delay=delay)
         known = delayed(source.time, felt, delay)
-        return Forces(source.time, source.position, source.force, predicted, known, source.contact_floor)
+        return Forces(
+            source.time,
+            source.position,
+            source.force,
+            predicted.force,
+            known,
+            source.contact_floor,
+            predicted.standard_deviation,
+            predicted.jump,
+            _periods(source.time),
+        )
     again, pairs = replay(source, learner, delay=delay), pair(source)
     ticks = np.searchsorted(source.leader["sequence"], pairs.leader["sequence"])
     return Forces(
         pairs.time,
         pairs.follower["position"],
         pairs.follower["sensor_force"],
-        again.predicted[ticks],
+        again.predicted.force[ticks],
         again.delayed[ticks],
         CONTACT_FLOOR,
+        again.predicted.standard_deviation[ticks],
+        again.predicted.jump[ticks],
+        _periods(source.leader["time_ns"] * 1e-9)[ticks],
     )
+
+
+def _periods(time: Array) -> Array:
+    """Time since the sample before, NaN at the first."""
+    return np.concatenate((np.full(min(1, time.size), np.nan), np.diff(time)))

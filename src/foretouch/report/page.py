@@ -112,6 +112,8 @@ def _tiles(report: Mapping[str, Any]) -> str:
         ("within_jnd_percent", "%", "of contact predicted within what is noticed"),
         ("phantom_force_rms_N", "N", "predicted in free air, RMS"),
         ("contact_force_rms_N", "N", "contact force, RMS"),
+        ("largest_update_jump_N", "N", "largest jump by a new model"),
+        ("time_to_ten_percent_s", "s", "from first touch to an error below 10 %"),
     )
     tiles = (
         f'<div class="tile"><b>{escape(number(report[key], unit))}</b><span>{label}</span></div>'

@@ -10,6 +10,7 @@ from scipy.optimize import minimize_scalar
 
 from foretouch.messages import CHANNELS, SessionLog
 from foretouch.report.pairs import Pairs, force_at_follower, model_of, pair
+from foretouch.report.perception import largest_jump, rendered_jump, time_to_accuracy
 from foretouch.report.scores import Scores, score
 
 __all__ = ["CONTACT_FLOOR", "OPEN_LOOP", "session_report"]
@@ -85,6 +86,8 @@ def session_report(
         "phantom_force_rms_N": main.phantom_force_rms_N,
         "rendered_phantom_force_rms_N": rendered.phantom_force_rms_N,
         "missed_contact_percent": main.missed_contact_percent,
+        **_update_jumps(log.leader),
+        "time_to_ten_percent_s": time_to_accuracy(pairs.time, main.measured_force, predicted, main.in_contact),
         "equal_position": _errors(local),
         "exact_force": _errors(exact),
         "max_rendered_force_N": _largest(log.leader["rendered_force"]),
@@ -119,6 +122,15 @@ def _errors(scores: Scores | None) -> dict[str, float | None]:
         "prediction_error_percent": None if scores is None else scores.prediction_error_percent,
         "within_jnd_percent": None if scores is None else scores.within_jnd_percent,
     }
+
+
+def _update_jumps(leader: NDArray[np.void]) -> dict[str, float | None]:
+    """The largest jumps that models made, of the predicted force and of what came of it behind the clamps."""
+    time, period = leader["time_ns"] * 1e-9, leader["period_ns"] * 1e-9
+    columns = (leader[name] for name in ("sequence", "predicted_force", "rendered_force", "model_jump"))
+    predicted = largest_jump(time, leader["model_jump"], period)
+    rendered = largest_jump(time, rendered_jump(*columns), period)
+    return {**predicted.figures("largest_update_jump"), **rendered.figures("largest_rendered_update_jump")}
 
 
 def _duration(log: SessionLog) -> float:

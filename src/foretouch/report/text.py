@@ -24,6 +24,7 @@ def render_text(report: Mapping[str, Any]) -> str:
         *(finding.text for finding in findings(report)),
         "",
         *_forces(report),
+        *_perception(report),
         "",
         *_motion(report),
         "",
@@ -133,6 +134,22 @@ def _row(
     more = "" if within is None and phantom is None else f"{number(within, '%'):>14}"
     more += "" if phantom is None else f"{number(phantom, 'N'):>14}"
     return f"  {name:<34}{number(error, '%'):>12}{number(rmse, 'N'):>12}{more}"
+
+
+def _perception(report: Mapping[str, Any]) -> list[str]:
+    """What a new model does to the force at once, and how soon the prediction is right."""
+    jumps = []
+    for name in ("largest_update_jump", "largest_rendered_update_jump"):
+        size, rate = number(report[f"{name}_N"], "N"), number(report[f"{name}_N_per_s"], "N/s")
+        jumps.append(f"{size} ({rate})")
+    soon = number(report["time_to_ten_percent_s"], "s")
+    accurate = "never, or not touched for long enough" if soon == "-" else f"{soon} after the first touch"
+    when = report["largest_update_jump_at_s"]
+    at = "" if when is None else f" at {number(when, 's')}"
+    return [
+        f"  a new model moved the force by at most {jumps[0]}{at}, behind the limits {jumps[1]}",
+        f"  within 10 % over half a second of contact: {accurate}",
+    ]
 
 
 def _motion(report: Mapping[str, Any]) -> list[str]:

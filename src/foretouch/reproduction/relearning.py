@@ -247,6 +247,6 @@ def predict_again(log: SessionLog, choice: Choice) -> Prediction:
     watched = Watched(choice.make(), choice.every)
     predicted = replay(log, Learner(watched), delay=FORCE_DELAY).predicted
     leader = log.leader.copy()
-    leader["predicted_force"] = predicted
+    leader["predicted_force"], leader["model_jump"] = predicted.force, predicted.jump
     other = replace(log, leader=leader)
     return Prediction(other, session_report(other), watched.history)

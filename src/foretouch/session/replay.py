@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foretouch.errors import RecordingError
-from foretouch.identification import TIME_TOLERANCE, Learner, Motion, predict_motion
+from foretouch.identification import TIME_TOLERANCE, Learner, Motion, PredictedForce, predict_motion
 from foretouch.messages import SessionLog
 from foretouch.models.checks import require
 from foretouch.quantities import Recording
@@ -23,11 +23,11 @@ class Replay:
     """A session's forces at each leader tick, as in `SessionLog.leader`.
 
     Attributes:
-        predicted: Force that the leader would have rendered under the delay asked for [N].
+        predicted: Force that the leader would have rendered under the delay asked for.
         delayed: Force that the leader would have known, the follower's own offset taken off [N].
     """
 
-    predicted: Array
+    predicted: PredictedForce
     delayed: Array
 
 

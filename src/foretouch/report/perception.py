@@ -1,0 +1,146 @@
+"""What an operator would notice of a prediction: jumps of force that new models make, and how soon it is right."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["ACCURATE_FOR", "ACCURATE_WITHIN", "LargestJump", "largest_jump", "rendered_jump", "time_to_accuracy"]
+
+Array = NDArray[np.float64]
+
+ACCURATE_WITHIN = 0.10
+"""Error of an accurate prediction, as a share of the force RMS: people tell forces apart at 7 to 10 %."""
+
+ACCURATE_FOR = 0.5
+"""Time in contact over which the error is taken [s]: about one press, so that no crossing of two curves counts."""
+
+
+class LargestJump(NamedTuple):
+    """The largest of the changes of force that new models made at once; None where there is nothing to look at.
+
+    Attributes:
+        force: Its size [N], 0 where no model changed the force.
+        rate: The largest size divided by the time since the sample before [N/s]; with uneven times it may be another
+            jump than that of `force`.
+        time: When `force` came, since the first sample [s]; None where no model changed the force.
+    """
+
+    force: float | None
+    rate: float | None
+    time: float | None
+
+    def figures(self, name: str) -> dict[str, float | None]:
+        """The same as named figures for JSON: ``name_N``, ``name_N_per_s`` and ``name_at_s``."""
+        return {f"{name}_N": self.force, f"{name}_N_per_s": self.rate, f"{name}_at_s": self.time}
+
+
+def largest_jump(time: Array, jump: Array, period: Array) -> LargestJump:
+    r"""The largest jump, whichever its sign.
+
+    .. math:: \max_k |J_k|, \quad \max_k |J_k| / T_k
+
+    All samples count, those before the scoring window too, and so does the first model: where it comes in the middle
+    of a press, the force appears from nothing.
+
+    Args:
+        time: [s], increasing, shape (n,).
+        jump: J [N]: force less that of the model before, had it been kept, 0 where no model came, shape (n,); one that
+            is not finite is left out.
+        period: T, time since the sample before [s], shape (n,); one that is not above 0 gives no rate.
+    """
+    finite = np.isfinite(jump)
+    if not finite.any():
+        return LargestJump(None, None, None)
+    size = np.where(finite, np.abs(jump), 0.0)
+    where = int(size.argmax())
+    force = float(size[where])
+    if not force > 0.0:
+        return LargestJump(0.0, 0.0, None)
+    known = finite & (period > 0.0)
+    rate = float((size[known] / period[known]).max()) if known.any() else None
+    return LargestJump(force, rate, float(time[where] - time[0]))
+
+
+def rendered_jump(sequence: NDArray[np.int64], predicted: Array, rendered: Array, jump: Array) -> Array:
+    r"""That part of a jump of the predicted force that was rendered in the tick in which it came.
+
+    .. math:: J'_k = (R_k - R_{k-1}) - (F_k - J_k - F_{k-1}), \quad \text{held between } 0 \text{ and } J_k
+
+    In words: what the rendered force R changed by in this tick, less what the predicted force F would have changed
+    by, had the model before been kept. Where no clamp cuts either tick, that is J. A jump that the clamps spread over
+    several ticks counts with its first, so the rate that is made of it is the one that the hand was given; its size
+    in the end is that of the predicted force. What clamps would have made of the model before is not observed: while
+    they cut, up to what it would have changed by in one tick can be counted wrongly, never more than J.
+
+    Args:
+        sequence: Numbers of the ticks, shape (n,).
+        predicted: F [N], shape (n,).
+        rendered: R [N], shape (n,).
+        jump: J [N], shape (n,).
+
+    Returns:
+        J' [N], shape (n,); NaN where J is not 0 and the tick before is missing.
+    """
+    part = np.zeros(jump.size)
+    came = np.flatnonzero(jump != 0.0)
+    follows = (came > 0) & (sequence[came] - sequence[came - 1] == 1)
+    part[came[~follows]] = np.nan
+    k = came[follows]
+    change = (rendered[k] - rendered[k - 1]) - (predicted[k] - jump[k] - predicted[k - 1])
+    part[k] = np.clip(change, np.minimum(jump[k], 0.0), np.maximum(jump[k], 0.0))
+    return part
+
+
+def time_to_accuracy(
+    time: Array,
+    true_force: Array,
+    predicted_force: Array,
+    in_contact: NDArray[np.bool_],
+    *,
+    within: float = ACCURATE_WITHIN,
+    lasting: float = ACCURATE_FOR,
+) -> float | None:
+    r"""Time from the first touch until the prediction is accurate for half a second of contact [s].
+
+    The first touch is the first sample in contact. The prediction is accurate from that sample in contact on, say the
+    i-th, for which over the N samples in contact that begin with it
+
+    .. math:: \sum_{j=i}^{i+N-1} (\hat F_j - F_j)^2 \;\le\; 0.1^2 \sum_{j=i}^{i+N-1} F_j^2
+
+    where N samples last 0.5 s at the median sample period. Samples out of contact are skipped, so that N samples
+    may be several short touches; that it stays accurate afterwards is not asked. The time is that on the clock, free
+    air included.
+
+    Args:
+        time: [s], increasing, shape (n,).
+        true_force: F, less its zero [N], finite, shape (n,).
+        predicted_force: [N], shape (n,); one that is not finite is as wrong as can be.
+        in_contact: Flags, shape (n,).
+        within: Largest error, as a share of the force RMS.
+        lasting: Contact over which it is taken [s].
+
+    Returns:
+        None where it is never accurate for so long, or in contact for so long.
+    """
+    if time.size < 2:
+        return None
+    count = max(1, round(lasting / float(np.median(np.diff(time)))))
+    clock, force = time[in_contact], true_force[in_contact]
+    if clock.size < count:
+        return None
+    power = force**2
+    with np.errstate(over="ignore", invalid="ignore"):
+        wrong = (predicted_force[in_contact] - force) ** 2
+    # One error as large as all force together spoils its window for certain; larger ones would spoil the sums' digits.
+    wrong = np.fmin(np.where(np.isnan(wrong), np.inf, wrong), power.sum())
+    accurate = _window_sums(wrong, count) <= within**2 * _window_sums(power, count) * (1.0 + 1e-9)
+    return float(clock[np.argmax(accurate)] - clock[0]) if accurate.any() else None
+
+
+def _window_sums(values: Array, count: int) -> Array:
+    """Sums of all runs of so many values."""
+    sums = np.concatenate(([0.0], np.cumsum(values)))
+    return np.asarray(sums[count:] - sums[:-count])
