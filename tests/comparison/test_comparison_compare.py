@@ -23,7 +23,7 @@ from foretouch.errors import ForetouchError, InputError, SettingError, UnknownNa
 from foretouch.identification import ESTIMATORS, Learner, identify, make_estimator, predict
 from foretouch.models import HuntCrossley
 from foretouch.recordings import read_recording, write_columns
-from foretouch.report import Forces, delayed, forces_under_delay, lowest_mean, score
+from foretouch.report import Forces, delayed, forces_under_delay, lowest_mean, score, time_to_accuracy
 
 PAIR = {"models": ("kelvin-voigt",), "estimators": ("rls",)}
 
@@ -94,16 +94,21 @@ def test_the_figures_are_those_of_identify_and_predict(folder: Path) -> None:
     assert result.us_per_sample is not None
     assert 1.0 < result.us_per_sample < 5e3
     for prediction, delay in zip(result.predictions, (0.1, 0.3), strict=True):
+        predicted = predict(recording, fresh(recording), delay=delay)
         expected = score(
             recording.time,
             recording.force,
-            predict(recording, fresh(recording), delay=delay).force,
+            predicted.force,
             delayed(recording.time, recording.force - lowest_mean(recording.time, recording.force), delay),
             contact_floor=recording.contact_floor,
             position=recording.position,
         )
         assert prediction.delay_s == delay
         assert prediction.prediction_error_percent == pytest.approx(expected.prediction_error_percent)
+        assert prediction.largest_update_jump_N == np.abs(predicted.jump).max() > 0.0
+        assert prediction.time_to_ten_percent_s == time_to_accuracy(
+            recording.time, expected.measured_force, predicted.force, expected.in_contact
+        )
         assert prediction.delayed_force_error_percent == pytest.approx(expected.delayed_force_error_percent)
         assert prediction.unforeseeable_percent is None
 

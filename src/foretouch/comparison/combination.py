@@ -189,6 +189,7 @@ def _prediction(
         scores.within_jnd_percent,
         scores.status,
         whole_file_error_percent=floor(None),
+        **forces.perception(scores),
     )
     if loaded.truth is None:
         return plain

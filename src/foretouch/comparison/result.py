@@ -29,6 +29,12 @@ class Prediction:
         whole_file_error_percent: Of the force that a fit of the whole recording gives, which knows no delay: a floor.
             None where the estimator is not such a fit, as the next.
         foreseeable_whole_file_error_percent: The same without the samples that nothing before t - delay could tell.
+        largest_update_jump_N: Largest change of the predicted force that a new model made at one sample [N]; None where
+            nothing was predicted, as the next two.
+        largest_update_jump_N_per_s: Largest rate of one [N/s].
+        largest_update_jump_at_s: When the largest came, since the first sample [s]; None where no model changed it.
+        time_to_ten_percent_s: From the first touch until half a second of contact is predicted within 10 % [s]; None
+            where it never is.
     """
 
     delay_s: float
@@ -41,6 +47,10 @@ class Prediction:
     foreseeable_delayed_force_error_percent: float | None = None
     whole_file_error_percent: float | None = None
     foreseeable_whole_file_error_percent: float | None = None
+    largest_update_jump_N: float | None = None
+    largest_update_jump_N_per_s: float | None = None
+    largest_update_jump_at_s: float | None = None
+    time_to_ten_percent_s: float | None = None
 
 
 @dataclass(frozen=True)
