@@ -38,6 +38,8 @@ LAW_COLOURS: Final = {"continuous-switching": "#8c8c8c", "kelvin-voigt": "#CC79A
 """Of thin curves and of floors."""
 OTHER_COLOUR: Final = DELAYED
 JND_COLOUR: Final = "#f0e9c8"
+LOWEST: Final = 0.2
+"""Smaller errors are below the panels [%]."""
 LABEL_HEIGHT: Final = 0.075
 """Of a curve's name, as a share of the panel's height."""
 
@@ -180,7 +182,8 @@ def _draw(panel: Any, results: Sequence[Result], limits: tuple[float, float]) ->
     labels: list[tuple[float, str, str]] = []
 
     def line(curve: Curve, colour: str, label: str | None = None, **style: Any) -> None:
-        shown = np.clip(curve.error, 0.9 * limits[0], None)  # no error at all is below the panel, not nowhere
+        none = curve.error < 1e-6  # on a logarithmic scale nowhere: shown as just below the panel
+        shown = np.where(none, 0.9 * limits[0], curve.error)
         panel.plot(1e3 * curve.delay, shown, color=colour, **style)
         known = shown[np.isfinite(shown)]
         if label is not None and known.size:
@@ -216,10 +219,10 @@ def _lowest(curves: Mapping[Pair, Curve]) -> Curve | None:
 
 def _limits(results: Sequence[Result]) -> tuple[float, float]:
     """Of the errors on all panels [%]: curves that are far beyond the delayed force must not press the others flat."""
-    curves = [*delay_curves(results).values(), *floors(results).values()]
-    ceiling = delayed_force_curve(results).error
-    lowest = min((float(np.nanmin(c.error)) for c in curves if np.isfinite(c.error).any()), default=JND[0])
-    return max(0.3, 0.8 * min(lowest, JND[0])), 1.5 * max(100.0, float(np.nanmax(ceiling, initial=0.0)))
+    late = [prediction for row in results for prediction in row.predictions if prediction.delay_s > 0.0]
+    errors = [error for p in late for error in (_prediction_error(p), _whole_file_error(p)) if error is not None]
+    ceiling = float(np.nanmax(delayed_force_curve(results).error, initial=100.0))
+    return max(LOWEST, 0.8 * min(JND[0], *errors)), 1.5 * ceiling
 
 
 def _ticks(panel: Any, delays: Array) -> None:
@@ -232,18 +235,22 @@ def _ticks(panel: Any, delays: Array) -> None:
     panel.set_xticks(kept, [f"{delay:g}" for delay in kept], fontsize="small")
     panel.minorticks_off()
     low, high = panel.get_ylim()
-    marks = [mark for mark in (0.5, 1, 2, 5, 10, 20, 50, 100, 200, 500, 1000) if low <= mark <= high]
+    marks = [mark for mark in (0.2, 0.5, 1, 2, 5, 10, 20, 50, 100, 200, 500, 1000) if low <= mark <= high]
     panel.set_yticks(marks, [f"{mark:g}" for mark in marks], fontsize="small")
 
 
 def _name(panel: Any, labels: Sequence[tuple[float, str, str]], limits: tuple[float, float]) -> None:
     """The prominent curves' names right of their ends, moved apart where they would overlap."""
     low, high = np.log(limits)
-    free = -1.0
-    for error, label, colour in sorted(labels):
-        height = (math.log(min(max(error, limits[0]), limits[1])) - low) / (high - low)
-        free = max(height, free + LABEL_HEIGHT)
-        panel.text(1.03, free, label, color=colour, transform=panel.transAxes, va="center", fontsize="small")
+    upwards = sorted(labels)
+    heights = [(math.log(min(max(error, limits[0]), limits[1])) - low) / (high - low) for error, _, _ in upwards]
+    for place in range(1, len(heights)):
+        heights[place] = max(heights[place], heights[place - 1] + LABEL_HEIGHT)
+    heights[-1:] = [min(height, 1.0) for height in heights[-1:]]
+    for place in reversed(range(len(heights) - 1)):
+        heights[place] = min(heights[place], heights[place + 1] - LABEL_HEIGHT)
+    for height, (_, label, colour) in zip(heights, upwards, strict=True):
+        panel.text(1.03, height, label, color=colour, transform=panel.transAxes, va="center", fontsize="small")
 
 
 def _law_colour(model: str) -> str:
