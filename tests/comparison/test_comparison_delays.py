@@ -173,6 +173,15 @@ def test_long_names_that_end_alike_stay_apart(results: list[comparison.Result]) 
     assert [panel.get_title() for panel in comparison.delay_figure(long).axes[1:]] == names
 
 
+def test_where_nothing_can_be_scored_the_panel_is_empty(files: list[Path], tmp_path: Path) -> None:
+    scoring = comparison.Scoring((0.0, 0.3), score_from=100.0)
+    found = comparison.compare([comparison.file_case(files[0])], **CHOSEN, scoring=scoring, processes=1)
+    assert {p.status for result in found for p in result.predictions} == {"nothing_to_score"}
+    (panel,) = comparison.delay_figure(found).axes
+    assert not panel.texts
+    assert comparison.write_comparison_page(tmp_path, found).is_file()
+
+
 def test_what_failed_is_not_drawn(results: list[comparison.Result]) -> None:
     failed = comparison.Result("gone.csv", "hunt-crossley", "exact", "failed", "no such file")
     assert len(comparison.delay_figure([*results[:3], failed]).axes) == 1

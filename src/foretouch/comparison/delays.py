@@ -34,7 +34,12 @@ PROMINENT: Final[dict[Pair, tuple[str, str]]] = {
 }
 """Law and estimator to be found at a glance, with colour and short name: the paper's, its exact form, and the map."""
 
-LAW_COLOURS: Final = {"continuous-switching": "#8c8c8c", "kelvin-voigt": "#CC79A7", "hunt-crossley": "#56B4E9"}
+LAW_COLOURS: Final = {
+    "continuous-switching": "#8c8c8c",
+    "kelvin-voigt": "#CC79A7",
+    "hunt-crossley": "#56B4E9",
+    "contact-map": RENDERED,
+}
 """Of thin curves and of floors."""
 OTHER_COLOUR: Final = DELAYED
 JND_COLOUR: Final = "#f0e9c8"
@@ -176,7 +181,7 @@ def _by(results: Sequence[Result], key_of: Callable[[Result], Key]) -> dict[Key,
 
 
 def _draw(panel: Any, results: Sequence[Result], limits: tuple[float, float]) -> None:
-    panel.set_xscale("function", functions=(np.sqrt, np.square))
+    panel.set_xscale("function", functions=(_root, _square))
     panel.set_yscale("log")
     panel.axhspan(*JND, color=JND_COLOUR, linewidth=0.0, zorder=0)
     labels: list[tuple[float, str, str]] = []
@@ -211,6 +216,15 @@ def _draw(panel: Any, results: Sequence[Result], limits: tuple[float, float]) ->
     _name(panel, labels, limits)
 
 
+def _root(delay: Array) -> Array:
+    """Square root, odd: an empty panel has delays below 0 before its limits are set."""
+    return np.sign(delay) * np.sqrt(np.abs(delay))
+
+
+def _square(root: Array) -> Array:
+    return np.sign(root) * np.square(root)
+
+
 def _lowest(curves: Mapping[Pair, Curve]) -> Curve | None:
     """Of several floors the one that is the lowest, in the median over the delays."""
     known = [curve for curve in curves.values() if np.isfinite(curve.error).any()]
@@ -222,7 +236,7 @@ def _limits(results: Sequence[Result]) -> tuple[float, float]:
     late = [prediction for row in results for prediction in row.predictions if prediction.delay_s > 0.0]
     errors = [error for p in late for error in (_prediction_error(p), _whole_file_error(p)) if error is not None]
     ceiling = float(np.nanmax(delayed_force_curve(results).error, initial=100.0))
-    return max(LOWEST, 0.8 * min(JND[0], *errors)), 1.5 * ceiling
+    return max(LOWEST, 0.8 * min([JND[0], *errors])), 1.5 * ceiling
 
 
 def _ticks(panel: Any, delays: Array) -> None:

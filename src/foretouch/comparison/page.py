@@ -60,7 +60,7 @@ def _figures(results: Sequence[Result]) -> list[str]:
     def add(*arguments: Any, **options: Any) -> None:
         drawn.append(embedded(matrix_figure(results, *arguments, **options), arguments[1]))
 
-    if len(delays) > 1:
+    if len(set(delays)) > 1:
         drawn += _against_delay(results)
     for index, delay in enumerate(delays):
         if len(delays) > MOST_MATRICES and delay != nearest:
