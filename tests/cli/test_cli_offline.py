@@ -197,7 +197,7 @@ def test_a_bad_recording_is_refused_by_file_row_and_rule(tmp_path: Path, text: s
     ("options", "message"),
     [
         (("--delay", -0.1), "delay = -0.1: must be finite and at least 0"),
-        (("--model", "jelly"), "unknown model 'jelly': choose one of continuous-switching"),
+        (("--model", "jelly"), "unknown model 'jelly': choose one of contact-map"),
         (("--estimator", "guess"), "unknown estimator for continuous-switching 'guess': choose one of "),
         (("--surface", "deep"), "surface = 'deep': must be auto or a number"),
         (("--force-offset", "nan"), "force-offset = 'nan': must be auto or a number"),

@@ -226,6 +226,17 @@ class Session:
         self._watch(Hello(VERSION, tick, now_ns, "leader", tuple(values), tuple(values.values())))
         self._watch(
             ModelUpdate(
-                VERSION, tick, now_ns, tick, self._model.law, self._model.parameters, (), SURFACE, True, "", "given"
+                VERSION,
+                tick,
+                now_ns,
+                tick,
+                self._model.law,
+                self._model.parameters,
+                (),
+                SURFACE,
+                True,
+                "",
+                "given",
+                b"",
             )
         )

@@ -48,7 +48,7 @@ def test_its_model_can_cross_the_network(estimator: Estimator) -> None:
     model = estimator.model
     assert model is not None
     assert LAWS[model.law] is type(model)
-    assert make_model(model.law, model.parameters) == model
+    assert make_model(model.law, model.parameters, getattr(model, "map", b"")) == model
     for name, value in zip(model.parameter_names, model.parameters, strict=True):
         assert estimator.parameters[name] in (value, None)  # None: the model needs a number, but it is undetermined
     errors = estimator.standard_errors
@@ -159,7 +159,7 @@ def test_what_an_update_costs(estimator: Estimator, capsys: pytest.CaptureFixtur
 
 
 def test_unknown_names_list_the_choices() -> None:
-    with pytest.raises(UnknownNameError, match="unknown model 'x': choose one of continuous-switching"):
+    with pytest.raises(UnknownNameError, match="unknown model 'x': choose one of contact-map"):
         make_estimator("x", "fprls")
     with pytest.raises(UnknownNameError, match=r"unknown estimator for continuous-switching 'x': choose .*fprls"):
         make_estimator("continuous-switching", "x")

@@ -62,9 +62,9 @@ def test_nothing_is_predicted_before_a_model_has_arrived() -> None:
 def test_another_motion_gets_its_own_forces() -> None:
     recording = press(duration=4.0)
     every = np.arange(len(recording))
-    away = Motion(recording.time, recording.position - 0.1, every, recording.time + 0.1)
+    away = Motion(recording.time, recording.position - 0.1, every, recording.time + 0.1, every + 1)
     assert not predict_motion(recording, learner(), away).force.any()
-    same = Motion(recording.time, recording.position, every, recording.time + 0.1)
+    same = Motion(recording.time, recording.position, every, recording.time + 0.1, every + 1)
     again, known = predict_motion(recording, learner(), same), predict(recording, learner(), delay=0.1)
     np.testing.assert_array_equal(again.force, known.force)
     np.testing.assert_array_equal(again.jump, known.jump)
@@ -72,7 +72,9 @@ def test_another_motion_gets_its_own_forces() -> None:
 
 def test_only_models_that_arrive_are_used() -> None:
     recording = press(duration=4.0)
-    motion = Motion(recording.time, recording.position, np.array([2000, 2100]), np.array([2.5, np.inf]))
+    motion = Motion(
+        recording.time, recording.position, np.array([2000, 2100]), np.array([2.5, np.inf]), np.array([2001, 2101])
+    )
     found = predict_motion(recording, learner(), motion)
     forces = found.force
     assert not forces[recording.time < 2.5 - 1e-6].any()

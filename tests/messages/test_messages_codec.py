@@ -45,6 +45,8 @@ def field_strategy(field: msgspec.inspect.Field) -> st.SearchStrategy[Any]:
         return st.booleans()
     if isinstance(kind, msgspec.inspect.StrType):
         return st.text(max_size=20)
+    if isinstance(kind, msgspec.inspect.BytesType):
+        return st.binary(max_size=20)
     assert isinstance(kind, msgspec.inspect.VarTupleType)
     inner = st.floats(allow_nan=False) if isinstance(kind.item_type, msgspec.inspect.FloatType) else st.text(max_size=5)
     return st.lists(inner, max_size=5).map(tuple)
@@ -113,5 +115,5 @@ def test_rows_pair_a_command_with_the_first_tick_that_applied_it() -> None:
 
 
 def test_a_row_is_the_message_without_its_version() -> None:
-    model = ModelUpdate(VERSION, 3, 4, 5, "law", (1.0,), (), 0.0, True, "", "fprls")
-    assert as_row(model) == (3, 4, 5, "law", (1.0,), (), 0.0, True, "", "fprls")
+    model = ModelUpdate(VERSION, 3, 4, 5, "law", (1.0,), (), 0.0, True, "", "fprls", b"map")
+    assert as_row(model) == (3, 4, 5, "law", (1.0,), (), 0.0, True, "", "fprls", b"map")

@@ -29,7 +29,18 @@ def model(number):
     state = tuple(ODD[: number % len(ODD)])
     reason = ("", "ü" * number, "no contact yet")[number % 3]
     return ModelUpdate(
-        VERSION, number, number * 20_000_000, number, "law", ODD[:4], state, 0.01, number % 2 == 0, reason, "fprls"
+        VERSION,
+        number,
+        number * 20_000_000,
+        number,
+        "law",
+        ODD[:4],
+        state,
+        0.01,
+        number % 2 == 0,
+        reason,
+        "fprls",
+        bytes(range(number % 7)),
     )
 
 

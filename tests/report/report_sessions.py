@@ -75,6 +75,7 @@ def make_session(
                     valid,
                     "",
                     "none",
+                    b"",
                 )
             )
         follower.append(

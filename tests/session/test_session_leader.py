@@ -20,7 +20,7 @@ def model(
     sequence: int, *, valid: bool = True, law: str = "hunt-crossley", parameters: Sequence[float] = ()
 ) -> ModelUpdate:
     numbers = tuple(parameters) or (3000.0, 0.0, 1.4)
-    return ModelUpdate(VERSION, sequence, 0, 0, law, numbers, (), 0.01, valid, "", "fprls")
+    return ModelUpdate(VERSION, sequence, 0, 0, law, numbers, (), 0.01, valid, "", "fprls", b"")
 
 
 def telemetry(sequence: int, force: float) -> Telemetry:

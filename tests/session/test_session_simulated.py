@@ -181,7 +181,7 @@ def test_settings_out_of_range_are_refused(changes: dict[str, float], message: s
     ("changes", "message"),
     [
         ({"operator": "nobody"}, "unknown operator 'nobody': choose one of browser, recorded, scripted"),
-        ({"model": "jelly"}, "unknown model 'jelly': choose one of continuous-switching"),
+        ({"model": "jelly"}, "unknown model 'jelly': choose one of contact-map"),
         ({"estimator": "guess"}, "unknown estimator for continuous-switching 'guess': choose one of .*fprls"),
     ],
 )

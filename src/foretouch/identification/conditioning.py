@@ -27,6 +27,10 @@ when the tool is jerked, the sensor may show less than nothing for a moment."""
 NOISE_FACTOR = 6.0
 """Contact begins this many standard deviations of the free-air force above it."""
 
+QUIET_SPREAD = 1.5
+"""The noise is at most this many times the spread of the quietest window so far: what chatters in free air is not the
+sensor's noise."""
+
 PEAK_SHARE = 0.05
 """Contact begins at least this share of the largest force so far above free air: friction of the mechanism grows
 with what presses it, and is no contact."""
@@ -62,8 +66,8 @@ class Conditioner:
     - **Offset**: the lowest mean force over 50 ms so far, of the windows that are not much noisier than the
       quietest. Where a recording never leaves contact this is a convention; nothing in the data can tell.
     - **Contact** begins when the force rises above a threshold, the largest of the contact floor, six standard
-      deviations of the force in the window that gave the offset, and 5 % of the largest force so far; it ends at half
-      of it.
+      deviations of the force in the window that gave the offset (at most half as much again as in the quietest window
+      so far), and 5 % of the largest force so far; it ends at half of it.
     - **Surface**: the last position, before the first contact, at which the force was below the threshold of ending.
       It moves outwards when contact is felt further out, and is found anew when the threshold has at least doubled
       since, for then the first contact was none.
@@ -118,7 +122,9 @@ class Conditioner:
         self._learn_offset(time, force)
         force -= self.force_offset
         self._peak = max(self._peak, force)
-        threshold = max(self._floor, NOISE_FACTOR * self._noise, PEAK_SHARE * self._peak)
+        threshold = max(
+            self._floor, NOISE_FACTOR * min(self._noise, QUIET_SPREAD * self._quietest), PEAK_SHARE * self._peak
+        )
         if self.in_contact:
             self.in_contact = force > RELEASE_SHARE * threshold
         else:

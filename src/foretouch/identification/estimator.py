@@ -7,7 +7,7 @@ from enum import Enum
 from typing import ClassVar
 
 from foretouch.identification.conditioning import ContactSample
-from foretouch.models import ContactModel
+from foretouch.models import NO_STATE, ContactModel, ContactState
 
 __all__ = ["Estimator", "Status"]
 
@@ -58,6 +58,17 @@ class Estimator(ABC):
 
     def finish(self) -> None:  # noqa: B027 - most have learnt all that there is
         """Told that no more samples come: `model` is to be that of all samples."""
+
+    def expect_delay(self, delay: float) -> None:  # noqa: B027
+        """Told by those who predict how late the model is used [s], where they know."""
+
+    def move_offset(self, change: float) -> None:  # noqa: B027
+        """Told by the learner that forces count from an offset that is larger by `change` [N] from now on."""
+
+    @property
+    def state(self) -> ContactState:
+        """What the material remembers after the newest sample; empty for laws without memory."""
+        return NO_STATE
 
     @property
     def surface_correction(self) -> float:

@@ -59,11 +59,13 @@ class Learner:
 
     def update(self, time: float, position: float, force: float, velocity: float | None = None) -> ContactSample:
         """Learn from one raw sample (`Conditioner.update`) and return it conditioned."""
-        before = self.conditioner.surface
+        before, offset = self.conditioner.surface, self.conditioner.force_offset
         self.sample = self.conditioner.update(time, position, force, velocity)
         moved = self.conditioner.surface - before
         if abs(moved) > 0.0:  # not where one of them is unknown
             self.estimator.move_surface(moved)
+        if self.conditioner.force_offset != offset:
+            self.estimator.move_offset(self.conditioner.force_offset - offset)
         self.status = self.estimator.update(self.sample)
         return self.sample
 
@@ -76,4 +78,4 @@ class Learner:
         if model is None:
             return LearntModel(None, surface, (), "too few samples in contact")
         surface -= self.estimator.surface_correction
-        return LearntModel(model, surface, model.initial_state(), self.status.value)
+        return LearntModel(model, surface, self.estimator.state, self.status.value)

@@ -33,12 +33,15 @@ class Motion:
         published: Indices of the recording's samples after which a model was sent, increasing, shape (k,).
         arrived: When each of these models could be used [s], in the time of the motion; inf for one that was lost,
             shape (k,).
+        ticks: Number of the sample of this motion, from 1, that the probe had reached when the model was sent,
+            shape (k,).
     """
 
     time: Array
     position: Array
     published: NDArray[np.int64]
     arrived: Array
+    ticks: NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,7 +78,8 @@ def predict(recording: Recording, learner: Learner, *, delay: float) -> Predicte
         SettingError: delay is negative or not finite.
     """
     require("delay", delay, at_least=0.0)
-    models = ((time + delay, learner.learnt()) for time in _learn(recording, learner))
+    learner.estimator.expect_delay(delay)
+    models = ((time + delay, index + 1, learner.learnt()) for index, time in enumerate(_learn(recording, learner)))
     return _run(recording.time, recording.position, _velocities(recording), models)
 
 
@@ -91,8 +95,9 @@ def predict_motion(recording: Recording, learner: Learner, motion: Motion) -> Pr
         At each sample of the motion.
     """
     arrivals = dict(zip(motion.published.tolist(), motion.arrived.tolist(), strict=True))
+    ticks = dict(zip(motion.published.tolist(), motion.ticks.tolist(), strict=True))
     models = (
-        (arrivals[index], learner.learnt())
+        (arrivals[index], ticks[index], learner.learnt())
         for index, _ in enumerate(_learn(recording, learner))
         if arrivals.get(index, math.inf) < math.inf
     )
@@ -100,19 +105,20 @@ def predict_motion(recording: Recording, learner: Learner, motion: Motion) -> Pr
 
 
 def _run(
-    time: Array, position: Array, velocity: Iterable[float | None], models: Iterator[tuple[float, LearntModel]]
+    time: Array, position: Array, velocity: Iterable[float | None], models: Iterator[tuple[float, int, LearntModel]]
 ) -> PredictedForce:
-    """Predict along a motion; each model comes with the time from which it may be used."""
+    """Predict along a motion; models come with the time from which they may be used and the sample they belong to."""
     predictor = Predictor()
     upcoming = next(models, None)
     forces, deviations, jumps = np.empty((3, time.size))
     for index, (now, place, speed) in enumerate(zip(time.tolist(), position.tolist(), velocity, strict=False)):
-        newest: LearntModel | None = None
+        newest: tuple[float, int, LearntModel] | None = None
         while upcoming is not None and upcoming[0] <= now + TIME_TOLERANCE:
-            newest = upcoming[1]
+            newest = upcoming
             upcoming = next(models, None)
         if newest is not None:
-            predictor.adopt(newest.model, newest.surface, newest.state)
+            _, tick, learnt = newest
+            predictor.adopt(learnt.model, learnt.surface, learnt.state, tick)
         forces[index] = predictor.update(now, place, speed)
         deviations[index] = predictor.standard_deviation
         jumps[index] = predictor.jump

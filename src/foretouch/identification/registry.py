@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from foretouch.errors import UnknownNameError
+from foretouch.identification.contact_map import ContactMapBank
 from foretouch.identification.estimator import Estimator
 from foretouch.identification.exact_recursive import ExactHuntCrossley, ExactKelvinVoigt, ExactRecursive
 from foretouch.identification.fprls import FPRLS
@@ -43,6 +44,7 @@ _KINDS: tuple[type[Estimator], ...] = (
     ExactRecursive,
     ExactKelvinVoigt,
     ExactHuntCrossley,
+    ContactMapBank,
 )
 
 for _kind in _KINDS:
@@ -54,6 +56,7 @@ DEFAULT_ESTIMATORS: dict[str, str] = {
     "kelvin-voigt": "rls",
     "hunt-crossley": "log-rls",
     "threshold-switching": "switching",
+    "contact-map": "bank",
 }
 """The estimator that is taken for a law where none is named: the paper's, or the one it compares with."""
 

@@ -29,6 +29,7 @@ VERSION = 2
 Count = Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)]
 Text = Annotated[str, msgspec.Meta(max_length=400)]
 Numbers = Annotated[tuple[float, ...], msgspec.Meta(max_length=4096)]
+Content = Annotated[bytes, msgspec.Meta(max_length=4096)]
 Names = Annotated[tuple[str, ...], msgspec.Meta(max_length=64)]
 
 
@@ -70,6 +71,7 @@ class ModelUpdate(Message, frozen=True, array_like=True, gc=False):
         valid: Whether a force may be rendered from it.
         reason: One sentence: why it is not valid, or what there is to know.
         estimator: Name of the estimator that made it.
+        map: What was learnt beside the parameters, as the law packs it; empty for laws that are their parameters.
     """
 
     command_sequence: Count
@@ -80,6 +82,7 @@ class ModelUpdate(Message, frozen=True, array_like=True, gc=False):
     valid: bool
     reason: Text
     estimator: Text
+    map: Content
 
 
 class Telemetry(Message, frozen=True, array_like=True, gc=False):

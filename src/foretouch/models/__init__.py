@@ -5,6 +5,7 @@ Beside the laws, the paper's theory of them: what an impact costs (`energy_loss`
 (`linearisation_error`).
 """
 
+from foretouch.models.contact_map import ContactMap
 from foretouch.models.contact_model import NO_STATE, ContactModel, ContactState, advance
 from foretouch.models.continuous_switching import ContinuousSwitching
 from foretouch.models.energy_loss import (
@@ -46,6 +47,7 @@ __all__ = [
     "LAWS",
     "NO_STATE",
     "TABLE_1",
+    "ContactMap",
     "ContactModel",
     "ContactState",
     "ContinuousSwitching",

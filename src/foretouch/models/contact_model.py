@@ -4,7 +4,13 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from typing import ClassVar, TypeAlias
+from typing import TYPE_CHECKING, ClassVar, TypeAlias
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    Array: TypeAlias = NDArray[np.float64]
 
 __all__ = ["LARGEST_DEPTH", "LARGEST_SPEED", "NO_STATE", "ContactModel", "ContactState", "advance"]
 
@@ -41,6 +47,16 @@ class ContactModel(ABC):
     def initial_state(self) -> ContactState:
         """State of a material that has not been touched."""
         return NO_STATE
+
+    def remember(self, state: ContactState, depth: Array, sample_period: Array) -> ContactState:
+        """State after a stretch of motion, where motion alone determines it; laws without memory return it as it is.
+
+        Args:
+            state: Before the first sample.
+            depth: [m], shape (n,).
+            sample_period: Time since the sample before, for each [s], shape (n,).
+        """
+        return state
 
     @abstractmethod
     def advance(

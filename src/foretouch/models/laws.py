@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from foretouch.errors import SettingError, UnknownNameError
+from foretouch.models.contact_map import ContactMap
 from foretouch.models.contact_model import ContactModel
 from foretouch.models.continuous_switching import ContinuousSwitching
 from foretouch.models.hunt_crossley import HuntCrossley
@@ -16,21 +17,38 @@ __all__ = ["LAWS", "make_model"]
 
 LAWS: dict[str, type[ContactModel]] = {
     law.law: law
-    for law in (KelvinVoigt, HuntCrossley, ThresholdSwitching, ContinuousSwitching, LinearisedContinuousSwitching)
+    for law in (
+        KelvinVoigt,
+        HuntCrossley,
+        ThresholdSwitching,
+        ContinuousSwitching,
+        LinearisedContinuousSwitching,
+        ContactMap,
+    )
 }
 """Every law that a model message may name."""
 
 
-def make_model(law: str, parameters: Sequence[float]) -> ContactModel:
+def make_model(law: str, parameters: Sequence[float], map: bytes = b"") -> ContactModel:
     """Contact model from its wire form.
+
+    Args:
+        law: One of `LAWS`.
+        parameters: In the order that the law declares.
+        map: What a contact map has beside them, empty for the others.
 
     Raises:
         UnknownNameError: No such law.
-        SettingError: The wrong number of parameters, or one out of range.
+        SettingError: The wrong number of parameters, one out of range, or a map that is none.
     """
     if law not in LAWS:
         raise UnknownNameError("contact law", law, LAWS)
     kind = LAWS[law]
     if len(parameters) != len(kind.parameter_names):
         raise SettingError("parameters", tuple(parameters), f"{law} takes {', '.join(kind.parameter_names)}")
+    if kind is ContactMap:
+        stiffness, damping, exponent, switching = parameters
+        return ContactMap(stiffness, damping, exponent, switching, map)
+    if map:
+        raise SettingError("map", f"{len(map)} bytes", f"{law} has none")
     return kind(*parameters)

@@ -4,16 +4,32 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from foretouch.models.contact_model import NO_STATE, ContactModel, ContactState, advance
 from foretouch.models.motion import MotionFilter
 
-__all__ = ["Predictor"]
+__all__ = ["HISTORY", "STATE_TOLERANCE", "Predictor"]
+
+HISTORY = 8192
+"""Samples of its own motion that a predictor remembers."""
+
+STATE_TOLERANCE = 2e-4
+"""A state that arrives within this of the predictor's own at that sample is taken for the same: the robot is never
+exactly where the operator was. Every state so far is a position [m]."""
+
+SLICE = 1000
+"""Samples of past motion that are caught up with in one tick, so that it stays short."""
 
 
 class Predictor:
     """Predicts the contact force of one motion from models that arrive now and then.
 
     Nothing but motion and models goes in: no force, so no force can come out late.
+
+    A model comes with the state of the material at a past sample of the motion. What it remembers since then the motion
+    alone determines; so where that state is the predictor's own of then, the predictor's own of now goes on, and
+    otherwise the motion since then is run again from it, in slices, while the former model predicts.
 
     Attributes:
         model: The newest model, None before the first and while none is valid.
@@ -22,41 +38,67 @@ class Predictor:
         force: Predicted at the newest sample [N].
         standard_deviation: Of that force [N], NaN where the model carries no doubt.
         jump: Force at the newest sample less the force there of the model before, had it been kept [N]; no model counts
-            as no force. 0 at every sample but the first that predicts after `adopt`.
+            as no force. 0 at every sample but the first that predicts with another model.
+        ticks: Samples so far; the first has number 1.
     """
 
     __slots__ = (
         "_former",
         "_motion",
+        "_periods",
+        "_places",
         "_state",
+        "_states",
         "_time",
+        "_waiting",
         "force",
         "jump",
         "model",
         "standard_deviation",
         "surface",
+        "ticks",
         "velocity",
     )
 
     def __init__(self) -> None:
         self._motion = MotionFilter()
+        self._places = np.zeros(HISTORY)
+        self._periods = np.zeros(HISTORY)
+        self._states: list[ContactState] = [NO_STATE] * HISTORY
         self._state: ContactState = NO_STATE
         self._time = math.nan
-        self._former: tuple[ContactModel | None, ContactState, float] | None = None  # what predicted before `adopt`
+        self._former: tuple[ContactModel | None, ContactState, float] | None = None  # what predicted before
+        self._waiting: tuple[ContactModel, float, ContactState, int] | None = None  # its motion is being caught up with
         self.model: ContactModel | None = None
         self.surface = 0.0
         self.velocity = 0.0
         self.force = 0.0
         self.standard_deviation = math.nan
         self.jump = 0.0
+        self.ticks = 0
 
-    def adopt(self, model: ContactModel | None, surface: float, state: ContactState = NO_STATE) -> None:
-        """Predict from this model from now on; None means that no model is valid, and the force is zero."""
-        if self._former is None:
-            self._former = (self.model, self._state, self.surface)
-        self.model = model
-        self.surface = surface
-        self._state = state
+    def adopt(
+        self, model: ContactModel | None, surface: float, state: ContactState = NO_STATE, tick: int | None = None
+    ) -> None:
+        """Predict from this model from now on.
+
+        Args:
+            model: None means that no model is valid, and the force is zero.
+            surface: [m].
+            state: What the material remembered ...
+            tick: ... after the sample of this number; None for the newest.
+        """
+        self._waiting = None
+        if model is None or not state:
+            self._begin(model, surface, state)
+            return
+        tick = self.ticks if tick is None else min(tick, self.ticks)
+        own = self._states[tick % HISTORY] if tick > self.ticks - HISTORY else NO_STATE
+        if len(own) == len(state) == len(self._state) and _alike(own, state):
+            self._begin(model, surface, self._state)
+            return
+        self._waiting = (model, surface, state, max(tick, self.ticks - HISTORY + 1))
+        self._catch_up()
 
     def update(self, time: float, position: float, velocity: float | None = None) -> float:
         """Predict the force at one sample of the motion.
@@ -67,13 +109,19 @@ class Predictor:
             velocity: Measured velocity [m/s]; None estimates it causally from the positions.
 
         Returns:
-            The predicted force [N]: finite, never negative, 0 without a model or outside the surface.
+            The predicted force [N]: finite, never negative, 0 without a model or outside the material.
         """
+        if self._waiting is not None:
+            self._catch_up()
         period = time - self._time
         self._time = time
+        self.ticks += 1
+        place = self.ticks % HISTORY
+        self._places[place], self._periods[place] = position, max(period, 0.0)
         self.velocity = self._motion.update(time, position) if velocity is None else velocity
         self.jump = 0.0
         if not period > 0.0:
+            self._states[place] = self._state
             self.force, self.standard_deviation = 0.0, math.nan
             return 0.0
         former, self._former = self._former, None
@@ -82,10 +130,34 @@ class Predictor:
         self._state, self.force, self.standard_deviation = _run(
             self.model, self._state, position - self.surface, self.velocity, period
         )
+        self._states[place] = self._state
         if former is not None:
             model, state, surface = former
             self.jump = self.force - _run(model, state, position - surface, self.velocity, period)[1]
         return self.force
+
+    def _begin(self, model: ContactModel | None, surface: float, state: ContactState) -> None:
+        """Predict from a model in its state of now."""
+        if self._former is None:
+            self._former = (self.model, self._state, self.surface)
+        self.model, self.surface, self._state = model, surface, state
+
+    def _catch_up(self) -> None:
+        """Run a slice of past motion through the memory of the model that waits; begin with it at the end."""
+        assert self._waiting is not None
+        model, surface, state, tick = self._waiting
+        last = min(self.ticks, tick + SLICE)
+        past = np.arange(tick + 1, last + 1) % HISTORY
+        state = model.remember(state, self._places[past] - surface, self._periods[past])
+        if last < self.ticks:
+            self._waiting = (model, surface, state, last)
+            return
+        self._waiting = None
+        self._begin(model, surface, state)
+
+
+def _alike(own: ContactState, other: ContactState) -> bool:
+    return all(abs(mine - theirs) <= STATE_TOLERANCE for mine, theirs in zip(own, other, strict=True))
 
 
 def _run(

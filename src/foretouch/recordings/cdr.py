@@ -2,7 +2,8 @@
 
 CDR as ROS 2 uses it ("XCDR version 1", OMG DDSI-RTPS 10.2): four bytes of encapsulation header (here: little endian),
 then the fields in order, each number aligned to its own size counted from behind that header; a string is its length
-with the closing NUL as uint32, the UTF-8 bytes and the NUL; a sequence is its length as uint32 and the elements.
+with the closing NUL as uint32, the UTF-8 bytes and the NUL; a sequence is its length as uint32 and the elements; bytes
+are a sequence of uint8.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ __all__ = ["HEADER", "Layout"]
 HEADER = b"\x00\x01\x00\x00"
 """Encapsulation header: CDR, little endian, no options."""
 
+BYTES = "uint8[]"
 _NUMBERS = {"bool": "?", "int64": "q", "float64": "d"}
 _SCALARS: dict[type[msgspec.inspect.Type], str] = {
     msgspec.inspect.BoolType: "bool",
@@ -77,6 +79,8 @@ def _ros_types(kind: type[Message]) -> dict[str, str]:
 
 def _ros_type(kind: type[Message], field: msgspec.inspect.Field) -> str:
     element, suffix = field.type, ""
+    if isinstance(element, msgspec.inspect.BytesType):
+        return BYTES
     if isinstance(element, msgspec.inspect.VarTupleType):
         element, suffix = element.item_type, "[]"
     ros_type = _SCALARS.get(type(element))
@@ -116,7 +120,10 @@ def _pack(types: dict[str, str], values: tuple[Any, ...]) -> bytes:
             number(_NUMBERS[ros_type], value)
 
     for ros_type, value in zip(types.values(), values, strict=True):
-        if ros_type.endswith("[]"):
+        if ros_type == BYTES:
+            number("I", len(value))
+            out.extend(value)
+        elif ros_type.endswith("[]"):
             number("I", len(value))
             for item in value:
                 put(ros_type[:-2], item)
@@ -137,15 +144,18 @@ def _unpack(types: dict[str, str], data: bytes) -> list[Any]:
 
     def take(ros_type: str) -> Any:
         nonlocal position
-        if ros_type != "string":
+        if ros_type not in ("string", BYTES):
             return number(_NUMBERS[ros_type])
         length = number("I")
         position += length
         if position > len(data):
             raise IndexError("text beyond its end")
-        return data[position - length : position - 1].decode()
+        content = data[position - length : position]
+        return content if ros_type == BYTES else content[:-1].decode()
 
     return [
-        tuple(take(ros_type[:-2]) for _ in range(number("I"))) if ros_type.endswith("[]") else take(ros_type)
+        tuple(take(ros_type[:-2]) for _ in range(number("I")))
+        if ros_type.endswith("[]") and ros_type != BYTES
+        else take(ros_type)
         for ros_type in types.values()
     ]

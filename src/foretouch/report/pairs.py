@@ -50,7 +50,7 @@ def model_of(update: ModelUpdate) -> ContactModel | None:
     if not update.valid:
         return None
     try:
-        return make_model(update.law, update.parameters)
+        return make_model(update.law, update.parameters, update.map)
     except ForetouchError:
         return None
 

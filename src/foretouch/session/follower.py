@@ -9,6 +9,7 @@ from typing import NamedTuple
 from foretouch.identification import Estimator, Learner, LearntModel
 from foretouch.link import SequenceCounter
 from foretouch.messages import VERSION, Command, ModelUpdate, Telemetry
+from foretouch.models import ContactMap
 from foretouch.robot import RobotSample, RobotSpecification
 from foretouch.session.playout import Playout
 
@@ -162,4 +163,5 @@ def _due_model(state: State, now_ns: int) -> ModelUpdate | None:
         model is not None,
         learnt.reason,
         state.learner.estimator.name,
+        model.map if isinstance(model, ContactMap) else b"",
     )

@@ -120,7 +120,8 @@ def _adopt(state: State, update: ModelUpdate) -> None:
         state.predictor.adopt(None, update.surface)
         return
     try:
-        state.predictor.adopt(make_model(update.law, update.parameters), update.surface, update.state)
+        model = make_model(update.law, update.parameters, update.map)
+        state.predictor.adopt(model, update.surface, update.state, update.command_sequence)
     except InputError:
         state.refused += 1
         state.predictor.adopt(None, update.surface)

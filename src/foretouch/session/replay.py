@@ -64,6 +64,7 @@ def replay(log: SessionLog, learner: Learner, *, delay: float) -> Replay:
         np.ascontiguousarray(log.leader["position"]),
         published,
         _arrivals(clock, log.leader["model_sequence"], felt["model_sequence"][published]) + later,
+        np.searchsorted(log.leader["sequence"], felt["command_sequence"][published], side="right"),
     )
     recording = Recording((felt["time_ns"] - felt["time_ns"][0]) * 1e-9, felt["position"], felt["sensor_force"])
     told = _arrivals(clock, log.leader["telemetry_sequence"], log.follower["sequence"]) + later

@@ -1,0 +1,105 @@
+"""A contact law learnt as a map: force over depth and over what the material remembers."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from foretouch.errors import SettingError
+from foretouch.models.checks import require
+from foretouch.models.contact_model import ContactModel, ContactState
+
+__all__ = ["ContactMap"]
+
+
+@dataclass(frozen=True, slots=True)
+class ContactMap(ContactModel):
+    r"""What was learnt of a material that is none of the laws: three experts in shares.
+
+    .. math::
+        F &= \sum_i \pi_i F_i, \quad F_i = \max(0,\; g_i(x) + \sum_j h_{ij}(x)\, \phi_j) \\
+        \phi &= \left(\frac{\dot x}{v_0},\; \frac{x - z_r}{r},\; \frac{x_+ - \bar x_T}{2\,\mathrm{mm}}\right)
+
+    g and h are cubic splines. The **coarse map** has knots every millimetre (the h every three), and remembers: z_r are
+    play operators of radius r = 0.1 and 0.3 mm (hysteresis), x_T averages over T = 0.05, 0.3 and 1.5 s of the depth
+    that is inside (relaxation). All of this the motion alone determines. The **fine map** has knots every 0.03 mm and
+    velocity only, for what is rigid. The **law** is the paper's (4).
+
+    Outside of what was visited nobody knows: features count up to 1.2 times their range so far; deeper than ever a map
+    goes on along its last slope, held between the chord from the surface and 1.5 times that, and the law in proportion;
+    the law counts speeds up to 1.5 times the largest. The standard deviation is that of late predictions so far, a
+    constant and a share of the force, and grows with what is extrapolated. Slightly above the surface there may be a
+    force: what has been learnt of depth knows better where contact begins.
+
+    Args:
+        stiffness: k of the law [N/m^(n + alpha)], not negative; 0 while the law is unknown.
+        damping: lambda of the law [N s/m^(n+1)], not negative.
+        exponent: n of the law [-], not negative.
+        switching: alpha of the law [-], not negative.
+        map: The rest, packed (`foretouch.models.contact_map_kernel`).
+
+    Raises:
+        SettingError: A parameter out of range, or bytes that are no map.
+
+    References:
+        Play operators: Brokate and Sprekels (1996), Hysteresis and Phase Transitions. Averages as relaxation: the Prony
+        series of linear viscoelasticity. Splines as a prior: Wahba (1990), Spline Models for Observational Data.
+    """
+
+    law: ClassVar[str] = "contact-map"
+    parameter_names: ClassVar[tuple[str, ...]] = ("stiffness", "damping", "exponent", "switching")
+    stiffness: float
+    damping: float
+    exponent: float
+    switching: float
+    map: bytes = field(repr=False)
+    _flat: NDArray[np.float64] = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        from foretouch.models.contact_map_kernel import LAW, unpack  # compiled code is loaded when it is needed
+
+        for name in self.parameter_names:
+            require(name, getattr(self, name), at_least=0.0)
+        flat = unpack(self.map)
+        if flat is None:
+            raise SettingError("map", f"{len(self.map)} bytes", "is no contact map")
+        flat[LAW : LAW + 4] = self.parameters  # the map carries them rounded
+        object.__setattr__(self, "_flat", flat)
+
+    @property
+    def shares(self) -> tuple[float, float, float]:
+        """Of the law, the coarse map and the fine map in the force; they sum to 1."""
+        from foretouch.models.contact_map_kernel import EXPERTS, SHARES
+
+        law, coarse, fine = self._flat[SHARES : SHARES + EXPERTS].tolist()
+        return law, coarse, fine
+
+    def advance(
+        self, state: ContactState, depth: float, velocity: float, sample_period: float
+    ) -> tuple[ContactState, float, float]:
+        """One step: see `foretouch.models.advance`."""
+        from foretouch.models.contact_map_kernel import step
+
+        memory = _memory(state)
+        force, deviation = step(self._flat, memory, depth, velocity, sample_period)
+        return tuple(memory.tolist()), force, deviation
+
+    def remember(
+        self, state: ContactState, depth: NDArray[np.float64], sample_period: NDArray[np.float64]
+    ) -> ContactState:
+        """See `ContactModel.remember`."""
+        from foretouch.models.contact_map_kernel import run
+
+        memory = _memory(state)
+        run(self._flat, memory, depth, sample_period)
+        return tuple(memory.tolist())
+
+
+def _memory(state: ContactState) -> NDArray[np.float64]:
+    from foretouch.models.contact_map_kernel import MEMORY
+
+    return np.array(state) if len(state) == MEMORY else np.full(MEMORY, math.nan)
