@@ -4,24 +4,32 @@ import numpy as np
 
 from foretouch.models import ContactMap
 from foretouch.models.contact_map_kernel import (
+    ABOVE,
+    BELOW,
     COARSE,
     DOUBT,
     FINE,
     HEADER,
+    LAW,
     LAW_SPEED,
+    LAW_SURFACE,
+    LENGTHS,
     LOWEST,
+    ORIGIN,
     REACHED,
     SHARES,
     SIZE,
+    ZERO,
     pack,
 )
 
-LAW = (3000.0, 1500.0, 1.4, 0.0)
+PARAMETERS = (3000.0, 1500.0, 1.4, 0.0)
 
 
 def example_flat(shares=(0.3, 0.5, 0.2), *, seed=0):
     """A map that was visited from 4 mm above to 8 mm below its origin: 400 N/m, with features of up to 0.1 N."""
     flat = np.zeros(SIZE)
+    flat[LAW : LAW + 4] = PARAMETERS
     flat[DOUBT : DOUBT + 2] = 0.01, 0.0025
     flat[SHARES : SHARES + 3] = shares
     flat[LAW_SPEED], flat[LOWEST], flat[REACHED] = 0.2, -4e-3, 8e-3
@@ -37,4 +45,37 @@ def example_flat(shares=(0.3, 0.5, 0.2), *, seed=0):
 
 def example_map(shares=(0.3, 0.5, 0.2), *, seed=0):
     """The same as a model."""
-    return ContactMap(*LAW, pack(example_flat(shares, seed=seed)))
+    return ContactMap(*PARAMETERS, pack(example_flat(shares, seed=seed)))
+
+
+def random_flat(seed, *, fine=True):
+    """Any map: numbers of every size that learning gives, visited somewhere, origin and zero off the published ones."""
+    random = np.random.default_rng(seed)
+    flat = np.zeros(SIZE)
+    flat[ORIGIN], flat[ZERO] = random.uniform(-2e-3, 2e-3), random.uniform(-0.5, 0.5)
+    flat[LAW : LAW + 4] = random.uniform(100.0, 9000.0), random.uniform(0.0, 2000.0), *random.uniform(0.0, 1.5, 2)
+    flat[LAW_SURFACE], flat[LAW_SPEED] = random.uniform(-1e-3, 1e-3), random.uniform(0.0, 0.3)
+    flat[LOWEST], flat[REACHED] = random.uniform(-9e-3, 0.0), random.uniform(1e-4, 30e-3)
+    flat[DOUBT : DOUBT + 2] = random.uniform(0.0, 0.1, 2)
+    shares = random.dirichlet((1.0, 1.0, 1.0)) * (1.0, 1.0, float(fine))
+    flat[SHARES : SHARES + 3] = shares / shares.sum()
+    for layout in (COARSE, FINE):
+        ranges, weights, knots, _, _, features, end = layout
+        flat[ranges:weights] = np.sort(random.uniform(-3.0, 3.0, (features, 2)), axis=1).ravel()
+        flat[weights : weights + knots] = np.cumsum(random.uniform(-0.2, 0.5, knots))
+        flat[weights + knots : end] = random.normal(0.0, 0.3, end - weights - knots)
+    return flat
+
+
+def whole_flat(kind, *, seed=0):
+    """A map of one kind (0 coarse, 1 fine) that was visited wherever it has knots, always some newtons."""
+    flat = random_flat(seed)
+    flat[ORIGIN] = flat[ZERO] = 0.0
+    flat[SHARES : SHARES + 3] = 0.0
+    flat[SHARES + 1 + kind] = 1.0
+    spacing = LENGTHS[kind]
+    flat[LOWEST], flat[REACHED] = -BELOW[kind] * spacing, ABOVE[kind] * spacing
+    ranges, weights, knots, _, _, features, _ = (COARSE, FINE)[kind]
+    flat[ranges:weights] = np.tile((-1.0, 1.0), features)
+    flat[weights : weights + knots] += 10.0 - flat[weights : weights + knots].min()
+    return flat
