@@ -6,6 +6,7 @@ import json
 import math
 import os
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -19,9 +20,11 @@ from foretouch.comparison.cases import Case, load
 from foretouch.comparison.combination import Combination, inseparable, measure
 from foretouch.comparison.forces import OnceLearnt, score_outside
 from foretouch.comparison.parallel import run_all
+from foretouch.comparison.simulated import simulate
 from foretouch.errors import ForetouchError, InputError, SettingError, UnknownNameError
-from foretouch.identification import ESTIMATORS, Learner, identify, make_estimator, predict
+from foretouch.identification import ESTIMATORS, Estimator, Learner, identify, make_estimator, predict
 from foretouch.models import HuntCrossley
+from foretouch.quantities import Recording
 from foretouch.recordings import read_recording, write_columns
 from foretouch.report import Forces, delayed, forces_under_delay, lowest_mean, score, time_to_accuracy
 
@@ -254,11 +257,30 @@ def test_samples_that_are_left_out_count_for_nothing() -> None:
 
 def test_what_was_learnt_once_is_predicted_from_memory(folder: Path) -> None:
     recording = read_recording(folder / "press.csv")
-    once = OnceLearnt(make_estimator("kelvin-voigt", "rls"), contact_floor=recording.contact_floor)
+    once = OnceLearnt(partial(make_estimator, "kelvin-voigt", "rls"), contact_floor=recording.contact_floor)
     for delay in (1.0, 0.0, 0.3):
-        forces = forces_under_delay(recording, once.again(), delay)
+        forces = forces_under_delay(recording, once.again(delay), delay)
         assert np.array_equal(forces.predicted, predict(recording, fresh(recording), delay=delay).force)
     assert len(once.memory) == len(recording)
+
+
+def test_what_is_learnt_for_a_delay_is_learnt_anew_for_another_one() -> None:
+    recording = simulate("tapping").recording
+    recording = Recording(recording.time[:3000], recording.position[:3000], recording.force[:3000])
+    learnings = 0
+
+    def make() -> Estimator:
+        nonlocal learnings
+        learnings += 1
+        return make_estimator("contact-map", "bank")
+
+    once = OnceLearnt(make, contact_floor=recording.contact_floor)
+    once.learn(recording)
+    for delay in (0.05, 0.3, 0.5):
+        forces = forces_under_delay(recording, once.again(delay), delay)
+        alone = Learner(make_estimator("contact-map", "bank"), contact_floor=recording.contact_floor)
+        assert np.array_equal(forces.predicted, predict(recording, alone, delay=delay).force)
+    assert learnings == 3  # for 0.3 s at first, for 0.05 s, and for 0.3 s and all beyond
 
 
 # --- the command ------------------------------------------------------------------------------------------------------

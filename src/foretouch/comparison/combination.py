@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from time import perf_counter
 from typing import Any, Final
 
@@ -112,7 +113,7 @@ def measure(job: Combination) -> Result:
     found = identify(loaded.recording, learner)
     seconds = perf_counter() - begin
     residual, contact = found.residual_rms, found.contact_force_rms
-    once, truth = OnceLearnt(make_estimator(job.model, job.estimator), contact_floor=floor), loaded.truth
+    once, truth = OnceLearnt(partial(make_estimator, job.model, job.estimator), contact_floor=floor), loaded.truth
     if truth is not None:
         once.learn(loaded.recording)
     floor_force = _floor_force(job, loaded, learner)
@@ -180,7 +181,11 @@ def _prediction(
     def floor(left_out: NDArray[np.bool_] | None) -> float | None:
         return None if whole_file is None else score_outside(whole_file, left_out, **window).prediction_error_percent
 
-    forces = forces_under_delay(loaded.recording if loaded.log is None else loaded.log, learner.again(), delay)
+    if loaded.log is None:
+        forces = forces_under_delay(loaded.recording, learner.again(delay), delay)
+    else:  # a session tells the estimator its own delays as they come
+        fresh = Learner(make_estimator(job.model, job.estimator), contact_floor=loaded.recording.contact_floor)
+        forces = forces_under_delay(loaded.log, fresh, delay)
     scores = score_outside(forces, None, **window)
     plain = Prediction(
         delay,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from itertools import repeat
 
 import numpy as np
@@ -23,15 +23,18 @@ Flags = NDArray[np.bool_]
 class OnceLearnt(Learner):
     """A learner that learns a recording once and, fed with the same recording again, says the same from memory.
 
-    So the prediction can be made under many delays for one learning.
+    So the prediction can be made under many delays for one learning. An estimator that learns for a certain delay
+    (`Estimator.horizon`) learns anew for another one.
 
     Args:
-        estimator: Fresh.
+        make: Makes a fresh estimator.
         contact_floor: Of the recording [N], as `Learner`.
     """
 
-    def __init__(self, estimator: Estimator, *, contact_floor: float) -> None:
-        super().__init__(estimator, contact_floor=contact_floor)
+    def __init__(self, make: Callable[[], Estimator], *, contact_floor: float) -> None:
+        super().__init__(make(), contact_floor=contact_floor)
+        self._make = make
+        self._floor = contact_floor
         self._memory: list[LearntModel] = []
         self._place = -1
 
@@ -42,12 +45,18 @@ class OnceLearnt(Learner):
 
     def learn(self, recording: Recording) -> None:
         """Learn all samples of a recording; predictions alone leave out those that come too late for them."""
-        self.again()
+        self._place = -1
         for sample in _samples(recording):
             self.update(*sample)
 
-    def again(self) -> OnceLearnt:
-        """Back at the beginning of the recording."""
+    def again(self, delay: float) -> OnceLearnt:
+        """Back at the beginning of the recording, for predictions so late [s]."""
+        learnt_for = self.estimator.horizon
+        self.estimator.expect_delay(delay)
+        if self.estimator.horizon != learnt_for:
+            super().__init__(self._make(), contact_floor=self._floor)
+            self.estimator.expect_delay(delay)
+            self._memory = []
         self._place = -1
         return self
 

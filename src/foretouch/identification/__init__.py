@@ -24,6 +24,7 @@ from foretouch.identification.offline import (
     OfflineKelvinVoigt,
     fit_offline,
 )
+from foretouch.identification.offline_contact_map import OfflineContactMap
 from foretouch.identification.prediction import TIME_TOLERANCE, Motion, PredictedForce, predict, predict_motion
 from foretouch.identification.registry import DEFAULT_ESTIMATORS, ESTIMATORS, make_estimator
 from foretouch.identification.rls import RLS, ForgettingRLS, SelfPerturbingRLS
@@ -62,6 +63,7 @@ __all__ = [
     "Learner",
     "LearntModel",
     "Motion",
+    "OfflineContactMap",
     "OfflineContinuousSwitching",
     "OfflineFit",
     "OfflineHuntCrossley",

@@ -34,13 +34,17 @@ class Estimator(ABC):
         model_name: Of the law it identifies, as on the command line.
         offline: Whether it is a fit of a whole recording: no rival in a control loop, but the floor of what its law
             can reach.
+        horizon: How late a prediction is that it learns for [s], where that changes what it learns; else None.
         updates: Samples learnt from since the last reset.
+        changes: Sudden changes of the material found since then, 0 for those that look for none.
     """
 
     name: ClassVar[str]
     model_name: ClassVar[str]
     offline: ClassVar[bool] = False
+    horizon: float | None = None
     updates: int
+    changes: int = 0
 
     @abstractmethod
     def update(self, sample: ContactSample) -> Status:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from foretouch.errors import RecordingError
 from foretouch.identification.learner import Learner
-from foretouch.models import advance
+from foretouch.models import ContactModel, advance
 from foretouch.quantities import Recording
 
 __all__ = ["FEWEST_CONTACT_SAMPLES", "Identification", "identify"]
@@ -35,6 +35,9 @@ class Identification:
         contact_force_rms: RMS of the force over the samples that have a residual [N].
         history: Parameters after every sample by name, NaN before there was a model and where undetermined,
             shape (n,) each.
+        model: After the last sample.
+        standard_deviation: Of the force at the last sample that has a residual [N], NaN where the model carries no
+            doubt.
     """
 
     parameters: dict[str, float | None]
@@ -45,6 +48,8 @@ class Identification:
     residual: Array
     contact_force_rms: float
     history: dict[str, Array]
+    model: ContactModel
+    standard_deviation: float
 
     @property
     def residual_rms(self) -> float:
@@ -64,7 +69,7 @@ def identify(recording: Recording, learner: Learner) -> Identification:
     force = np.full(size, np.nan)
     history: dict[str, Array] = {}
     velocities = [None] * size if recording.velocity is None else recording.velocity.tolist()
-    model, surface = None, np.nan
+    model, surface, state, deviation = None, np.nan, learner.estimator.state, np.nan
     samples = zip(
         recording.time.tolist(), recording.position.tolist(), recording.force.tolist(), velocities, strict=True
     )
@@ -73,11 +78,11 @@ def identify(recording: Recording, learner: Learner) -> Identification:
         sample = learner.update(time, position, raw_force, velocity)
         in_contact[index] = sample.in_contact
         if sample.in_contact and model is not None:
-            _, expected, _ = advance(model, model.initial_state(), position - surface, sample.velocity, time - before)
+            _, expected, deviation = advance(model, state, position - surface, sample.velocity, time - before)
             residual[index] = sample.force - expected
             force[index] = sample.force
         before = time
-        model = learner.estimator.model
+        model, state = learner.estimator.model, learner.estimator.state
         surface = learner.conditioner.surface - learner.estimator.surface_correction
         if model is not None:
             for name, value in learner.estimator.parameters.items():
@@ -99,6 +104,8 @@ def identify(recording: Recording, learner: Learner) -> Identification:
         residual,
         _rms(force[np.isfinite(force)]),
         history,
+        model,
+        deviation,
     )
 
 

@@ -11,6 +11,7 @@ from foretouch.identification.hunt_crossley_log import HuntCrossleyLogRLS
 from foretouch.identification.hunt_crossley_two_stage import HuntCrossleyTwoStage
 from foretouch.identification.kelvin_voigt_rls import KelvinVoigtRLS
 from foretouch.identification.offline import OfflineContinuousSwitching, OfflineHuntCrossley, OfflineKelvinVoigt
+from foretouch.identification.offline_contact_map import OfflineContactMap
 from foretouch.identification.rls import RLS, ForgettingRLS, SelfPerturbingRLS
 from foretouch.identification.robust_fprls import RobustFPRLS
 from foretouch.identification.steepest_descent import (
@@ -45,6 +46,7 @@ _KINDS: tuple[type[Estimator], ...] = (
     ExactKelvinVoigt,
     ExactHuntCrossley,
     ContactMapBank,
+    OfflineContactMap,
 )
 
 for _kind in _KINDS:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import TypeAlias
 
 import numpy as np
 
@@ -22,6 +23,10 @@ SLICE = 1000
 """Samples of past motion that are caught up with in one tick, so that it stays short."""
 
 
+_Arrived: TypeAlias = tuple[ContactModel, float, ContactState, int]
+"""A model, its surface, and its state after the sample of this number."""
+
+
 class Predictor:
     """Predicts the contact force of one motion from models that arrive now and then.
 
@@ -29,7 +34,8 @@ class Predictor:
 
     A model comes with the state of the material at a past sample of the motion. What it remembers since then the motion
     alone determines; so where that state is the predictor's own of then, the predictor's own of now goes on, and
-    otherwise the motion since then is run again from it, in slices, while the former model predicts.
+    otherwise the motion since then is run again from it, in slices, while the former model predicts. A model that comes
+    meanwhile waits its turn, the newest only: given up for each newer one, a long run would never end.
 
     Attributes:
         model: The newest model, None before the first and while none is valid.
@@ -45,6 +51,7 @@ class Predictor:
     __slots__ = (
         "_former",
         "_motion",
+        "_newest",
         "_periods",
         "_places",
         "_state",
@@ -68,7 +75,8 @@ class Predictor:
         self._state: ContactState = NO_STATE
         self._time = math.nan
         self._former: tuple[ContactModel | None, ContactState, float] | None = None  # what predicted before
-        self._waiting: tuple[ContactModel, float, ContactState, int] | None = None  # its motion is being caught up with
+        self._waiting: _Arrived | None = None  # its motion is being caught up with
+        self._newest: _Arrived | None = None  # came meanwhile
         self.model: ContactModel | None = None
         self.surface = 0.0
         self.velocity = 0.0
@@ -88,16 +96,21 @@ class Predictor:
             state: What the material remembered ...
             tick: ... after the sample of this number; None for the newest.
         """
-        self._waiting = None
         if model is None or not state:
+            self._waiting = self._newest = None
             self._begin(model, surface, state)
             return
         tick = self.ticks if tick is None else min(tick, self.ticks)
         own = self._states[tick % HISTORY] if tick > self.ticks - HISTORY else NO_STATE
         if len(own) == len(state) == len(self._state) and _alike(own, state):
+            self._waiting = self._newest = None
             self._begin(model, surface, self._state)
             return
-        self._waiting = (model, surface, state, max(tick, self.ticks - HISTORY + 1))
+        arrived = (model, surface, state, tick)
+        if self._waiting is not None:
+            self._newest = arrived
+            return
+        self._waiting = arrived
         self._catch_up()
 
     def update(self, time: float, position: float, velocity: float | None = None) -> float:
@@ -146,14 +159,15 @@ class Predictor:
         """Run a slice of past motion through the memory of the model that waits; begin with it at the end."""
         assert self._waiting is not None
         model, surface, state, tick = self._waiting
+        tick = max(tick, self.ticks - HISTORY)  # what is older is forgotten
         last = min(self.ticks, tick + SLICE)
         past = np.arange(tick + 1, last + 1) % HISTORY
         state = model.remember(state, self._places[past] - surface, self._periods[past])
         if last < self.ticks:
             self._waiting = (model, surface, state, last)
             return
-        self._waiting = None
         self._begin(model, surface, state)
+        self._waiting, self._newest = self._newest, None
 
 
 def _alike(own: ContactState, other: ContactState) -> bool:

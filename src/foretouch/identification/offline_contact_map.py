@@ -1,0 +1,245 @@
+"""The contact map fitted to a whole recording at once: the floor of what the map can reach."""
+
+from __future__ import annotations
+
+import math
+from functools import cache
+from typing import ClassVar, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from foretouch.errors import InputError, SettingError
+from foretouch.identification.conditioning import ContactSample
+from foretouch.identification.contact_map_learning import NOISE, PERIOD, SHARPNESS, prior
+from foretouch.identification.estimator import Estimator, Status
+from foretouch.identification.offline import FEWEST_SAMPLES, LARGEST_BUFFER, OfflineFit, fit_offline
+from foretouch.models import ContactMap, ContactModel, ContactState
+from foretouch.models.contact_map_kernel import (
+    ABOVE,
+    BELOW,
+    COARSE,
+    COARSENESS,
+    DOUBT,
+    EXPERTS,
+    FINE,
+    LARGEST_FEATURES,
+    LAW,
+    LAW_SPEED,
+    LENGTHS,
+    LOWEST,
+    MEMORY,
+    ORIGIN,
+    REACHED,
+    SHARES,
+    SIZE,
+    ZERO,
+    features,
+    judge,
+    locate,
+    pack,
+    rates,
+    remember,
+)
+
+__all__ = ["OfflineContactMap"]
+
+Array = NDArray[np.float64]
+
+REFIT_SHARE = 0.25
+"""The estimator fits again when this share of new samples has come: a fit takes a tenth of a second."""
+
+
+class _Samples(NamedTuple):
+    """What was felt, one row for each 4 ms; columns of shape (n,), features of shape (n, f)."""
+
+    place: Array
+    velocity: Array
+    force: Array
+    in_contact: NDArray[np.bool_]
+    features: Array
+
+
+class OfflineContactMap(Estimator):
+    r"""The experts of a contact map (`foretouch.models.ContactMap`), each by least squares over all samples at once.
+
+    For each map, with the prior covariance P and the noise that `ContactMapBank` learns with,
+
+    .. math:: \min_w\; \sum_i (F_i - h_i^T w)^2 / \sigma^2 + w^T P^{-1} w
+
+    over one sample in 4 ms from the first touch on, in contact and out of it; the law (4) by `fit_offline`. The shares
+    are those of the bank, :math:`\pi_i \propto e_i^{-8}`, from the RMS residuals e_i in contact instead of late
+    predictions, and the standard deviation is that of the residuals.
+
+    It sees its own answers: a floor for what these experts can reach, not an estimator for a control loop. The samples
+    are held in a buffer of at most 4,096 that covers all of them evenly; `model` fits again when 25 % of new samples
+    have come.
+
+    References:
+        Wahba (1990), Spline Models for Observational Data.
+    """
+
+    name: ClassVar[str] = "offline"
+    model_name: ClassVar[str] = "contact-map"
+    offline: ClassVar[bool] = True
+
+    def __init__(self) -> None:
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget all samples."""
+        self.updates = 0
+        self._origin = self._zero = 0.0
+        self._memory = np.full(MEMORY, math.nan)
+        self._time = self._learnt_at = math.nan
+        self._touched = False
+        self._stride = 1
+        self._rows: list[tuple[float, ...]] = []
+        self._next_fit = FEWEST_SAMPLES
+        self._model: ContactMap | None = None
+        self._law: OfflineFit | None = None
+
+    def update(self, sample: ContactSample) -> Status:
+        """Store one sample; see `Estimator.update`."""
+        time, depth, velocity, force, in_contact = sample
+        if not (math.isfinite(depth) and math.isfinite(velocity) and math.isfinite(force)):
+            return Status.FREE_AIR if math.isnan(depth) else Status.UNUSABLE
+        if not time > self._time and not math.isnan(self._time):
+            return Status.UNUSABLE
+        shares, values = np.empty(MEMORY), np.empty(LARGEST_FEATURES)
+        rates(0.0 if math.isnan(self._time) else time - self._time, shares)
+        self._time = time
+        place = depth - self._origin
+        remember(self._memory, place, shares)
+        self._touched = self._touched or in_contact
+        if not self._touched:
+            return Status.FREE_AIR
+        if time - self._learnt_at < PERIOD - 1e-7:
+            return Status.GATED
+        self._learnt_at = time
+        features(self._memory, place, velocity, values)
+        if self.updates % self._stride == 0:
+            self._rows.append((place, velocity, force + self._zero, float(in_contact), *values.tolist()))
+            if len(self._rows) >= LARGEST_BUFFER:
+                self._rows = self._rows[::2]
+                self._stride *= 2
+        self.updates += 1
+        return Status.LEARNT if in_contact else Status.FREE_AIR
+
+    def finish(self) -> None:
+        """Fit the newest samples too."""
+        if self.updates >= FEWEST_SAMPLES:
+            self._next_fit = self.updates
+
+    def move_surface(self, change: float) -> None:
+        """See `Estimator.move_surface`: the map stays where it is."""
+        if math.isfinite(change):
+            self._origin -= change
+
+    def move_offset(self, change: float) -> None:
+        """See `Estimator.move_offset`: the map keeps what the sensor said."""
+        if math.isfinite(change):
+            self._zero += change
+
+    @property
+    def state(self) -> ContactState:
+        """See `Estimator.state`."""
+        return tuple(self._memory.tolist())
+
+    @property
+    def model(self) -> ContactModel | None:
+        """The fitted map, None before 20 samples or without contact among them."""
+        if self.updates >= self._next_fit:
+            self._next_fit = self.updates + max(1, round(REFIT_SHARE * self.updates))
+            self._model = self._fit()
+        return self._model
+
+    @property
+    def standard_errors(self) -> dict[str, float | None] | None:
+        """Of the law's numbers."""
+        return None if self._law is None else {**self._law.standard_errors}
+
+    def _fit(self) -> ContactMap | None:
+        table = np.array(self._rows)
+        found = _Samples(table[:, 0], table[:, 1], table[:, 2], table[:, 3] > 0.0, table[:, 4:])
+        if not found.in_contact.any():
+            return None
+        flat = np.zeros(SIZE)
+        flat[ORIGIN], flat[ZERO] = self._origin, self._zero
+        flat[LOWEST], flat[REACHED] = found.place.min(), found.place.max()
+        flat[LAW_SPEED] = np.abs(found.velocity[found.in_contact]).max()
+        for kind in range(2):
+            _fit_map(flat, kind, found, self._stride)
+        self._law = _fit_law(flat, found)
+        errors = _errors(flat, found)
+        squared = np.square(errors[found.in_contact]).mean(axis=0)
+        if not flat[LAW] > 0.0:
+            squared[0] = math.inf
+        shares = (squared + 1e-12) ** (-0.5 * SHARPNESS)
+        flat[SHARES : SHARES + EXPERTS] = shares / shares.sum()
+        flat[DOUBT] = float(np.square(errors[found.in_contact] @ flat[SHARES : SHARES + EXPERTS]).mean())
+        try:
+            stiffness, damping, exponent, switching = flat[LAW : LAW + 4].tolist()
+            return ContactMap(stiffness, damping, exponent, switching, pack(flat))
+        except SettingError:  # numbers that 32 bits do not hold
+            return None
+
+
+def _fit_map(flat: Array, kind: int, found: _Samples, weight: int) -> None:
+    """Weights of one map and the ranges of its features, into the flat array."""
+    ranges, begin, _, _, _, count, end = COARSE if kind == 0 else FINE
+    flat[ranges:begin:2] = found.features[:, :count].min(axis=0)
+    flat[ranges + 1 : begin : 2] = found.features[:, :count].max(axis=0)
+    length = LENGTHS[kind]
+    inside = np.ones(found.place.size, dtype=np.bool_)
+    if kind == 1:  # as in the bank: what is deeper is none of the fine map's
+        inside = (found.place >= -BELOW[1] * length) & (found.place <= ABOVE[1] * length)
+    if not inside.any():
+        return
+    regressor = _regressors(kind, found.place[inside], found.features[inside])
+    root = _root(kind)
+    reduced = regressor @ root
+    information = weight * (reduced.T @ reduced) + NOISE**2 * np.eye(root.shape[0])
+    flat[begin:end] = root @ np.linalg.solve(information, weight * (reduced.T @ found.force[inside]))
+
+
+@cache
+def _root(kind: int) -> Array:
+    """L with P = L L': with w = L u the penalty is |u|^2, which needs no inverse of P."""
+    values, vectors = np.linalg.eigh(prior(kind))
+    return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
+
+
+def _regressors(kind: int, places: Array, values: Array) -> Array:
+    """The vectors h, shape (n, weights of the map)."""
+    _, begin, knots, _, coarse, count, end = COARSE if kind == 0 else FINE
+    length, below, splines = LENGTHS[kind], BELOW[kind], np.empty(4)
+    matrix = np.zeros((places.size, end - begin))
+    for row, (place, features_here) in enumerate(zip(places.tolist(), values[:, :count], strict=True)):
+        first = locate(place, length, below, knots, splines)
+        matrix[row, first : first + 4] = splines
+        first = knots + locate(place, COARSENESS * length, -(-below // COARSENESS), coarse, splines)
+        for feature, value in enumerate(features_here.tolist()):
+            start = first + feature * coarse
+            matrix[row, start : start + 4] = value * splines
+    return matrix
+
+
+def _fit_law(flat: Array, found: _Samples) -> OfflineFit | None:
+    """The law's numbers into the flat array; None where it cannot be fitted."""
+    depth = found.place + flat[ORIGIN]
+    chosen = found.in_contact & (depth > 0.0)
+    try:
+        fit = fit_offline(depth[chosen], found.velocity[chosen], found.force[chosen] - flat[ZERO])
+    except InputError:  # too few samples or no force: the maps go without it
+        return None
+    flat[LAW : LAW + 4] = fit.model.parameters
+    return fit
+
+
+def _errors(flat: Array, found: _Samples) -> Array:
+    """What each expert says less what was felt [N], shape (n, 3)."""
+    forces = np.empty((found.place.size, EXPERTS))
+    for index, (place, velocity) in enumerate(zip(found.place.tolist(), found.velocity.tolist(), strict=True)):
+        judge(flat, found.features[index], place, velocity, True, forces[index])
+    return np.asarray(forces - (found.force - flat[ZERO])[:, None])
