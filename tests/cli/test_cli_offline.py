@@ -25,6 +25,7 @@ IDENTIFY_KEYS = {
     "model",
     "estimator",
     "parameters",
+    "map",
     "standard_errors",
     "surface_m",
     "force_offset_N",
@@ -34,7 +35,7 @@ IDENTIFY_KEYS = {
     "residual_percent",
     "status",
 }
-PARAMETERS = ["ln_k", "s", "b1", "b2", "stiffness", "damping", "exponent", "switching"]
+PARAMETERS = ["stiffness", "damping", "exponent", "switching"]
 PREDICT_KEYS = {
     "delay_s",
     "samples",
@@ -51,6 +52,7 @@ PREDICT_KEYS = {
     "largest_update_jump_at_s",
     "time_to_ten_percent_s",
     "status",
+    "remarks",
 }
 
 
@@ -92,10 +94,27 @@ def test_identify_keeps_its_contract(press: Path) -> None:
     content = output_of("identify", press, "--json")
     assert content.keys() == IDENTIFY_KEYS
     assert list(content["parameters"]) == PARAMETERS
+    assert sum(content["map"]["shares"].values()) == pytest.approx(1.0, abs=1e-3)
     assert content["status"] == "ok"
     assert content["samples"] == 6000
     assert content["force_offset_N"] == pytest.approx(0.3, abs=0.01)
     assert content["surface_m"] == pytest.approx(0.01, abs=1.5e-3)
+
+
+def test_a_map_is_told_in_a_few_numbers(press: Path) -> None:
+    content = output_of("identify", press, "--json", "--surface", 0.01)["map"]
+    assert content["depth_visited_m"] == pytest.approx(0.0091, abs=5e-4)
+    assert content["speed_visited_m_per_s"] == pytest.approx(0.05, rel=0.3)
+    assert 0.0 < content["standard_deviation_N"] < 0.5
+    columns = (content[name] for name in ("depths_m", "forces_N", "local_stiffness_N_per_m"))
+    places = list(zip(*columns, strict=True))
+    assert len(places) == 3
+    for depth, force, stiffness in places:
+        assert force == pytest.approx(3000.0 * depth**1.4, rel=0.1)
+        assert stiffness == pytest.approx(1.4 * 3000.0 * depth**0.4, rel=0.15)
+    other = output_of("identify", press, "--json", "--model", "continuous-switching")
+    assert other["map"] is None
+    assert other["estimator"] == "fprls"
 
 
 def test_identify_writes_the_parameters_at_every_sample(press: Path, tmp_path: Path) -> None:
@@ -123,7 +142,7 @@ def test_undetermined_is_printed_so(tmp_path: Path) -> None:
     force = 3000.0 * np.maximum(depth, 0.0) ** 1.4 + np.random.default_rng(0).normal(0.0, 0.02, time.size)
     path = tmp_path / "spring.csv"
     write_columns(path, {"time_s": time, "position_m": depth, "force_N": force})
-    result = run("identify", path, "--estimator", "rls", "--surface", 0)
+    result = run("identify", path, "--model", "continuous-switching", "--estimator", "rls", "--surface", 0)
     assert result.exit_code == 0
     parameters = next(line for line in result.stdout.splitlines() if line.split()[0] == "parameters")
     assert "switching undetermined" in parameters
@@ -156,8 +175,8 @@ def test_units_and_direction_change_nothing_but_the_numbers_in_the_file(press: P
     write_columns(path, columns)
     units = ("--position-unit", "mm", "--force-unit", "mN", "--flip")
     plain, other = (output_of("identify", *arguments, "--json") for arguments in ((press,), (path, *units)))
-    for name in ("ln_k", "s", "b1", "b2", "stiffness"):
-        assert other["parameters"][name] == pytest.approx(plain["parameters"][name], rel=1e-3)
+    for name in ("depths_m", "forces_N", "local_stiffness_N_per_m"):
+        assert other["map"][name] == pytest.approx(plain["map"][name], rel=1e-3)
     for name, value in plain["parameters"].items():
         assert (other["parameters"][name] is None) == (value is None)
     assert other["contact_samples"] == plain["contact_samples"]
@@ -198,7 +217,7 @@ def test_a_bad_recording_is_refused_by_file_row_and_rule(tmp_path: Path, text: s
     [
         (("--delay", -0.1), "delay = -0.1: must be finite and at least 0"),
         (("--model", "jelly"), "unknown model 'jelly': choose one of contact-map"),
-        (("--estimator", "guess"), "unknown estimator for continuous-switching 'guess': choose one of "),
+        (("--estimator", "guess"), "unknown estimator for contact-map 'guess': choose one of "),
         (("--surface", "deep"), "surface = 'deep': must be auto or a number"),
         (("--force-offset", "nan"), "force-offset = 'nan': must be auto or a number"),
         (("--position-unit", "miles"), "miles"),
@@ -230,8 +249,11 @@ def test_a_refusal_is_one_line_and_exit_code_2(tmp_path: Path) -> None:
 
 
 def test_session_options_are_the_fields_and_defaults_of_the_settings() -> None:
-    settings = SessionSettings()
-    assert {name: str(default) for name, (_, default, _) in SESSION_OPTIONS.items()} == settings.as_text()
+    defaults = {name: default for name, (_, default, _) in SESSION_OPTIONS.items()}
+    assert defaults.keys() == SessionSettings().as_text().keys()
+    assert SessionSettings(**defaults) == SessionSettings()
+    assert SessionSettings().estimator == "bank"
+    assert SessionSettings(model="continuous-switching").estimator == "fprls"
 
 
 @pytest.mark.data

@@ -29,7 +29,7 @@ from foretouch.cli.options import (
 from foretouch.errors import SettingError
 
 if TYPE_CHECKING:
-    from foretouch.identification import Learner
+    from foretouch.identification import Identification, Learner
     from foretouch.quantities import Recording
 
 __all__ = ["COMMANDS", "identify", "predict", "report"]
@@ -39,7 +39,7 @@ RecordingPath = Annotated[Path, typer.Argument(help="CSV, Parquet, MCAP of ours,
 
 def identify(
     recording: RecordingPath,
-    model: ModelName = "continuous-switching",
+    model: ModelName = "contact-map",
     estimator: EstimatorName = None,
     surface: Surface = "auto",
     force_offset: ForceOffset = "auto",
@@ -69,6 +69,7 @@ def identify(
         "model": model,
         "estimator": estimator,
         "parameters": result.parameters,
+        "map": _map_of(result),
         "standard_errors": result.standard_errors,
         "surface_m": result.surface,
         "force_offset_N": result.force_offset,
@@ -89,7 +90,7 @@ def identify(
 def predict(
     recording: RecordingPath,
     delay: Annotated[float, typer.Option(help="Of the forces [s].")] = 0.3,
-    model: ModelName = "continuous-switching",
+    model: ModelName = "contact-map",
     estimator: EstimatorName = None,
     surface: Surface = "auto",
     force_offset: ForceOffset = "auto",
@@ -113,7 +114,7 @@ def predict(
     """
     from foretouch.models.checks import require
     from foretouch.recordings import read_recording, read_session, write_columns
-    from foretouch.report import forces_under_delay, score
+    from foretouch.report import forces_under_delay, remarks, score
 
     require("delay", delay, at_least=0.0)
     _refuse_to_replace(recording, out)
@@ -154,6 +155,7 @@ def predict(
         **{name: getattr(scores, name) for name in names},
         **found.perception(scores),
         "status": scores.status,
+        "remarks": remarks(found, scores, delay),
     }
     forces = {
         "time_s": found.time,
@@ -212,6 +214,15 @@ def _learner(model: str, estimator: str, surface: str, force_offset: str) -> Cal
     )
 
 
+def _map_of(result: Identification) -> dict[str, object] | None:
+    """A contact map in a few numbers, None for other models."""
+    from foretouch.models import ContactMap, summarise_map
+
+    if not isinstance(result.model, ContactMap):
+        return None
+    return summarise_map(result.model).figures(result.standard_deviation)
+
+
 def _identified(data: Recording) -> str:
     """Status of an identification: whether the recording's force has a zero that can be known."""
     from foretouch.report import score
@@ -256,9 +267,23 @@ def _print_lines(title: str, content: dict[str, Any]) -> None:
     typer.echo(title)
     for name, value in content.items():
         text = f"{value:.6g}" if isinstance(value, float) else str(value)
+        if name == "remarks":
+            typer.echo("".join(f"  {remark}\n" for remark in value), nl=False)
+            continue
+        if name == "map":
+            _print_map(value)
+            continue
         if isinstance(value, dict):
             text = ", ".join(f"{key} {_or_undetermined(number)}" for key, number in value.items())
         typer.echo(f"  {name:<28} {text}")
+
+
+def _print_map(figures: dict[str, Any] | None) -> None:
+    """A contact map as aligned lines, nothing for other models."""
+    from foretouch.report import map_lines
+
+    for line in () if figures is None else map_lines(figures):
+        typer.echo(f"  {'map':<28} {line}")
 
 
 def _or_undetermined(value: float | None) -> str:

@@ -37,7 +37,9 @@ __all__ = [
     "with_session_settings",
 ]
 
-LAWS_HELP = "Contact law: continuous-switching, hunt-crossley, kelvin-voigt or threshold-switching."
+LAWS_HELP = (
+    "Contact law: contact-map, or continuous-switching (the paper's), hunt-crossley, kelvin-voigt, threshold-switching."
+)
 ModelName = Annotated[str, typer.Option("--model", help=LAWS_HELP)]
 EstimatorName = Annotated[
     str | None,
@@ -85,8 +87,8 @@ def print_json(content: Mapping[str, Any]) -> None:
 SESSION_OPTIONS: dict[str, tuple[type, object, str]] = {
     "material": (str, "foam-measured", "What the follower presses: `foretouch materials list`."),
     "operator": (str, "scripted", "Who moves the leader: scripted, recorded or browser."),
-    "model": (str, "continuous-switching", LAWS_HELP),
-    "estimator": (str, "fprls", "Estimator of that law; a wrong name lists those there are."),
+    "model": (str, "contact-map", LAWS_HELP),
+    "estimator": (str, "", "Estimator; without it the law's own. A wrong name lists them all."),
     "position_delay": (float, 0.08, "One-way delay of positions, leader to follower [s]."),
     "force_delay": (float, 0.3, "One-way delay of models and telemetry, follower to leader [s]."),
     "jitter": (float, 0.0, "Largest change of either delay, to both sides [s]."),

@@ -35,6 +35,8 @@ class Motion:
             shape (k,).
         ticks: Number of the sample of this motion, from 1, that the probe had reached when the model was sent,
             shape (k,).
+        expected: Delay [s] that the estimator is told at each sample of the recording, NaN where it is told none; None
+            where it is told none at all.
     """
 
     time: Array
@@ -42,6 +44,7 @@ class Motion:
     published: NDArray[np.int64]
     arrived: Array
     ticks: NDArray[np.int64]
+    expected: Array | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,7 +101,7 @@ def predict_motion(recording: Recording, learner: Learner, motion: Motion) -> Pr
     ticks = dict(zip(motion.published.tolist(), motion.ticks.tolist(), strict=True))
     models = (
         (arrivals[index], ticks[index], learner.learnt())
-        for index, _ in enumerate(_learn(recording, learner))
+        for index, _ in enumerate(_learn(recording, learner, motion.expected))
         if arrivals.get(index, math.inf) < math.inf
     )
     return _run(motion.time, motion.position, repeat(None), models)
@@ -125,10 +128,13 @@ def _run(
     return PredictedForce(forces, deviations, jumps)
 
 
-def _learn(recording: Recording, learner: Learner) -> Iterator[float]:
+def _learn(recording: Recording, learner: Learner, expected: Array | None = None) -> Iterator[float]:
     """Feed the recording to the learner; yields the time of each sample once it is learnt."""
+    told = repeat(math.nan) if expected is None else expected.tolist()
     columns = (recording.time.tolist(), recording.position.tolist(), recording.force.tolist(), _velocities(recording))
-    for time, position, force, velocity in zip(*columns, strict=False):
+    for time, position, force, velocity, delay in zip(*columns, told, strict=False):
+        if not math.isnan(delay):
+            learner.estimator.expect_delay(delay)
         learner.update(time, position, force, velocity)
         yield time
 

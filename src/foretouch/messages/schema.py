@@ -6,6 +6,7 @@ clock: nothing may compare them with the receiver's.
 
 from __future__ import annotations
 
+import math
 from typing import Annotated
 
 import msgspec
@@ -135,6 +136,7 @@ class LeaderState(Message, frozen=True, array_like=True, gc=False):
         clipped: Whether a force or force-rate limit cut the rendered force.
         period_ns: Time since the last tick began [ns].
         compute_ns: Time that this tick's computing took [ns].
+        standard_deviation: Of the predicted force [N], NaN where the model carries no doubt.
     """
 
     position: float
@@ -148,6 +150,7 @@ class LeaderState(Message, frozen=True, array_like=True, gc=False):
     clipped: bool
     period_ns: Count
     compute_ns: Count
+    standard_deviation: float = math.nan
 
 
 class Handle(Message, frozen=True, array_like=True, gc=False):

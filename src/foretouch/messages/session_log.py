@@ -13,7 +13,7 @@ from foretouch.messages.schema import LeaderState, Message, ModelUpdate, Telemet
 
 __all__ = ["COUNT_PREFIX", "FOLLOWER_DTYPE", "LEADER_DTYPE", "SessionLog", "SessionRows", "as_row", "split_texts"]
 
-_TYPES = {"position": "f8", "velocity": "f8", "model_jump": "f8", "clipped": "?", "in_contact": "?"}
+_TYPES = {"model_jump": "f8", "standard_deviation": "f8", "clipped": "?", "in_contact": "?"}
 
 
 def _dtype(kind: type[Message]) -> np.dtype[np.void]:

@@ -38,6 +38,7 @@ from foretouch.models.linearisation import (
 )
 from foretouch.models.linearised import LinearisedContinuousSwitching
 from foretouch.models.low_damping import LowDampingError, low_damping_error, low_damping_limit, low_damping_table
+from foretouch.models.map_summary import MapSummary, summarise_map
 from foretouch.models.memoryless_law import MemorylessLaw
 from foretouch.models.motion import MotionFilter
 from foretouch.models.predictor import Predictor
@@ -57,6 +58,7 @@ __all__ = [
     "LinearisationError",
     "LinearisedContinuousSwitching",
     "LowDampingError",
+    "MapSummary",
     "MemorylessLaw",
     "MotionFilter",
     "PolynomialFit",
@@ -83,6 +85,7 @@ __all__ = [
     "make_model",
     "maximum_depth",
     "speed_at_depth",
+    "summarise_map",
     "taylor_error_depth",
     "taylor_log_force",
 ]

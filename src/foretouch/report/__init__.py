@@ -6,9 +6,10 @@ from foretouch.report.html import embedded, named_values, table, write_html
 from foretouch.report.page import write_page, write_prediction_page
 from foretouch.report.pairs import Pairs, force_at_follower, pair
 from foretouch.report.perception import LargestJump, largest_jump, rendered_jump, time_to_accuracy
+from foretouch.report.remarks import remarks
 from foretouch.report.scores import STATUSES, Scores, delayed, lowest_mean, score
 from foretouch.report.session import CONTACT_FLOOR, session_report
-from foretouch.report.text import findings, render_text
+from foretouch.report.text import findings, map_lines, render_text
 
 __all__ = [
     "COLOURS",
@@ -27,9 +28,11 @@ __all__ = [
     "largest_jump",
     "legend",
     "lowest_mean",
+    "map_lines",
     "named_values",
     "new_figure",
     "pair",
+    "remarks",
     "render_text",
     "rendered_jump",
     "score",

@@ -60,14 +60,14 @@ def force_at_follower(log: SessionLog, pairs: Pairs) -> Array:
 
     In each row the newest model that had arrived at the leader is run at the follower's position and velocity;
     without a valid model the force is 0, as it is at the leader. A law with memory runs on along the rows, from the
-    state that its message carried.
+    state that its message carried, which is that of the command that the follower had applied then.
 
     Returns:
         Force [N], shape (n,).
     """
     sent = {model.sequence: model for model in log.models}
     predictor = Predictor()
-    newest = 0
+    newest, commands = 0, pairs.leader["sequence"]
     forces = np.zeros(pairs.time.size)
     columns = (
         pairs.time.tolist(),
@@ -82,6 +82,7 @@ def force_at_follower(log: SessionLog, pairs: Pairs) -> Array:
             if update is None:
                 predictor.adopt(None, 0.0)
             else:
-                predictor.adopt(model_of(update), update.surface, update.state)
+                row = int(np.searchsorted(commands, update.command_sequence, side="right"))
+                predictor.adopt(model_of(update), update.surface, update.state, row)
         forces[index] = predictor.update(time, position, velocity)
     return forces

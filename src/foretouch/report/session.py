@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
-from foretouch.messages import CHANNELS, SessionLog
+from foretouch.messages import CHANNELS, SessionLog, encode
+from foretouch.models import ContactMap, summarise_map
 from foretouch.report.pairs import Pairs, force_at_follower, model_of, pair
 from foretouch.report.perception import largest_jump, rendered_jump, time_to_accuracy
 from foretouch.report.scores import Scores, score
@@ -101,7 +102,10 @@ def session_report(
             "applied": int(log.leader.size - pairs.never_applied),
             "never_applied": pairs.never_applied,
         },
+        **_learnt(log, pairs),
         "models": _models(log),
+        "model_bytes": _model_bytes(log),
+        "standard_deviation": _coverage(pairs, main),
         "messages": _messages(log),
         "counts": dict(log.counts),
         "timing": {
@@ -150,6 +154,34 @@ def _largest_contact_force(log: SessionLog) -> float | None:
     return _largest(log.follower["force"]) if exact is None else exact
 
 
+def _learnt(log: SessionLog, pairs: Pairs) -> dict[str, Any]:
+    """The law's numbers in the last valid model, and what is beside them in a contact map."""
+    model = next((found for found in map(model_of, reversed(log.models)) if found is not None), None)
+    if model is None:
+        return {"parameters": None, "map": None}
+    deviation = pairs.leader["standard_deviation"]
+    known = np.flatnonzero(np.isfinite(deviation) & pairs.follower["in_contact"])
+    newest = float(deviation[known[-1]]) if known.size else None
+    return {
+        "parameters": dict(zip(model.parameter_names, model.parameters, strict=True)),
+        "map": summarise_map(model).figures(newest) if isinstance(model, ContactMap) else None,
+    }
+
+
+def _coverage(pairs: Pairs, scores: Scores) -> dict[str, float | None]:
+    """Whether the standard deviation of the predicted force is honest: shares of contact rows within one and two."""
+    deviation = pairs.leader["standard_deviation"]
+    told = scores.in_contact & np.isfinite(deviation)
+    if not told.any():
+        return {"median_N": None, "within_one_percent": None, "within_two_percent": None}
+    error = np.abs(pairs.leader["predicted_force"][told] - scores.measured_force[told])
+    return {
+        "median_N": float(np.median(deviation[told])),
+        "within_one_percent": float(100.0 * np.mean(error <= deviation[told])),
+        "within_two_percent": float(100.0 * np.mean(error <= 2.0 * deviation[told])),
+    }
+
+
 def _models(log: SessionLog) -> dict[str, int]:
     """How many models were sent, could be rendered from, and were the newest at some leader tick."""
     arrived = np.unique(log.leader["model_sequence"])
@@ -157,6 +189,16 @@ def _models(log: SessionLog) -> dict[str, int]:
         "sent": len(log.models),
         "valid": sum(model_of(model) is not None for model in log.models),
         "used": int((arrived > 0).sum()),
+    }
+
+
+def _model_bytes(log: SessionLog) -> dict[str, float | None]:
+    """What models cost the network: bytes of their messages without the network's own."""
+    sizes, duration = np.array([len(encode(model)) for model in log.models]), _duration(log)
+    return {
+        "per_s": float(sizes.sum()) / duration if duration > 0.0 else None,
+        "p50": float(np.median(sizes)) if sizes.size else None,
+        "max": float(sizes.max()) if sizes.size else None,
     }
 
 

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 from foretouch.report.scores import STATUSES
 
-__all__ = ["Finding", "findings", "number", "render_text", "scoring_findings"]
+__all__ = ["Finding", "findings", "map_lines", "number", "render_text", "scoring_findings"]
 
 
 def render_text(report: Mapping[str, Any]) -> str:
@@ -25,7 +25,9 @@ def render_text(report: Mapping[str, Any]) -> str:
         "",
         *_forces(report),
         *_perception(report),
+        *_doubt(report),
         "",
+        *_learnt(report),
         *_motion(report),
         "",
         *_machine(report),
@@ -152,6 +154,49 @@ def _perception(report: Mapping[str, Any]) -> list[str]:
     ]
 
 
+def _doubt(report: Mapping[str, Any]) -> list[str]:
+    """How far the prediction's own standard deviation can be believed."""
+    doubt = report["standard_deviation"]
+    if doubt["median_N"] is None:
+        return []
+    one, two = number(doubt["within_one_percent"], "%"), number(doubt["within_two_percent"], "%")
+    return [
+        f"  its standard deviation, {number(doubt['median_N'], 'N')} at the median: {one} within one, {two} within two"
+    ]
+
+
+def _learnt(report: Mapping[str, Any]) -> list[str]:
+    """The last model: the law's numbers, and what a contact map is beside them."""
+    if report["parameters"] is None:
+        return []
+    numbers = ", ".join(f"{name} {_figure(value)}" for name, value in report["parameters"].items())
+    lines = ["What was learnt, at the end", f"  law        {numbers}"]
+    if report["map"] is not None:
+        lines += [f"  map        {line}" for line in map_lines(report["map"])]
+    return [*lines, ""]
+
+
+def map_lines(figures: Mapping[str, Any]) -> list[str]:
+    """A contact map as lines for a terminal.
+
+    Args:
+        figures: By name, as `foretouch.models.MapSummary.figures` gives them.
+
+    Returns:
+        Shares of the experts and what was visited; local stiffness; doubt.
+    """
+    shares = ", ".join(f"{name} {100.0 * share:.0f} %" for name, share in figures["shares"].items())
+    depth, speed = 1e3 * figures["depth_visited_m"], 1e3 * figures["speed_visited_m_per_s"]
+    lines = [f"shares: {shares}; visited: {_figure(depth)} mm, {_figure(speed)} mm/s"]
+    at = zip(figures["depths_m"], figures["local_stiffness_N_per_m"], figures["forces_N"], strict=True)
+    places = [f"{_figure(k)} N/m at {_figure(1e3 * x)} mm ({_figure(force)} N)" for x, k, force in at]
+    if places:
+        lines.append(f"at rest: {', '.join(places)}")
+    if figures["standard_deviation_N"] is not None:
+        lines.append(f"standard deviation of the last force in contact: {number(figures['standard_deviation_N'], 'N')}")
+    return lines
+
+
 def _motion(report: Mapping[str, Any]) -> list[str]:
     tracking, commands, clipped = report["tracking_error"], report["commands"], report["clipped"]
     rendered = number(report["max_rendered_force_N"], "N")
@@ -177,7 +222,10 @@ def _machine(report: Mapping[str, Any]) -> list[str]:
         )
     models, messages = report["models"], report["messages"]
     counted = ", ".join(f"{count:,} {name}" for name, count in messages.items() if count is not None)
-    lines.append(f"  models     {models['sent']:,} sent, {models['valid']:,} valid, {models['used']:,} used")
+    weight, size = "", report["model_bytes"]
+    if size["per_s"] is not None and size["max"] is not None:
+        weight = f", {size['per_s']:,.0f} bytes/s ({size['p50']:,.0f} each, at most {size['max']:,.0f})"
+    lines.append(f"  models     {models['sent']:,} sent, {models['valid']:,} valid, {models['used']:,} used{weight}")
     lines.append(f"  messages   {counted}")
     return lines
 

@@ -8,15 +8,23 @@ from typing import NamedTuple
 
 from foretouch.identification import Estimator, Learner, LearntModel
 from foretouch.link import SequenceCounter
-from foretouch.messages import VERSION, Command, ModelUpdate, Telemetry
+from foretouch.messages import VERSION, Command, ModelUpdate, Telemetry, encode
 from foretouch.models import ContactMap
 from foretouch.robot import RobotSample, RobotSpecification
 from foretouch.session.playout import Playout
+from foretouch.session.round_trip import RoundTrip
 
 __all__ = ["Inputs", "Outputs", "State", "start", "step"]
 
 SURFACE_CHANGE = 1e-4
 """A surface that has moved by more than this [m] since the last model is sent at once."""
+
+BYTE_RATE, LARGEST_BURST = 45e3, 3e3
+"""Models take so many bytes a second, and so many at once after a silence [bytes]: with the one that may exceed it, no
+second holds more than 50 kB. What does not fit waits, and is sent as it is known by then."""
+
+CHANGE_TOLD_NS = 2_000_000_000
+"""Models say so long [ns] that the material has changed."""
 
 
 @dataclass(slots=True)
@@ -34,6 +42,11 @@ class State:
         model_sequence: Of the newest model sent.
         sent: That model.
         sent_ns: When it was sent.
+        allowance: Bytes that could have been sent beside it.
+        changed: Whether something has changed since that is worth a model at once.
+        changes: Sudden changes of the material that the estimator has found.
+        changed_ns: When it found the newest, None before the first.
+        round_trip: Learns how late models are used.
     """
 
     specification: RobotSpecification
@@ -46,6 +59,11 @@ class State:
     model_sequence: int = 0
     sent: LearntModel | None = None
     sent_ns: int = 0
+    allowance: float = 0.0
+    changed: bool = False
+    changes: int = 0
+    changed_ns: int | None = None
+    round_trip: RoundTrip = field(default_factory=RoundTrip)
 
 
 class Inputs(NamedTuple):
@@ -104,6 +122,7 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
     for command in inputs.commands:
         state.commands.is_newest(command.sequence)
         state.playout.push(command.sequence, command.position)
+        state.round_trip.commanded(command.sequence, command.acknowledged_model)
     desired_position = state.playout.advance()
     if math.isnan(desired_position):
         desired_position = sample.commanded_position
@@ -113,6 +132,9 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
     if state.playout.applied:
         if state.start_ns is None:
             state.start_ns = now_ns
+        delay = state.round_trip.applied(state.playout.applied, now_ns)
+        if delay is not None:
+            state.learner.estimator.expect_delay(delay)
         state.learner.update((now_ns - state.start_ns) * 1e-9, sample.position, sensor_force)
         model = _due_model(state, now_ns)
     learnt_from = state.learner.sample
@@ -137,21 +159,43 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
     return state, Outputs(desired_position, telemetry, model)
 
 
+def _is_changed(state: State, now_ns: int) -> bool:
+    """Whether the model became valid or not, its surface moved, or the material changed, since the last model.
+
+    It is asked in every tick and packs no map for the answer.
+    """
+    learner, sent = state.learner, state.sent
+    estimator = learner.estimator
+    changes, state.changes = state.changes, estimator.changes
+    if estimator.changes > changes:
+        state.changed_ns = now_ns
+        return True
+    if sent is None:
+        return True
+    surface = learner.conditioner.surface - estimator.surface_correction
+    if math.isnan(surface) or sent.model is None:
+        return learner.learnt().model is not sent.model
+    # A map stays valid until its estimator begins anew.
+    valid = estimator.updates > 0 if isinstance(sent.model, ContactMap) else estimator.model is not None
+    return not valid or abs(surface - sent.surface) > SURFACE_CHANGE
+
+
 def _due_model(state: State, now_ns: int) -> ModelUpdate | None:
-    """The model to send in this tick: on schedule, and at once when it became valid or not or its surface moved."""
-    learnt = state.learner.learnt()
-    sent = state.sent
-    changed = (
-        sent is None
-        or (learnt.model is None) != (sent.model is None)
-        or abs(learnt.surface - sent.surface) > SURFACE_CHANGE
-    )
-    if not changed and now_ns - state.sent_ns < state.model_period_ns:
+    """The model to send in this tick: on schedule, and at once on change, as far as the bytes allow."""
+    state.changed = _is_changed(state, now_ns) or state.changed
+    since_ns = now_ns - state.sent_ns
+    if not (state.changed or since_ns >= state.model_period_ns):
         return None
-    state.sent, state.sent_ns = learnt, now_ns
+    allowance = (
+        LARGEST_BURST if state.sent is None else min(state.allowance + BYTE_RATE * since_ns * 1e-9, LARGEST_BURST)
+    )
+    if allowance <= 0.0:
+        return None
+    learnt = state.learner.learnt()
+    state.sent, state.sent_ns, state.changed = learnt, now_ns, False
     state.model_sequence += 1
     model = learnt.model
-    return ModelUpdate(
+    update = ModelUpdate(
         VERSION,
         state.model_sequence,
         now_ns,
@@ -161,7 +205,17 @@ def _due_model(state: State, now_ns: int) -> ModelUpdate | None:
         learnt.state,
         learnt.surface,
         model is not None,
-        learnt.reason,
+        _reason(state, learnt, now_ns),
         state.learner.estimator.name,
         model.map if isinstance(model, ContactMap) else b"",
     )
+    state.allowance = allowance - len(encode(update))
+    state.round_trip.sent(update.sequence, now_ns)
+    return update
+
+
+def _reason(state: State, learnt: LearntModel, now_ns: int) -> str:
+    """What the learner says, or for a while after a change that there was one: the message that said so may be lost."""
+    if learnt.model is None or state.changed_ns is None or now_ns - state.changed_ns > CHANGE_TOLD_NS:
+        return learnt.reason
+    return f"the material changed {(now_ns - state.changed_ns) * 1e-9:.1f} s ago: it is learnt anew"

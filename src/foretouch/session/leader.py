@@ -110,6 +110,7 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
         state.limiter.clipped,
         inputs.period_ns,
         inputs.compute_ns,
+        predictor.standard_deviation,
     )
     return state, Outputs(command, record)
 

@@ -17,6 +17,7 @@ from foretouch.session.counting import follower_counts, leader_counts
 from foretouch.session.housekeeping import ORPHANED, Housekeeper, StopFlag, orphaned
 from foretouch.session.loop_timer import LoopTimer
 from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
+from foretouch.session.warm_up import warm_up
 
 __all__ = ["FOLLOWER_CHANNELS", "LEADER_CHANNELS", "run_follower", "run_leader", "wait_for_hello"]
 
@@ -101,6 +102,7 @@ def run_follower(
     Raises:
         PeerVersionError: Before the first command that could be read, the peer spoke another version.
     """
+    warm_up(settings)
     stage: FaultStage[Command] = FaultStage(settings.command_faults)
     state = follower.start(robot.specification, settings.make_estimator(), model_rate=settings.model_rate)
 
@@ -160,6 +162,7 @@ def run_leader(
     Arguments as for `run_follower`; `link` has `LEADER_CHANNELS`, `operator` moves the handle, and with
     `wait_for_recorder` the loop begins once a recorder listens, or after `RECORDER_PATIENCE`.
     """
+    warm_up(settings)
     stage: FaultStage[ModelUpdate | Telemetry] = FaultStage(settings.return_faults)
     state = leader.start()
 

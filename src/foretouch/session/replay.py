@@ -12,6 +12,7 @@ from foretouch.identification import TIME_TOLERANCE, Learner, Motion, PredictedF
 from foretouch.messages import SessionLog
 from foretouch.models.checks import require
 from foretouch.quantities import Recording
+from foretouch.session.round_trip import RoundTrip
 
 __all__ = ["Replay", "replay"]
 
@@ -65,12 +66,34 @@ def replay(log: SessionLog, learner: Learner, *, delay: float) -> Replay:
         published,
         _arrivals(clock, log.leader["model_sequence"], felt["model_sequence"][published]) + later,
         np.searchsorted(log.leader["sequence"], felt["command_sequence"][published], side="right"),
+        _round_trips(log, felt) + later,
     )
     recording = Recording((felt["time_ns"] - felt["time_ns"][0]) * 1e-9, felt["position"], felt["sensor_force"])
     told = _arrivals(clock, log.leader["telemetry_sequence"], log.follower["sequence"]) + later
     known = np.searchsorted(told, clock + TIME_TOLERANCE, side="right") - 1
     delayed = np.where(known >= 0, log.follower["force"][known], 0.0)
     return Replay(predict_motion(recording, learner, motion), delayed)
+
+
+def _round_trips(log: SessionLog, felt: NDArray[np.void]) -> Array:
+    """What the follower told its estimator of the delay at each of these ticks [s], NaN where nothing.
+
+    Which models the leader had when it sent a command stands in the leader's own row of that command.
+    """
+    trip, told = RoundTrip(), np.full(felt.size, np.nan)
+    row = np.searchsorted(log.leader["sequence"], felt["command_sequence"], side="right") - 1
+    acknowledged = np.where(row >= 0, log.leader["model_sequence"][row], 0)
+    columns = (felt["time_ns"], felt["command_sequence"], acknowledged, felt["model_sequence"])
+    sent = 0
+    for index, (now, command, model, newest) in enumerate(zip(*(column.tolist() for column in columns), strict=True)):
+        trip.commanded(command, model)
+        delay = trip.applied(command, now)
+        if delay is not None:
+            told[index] = delay
+        if newest != sent:
+            sent = newest
+            trip.sent(sent, now)
+    return told
 
 
 def _arrivals(clock: Array, newest: NDArray[np.int64], sequences: NDArray[np.int64]) -> Array:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 from foretouch.devices import OPERATORS
 from foretouch.errors import UnknownNameError
-from foretouch.identification import Estimator, make_estimator
+from foretouch.identification import DEFAULT_ESTIMATORS, Estimator, make_estimator
 from foretouch.link import Faults
 from foretouch.models.checks import require
 
@@ -20,13 +20,14 @@ SAMPLE_PERIOD = 1e-3
 class SessionSettings:
     """What is pressed, by whom, over which network, and what is identified.
 
-    The defaults of the delays are the paper's: 80 ms for positions, 300 ms for forces.
+    The defaults of the delays are the paper's: 80 ms for positions, 300 ms for forces. The law is not: it is
+    the contact map; the paper's own law and estimator are ``model="continuous-switching"``.
 
     Args:
         material: Name of a material of the simulated robot.
         operator: ``"scripted"``, ``"recorded"`` or ``"browser"``.
         model: Name of the law to identify.
-        estimator: Name of the estimator.
+        estimator: Name of the estimator; empty for the law's own, whose name then stands here.
         position_delay: One-way delay of commands [s].
         force_delay: One-way delay of models and telemetry [s].
         jitter: Largest change of either delay [s].
@@ -42,8 +43,8 @@ class SessionSettings:
 
     material: str = "foam-measured"
     operator: str = "scripted"
-    model: str = "continuous-switching"
-    estimator: str = "fprls"
+    model: str = "contact-map"
+    estimator: str = ""
     position_delay: float = 0.08
     force_delay: float = 0.3
     jitter: float = 0.0
@@ -57,6 +58,8 @@ class SessionSettings:
     def __post_init__(self) -> None:
         if self.operator not in OPERATORS:
             raise UnknownNameError("operator", self.operator, OPERATORS)
+        if not self.estimator:
+            object.__setattr__(self, "estimator", DEFAULT_ESTIMATORS.get(self.model, ""))
         make_estimator(self.model, self.estimator)
         require("position_delay", self.position_delay, at_least=0.0)
         require("force_delay", self.force_delay, at_least=0.0)

@@ -15,6 +15,7 @@ from foretouch.robot import Robot
 from foretouch.session import follower, leader
 from foretouch.session.counting import follower_counts, leader_counts
 from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
+from foretouch.session.warm_up import warm_up
 
 __all__ = ["SimulatedSession", "simulate"]
 
@@ -61,6 +62,7 @@ def simulate(
         record: Called with each message to keep and its simulated time [ns].
         progress: Called now and then with the simulated time [s].
     """
+    warm_up(settings)
     commands: FaultStage[Command] = FaultStage(settings.command_faults)
     returned: FaultStage[ModelUpdate | Telemetry] = FaultStage(settings.return_faults)
     leading = leader.start()
