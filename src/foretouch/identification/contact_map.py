@@ -31,6 +31,7 @@ from foretouch.models import ContactMap, ContactModel, ContactState, ContinuousS
 from foretouch.models.checks import require
 from foretouch.models.contact_map_kernel import (
     DOUBT,
+    DOUBTS,
     LAW,
     LAW_SURFACE,
     MEMORY,
@@ -51,7 +52,7 @@ EXPERT_NAMES = ("law", "coarse", "fine")
 LONGEST_HORIZON = 0.3
 """Experts are scored on predictions at most this late [s]: on longer ones they are too much alike."""
 
-FEWEST_UPDATES = 2
+FEWEST_UPDATES = 8
 """No force is rendered from fewer samples."""
 
 LARGEST_SHIFT = 5e-3
@@ -84,8 +85,9 @@ class ContactMapBank(Estimator):
     **Change.** Where for 0.05 s no map explains a force at a visited place to a quarter of the peak, the material has
     changed: the maps begin anew, and until they are scored again the law's share is largest.
 
-    **Doubt.** The variance of a late prediction is a constant and a share of the squared force, by least squares on its
-    own squared errors, scaled until one standard deviation holds 68 % of them.
+    **Doubt.** The variance of a late prediction is a constant and shares of the squares of force and speed, none of
+    them negative, by least squares on its own squared errors, scaled until one standard deviation holds 75 % of them:
+    their tails are heavier than a Gaussian's.
 
     Args:
         horizon: How late a prediction is that the experts are scored on [s], not negative.
@@ -138,7 +140,7 @@ class ContactMapBank(Estimator):
         """Begin a map where the surface is now."""
         restart(self._flat, *self._covariances, *self._priors, self._notes)
         self._flat[ORIGIN] = self._flat[ZERO] = 0.0
-        self._flat[DOUBT : DOUBT + 2] = 0.0, FIRST_DOUBT**2
+        self._flat[DOUBT : DOUBT + DOUBTS] = 0.0, FIRST_DOUBT**2, 0.0
         self._notes[SPREAD] = 1.0
         self._notes[LEARNT_AT] = -math.inf
         self._memory[:] = math.nan

@@ -15,6 +15,7 @@ from foretouch.models.contact_map_kernel import (
     COARSE,
     COARSENESS,
     DOUBT,
+    DOUBTS,
     EXPERTS,
     FINE,
     LARGEST_FEATURES,
@@ -25,7 +26,9 @@ from foretouch.models.contact_map_kernel import (
     ORIGIN,
     REACHED,
     SHARES,
+    SPEED,
     ZERO,
+    doubt,
     features,
     judge,
     locate,
@@ -38,15 +41,18 @@ Array = NDArray[np.float64]
 PERIOD = 0.004
 """Between two samples that are learnt from [s]."""
 
+LONGEST_PERIOD = 0.1
+"""A longer pause between samples counts as this [s]."""
+
 TOO_SOON, LEARNT, CHANGED, FAILED = range(4)
 """What a step did."""
 
 # --- prior and noise; only their ratio matters, so force has no unit here ---------------------------------------------
 
-NOISE = 0.35
-LEVEL, SLOPE, CURVATURE = 1.5, 0.5, 1.0
+NOISE = 0.3
+LEVEL, SLOPE, CURVATURE = 1.5, 0.5, 0.6
 """Elastic part at the origin, its slope there, and the density of the noise that is its curvature; per knot."""
-FEATURE_SIZE, FEATURE_REACH = 0.5, 6.0
+FEATURE_SIZE, FEATURE_REACH = 0.4, 6.0
 """Standard deviation of a feature's part, and over how many knots of the elastic part it resembles itself."""
 FADING = 1.0 / 3000.0
 """Each second in contact the covariance goes so far back towards the prior: what was learnt long ago can be learnt
@@ -60,13 +66,14 @@ CONTACT = 2  # time in contact since then [s]
 SCORES = 3  # sum of squared late errors of each expert, fading [N^2 s]
 SCORED = 6  # time over which they were summed, fading [s]
 ALARMS = 7  # mean squared errors at once of coarse and fine map [N^2]
-MOMENTS = 9  # sums over late predictions, fading: 1, F^2, F^4, e^2, e^2 F^2
-SPREAD = 14  # by how much the standard deviation from the moments is to be multiplied
-FADED = 15  # time in contact since the covariance faded last [s]
-SNAPSHOTS = 16  # taken so far
-SNAPPED_AT = 17  # time of the newest [s]
-ABSENT = 18  # for each expert 1 where it is not to be asked
-NOTES = 21
+MOMENTS = 9  # sums over late predictions, fading: products of what the doubt depends on, in pairs
+TARGETS = 18  # and with the squared error
+SPREAD = 21  # by how much the standard deviation from the moments is to be multiplied
+FADED = 22  # time in contact since the covariance faded last [s]
+SNAPSHOTS = 23  # taken so far
+SNAPPED_AT = 24  # time of the newest [s]
+ABSENT = 25  # for each expert 1 where it is not to be asked
+NOTES = 28
 
 RING = 128
 RING_PERIOD = 0.02
@@ -74,7 +81,7 @@ RING_PERIOD = 0.02
 
 SCORE_TIME = 1.0
 """Scores fade in so much time in contact [s]."""
-SCORED_FROM = 0.2
+SCORED_FROM = 0.1
 """What was learnt in less time in contact is not scored: it says nothing of what can be learnt [s]."""
 FIRST_ERRORS = (0.1, 0.2, 0.3)
 """Relative error of law, coarse and fine map that is assumed at first, for ..."""
@@ -99,9 +106,14 @@ CONTACT_SHARE = 0.05
 
 DOUBT_TIME = 5.0
 """Late errors are remembered for so much time [s]."""
+LEAST_DOUBT = 0.01
+"""Least standard deviation, in the peak, by which errors are weighed."""
 FIRST_DOUBT = 0.25
 """Standard deviation of a force before anything is known of it, in that force."""
 SPREAD_RATE = 0.01
+OUTSIDE = 0.25
+"""Share of errors beyond one standard deviation; less than a Gaussian's 0.32, for their tails are heavier, and two
+standard deviations are to hold 95 % of them."""
 
 
 def prior(kind: int) -> Array:
@@ -212,26 +224,30 @@ def _score(
     for k in range(EXPERTS):
         notes[SCORES + k] = notes[SCORES + k] * fading + PERIOD * (forces[k] - force) ** 2
     notes[SCORED] = notes[SCORED] * fading + PERIOD
-    # The doubt: squared errors as a constant plus a share of the force's square, by least squares.
+    # The doubt: squared errors as a constant and shares of the force's and the speed's square, by least squares.
     fading = math.exp(-PERIOD / DOUBT_TIME)
-    squared, power = (mixed - force) ** 2, mixed * mixed
-    deviation = math.sqrt(flat[DOUBT] + flat[DOUBT + 1] * power)
-    larger = squared > deviation * deviation
-    notes[SPREAD] *= math.exp(SPREAD_RATE * ((1.0 if larger else 0.0) - 0.3173))
+    squared, variance = (mixed - force) ** 2, doubt(flat, mixed, velocity)
+    notes[SPREAD] *= math.exp(SPREAD_RATE * ((1.0 if squared > variance else 0.0) - OUTSIDE))
     notes[SPREAD] = min(max(notes[SPREAD], 0.1), 10.0)
-    weight = 1.0 / max(power, 0.01 * notes[PEAK] ** 2)  # so that a relative error counts, not the hardest press
-    for k, value in enumerate((1.0, power, power * power, squared, squared * power)):
-        notes[MOMENTS + k] = notes[MOMENTS + k] * fading + weight * weight * value
-    m0, m2, m4, b0, b2 = notes[MOMENTS : MOMENTS + 5]
-    determinant = m0 * m4 - m2 * m2
-    constant, share = 0.0, b2 / m4 if m4 > 0.0 else FIRST_DOUBT**2
-    if determinant > 1e-6 * m0 * m4:
-        constant, share = (b0 * m4 - b2 * m2) / determinant, (b2 * m0 - b0 * m2) / determinant
-        if constant < 0.0:
-            constant, share = 0.0, b2 / m4
-        elif share < 0.0:
-            constant, share = b0 / m0, 0.0
-    flat[DOUBT], flat[DOUBT + 1] = notes[SPREAD] ** 2 * constant, notes[SPREAD] ** 2 * share
+    shapes = np.array((1.0, mixed * mixed, (velocity / SPEED) ** 2))
+    scale = max(variance / notes[SPREAD] ** 2, (LEAST_DOUBT * notes[PEAK]) ** 2)
+    weight = 1.0 / (scale * scale)  # so that each counts by what it tells
+    for i in range(DOUBTS):
+        notes[TARGETS + i] = notes[TARGETS + i] * fading + weight * shapes[i] * squared
+        for j in range(DOUBTS):
+            k = MOMENTS + DOUBTS * i + j
+            notes[k] = notes[k] * fading + weight * shapes[i] * shapes[j]
+    # None may be negative, or more than the peak: descent along one after the other, from where it stood.
+    for _ in range(3):
+        for i in range(DOUBTS):
+            row = MOMENTS + DOUBTS * i
+            if notes[row + i] > 0.0:
+                rest = notes[TARGETS + i]
+                for j in range(DOUBTS):
+                    if j != i:
+                        rest -= notes[row + j] * flat[DOUBT + j] / notes[SPREAD] ** 2
+                largest = 1.0 if i == 1 else notes[PEAK] ** 2
+                flat[DOUBT + i] = min(notes[SPREAD] ** 2 * max(rest / notes[row + i], 0.0), largest)
 
 
 score: Callable[[Array, Array, Array, float, float, float, bool, Array], None] = njit(cache=True)(_score)
@@ -300,9 +316,10 @@ def _learn(
         contact: The conditioner's judgement.
         horizon: How late a prediction is that is scored [s].
     """
-    period = min(time - notes[LEARNT_AT], 0.1)
+    period = time - notes[LEARNT_AT]
     if period < PERIOD - 1e-7:
         return TOO_SOON
+    period = PERIOD if math.isinf(period) else min(period, LONGEST_PERIOD)
     notes[LEARNT_AT] = time
     values = np.empty(LARGEST_FEATURES)
     features(memory, place, velocity, values)

@@ -60,7 +60,7 @@ FEATURES = (1 + MEMORY, 1)
 
 LARGEST_FEATURES = max(FEATURES)
 
-REACH = 1.2
+REACH = 1.0
 """Features count up to this many times their range so far."""
 
 STEEPEST = 1.5
@@ -87,10 +87,11 @@ LAW = 2  # k, lambda, n, alpha
 LAW_SURFACE = 6  # height of the law's surface above the published one [m]
 LAW_SPEED = 7  # largest in contact so far [m/s]
 LOWEST, REACHED = 8, 9  # smallest and largest place of learning [m], from the origin
-DOUBT = 10  # variance of the force: constant [N^2], and share of the force's square
-SHARES = 12  # of the law, the coarse map and the fine map
-HEADER = 15
+DOUBT = 10  # variance of the force: constant [N^2], share of the force's square, share of the speed's [N^2]
+DOUBTS = 3
+SHARES = 13  # of the law, the coarse map and the fine map
 EXPERTS = 3
+HEADER = 16
 
 
 def _layout(kind: int, start: int) -> tuple[int, ...]:
@@ -288,6 +289,15 @@ def _judge(flat: Array, values: Array, place: float, velocity: float, everything
 judge: Callable[[Array, Array, float, float, bool, Array], float] = njit(cache=True)(_judge)
 
 
+def _doubt(flat: Array, force: float, velocity: float) -> float:
+    """Variance of a late prediction [N^2]."""
+    speed = velocity / SPEED
+    return float(flat[DOUBT] + flat[DOUBT + 1] * force * force + flat[DOUBT + 2] * speed * speed)
+
+
+doubt: Callable[[Array, float, float], float] = njit(cache=True)(_doubt)
+
+
 def _step(flat: Array, memory: Array, depth: float, velocity: float, period: float) -> tuple[float, float]:
     """One sample of motion: the memory moves on in place; force and its standard deviation [N]."""
     values, forces, shares = np.empty(LARGEST_FEATURES), np.empty(EXPERTS), np.empty(_N_TIMES)
@@ -296,7 +306,7 @@ def _step(flat: Array, memory: Array, depth: float, velocity: float, period: flo
     remember(memory, place, shares)
     features(memory, place, velocity, values)
     force = judge(flat, values, place, velocity, False, forces)
-    variance = flat[DOUBT] + flat[DOUBT + 1] * force * force
+    variance = doubt(flat, force, velocity)
     if place > flat[REACHED]:  # what the slope adds is a guess
         share = (place - flat[REACHED]) / max(place + flat[ORIGIN], 1e-9)
         variance += (min(share, 1.0) * force) ** 2
@@ -363,10 +373,11 @@ transfer: Callable[[Array, Array, bool], int] = njit(cache=True)(_transfer)
 
 
 def pack(flat: Array) -> bytes:
-    """The numbers that a force can be computed from, as 32-bit floats, little-endian."""
-    short = np.empty(SIZE)
+    """The numbers that a force can be computed from, less those of the law, as 32-bit floats, little-endian."""
+    short, rounded = np.empty(SIZE), flat.copy()
+    rounded[LAW : LAW + 4] = 0.0
     # What is rounded decides which knots are needed, so it is rounded first.
-    rounded = flat.astype(np.float32).astype(np.float64)
+    rounded = rounded.astype(np.float32).astype(np.float64)
     return short[: transfer(rounded, short, False)].astype("<f4").tobytes()
 
 
@@ -383,7 +394,9 @@ def _sensible(short: Array) -> bool:
     for k in range(4):
         good = good and short[LAW + k] >= 0.0
     good = good and abs(total - 1.0) < 1e-3 and short[LAW_SPEED] >= 0.0
-    return good and short[LOWEST] <= short[REACHED] and short[DOUBT] >= 0.0 and short[DOUBT + 1] >= 0.0
+    for k in range(DOUBTS):
+        good = good and short[DOUBT + k] >= 0.0
+    return good and short[LOWEST] <= short[REACHED]
 
 
 sensible: Callable[[Array], bool] = njit(cache=True)(_sensible)
