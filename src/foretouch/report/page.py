@@ -68,7 +68,8 @@ def write_prediction_page(
         name: Of the recording, for the heading.
         forces: Columns ``time_s``, ``measured_force_N``, ``predicted_force_N``, ``delayed_force_N`` and
             ``in_contact``, shape (n,).
-        figures: The figures by name, among them ``delay_s`` and ``status``, as ``predict --json`` prints them.
+        figures: The figures by name, among them ``delay_s`` and ``status``, as ``predict --json`` prints them; where
+            there are ``remarks``, they are said first.
 
     Returns:
         Path of the page.
@@ -77,11 +78,13 @@ def write_prediction_page(
         InputError: The folder cannot be made or the page cannot be written.
         MissingExtraError: Matplotlib is not installed.
     """
-    status = figures["status"]
+    status, remarks = figures["status"], figures.get("remarks", ())
+    figures = {key: value for key, value in figures.items() if key != "remarks"}
     body = [
         f"<h1>Prediction on {escape(name)}</h1>",
         f'<p class="quiet">Forces known {figures["delay_s"]:g} s late. Status: {escape(status)}.</p>',
-        *_sentences(scoring_findings(figures)),
+        *_sentences([Finding(remark, False) for remark in remarks]),
+        *_sentences([finding for finding in scoring_findings(figures) if finding.text not in remarks]),
         _tiles(figures),
     ]
     columns = {key: np.asarray(column) for key, column in forces.items()}

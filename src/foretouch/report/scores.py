@@ -26,6 +26,9 @@ JND_SHARE = 0.10
 JND_FORCE = 0.05
 """The smallest just noticeable difference that is asked for [N]."""
 
+TOUCH = 0.01
+"""A force that is not above the threshold in the mean of any so long time [s] is noise, and no contact."""
+
 REST_SLOPE = 0.25
 """Force slope below the contact threshold, as a share of the slope above it, from which on a recording counts as
 never out of contact. Measured files: foam and skin at most 0.1, preloaded springs at least 0.8."""
@@ -35,9 +38,10 @@ FEWEST_SAMPLES = 10
 
 STATUSES: dict[str, str] = {
     "nothing_to_score": "no sample lies in the window",
-    "no_contact": "the measured force never rises above the contact floor in the window",
+    "no_contact": "the measured force never rises above the contact floor in the window, but for noise",
     "prediction_not_finite": "a predicted force is not a number: its error has no bound and is given as null",
-    "offset_unobservable": "the probe never leaves contact: the zero of the measured force is a convention",
+    "offset_unobservable": "the probe never leaves contact, so that the zero of its force cannot be told and is a "
+    "convention: who knows it gives it (--force-offset)",
     "ok": "scored",
 }
 """What `Scores.status` can be; where several hold, the first of them in this order."""
@@ -104,7 +108,8 @@ def score(
 
     .. math:: e = 100\,\sqrt{\operatorname{mean}_S (\hat F - F)^2} \,\Big/\, \sqrt{\operatorname{mean}_C F^2}
 
-    where C are the contact samples of the window. A prediction that is not finite counts as above the threshold, as
+    where C are the contact samples of the window. There is contact in it if some mean over 10 ms is above
+    :math:`\theta` too: single samples may be noise. A prediction that is not finite counts as above the threshold, as
     outside the just noticeable difference and as missed contact; the RMS figures that it enters are None, so it
     can never look good.
 
@@ -152,7 +157,8 @@ def score(
     threshold = max(THRESHOLD_SHARE * float(np.percentile(measured[window], 98.0)), contact_floor)
     in_contact = measured > threshold
     contact = in_contact & window
-    if not contact.any():
+    # The highest mean is the lowest one of the force turned over.
+    if not contact.any() or -lowest_mean(clock[window], -measured[window], TOUCH) <= threshold:
         return replace(nothing, status="no_contact")
     finite = np.isfinite(predicted)
     scored = window & (in_contact | ~finite | (predicted > threshold))
