@@ -13,6 +13,7 @@ from foretouch.identification.conditioning import ContactSample
 from foretouch.identification.contact_map_learning import (
     ABSENT,
     CHANGED,
+    CONTACT,
     FAILED,
     FIRST_DOUBT,
     LEARNT_AT,
@@ -55,8 +56,9 @@ LONGEST_HORIZON = 0.3
 FEWEST_UPDATES = 8
 """No force is rendered from fewer samples."""
 
-LARGEST_SHIFT = 5e-3
-"""A surface that is found further than this [m] from where the map began is another one: the map begins anew."""
+LARGEST_SHIFT, LARGEST_SHIFT_IN_YOUTH, YOUTH = 9e-3, 1e-3, 0.3
+"""A surface that is found further than this [m] from where the map began is out of its reach: the map begins anew; at
+less in its first time in contact [s], for then the first contact was none and little is lost."""
 
 
 class ContactMapBank(Estimator):
@@ -213,7 +215,8 @@ class ContactMapBank(Estimator):
         self._law.move_surface(change)
         if math.isfinite(change):
             self._flat[ORIGIN] -= change
-            if abs(self._flat[ORIGIN]) > LARGEST_SHIFT:
+            young = self._notes[CONTACT] < YOUTH
+            if abs(self._flat[ORIGIN]) > (LARGEST_SHIFT_IN_YOUTH if young else LARGEST_SHIFT):
                 self._begin()
 
     def move_offset(self, change: float) -> None:
