@@ -76,7 +76,7 @@ def test_plot_shows_three_forces_that_rise_and_fall(bench):
         return len(data[0]) > 100 and np.nanmax(data[1]) > 0.3
 
     bench.wait_for(pressed, 20.0)
-    time_axis, true, predicted, delayed = plot_data(bench.page)
+    time_axis, true, predicted, delayed = plot_data(bench.page)[:4]
     assert (time_axis >= -6.0).all()
     assert (time_axis <= 0.0).all()
     known = np.isfinite(true)

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from foretouch.console.description import describe
 from foretouch.console.history import History, Window
 from foretouch.console.panel import Numbers, Panel
 from foretouch.console.scene import UNITS, Scene
@@ -242,6 +243,8 @@ class Console:
             delayed_error=window.delayed_error,
             status=self._status(now),
             names=" · ".join(self._settings[name] for name in NAMES if name in self._settings),
+            deviation=math.nan if leader is None else leader.standard_deviation,
+            model=() if self._model is None else describe(self._model),
         )
         self._panel.write(numbers)
         self._scene.label(

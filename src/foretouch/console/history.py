@@ -29,6 +29,7 @@ class Window(NamedTuple):
         prediction_error: RMSE of `predicted` over the samples in contact, in % of the RMS of the true force there; NaN
             with none. It is taken over all ticks, not over the points returned.
         delayed_error: The same of `delayed`.
+        deviation: Standard deviation of `predicted` [N]; NaN where the model carries no doubt.
     """
 
     time: NDArray[np.float64]
@@ -37,6 +38,7 @@ class Window(NamedTuple):
     true: NDArray[np.float64]
     prediction_error: float
     delayed_error: float
+    deviation: NDArray[np.float64]
 
 
 class History:
@@ -53,7 +55,7 @@ class History:
         self._length = length
         self._newest = 0
         self._sequence = np.zeros(length, np.int64)
-        self._rows = np.full((length, 3), np.nan)  # leader time [s], predicted and delayed force [N]
+        self._rows = np.full((length, 4), np.nan)  # leader time [s], predicted and delayed force, deviation [N]
         self._true_sequence = np.zeros(length, np.int64)
         self._true = np.full(length, np.nan)
         self._position_sequence = np.zeros(length, np.int64)
@@ -63,7 +65,7 @@ class History:
     def add_leader(self, state: LeaderState) -> None:
         """Store one leader tick."""
         row = state.sequence % self._length
-        self._rows[row] = (state.time_ns * 1e-9, state.predicted_force, state.delayed_force)
+        self._rows[row] = (state.time_ns * 1e-9, state.predicted_force, state.delayed_force, state.standard_deviation)
         self._sequence[row] = state.sequence
         self._newest = state.sequence
 
@@ -93,7 +95,7 @@ class History:
         rows = self._rows[sequence % self._length]
         if len(sequence) == 0:
             none = np.empty(0)
-            return Window(none, none, none, none, float("nan"), float("nan"))
+            return Window(none, none, none, none, float("nan"), float("nan"), none)
         time = rows[:, 0] - rows[-1, 0]
         inside = (time >= -seconds) & (time <= 0.0)
         sequence, rows, time = sequence[inside], rows[inside], time[inside]
@@ -104,7 +106,8 @@ class History:
         stride = 1 << max(0, math.ceil(math.log2(len(sequence) / points)))  # a power of two: it seldom changes
         shown = sequence % stride == 0
         true = _bridged(sequence, true)[shown]
-        return Window(time[shown], rows[shown, 1], rows[shown, 2], true, prediction_error, delayed_error)
+        drawn = rows[shown]
+        return Window(time[shown], drawn[:, 1], drawn[:, 2], true, prediction_error, delayed_error, drawn[:, 3])
 
 
 def _error(force: NDArray[np.float64], true: NDArray[np.float64]) -> float:

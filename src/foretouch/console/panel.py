@@ -37,6 +37,8 @@ class Numbers(NamedTuple):
         delayed_error: Over the plotted time [%].
         status: One line: what the session is doing.
         names: One line: what is pressed, and what learns it.
+        deviation: Standard deviation of `predicted` [N].
+        model: Lines about the newest model.
     """
 
     predicted: float
@@ -49,6 +51,8 @@ class Numbers(NamedTuple):
     delayed_error: float
     status: str
     names: str
+    deviation: float
+    model: tuple[str, ...]
 
 
 class Panel:
@@ -86,7 +90,8 @@ class Panel:
     def plot(self, window: Window) -> None:
         """Draw the forces."""
         if len(window.time):
-            forces = (window.true, window.predicted, window.delayed)
+            lower, upper = window.predicted - window.deviation, window.predicted + window.deviation
+            forces = (window.true, window.predicted, window.delayed, upper, lower)
             self._plot.data = (window.time, *(np.clip(force, 0.0, LARGEST_DRAWN) for force in forces))
 
     def write(self, numbers: Numbers) -> None:
@@ -117,7 +122,7 @@ def _add_plot(gui: Any) -> Any:
     start = np.array([-SECONDS, 0.0])
     unknown = np.full(2, np.nan)
     return gui.add_uplot(
-        (start, np.zeros(2), unknown, unknown),
+        (start, np.zeros(2), unknown, unknown, unknown, unknown),
         (
             {"label": "time [s]"},
             {"label": "true (robot's sensor)", "stroke": css(INK), "width": 3.0, "points": {"show": False}},
@@ -129,7 +134,10 @@ def _add_plot(gui: Any) -> Any:
                 "dash": (6.0, 4.0),
                 "points": {"show": False},
             },
+            {"label": "predicted, one standard deviation more", "stroke": _BAND, "points": {"show": False}},
+            {"label": "and less", "stroke": _BAND, "points": {"show": False}},
         ),
+        bands=({"series": (4, 5), "fill": _BAND},),
         title=f"Contact force [N], drawn up to {LARGEST_DRAWN:.0f} N",
         scales={"x": {"time": False, "range": (-SECONDS, 0.0)}, "y": {"time": False, "range": (0.0, None)}},
         axes=({"label": "time of your motion before now [s]", "labelSize": 20.0}, {"size": 44.0}),
@@ -137,6 +145,10 @@ def _add_plot(gui: Any) -> Any:
         cursor={"show": False},
         height=235,
     )
+
+
+_BAND = f"rgba({', '.join(str(part) for part in BLUE)}, 0.25)"
+"""Colour of what is within one standard deviation."""
 
 
 def _head_html(instruction: str) -> str:
@@ -162,8 +174,10 @@ def _number(value: float, unit: str, digits: int = 2) -> str:
 def _numbers_html(n: Numbers) -> str:
     """The table of numbers."""
     age = f" ({n.true_age:.2f} s ago)" if math.isfinite(n.true_age) else ""
+    doubt = f"{n.predicted:.2f} ± " if math.isfinite(n.deviation) and abs(n.predicted) < 1000.0 else ""
+    predicted = doubt + _number(n.deviation if doubt else n.predicted, "N")
     rows = (
-        (css(BLUE), "Predicted force now", _number(n.predicted, "N"), _number(n.prediction_error, "%", 1)),
+        (css(BLUE), "Predicted force now", predicted, _number(n.prediction_error, "%", 1)),
         (css(VERMILLION), "Delayed force now", _number(n.delayed, "N"), _number(n.delayed_error, "%", 1)),
         (css(INK), f"True force{age}", _number(n.true, "N"), ""),
         ("#555", "Rendered to the hand", _number(n.rendered, "N"), ""),
@@ -179,5 +193,5 @@ def _numbers_html(n: Numbers) -> str:
     return (
         '<div style="padding:0 12px"><table style="width:100%;font-variant-numeric:tabular-nums;border-spacing:0 1px">'
         f'{head}{cells}</table><div style="color:#555;padding-top:4px">{html.escape(n.status)}'
-        f'<br><span style="font-size:0.85em">{html.escape(n.names)}</span></div></div>'
+        f'<br><span style="font-size:0.85em">{"<br>".join(map(html.escape, (n.names, *n.model)))}</span></div></div>'
     )
