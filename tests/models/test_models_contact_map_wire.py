@@ -35,6 +35,10 @@ from foretouch.models.contact_map_kernel import (
 from foretouch.recordings.cdr import Layout
 
 
+def model_of(flat: np.ndarray) -> ContactMap:
+    return ContactMap(*flat[LAW : LAW + 4].tolist(), pack(flat))
+
+
 def forces(flat: np.ndarray, depths: np.ndarray, velocities: np.ndarray) -> np.ndarray:
     """Force and standard deviation along a motion, shape (n, 2)."""
     memory = np.full(MEMORY, math.nan)
@@ -46,8 +50,7 @@ def forces(flat: np.ndarray, depths: np.ndarray, velocities: np.ndarray) -> np.n
 def test_bytes_give_the_same_forces_to_32_bits(seed: int, fine: bool) -> None:
     """Within what was visited to a few units of rounding; far outside a slope is that of a difference."""
     flat = random_flat(seed, fine=fine)
-    read = unpack(pack(flat))
-    assert read is not None
+    read = model_of(flat)._flat
     random = np.random.default_rng(seed)
     low, high = flat[LOWEST] + flat[ORIGIN], flat[REACHED] + flat[ORIGIN]
     velocities = random.uniform(-0.3, 0.3, 200)
@@ -213,8 +216,7 @@ def message(model: ContactMap, state: tuple[float, ...]) -> ModelUpdate:
 @settings(max_examples=30)
 @given(st.integers(0, 10_000), st.tuples(*[st.floats(-0.1, 0.1)] * MEMORY))
 def test_a_model_survives_both_wires(seed: int, state: tuple[float, ...]) -> None:
-    flat = random_flat(seed)
-    model = ContactMap(*flat[LAW : LAW + 4].tolist(), pack(flat))
+    model = model_of(random_flat(seed))
     sent = message(model, state)
     layout = Layout(ModelUpdate)
     for arrived in (decode(encode(sent), ModelUpdate), layout.unpack(layout.pack(sent))):
