@@ -1,0 +1,186 @@
+"""Draw true, predicted and delayed force of measured presses, and how honest the standard deviation is.
+
+Usage: `.venv/bin/python docs/draw_predictions.py [forces | calibration]`, without a name for both; the images go to
+`docs/images`. It needs the measured recordings (a network, or FORETOUCH_DATA_DIR) and takes about two minutes.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator
+from math import erf
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from foretouch.comparison import SIMULATED, simulate, unforeseeable
+from foretouch.identification import Learner, make_estimator
+from foretouch.quantities import Recording
+from foretouch.recordings import datasets, read_recording
+from foretouch.report import Forces, finished, forces_under_delay, new_figure, score
+from foretouch.report.drawing import DELAYED, PREDICTED, RENDERED, TRUE
+
+IMAGES = Path(__file__).parent / "images"
+SEEDS = (1, 2, 3)
+"""Of the simulated recordings: everything was chosen on seed 0."""
+
+
+class Shown(NamedTuple):
+    """A measured press: file, delay [s], scoring window and close-up [s after the first sample], and what it is."""
+
+    name: str
+    delay: float
+    window: tuple[float, float | None]
+    near: tuple[float, float]
+    title: str
+
+
+SHOWN = (
+    Shown("tue/b-foam", 0.3, (1.5, None), (2.0, 4.0), "foam (b-foam)"),
+    Shown("tue/e-foam2", 0.3, (1.5, None), (2.0, 4.0), "another foam (e-foam2)"),
+    Shown("tue/a-rigid", 0.3, (1.5, None), (2.0, 4.0), "something rigid (a-rigid)"),
+    Shown(
+        "tue/d-spring", 0.3, (1.5, None), (2.0, 4.0), "spring that is never let go, zero of its force given (d-spring)"
+    ),
+    Shown("aurora/600-mN", 0.02, (0.5, 1.6), (0.85, 1.3), "skin, touched once (600-mN)"),
+)
+
+
+def predicted(recording: Recording, delay: float, offset: float | None = None) -> Forces:
+    """With the estimator that is taken where none is named."""
+    learner = Learner(make_estimator("contact-map", "bank"), force_offset=offset, contact_floor=recording.contact_floor)
+    return forces_under_delay(recording, learner, delay)
+
+
+def forces() -> Any:
+    """True, delayed and predicted force with its standard deviation, a panel for each press."""
+    figure = new_figure(13.5)
+    panels = figure.subplots(len(SHOWN), 1)
+    for panel, shown in zip(panels, SHOWN, strict=True):
+        recording = read_recording(datasets.fetch(shown.name))
+        offset = zero_of(recording) if "spring" in shown.name else None
+        found = predicted(recording, shown.delay, offset)
+        scores = score(
+            found.time,
+            found.measured,
+            found.predicted,
+            found.delayed,
+            contact_floor=found.contact_floor,
+            score_from=shown.window[0],
+            score_to=shown.window[1],
+            position=found.position,
+        )
+        time = found.time - found.time[0]
+        near = (time >= shown.near[0]) & (time <= shown.near[1])
+        time, force, spread = time[near], found.predicted[near], found.standard_deviation[near]
+        for share, label in ((2.0, None), (1.0, "predicted, ± 1 and ± 2 standard deviations")):
+            low, high = np.maximum(force - share * spread, 0.0), force + share * spread
+            panel.fill_between(time, low, high, color=PREDICTED, alpha=0.18, linewidth=0.0)
+            panel.plot([], [], color=PREDICTED, linewidth=6.0, alpha=0.3, label=label)
+        panel.plot(time, scores.measured_force[near], color=TRUE, linewidth=1.8, label="true (measured)")
+        panel.plot(time, found.delayed[near], color=DELAYED, linewidth=1.2, linestyle=(0, (5, 2)), label="delayed")
+        panel.plot(time, force, color=PREDICTED, linewidth=1.2, label="predicted")
+        top = 1.3 * max(scores.measured_force[near].max(), found.delayed[near].max())
+        panel.set_ylim(-0.05 * top, top)
+        errors = scores.prediction_error_percent, scores.delayed_force_error_percent
+        panel.set_title(
+            f"{shown.title}, {1e3 * shown.delay:.0f} ms: predicted {errors[0]:.1f} %, delayed {errors[1]:.0f} %",
+            loc="left",
+        )
+        panel.set_ylabel("force [N]")
+    panels[-1].set_xlabel("time [s]")
+    handles, labels = panels[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="upper left", bbox_to_anchor=(0.07, 1.0), ncols=4, frameon=False)
+    return finished(figure, len(SHOWN), above=0.75, gap=0.55)
+
+
+def zero_of(recording: Recording) -> float:
+    """The zero that scoring takes [N]."""
+    from foretouch.report import lowest_mean
+
+    return lowest_mean(recording.time, recording.force)
+
+
+def calibration() -> Any:
+    """Share of true forces within k standard deviations, against the Gaussian."""
+    multiples = np.linspace(0.0, 3.0, 61)
+    figure = new_figure(5.2)
+    groups = (
+        ("simulated, other seeds than what was chosen on", list(held_out())),
+        ("measured files", list(measured())),
+    )
+    gauss = np.array([100.0 * erf(k / 2**0.5) for k in multiples])
+    for panel, (title, group) in zip(figure.subplots(1, 2, sharey=True), groups, strict=True):
+        curves = np.array([[100.0 * float(np.mean(ratio <= k)) for k in multiples] for _, ratio in group])
+        for curve in curves:
+            panel.plot(multiples, curve, color=RENDERED, linewidth=0.7, alpha=0.6)
+        panel.plot([], [], color=RENDERED, linewidth=0.7, label="one recording")
+        panel.plot(multiples, curves.mean(axis=0), color=PREDICTED, linewidth=2.4, label="mean of all")
+        panel.plot(multiples, gauss, color=TRUE, linewidth=1.6, linestyle=(0, (4, 2)), label="Gaussian")
+        panel.set_title(title)
+        panel.set_xlabel("k standard deviations")
+        panel.legend(loc="lower right", frameon=False)
+        panel.set_xlim(0.0, 3.0)
+        panel.set_ylim(0.0, 101.0)
+        within = {k: float(np.interp(k, multiples, curves.mean(axis=0))) for k in (1.0, 2.0)}
+        print(f"{title}: {within[1.0]:.1f} % within one, {within[2.0]:.1f} % within two")
+        for (name, ratio), curve in zip(group, curves, strict=True):
+            print(f"  {name:28} {curve[20]:5.1f} {curve[40]:5.1f}  ({ratio.size} samples)")
+    figure.axes[0].set_ylabel("true forces within [%]")
+    return finished(figure, 1, above=0.5)
+
+
+def held_out() -> Iterator[tuple[str, Any]]:
+    """Errors in standard deviations, in contact, of simulated recordings, where anything could tell."""
+    for name in SIMULATED:
+        for seed in SEEDS:
+            made = simulate(name, seed=seed)
+            found = predicted(made.recording, 0.3)
+            hidden = unforeseeable(found.time, made.truth.depth, 0.3, made.truth.changes)
+            chosen = (found.time >= 3.0) & (made.truth.force > 0.0) & ~hidden & (found.standard_deviation > 0.0)
+            yield f"{name}, seed {seed}", ratio(found.predicted - made.truth.force, found.standard_deviation, chosen)
+
+
+def measured() -> Iterator[tuple[str, Any]]:
+    """The same of the measured presses, in the windows that are scored."""
+    for name, entry in datasets.DATASETS.items():
+        if entry.kind == "free":
+            continue
+        recording = read_recording(datasets.fetch(name))
+        skin = entry.kind == "skin"
+        offset = zero_of(recording) if entry.kind == "spring" else None
+        found = predicted(recording, 0.02 if skin else 0.3, offset)
+        window = {"score_from": 0.5, "score_to": 1.6} if skin else {}
+        scores = score(
+            found.time, found.measured, found.predicted, found.delayed, contact_floor=found.contact_floor, **window
+        )
+        since = found.time - found.time[0]
+        inside = (since >= 0.5) & (since <= 1.6) if skin else since >= 1.5
+        chosen = scores.in_contact & inside & (found.standard_deviation > 0.0)
+        yield name, ratio(found.predicted - scores.measured_force, found.standard_deviation, chosen)
+
+
+def ratio(error: Any, spread: Any, chosen: Any) -> Any:
+    """Sizes of errors in standard deviations."""
+    return np.abs(error[chosen]) / spread[chosen]
+
+
+FIGURES: dict[str, tuple[str, Callable[[], Any]]] = {
+    "forces": ("predicted-forces", forces),
+    "calibration": ("calibration", calibration),
+}
+
+
+def main(names: list[str]) -> None:
+    """Draw these, or both."""
+    unknown = set(names) - FIGURES.keys()
+    if unknown:
+        raise SystemExit(f"no such figure: {', '.join(unknown)}; there are {', '.join(FIGURES)}")
+    for name in names or FIGURES:
+        file, draw = FIGURES[name]
+        draw().savefig(IMAGES / f"{file}.png", dpi=90)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
