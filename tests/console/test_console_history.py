@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 
+import msgspec
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -131,3 +132,14 @@ def test_a_model_that_has_diverged_is_not_hidden():
         history.add_leader(leader(i, 1e6))
         history.add_telemetry(telemetry(i, i, 2.0))
     assert history.window().prediction_error > 1e7
+
+
+def test_the_deviation_stands_beside_its_prediction():
+    history = History()
+    for i in range(1, 400):
+        state = leader(i, predicted=float(i))
+        history.add_leader(msgspec.structs.replace(state, standard_deviation=0.1 * i if i > 100 else np.nan))
+    window = history.window(points=1000)
+    told = window.predicted > 100.0
+    np.testing.assert_allclose(window.deviation[told], 0.1 * window.predicted[told])
+    assert np.isnan(window.deviation[~told]).all()

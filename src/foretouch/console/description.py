@@ -33,6 +33,7 @@ def _map_lines(model: ContactMap) -> tuple[str, ...]:
     summary = summarise_map(model)
     shares = ", ".join(f"{name} {100.0 * share:.0f} %" for name, share in summary.shares.items())
     lines = [f"map: {shares}; visited {1e3 * summary.depth_visited:.1f} mm, {1e3 * summary.speed_visited:.0f} mm/s"]
-    places = zip(summary.depths, summary.stiffnesses, strict=True)
-    stiffness = ", ".join(f"{value:.0f} N/m at {1e3 * depth:.1f} mm" for depth, value in places)
-    return (*lines, *((f"stiffness: {stiffness}",) if stiffness else ()))
+    if summary.depths:
+        values = ", ".join(f"{value:.0f}" for value in summary.stiffnesses)
+        lines.append(f"stiffness: {values} N/m at {', '.join(f'{1e3 * depth:.1f}' for depth in summary.depths)} mm")
+    return tuple(lines)

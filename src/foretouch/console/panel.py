@@ -78,6 +78,7 @@ class Panel:
         self._position_delay = gui.add_slider("Delay there [s]", 0.0, LONGEST_DELAY, 0.01, 0.0, hint=_DELAY_THERE)
         self._force_delay = gui.add_slider("Delay back [s]", 0.0, LONGEST_DELAY, 0.01, 0.0, hint=_DELAY_BACK)
         self._stop = gui.add_button("Stop the session", color=VERMILLION)
+        self._model = gui.add_html("")
         self._position_delay.on_update(self._slid)
         self._force_delay.on_update(self._slid)
         self._stop.on_click(self._clicked)
@@ -96,9 +97,9 @@ class Panel:
 
     def write(self, numbers: Numbers) -> None:
         """Write the numbers."""
-        text = _numbers_html(numbers)
-        if text != self._numbers.content:
-            self._numbers.content = text
+        for node, text in ((self._numbers, _numbers_html(numbers)), (self._model, _model_html(numbers.model))):
+            if node.content != text:
+                node.content = text
 
     def instruct(self, instruction: str) -> None:
         """Say what to do, in one line."""
@@ -134,7 +135,7 @@ def _add_plot(gui: Any) -> Any:
                 "dash": (6.0, 4.0),
                 "points": {"show": False},
             },
-            {"label": "predicted, one standard deviation more", "stroke": _BAND, "points": {"show": False}},
+            {"label": "one standard deviation more", "stroke": _BAND, "points": {"show": False}},
             {"label": "and less", "stroke": _BAND, "points": {"show": False}},
         ),
         bands=({"series": (4, 5), "fill": _BAND},),
@@ -143,7 +144,7 @@ def _add_plot(gui: Any) -> Any:
         axes=({"label": "time of your motion before now [s]", "labelSize": 20.0}, {"size": 44.0}),
         legend={"show": True, "live": False},
         cursor={"show": False},
-        height=235,
+        height=225,
     )
 
 
@@ -193,5 +194,11 @@ def _numbers_html(n: Numbers) -> str:
     return (
         '<div style="padding:0 12px"><table style="width:100%;font-variant-numeric:tabular-nums;border-spacing:0 1px">'
         f'{head}{cells}</table><div style="color:#555;padding-top:4px">{html.escape(n.status)}'
-        f'<br><span style="font-size:0.85em">{"<br>".join(map(html.escape, (n.names, *n.model)))}</span></div></div>'
+        f'<br><span style="font-size:0.85em">{html.escape(n.names)}</span></div></div>'
     )
+
+
+def _model_html(lines: tuple[str, ...]) -> str:
+    """What is known of the newest model."""
+    text = "<br>".join(map(html.escape, lines))
+    return f'<div style="padding:0 12px;font-size:0.85em;line-height:1.4;color:#555">{text}</div>'
