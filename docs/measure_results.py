@@ -55,7 +55,7 @@ def reach() -> str:
         found = json.loads(foretouch(f"predict {shlex.quote(fetched(name))} {options} --json"))
         error, late = found["prediction_error_percent"], found["delayed_force_error_percent"]
         asked = 0.5 * late if kind == "skin" else ASKED[kind]
-        others = [figure(rival) for rival in rivals(fetched(name), measured_comparison(name.split("/")[0]))]
+        others = [figure(rival) for rival in rivals(fetched(name), measured_comparison(name.split("/")[0], CHOSEN))]
         rows.append([f"`{name}`", kind, figure(error), figure(asked), *verdict(error, asked), *noticed(found), *others])
         if kind == "foam":
             foams.append(error)
@@ -73,10 +73,10 @@ def reach() -> str:
 def reach_simulated() -> str:
     """The same on the simulated recordings, without what nothing before t - delay could tell."""
     rows = []
-    for name, results in simulated_comparison().items():
+    for name, results in simulated_comparison(CHOSEN).items():
         bank = results["contact-map", "bank"]["predictions"][0]
         error, asked = bank["foreseeable_prediction_error_percent"], 12.0 if name == "hand" else 6.0
-        others = [figure(rival) for rival in rivals(name, simulated_comparison(), "foreseeable_")]
+        others = [figure(rival) for rival in rivals(name, simulated_comparison(CHOSEN), "foreseeable_")]
         whole = figure(bank["prediction_error_percent"])
         rows.append([f"`{name}`", whole, figure(error), figure(asked), *verdict(error, asked), *noticed(bank), *others])
     return table(("Recording", "All samples [%]", *REACH_HEADS[2:]), rows)
@@ -97,6 +97,11 @@ RIVALS = (
     ("contact-map", "offline"),
 )
 """What the contact map is shown beside; of fits of the whole file the floor."""
+
+CHOSEN = "--models contact-map --models continuous-switching --estimators bank " + " ".join(
+    f"--estimators {name}" for name in dict.fromkeys(name for _, name in RIVALS)
+)
+"""What `foretouch compare` is asked for these."""
 
 REACH_HEADS = (
     "File",
@@ -155,17 +160,17 @@ def fetched(name: str) -> str:
 
 
 @cache
-def measured_comparison(origin: str) -> Results:
-    """`foretouch compare` on all files of one origin, every law by every estimator."""
+def measured_comparison(origin: str, chosen: str = "") -> Results:
+    """`foretouch compare` on all files of one origin; every law by every estimator, if none are chosen."""
     names = [name for name, kind in datasets().items() if name.startswith(origin) and kind != "free"]
     paths = " ".join(shlex.quote(fetched(name)) for name in names)
-    return comparison(f"compare {paths} {CONDITIONS.get(origin, '--delay 0.3')} --json")
+    return comparison(f"compare {paths} {CONDITIONS.get(origin, '--delay 0.3')} {chosen} --json")
 
 
 @cache
-def simulated_comparison() -> Results:
+def simulated_comparison(chosen: str = "") -> Results:
     """`foretouch compare --simulated`."""
-    return comparison("compare --simulated --json")
+    return comparison(f"compare --simulated {chosen} --json")
 
 
 def comparison(arguments: str) -> Results:
@@ -227,12 +232,13 @@ def compared(results: Results, key: str) -> str:
 
 
 def sessions() -> str:
-    """`foretouch simulate` for every material and operator, and with the jitter that real time has."""
+    """`foretouch simulate` for every material and operator, with the jitter of real time, and by the paper's estimator."""
     rows = []
     for material in json.loads(foretouch("materials list --json")):
         for operator, jitter in (("scripted", "0"), ("recorded", "0"), ("scripted", "0.0005")):
             options = f"--material {material} --operator {operator} --jitter {jitter}"
             found = json.loads(foretouch(f"simulate --duration 20 {options} --json"))
+            paper = json.loads(foretouch(f"simulate --duration 20 {options} --model continuous-switching --json"))
             rows.append(
                 [
                     f"`{material}`",
@@ -240,10 +246,12 @@ def sessions() -> str:
                     f"{1e3 * float(jitter):g}",
                     figure(found["contact_force_rms_N"]),
                     figure(found["delayed_force_error_percent"]),
+                    figure(paper["prediction_error_percent"]),
                     figure(found["prediction_error_percent"]),
-                    figure(found["rendered_error_percent"]),
                     figure(found["within_jnd_percent"]),
+                    figure(found["time_to_ten_percent_s"]),
                     f"{found['clipped_ticks']:,}",
+                    figure(found["model_bytes"]["per_s"] / 1e3),
                 ]
             )
     heads = (
@@ -252,10 +260,12 @@ def sessions() -> str:
         "Jitter [ms]",
         "Force RMS [N]",
         "Delayed error [%]",
+        "Paper's error [%]",
         "Prediction error [%]",
-        "Rendered error [%]",
         "Within JND [%]",
+        "Within 10 % after [s]",
         "Clipped ticks",
+        "Models [kB/s]",
     )
     return table(heads, rows)
 

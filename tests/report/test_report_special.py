@@ -150,3 +150,14 @@ def test_what_is_no_recording_is_refused_in_one_line(tmp_path: Path, rows: int) 
     assert isinstance(refusal, ForetouchError)
     assert f"{rows} samples: at least 2 are needed" in str(refusal)
     assert "\n" not in str(refusal)
+
+
+@pytest.mark.data
+def test_measured_presses_are_nothing_special_but_for_what_is_known_of_them(measured: Callable[[str], Path]) -> None:
+    for name in ("tue/a-foam", "tue/b-foam3", "tue/d-foam2", "tue/a-rigid"):
+        assert json.loads(run(measured(name), "--json").stdout)["remarks"] == [], name
+    (spring,) = json.loads(run(measured("tue/d-spring"), "--json").stdout)["remarks"]
+    assert spring.startswith("offset_unobservable: ")
+    skin = run(measured("aurora/600-mN"), "--json", "--delay", 0.02, "--score-from", 0.5, "--score-to", 1.6)
+    (once,) = json.loads(skin.stdout)["remarks"]
+    assert once.startswith("It touches once, from 0.9")
