@@ -264,7 +264,7 @@ def test_the_law_goes_on_in_proportion(depth: float, velocity: float, alpha: flo
     speed = float(np.clip(velocity, -SPEED_REACH * flat[LAW_SPEED], SPEED_REACH * flat[LAW_SPEED]))
     law = 3000.0 * known ** (n + alpha) * (depth / known if known > 0.0 else 0.0) + 500.0 * known**n * speed
     expected = max(law, 0.0) if depth > 0.0 else 0.0
-    assert said(flat, depth + 1e-3, velocity)[3] == pytest.approx(expected, rel=1e-9, abs=1e-12)
+    assert said(flat, depth + 1e-3, velocity)[0] == pytest.approx(expected, rel=1e-9, abs=1e-12)
 
 
 def test_a_law_that_was_hardly_pressed_is_believed_a_little_further() -> None:

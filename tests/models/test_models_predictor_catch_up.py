@@ -97,6 +97,22 @@ def test_a_long_past_is_caught_up_with_in_slices_while_the_former_model_predicts
     assert np.flatnonzero(jumps).tolist() == [ticks]
 
 
+def test_models_that_come_at_every_tick_do_not_keep_it_from_catching_up() -> None:
+    samples, now, behind = 5000, 4500, 3 * SLICE + 500
+    course = Course(samples)
+    always, newcomer = Predictor(), Predictor()
+    always.adopt(MAP, SURFACE)
+    course.lead(always, 0, now)
+    course.lead(newcomer, 0, now)
+    states = states_of(course, MAP, samples - behind)
+    equal = []
+    for tick in range(now, now + 40):
+        newcomer.adopt(MAP, SURFACE, states[tick - behind], tick - behind)
+        equal.append(course.lead(newcomer, tick, tick + 1)[0] == course.lead(always, tick, tick + 1)[0])
+    assert equal[4:] == [True] * 36
+    assert newcomer.force > 0.05
+
+
 def test_no_slice_is_longer_than_a_tick_can_bear(monkeypatch: pytest.MonkeyPatch) -> None:
     lengths: list[int] = []
     remember = ContactMap.remember
