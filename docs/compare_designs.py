@@ -43,6 +43,7 @@ class Design(Protocol):
 TABLES: dict[str, dict[str, Design]] = {
     "experts": {
         "shipped: law, coarse and fine map": Shipped(),
+        "the same, zero of the springs not given": Shipped(told=False),
         "law and coarse map": Shipped(("law", "coarse")),
         "coarse and fine map": Shipped(("coarse", "fine")),
         "law and fine map": Shipped(("law", "fine")),

@@ -21,7 +21,7 @@ IMAGE = Path(__file__).parent / "images" / "contact-map-foam.png"
 NAME = "tue/d-foam2"
 DELAY = 0.3
 """Of the forces [s]."""
-SPEEDS = (0.005, 0.1)
+SPEEDS = (0.005, 0.03)
 """Of the presses that the map is asked about [m/s]."""
 WINDOW = (2.5, 4.5)
 """Of the plot over time [s]."""

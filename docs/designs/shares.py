@@ -34,13 +34,15 @@ class Shipped:
 
     Attributes:
         experts: Those that are asked.
+        told: Whether the zero of the force is given where a recording never leaves the material.
     """
 
     experts: Sequence[str] = EXPERT_NAMES
+    told: bool = True
 
     def predict(self, press: Press) -> tuple[Array, float]:
         """The late prediction at every sample [N], and the cost of learning [us an update, with the law's own]."""
-        return _alone(press, tuple(self.experts), press.delay), self._cost(press)
+        return _alone(press, tuple(self.experts), press.delay, self.told), self._cost(press)
 
     def _cost(self, press: Press) -> float:
         recording, estimator = press.recording, ContactMapBank(experts=self.experts)
@@ -54,12 +56,12 @@ class Shipped:
 
 
 @lru_cache(maxsize=32)
-def _alone(press: Press, experts: tuple[str, ...], delay: float) -> Array:
+def _alone(press: Press, experts: tuple[str, ...], delay: float, told: bool = True) -> Array:
     """Prediction of some experts of the shipped learner [N]."""
     recording = press.recording
     learner = Learner(
         ContactMapBank(experts=experts),
-        force_offset=press.zero if press.zero_given else None,
+        force_offset=press.zero if press.zero_given and told else None,
         contact_floor=recording.contact_floor,
     )
     return predict(recording, learner, delay=delay).force

@@ -1,0 +1,144 @@
+"""The designs that the page on the contact map compares: causal, right where a formula says so, and all on the page."""
+
+from __future__ import annotations
+
+import importlib
+import re
+import sys
+from collections.abc import Iterator
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from docs_pages import ROOT
+
+from foretouch.comparison import simulate
+from foretouch.identification.contact_map_learning import NOISE, prior
+from foretouch.models.contact_map_kernel import COARSE, MEMORY, features, rates, remember
+from foretouch.quantities import Recording
+
+PAGE = (ROOT / "docs" / "contact-map.md").read_text()
+
+
+@pytest.fixture(scope="module")
+def designs() -> Iterator[SimpleNamespace]:
+    """The script and its modules, which are no part of the package."""
+    sys.path.insert(0, str(ROOT / "docs"))
+    try:
+        names = ("basis", "kernels", "maps", "presses", "shares")
+        modules = {name: importlib.import_module(f"designs.{name}") for name in names}
+        yield SimpleNamespace(compare=importlib.import_module("compare_designs"), **modules)
+    finally:
+        sys.path.remove(str(ROOT / "docs"))
+
+
+def recorded(seconds: float = 3.2, *, other_after: float | None = None) -> Recording:
+    """The beginning of a simulated foam; from a time on, if one is given, with twice the force."""
+    whole = simulate("foam").recording
+    kept = whole.time <= seconds
+    force = whole.force[kept].copy()
+    if other_after is not None:
+        force[whole.time[kept] > other_after] *= 2.0
+    return Recording(whole.time[kept], whole.position[kept], force)
+
+
+@pytest.fixture(scope="module")
+def press(designs: SimpleNamespace) -> Any:
+    return designs.presses.conditioned(recorded(), None, 0.3, False)
+
+
+def test_no_design_knows_forces_of_the_last_delay(designs: SimpleNamespace, press: Any) -> None:
+    other = designs.presses.conditioned(recorded(other_after=2.5), None, 0.3, False)
+    unknown = press.recording.time > 2.5 + press.delay
+    kinds = [
+        designs.maps.Map(),
+        designs.maps.Map(gain=True, beyond="tangent"),
+        designs.kernels.Kernel(25),
+        designs.shares.Shipped(("law", "coarse")),
+        designs.shares.Shares(),
+        designs.shares.Shares("stacked"),
+        designs.shares.Shares(late=False),
+    ]
+    for design in kinds:
+        one, two = design.predict(press)[0], design.predict(other)[0]
+        assert np.isfinite(one).all(), design
+        np.testing.assert_array_equal(one[~unknown], two[~unknown], err_msg=str(design))
+        assert np.abs(one - two)[unknown].max() > 0.1, design
+
+
+def test_only_the_floor_knows_the_future(designs: SimpleNamespace, press: Any) -> None:
+    other = designs.presses.conditioned(recorded(other_after=2.5), None, 0.3, False)
+    floor = designs.maps.Map(whole=True, restart=False)
+    assert np.abs(floor.predict(press)[0] - floor.predict(other)[0])[press.recording.time < 2.5].max() > 0.1
+
+
+def test_features_and_prior_are_those_of_the_package(designs: SimpleNamespace, press: Any) -> None:
+    place = press.recording.position - press.surface[press.begin]
+    ours = designs.basis.Features().of(press, place)
+    memory, values, shares = np.full(MEMORY, np.nan), np.empty(ours.shape[0]), np.empty(MEMORY)
+    rates(press.period, shares)
+    for index in range(place.size):
+        remember(memory, place[index], shares)
+        features(memory, place[index], press.velocity[index], values)
+        np.testing.assert_allclose(ours[:, index], values, atol=1e-9)
+    _, first, *_, end = COARSE
+    assert ours.shape[0] == COARSE[5]
+    theirs = prior(0)
+    assert theirs.shape[0] == end - first
+    np.testing.assert_allclose(designs.maps.Map()._prior(), theirs, atol=1e-9)
+
+
+def test_recursive_weights_are_those_of_one_solution(designs: SimpleNamespace) -> None:
+    random = np.random.default_rng(1)
+    rows, force, prior = random.normal(size=(30, 6)), random.normal(size=30), np.diag([4.0, 1.0, 1.0, 0.5, 2.0, 1.0])
+    weights, begun = designs.maps._learn(rows, force, np.zeros(30), np.zeros(30, np.bool_), prior, 0.5, 1.0, 0.0, True)
+    at_once = np.linalg.solve(rows.T @ rows + 0.25 * np.linalg.inv(prior), rows.T @ force)
+    np.testing.assert_allclose(weights[-1], at_once, rtol=1e-8)
+    assert not begun.any()
+
+
+def test_a_gaussian_process_within_its_budget_is_the_exact_one(designs: SimpleNamespace) -> None:
+    random = np.random.default_rng(2)
+    count = 25
+    inputs = np.column_stack((random.uniform(0.0, 8.0, count), random.normal(size=(count, 3))))
+    force = random.normal(size=count)
+    kernels = designs.kernels
+    basis, weights, _ = kernels._learn(inputs, force, np.zeros(count, np.bool_), 60, NOISE**2, 1e-9)
+    covariance = np.array([[kernels._covariance(a, b) for b in inputs] for a in inputs])
+    asked = np.column_stack((random.uniform(0.0, 8.0, 5), random.normal(size=(5, 3))))
+    said = kernels._ask(asked, inputs, basis, weights, np.full(5, count - 1))
+    across = np.array([[kernels._covariance(a, b) for b in inputs] for a in asked])
+    exact = across @ np.linalg.solve(covariance + NOISE**2 * np.eye(count), force)
+    np.testing.assert_allclose(said, exact, rtol=1e-6, atol=1e-8)
+
+
+def test_a_full_budget_is_kept(designs: SimpleNamespace) -> None:
+    random = np.random.default_rng(3)
+    inputs, force = np.column_stack((random.uniform(0.0, 8.0, 80), random.normal(size=80))), np.ones(80)
+    basis, weights, _ = designs.kernels._learn(inputs, force, np.zeros(80, np.bool_), 10, NOISE**2, 1e-3)
+    kept = (basis >= 0).sum(axis=1)
+    assert kept.max() == 10
+    assert kept[-1] == 10
+    assert len(set(basis[-1])) == 10
+    said = designs.kernels._ask(inputs, inputs, basis, weights, np.full(80, 79))
+    assert np.abs(said - force).mean() < 0.3  # the process forgot samples, not what they said
+
+
+def test_the_memory_lowers_the_error_on_foam(designs: SimpleNamespace) -> None:
+    whole = simulate("foam")
+    press = designs.presses.conditioned(whole.recording, whole.truth, 0.3, False)
+    with_memory, without = designs.maps.Map(), designs.maps.Map(designs.compare.ALONE)
+    assert press.error(with_memory.predict(press)[0]) < 0.7 * press.error(without.predict(press)[0])
+
+
+def test_every_design_is_on_the_page(designs: SimpleNamespace) -> None:
+    found = {block["name"]: block[0] for block in designs.compare.BLOCK.finditer(PAGE)}
+    assert list(found) == list(designs.compare.TABLES)
+    for name, table in designs.compare.TABLES.items():
+        assert re.findall(r"^\| ([^|]+?) \| +\d", found[name], re.MULTILINE) == list(table), name
+
+
+def test_an_unknown_table_is_refused(designs: SimpleNamespace) -> None:
+    with pytest.raises(SystemExit, match="no such table: nonsense; there are experts"):
+        designs.compare.main(["nonsense"])
