@@ -11,12 +11,14 @@ import pytest
 
 from foretouch.devices import Device, ScriptedOperator
 from foretouch.errors import SettingError, UnknownNameError
-from foretouch.identification import Learner, make_estimator
+from foretouch.identification import ESTIMATORS, Learner, make_estimator
 from foretouch.messages import SessionLog
+from foretouch.models import Predictor
 from foretouch.recordings import SessionWriter, read_session
 from foretouch.report import session_report
 from foretouch.robot import MATERIALS, make_robot
 from foretouch.session import SessionSettings, SimulatedSession, replay, simulate
+from foretouch.session.warm_up import warm_up
 
 
 def run(duration: float = 6.0, *, record: Path | None = None, **changes: Any) -> SimulatedSession:
@@ -191,3 +193,23 @@ def test_settings_out_of_range_are_refused(changes: dict[str, float], message: s
 def test_unknown_names_are_refused_with_the_choices(changes: dict[str, str], message: str) -> None:
     with pytest.raises(UnknownNameError, match=message):
         SessionSettings(**changes)
+
+
+@pytest.mark.parametrize(
+    ("model", "estimator"), [(model, name) for model in ESTIMATORS for name in ESTIMATORS[model] if name != "offline"]
+)
+def test_everything_is_run_once_before_a_loop_begins(
+    model: str, estimator: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The press that is thrown away gives a model, and a force is predicted from it."""
+    forces: list[float] = []
+    update = Predictor.update
+
+    def noting(self: Predictor, time: float, position: float, velocity: float | None = None) -> float:
+        forces.append(update(self, time, position, velocity))
+        return forces[-1]
+
+    monkeypatch.setattr(Predictor, "update", noting)
+    warm_up(SessionSettings(model=model, estimator=estimator))
+    assert forces[0] == 0.0
+    assert max(forces) > 0.0
