@@ -11,7 +11,8 @@ from foretouch.devices import ScriptedOperator
 from foretouch.identification import ContactSample, Estimator, Learner, Status
 from foretouch.identification.contact_map import ContactMapBank
 from foretouch.messages import VERSION, Command, ModelUpdate, SessionLog, encode
-from foretouch.models import ContactModel, KelvinVoigt
+from foretouch.models import ContactModel, KelvinVoigt, make_model
+from foretouch.models.predictor import STATE_TOLERANCE
 from foretouch.report import session_report
 from foretouch.robot import RobotSample, make_robot
 from foretouch.session import SessionSettings, follower, leader, replay, simulate
@@ -205,3 +206,22 @@ def test_a_leader_that_never_answers_says_nothing_of_the_delay() -> None:
         trip.sent(tick + 1, tick * MS)
         trip.commanded(2**40 + tick, 0)
         assert trip.applied(tick, tick * MS) is None
+
+
+@pytest.mark.parametrize("faults", [{}, {"loss": 0.05, "jitter": 0.003}])
+def test_a_state_is_that_of_the_command_that_its_message_names(faults: dict[str, float]) -> None:
+    """What the material remembers by the leader's own motion up to that command, and up to no other."""
+    log = simulated(8.0, material="hunt-crossley", seed=3, **faults)
+    assert log.leader["sequence"][0] == 1
+    periods = np.full(log.leader.size, 1e-3)
+
+    def apart(model: ModelUpdate, shift: int) -> float:
+        until = model.command_sequence + shift
+        depths = log.leader["position"][:until] - model.surface
+        found = make_model(model.law, model.parameters, model.map).remember((), depths, periods[:until])
+        return float(np.abs(np.subtract(found, model.state)).max())
+
+    models = [model for model in log.models if model.valid and model.time_ns > 4_000 * MS][::10]
+    assert len(models) > 15
+    assert max(apart(model, 0) for model in models) < STATE_TOLERANCE
+    assert max(apart(model, -50) for model in models) > 2.0 * STATE_TOLERANCE
