@@ -6,6 +6,7 @@ import math
 from collections import deque
 from typing import NamedTuple
 
+from foretouch.identification.sensor_lag import LONGEST_LAG
 from foretouch.models import MotionFilter
 from foretouch.models.checks import require
 
@@ -72,13 +73,18 @@ class Conditioner:
       It moves outwards when contact is felt further out, and is found anew when the threshold has at least doubled
       since, for then the first contact was none.
 
+    - **Lag**: where the force sensor is known to be late, positions wait for it, so that the two belong together.
+
     Args:
         surface: Position of the surface [m], or None to find it.
         force_offset: Force in free air [N], or None to find it.
         contact_floor: Least force that counts as contact [N], by the noise of the origin; positive.
+        sensor_lag: How late forces are against positions [s], not negative.
 
     Attributes:
         surface: [m]; NaN before it is known.
+        surface_error: Standard error of the surface [m]: contact began somewhere between the last position surely
+            without and the first surely with it, and begins elsewhere at another press; 0 for one that was given.
         force_offset: [N].
         in_contact: The newest judgement.
     """
@@ -89,8 +95,11 @@ class Conditioner:
         surface: float | None = None,
         force_offset: float | None = None,
         contact_floor: float = CONTACT_FLOOR,
+        sensor_lag: float = 0.0,
     ) -> None:
         require("contact_floor", contact_floor, above=0.0)
+        require("sensor_lag", sensor_lag, at_least=0.0, at_most=LONGEST_LAG)
+        self._lag = sensor_lag
         self._floor = contact_floor
         self._given_surface = surface
         self._given_offset = force_offset
@@ -99,6 +108,9 @@ class Conditioner:
     def reset(self) -> None:
         """Forget all samples."""
         self.surface = math.nan if self._given_surface is None else self._given_surface
+        self.surface_error = math.nan if self._given_surface is None else 0.0
+        self._late: deque[tuple[float, float, float]] = deque()
+        self._last_onset = math.nan
         self.force_offset = 0.0 if self._given_offset is None else self._given_offset
         self.in_contact = False
         self._motion = MotionFilter()
@@ -119,6 +131,8 @@ class Conditioner:
             return ContactSample(time, math.nan, 0.0, 0.0, False)
         if velocity is None:
             velocity = self._motion.update(time, position)
+        if self._lag > 0.0:
+            position, velocity = self._delay(time, position, velocity)
         self._learn_offset(time, force)
         force -= self.force_offset
         self._peak = max(self._peak, force)
@@ -133,9 +147,32 @@ class Conditioner:
             if force > threshold:
                 self.in_contact = True
                 self._learn_surface(self._free_position, threshold)
+                self._learn_surface_error(position)
         if self.in_contact and self._given_surface is None and position < self.surface:
             self.surface = position
         return ContactSample(time, position - self.surface, velocity, force, self.in_contact)
+
+    def _delay(self, time: float, position: float, velocity: float) -> tuple[float, float]:
+        """Position and velocity of one lag ago, between the samples around it; the first ones until there are such."""
+        late = self._late
+        late.append((time, position, velocity))
+        while len(late) > 2 and late[1][0] <= time - self._lag:
+            late.popleft()
+        begin, end = late[0], late[min(1, len(late) - 1)]
+        span = end[0] - begin[0]
+        share = min(max((time - self._lag - begin[0]) / span, 0.0), 1.0) if span > 0.0 else 0.0
+        return begin[1] + share * (end[1] - begin[1]), begin[2] + share * (end[2] - begin[2])
+
+    def _learn_surface_error(self, position: float) -> None:
+        """Widen the doubt by this onset: as wide as it took, evenly, and as far as it is from the last one."""
+        if self._given_surface is not None:
+            return
+        width = abs(position - self._free_position) / math.sqrt(12.0)
+        apart = 0.0 if math.isnan(self._last_onset) else abs(self._free_position - self._last_onset) / math.sqrt(2.0)
+        self._last_onset = self._free_position
+        newest = math.hypot(width, apart)
+        known = not math.isnan(self.surface_error)
+        self.surface_error = math.sqrt(0.5 * (self.surface_error**2 + newest**2)) if known else newest
 
     def _learn_offset(self, time: float, force: float) -> None:
         """Keep mean and spread of the last 50 ms, and those of the quietest 50 ms so far."""

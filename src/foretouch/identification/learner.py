@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from foretouch.identification.conditioning import CONTACT_FLOOR, Conditioner, ContactSample
 from foretouch.identification.estimator import Estimator, Status
+from foretouch.identification.sensor_lag import SensorLag
 from foretouch.models import ContactModel, ContactState
 
 __all__ = ["Learner", "LearntModel"]
@@ -37,10 +38,13 @@ class Learner:
         surface: Position of the surface [m], None to find it.
         force_offset: Force in free air [N], None to find it.
         contact_floor: Least force that counts as contact [N], by the noise of the origin.
+        sensor_lag: How late forces are against positions [s]: learning then pairs what belongs together, and what is
+            predicted is the force at the contact, not at the sensor.
 
     Attributes:
         sample: The newest conditioned sample.
         status: What the estimator did with it.
+        lag: Estimates how late forces are, as far as `sensor_lag` has not mended it.
     """
 
     def __init__(
@@ -50,15 +54,20 @@ class Learner:
         surface: float | None = None,
         force_offset: float | None = None,
         contact_floor: float = CONTACT_FLOOR,
+        sensor_lag: float = 0.0,
     ) -> None:
         self.estimator = estimator
         self.estimator.trust_surface(surface is not None)
-        self.conditioner = Conditioner(surface=surface, force_offset=force_offset, contact_floor=contact_floor)
+        self.conditioner = Conditioner(
+            surface=surface, force_offset=force_offset, contact_floor=contact_floor, sensor_lag=sensor_lag
+        )
+        self.lag = SensorLag()
         self.sample = ContactSample(math.nan, math.nan, 0.0, 0.0, False)
         self.status = Status.FREE_AIR
 
     def update(self, time: float, position: float, force: float, velocity: float | None = None) -> ContactSample:
         """Learn from one raw sample (`Conditioner.update`) and return it conditioned."""
+        last = self.sample.time
         before, offset = self.conditioner.surface, self.conditioner.force_offset
         self.sample = self.conditioner.update(time, position, force, velocity)
         moved = self.conditioner.surface - before
@@ -67,6 +76,9 @@ class Learner:
         if self.conditioner.force_offset != offset:
             self.estimator.move_offset(self.conditioner.force_offset - offset)
         self.status = self.estimator.update(self.sample)
+        if self.sample.in_contact:
+            place = self.sample.depth + self.conditioner.surface
+            self.lag.update(place, self.sample.velocity, self.sample.force, time - last)
         return self.sample
 
     def learnt(self) -> LearntModel:
