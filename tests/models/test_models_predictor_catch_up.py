@@ -190,12 +190,18 @@ def test_a_sample_that_has_not_come_yet_counts_as_the_newest() -> None:
     np.testing.assert_array_equal(course.lead(ahead, 200, 400), course.lead(known, 200, 400))
 
 
-@pytest.mark.xfail(reason="the first sample has no period, and its period that is no number enters the averages")
 def test_a_state_from_before_the_first_sample_is_run_from_there() -> None:
-    course, predictor = Course(400), Predictor()
-    course.lead(predictor, 0, 300)
-    predictor.adopt(MAP, SURFACE, (2e-3,) * MEMORY, 0)
-    assert course.lead(predictor, 300, 400).max() < 10.0
+    """The first sample has no period: it moves the plays, and no time has passed."""
+    course, predictor, other = Course(1000), Predictor(), Predictor()
+    for each in (predictor, other):
+        course.lead(each, 0, 300)
+    state = (2e-3,) * MEMORY
+    predictor.adopt(MAP, SURFACE, state, 0)
+    periods = np.diff(course.time[:300], prepend=course.time[0])
+    other.adopt(MAP, SURFACE, MAP.remember(state, course.position[:300] - SURFACE, periods))
+    forces = course.lead(predictor, 300, 1000)
+    np.testing.assert_array_equal(forces, course.lead(other, 300, 1000))
+    assert 0.5 < forces.max() < 10.0
 
 
 @settings(max_examples=8)

@@ -130,7 +130,7 @@ class Predictor:
         self._time = time
         self.ticks += 1
         place = self.ticks % HISTORY
-        self._places[place], self._periods[place] = position, max(period, 0.0)
+        self._places[place], self._periods[place] = position, period if period > 0.0 else 0.0  # the first has none
         self.velocity = self._motion.update(time, position) if velocity is None else velocity
         self.jump = 0.0
         if not period > 0.0:
