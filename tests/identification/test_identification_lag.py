@@ -87,7 +87,7 @@ def presses(conditioner, onsets):
     """Free air, then a press that begins at each onset [m]; 20 N/mm once there."""
     time = 0.0
     for onset in onsets:
-        for place in np.concatenate((np.linspace(0.0, 0.02, 400), np.linspace(0.02, 0.0, 400))):
+        for place in np.concatenate((np.linspace(0.0, 0.012, 400), np.linspace(0.012, 0.0, 400))):
             conditioner.update(time, float(place), 2e4 * max(float(place) - onset, 0.0))
             time += PERIOD
     return conditioner
@@ -97,8 +97,8 @@ def test_the_surface_carries_its_doubt():
     assert math.isnan(Conditioner().surface_error)
     assert Conditioner(surface=0.01).surface_error == 0.0
     same = presses(Conditioner(), [0.01] * 4)
-    assert abs(same.surface - 0.01) < 1e-4
-    assert 0.0 < same.surface_error < 5e-5
+    assert abs(same.surface - 0.01) < 2e-4
+    assert 0.0 < same.surface_error < 1e-4
     apart = presses(Conditioner(), [0.010, 0.0104, 0.0097, 0.0102])
-    assert apart.surface_error > 5.0 * same.surface_error
+    assert apart.surface_error > 2.0 * same.surface_error
     assert abs(apart.surface - 0.01) < 3.0 * apart.surface_error
