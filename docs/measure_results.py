@@ -232,7 +232,7 @@ def compared(results: Results, key: str) -> str:
 
 
 def sessions() -> str:
-    """`foretouch simulate` for every material and operator, with the jitter of real time, and by the paper's estimator."""
+    """`foretouch simulate` for every material and operator, with some jitter too, beside the paper's estimator."""
     rows = []
     for material in json.loads(foretouch("materials list --json")):
         for operator, jitter in (("scripted", "0"), ("recorded", "0"), ("scripted", "0.0005")):
