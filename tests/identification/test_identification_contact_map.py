@@ -243,7 +243,6 @@ def forces_at(bank: ContactMapBank, positions: Array, surface: float) -> Array:
 
 @pytest.mark.parametrize("experts", [("coarse",), ("law",), EXPERT_NAMES])
 @pytest.mark.parametrize("change", [0.4e-3, -0.4e-3])
-@pytest.mark.xfail(reason="a model made before the surface moved is handed out until the next sample is learnt")
 def test_a_surface_that_moves_moves_no_force(experts: tuple[str, ...], change: float) -> None:
     bank, positions = learnt_on_taps(experts), np.linspace(-2e-3, 12e-3, 60)
     before = forces_at(bank, positions, 0.0)
@@ -252,7 +251,6 @@ def test_a_surface_that_moves_moves_no_force(experts: tuple[str, ...], change: f
     assert before.max() > 1.0
 
 
-@pytest.mark.xfail(reason="a model made before the offset moved is handed out until the next sample is learnt")
 def test_an_offset_that_moves_moves_every_force_by_as_much() -> None:
     bank, positions = learnt_on_taps(("coarse",)), np.linspace(1e-3, 7e-3, 60)
     before = forces_at(bank, positions, 0.0)
@@ -339,17 +337,14 @@ def test_no_sample_whatever_raises(bad: list[tuple[float, float, float, float, b
     assert set(bank.parameters) >= {"stiffness", "damping"} or not bank.parameters
 
 
-ABSURD = pytest.mark.xfail(reason="a finite sample of any size is learnt from")
-
-
 @pytest.mark.parametrize(
     ("field", "number"),
     [
         ("depth", 1.0),
         ("depth", -1e3),
-        pytest.param("depth", 1e10, marks=ABSURD),
+        ("depth", 1e10),
         ("velocity", 1e10),
-        pytest.param("velocity", 1e300, marks=ABSURD),
+        ("velocity", 1e300),
         ("force", 100.0),
         ("force", 1e300),
     ],

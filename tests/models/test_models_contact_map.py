@@ -141,7 +141,6 @@ def test_a_law_without_memory_remembers_nothing(law: KelvinVoigt, state: tuple[f
 
 
 @pytest.mark.parametrize(("bad", "at"), [(math.nan, 1), (math.nan, MEMORY - 1), (math.inf, MEMORY - 1)])
-@pytest.mark.xfail(reason="a state with one bad number is believed, and the force is the largest there is")
 def test_a_memory_that_is_no_number_counts_as_none(bad: float, at: int) -> None:
     state = [1e-3] * MEMORY
     state[at] = bad

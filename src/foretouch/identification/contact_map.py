@@ -33,6 +33,7 @@ from foretouch.models.checks import require
 from foretouch.models.contact_map_kernel import (
     DOUBT,
     DOUBTS,
+    LARGEST_FORCE,
     LAW,
     LAW_SURFACE,
     MEMORY,
@@ -44,6 +45,7 @@ from foretouch.models.contact_map_kernel import (
     rates,
     remember,
 )
+from foretouch.models.contact_model import LARGEST_DEPTH, LARGEST_SPEED
 
 __all__ = ["EXPERT_NAMES", "LONGEST_HORIZON", "ContactMapBank"]
 
@@ -152,7 +154,7 @@ class ContactMapBank(Estimator):
         """See `Estimator.update`."""
         time, depth, velocity, force, in_contact = sample
         self._law.update(sample)
-        if not (math.isfinite(depth) and math.isfinite(velocity) and math.isfinite(force)):
+        if not (abs(depth) <= LARGEST_DEPTH and abs(velocity) <= LARGEST_SPEED and abs(force) <= LARGEST_FORCE):
             return Status.FREE_AIR if math.isnan(depth) else Status.UNUSABLE
         self._touched = self._touched or in_contact
         if not self._touched:  # the map counts from the first contact
@@ -215,6 +217,8 @@ class ContactMapBank(Estimator):
         self._law.move_surface(change)
         if math.isfinite(change):
             self._flat[ORIGIN] -= change
+            self._flat[LAW_SURFACE] += change
+            self._model = None
             young = self._notes[CONTACT] < YOUTH
             if abs(self._flat[ORIGIN]) > (LARGEST_SHIFT_IN_YOUTH if young else LARGEST_SHIFT):
                 self._begin()
@@ -223,6 +227,7 @@ class ContactMapBank(Estimator):
         """See `Estimator.move_offset`: the map keeps what the sensor said."""
         if math.isfinite(change):
             self._flat[ZERO] += change
+            self._model = None
 
     @property
     def model(self) -> ContactModel | None:

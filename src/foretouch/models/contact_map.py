@@ -102,4 +102,5 @@ class ContactMap(ContactModel):
 def _memory(state: ContactState) -> NDArray[np.float64]:
     from foretouch.models.contact_map_kernel import MEMORY
 
-    return np.array(state) if len(state) == MEMORY else np.full(MEMORY, math.nan)
+    usable = len(state) == MEMORY and all(map(math.isfinite, state))
+    return np.array(state) if usable else np.full(MEMORY, math.nan)

@@ -283,7 +283,7 @@ def _judge(flat: Array, values: Array, place: float, velocity: float, everything
     force = 0.0
     for k in range(EXPERTS):
         force += flat[SHARES + k] * forces[k]
-    return force if force < LARGEST_FORCE else LARGEST_FORCE
+    return min(force, LARGEST_FORCE) if force >= 0.0 else 0.0  # 0 where it is no number
 
 
 judge: Callable[[Array, Array, float, float, bool, Array], float] = njit(cache=True)(_judge)
