@@ -83,9 +83,9 @@ def _of_touches(time: Array, in_contact: Flags, delay: float) -> Iterator[str]:
     touched = time[in_contact]
     breaks = np.flatnonzero(np.diff(touched) > APART)
     begin = float(touched[0])
-    beginning = in_contact[time <= BEGINNING]
-    if beginning.mean() > 0.5 and not in_contact.all():
-        left = time[np.argmin(in_contact)]
+    apart = time[~in_contact & (time > BEGINNING)]
+    if in_contact[time <= BEGINNING].mean() > 0.5 and apart.size:
+        left = float(apart[0])
         yield (
             f"It begins in contact: surface and zero of the force can only be told from {left:.2f} s on, when the "
             "probe first leaves it, and what is predicted before is uncertain."
