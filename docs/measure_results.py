@@ -3,7 +3,8 @@
 `docs/results.md` and `README.md` hold blocks between `<!-- measured: NAME -->` and `<!-- end -->`. Each block names the
 command that prints its figures; this script runs those commands and puts what they print into the blocks.
 Usage: `.venv/bin/python docs/measure_results.py [NAME ...]`, without names for all blocks. It needs the measured
-recordings (a network, or FORETOUCH_DATA_DIR) and takes about ten minutes on two cores.
+recordings (a network, or FORETOUCH_DATA_DIR). On two cores `reach` takes two minutes, `reach-simulated` five, and all
+about half an hour.
 """
 
 from __future__ import annotations
@@ -46,28 +47,33 @@ def datasets() -> dict[str, str]:
 
 def reach() -> str:
     """`foretouch predict` on every measured file, beside what others make of it, and what is asked for."""
-    rows = []
-    foams = []
+    rows, foams = [], []
     for name, kind in datasets().items():
-        if kind == "free":
-            continue
-        options = CONDITIONS.get(name.split("/")[0], "--delay 0.3")
-        found = json.loads(foretouch(f"predict {shlex.quote(fetched(name))} {options} --json"))
-        error, late = found["prediction_error_percent"], found["delayed_force_error_percent"]
-        asked = 0.5 * late if kind == "skin" else ASKED[kind]
-        others = [figure(rival) for rival in rivals(fetched(name), measured_comparison(name.split("/")[0], CHOSEN))]
-        rows.append([f"`{name}`", kind, figure(error), figure(asked), *verdict(error, asked), *noticed(found), *others])
+        origin, path = name.split("/")[0], fetched(name)
+        options = CONDITIONS.get(origin, "--delay 0.3")
+        found = json.loads(foretouch(f"predict {shlex.quote(path)} {options} --json"))
+        late = found["delayed_force_error_percent"]
+        asked = 0.5 * late if kind == "skin" else ASKED.get(kind)
+        others = [None] * len(RIVALS) if kind == "free" else rivals(path, measured_comparison(origin, CHOSEN))[1:]
+        rows.append([f"`{name}`", kind, *measured_row(found, asked), *map(figure, others), f"`{found['status']}`"])
         if kind == "foam":
-            foams.append(error)
+            foams.append(found["prediction_error_percent"])
         if kind == "spring":
-            given = f"{options} --force-offset {zero(fetched(name)):.4f}"
-            found = json.loads(foretouch(f"predict {shlex.quote(fetched(name))} {given} --json"))
-            error = found["prediction_error_percent"]
-            line = [f"`{name}`, zero given", kind, figure(error), figure(asked), *verdict(error, asked)]
-            rows.append([*line, *noticed(found), figure(found["delayed_force_error_percent"]), *(["–"] * len(RIVALS))])
-    middle, blanks = median(foams), ["–"] * (4 + len(RIVALS))
-    rows.append(["all foam, median", "foam", figure(middle), "8.5", *verdict(middle, 8.5), *blanks])
-    return table(REACH_HEADS, rows)
+            given = json.loads(
+                foretouch(f"predict {shlex.quote(path)} {options} --force-offset {zero(path):.4f} --json")
+            )
+            none = ["–"] * len(RIVALS)
+            rows.append([f"`{name}`, zero given", kind, *measured_row(given, asked), *none, f"`{given['status']}`"])
+    middle, blanks = median(foams), ["–"] * (5 + len(RIVALS))
+    rows.append(["all foam, median", "foam", figure(middle), "8.5", verdict(middle, 8.5), *blanks, ""])
+    return table((*REACH_HEADS, "Status"), rows)
+
+
+def measured_row(found: dict[str, Any], asked: float | None) -> Row:
+    """What `foretouch predict` gives, and what is asked for."""
+    error = found["prediction_error_percent"]
+    late, force = found["delayed_force_error_percent"], found["contact_force_rms_N"]
+    return [figure(error), figure(asked), verdict(error, asked), *noticed(found), figure(force), figure(late)]
 
 
 def reach_simulated() -> str:
@@ -78,8 +84,9 @@ def reach_simulated() -> str:
         error, asked = bank["foreseeable_prediction_error_percent"], 12.0 if name == "hand" else 6.0
         others = [figure(rival) for rival in rivals(name, simulated_comparison(CHOSEN), "foreseeable_")]
         whole = figure(bank["prediction_error_percent"])
-        rows.append([f"`{name}`", whole, figure(error), figure(asked), *verdict(error, asked), *noticed(bank), *others])
-    return table(("Recording", "All samples [%]", *REACH_HEADS[2:]), rows)
+        rows.append([f"`{name}`", whole, figure(error), figure(asked), verdict(error, asked), *noticed(bank), *others])
+    heads = [head for head in REACH_HEADS[2:] if head != FORCE]
+    return table(("Recording", "All samples [%]", *heads), rows)
 
 
 ASKED = {"foam": 13.0, "spring": 3.0, "rigid": 25.0}
@@ -103,6 +110,8 @@ CHOSEN = "--models contact-map --models continuous-switching --estimators bank "
 )
 """What `foretouch compare` is asked for these."""
 
+FORCE = "Force RMS [N]"
+
 REACH_HEADS = (
     "File",
     "Touched",
@@ -112,6 +121,7 @@ REACH_HEADS = (
     "Within JND [%]",
     "To 10 % [s]",
     "Largest jump [N]",
+    FORCE,
     "Delayed [%]",
     *(f"`{name}` [%]" for _, name in RIVALS[:4]),
     "Floor, law [%]",
@@ -133,9 +143,9 @@ def rivals(recording: str, results: Results, prefix: str = "") -> list[float | N
     return errors
 
 
-def verdict(error: float, asked: float) -> Row:
+def verdict(error: float | None, asked: float | None) -> str:
     """Whether what is asked for is reached."""
-    return ["yes" if error <= asked else "no"]
+    return "–" if error is None or asked is None else "yes" if error <= asked else "no"
 
 
 def noticed(found: dict[str, Any]) -> Row:
