@@ -73,6 +73,9 @@ SPEED_REACH = 1.5
 LARGEST_FORCE = 1e6
 """No force is larger [N]."""
 
+FINE_REACH = ABOVE[1] * LENGTHS[1]
+"""The knots of the fine map end here [m]."""
+
 LETTING_GO = 5e-3
 """Further out than ever a force is gone after this distance [m] at the latest."""
 
@@ -240,7 +243,7 @@ def _map_force(flat: Array, kind: int, place: float, values: Array, splines: Arr
     force = max(mapped(flat, kind, min(place, reached), values, splines) - flat[ZERO], 0.0)
     if place > reached:
         before = max(mapped(flat, kind, max(reached - step, lowest), values, splines) - flat[ZERO], 0.0)
-        chord = force / max(reached + flat[ORIGIN], step)
+        chord = force / max(reached + flat[ORIGIN], step, LEAST_DEPTH)
         force += (place - reached) * min(max((force - before) / step, chord), STEEPEST * chord)
     return float(force)
 
@@ -279,7 +282,9 @@ def _judge(flat: Array, values: Array, place: float, velocity: float, everything
     forces[1] = map_force(flat, 0, place, values, splines)
     # Further out than ever the law, which knows one surface, has no say.
     forces[0] = law_force(flat, place, velocity) if place >= flat[LOWEST] else forces[1]
-    forces[2] = map_force(flat, 1, place, values, splines) if everything or flat[SHARES + 2] > 0.0 else 0.0
+    # Deeper than its knots the fine map has no say either.
+    asked = everything or flat[SHARES + 2] > 0.0
+    forces[2] = map_force(flat, 1, place, values, splines) if asked and place < FINE_REACH else forces[1]
     force = 0.0
     for k in range(EXPERTS):
         force += flat[SHARES + k] * forces[k]
