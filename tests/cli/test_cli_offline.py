@@ -6,6 +6,7 @@ import csv
 import json
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -28,7 +29,10 @@ IDENTIFY_KEYS = {
     "map",
     "standard_errors",
     "surface_m",
+    "surface_error_m",
     "force_offset_N",
+    "sensor_lag_s",
+    "sensor_lag_error_s",
     "samples",
     "contact_samples",
     "residual_rms_N",
@@ -269,3 +273,15 @@ def test_every_measured_press_is_predicted(measured: Any) -> None:
         "predict", measured("aurora/400-mN"), "--delay", 0.02, "--score-from", 0.5, "--score-to", 1.6, "--json"
     )
     assert skin["status"] == "ok"
+
+
+@pytest.mark.data
+def test_the_lag_of_a_filtered_sensor_is_found_and_can_be_waited_for(measured: Callable[[str], Path]) -> None:
+    """The logged force of this spring went through a low-pass near 50 Hz, which is about 3 ms late."""
+    logged = ("identify", measured("tue/d-spring"), "--force-channel", "logged", "--json")
+    found = json.loads(run(*logged).stdout)
+    assert found["sensor_lag_s"] == pytest.approx(0.003, abs=0.001)
+    assert found["sensor_lag_error_s"] < 0.001
+    assert json.loads(run(*logged, "--sensor-lag", 0.003).stdout)["sensor_lag_s"] < 0.001
+    refused = run(*logged, "--sensor-lag", 0.9)
+    assert isinstance(refused.exception, ForetouchError)

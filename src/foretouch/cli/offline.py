@@ -21,6 +21,7 @@ from foretouch.cli.options import (
     ModelName,
     PositionUnit,
     ReportDirectory,
+    SensorLag,
     Surface,
     make_folder,
     print_json,
@@ -43,6 +44,7 @@ def identify(
     estimator: EstimatorName = None,
     surface: Surface = "auto",
     force_offset: ForceOffset = "auto",
+    sensor_lag: SensorLag = 0.0,
     position_unit: PositionUnit = "m",
     force_unit: ForceUnit = "N",
     flip: Flip = False,
@@ -59,7 +61,7 @@ def identify(
 
     _refuse_to_replace(recording, out)
     estimator = _estimator_for(model, estimator)
-    learner = _learner(model, estimator, surface, force_offset)
+    learner = _learner(model, estimator, surface, force_offset, sensor_lag)
     data = read_recording(
         recording, position_unit=position_unit, force_unit=force_unit, flip=flip, force_channel=force_channel
     )
@@ -72,7 +74,10 @@ def identify(
         "map": _map_of(result),
         "standard_errors": result.standard_errors,
         "surface_m": result.surface,
+        "surface_error_m": _finite(result.surface_error),
         "force_offset_N": result.force_offset,
+        "sensor_lag_s": result.sensor_lag,
+        "sensor_lag_error_s": result.sensor_lag_error,
         "samples": len(data),
         "contact_samples": int(result.in_contact.sum()),
         "residual_rms_N": _finite(residual),
@@ -94,6 +99,7 @@ def predict(
     estimator: EstimatorName = None,
     surface: Surface = "auto",
     force_offset: ForceOffset = "auto",
+    sensor_lag: SensorLag = 0.0,
     position_unit: PositionUnit = "m",
     force_unit: ForceUnit = "N",
     flip: Flip = False,
@@ -121,7 +127,7 @@ def predict(
     if report_directory is not None:
         make_folder(report_directory)
     estimator = _estimator_for(model, estimator)
-    learner = _learner(model, estimator, surface, force_offset)
+    learner = _learner(model, estimator, surface, force_offset, sensor_lag)
     if recording.suffix.lower() == ".mcap":
         found = forces_under_delay(read_session(recording), learner(), delay)
     else:
@@ -202,15 +208,19 @@ def _estimator_for(model: str, estimator: str | None) -> str:
     return DEFAULT_ESTIMATORS.get(model, "fprls") if estimator is None else estimator
 
 
-def _learner(model: str, estimator: str, surface: str, force_offset: str) -> Callable[..., Learner]:
+def _learner(model: str, estimator: str, surface: str, force_offset: str, sensor_lag: float) -> Callable[..., Learner]:
     """Makes the learner that the options ask for, once the recording's contact floor is known."""
     from foretouch import identification
+    from foretouch.identification.sensor_lag import LONGEST_LAG
+    from foretouch.models.checks import require
 
+    require("sensor_lag", sensor_lag, at_least=0.0, at_most=LONGEST_LAG)
     return functools.partial(
         identification.Learner,
         identification.make_estimator(model, estimator),
         surface=_number_or_auto("surface", surface),
         force_offset=_number_or_auto("force-offset", force_offset),
+        sensor_lag=sensor_lag,
     )
 
 

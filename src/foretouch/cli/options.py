@@ -30,6 +30,7 @@ __all__ = [
     "Parent",
     "PositionUnit",
     "ReportDirectory",
+    "SensorLag",
     "Surface",
     "make_folder",
     "print_json",
@@ -58,6 +59,7 @@ Flip = Annotated[bool, typer.Option("--flip", help="Positions in the file shrink
 ForceChannel = Annotated[str, typer.Option(help="Force of a TU/e file: raw bridge or logged torque.")]
 Surface = Annotated[str, typer.Option(help="Position of the surface [m], or auto.")]
 ForceOffset = Annotated[str, typer.Option(help="Force in free air [N], or auto.")]
+SensorLag = Annotated[float, typer.Option(help="How late forces are against positions [s], where it is known.")]
 
 
 def make_folder(path: Path) -> None:

@@ -36,6 +36,9 @@ class Identification:
         history: Parameters after every sample by name, NaN before there was a model and where undetermined,
             shape (n,) each.
         model: After the last sample.
+        surface_error: Standard error of where contact begins [m]; 0 for a surface that was given.
+        sensor_lag: How late forces are at least [s], beyond the lag that was given; None where nothing tells it.
+        sensor_lag_error: Standard error of that [s].
         standard_deviation: Of the force at the last sample that has a residual [N], NaN where the model carries no
             doubt.
     """
@@ -49,6 +52,9 @@ class Identification:
     contact_force_rms: float
     history: dict[str, Array]
     model: ContactModel
+    surface_error: float
+    sensor_lag: float | None
+    sensor_lag_error: float | None
     standard_deviation: float
 
     @property
@@ -105,6 +111,9 @@ def identify(recording: Recording, learner: Learner) -> Identification:
         _rms(force[np.isfinite(force)]),
         history,
         model,
+        learner.conditioner.surface_error,
+        learner.lag.lag,
+        learner.lag.standard_error,
         deviation,
     )
 

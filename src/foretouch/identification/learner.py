@@ -78,7 +78,7 @@ class Learner:
         self.status = self.estimator.update(self.sample)
         if self.sample.in_contact:
             place = self.sample.depth + self.conditioner.surface
-            self.lag.update(place, self.sample.velocity, self.sample.force, time - last)
+            self.lag.update(place, self.sample.velocity, force, time - last)
         return self.sample
 
     def learnt(self) -> LearntModel:
