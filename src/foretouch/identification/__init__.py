@@ -4,6 +4,7 @@ Nothing here sees a robot or a file: the same code runs on recordings, simulatio
 """
 
 from foretouch.identification.conditioning import Conditioner, ContactSample
+from foretouch.identification.contact_map import EXPERT_NAMES, ContactMapBank
 from foretouch.identification.estimator import Estimator, Status
 from foretouch.identification.exact_recursive import (
     ExactHuntCrossley,
@@ -30,6 +31,7 @@ from foretouch.identification.registry import DEFAULT_ESTIMATORS, ESTIMATORS, ma
 from foretouch.identification.rls import RLS, ForgettingRLS, SelfPerturbingRLS
 from foretouch.identification.robust import RobustOptions
 from foretouch.identification.robust_fprls import ROBUST, RobustFPRLS
+from foretouch.identification.sensor_lag import SensorLag
 from foretouch.identification.steepest_descent import (
     SteepestDescent,
     SteepestDescentHuntCrossley,
@@ -41,11 +43,13 @@ from foretouch.identification.threshold_switching import SwitchingOptions, Thres
 __all__ = [
     "DEFAULT_ESTIMATORS",
     "ESTIMATORS",
+    "EXPERT_NAMES",
     "FPRLS",
     "RLS",
     "ROBUST",
     "TIME_TOLERANCE",
     "Conditioner",
+    "ContactMapBank",
     "ContactSample",
     "Estimator",
     "ExactHuntCrossley",
@@ -72,6 +76,7 @@ __all__ = [
     "RobustFPRLS",
     "RobustOptions",
     "SelfPerturbingRLS",
+    "SensorLag",
     "Status",
     "SteepestDescent",
     "SteepestDescentHuntCrossley",

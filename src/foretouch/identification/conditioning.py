@@ -125,6 +125,11 @@ class Conditioner:
         self._surface_threshold = math.inf
         self._free_position = math.nan
 
+    def lose_surface(self) -> None:
+        """Look for the surface again: the material has gone. One that was given stays."""
+        if self._given_surface is None:
+            self.surface = math.nan
+
     def update(self, time: float, position: float, force: float, velocity: float | None = None) -> ContactSample:
         """Take one sample; a sample that is not finite is answered with "no contact" and changes nothing."""
         if not (math.isfinite(time) and math.isfinite(position) and math.isfinite(force)):

@@ -12,12 +12,14 @@ from foretouch.errors import SettingError
 from foretouch.identification.conditioning import ContactSample
 from foretouch.identification.contact_map_learning import (
     ABSENT,
+    ALARM_FROM,
     CHANGED,
     CONTACT,
     FAILED,
     FIRST_DOUBT,
     LEARNT_AT,
     NOTES,
+    PATIENCE,
     PERIOD,
     RING,
     SPREAD,
@@ -87,7 +89,8 @@ class ContactMapBank(Estimator):
     .. math:: \pi_i \propto (c_i e_i)^{-8}
 
     **Change.** Where for 0.05 s no map explains a force at a visited place to a quarter of the peak, the material has
-    changed: the maps begin anew, and until they are scored again the law's share is largest.
+    changed: the maps begin anew, and until they are scored again the law's share is largest. Where instead of a force
+    nothing at all is felt, the material has gone, and the surface is looked for again.
 
     **Doubt.** The variance of a late prediction is a constant and shares of the squares of force and speed, none of
     them negative, by least squares on its own squared errors, scaled until one standard deviation holds 75 % of them:
@@ -133,6 +136,7 @@ class ContactMapBank(Estimator):
         self._ring = np.zeros((RING, SIZE + 2))
         self._notes = np.zeros(NOTES)
         self._notes[ABSENT : ABSENT + len(EXPERT_NAMES)] = self._absent
+        self._notes[PATIENCE] = ALARM_FROM
         self._time = math.nan
         self._model: ContactMap | None = None
         self._touched = False
@@ -196,6 +200,10 @@ class ContactMapBank(Estimator):
         self.updates += 1
         if code == CHANGED:
             self.changes += 1
+            if not in_contact:  # the material is gone, and nobody knows how far: all waits for the next touch
+                self._law.reset()
+                self._begin()
+                self._touched = False
             return Status.CHANGED
         return Status.LEARNT if in_contact else Status.FREE_AIR
 

@@ -73,7 +73,8 @@ FADED = 22  # time in contact since the covariance faded last [s]
 SNAPSHOTS = 23  # taken so far
 SNAPPED_AT = 24  # time of the newest [s]
 ABSENT = 25  # for each expert 1 where it is not to be asked
-NOTES = 28
+PATIENCE = 28  # contact without a change before the next can be called [s]
+NOTES = 29
 
 RING = 128
 RING_PERIOD = 0.02
@@ -98,8 +99,9 @@ FINE_DEPTH, COARSE_DEPTH = 4e-4, 3e-4
 
 ALARM_SHARE = 0.25
 ALARM_TIME = 0.05
-ALARM_FROM = 0.5
-"""A change: for 0.05 s no map explains the force to a quarter of its peak, after half a second of contact."""
+ALARM_FROM, LONGEST_PATIENCE = 0.5, 8.0
+"""A change: for 0.05 s no map explains the force to a quarter of its peak, after half a second of contact; twice as
+long after a change that came soon after another, up to 8 s."""
 
 CONTACT_SHARE = 0.05
 """Predictions above this share of the peak are scored out of contact too."""
@@ -349,7 +351,8 @@ def _learn(
     code = LEARNT
     coarse_error = fit(flat, coarse, 0, place, values, force + flat[ZERO])
     fine_error = fit(flat, fine, 1, place, values, force + flat[ZERO])
-    if contact:
+    # Where a force was expected and none is felt, the material may have gone.
+    if contact or force - coarse_error > CONTACT_SHARE * notes[PEAK]:
         rate = 1.0 - math.exp(-period / ALARM_TIME)
         notes[ALARMS] += rate * (coarse_error**2 - notes[ALARMS])
         if math.isfinite(fine_error):
@@ -357,17 +360,20 @@ def _learn(
         else:
             notes[ALARMS + 1] = notes[ALARMS]
         unexplained = min(notes[ALARMS], notes[ALARMS + 1]) > (ALARM_SHARE * notes[PEAK]) ** 2
-        if unexplained and visited and notes[CONTACT] > ALARM_FROM:
+        if unexplained and visited and notes[CONTACT] > notes[PATIENCE]:
             code = CHANGED
+            # What changes again and again is no change: it is something that no map of this kind explains.
+            again = notes[CONTACT] < 4.0 * notes[PATIENCE]
+            notes[PATIENCE] = min(2.0 * notes[PATIENCE], LONGEST_PATIENCE) if again else ALARM_FROM
             restart(flat, coarse, fine, coarse_prior, fine_prior, notes)
             notes[PEAK] = max(force, 0.0)
             flat[LOWEST] = flat[REACHED] = place
             fit(flat, coarse, 0, place, values, force + flat[ZERO])
             fit(flat, fine, 1, place, values, force + flat[ZERO])
-        if notes[FADED] >= 1.0:
-            notes[FADED] = 0.0
-            coarse += FADING * (coarse_prior - coarse)
-            fine += FADING * (fine_prior - fine)
+    if notes[FADED] >= 1.0:
+        notes[FADED] = 0.0
+        coarse += FADING * (coarse_prior - coarse)
+        fine += FADING * (fine_prior - fine)
 
     allot(flat, notes)
     if time - notes[SNAPPED_AT] >= RING_PERIOD - 1e-7 or notes[SNAPSHOTS] == 0.0:

@@ -76,6 +76,8 @@ class Learner:
         if self.conditioner.force_offset != offset:
             self.estimator.move_offset(self.conditioner.force_offset - offset)
         self.status = self.estimator.update(self.sample)
+        if self.status is Status.CHANGED and not self.sample.in_contact:
+            self.conditioner.lose_surface()
         if self.sample.in_contact:
             place = self.sample.depth + self.conditioner.surface
             self.lag.update(place, self.sample.velocity, force, time - last)

@@ -1,0 +1,100 @@
+"""The material moves, is swapped or is pierced while it is pressed: the map notices, says so, and learns it anew."""
+
+import math
+
+import numpy as np
+import pytest
+
+from foretouch.identification import ContactMapBank, Learner, Status, predict
+from foretouch.models import HuntCrossley, advance
+from foretouch.quantities import Recording
+from foretouch.robot import make_material
+
+PERIOD = 1e-3
+CHANGE = 9.0
+
+
+def pressed(law, *, moves=0.0, scale=1.0, at=CHANGE, duration=15.0):
+    """Presses of 1.25 s; from `at` on the surface is deeper by `moves` and the force `scale` times as large."""
+    time = np.arange(0.0, duration, PERIOD)
+    since = np.maximum(time - 1.0, 0.0)
+    size = 0.0055 * (0.8 + 0.2 * np.sin(2.0 * np.pi * 0.11 * time))
+    position = 0.008 + size * (1.0 - np.cos(2.0 * np.pi * 0.8 * since))
+    depth = position - np.where(time < at, 0.010, 0.010 + moves)
+    velocity = np.gradient(depth, time)
+    velocity[np.abs(velocity) > 1.0] = 0.0
+    state, force = law.initial_state(), np.empty(time.size)
+    for index, (x, v) in enumerate(zip(depth.tolist(), velocity.tolist(), strict=True)):
+        state, force[index], _ = advance(law, state, x, v, PERIOD)
+    force[time >= at] *= scale
+    noise = np.random.default_rng(0).normal(0.0, 0.02, time.size)
+    return Recording(time, np.round(position / 5e-6) * 5e-6, force + 0.3 + noise), force
+
+
+def said(recording):
+    """When a change was said, by the learner of the follower."""
+    learner, times = Learner(ContactMapBank()), []
+    samples = zip(recording.time.tolist(), recording.position.tolist(), recording.force.tolist(), strict=True)
+    for time, position, force in samples:
+        learner.update(time, position, force)
+        if learner.status is Status.CHANGED:
+            times.append(time)
+    return times
+
+
+def error(recording, force, begin):
+    predicted = predict(recording, Learner(ContactMapBank()), delay=0.3).force
+    later = recording.time >= begin
+    return math.sqrt(np.mean((predicted - force)[later] ** 2) / np.mean(force[later & (force > 0.05)] ** 2))
+
+
+RIGID_ENOUGH = HuntCrossley(3000.0, 1500.0, 1.4)
+
+
+@pytest.mark.parametrize(
+    ("law", "change"),
+    [
+        (RIGID_ENOUGH, {"moves": 0.004}),
+        (RIGID_ENOUGH, {"moves": -0.003}),
+        ("foam-measured", {"moves": 0.004}),
+        ("foam-measured", {"scale": 2.5}),
+    ],
+)
+def test_what_moves_or_is_swapped_is_noticed_within_a_tenth_of_a_second_and_learnt_anew(law, change):
+    recording, force = pressed(law if isinstance(law, HuntCrossley) else make_material(law).model, **change)
+    times = said(recording)
+    assert len(times) == 1
+    assert CHANGE <= times[0] < CHANGE + 0.1
+    assert error(recording, force, CHANGE + 2.0) < 0.12
+
+
+def test_what_is_pierced_is_noticed_at_the_next_press():
+    recording, force = pressed(make_material("sponge").model, scale=0.1, at=9.3)
+    times = said(recording)
+    assert len(times) == 1
+    assert 9.3 <= times[0] < 10.3
+    assert error(recording, force, 11.0) < 0.15
+
+
+def test_what_stays_as_it_is_never_changes():
+    recording, force = pressed(make_material("foam-measured").model)
+    assert said(recording) == []
+    assert error(recording, force, 5.0) < 0.1
+
+
+def test_a_surface_that_was_given_is_not_looked_for_again():
+    recording, _ = pressed(RIGID_ENOUGH, moves=0.004)
+    learner = Learner(ContactMapBank(), surface=0.010)
+    for sample in zip(recording.time.tolist(), recording.position.tolist(), recording.force.tolist(), strict=True):
+        learner.update(*sample)
+        assert learner.conditioner.surface == 0.010
+
+
+def test_a_material_that_has_gone_gives_no_force_until_it_is_touched_again():
+    recording, _ = pressed(RIGID_ENOUGH, moves=0.1)
+    learner = Learner(ContactMapBank())
+    for sample in zip(recording.time.tolist(), recording.position.tolist(), recording.force.tolist(), strict=True):
+        learner.update(*sample)
+    assert learner.estimator.changes == 1
+    assert learner.learnt().model is None
+    assert not predict(recording, Learner(ContactMapBank()), delay=0.3).force[recording.time > 9.6].any()
