@@ -98,3 +98,58 @@ def test_a_material_that_has_gone_gives_no_force_until_it_is_touched_again():
     assert learner.estimator.changes == 1
     assert learner.learnt().model is None
     assert not predict(recording, Learner(ContactMapBank()), delay=0.3).force[recording.time > 9.6].any()
+
+
+def spring(*, rate=1.0, duration=6.0, lost=(), spikes=(), stiffness=500.0):
+    """A spring pressed from 2 mm above to 8 mm below the surface; readings that are lost say 0 N, spikes say 200 N."""
+    time = np.arange(0.0, duration, PERIOD)
+    depth = 0.003 - 0.005 * np.cos(2.0 * np.pi * rate * time)
+    force = stiffness * np.maximum(depth, 0.0)
+    read = force + np.random.default_rng(1).normal(0.0, 0.01, time.size)
+    for begin, length, value in [*((at, size, 0.0) for at, size in lost), *((at, size, 200.0) for at, size in spikes)]:
+        read[(time >= begin) & (time < begin + length)] = value
+    return Recording(time, 0.02 + depth, read), force
+
+
+@pytest.mark.parametrize("length", [0.001, 0.004, 0.005])
+def test_a_reading_that_is_lost_takes_nothing_away(length):
+    """At the deepest place, where it is furthest from what is expected."""
+    recording, force = spring(lost=[(3.5, length)])
+    assert said(recording) == []
+    assert error(recording, force, 3.6) < 0.1
+
+
+def test_a_spike_ends_neither_contact_nor_the_search_for_changes():
+    recording, force = spring(spikes=[(2.5, 0.004)], duration=8.0)
+    learner = Learner(ContactMapBank())
+    touching = []
+    for sample in zip(recording.time.tolist(), recording.position.tolist(), recording.force.tolist(), strict=True):
+        touching.append(learner.update(*sample).in_contact)
+    later = recording.time > 3.0
+    assert np.array(touching)[later].mean() > 0.9 * (force[later] > 0.2).mean()
+    assert error(recording, force, 4.0) < 0.15
+
+
+def test_a_press_that_only_ever_goes_deeper_is_predicted():
+    """Nothing can be scored on it: no place is visited twice."""
+    time = np.arange(0.0, 100.0, 0.005)
+    depth = 1e-4 * (time - 5.0)
+    force = 500.0 * np.maximum(depth, 0.0) + np.random.default_rng(0).normal(0.0, 0.01, time.size)
+    predicted = predict(Recording(time, 0.01 + depth, force), Learner(ContactMapBank()), delay=0.3).force
+    assert abs(predicted[-1] - 500.0 * depth[-1]) < 0.05 * force.max()
+
+
+def test_the_law_of_what_has_gone_does_not_come_back():
+    recording, _ = pressed(RIGID_ENOUGH, moves=0.1)
+    bank = ContactMapBank()
+    learner = Learner(bank)
+    for sample in zip(recording.time.tolist(), recording.position.tolist(), recording.force.tolist(), strict=True):
+        learner.update(*sample)
+    learnt = learner.learnt()
+    assert learnt.model is None
+    assert "no longer there" in learnt.reason
+    last = float(recording.time[-1])
+    for index in range(1, 13):  # a tap on something four times as hard, too short for a law
+        learner.update(last + index * PERIOD, 0.03 + 2e-5 * index, 0.3 + 8000.0 * 2e-5 * index)
+    model = learner.learnt().model
+    assert model is None or model.stiffness == 0.0

@@ -32,6 +32,9 @@ QUIET_SPREAD = 1.5
 """The noise is at most this many times the spread of the quietest window so far: what chatters in free air is not the
 sensor's noise."""
 
+PEAK_TIME = 0.005
+"""Length of such a block [s]."""
+
 PEAK_SHARE = 0.05
 """Contact begins at least this share of the largest force so far above free air: friction of the mechanism grows
 with what presses it, and is no contact."""
@@ -122,6 +125,7 @@ class Conditioner:
         self._noise = 0.0
         self._quietest = math.inf
         self._peak = 0.0
+        self._block = (-math.inf, math.inf, math.inf)
         self._surface_threshold = math.inf
         self._free_position = math.nan
 
@@ -129,6 +133,7 @@ class Conditioner:
         """Look for the surface again: the material has gone. One that was given stays."""
         if self._given_surface is None:
             self.surface = math.nan
+        self._peak = 0.0
 
     def update(self, time: float, position: float, force: float, velocity: float | None = None) -> ContactSample:
         """Take one sample; a sample that is not finite is answered with "no contact" and changes nothing."""
@@ -140,7 +145,7 @@ class Conditioner:
             position, velocity = self._delay(time, position, velocity)
         self._learn_offset(time, force)
         force -= self.force_offset
-        self._peak = max(self._peak, force)
+        self._learn_peak(time, force)
         threshold = max(
             self._floor, NOISE_FACTOR * min(self._noise, QUIET_SPREAD * self._quietest), PEAK_SHARE * self._peak
         )
@@ -206,6 +211,15 @@ class Conditioner:
         self._noise = spread
         if self._given_offset is None:
             self.force_offset = mean + self._reference
+
+    def _learn_peak(self, time: float, force: float) -> None:
+        """The largest force that lasted: the lowest in two blocks of time, so that a spike of the sensor is none."""
+        begin, lowest, before = self._block
+        if time - begin >= PEAK_TIME:
+            self._block = (time, force, lowest)
+            self._peak = max(self._peak, min(lowest, before) if math.isfinite(before) else 0.0)
+        else:
+            self._block = (begin, min(lowest, force), before)
 
     def _learn_surface(self, position: float, threshold: float) -> None:
         """Take the surface from a contact that begins, if none is known or the known one is in doubt."""

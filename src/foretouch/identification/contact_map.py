@@ -18,6 +18,7 @@ from foretouch.identification.contact_map_learning import (
     FAILED,
     FIRST_DOUBT,
     LEARNT_AT,
+    MOMENTS,
     NOTES,
     PATIENCE,
     PERIOD,
@@ -88,7 +89,7 @@ class ContactMapBank(Estimator):
 
     .. math:: \pi_i \propto (c_i e_i)^{-8}
 
-    **Change.** Where for 0.05 s no map explains a force at a visited place to a quarter of the peak, the material has
+    **Change.** Where over 0.05 s no map explains a force at a visited place to a quarter of the peak, the material has
     changed: the maps begin anew, and until they are scored again the law's share is largest. Where instead of a force
     nothing at all is felt, the material has gone, and the surface is looked for again.
 
@@ -97,14 +98,14 @@ class ContactMapBank(Estimator):
     their tails are heavier than a Gaussian's.
 
     Args:
-        horizon: How late a prediction is that the experts are scored on [s], not negative.
+        horizon: How late a prediction is that the experts are scored on [s], 0 to 2.
         experts: Those that are asked, of ``law``, ``coarse`` and ``fine``.
 
     Attributes:
         changes: Sudden changes found since the last reset.
 
     Raises:
-        SettingError: A horizon below 0, or no or unknown experts.
+        SettingError: A horizon out of range, or no or unknown experts.
 
     References:
         Wahba (1990), Spline Models for Observational Data; Rasmussen and Williams (2006), Gaussian Processes for
@@ -116,7 +117,7 @@ class ContactMapBank(Estimator):
     model_name: ClassVar[str] = "contact-map"
 
     def __init__(self, horizon: float = LONGEST_HORIZON, experts: Sequence[str] = EXPERT_NAMES) -> None:
-        require("horizon", horizon, at_least=0.0)
+        require("horizon", horizon, at_least=0.0, at_most=2.0)
         if not experts or not set(experts) <= set(EXPERT_NAMES):
             raise SettingError("experts", ", ".join(experts), f"must be some of {', '.join(EXPERT_NAMES)}")
         self.horizon = horizon
@@ -149,6 +150,7 @@ class ContactMapBank(Estimator):
         restart(self._flat, *self._covariances, *self._priors, self._notes)
         self._flat[ORIGIN] = self._flat[ZERO] = 0.0
         self._flat[DOUBT : DOUBT + DOUBTS] = 0.0, FIRST_DOUBT**2, 0.0
+        self._notes[MOMENTS:SPREAD] = 0.0
         self._notes[SPREAD] = 1.0
         self._notes[LEARNT_AT] = -math.inf
         self._memory[:] = math.nan
@@ -170,7 +172,7 @@ class ContactMapBank(Estimator):
         place = depth - self._flat[ORIGIN]
         remember(self._memory, place, self._rates)
         if time - self._notes[LEARNT_AT] < PERIOD - 1e-7:
-            return Status.GATED
+            return Status.WAITING
         law = self._law.model
         if isinstance(law, ContinuousSwitching):
             self._flat[LAW : LAW + 4] = law.parameters
@@ -196,12 +198,13 @@ class ContactMapBank(Estimator):
             self.changes = changes
             return Status.RESTARTED
         if code == TOO_SOON:
-            return Status.GATED
+            return Status.WAITING
         self.updates += 1
         if code == CHANGED:
             self.changes += 1
             if not in_contact:  # the material is gone, and nobody knows how far: all waits for the next touch
                 self._law.reset()
+                self._flat[LAW : LAW + 4] = self._flat[LAW_SURFACE] = 0.0
                 self._begin()
                 self._touched = False
             return Status.CHANGED
@@ -209,7 +212,8 @@ class ContactMapBank(Estimator):
 
     def expect_delay(self, delay: float) -> None:
         """See `Estimator.expect_delay`: experts are scored on predictions that late, if it is no more than 0.3 s."""
-        self.horizon = min(max(delay, 0.0), LONGEST_HORIZON)
+        if math.isfinite(delay):
+            self.horizon = min(max(delay, 0.0), LONGEST_HORIZON)
 
     @property
     def shares(self) -> dict[str, float]:

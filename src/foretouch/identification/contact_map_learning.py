@@ -74,7 +74,9 @@ SNAPSHOTS = 23  # taken so far
 SNAPPED_AT = 24  # time of the newest [s]
 ABSENT = 25  # for each expert 1 where it is not to be asked
 PATIENCE = 28  # contact without a change before the next can be called [s]
-NOTES = 29
+IN_A_ROW = 29  # time for which no map explained the force [s]
+BEFORE = 30  # force at the sample before [N]
+NOTES = 31
 
 RING = 128
 RING_PERIOD = 0.02
@@ -99,9 +101,11 @@ FINE_DEPTH, COARSE_DEPTH = 4e-4, 3e-4
 
 ALARM_SHARE = 0.25
 ALARM_TIME = 0.05
+ALARM_ROW = 0.01
 ALARM_FROM, LONGEST_PATIENCE = 0.5, 8.0
-"""A change: for 0.05 s no map explains the force to a quarter of its peak, after half a second of contact; twice as
-long after a change that came soon after another, up to 8 s."""
+"""A change: over about 0.05 s, and for the last 0.01 s without a pause (0.05 s where nothing is felt), no map explains
+the force to a quarter of its peak, after half a second of contact; twice as long after a change that came in less than
+four times as much, up to 8 s."""
 
 CONTACT_SHARE = 0.05
 """Predictions above this share of the peak are scored out of contact too."""
@@ -109,7 +113,7 @@ CONTACT_SHARE = 0.05
 DOUBT_TIME = 5.0
 """Late errors are remembered for so much time [s]."""
 LEAST_DOUBT = 0.01
-"""Least standard deviation, in the peak, by which errors are weighed."""
+"""Least standard deviation, in the peak."""
 FIRST_DOUBT = 0.25
 """Standard deviation of a force before anything is known of it, in that force."""
 SPREAD_RATE = 0.01
@@ -151,7 +155,8 @@ _COARSE_LENGTH, _FINE_LENGTH = LENGTHS
 def _fit(flat: Array, covariance: Array, kind: int, place: float, values: Array, force: float) -> float:
     """Recursive least squares: one sample into a map; returns the error before [N], inf where the map does not reach.
 
-    The new covariance P - P h h' P / (h' P h + r) is symmetric as it is computed.
+    The new covariance P - P h h' P / (h' P h + r) is symmetric to rounding as it is computed; the error is NaN where
+    the old one was none.
     """
     length = _COARSE_LENGTH if kind == 0 else _FINE_LENGTH
     below = BELOW[0] if kind == 0 else BELOW[1]
@@ -180,6 +185,8 @@ def _fit(flat: Array, covariance: Array, kind: int, place: float, values: Array,
     variance = NOISE * NOISE
     for a in range(active):
         variance += regressor[a] * gain[indices[a]]
+    if not variance >= NOISE * NOISE:  # rounding has spoilt the covariance
+        return math.nan
     for i in range(size):
         share = gain[i] / variance
         flat[begin + i] += share * error
@@ -201,6 +208,7 @@ def _restart(flat: Array, coarse: Array, fine: Array, coarse_prior: Array, fine_
     notes[PEAK] = notes[CONTACT] = notes[SCORED] = notes[FADED] = 0.0
     notes[SCORES : SCORES + EXPERTS] = 0.0
     notes[ALARMS : ALARMS + 2] = 0.0
+    notes[IN_A_ROW] = 0.0
     notes[SNAPSHOTS] = 0.0
 
 
@@ -215,6 +223,7 @@ def _score(
     velocity: float,
     force: float,
     contact: bool,
+    period: float,
     notes: Array,
 ) -> None:
     """What an older map says of this sample, expert by expert; errors feed the shares and the doubt."""
@@ -222,17 +231,18 @@ def _score(
     mixed = judge(snapshot, values, place, velocity, True, forces)
     if not (contact or mixed > CONTACT_SHARE * notes[PEAK]):
         return
-    fading = math.exp(-PERIOD / SCORE_TIME)
+    fading = math.exp(-period / SCORE_TIME)
     for k in range(EXPERTS):
-        notes[SCORES + k] = notes[SCORES + k] * fading + PERIOD * (forces[k] - force) ** 2
-    notes[SCORED] = notes[SCORED] * fading + PERIOD
+        notes[SCORES + k] = notes[SCORES + k] * fading + period * (forces[k] - force) ** 2
+    notes[SCORED] = notes[SCORED] * fading + period
     # The doubt: squared errors as a constant and shares of the force's and the speed's square, by least squares.
-    fading = math.exp(-PERIOD / DOUBT_TIME)
+    fading = math.exp(-period / DOUBT_TIME)
     squared, variance = (mixed - force) ** 2, doubt(flat, mixed, velocity)
     notes[SPREAD] *= math.exp(SPREAD_RATE * ((1.0 if squared > variance else 0.0) - OUTSIDE))
     notes[SPREAD] = min(max(notes[SPREAD], 0.1), 10.0)
     shapes = np.array((1.0, mixed * mixed, (velocity / SPEED) ** 2))
-    scale = max(variance / notes[SPREAD] ** 2, (LEAST_DOUBT * notes[PEAK]) ** 2)
+    least = max((LEAST_DOUBT * notes[PEAK]) ** 2, 1e-12)
+    scale = max(variance / notes[SPREAD] ** 2, least)
     weight = 1.0 / (scale * scale)  # so that each counts by what it tells
     for i in range(DOUBTS):
         notes[TARGETS + i] = notes[TARGETS + i] * fading + weight * shapes[i] * squared
@@ -250,14 +260,15 @@ def _score(
                         rest -= notes[row + j] * flat[DOUBT + j] / notes[SPREAD] ** 2
                 largest = 1.0 if i == 1 else notes[PEAK] ** 2
                 flat[DOUBT + i] = min(notes[SPREAD] ** 2 * max(rest / notes[row + i], 0.0), largest)
+    flat[DOUBT] = max(flat[DOUBT], least)
 
 
-score: Callable[[Array, Array, Array, float, float, float, bool, Array], None] = njit(cache=True)(_score)
+score: Callable[[Array, Array, Array, float, float, float, bool, float, Array], None] = njit(cache=True)(_score)
 
 
 def _share(flat: Array, notes: Array) -> None:
     """Shares of the experts from their scores, what is assumed at first, and what their knots can resolve."""
-    first = FIRST_TIME * math.exp(-notes[CONTACT] / FIRST_TIME)
+    first = max(FIRST_TIME * math.exp(-notes[CONTACT] / FIRST_TIME), 1e-9)  # for nothing may have been scored yet
     depth = max(flat[REACHED] + flat[ORIGIN], 1e-6)
     total = 0.0
     for k in range(EXPERTS):
@@ -333,13 +344,14 @@ def _learn(
             age += 1
         snapshot = ring[(newest - 1 - age) % RING]
         if age < min(newest, RING) and snapshot[-2] >= SCORED_FROM and place <= snapshot[REACHED]:
-            score(flat, snapshot[:-2], values, place, velocity, force, contact, notes)
+            score(flat, snapshot[:-2], values, place, velocity, force, contact, period, notes)
 
     visited = place <= flat[REACHED]
     if contact:
         notes[CONTACT] += period
         notes[FADED] += period
-        notes[PEAK] = max(notes[PEAK], force)
+        # A spike is no peak: two samples in a row have felt it.
+        notes[PEAK] = max(notes[PEAK], min(force, notes[BEFORE]))
         flat[LAW_SPEED] = max(flat[LAW_SPEED], abs(velocity))
     flat[LOWEST], flat[REACHED] = min(flat[LOWEST], place), max(flat[REACHED], place)
     for kind in range(2):
@@ -347,6 +359,8 @@ def _learn(
         for f in range(_LAYOUTS[kind, 5]):
             flat[ranges + 2 * f] = min(flat[ranges + 2 * f], values[f])
             flat[ranges + 2 * f + 1] = max(flat[ranges + 2 * f + 1], values[f])
+
+    notes[BEFORE] = force
 
     code = LEARNT
     coarse_error = fit(flat, coarse, 0, place, values, force + flat[ZERO])
@@ -359,7 +373,12 @@ def _learn(
             notes[ALARMS + 1] += rate * (fine_error**2 - notes[ALARMS + 1])
         else:
             notes[ALARMS + 1] = notes[ALARMS]
-        unexplained = min(notes[ALARMS], notes[ALARMS + 1]) > (ALARM_SHARE * notes[PEAK]) ** 2
+        limit = (ALARM_SHARE * notes[PEAK]) ** 2
+        wrong = min(coarse_error**2, fine_error**2) > limit
+        notes[IN_A_ROW] = notes[IN_A_ROW] + period if wrong else 0.0
+        unexplained = min(notes[ALARMS], notes[ALARMS + 1]) > limit
+        # A sample or two that the sensor lost are no change; and that nothing is felt needs longer to be believed.
+        unexplained = unexplained and notes[IN_A_ROW] >= (ALARM_ROW if contact else ALARM_TIME)
         if unexplained and visited and notes[CONTACT] > notes[PATIENCE]:
             code = CHANGED
             # What changes again and again is no change: it is something that no map of this kind explains.
@@ -386,7 +405,8 @@ def _learn(
     total = 0.0
     for value in flat:
         total += value
-    return code if math.isfinite(total) and coarse[0, 0] >= 0.0 and fine[0, 0] >= 0.0 else FAILED
+    spoilt = math.isnan(coarse_error) or math.isnan(fine_error) or not math.isfinite(total)
+    return FAILED if spoilt else code
 
 
 learn: Callable[..., int] = njit(cache=True)(_learn)

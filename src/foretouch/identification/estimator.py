@@ -19,6 +19,7 @@ class Status(Enum):
     FREE_AIR = "not in contact: nothing to learn"
     UNUSABLE = "depth, velocity or force is not a number this estimator can take: sample left out"
     GATED = "depth or force below the contact gate: sample left out"
+    WAITING = "between two samples that are learnt from"
     HELD = "held in one place: nothing to tell the law's parts apart"
     CHANGED = "the material changed suddenly: learning it anew"
     RESTARTED = "the covariance was no longer usable: the estimator began again"

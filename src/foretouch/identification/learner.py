@@ -12,6 +12,8 @@ from foretouch.models import ContactModel, ContactState
 
 __all__ = ["Learner", "LearntModel"]
 
+GONE = "the material has changed: it is no longer there, and no force is given until it is touched again"
+
 
 @dataclass(frozen=True, slots=True)
 class LearntModel:
@@ -78,6 +80,8 @@ class Learner:
         self.status = self.estimator.update(self.sample)
         if self.status is Status.CHANGED and not self.sample.in_contact:
             self.conditioner.lose_surface()
+        if self.status is Status.CHANGED:
+            self.lag = SensorLag()
         if self.sample.in_contact:
             place = self.sample.depth + self.conditioner.surface
             self.lag.update(place, self.sample.velocity, force, time - last)
@@ -87,7 +91,8 @@ class Learner:
         """What is known now."""
         surface = self.conditioner.surface
         if math.isnan(surface):
-            return LearntModel(None, 0.0, (), "nothing has been touched yet")
+            gone = self.estimator.changes > 0
+            return LearntModel(None, 0.0, (), GONE if gone else "nothing has been touched yet")
         model = self.estimator.model
         if model is None:
             return LearntModel(None, surface, (), "too few samples in contact")

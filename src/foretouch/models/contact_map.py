@@ -29,7 +29,7 @@ class ContactMap(ContactModel):
     that is inside (relaxation). All of this the motion alone determines. The **fine map** has knots every 0.03 mm and
     velocity only, for what is rigid. The **law** is the paper's (4).
 
-    Outside of what was visited nobody knows: features count up to 1.2 times their range so far; deeper than ever a map
+    Outside of what was visited nobody knows: features count within their range so far; deeper than ever a map
     goes on along its last slope, held between the chord from the surface and 1.5 times that, and the law in proportion;
     the law counts speeds up to 1.5 times the largest. The standard deviation is that of late predictions so far, a
     constant and a share of the force, and grows with what is extrapolated. Slightly above the surface there may be a

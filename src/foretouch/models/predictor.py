@@ -129,6 +129,8 @@ class Predictor:
         period = time - self._time
         self._time = time
         self.ticks += 1
+        if not math.isfinite(position):  # no place to be: as before
+            position = float(self._places[(self.ticks - 1) % HISTORY])
         place = self.ticks % HISTORY
         self._places[place], self._periods[place] = position, period if period > 0.0 else 0.0  # the first has none
         self.velocity = self._motion.update(time, position) if velocity is None else velocity

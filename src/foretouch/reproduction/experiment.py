@@ -168,7 +168,14 @@ def run_experiment(name: str, presses: int | None = None, *, back: float = BACK,
     """
     script = make_script(name, presses, back=back)
     material = make_material(name)
-    settings = SessionSettings(material=name, position_delay=0.08, force_delay=FORCE_DELAY, seed=seed)
+    settings = SessionSettings(
+        material=name,
+        model="continuous-switching",
+        estimator="fprls",
+        position_delay=0.08,
+        force_delay=FORCE_DELAY,
+        seed=seed,
+    )
     session = simulate(
         settings,
         duration=script[-1][0],
