@@ -8,6 +8,7 @@ from foretouch.models.contact_map_kernel import (
     BELOW,
     COARSE,
     DOUBT,
+    FELT,
     FINE,
     HEADER,
     LAW,
@@ -29,6 +30,7 @@ PARAMETERS = (3000.0, 1500.0, 1.4, 0.0)
 def example_flat(shares=(0.3, 0.5, 0.2), *, seed=0):
     """A map that was visited from 4 mm above to 8 mm below its origin: 400 N/m, with features of up to 0.1 N."""
     flat = np.zeros(SIZE)
+    flat[FELT] = 1e30  # no force here is too large to be believed
     flat[LAW : LAW + 4] = PARAMETERS
     flat[DOUBT : DOUBT + 2] = 0.01, 0.0025
     flat[SHARES : SHARES + 3] = shares
@@ -52,6 +54,7 @@ def random_flat(seed, *, fine=True):
     """Any map: numbers of every size that learning gives, visited somewhere, origin and zero off the published ones."""
     random = np.random.default_rng(seed)
     flat = np.zeros(SIZE)
+    flat[FELT] = 1e30  # no force here is too large to be believed
     flat[ORIGIN], flat[ZERO] = random.uniform(-2e-3, 2e-3), random.uniform(-0.5, 0.5)
     flat[LAW : LAW + 4] = random.uniform(100.0, 9000.0), random.uniform(0.0, 2000.0), *random.uniform(0.0, 1.5, 2)
     flat[LAW_SURFACE], flat[LAW_SPEED] = random.uniform(-1e-3, 1e-3), random.uniform(0.0, 0.3)

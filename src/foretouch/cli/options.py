@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import inspect
 import json
+import math
 import tempfile
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -82,8 +83,17 @@ def say(line: str) -> None:
 
 
 def print_json(content: Mapping[str, Any]) -> None:
-    """One JSON object, the whole output."""
-    typer.echo(json.dumps(content, allow_nan=False))
+    """One JSON object, the whole output; a figure without bound is null, for JSON has no other word for it."""
+    typer.echo(json.dumps(_bounded(content), allow_nan=False))
+
+
+def _bounded(value: Any) -> Any:
+    """The same with null for every number that is not finite."""
+    if isinstance(value, Mapping):
+        return {name: _bounded(part) for name, part in value.items()}
+    if isinstance(value, list | tuple):
+        return [_bounded(part) for part in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 SESSION_OPTIONS: dict[str, tuple[type, object, str]] = {

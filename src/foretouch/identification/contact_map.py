@@ -36,6 +36,7 @@ from foretouch.models.checks import require
 from foretouch.models.contact_map_kernel import (
     DOUBT,
     DOUBTS,
+    FELT,
     LARGEST_FORCE,
     LAW,
     LAW_SURFACE,
@@ -148,7 +149,7 @@ class ContactMapBank(Estimator):
     def _begin(self) -> None:
         """Begin a map where the surface is now."""
         restart(self._flat, *self._covariances, *self._priors, self._notes)
-        self._flat[ORIGIN] = self._flat[ZERO] = 0.0
+        self._flat[ORIGIN] = self._flat[ZERO] = self._flat[FELT] = 0.0
         self._flat[DOUBT : DOUBT + DOUBTS] = 0.0, FIRST_DOUBT**2, 0.0
         self._notes[MOMENTS:SPREAD] = 0.0
         self._notes[SPREAD] = 1.0

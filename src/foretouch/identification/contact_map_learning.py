@@ -17,6 +17,7 @@ from foretouch.models.contact_map_kernel import (
     DOUBT,
     DOUBTS,
     EXPERTS,
+    FELT,
     FINE,
     LARGEST_FEATURES,
     LAW,
@@ -352,6 +353,7 @@ def _learn(
         notes[FADED] += period
         # A spike is no peak: two samples in a row have felt it.
         notes[PEAK] = max(notes[PEAK], min(force, notes[BEFORE]))
+        flat[FELT] = max(flat[FELT], notes[PEAK])
         flat[LAW_SPEED] = max(flat[LAW_SPEED], abs(velocity))
     flat[LOWEST], flat[REACHED] = min(flat[LOWEST], place), max(flat[REACHED], place)
     for kind in range(2):

@@ -22,6 +22,7 @@ from foretouch.models.contact_map_kernel import (
     COARSENESS,
     DOUBT,
     EXPERTS,
+    FELT,
     FINE,
     LARGEST_FEATURES,
     LAW,
@@ -168,6 +169,7 @@ class OfflineContactMap(Estimator):
         flat[ORIGIN], flat[ZERO] = self._origin, self._zero
         flat[LOWEST], flat[REACHED] = found.place.min(), found.place.max()
         flat[LAW_SPEED] = np.abs(found.velocity[found.in_contact]).max()
+        flat[FELT] = max(float((found.force - flat[ZERO]).max()), 0.0)
         for kind in range(2):
             _fit_map(flat, kind, found, self._stride)
         self._law = _fit_law(flat, found)

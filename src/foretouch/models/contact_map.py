@@ -29,11 +29,12 @@ class ContactMap(ContactModel):
     that is inside (relaxation). All of this the motion alone determines. The **fine map** has knots every 0.03 mm and
     velocity only, for what is rigid. The **law** is the paper's (4).
 
-    Outside of what was visited nobody knows: features count within their range so far; deeper than ever a map
-    goes on along its last slope, held between the chord from the surface and 1.5 times that, and the law in proportion;
-    the law counts speeds up to 1.5 times the largest. The standard deviation is that of late predictions so far, a
-    constant and a share of the force, and grows with what is extrapolated. Slightly above the surface there may be a
-    force: what has been learnt of depth knows better where contact begins.
+    Outside of what was visited nobody knows: features count within their range so far; deeper than ever a map goes on
+    along its last slope, held between the chord from the surface and 1.5 times that, and the law in proportion; the law
+    counts speeds up to 1.5 times the largest; and no force there is more than 20 times the largest felt. The standard
+    deviation is that of late predictions so far, from a constant and shares of force and speed, and grows with the
+    depth that is extrapolated. Slightly above the surface there may be a force: what has been learnt of depth knows
+    better where contact begins.
 
     Args:
         stiffness: k of the law [N/m^(n + alpha)], not negative; 0 while the law is unknown.

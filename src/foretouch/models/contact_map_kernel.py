@@ -76,6 +76,9 @@ LARGEST_FORCE = 1e6
 FINE_REACH = ABOVE[1] * LENGTHS[1]
 """The knots of the fine map end here [m]."""
 
+MOST = 20.0
+"""Deeper than ever the force is at most this many times the largest that was felt."""
+
 LETTING_GO = 5e-3
 """Further out than ever a force is gone after this distance [m] at the latest."""
 
@@ -94,7 +97,8 @@ DOUBT = 10  # variance of the force: constant [N^2], share of the force's square
 DOUBTS = 3
 SHARES = 13  # of the law, the coarse map and the fine map
 EXPERTS = 3
-HEADER = 16
+FELT = 16  # largest force so far [N]
+HEADER = 17
 
 
 def _layout(kind: int, start: int) -> tuple[int, ...]:
@@ -288,6 +292,8 @@ def _judge(flat: Array, values: Array, place: float, velocity: float, everything
     force = 0.0
     for k in range(EXPERTS):
         force += flat[SHARES + k] * forces[k]
+    if place > flat[REACHED]:
+        force = min(force, MOST * flat[FELT])
     return min(force, LARGEST_FORCE) if force >= 0.0 else 0.0  # 0 where it is no number
 
 
