@@ -131,9 +131,11 @@ def time_to_accuracy(
     clock, force = time[in_contact], true_force[in_contact]
     if clock.size < count:
         return None
-    power = force**2
     with np.errstate(over="ignore", invalid="ignore"):
+        power = force**2
         wrong = (predicted_force[in_contact] - force) ** 2
+    if not np.isfinite(power.sum()):
+        return None  # forces without bound: nothing to be within ten percent of
     # One error as large as all force together spoils its window for certain; larger ones would spoil the sums' digits.
     wrong = np.fmin(np.where(np.isnan(wrong), np.inf, wrong), power.sum())
     accurate = _window_sums(wrong, count) <= within**2 * _window_sums(power, count) * (1.0 + 1e-9)

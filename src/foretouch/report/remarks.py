@@ -107,7 +107,8 @@ def _of_drift(time: Array, position: Array, scores: Scores) -> Iterator[str]:
     force = scores.measured_force[outside]
     found = np.linalg.lstsq(columns / np.abs(columns).max(axis=0), force, rcond=None)[0] / np.abs(columns).max(axis=0)
     drift = float(found[0]) * float(time[-1])
-    left = float(np.sqrt(np.mean(np.square(force - columns @ found))))
+    with np.errstate(over="ignore"):
+        left = float(np.sqrt(np.mean(np.square(force - columns @ found))))
     if abs(drift) > max(scores.threshold_N or 0.0, CLEAR * left):
         yield (
             f"The force in free air drifts by {found[0]:+.2g} N/s: its zero is that of one moment, and what drifts "
