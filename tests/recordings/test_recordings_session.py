@@ -307,12 +307,12 @@ def test_every_message_of_the_schema_can_be_recorded(tmp_path):
 
 def test_the_schema_follows_the_fields():
     class Extended(Telemetry, frozen=True, array_like=True, gc=False):
-        temperature: float
-        note: str
+        temperature: float = 0.0
+        note: str = ""
 
     layout = Layout(Extended)
     assert layout.dtype is None
-    assert layout.schema.endswith("int64 compute_ns\nfloat64 temperature\nstring note\n")
+    assert layout.schema.endswith("int64 compute_ns\nbool guarded\nfloat64 temperature\nstring note\n")
     message = Extended(*msgspec.structs.astuple(made.telemetry(3)), 36.5, "warm")
     assert bits(msgspec.structs.astuple(layout.unpack(layout.pack(message)))) == bits(msgspec.structs.astuple(message))
 

@@ -24,7 +24,7 @@ __all__ = [
     "Telemetry",
 ]
 
-VERSION = 2
+VERSION = 3
 """Version of the schema. It changes with every change of a field; peers must agree."""
 
 Count = Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)]
@@ -53,11 +53,13 @@ class Command(Message, frozen=True, array_like=True, gc=False):
 
     Attributes:
         position: Desired probe position [m].
-        acknowledged_model: `sequence` of the newest model that has arrived at the leader, 0 before the first.
+        acknowledged_model: `sequence` of the newest model that the leader renders from, 0 before the first.
+        guarded: Whether the first touch of a surface that the leader does not know is to be guarded.
     """
 
     position: float
     acknowledged_model: Count
+    guarded: bool = False
 
 
 class ModelUpdate(Message, frozen=True, array_like=True, gc=False):
@@ -104,6 +106,7 @@ class Telemetry(Message, frozen=True, array_like=True, gc=False):
         model_sequence: Newest model sent, 0 before the first.
         period_ns: Time since the last tick began [ns].
         compute_ns: Time that this tick's computing took [ns].
+        guarded: Whether the first touch was guarded: the robot held back from its command or from its speed.
     """
 
     command_sequence: Count
@@ -118,15 +121,19 @@ class Telemetry(Message, frozen=True, array_like=True, gc=False):
     model_sequence: Count
     period_ns: Count
     compute_ns: Count
+    guarded: bool = False
 
 
 class LeaderState(Message, frozen=True, array_like=True, gc=False):
     """Leader to all that watch, every leader tick; `sequence` is that of the tick's command.
 
+    Two positions and two scales of force: the proxy is what the follower is told and what the model is asked at, in the
+    follower's lengths and forces; the hand is where the operator is, in the device's.
+
     Attributes:
-        position: Position of the operator's hand [m].
-        velocity: Estimated from the positions, causally [m/s].
-        predicted_force: The newest model at the hand's motion, before mediation and clamps [N].
+        position: Position of the proxy, as the command says [m].
+        velocity: Of the proxy, estimated causally [m/s].
+        predicted_force: The newest model at the proxy's motion, before mediation, scale and clamps [N].
         rendered_force: What the hand is given, after everything [N].
         delayed_force: The newest telemetry's force that had arrived; recorded, never rendered [N].
         telemetry_sequence: That telemetry's sequence, 0 before the first.
@@ -137,6 +144,15 @@ class LeaderState(Message, frozen=True, array_like=True, gc=False):
         period_ns: Time since the last tick began [ns].
         compute_ns: Time that this tick's computing took [ns].
         standard_deviation: Of the predicted force [N], NaN where the model carries no doubt.
+        hand_position: Of the operator's hand, as the device's encoder shows it [m].
+        exact_hand_position: The same from the simulated hand, without the encoder's steps [m]; NaN on a device.
+        intended_position: Where the hand wants to be [m]; NaN where nobody knows.
+        mediated_force: For the hand after mediation and scale, before the limits [N].
+        update_step: Part of this tick's change of `mediated_force` that models made, and not motion [N].
+        energy: That the hand has put into the rendered force in this contact, up to this tick [J].
+        energy_bound: That it may have given out at most: see `foretouch.rendering.EnergyAccount` [J].
+        rendered_share: Share of the hand's motion that the proxy takes part in: 1 where the device can carry the model.
+        engaged: Whether hand and proxy are coupled: no clutch is pressed.
     """
 
     position: float
@@ -151,6 +167,15 @@ class LeaderState(Message, frozen=True, array_like=True, gc=False):
     period_ns: Count
     compute_ns: Count
     standard_deviation: float = math.nan
+    hand_position: float = math.nan
+    exact_hand_position: float = math.nan
+    intended_position: float = math.nan
+    mediated_force: float = 0.0
+    update_step: float = 0.0
+    energy: float = 0.0
+    energy_bound: float = 0.0
+    rendered_share: float = 1.0
+    engaged: bool = True
 
 
 class Handle(Message, frozen=True, array_like=True, gc=False):
@@ -159,10 +184,12 @@ class Handle(Message, frozen=True, array_like=True, gc=False):
     Attributes:
         position: Handle position [m], in the frame of the probe.
         held: True while the handle is dragged.
+        clutched: True while the clutch is pressed: the hand moves and the follower stays.
     """
 
     position: float
     held: bool
+    clutched: bool = False
 
 
 class Settings(Message, frozen=True, array_like=True, gc=False):

@@ -13,7 +13,8 @@ from foretouch.messages.schema import LeaderState, Message, ModelUpdate, Telemet
 
 __all__ = ["COUNT_PREFIX", "FOLLOWER_DTYPE", "LEADER_DTYPE", "SessionLog", "SessionRows", "as_row", "split_texts"]
 
-_TYPES = {"model_jump": "f8", "standard_deviation": "f8", "clipped": "?", "in_contact": "?"}
+_NUMBERS = ("model_jump", "standard_deviation", "update_step", "energy", "energy_bound", "rendered_share")
+_TYPES = dict.fromkeys(_NUMBERS, "f8") | dict.fromkeys(("clipped", "in_contact", "guarded", "engaged"), "?")
 
 
 def _dtype(kind: type[Message]) -> np.dtype[np.void]:
