@@ -1,15 +1,29 @@
 """Devices: where the operator's hand is, and what it is given to feel.
 
-A `Device` is read and rendered to at every leader tick; it gets the time and reads no clock. All of them here are open
-loop: the force does not move the hand.
+A `Device` is read and rendered to at every leader tick; it gets the time and reads no clock. The operators are open
+loop: the force does not move them. A `Hand` wants what an operator does, holds a device of mass and friction, and is
+moved by the force (closed loop).
 """
 
 from foretouch.devices.browser import BrowserOperator
 from foretouch.devices.device import Device
+from foretouch.devices.grips import GRIPS, Grip
+from foretouch.devices.hand import Hand
 from foretouch.devices.recorded import RecordedOperator
 from foretouch.devices.scripted import ScriptedOperator
+from foretouch.devices.specification import DeviceSpecification
 
-__all__ = ["OPERATORS", "BrowserOperator", "Device", "RecordedOperator", "ScriptedOperator"]
+__all__ = [
+    "GRIPS",
+    "OPERATORS",
+    "BrowserOperator",
+    "Device",
+    "DeviceSpecification",
+    "Grip",
+    "Hand",
+    "RecordedOperator",
+    "ScriptedOperator",
+]
 
 OPERATORS = ("scripted", "recorded", "browser")
 """Names of the operators in the package."""

@@ -6,6 +6,8 @@ import math
 from abc import ABC, abstractmethod
 from typing import ClassVar
 
+from foretouch.devices.specification import DeviceSpecification
+
 __all__ = ["FORCE_LIMIT", "Device", "limit_force"]
 
 FORCE_LIMIT = 10.0
@@ -37,6 +39,26 @@ class Device(ABC):
 
         A force that is not a number is rendered as none.
         """
+
+    @property
+    def specification(self) -> DeviceSpecification | None:
+        """What the device can render; None where nothing is felt (open loop)."""
+        return None
+
+    @property
+    def intention(self) -> float:
+        """Where the hand wants to be [m] at the newest `read`; NaN where nobody knows."""
+        return math.nan
+
+    @property
+    def exact_position(self) -> float:
+        """Where the hand is [m] at the newest `read`, without the encoder's counts; NaN where nobody knows."""
+        return math.nan
+
+    @property
+    def clutched(self) -> bool:
+        """Whether the operator holds the clutch at the newest `read`: the hand moves, the probe is to stay."""
+        return False
 
 
 def limit_force(force: float, limit: float = FORCE_LIMIT) -> float:

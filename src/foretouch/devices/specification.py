@@ -1,0 +1,76 @@
+"""What a force-feedback device is, and what it can render by that."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from foretouch.models.checks import require
+
+__all__ = ["DeviceSpecification"]
+
+
+@dataclass(frozen=True, slots=True)
+class DeviceSpecification:
+    r"""A force-feedback device along its one axis.
+
+    `damping` is what the passivity condition counts: the damping that is there without any sample of it being taken,
+    by friction of the drive or by an analogue loop of it (Colgate and Brown: electrical damping). What a program makes
+    of sampled positions is not part of it.
+
+    The default is a desktop device with such a drive, not one product: its force limit and encoder count are those of a
+    parallel desktop device (the class of Force Dimension's omega.3 and of Novint's Falcon, 9 to 12 N and some 10 um),
+    its inertia and friction those of the whole class (some 0.05 to 0.3 kg and 0.05 to 1 N). The bare mechanisms have
+    much less viscous damping, some 0.01 to 1 N s/m: 2 N s/m asks for damping by the drive. Diolaiti et al. list
+    damping, friction, encoders and inertia of common devices, and show that many work beyond the passivity condition
+    because of their dry friction; here the condition is kept, and friction is not relied on. The ranges are from memory
+    of data sheets, to be replaced by the numbers of a device that is really there.
+
+    Args:
+        mass: Moving mass at the handle [kg], 0.001 to 10.
+        damping: b [N s/m], 0 to 1000.
+        friction: Coulomb friction [N], 0 to 100; stiction is as large.
+        force_limit: Largest force [N] that it gives, above 0, at most 1000.
+        resolution: One encoder count [m], 0 (none) to 0.001.
+
+    Raises:
+        SettingError: A number out of range.
+
+    References:
+        Colgate and Schenkel (1997), Passivity of a class of sampled-data systems: application to haptic interfaces,
+        Journal of Robotic Systems 14(1). Colgate and Brown (1994), Factors affecting the Z-width of a haptic display,
+        IEEE International Conference on Robotics and Automation. Diolaiti, Niemeyer, Barbagli and Salisbury (2006),
+        Stability of haptic rendering: discretization, quantization, time delay, and Coulomb effects, IEEE Transactions
+        on Robotics 22(2).
+    """
+
+    mass: float = 0.1
+    damping: float = 2.0
+    friction: float = 0.1
+    force_limit: float = 10.0
+    resolution: float = 1e-5
+
+    def __post_init__(self) -> None:
+        require("mass", self.mass, at_least=1e-3, at_most=10.0)
+        require("damping", self.damping, at_least=0.0, at_most=1000.0)
+        require("friction", self.friction, at_least=0.0, at_most=100.0)
+        require("force_limit", self.force_limit, above=0.0, at_most=1000.0)
+        require("resolution", self.resolution, at_least=0.0, at_most=1e-3)
+
+    def largest_stiffness(self, sample_period: float, rendered_damping: float = 0.0) -> float:
+        r"""The stiffest spring [N/m] that the device renders passively, whoever holds it.
+
+        .. math:: b > \frac{K T}{2} + |B| \quad\Rightarrow\quad K < \frac{2 (b - |B|)}{T}
+
+        for a force held from sample to sample and a velocity that is the difference of two positions (Colgate and
+        Schenkel 1997). 0 where the damping alone is too much.
+
+        Args:
+            sample_period: T [s], positive.
+            rendered_damping: B [N s/m], of either sign.
+
+        Raises:
+            SettingError: `sample_period` not positive, or a damping that is no number.
+        """
+        require("sample_period", sample_period, above=0.0)
+        require("rendered_damping", rendered_damping)
+        return max(2.0 * (self.damping - abs(rendered_damping)) / sample_period, 0.0)
