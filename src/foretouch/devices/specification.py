@@ -13,17 +13,17 @@ __all__ = ["DeviceSpecification"]
 class DeviceSpecification:
     r"""A force-feedback device along its one axis.
 
-    `damping` is what the passivity condition counts: the damping that is there without any sample of it being taken,
-    by friction of the drive or by an analogue loop of it (Colgate and Brown: electrical damping). What a program makes
-    of sampled positions is not part of it.
+    `damping` is what the passivity condition counts: the damping that is there between the samples too, by the bearings
+    or by an analogue loop of the drive (electrical damping, Mehling et al.). What a program makes of sampled positions
+    is not part of it.
 
-    The default is a desktop device with such a drive, not one product: its force limit and encoder count are those of a
-    parallel desktop device (the class of Force Dimension's omega.3 and of Novint's Falcon, 9 to 12 N and some 10 um),
-    its inertia and friction those of the whole class (some 0.05 to 0.3 kg and 0.05 to 1 N). The bare mechanisms have
-    much less viscous damping, some 0.01 to 1 N s/m: 2 N s/m asks for damping by the drive. Diolaiti et al. list
-    damping, friction, encoders and inertia of common devices, and show that many work beyond the passivity condition
-    because of their dry friction; here the condition is kept, and friction is not relied on. The ranges are from memory
-    of data sheets, to be replaced by the numbers of a device that is really there.
+    The default is a desktop device with such a drive, not one product. Its force limit is of the order of Novint's
+    Falcon (8 N) and of the SensAble Phantom (6 N), as the device files of CHAI3D give them, which also advise at most
+    3000 and 1000 N/m for these: of the order of what `largest_stiffness` gives here at 1 kHz, 4000 N/m. Inertia,
+    friction and encoder count could not be checked against data sheets; 0.05 to 0.3 kg, 0.05 to 1 N and 1 to 60 um is
+    what such devices span. Bare mechanisms have less viscous damping than 2 N s/m, which therefore asks for damping by
+    the drive. Diolaiti et al. show that many devices work beyond the passivity condition thanks to their dry friction;
+    here it is not relied on.
 
     Args:
         mass: Moving mass at the handle [kg], 0.001 to 10.
@@ -37,10 +37,10 @@ class DeviceSpecification:
 
     References:
         Colgate and Schenkel (1997), Passivity of a class of sampled-data systems: application to haptic interfaces,
-        Journal of Robotic Systems 14(1). Colgate and Brown (1994), Factors affecting the Z-width of a haptic display,
-        IEEE International Conference on Robotics and Automation. Diolaiti, Niemeyer, Barbagli and Salisbury (2006),
-        Stability of haptic rendering: discretization, quantization, time delay, and Coulomb effects, IEEE Transactions
-        on Robotics 22(2).
+        Journal of Robotic Systems 14(1). Mehling, Colgate and Peshkin (2005), Increasing the impedance range of a
+        haptic display by adding electrical damping, World Haptics Conference. Diolaiti, Niemeyer, Barbagli and
+        Salisbury (2006), Stability of haptic rendering: discretization, quantization, time delay, and Coulomb effects,
+        IEEE Transactions on Robotics 22(2).
     """
 
     mass: float = 0.1
