@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import hashlib
+import math
+from collections import Counter
+from itertools import groupby, pairwise
 from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from foretouch.errors import SettingError
@@ -80,8 +84,207 @@ def test_the_delay_may_change_on_the_way() -> None:
     assert stage.pop_due(100 * MS) == ["slow"]
 
 
+def test_loss_jitter_and_outages_are_drawn_as_they_were_before_there_were_other_faults() -> None:
+    """Recorded and published sessions repeat bit by bit; the digest was taken before bursts were possible."""
+    arrived = [
+        (tick, message)
+        for tick, message in run(Faults(delay=0.05, jitter=0.02, loss=0.1, outage=0.2, seed=7), 20_000)
+        if tick < 20_000
+    ]
+    digest = hashlib.sha256(repr(arrived).encode()).hexdigest()
+    assert digest == "ee83582eb65df55ddad6eeff76f1a912fc8c5232b8ee384fec9b1cd6cd45a781"
+
+
+def lost_of(faults: Faults, messages: int) -> np.ndarray:
+    """Whether each message is lost, of a link without delay."""
+    stage: FaultStage[int] = FaultStage(faults)
+    for n in range(messages):
+        stage.push(n, n)
+    arrived = stage.pop_due(messages)
+    assert stage.dropped == messages - len(arrived)
+    lost = np.ones(messages, dtype=bool)
+    lost[arrived] = False
+    return lost
+
+
 @pytest.mark.parametrize(
-    ("name", "value"), [("delay", -0.1), ("delay", 11.0), ("jitter", -1.0), ("loss", 1.5), ("outage", 20.0)]
+    ("loss", "burst"), [(0.01, 3.0), (0.05, 10.0), (0.3, 20.0), (0.3, 1.2), (0.6, 1.5), (0.7, 4.0)]
+)
+def test_bursts_have_the_share_and_the_mean_length_asked_for(loss: float, burst: float) -> None:
+    messages = 200_000
+    lost = lost_of(Faults(loss=loss, burst=burst, seed=5), messages)
+    lengths = np.array([sum(1 for _ in run) for is_lost, run in groupby(lost) if is_lost])
+    # Standard errors of the two-state chain: memory 1 - p - r, and burst lengths that are geometric.
+    memory = 1 - loss / (1 - loss) / burst - 1 / burst
+    error_of_share = math.sqrt(loss * (1 - loss) * (1 + memory) / (1 - memory) / messages)
+    error_of_length = math.sqrt(burst * (burst - 1) / len(lengths))
+    assert abs(lost.mean() - loss) < 4 * error_of_share
+    assert abs(lengths.mean() - burst) < 4 * error_of_length
+    assert abs(np.mean(lengths == 1) - 1 / burst) < 4 * math.sqrt((1 - 1 / burst) / burst / len(lengths))
+
+
+def test_bursts_as_long_as_those_of_independent_loss_are_independent_loss() -> None:
+    independent = lost_of(Faults(loss=0.3, seed=6), 20_000)
+    chain = lost_of(Faults(loss=0.3, burst=1 / (1 - 0.3), seed=6), 20_000)
+    assert (independent == chain).all()
+
+
+def test_the_first_message_is_lost_as_often_as_any_other() -> None:
+    lost = [lost_of(Faults(loss=0.3, burst=50.0, seed=seed), 1)[0] for seed in range(4000)]
+    assert abs(np.mean(lost) - 0.3) < 4 * math.sqrt(0.3 * 0.7 / 4000)
+
+
+def test_the_share_asked_for_is_reordered_and_overtaken() -> None:
+    delay, share, messages = 0.02, 0.1, 20_000
+    arrived = run(Faults(delay=delay, reorder=share, seed=9), messages)
+    late = {message: tick - message - 20 for tick, message in arrived}
+    held = np.array([ms for ms in late.values() if ms])
+    assert len(arrived) == messages
+    assert abs(len(held) / messages - share) < 4 * math.sqrt(share * (1 - share) / messages)
+    # Between 5 and 50 ms; arrivals wait for the next tick of 1 ms.
+    assert held.min() >= 5
+    assert held.max() <= 50
+    assert abs(held.mean() - 28.0) < 4 * 45 / math.sqrt(12 * len(held))
+    place = {message: place for place, (_, message) in enumerate(arrived)}
+    overtaken = [n for n in range(messages - 60) if any(place[later] < place[n] for later in range(n + 1, n + 50))]
+    assert set(overtaken) == {n for n in range(messages - 60) if late[n]}
+
+
+def test_the_share_asked_for_comes_twice_and_the_copy_later() -> None:
+    share, messages = 0.2, 20_000
+    arrived = run(Faults(delay=0.01, duplicate=share, seed=10), messages)
+    times: dict[int, list[int]] = {}
+    for tick, message in arrived:
+        times.setdefault(message, []).append(tick)
+    assert set(times) == set(range(messages))
+    assert all(ticks[0] == message + 10 for message, ticks in times.items())
+    gaps = np.array([ticks[1] - ticks[0] for ticks in times.values() if len(ticks) == 2])
+    assert {len(ticks) for ticks in times.values()} == {1, 2}
+    assert abs(len(gaps) / messages - share) < 4 * math.sqrt(share * (1 - share) / messages)
+    assert gaps.min() >= 1
+    assert gaps.max() <= 20
+    assert abs(gaps.mean() - 11.0) < 4 * 19 / math.sqrt(12 * len(gaps))
+
+
+@pytest.mark.parametrize(("delay", "jitter"), [(0.0, 0.0), (0.1, 0.0), (2.5, 0.0), (0.1, 0.05)])
+def test_a_stall_holds_what_would_arrive_in_it_and_releases_it_together_in_order(delay: float, jitter: float) -> None:
+    length_ms, messages = 400, 30_000
+    stalled = Faults(delay=delay, jitter=jitter, stall=0.4, seed=11)
+    due = {
+        message: tick for tick, message in run(Faults(delay=delay, jitter=jitter, seed=11), messages) if tick < 30_000
+    }
+    arrived = [(tick, message) for tick, message in run(stalled, messages) if tick < 30_000]
+    moved = [(tick, message) for tick, message in arrived if tick != due[message]]
+    ends = sorted({tick for tick, _ in moved})
+    assert len(ends) == 3
+    assert [(end - length_ms) // 10_000 for end in ends] == [0, 1, 2]
+    for end in ends:
+        together = [message for tick, message in arrived if tick == end]
+        held = [message for message in together if due[message] != end]
+        assert held == sorted(held)
+        # A stall begins within a tick: of what is due in that one, a part still comes.
+        inside = {message for message, tick in due.items() if end - length_ms < tick < end}
+        assert inside <= set(held) <= inside | {m for m, tick in due.items() if tick == end - length_ms}
+        assert len(held) >= length_ms - 2 * round(jitter * 1000)
+        assert not any(end - length_ms < tick < end for tick, _ in arrived)
+
+
+def test_stalls_do_not_follow_the_delay_nor_the_outages() -> None:
+    def silences(**asked: Any) -> list[int]:
+        ticks = sorted({tick for tick, _ in run(Faults(**asked, seed=12), 40_000) if tick < 40_000})
+        return [before for before, after in pairwise(ticks) if after - before == 301]  # Neither end is on a tick.
+
+    plain = silences(stall=0.3)
+    assert [tick // 10_000 for tick in plain] == [0, 1, 2, 3]
+    assert silences(delay=0.5, stall=0.3) == plain
+    assert silences(outage=0.2, stall=0.3) == plain
+    assert not set(silences(outage=0.3)) & set(plain)
+
+
+shares = st.floats(0.0, 0.4)
+
+
+@settings(derandomize=True, deadline=None, max_examples=40)
+@given(
+    delay=st.floats(0.0, 0.5),
+    jitter=st.floats(0.0, 0.1),
+    loss=shares,
+    burst=st.floats(1.0, 30.0),
+    outage=st.floats(0.0, 2.0),
+    reorder=shares,
+    duplicate=shares,
+    stall=st.floats(0.0, 2.0),
+    seed=st.integers(0, 10_000),
+)
+def test_every_message_comes_as_often_as_it_should(**asked: Any) -> None:
+    faults = Faults(**asked)
+    messages = 1500
+    stage: FaultStage[int] = FaultStage(faults)
+    arrived: list[tuple[int, int]] = []
+    for tick in range(messages + 13_000):
+        if tick < messages:
+            stage.push(tick * MS, tick)
+        arrived += [(tick, message) for message in stage.pop_due(tick * MS)]
+    times = Counter(message for _, message in arrived)
+    assert set(times.values()) <= {1, 2}
+    assert len(times) == messages - stage.dropped
+    assert sum(times.values()) == messages - stage.dropped + stage.duplicated
+    least = math.floor(max(0.0, faults.delay - faults.jitter) * 1000)
+    most = math.ceil((faults.delay + faults.jitter + faults.stall + 0.05 + 0.02) * 1000) + 1
+    assert all(least <= tick - message <= most for tick, message in arrived)
+
+
+def test_new_faults_do_not_shift_the_draws_of_the_others() -> None:
+    def first(**asked: Any) -> dict[int, int]:
+        times: dict[int, int] = {}
+        for tick, message in run(Faults(delay=0.1, jitter=0.02, loss=0.1, outage=0.2, seed=13, **asked)):
+            times.setdefault(message, tick)
+        return times
+
+    plain, held = first(), first(reorder=0.2)
+    assert first(duplicate=0.3) == plain
+    assert set(held) == set(plain)
+    assert first(reorder=0.2, duplicate=0.3) == held
+    later = {message for message, tick in held.items() if tick > plain[message]}
+    assert all(held[message] == plain[message] for message in plain if message not in later)
+    assert later <= {message for message, tick in first(reorder=0.3).items() if tick > plain[message]}
+
+
+def test_the_seed_decides_the_new_faults_too() -> None:
+    asked: dict[str, Any] = {"loss": 0.2, "burst": 6.0, "reorder": 0.1, "duplicate": 0.1, "stall": 0.3}
+    assert run(Faults(**asked, seed=14)) == run(Faults(**asked, seed=14))
+    for name in ("reorder", "duplicate", "stall"):
+        alone = {name: asked[name]}
+        assert run(Faults(**alone, seed=14)) != run(Faults(**alone, seed=15))
+
+
+@given(st.floats(1.0, 10_000.0, exclude_min=True))
+@settings(derandomize=True, deadline=None, max_examples=50)
+def test_more_loss_than_bursts_can_make_is_refused_with_the_most_that_works(burst: float) -> None:
+    with pytest.raises(SettingError, match=r"burst / \(1 \+ burst\).*take at most") as raised:
+        Faults(loss=min(1.0, burst / (1 + burst) + 1e-6), burst=burst)
+    most = float(str(raised.value).split("take at most ")[1].split(",")[0])
+    stay = Faults(loss=most, burst=burst).loss_transitions
+    assert all(0.0 <= probability <= 1.0 for probability in stay)
+    assert "\n" not in str(raised.value)
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("delay", -0.1),
+        ("delay", 11.0),
+        ("jitter", -1.0),
+        ("loss", 1.5),
+        ("outage", 20.0),
+        ("burst", 0.5),
+        ("burst", math.inf),
+        ("burst", math.nan),
+        ("reorder", -0.1),
+        ("duplicate", 1.1),
+        ("stall", 10.1),
+        ("stall", math.nan),
+    ],
 )
 def test_bad_faults_are_refused(name: str, value: float) -> None:
     settings: dict[str, Any] = {name: value}

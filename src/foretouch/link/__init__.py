@@ -4,7 +4,8 @@ It never sees a law; what it carries is the table `foretouch.messages.CHANNELS`.
 """
 
 from foretouch.link.endpoints import check_endpoint, check_port_free, free_endpoint
-from foretouch.link.faults import Faults, FaultStage
+from foretouch.link.fault_stage import FaultStage
+from foretouch.link.faults import Faults
 from foretouch.link.sequence import SequenceCounter
 from foretouch.link.zenoh_link import ZenohLink
 

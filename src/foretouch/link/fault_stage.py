@@ -1,0 +1,137 @@
+"""Holds the messages of one direction back, loses them and doubles them, as `Faults` says: one fault, one function."""
+
+from __future__ import annotations
+
+import heapq
+import random
+from typing import Generic, TypeVar
+
+from foretouch.link.faults import SPELL_SPACING, Faults
+
+__all__ = ["COPY_LATER", "HELD_BACK", "FaultStage"]
+
+T = TypeVar("T")
+
+HELD_BACK = (0.005, 0.05)
+"""A message that others are to overtake is held back by so long [s], uniformly distributed."""
+
+COPY_LATER = (0.001, 0.02)
+"""The copy of a message comes so much later than the first [s], uniformly distributed."""
+
+
+class FaultStage(Generic[T]):
+    """Takes messages as they are sent and gives them as they arrive.
+
+    Two messages due at the same moment come out in the order in which they went in. Each fault has random draws of its
+    own, made for every message whether they are needed or not, so that one setting does not shift another's.
+
+    Args:
+        faults: What to do to them.
+
+    Attributes:
+        delay: One-way delay [s]; may be changed at any time, for messages that follow.
+        dropped: Messages lost so far.
+        duplicated: Messages so far that come, or came, a second time.
+    """
+
+    def __init__(self, faults: Faults) -> None:
+        self.faults = faults
+        self.delay = faults.delay
+        self.dropped = 0
+        self.duplicated = 0
+        self._random = random.Random(faults.seed)
+        self._reorder = _Extra("reorder", faults.reorder, HELD_BACK, faults.seed) if faults.reorder else None
+        self._duplicate = _Extra("duplicate", faults.duplicate, COPY_LATER, faults.seed) if faults.duplicate else None
+        self._outage = _Spells("outage", faults.outage, faults.seed) if faults.outage else None
+        self._stall = _Spells("stall", faults.stall, faults.seed) if faults.stall else None
+        self._after_arrival, self._after_loss = faults.loss_transitions
+        self._chance_of_loss = faults.loss
+        self._waiting: list[tuple[int, int, T]] = []
+        self._count = 0
+        self._begun = False
+
+    def push(self, now_ns: int, message: T) -> None:
+        """Take a message that was sent at `now_ns`, the receiver's clock."""
+        draw = self._random.random
+        lost, spread = self._loses(draw()), -1.0 + 2.0 * draw()
+        held = self._reorder.draw() if self._reorder is not None else 0.0
+        copied = self._duplicate.draw() if self._duplicate is not None else 0.0
+        if not (lost or self._begun):
+            self._begin(now_ns)
+        if lost or (self._outage is not None and self._outage.end_ns(now_ns) is not None):
+            self.dropped += 1
+            return
+        delay = max(0.0, self.delay + self.faults.jitter * spread) + held
+        self._hold(now_ns + round(delay * 1e9), message)
+        if copied:
+            self.duplicated += 1
+            self._hold(now_ns + round((delay + copied) * 1e9), message)
+
+    def pop_due(self, now_ns: int) -> list[T]:
+        """Messages that are due by `now_ns`, earliest first."""
+        due: list[T] = []
+        while self._waiting and self._waiting[0][0] <= now_ns:
+            due.append(heapq.heappop(self._waiting)[2])
+        return due
+
+    def _loses(self, chance: float) -> bool:
+        """Whether the next message is lost: one step of the chain, which starts in its long-term mean."""
+        lost = chance < self._chance_of_loss
+        self._chance_of_loss = self._after_loss if lost else self._after_arrival
+        return lost
+
+    def _begin(self, now_ns: int) -> None:
+        """Outages and stalls count their time from the first message that is not lost by chance."""
+        self._begun = True
+        for spells in (self._outage, self._stall):
+            if spells is not None:
+                spells.epoch_ns = now_ns
+
+    def _hold(self, due_ns: int, message: T) -> None:
+        if self._stall is not None and (end_ns := self._stall.end_ns(due_ns)) is not None:
+            due_ns = end_ns
+        self._count += 1
+        heapq.heappush(self._waiting, (due_ns, self._count, message))
+
+
+class _Extra:
+    """A further delay for a share of messages.
+
+    A generator of its own, asked twice for every message: whose turn it is depends on the seed and the message's
+    number alone, and of two shares the larger takes the messages of the smaller and more.
+    """
+
+    def __init__(self, name: str, share: float, bounds: tuple[float, float], seed: int) -> None:
+        self._share = share
+        self._least, self._range = bounds[0], bounds[1] - bounds[0]
+        self._random = random.Random(f"{seed}/{name}").random
+
+    def draw(self) -> float:
+        """The next message's further delay [s], 0 if it is not among the share."""
+        chance, part = self._random(), self._random()
+        return self._least + self._range * part if chance < self._share else 0.0
+
+
+class _Spells:
+    """One spell of the same length at a seeded moment within every `SPELL_SPACING` seconds; they never overlap.
+
+    A generator for each: when spells happen depends on the seed, not on how many messages were sent.
+    """
+
+    def __init__(self, name: str, length: float, seed: int) -> None:
+        self.epoch_ns = 0
+        self._name = f"{seed}/{name}"
+        self._length = length
+        self._window = -1
+        self._start = self._end = 0.0
+
+    def end_ns(self, moment_ns: int) -> int | None:
+        """End [ns] of the spell that goes on at `moment_ns`, None between spells."""
+        elapsed = (moment_ns - self.epoch_ns) * 1e-9
+        window = int(elapsed // SPELL_SPACING)
+        if window != self._window:
+            moment = random.Random(f"{self._name}/{window}").random()
+            self._window = window
+            self._start = window * SPELL_SPACING + moment * (SPELL_SPACING - self._length)
+            self._end = self._start + self._length
+        return self.epoch_ns + round(self._end * 1e9) if self._start <= elapsed < self._end else None
