@@ -226,14 +226,14 @@ def wall_ripple(grip: Grip, specification: DeviceSpecification, stiffness: float
     return float(np.ptp(end))
 
 
-@pytest.mark.parametrize("damping", [0.5, 2.0])
-def test_a_sampled_spring_is_stable_up_to_the_bound_and_not_far_beyond(damping):
+@pytest.mark.parametrize("damping", [2.0, 5.0])
+def test_a_sampled_spring_is_stable_up_to_the_bound_and_not_beyond(damping):
     device = DeviceSpecification(damping=damping, friction=0.0, resolution=0.0)
     bound = device.largest_stiffness(1e-3)
     assert bound == pytest.approx(2.0 * damping / 1e-3)
     loosely = Grip(0.0, 0.0, 2.0)
-    assert wall_ripple(loosely, device, 0.6 * bound) < 1e-5
-    assert wall_ripple(loosely, device, 1.6 * bound) > 1e-4
+    assert wall_ripple(loosely, device, 0.9 * bound) < 1e-6
+    assert wall_ripple(loosely, device, 1.1 * bound) > 1e-4
 
 
 @pytest.mark.parametrize("grip", GRIPS)

@@ -52,9 +52,9 @@ The numbers are chosen within what was published, not taken from one table. What
   add a spring and a damper in series, and find that in some cases they gain little.
 - One published fit for an arm that holds a handle is 0.554 kg, 6.45 N s/m and 135 N/m (van Beek et al. 2015, their
   figure 3): a damping ratio of 0.37. `GRIPS` have 0.52 to 0.57 without the device. A stylus moves less of the arm.
-- Other ranges are from memory and unchecked: a fingertip (Hajian and Howe 1997) some 200 to 1500 N/m, 1 to 10 N s/m and
-  some grams; the wrist with a stylus (Kuchenbecker, Park and Niemeyer 2003) some 100 to 1000 N/m, rising with the grip;
-  hand and forearm 0.05 to 1 kg. The three grips span 150 to 1000 N/m and 4 to 18 N s/m.
+- Other ranges were not checked against the papers: a fingertip (Hajian and Howe 1997) some 200 to 1500 N/m, 1 to 10 N
+  s/m and some grams; the wrist with a stylus (Kuchenbecker, Park and Niemeyer 2003) some 100 to 1000 N/m, rising with
+  the grip; hand and forearm 0.05 to 1 kg. The three grips span 150 to 1000 N/m and 4 to 18 N s/m.
 
 References:
     Hasser and Cutkosky (2002), System identification of the human hand grasping a haptic knob, Symposium on Haptic
