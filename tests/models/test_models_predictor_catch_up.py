@@ -238,6 +238,13 @@ def test_the_same_model_again_makes_no_jump() -> None:
 def test_a_predictor_is_never_told_a_force() -> None:
     """What goes in: time and motion, models and their states. A force could only come out late if it went in."""
     assert list(inspect.signature(Predictor.update).parameters) == ["self", "time", "position", "velocity"]
-    assert list(inspect.signature(Predictor.adopt).parameters) == ["self", "model", "surface", "state", "tick"]
+    assert list(inspect.signature(Predictor.adopt).parameters) == [
+        "self",
+        "model",
+        "surface",
+        "state",
+        "tick",
+        "message",
+    ]
     public = {name for name in dir(Predictor) if not name.startswith("_") and callable(getattr(Predictor, name))}
-    assert public == {"update", "adopt"}
+    assert public == {"update", "adopt", "catch_up", "shift", "local_slopes", "exit_energy"}

@@ -41,7 +41,7 @@ class Pressing:
 
     def __init__(self, estimator: Estimator, stiffnesses: dict[int, float]) -> None:
         self.specification = make_robot("foam-measured", seed=0).specification
-        self.state = follower.start(self.specification, estimator)
+        self.state = follower.start(self.specification, SessionSettings(), estimator)
         self.stiffnesses, self.stiffness, self.tick = stiffnesses, 0.0, 0
 
     def step(self) -> ModelUpdate | None:

@@ -107,7 +107,7 @@ def test_every_material_is_pressed_within_the_clamps(material: str) -> None:
     assert np.isfinite(log.leader["predicted_force"]).all()
     assert log.leader["rendered_force"].min() >= 0.0
     assert log.leader["rendered_force"].max() <= 10.0
-    assert np.abs(np.diff(log.leader["rendered_force"])).max() <= 0.2 + 1e-9
+    assert np.diff(log.leader["rendered_force"]).max() <= 0.2 + 1e-9  # down, energy may ask for more
     assert log.follower["exact_force"].max() <= 1.1 * 15.0
 
 

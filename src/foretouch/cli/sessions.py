@@ -109,13 +109,7 @@ def simulate(
     if report is not None:
         make_folder(report)
     robot = make_robot(settings.material, seed=settings.seed)
-    moved_by = make_operator(
-        settings.operator,
-        surface=robot.material.surface,
-        press_depth=robot.material.press_depth,
-        seed=settings.seed,
-        say=say,
-    )
+    moved_by = make_operator(settings, surface=robot.material.surface, press_depth=robot.material.press_depth, say=say)
     start = functools.partial(
         run, settings, duration=duration, operator=moved_by, robot=robot, description=_reach_texts(robot.material)
     )
@@ -199,11 +193,7 @@ def leader(
         if stop.reason:
             return
         moved_by = make_operator(
-            settings.operator,
-            surface=_reach(hello, "surface"),
-            press_depth=_reach(hello, "press_depth"),
-            seed=settings.seed,
-            say=say,
+            settings, surface=_reach(hello, "surface"), press_depth=_reach(hello, "press_depth"), say=say
         )
         run_leader(
             link,

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from foretouch.errors import SettingError
 from foretouch.models.checks import require
-from foretouch.models.contact_model import ContactModel, ContactState
+from foretouch.models.contact_model import EXIT_SPEED, SLICES, ContactModel, ContactState
 
 __all__ = ["ContactMap"]
 
@@ -88,6 +88,18 @@ class ContactMap(ContactModel):
         memory = _memory(state)
         force, deviation = step(self._flat, memory, depth, velocity, sample_period)
         return tuple(memory.tolist()), force, deviation
+
+    def local_slopes(self, state: ContactState, depth: float, velocity: float, reach: float) -> tuple[float, float]:
+        """See `ContactModel.local_slopes`."""
+        from foretouch.models.contact_map_kernel import slopes
+
+        return slopes(self._flat, _memory(state), depth, velocity, reach)
+
+    def exit_energy(self, state: ContactState, depth: float, offset: float = 0.0) -> float:
+        """See `ContactModel.exit_energy`."""
+        from foretouch.models.contact_map_kernel import exit_energy
+
+        return exit_energy(self._flat, _memory(state), depth, offset, EXIT_SPEED, SLICES) if depth > 0.0 else 0.0
 
     def remember(
         self, state: ContactState, depth: NDArray[np.float64], sample_period: NDArray[np.float64]

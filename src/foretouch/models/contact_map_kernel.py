@@ -13,6 +13,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from foretouch.models.contact_model import SPEED_STEP
+
 __all__ = [
     "COARSE",
     "EXPERTS",
@@ -20,12 +22,14 @@ __all__ = [
     "HEADER",
     "MEMORY",
     "SIZE",
+    "exit_energy",
     "features",
     "judge",
     "locate",
     "pack",
     "remember",
     "run",
+    "slopes",
     "step",
     "unpack",
 ]
@@ -325,6 +329,62 @@ def _step(flat: Array, memory: Array, depth: float, velocity: float, period: flo
 
 
 step: Callable[[Array, Array, float, float, float], tuple[float, float]] = njit(cache=True)(_step)
+
+
+# --- what a renderer asks --------------------------------------------------------------------------------------------
+
+
+def _force_at(flat: Array, memory: Array, place: float, velocity: float, values: Array, forces: Array) -> float:
+    features(memory, place, velocity, values)
+    return judge(flat, values, place, velocity, False, forces)
+
+
+force_at: Callable[[Array, Array, float, float, Array, Array], float] = njit(cache=True)(_force_at)
+
+
+def _slopes(flat: Array, memory: Array, depth: float, velocity: float, reach: float) -> tuple[float, float]:
+    """Local stiffness [N/m], the steeper of both sides, and damping [N s/m], at a memory that stays as it is."""
+    values, forces = np.empty(LARGEST_FEATURES), np.empty(EXPERTS)
+    place = depth - flat[ORIGIN]
+    here = force_at(flat, memory, place, velocity, values, forces)
+    deeper = force_at(flat, memory, place + reach, velocity, values, forces)
+    shallower = force_at(flat, memory, place - reach, velocity, values, forces)
+    faster = force_at(flat, memory, place, velocity + SPEED_STEP, values, forces)
+    slower = force_at(flat, memory, place, velocity - SPEED_STEP, values, forces)
+    return max(abs(deeper - here), abs(here - shallower)) / reach, abs(faster - slower) / (2.0 * SPEED_STEP)
+
+
+slopes: Callable[[Array, Array, float, float, float], tuple[float, float]] = njit(cache=True)(_slopes)
+
+
+def _exit_energy(flat: Array, memory: Array, depth: float, offset: float, speed: float, slices: int) -> float:
+    """Work of the force and a constant beside it, never below zero together, on the straight way out [J].
+
+    Args:
+        flat: The model.
+        memory: Of now; it is left as it is.
+        depth: Of now [m], above 0.
+        offset: The constant [N].
+        speed: Of the way out [m/s], positive.
+        slices: Of it.
+    """
+    values, forces, shares = np.empty(LARGEST_FEATURES), np.empty(EXPERTS), np.empty(_N_TIMES)
+    moved = memory.copy()
+    length = depth / slices
+    rates(length / speed, shares)
+    place = depth - flat[ORIGIN]
+    before = max(force_at(flat, moved, place, 0.0, values, forces) + offset, 0.0)
+    energy = 0.0
+    for _ in range(slices):
+        place -= length
+        remember(moved, place, shares)
+        after = max(force_at(flat, moved, place, -speed, values, forces) + offset, 0.0)
+        energy += 0.5 * (before + after) * length
+        before = after
+    return energy
+
+
+exit_energy: Callable[[Array, Array, float, float, float, int], float] = njit(cache=True)(_exit_energy)
 
 
 # --- the network -----------------------------------------------------------------------------------------------------

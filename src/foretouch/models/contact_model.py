@@ -20,6 +20,15 @@ LARGEST_DEPTH = 1.0
 LARGEST_SPEED = 10.0
 """Velocities beyond this [m/s] count as this."""
 
+TICK = 1e-3
+"""Sample period where one is asked for and none passes [s]."""
+
+SPEED_STEP = 2e-3
+"""Local damping is the slope over twice this [m/s]."""
+
+EXIT_SPEED, SLICES = 0.05, 16
+"""Speed [m/s] and slices of the way out on which energy comes back."""
+
 ContactState: TypeAlias = tuple[float, ...]
 """What the material remembers (hysteresis, relaxation), as plain numbers; empty for the paper's laws."""
 
@@ -57,6 +66,58 @@ class ContactModel(ABC):
             sample_period: Time since the sample before, for each [s], shape (n,).
         """
         return state
+
+    def local_slopes(self, state: ContactState, depth: float, velocity: float, reach: float) -> tuple[float, float]:
+        r"""Local stiffness and damping, as finite differences.
+
+        .. math:: K = \max_\pm \frac{|F(x \pm h, \dot x) - F(x, \dot x)|}{h}, \quad
+            B = \frac{|F(x, \dot x + u) - F(x, \dot x - u)|}{2 u}
+
+        Args:
+            state: What the material remembers now.
+            depth: x [m].
+            velocity: [m/s].
+            reach: h [m], positive: as far as the probe gets before it is asked again.
+
+        Returns:
+            K [N/m] and B [N s/m], u = 2 mm/s.
+        """
+        here, deeper, shallower, faster, slower = (
+            self.advance(state, x, v, TICK)[1]
+            for x, v in (
+                (depth, velocity),
+                (depth + reach, velocity),
+                (depth - reach, velocity),
+                (depth, velocity + SPEED_STEP),
+                (depth, velocity - SPEED_STEP),
+            )
+        )
+        return max(abs(deeper - here), abs(here - shallower)) / reach, abs(faster - slower) / (2.0 * SPEED_STEP)
+
+    def exit_energy(self, state: ContactState, depth: float, offset: float = 0.0) -> float:
+        r"""Energy that the material gives back on the straight way out, at 50 mm/s.
+
+        .. math:: W = \int_0^x \max(F(\xi) + o,\; 0)\, d\xi
+
+        Args:
+            state: What the material remembers now.
+            depth: x [m]; outside 0 J.
+            offset: o, a constant beside the force [N].
+
+        Returns:
+            W [J], by the trapezoidal rule in 16 slices.
+        """
+        if not depth > 0.0:
+            return 0.0
+        length = depth / SLICES
+        before = max(self.advance(state, depth, 0.0, TICK)[1] + offset, 0.0)
+        energy = 0.0
+        for index in range(1, SLICES + 1):
+            state, force, _ = self.advance(state, depth - index * length, -EXIT_SPEED, length / EXIT_SPEED)
+            after = max(force + offset, 0.0)
+            energy += 0.5 * (before + after) * length
+            before = after
+        return energy
 
     @abstractmethod
     def advance(

@@ -55,6 +55,10 @@ class MotionFilter:
         self.velocity = 0.0
         self.acceleration = 0.0
 
+    def shift(self, distance: float) -> None:
+        """Count positions from now on from elsewhere: what was at x is at x plus this distance [m]; nothing moved."""
+        self._position += distance
+
     def update(self, time: float, position: float) -> float:
         """Take one sample and return the velocity [m/s].
 

@@ -23,8 +23,8 @@ SLICE = 1000
 """Samples of past motion that are caught up with in one tick, so that it stays short."""
 
 
-_Arrived: TypeAlias = tuple[ContactModel, float, ContactState, int]
-"""A model, its surface, and its state after the sample of this number."""
+_Arrived: TypeAlias = tuple[ContactModel, float, ContactState, int, int]
+"""A model, its surface, its state after the sample of this number, and the number of its message."""
 
 
 class Predictor:
@@ -46,6 +46,7 @@ class Predictor:
         jump: Force at the newest sample less the force there of the model before, had it been kept [N]; no model counts
             as no force. 0 at every sample but the first that predicts with another model.
         ticks: Samples so far; the first has number 1.
+        message: Number that the caller gave the model, 0 before the first.
     """
 
     __slots__ = (
@@ -54,12 +55,14 @@ class Predictor:
         "_newest",
         "_periods",
         "_places",
+        "_sliced",
         "_state",
         "_states",
         "_time",
         "_waiting",
         "force",
         "jump",
+        "message",
         "model",
         "standard_deviation",
         "surface",
@@ -76,6 +79,7 @@ class Predictor:
         self._time = math.nan
         self._former: tuple[ContactModel | None, ContactState, float] | None = None  # what predicted before
         self._waiting: _Arrived | None = None  # its motion is being caught up with
+        self._sliced = False  # in this tick already
         self._newest: _Arrived | None = None  # came meanwhile
         self.model: ContactModel | None = None
         self.surface = 0.0
@@ -84,9 +88,15 @@ class Predictor:
         self.standard_deviation = math.nan
         self.jump = 0.0
         self.ticks = 0
+        self.message = 0
 
     def adopt(
-        self, model: ContactModel | None, surface: float, state: ContactState = NO_STATE, tick: int | None = None
+        self,
+        model: ContactModel | None,
+        surface: float,
+        state: ContactState = NO_STATE,
+        tick: int | None = None,
+        message: int = 0,
     ) -> None:
         """Predict from this model from now on.
 
@@ -95,23 +105,59 @@ class Predictor:
             surface: [m].
             state: What the material remembered ...
             tick: ... after the sample of this number; None for the newest.
+            message: A number to know the model by.
         """
         if model is None or not state:
             self._waiting = self._newest = None
-            self._begin(model, surface, state)
+            self._begin(model, surface, state, message)
             return
         tick = self.ticks if tick is None else min(tick, self.ticks)
         own = self._states[tick % HISTORY] if tick > self.ticks - HISTORY else NO_STATE
         if len(own) == len(state) == len(self._state) and _alike(own, state):
             self._waiting = self._newest = None
-            self._begin(model, surface, self._state)
+            self._begin(model, surface, self._state, message)
             return
-        arrived = (model, surface, state, tick)
+        arrived = (model, surface, state, tick, message)
         if self._waiting is not None:
             self._newest = arrived
             return
         self._waiting = arrived
-        self._catch_up()
+        self._run_slice()
+
+    def catch_up(self) -> None:
+        """Run a slice of past motion for the model that waits, if one does; `update` does it where nobody else did.
+
+        A caller that has to know, before it says where it is, which model will predict there asks for it first.
+        """
+        if self._waiting is not None and not self._sliced:
+            self._sliced = True
+            self._run_slice()
+
+    def shift(self, distance: float) -> None:
+        """Take the motion from now on for one that is further in by a distance [m], as a jump and not as a move.
+
+        The velocity does not see it; the force does. A model that was adopted since the last sample is compared, for
+        `jump`, with the one before at the place where that would have been.
+        """
+        self._motion.shift(distance)
+        if self._former is not None:
+            model, state, surface = self._former
+            self._former = (model, state, surface + distance)
+
+    def local_slopes(self, reach: float) -> tuple[float, float]:
+        """Local stiffness [N/m] and damping [N s/m] at the newest sample (`ContactModel.local_slopes`)."""
+        if self.model is None:
+            return 0.0, 0.0
+        return self.model.local_slopes(self._state, self.depth, self.velocity, reach)
+
+    def exit_energy(self, offset: float = 0.0) -> float:
+        """Energy [J] that comes back from the newest sample on the way out (`ContactModel.exit_energy`)."""
+        return 0.0 if self.model is None else self.model.exit_energy(self._state, self.depth, offset)
+
+    @property
+    def depth(self) -> float:
+        """Of the newest sample below the surface [m]."""
+        return float(self._places[self.ticks % HISTORY]) - self.surface
 
     def update(self, time: float, position: float, velocity: float | None = None) -> float:
         """Predict the force at one sample of the motion.
@@ -124,8 +170,8 @@ class Predictor:
         Returns:
             The predicted force [N]: finite, never negative, 0 without a model or outside the material.
         """
-        if self._waiting is not None:
-            self._catch_up()
+        self.catch_up()
+        self._sliced = False
         period = time - self._time
         self._time = time
         self.ticks += 1
@@ -151,24 +197,24 @@ class Predictor:
             self.jump = self.force - _run(model, state, position - surface, self.velocity, period)[1]
         return self.force
 
-    def _begin(self, model: ContactModel | None, surface: float, state: ContactState) -> None:
+    def _begin(self, model: ContactModel | None, surface: float, state: ContactState, message: int) -> None:
         """Predict from a model in its state of now."""
         if self._former is None:
             self._former = (self.model, self._state, self.surface)
-        self.model, self.surface, self._state = model, surface, state
+        self.model, self.surface, self._state, self.message = model, surface, state, message
 
-    def _catch_up(self) -> None:
+    def _run_slice(self) -> None:
         """Run a slice of past motion through the memory of the model that waits; begin with it at the end."""
         assert self._waiting is not None
-        model, surface, state, tick = self._waiting
+        model, surface, state, tick, message = self._waiting
         tick = max(tick, self.ticks - HISTORY)  # what is older is forgotten
         last = min(self.ticks, tick + SLICE)
         past = np.arange(tick + 1, last + 1) % HISTORY
         state = model.remember(state, self._places[past] - surface, self._periods[past])
         if last < self.ticks:
-            self._waiting = (model, surface, state, last)
+            self._waiting = (model, surface, state, last, message)
             return
-        self._begin(model, surface, state)
+        self._begin(model, surface, state, message)
         self._waiting, self._newest = self._newest, None
 
 

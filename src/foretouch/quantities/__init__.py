@@ -1,6 +1,7 @@
 """What is measured: one table of names, units and signs, and the recording that holds the samples."""
 
+from foretouch.quantities.frame import Frame
 from foretouch.quantities.recording import LARGEST_POSITION, Recording
 from foretouch.quantities.table import QUANTITIES, Quantity
 
-__all__ = ["LARGEST_POSITION", "QUANTITIES", "Quantity", "Recording"]
+__all__ = ["LARGEST_POSITION", "QUANTITIES", "Frame", "Quantity", "Recording"]

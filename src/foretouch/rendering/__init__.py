@@ -1,5 +1,20 @@
-"""Rendering: from a predicted force to the one that a hand is given."""
+"""Rendering: from models and the hand's motion to a force that neither jerks nor drives the hand."""
 
+from foretouch.rendering.energy import EnergyAccount
 from foretouch.rendering.limits import LARGEST_FORCE, LARGEST_FORCE_RATE, ForceLimiter
+from foretouch.rendering.mediation import LARGEST_STEP, Mediation
+from foretouch.rendering.proxy import Proxy
+from foretouch.rendering.renderer import Renderer, RenderingDevice, rendered_share
 
-__all__ = ["LARGEST_FORCE", "LARGEST_FORCE_RATE", "ForceLimiter"]
+__all__ = [
+    "LARGEST_FORCE",
+    "LARGEST_FORCE_RATE",
+    "LARGEST_STEP",
+    "EnergyAccount",
+    "ForceLimiter",
+    "Mediation",
+    "Proxy",
+    "Renderer",
+    "RenderingDevice",
+    "rendered_share",
+]

@@ -42,10 +42,16 @@ class ForceLimiter:
         self.force = 0.0
         self.clipped = False
 
-    def update(self, wanted: float, period: float) -> float:
-        """Limit one tick's force [N]; `period` [s] is the time since the last tick."""
+    def update(self, wanted: float, period: float, ceiling: float = math.inf) -> float:
+        """Limit one tick's force [N].
+
+        Args:
+            wanted: [N].
+            period: Time since the last tick [s].
+            ceiling: Never more than this [N], however fast that is; 0 or more.
+        """
         target = min(max(wanted, 0.0), self._largest_force) if math.isfinite(wanted) else 0.0
         step = self._largest_rate * max(period, 0.0)
-        self.force = min(max(target, self.force - step), self.force + step)
+        self.force = min(max(target, self.force - step), self.force + step, ceiling)
         self.clipped = self.force != wanted
         return self.force

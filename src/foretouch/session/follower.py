@@ -11,8 +11,10 @@ from foretouch.link import SequenceCounter
 from foretouch.messages import VERSION, Command, ModelUpdate, Telemetry, encode
 from foretouch.models import ContactMap
 from foretouch.robot import RobotSample, RobotSpecification
+from foretouch.session.first_touch import FirstTouch
 from foretouch.session.playout import Playout
 from foretouch.session.round_trip import RoundTrip
+from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
 
 __all__ = ["Inputs", "Outputs", "State", "start", "step"]
 
@@ -47,6 +49,10 @@ class State:
         changes: Sudden changes of the material that the estimator has found.
         changed_ns: When it found the newest, None before the first.
         round_trip: Learns how late models are used.
+        first_touch: Guards the contact that the leader does not know of.
+        guarded: Whether it does: by this side's settings, or because a command asks for it.
+        surfaces: Of the models that were sent since the newest that the leader is known to have [m]; NaN where a model
+            was not valid.
     """
 
     specification: RobotSpecification
@@ -64,6 +70,9 @@ class State:
     changes: int = 0
     changed_ns: int | None = None
     round_trip: RoundTrip = field(default_factory=RoundTrip)
+    first_touch: FirstTouch = field(default_factory=lambda: FirstTouch(0.02, 2.0, SAMPLE_PERIOD))
+    guarded: bool = False
+    surfaces: dict[int, float] = field(default_factory=dict)
 
 
 class Inputs(NamedTuple):
@@ -96,15 +105,21 @@ class Outputs(NamedTuple):
     model: ModelUpdate | None
 
 
-def start(specification: RobotSpecification, estimator: Estimator, *, model_rate: float = 50.0) -> State:
+def start(specification: RobotSpecification, settings: SessionSettings, estimator: Estimator | None = None) -> State:
     """State before the first tick.
 
     Args:
         specification: Of the robot.
-        estimator: Fresh.
-        model_rate: Models a second while nothing changes [1/s].
+        settings: Of the session.
+        estimator: Fresh; None for the one that the settings name.
     """
-    return State(specification, Learner(estimator), round(1e9 / model_rate))
+    return State(
+        specification,
+        Learner(settings.make_estimator() if estimator is None else estimator),
+        round(1e9 / settings.model_rate),
+        first_touch=FirstTouch(settings.approach_speed, settings.guarded_force, specification.sample_period),
+        guarded=settings.first_touch == "guarded",
+    )
 
 
 def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
@@ -123,6 +138,7 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
         state.commands.is_newest(command.sequence)
         state.playout.push(command.sequence, command.position)
         state.round_trip.commanded(command.sequence, command.acknowledged_model)
+        state.guarded = state.guarded or command.guarded
     desired_position = state.playout.advance()
     if math.isnan(desired_position):
         desired_position = sample.commanded_position
@@ -138,6 +154,10 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
         state.learner.update((now_ns - state.start_ns) * 1e-9, sample.position, sensor_force)
         model = _due_model(state, now_ns)
     learnt_from = state.learner.sample
+    if state.guarded and state.playout.applied:
+        desired_position = state.first_touch.update(
+            desired_position, sample.position, learnt_from.force, learnt_from.in_contact, _known_surface(state)
+        )
     state.tick += 1
     telemetry = Telemetry(
         VERSION,
@@ -155,8 +175,17 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
         state.model_sequence,
         inputs.period_ns,
         inputs.compute_ns,
+        state.first_touch.guarded,
     )
     return state, Outputs(desired_position, telemetry, model)
+
+
+def _known_surface(state: State) -> float:
+    """Surface of the newest model that the leader renders from, as far as its applied commands say [m]; or NaN."""
+    newest, surfaces = state.round_trip.newest, state.surfaces
+    for sequence in [sequence for sequence in surfaces if sequence < newest]:
+        del surfaces[sequence]
+    return surfaces.get(newest, math.nan)
 
 
 def _is_changed(state: State, now_ns: int) -> bool:
@@ -211,6 +240,8 @@ def _due_model(state: State, now_ns: int) -> ModelUpdate | None:
     )
     state.allowance = allowance - len(encode(update))
     state.round_trip.sent(update.sequence, now_ns)
+    if state.guarded:
+        state.surfaces[update.sequence] = math.nan if model is None else learnt.surface
     return update
 
 

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from foretouch.errors import InputError
 from foretouch.link import SequenceCounter
 from foretouch.messages import VERSION, Command, LeaderState, ModelUpdate, Telemetry
-from foretouch.models import Predictor, make_model
-from foretouch.rendering import ForceLimiter
-from foretouch.session.settings import SAMPLE_PERIOD
+from foretouch.models import make_model
+from foretouch.rendering import Renderer
+from foretouch.session.settings import NO_GRIP, SAMPLE_PERIOD, SessionSettings
 
 __all__ = ["Inputs", "Outputs", "State", "start", "step"]
 
@@ -20,23 +21,25 @@ class State:
     """What the leader remembers from tick to tick; updated in place.
 
     Attributes:
+        renderer: Makes the force for the hand from the newest model.
+        guarded: Whether the follower is asked to guard the first touch.
         start_ns: Clock at the first tick, None before it.
         sequence: Of the newest command.
-        predictor: Runs the newest model at the operator's motion.
-        limiter: The clamps.
         models: Counts arriving models.
         telemetry: Counts arriving telemetry.
         delayed_force: Newest force that has arrived [N]; recorded, never rendered.
+        follower_position: Where the follower was told to be, as the newest telemetry says [m]; NaN before the first.
         refused: Models that could not be used, whatever they claimed.
     """
 
+    renderer: Renderer = field(default_factory=Renderer)
+    guarded: bool = False
     start_ns: int | None = None
     sequence: int = 0
-    predictor: Predictor = field(default_factory=Predictor)
-    limiter: ForceLimiter = field(default_factory=ForceLimiter)
     models: SequenceCounter = field(default_factory=SequenceCounter)
     telemetry: SequenceCounter = field(default_factory=SequenceCounter)
     delayed_force: float = 0.0
+    follower_position: float = math.nan
     refused: int = 0
 
 
@@ -44,11 +47,14 @@ class Inputs(NamedTuple):
     """What a tick is given.
 
     Attributes:
-        position: Of the operator's hand [m], in the frame of the probe.
+        position: Of the operator's hand, as the device's encoder shows it [m].
         models: That have arrived since the last tick.
         telemetry: That has arrived since the last tick.
         period_ns: Since the last tick began [ns].
         compute_ns: That the last tick's computing took [ns].
+        clutched: Whether the clutch is pressed: the hand moves and the follower stays.
+        exact_position: Of a simulated hand [m]; recorded only.
+        intended_position: Where the hand wants to be [m]; recorded only.
     """
 
     position: float
@@ -56,6 +62,9 @@ class Inputs(NamedTuple):
     telemetry: list[Telemetry]
     period_ns: int
     compute_ns: int
+    clutched: bool = False
+    exact_position: float = math.nan
+    intended_position: float = math.nan
 
 
 class Outputs(NamedTuple):
@@ -65,9 +74,19 @@ class Outputs(NamedTuple):
     record: LeaderState
 
 
-def start() -> State:
-    """State before the first tick."""
-    return State()
+def start(settings: SessionSettings | None = None) -> State:
+    """State before the first tick, of a session with these settings."""
+    settings = SessionSettings() if settings is None else settings
+    guarded = settings.first_touch == "guarded"
+    renderer = Renderer(
+        None if settings.grip == NO_GRIP else settings.device,
+        position_scale=settings.position_scale,
+        force_scale=settings.force_scale,
+        largest_stiffness=settings.largest_stiffness,
+        guarded=guarded,
+        sample_period=SAMPLE_PERIOD,
+    )
+    return State(renderer, guarded)
 
 
 def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
@@ -75,6 +94,9 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
 
     The force comes from the newest model at the operator's own motion alone. The delayed force is noted for those
     who compare and goes nowhere else.
+
+    A hand that feels the force is coupled with the follower once it is known where that is, and again each time that
+    the clutch is let go, without a jump of either; until then commands carry no position.
 
     Args:
         state: Updated in place and returned.
@@ -86,43 +108,67 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
     for telemetry in inputs.telemetry:
         if state.telemetry.is_newest(telemetry.sequence):
             state.delayed_force = telemetry.force
+            state.follower_position = telemetry.desired_position
     for model in inputs.models:
         if state.models.is_newest(model.sequence):
             _adopt(state, model)
-    predictor = state.predictor
-    predicted = predictor.update((now_ns - state.start_ns) * 1e-9, inputs.position)
-    # A tick that came late is no reason for a larger step of force.
-    rendered = state.limiter.update(predicted, min(inputs.period_ns * 1e-9, SAMPLE_PERIOD))
+    renderer = state.renderer
+    _couple(state, inputs)
+    period = inputs.period_ns * 1e-9
+    rendered = renderer.update((now_ns - state.start_ns) * 1e-9, inputs.position, period)
+    predictor, proxy = renderer.predictor, renderer.proxy
     state.sequence += 1
-    command = Command(VERSION, state.sequence, now_ns, inputs.position, state.models.newest)
+    command = Command(VERSION, state.sequence, now_ns, proxy.position, predictor.message, state.guarded)
     record = LeaderState(
         VERSION,
         state.sequence,
         now_ns,
-        inputs.position,
+        proxy.position,
         predictor.velocity,
-        predicted,
+        predictor.force,
         rendered,
         state.delayed_force,
         state.telemetry.newest,
         state.models.newest,
         predictor.jump,
-        state.limiter.clipped,
+        renderer.limiter.clipped,
         inputs.period_ns,
         inputs.compute_ns,
         predictor.standard_deviation,
+        inputs.position,
+        inputs.exact_position,
+        inputs.intended_position,
+        renderer.mediation.force,
+        renderer.mediation.step,
+        renderer.energy,
+        renderer.energy_bound,
+        renderer.share,
+        proxy.engaged,
     )
     return state, Outputs(command, record)
+
+
+def _couple(state: State, inputs: Inputs) -> None:
+    """Couple hand and proxy, or let the hand go alone while the clutch is pressed."""
+    proxy = state.renderer.proxy
+    if proxy.engaged and inputs.clutched:
+        proxy.release()
+    elif not (proxy.engaged or inputs.clutched) and math.isfinite(inputs.position):
+        if not math.isnan(proxy.position):
+            state.renderer.engage(inputs.position, proxy.position)
+        elif state.renderer.closed_loop and math.isfinite(state.follower_position):
+            state.renderer.engage(inputs.position, state.follower_position)
 
 
 def _adopt(state: State, update: ModelUpdate) -> None:
     """Predict from an arrived model; one that claims to be valid and cannot be run counts as no model."""
     if not update.valid:
-        state.predictor.adopt(None, update.surface)
+        state.renderer.adopt(None, update.surface, message=update.sequence)
         return
     try:
         model = make_model(update.law, update.parameters, update.map)
-        state.predictor.adopt(model, update.surface, update.state, update.command_sequence)
     except InputError:
         state.refused += 1
-        state.predictor.adopt(None, update.surface)
+        state.renderer.adopt(None, update.surface, message=update.sequence)
+        return
+    state.renderer.adopt(model, update.surface, update.state, update.command_sequence, update.sequence)

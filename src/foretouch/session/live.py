@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-from foretouch.devices import BrowserOperator, Device
+from foretouch.devices import BrowserOperator, Device, Hand
 from foretouch.link import FaultStage, ZenohLink
 from foretouch.messages import COUNT_PREFIX, Command, ModelUpdate, Telemetry
 from foretouch.robot import Robot
@@ -16,7 +16,9 @@ from foretouch.session import follower, leader
 from foretouch.session.counting import follower_counts, leader_counts
 from foretouch.session.housekeeping import ORPHANED, Housekeeper, StopFlag, orphaned
 from foretouch.session.loop_timer import LoopTimer
+from foretouch.session.operator_clock import OperatorClock
 from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
+from foretouch.session.sides import leading_side
 from foretouch.session.warm_up import warm_up
 
 __all__ = ["FOLLOWER_CHANNELS", "LEADER_CHANNELS", "run_follower", "run_leader", "wait_for_hello"]
@@ -104,7 +106,7 @@ def run_follower(
     """
     warm_up(settings)
     stage: FaultStage[Command] = FaultStage(settings.command_faults)
-    state = follower.start(robot.specification, settings.make_estimator(), model_rate=settings.model_rate)
+    state = follower.start(robot.specification, settings)
 
     def describe() -> dict[str, str]:
         return description | _as_text(follower_counts(state) | _link_counts("follower", link))
@@ -164,7 +166,10 @@ def run_leader(
     """
     warm_up(settings)
     stage: FaultStage[ModelUpdate | Telemetry] = FaultStage(settings.return_faults)
-    state = leader.start()
+    side = leading_side(settings)
+    state = side.start(settings)
+    clock = OperatorClock(operator)
+    handle_of = operator.intention_device if isinstance(operator, Hand) else operator
 
     def describe() -> dict[str, str]:
         return description | _as_text(leader_counts(state) | _link_counts("leader", link))
@@ -179,6 +184,7 @@ def run_leader(
     with _steady():
         while not stop.reason:
             now, _ = timer.wait()
+            operator_ns = clock.read(now, coupled=state.telemetry.newest > 0)
             for name in ("model", "telemetry"):
                 for arrival, message in link.take(name):
                     stage.push(arrival, message)
@@ -188,21 +194,24 @@ def run_leader(
                 stop.set(link.take("stop")[-1][1].reason)
             if link.inboxes["handle"]:
                 handle = link.take("handle")[-1][1]
-                if isinstance(operator, BrowserOperator):
-                    operator.take(handle.position, handle.held, now)
+                if isinstance(handle_of, BrowserOperator):
+                    handle_of.take(handle.position, handle.held, operator_ns)
             if end is not None and now >= end:
                 stop.set("the duration is over")
             due = stage.pop_due(now)
             start = time.perf_counter_ns()
             inputs = leader.Inputs(
-                operator.read(now),
+                operator.read(operator_ns),
                 [message for message in due if type(message) is ModelUpdate],
                 [message for message in due if type(message) is Telemetry],
                 timer.woke_ns - woke if woke else 0,
                 compute,
+                operator.clutched,
+                operator.exact_position,
+                operator.intention,
             )
             woke = timer.woke_ns
-            state, outputs = leader.step(state, inputs, now)
+            state, outputs = side.step(state, inputs, now)
             compute = time.perf_counter_ns() - start
             link.publish(outputs.command)
             operator.render(outputs.record.rendered_force)

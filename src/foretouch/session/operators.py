@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from foretouch.devices import OPERATORS, BrowserOperator, Device, RecordedOperator, ScriptedOperator
-from foretouch.errors import DatasetError, UnknownNameError
+from foretouch.devices import GRIPS, BrowserOperator, Device, Hand, RecordedOperator, ScriptedOperator
+from foretouch.errors import DatasetError
 from foretouch.recordings import fetch, read_leader_motion
+from foretouch.session.settings import NO_GRIP, SessionSettings
 
 __all__ = ["RECORDED_MOTION", "make_operator"]
 
@@ -14,22 +15,26 @@ RECORDED_MOTION = "tue/b-foam"
 """Dataset whose leader lever moves the ``recorded`` operator."""
 
 
-def make_operator(name: str, *, surface: float, press_depth: float, seed: int, say: Callable[[str], None]) -> Device:
-    """The operator of that name, fresh.
+def make_operator(
+    settings: SessionSettings, *, surface: float, press_depth: float, say: Callable[[str], None]
+) -> Device:
+    """The operator of a session, fresh; with a grip, a hand that intends what that operator does.
 
     Args:
-        name: One of `OPERATORS`.
+        settings: Of the session.
         surface: Where the material begins [m]; the operator sees it.
         press_depth: How deep the deepest press goes [m].
-        seed: Of the script.
         say: Told in one line when the measured motion is not to be had and the script is used instead.
-
-    Raises:
-        UnknownNameError: No such operator.
     """
-    if name not in OPERATORS:
-        raise UnknownNameError("operator", name, OPERATORS)
-    script = ScriptedOperator(surface, press_depth, seed)
+    intention = _intention(settings, surface, press_depth, say)
+    if settings.grip == NO_GRIP:
+        return intention
+    return Hand(intention, GRIPS[settings.grip], settings.device, settings.clutch_times)
+
+
+def _intention(settings: SessionSettings, surface: float, press_depth: float, say: Callable[[str], None]) -> Device:
+    name = settings.operator
+    script = ScriptedOperator(surface, press_depth, settings.seed)
     if name == "browser":
         return BrowserOperator(script, deepest=surface + 1.2 * press_depth)
     if name == "recorded":

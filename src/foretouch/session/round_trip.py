@@ -19,14 +19,17 @@ class RoundTrip:
     That is how far the motion that a model is used on is ahead of the motion that it was learnt from: the way there and
     the way back, whichever of them is the longer. Both ends are ticks of the follower, so no clock is compared with
     another's. The smallest of a second is taken: what is larger waited somewhere.
+
+    Attributes:
+        newest: Newest model that the leader of the applied commands rendered from; 0 before the first.
     """
 
-    __slots__ = ("_acknowledged", "_due_ns", "_newest", "_sent", "_smallest_ns")
+    __slots__ = ("_acknowledged", "_due_ns", "_sent", "_smallest_ns", "newest")
 
     def __init__(self) -> None:
         self._sent: dict[int, int] = {}
         self._acknowledged: dict[int, int] = {}
-        self._newest = 0
+        self.newest = 0
         self._smallest_ns = math.inf
         self._due_ns: int | None = None
 
@@ -60,9 +63,9 @@ class RoundTrip:
 
     def _hear(self, model: int, now_ns: int) -> None:
         """A command was applied whose leader had this model."""
-        if model <= self._newest:
+        if model <= self.newest:
             return
-        self._newest = model
+        self.newest = model
         if model in self._sent:
             self._smallest_ns = min(self._smallest_ns, now_ns - self._sent[model])
         self._sent = {number: sent for number, sent in self._sent.items() if number > model}

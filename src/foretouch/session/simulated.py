@@ -14,7 +14,9 @@ from foretouch.messages import VERSION, Command, Hello, Message, ModelUpdate, Se
 from foretouch.robot import Robot
 from foretouch.session import follower, leader
 from foretouch.session.counting import follower_counts, leader_counts
+from foretouch.session.operator_clock import OperatorClock
 from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
+from foretouch.session.sides import leading_side
 from foretouch.session.warm_up import warm_up
 
 __all__ = ["SimulatedSession", "simulate"]
@@ -65,8 +67,10 @@ def simulate(
     warm_up(settings)
     commands: FaultStage[Command] = FaultStage(settings.command_faults)
     returned: FaultStage[ModelUpdate | Telemetry] = FaultStage(settings.return_faults)
-    leading = leader.start()
-    following = follower.start(robot.specification, settings.make_estimator(), model_rate=settings.model_rate)
+    side = leading_side(settings)
+    leading = side.start(settings)
+    clock = OperatorClock(operator)
+    following = follower.start(robot.specification, settings)
     ticks = round(duration / SAMPLE_PERIOD)
     compute = np.zeros((2, ticks), dtype=np.int64)
     leader_log, follower_log, models = [], [], []
@@ -90,9 +94,9 @@ def simulate(
         sample = robot.exchange(acted.desired_position)
 
         arrived = returned.pop_due(now_ns)
-        position = operator.read(now_ns)
+        position = operator.read(clock.read(now_ns, coupled=leading.telemetry.newest > 0))
         start = time.perf_counter_ns()
-        leading, led = leader.step(
+        leading, led = side.step(
             leading,
             leader.Inputs(
                 position,
@@ -100,6 +104,9 @@ def simulate(
                 [message for message in arrived if type(message) is Telemetry],
                 _PERIOD_NS,
                 0,
+                operator.clutched,
+                operator.exact_position,
+                operator.intention,
             ),
             now_ns,
         )

@@ -1,0 +1,88 @@
+"""The energy account of one contact, and the ceiling on force that keeps it in bounds."""
+
+from __future__ import annotations
+
+import math
+
+from foretouch.models.checks import require
+
+__all__ = ["EnergyAccount"]
+
+
+class EnergyAccount:
+    r"""What the hand has put into the rendered force in this contact, and what that force may give back.
+
+    .. math::
+        E_{k+1} &= E_k + f_k (x_{k+1} - x_k) \\
+        f_k &\le \max\left(0,\; F + E_k / D\right) \quad \text{while } E_k < 0 \\
+        E_k &\ge -F D \quad \text{always}
+
+    f is held from one tick to the next, so the sum is the work itself; x is the hand's position as the encoder shows it
+    and grows into the material. F is the largest force of this contact so far, and D the farthest that the hand went in
+    one tick of it, and one count of the encoder more.
+
+    The bound is the energy of one tick and one count: nobody can know of it before. It holds for any motion and any
+    forces that are asked for. Where E is not negative, one tick takes F D at most. Where it is, the ceiling takes care
+    that a tick no longer than D leaves E at -F D or above; and one that is longer makes D longer. It is also what
+    sampling makes of a spring that takes nothing: pressed and let go at speed v, it gives back K x v T = F D more than
+    was put in, so that such a spring is not cut.
+
+    At the loss of contact the account is closed: what was dissipated in a former contact pays for nothing.
+
+    Args:
+        resolution: One count of the encoder [m], not negative.
+
+    Attributes:
+        energy: E [J].
+        force: f, held now [N].
+        largest_force: F [N].
+        largest_step: D [m].
+
+    References:
+        Hannaford and Ryu (2002), Time-domain passivity control of haptic interfaces, IEEE Transactions on Robotics and
+        Automation 18(1): observer and controller, whose damping is replaced here by a ceiling that needs no velocity.
+        The bound is derived here.
+    """
+
+    __slots__ = ("_position", "_resolution", "energy", "force", "largest_force", "largest_step")
+
+    def __init__(self, resolution: float = 0.0) -> None:
+        require("resolution", resolution, at_least=0.0)
+        self._resolution = resolution
+        self._position = math.nan
+        self.force = 0.0
+        self.close()
+
+    def close(self) -> None:
+        """Contact is lost: begin anew."""
+        self.energy = 0.0
+        self.largest_force = 0.0
+        self.largest_step = self._resolution
+
+    @property
+    def bound(self) -> float:
+        """F D [J]: the account is never further below zero."""
+        return self.largest_force * self.largest_step
+
+    @property
+    def ceiling(self) -> float:
+        """Largest force that may be held now [N]."""
+        if self.energy >= 0.0:
+            return math.inf
+        return max(self.largest_force + self.energy / self.largest_step, 0.0) if self.largest_step > 0.0 else 0.0
+
+    def observe(self, position: float) -> None:
+        """Book the work of the held force up to where the hand is now [m]; a position that is no number is left out."""
+        if not math.isfinite(position):
+            return
+        if not math.isnan(self._position):
+            moved = position - self._position
+            self.energy += self.force * moved
+            if self.force > 0.0:
+                self.largest_step = max(self.largest_step, abs(moved) + self._resolution)
+        self._position = position
+
+    def hold(self, force: float) -> None:
+        """From now on this force acts [N], 0 or more."""
+        self.force = force
+        self.largest_force = max(self.largest_force, force)

@@ -1,0 +1,107 @@
+"""New models let in without a jerk, and only as far as energy pays for them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+__all__ = ["LARGEST_STEP", "RELEASE_TIME", "Mediation"]
+
+LARGEST_STEP = 0.08
+"""Models change the force by at most so much in one tick [N]; people do not feel 0.1 N."""
+
+RELEASE_TIME = 0.01
+"""Time constant in which what is held back is let in [s]."""
+
+SMALLEST_OFFSET = 1e-6
+"""Less is nothing [N]."""
+
+
+class Mediation:
+    r"""Continuity first, then the change, as fast as energy allows.
+
+    The force that is rendered is
+
+    .. math:: m_k = \max(0,\; F_k + o_k)
+
+    with F the force of the newest model. A model that would change the force by J in the tick in which it comes is met
+    by an offset of -J, so that m goes on from where it was; then the offset goes back to zero,
+
+    .. math:: |o_{k+1} - o_k| \le \min\left(S,\; (1 - e^{-T/\tau}) |o_k|\right)
+
+    with S = 0.08 N and tau = 10 ms. An offset above zero, where the new model is the weaker one, always does. One below
+    zero is raised only where that is paid for: raising it by d makes the material give back up to d x more on the way
+    out, x being the way, so
+
+    .. math:: d \le (E_k - W_k) / x
+
+    where E is what the hand has put into this contact and W what the model, with its offset, would give back from
+    here. The difference is what was dissipated on the way: the tank of Franken et al., filled by the model's own
+    dissipation and by the operator's work, emptied by models that store more than those before them. Whoever leaves
+    pays as well: where F + o would be negative, the offset follows F, so that who presses again from there feels
+    the new model from nothing on.
+
+    Attributes:
+        offset: o [N].
+        force: m [N].
+        step: Part of the newest change of m that models made, and not motion [N]: at most S, in either direction.
+        held_back: Whether energy kept the offset from being raised in the newest tick.
+
+    References:
+        Franken, Stramigioli, Misra, Secchi, Macchelli (2011), Bilateral telemanipulation with time delays: a two-layer
+        approach combining passivity and transparency, IEEE Transactions on Robotics 27(4): the tank. Passivity of
+        changing models: Ferraguti, Secchi, Fantuzzi (2013), A tank-based approach to impedance control with variable
+        stiffness, ICRA.
+    """
+
+    __slots__ = ("force", "held_back", "offset", "step")
+
+    def __init__(self) -> None:
+        self.offset = 0.0
+        self.force = 0.0
+        self.step = 0.0
+        self.held_back = False
+
+    def update(
+        self,
+        wanted: float,
+        jump: float,
+        period: float,
+        *,
+        depth: float,
+        energy: float,
+        exit_energy: Callable[[float], float],
+    ) -> float:
+        """One tick.
+
+        Args:
+            wanted: F, of the newest model [N], 0 or more.
+            jump: J: F less that of the model before [N]; 0 where no model came.
+            period: T [s].
+            depth: x, way out of the material [m].
+            energy: E [J].
+            exit_energy: Gives W [J] for an offset [N]; asked only where an offset is to be raised.
+
+        Returns:
+            m [N].
+        """
+        before = self.offset
+        offset = before - jump
+        release = min(abs(offset) * -math.expm1(-max(period, 0.0) / RELEASE_TIME), LARGEST_STEP)
+        self.held_back = False
+        if abs(offset) < SMALLEST_OFFSET:
+            offset = 0.0
+        elif offset > 0.0:
+            offset -= release
+        else:
+            if depth > 0.0 and wanted > 0.0:
+                paid = max(energy - exit_energy(offset), 0.0) / depth
+                self.held_back = paid < release
+                release = min(release, paid)
+            offset += release
+        offset = max(offset, -wanted) if offset < 0.0 else offset
+        self.offset = offset
+        self.force = max(wanted + offset, 0.0)
+        # What would have been, had no model come and no offset gone
+        self.step = self.force - max(wanted - jump + before, 0.0)
+        return self.force

@@ -1,0 +1,102 @@
+"""The proxy: where the operator's hand is for the model and for the follower."""
+
+from __future__ import annotations
+
+import math
+
+from foretouch.models.checks import require
+
+__all__ = ["RETURN_SPEED", "Proxy"]
+
+RETURN_SPEED = 0.01
+"""What was indexed away is given back at this speed of the proxy [m/s]."""
+
+
+class Proxy:
+    r"""The point that the follower is told and the model is asked at; the hand carries it along.
+
+    .. math:: y = p\,x - i, \quad i = i_0 + i_1 + i_2
+
+    p is the position scale, x the hand, and i what hand and proxy are apart:
+
+    - :math:`i_0`, the reference: set when hand and proxy are coupled, so that nothing jumps whatever their poses, and
+      anew each time that the clutch is let go;
+    - :math:`i_1`, indexed: a surface that turned up where the hand already was is met by it;
+    - :math:`i_2`, yielded: while the device can carry no more than a share rho of the model's stiffness, the proxy
+      takes part in that share of the hand's motion, both ways, :math:`\dot i_2 = (1 - \rho)\, p\, \dot x`.
+
+    Indexed and yielded are to be given back, the reference is not.
+
+    Args:
+        scale: p, positive.
+
+    Attributes:
+        position: y [m]; NaN until hand and proxy are coupled.
+        engaged: Whether they are.
+        indexed: i_1 [m].
+        yielded: i_2 [m].
+    """
+
+    __slots__ = ("_hand", "_reference", "_scale", "engaged", "indexed", "position", "yielded")
+
+    def __init__(self, scale: float = 1.0) -> None:
+        require("position_scale", scale, above=0.0)
+        self._scale = scale
+        self._reference = 0.0
+        self._hand = math.nan
+        self.position = math.nan
+        self.engaged = False
+        self.indexed = 0.0
+        self.yielded = 0.0
+
+    @property
+    def apart(self) -> float:
+        """What is to be given back [m], positive where the hand is further in."""
+        return self.indexed + self.yielded
+
+    def engage(self, hand: float, position: float | None = None) -> None:
+        """Couple the hand with a proxy at this position [m]; without one, where the scale alone puts it."""
+        self._hand = hand
+        self._reference = 0.0 if position is None else self._scale * hand - position
+        self.indexed = self.yielded = 0.0
+        self.engaged = True
+        self._place()
+
+    def release(self) -> None:
+        """Let the hand go alone; the proxy stays."""
+        self.engaged = False
+
+    def follow(self, hand: float, share: float = 1.0) -> float:
+        """Carry the proxy along to where the hand is now [m]; returns y [m].
+
+        Args:
+            hand: x [m]; one that is no number counts as not moved.
+            share: rho, 0 to 1.
+        """
+        if self.engaged and math.isfinite(hand):
+            self.yielded += (1.0 - share) * self._scale * (hand - self._hand)
+            self._hand = hand
+            self._place()
+        return self.position
+
+    def index(self, distance: float) -> None:
+        """Put the proxy further out by this distance [m] while the hand stays."""
+        self.indexed += distance
+        self._place()
+
+    def give_back(self, distance: float, *, yielded: bool) -> None:
+        """Bring the proxy nearer to where the hand would have it, by at most this distance [m], not negative.
+
+        Args:
+            distance: [m].
+            yielded: Whether what yielded is given back too, once nothing indexed is left.
+        """
+        returned = math.copysign(min(distance, abs(self.indexed)), self.indexed)
+        self.indexed -= returned
+        if yielded:
+            left = distance - abs(returned)
+            self.yielded -= math.copysign(min(left, abs(self.yielded)), self.yielded)
+        self._place()
+
+    def _place(self) -> None:
+        self.position = self._scale * self._hand - (self._reference + self.indexed + self.yielded)

@@ -1,0 +1,269 @@
+"""From models and the hand's motion to the force that the hand is given."""
+
+from __future__ import annotations
+
+import math
+from typing import Protocol
+
+from foretouch.models import NO_STATE, ContactModel, ContactState, Predictor
+from foretouch.models.checks import require
+from foretouch.rendering.energy import EnergyAccount
+from foretouch.rendering.limits import LARGEST_FORCE, ForceLimiter
+from foretouch.rendering.mediation import Mediation
+from foretouch.rendering.proxy import RETURN_SPEED, Proxy
+
+__all__ = ["Renderer", "RenderingDevice", "rendered_share"]
+
+SAMPLE_PERIOD = 1e-3
+"""Time for which a force is held where nothing else is said [s]."""
+
+LARGEST_MOVE = 5e-4
+"""A surface that is suddenly nearer to the hand by more than this [m] is met by the index; less, by mediation alone."""
+
+CLEARANCE = 1e-3
+"""In free air the proxy is brought back until it is so near to the surface [m]."""
+
+SHORTEST_REACH = 3e-5
+"""Local slopes are taken over at least so far [m], and over as far as the next tick may get."""
+
+LARGEST_RETURN = 0.02
+"""What is given back in contact changes the force by at most so much in a tick [N]."""
+
+
+class RenderingDevice(Protocol):
+    """What rendering has to know of a device that the hand feels."""
+
+    @property
+    def damping(self) -> float:
+        """B [N s/m]."""
+
+    @property
+    def force_limit(self) -> float:
+        """[N]."""
+
+    @property
+    def resolution(self) -> float:
+        """One count of the encoder [m]."""
+
+
+def rendered_share(stiffness: float, rendered_damping: float, *, device_damping: float, sample_period: float) -> float:
+    r"""Share rho of the hand's motion in which a device can carry a model.
+
+    .. math:: \rho \left(\frac{K T}{2} + |B|\right) \le b, \quad \rho \le 1
+
+    A proxy that takes part in the share rho of the motion is felt with rho K and rho B, so that the condition for
+    passive rendering from samples holds.
+
+    Args:
+        stiffness: K, local, at the hand [N/m], not negative.
+        rendered_damping: B, local, at the hand [N s/m].
+        device_damping: b [N s/m], not negative.
+        sample_period: T [s].
+
+    References:
+        Colgate and Schenkel (1997), Passivity of a class of sampled-data systems: application to haptic interfaces,
+        Journal of Robotic Systems 14(1).
+    """
+    needed = 0.5 * stiffness * sample_period + abs(rendered_damping)
+    return min(1.0, device_damping / needed) if needed > 0.0 else 1.0
+
+
+class Renderer:
+    """Proxy, prediction, mediation, limits and energy account, in this order, once a tick.
+
+    Args:
+        device: That the hand holds and feels; None where nobody feels it (an open loop): then the proxy is coupled from
+            the first tick on and the whole model is rendered.
+        position_scale: Proxy's motion for the hand's, positive.
+        force_scale: Hand's force for the model's, positive.
+        largest_stiffness: Largest local stiffness at the hand [N/m]; 0 for what the device carries.
+        guarded: Whether a surface that turns up where the hand already is, is met by the index.
+        sample_period: T [s].
+
+    Attributes:
+        predictor: Runs the newest model at the proxy.
+        proxy: Where that is.
+        mediation: Lets new models in.
+        limiter: The clamps.
+        account: Of the energy.
+        share: rho, of the hand's motion from now to the next tick.
+        energy: Of the account at the newest tick [J], before its force acts.
+        energy_bound: Of the account then [J].
+
+    Raises:
+        SettingError: A scale or stiffness out of range.
+    """
+
+    __slots__ = (
+        "_device",
+        "_force_scale",
+        "_guarded",
+        "_largest_stiffness",
+        "_message",
+        "_period",
+        "_position_scale",
+        "_surface",
+        "_was_engaged",
+        "account",
+        "energy",
+        "energy_bound",
+        "limiter",
+        "mediation",
+        "predictor",
+        "proxy",
+        "share",
+    )
+
+    def __init__(
+        self,
+        device: RenderingDevice | None = None,
+        *,
+        position_scale: float = 1.0,
+        force_scale: float = 1.0,
+        largest_stiffness: float = 0.0,
+        guarded: bool = False,
+        sample_period: float = SAMPLE_PERIOD,
+    ) -> None:
+        require("force_scale", force_scale, above=0.0)
+        require("largest_stiffness", largest_stiffness, at_least=0.0)
+        require("sample_period", sample_period, above=0.0)
+        self._device = device
+        self._position_scale = position_scale
+        self._force_scale = force_scale
+        self._largest_stiffness = largest_stiffness
+        self._guarded = guarded
+        self._period = sample_period
+        self._message = 0
+        self._surface = math.nan
+        self._was_engaged = False
+        self.predictor = Predictor()
+        self.proxy = Proxy(position_scale)
+        self.mediation = Mediation()
+        self.limiter = ForceLimiter(LARGEST_FORCE if device is None else min(LARGEST_FORCE, device.force_limit))
+        self.account = EnergyAccount(0.0 if device is None else device.resolution)
+        self.share = 1.0
+        self.energy = self.energy_bound = 0.0
+
+    def adopt(
+        self,
+        model: ContactModel | None,
+        surface: float,
+        state: ContactState = NO_STATE,
+        tick: int | None = None,
+        message: int = 0,
+    ) -> None:
+        """Render from this model from now on: see `Predictor.adopt`."""
+        self.predictor.adopt(model, surface, state, tick, message)
+
+    @property
+    def closed_loop(self) -> bool:
+        """Whether somebody feels the force."""
+        return self._device is not None
+
+    def engage(self, hand: float, position: float) -> None:
+        """Couple the hand [m] with a follower that is at this position [m]: nothing jumps, whatever the two are."""
+        self.proxy.engage(hand, position)
+        self.predictor.shift(position - (self.predictor.depth + self.predictor.surface))
+
+    def update(self, time: float, hand: float, period: float) -> float:
+        """One tick.
+
+        Args:
+            time: [s].
+            hand: Position of the hand [m]; one that is no number counts as not moved.
+            period: Time since the tick before [s].
+
+        Returns:
+            The force for the hand [N].
+        """
+        proxy, predictor, account = self.proxy, self.predictor, self.account
+        account.observe(hand)
+        self.energy, self.energy_bound = account.energy, account.bound
+        if self._device is None and math.isnan(proxy.position) and math.isfinite(hand):
+            proxy.engage(hand)
+        predictor.catch_up()
+        position = proxy.follow(hand, self.share)
+        if predictor.message != self._message:
+            self._meet_surface()
+            position = proxy.position
+        predicted = predictor.update(time, position)
+        wanted, jump = self._wanted(predicted)
+        mediated = self.mediation.update(
+            wanted,
+            jump,
+            period,
+            depth=max(predictor.depth, 0.0) / self._position_scale,
+            energy=account.energy,
+            exit_energy=self._exit_energy,
+        )
+        # A tick that came late is no reason for a larger step of force.
+        force = self.limiter.update(mediated, min(period, self._period), account.ceiling)
+        if wanted == 0.0 and force == 0.0:
+            account.close()
+        account.hold(force)
+        self._give_back(wanted)
+        self.share = self._carried()
+        return force
+
+    def _wanted(self, predicted: float) -> tuple[float, float]:
+        """Force of the model for the hand [N], and by how much models or the clutch changed it in this tick [N]."""
+        engaged, was_engaged = self.proxy.engaged, self._was_engaged
+        self._was_engaged = engaged
+        force = self._force_scale * predicted
+        if engaged and was_engaged:
+            return force, self._force_scale * self.predictor.jump
+        if engaged:
+            return force, force
+        return 0.0, -force if was_engaged else 0.0
+
+    def _meet_surface(self) -> None:
+        """A model has come: where its surface is nearer to the hand than before, the proxy stays as deep as it was."""
+        predictor, proxy = self.predictor, self.proxy
+        before, self._surface = self._surface, predictor.surface if predictor.model is not None else math.nan
+        self._message = predictor.message
+        if not self._guarded or not proxy.engaged or predictor.model is None:
+            return
+        depth = 0.0 if math.isnan(before) else max(proxy.position - before, 0.0)
+        nearer = proxy.position - predictor.surface - depth
+        if nearer > LARGEST_MOVE:
+            proxy.index(nearer)
+            predictor.shift(-nearer)
+
+    def _exit_energy(self, offset: float) -> float:
+        """What the model with an offset [N], at the hand, gives back on the way out, at the hand [J]."""
+        ratio = self._force_scale / self._position_scale
+        return ratio * self.predictor.exit_energy(offset / self._force_scale)
+
+    def _give_back(self, wanted: float) -> None:
+        """Bring the proxy back: freely in free air, as dissipation pays in contact."""
+        proxy, predictor = self.proxy, self.predictor
+        if not proxy.engaged or predictor.model is None or proxy.apart == 0.0:
+            return
+        step = RETURN_SPEED * self._period
+        if wanted == 0.0:
+            room = -CLEARANCE - predictor.depth if proxy.apart > 0.0 else math.inf
+            proxy.give_back(min(max(room, 0.0), step), yielded=True)
+            return
+        if not proxy.indexed > 0.0 or self.mediation.offset < 0.0:
+            return
+        # The surface moves out against the force: that is the work of it, on the proxy's way.
+        paid = max(self.account.energy - self._exit_energy(0.0), 0.0) * self._position_scale / wanted
+        stiffness = self._force_scale * predictor.local_slopes(SHORTEST_REACH)[0]
+        gentle = LARGEST_RETURN / stiffness if stiffness > 0.0 else step
+        proxy.give_back(min(step, paid, gentle), yielded=False)
+
+    def _carried(self) -> float:
+        """Share of the hand's motion in which the device carries the model from here to the next tick."""
+        device, predictor = self._device, self.predictor
+        if device is None or predictor.model is None or not self.proxy.engaged:
+            return 1.0
+        reach = max(SHORTEST_REACH, 1.5 * abs(predictor.velocity) * self._period)
+        if predictor.depth < -2.0 * reach:
+            return 1.0
+        stiffness, damping = predictor.local_slopes(reach)
+        scale = self._force_scale * self._position_scale
+        stiffness, damping = scale * stiffness, scale * damping
+        share = rendered_share(stiffness, damping, device_damping=device.damping, sample_period=self._period)
+        if self._largest_stiffness > 0.0 and stiffness > 0.0:
+            share = min(share, self._largest_stiffness / stiffness)
+        return share
