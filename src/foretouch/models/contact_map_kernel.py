@@ -343,7 +343,7 @@ force_at: Callable[[Array, Array, float, float, Array, Array], float] = njit(cac
 
 
 def _slopes(flat: Array, memory: Array, depth: float, velocity: float, reach: float) -> tuple[float, float]:
-    """Local stiffness [N/m], the steeper of both sides, and damping [N s/m], at a memory that stays as it is."""
+    """Local stiffness [N/m], the steeper side's size, and damping [N s/m], at a memory that stays as it is."""
     values, forces = np.empty(LARGEST_FEATURES), np.empty(EXPERTS)
     place = depth - flat[ORIGIN]
     here = force_at(flat, memory, place, velocity, values, forces)
@@ -351,21 +351,21 @@ def _slopes(flat: Array, memory: Array, depth: float, velocity: float, reach: fl
     shallower = force_at(flat, memory, place - reach, velocity, values, forces)
     faster = force_at(flat, memory, place, velocity + SPEED_STEP, values, forces)
     slower = force_at(flat, memory, place, velocity - SPEED_STEP, values, forces)
-    return max(abs(deeper - here), abs(here - shallower)) / reach, abs(faster - slower) / (2.0 * SPEED_STEP)
+    return max(abs(deeper - here), abs(here - shallower)) / reach, (faster - slower) / (2.0 * SPEED_STEP)
 
 
 slopes: Callable[[Array, Array, float, float, float], tuple[float, float]] = njit(cache=True)(_slopes)
 
 
 def _exit_energy(flat: Array, memory: Array, depth: float, offset: float, speed: float, slices: int) -> float:
-    """Work of the force and a constant beside it, never below zero together, on the straight way out [J].
+    """Work of the force and a constant beside it, never below zero together, on the way out, without damping [J].
 
     Args:
         flat: The model.
         memory: Of now; it is left as it is.
         depth: Of now [m], above 0.
         offset: The constant [N].
-        speed: Of the way out [m/s], positive.
+        speed: At which averages are left behind on the way out [m/s], positive.
         slices: Of it.
     """
     values, forces, shares = np.empty(LARGEST_FEATURES), np.empty(EXPERTS), np.empty(_N_TIMES)
@@ -378,7 +378,7 @@ def _exit_energy(flat: Array, memory: Array, depth: float, offset: float, speed:
     for _ in range(slices):
         place -= length
         remember(moved, place, shares)
-        after = max(force_at(flat, moved, place, -speed, values, forces) + offset, 0.0)
+        after = max(force_at(flat, moved, place, 0.0, values, forces) + offset, 0.0)
         energy += 0.5 * (before + after) * length
         before = after
     return energy

@@ -71,7 +71,7 @@ class ContactModel(ABC):
         r"""Local stiffness and damping, as finite differences.
 
         .. math:: K = \max_\pm \frac{|F(x \pm h, \dot x) - F(x, \dot x)|}{h}, \quad
-            B = \frac{|F(x, \dot x + u) - F(x, \dot x - u)|}{2 u}
+            B = \frac{F(x, \dot x + u) - F(x, \dot x - u)}{2 u}
 
         Args:
             state: What the material remembers now.
@@ -92,12 +92,15 @@ class ContactModel(ABC):
                 (depth, velocity - SPEED_STEP),
             )
         )
-        return max(abs(deeper - here), abs(here - shallower)) / reach, abs(faster - slower) / (2.0 * SPEED_STEP)
+        return max(abs(deeper - here), abs(here - shallower)) / reach, (faster - slower) / (2.0 * SPEED_STEP)
 
     def exit_energy(self, state: ContactState, depth: float, offset: float = 0.0) -> float:
-        r"""Energy that the material gives back on the straight way out, at 50 mm/s.
+        r"""Energy that the material gives back on the straight way out.
 
-        .. math:: W = \int_0^x \max(F(\xi) + o,\; 0)\, d\xi
+        .. math:: W = \int_0^x \max(F(\xi, 0) + o,\; 0)\, d\xi
+
+        Damping takes nothing of it, for nobody knows how slowly the probe will leave; what the material remembers
+        passes as at 50 mm/s.
 
         Args:
             state: What the material remembers now.
@@ -113,7 +116,7 @@ class ContactModel(ABC):
         before = max(self.advance(state, depth, 0.0, TICK)[1] + offset, 0.0)
         energy = 0.0
         for index in range(1, SLICES + 1):
-            state, force, _ = self.advance(state, depth - index * length, -EXIT_SPEED, length / EXIT_SPEED)
+            state, force, _ = self.advance(state, depth - index * length, 0.0, length / EXIT_SPEED)
             after = max(force + offset, 0.0)
             energy += 0.5 * (before + after) * length
             before = after

@@ -8,6 +8,9 @@ from foretouch.models.checks import require
 
 __all__ = ["EnergyAccount"]
 
+SMALLEST_COUNT = 1e-6
+"""[m]."""
+
 
 class EnergyAccount:
     r"""What the hand has put into the rendered force in this contact, and what that force may give back.
@@ -30,7 +33,7 @@ class EnergyAccount:
     At the loss of contact the account is closed: what was dissipated in a former contact pays for nothing.
 
     Args:
-        resolution: One count of the encoder [m], not negative.
+        resolution: One count of the encoder [m], not negative; less than a micrometre counts as one.
 
     Attributes:
         energy: E [J].
@@ -48,7 +51,9 @@ class EnergyAccount:
 
     def __init__(self, resolution: float = 0.0) -> None:
         require("resolution", resolution, at_least=0.0)
-        self._resolution = resolution
+        # With D longer than any step the account comes ever nearer to its bound and never there, where nothing could be
+        # rendered any more that would bring it back.
+        self._resolution = max(resolution, SMALLEST_COUNT)
         self._position = math.nan
         self.force = 0.0
         self.close()
@@ -69,7 +74,7 @@ class EnergyAccount:
         """Largest force that may be held now [N]."""
         if self.energy >= 0.0:
             return math.inf
-        return max(self.largest_force + self.energy / self.largest_step, 0.0) if self.largest_step > 0.0 else 0.0
+        return max(self.largest_force + self.energy / self.largest_step, 0.0)
 
     def observe(self, position: float) -> None:
         """Book the work of the held force up to where the hand is now [m]; a position that is no number is left out."""

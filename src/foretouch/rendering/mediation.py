@@ -30,22 +30,26 @@ class Mediation:
     .. math:: |o_{k+1} - o_k| \le \min\left(S,\; (1 - e^{-T/\tau}) |o_k|\right)
 
     with S = 0.08 N and tau = 10 ms. An offset above zero, where the new model is the weaker one, always does. One below
-    zero is raised only where that is paid for: raising it by d makes the material give back up to d x more on the way
-    out, x being the way, so
+    zero is raised only where that is paid for. With E what the hand has put into this contact, and W what the model,
+    with its offset, would give back from here, E - W is what was dissipated on the way: the tank of Franken et al.,
+    filled by the model's own dissipation and by the operator's work, emptied by models that store more than those
+    before them. Raising the offset by d makes the material give back up to d x more on the way out, x being the way, so
 
     .. math:: d \le (E_k - W_k) / x
 
-    where E is what the hand has put into this contact and W what the model, with its offset, would give back from
-    here. The difference is what was dissipated on the way: the tank of Franken et al., filled by the model's own
-    dissipation and by the operator's work, emptied by models that store more than those before them. Whoever leaves
-    pays as well: where F + o would be negative, the offset follows F, so that who presses again from there feels
-    the new model from nothing on.
+    and where more would come back than was put in, beyond the bound B of the account, the offset is lowered until it
+    would not,
+
+    .. math:: d = -\min(S, (W_k - E_k - B_k) / x)
+
+    rather than that the force ends on the way out. Whoever leaves pays as well: where F + o would be negative, the
+    offset follows F, so that who presses again from there feels the new model from nothing on.
 
     Attributes:
         offset: o [N].
         force: m [N].
         step: Part of the newest change of m that models made, and not motion [N]: at most S, in either direction.
-        held_back: Whether energy kept the offset from being raised in the newest tick.
+        held_back: Whether energy kept the offset from being raised in the newest tick, or lowered it.
 
     References:
         Franken, Stramigioli, Misra, Secchi, Macchelli (2011), Bilateral telemanipulation with time delays: a two-layer
@@ -68,8 +72,9 @@ class Mediation:
         jump: float,
         period: float,
         *,
-        depth: float,
+        way: float,
         energy: float,
+        bound: float,
         exit_energy: Callable[[float], float],
     ) -> float:
         """One tick.
@@ -78,9 +83,10 @@ class Mediation:
             wanted: F, of the newest model [N], 0 or more.
             jump: J: F less that of the model before [N]; 0 where no model came.
             period: T [s].
-            depth: x, way out of the material [m].
+            way: x, out of the material [m].
             energy: E [J].
-            exit_energy: Gives W [J] for an offset [N]; asked only where an offset is to be raised.
+            bound: B [J].
+            exit_energy: Gives W [J] for an offset [N]; asked only in contact.
 
         Returns:
             m [N].
@@ -89,17 +95,20 @@ class Mediation:
         offset = before - jump
         release = min(abs(offset) * -math.expm1(-max(period, 0.0) / RELEASE_TIME), LARGEST_STEP)
         self.held_back = False
-        if abs(offset) < SMALLEST_OFFSET:
-            offset = 0.0
-        elif offset > 0.0:
-            offset -= release
-        else:
-            if depth > 0.0 and wanted > 0.0:
-                paid = max(energy - exit_energy(offset), 0.0) / depth
+        if way > 0.0 and wanted + offset > 0.0:
+            left = energy - exit_energy(offset)
+            if left < -bound:
+                release = -min((-bound - left) / way, LARGEST_STEP) if offset <= 0.0 else release
+                self.held_back = True
+            elif offset < 0.0:
+                paid = max(left, 0.0) / way
                 self.held_back = paid < release
                 release = min(release, paid)
-            offset += release
-        offset = max(offset, -wanted) if offset < 0.0 else offset
+        if 0.0 < abs(offset) < SMALLEST_OFFSET and not self.held_back:
+            offset = 0.0
+        else:
+            offset += release if offset <= 0.0 else -release
+        offset = max(offset, -wanted)
         self.offset = offset
         self.force = max(wanted + offset, 0.0)
         # What would have been, had no model come and no offset gone

@@ -23,7 +23,8 @@ class Proxy:
       anew each time that the clutch is let go;
     - :math:`i_1`, indexed: a surface that turned up where the hand already was is met by it;
     - :math:`i_2`, yielded: while the device can carry no more than a share rho of the model's stiffness, the proxy
-      takes part in that share of the hand's motion, both ways, :math:`\dot i_2 = (1 - \rho)\, p\, \dot x`.
+      takes part in that share of the hand's motion, both ways, :math:`\dot i_2 = (1 - \rho)\, p\, \dot x`, but never
+      leaves later than the hand does, :math:`i_2 \ge 0`.
 
     Indexed and yielded are to be given back, the reference is not.
 
@@ -74,7 +75,7 @@ class Proxy:
             share: rho, 0 to 1.
         """
         if self.engaged and math.isfinite(hand):
-            self.yielded += (1.0 - share) * self._scale * (hand - self._hand)
+            self.yielded = max(self.yielded + (1.0 - share) * self._scale * (hand - self._hand), 0.0)
             self._hand = hand
             self._place()
         return self.position

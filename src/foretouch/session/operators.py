@@ -15,6 +15,11 @@ RECORDED_MOTION = "tue/b-foam"
 """Dataset whose leader lever moves the ``recorded`` operator."""
 
 
+INTENDED_FORCE, DEEPEST = 3.0, 0.1
+"""A hand that means to press with a force intends to be deeper, by so many newtons over the stiffness of its grip [N],
+and at most so deep [m]."""
+
+
 def make_operator(
     settings: SessionSettings, *, surface: float, press_depth: float, say: Callable[[str], None]
 ) -> Device:
@@ -26,10 +31,11 @@ def make_operator(
         press_depth: How deep the deepest press goes [m].
         say: Told in one line when the measured motion is not to be had and the script is used instead.
     """
-    intention = _intention(settings, surface, press_depth, say)
     if settings.grip == NO_GRIP:
-        return intention
-    return Hand(intention, GRIPS[settings.grip], settings.device, settings.clutch_times)
+        return _intention(settings, surface, press_depth, say)
+    grip = GRIPS[settings.grip]
+    intention = _intention(settings, surface, min(press_depth + INTENDED_FORCE / grip.stiffness, DEEPEST), say)
+    return Hand(intention, grip, settings.device, settings.clutch_times)
 
 
 def _intention(settings: SessionSettings, surface: float, press_depth: float, say: Callable[[str], None]) -> Device:
