@@ -57,14 +57,17 @@ def test_there_is_no_force_before_a_valid_model() -> None:
 
 
 def test_the_force_is_the_model_s_within_the_rate_limit() -> None:
-    outputs = run({1: model(1)}, pressed=20)
+    outputs = run({1: model(1)}, pressed=100)
     law = HuntCrossley(3000.0, 0.0, 1.4)
     expected = law.advance((), 0.01, 0.0, 1e-3)[1]
-    assert outputs[-1].record.rendered_force == pytest.approx(expected)
+    assert outputs[-1].record.rendered_force == pytest.approx(expected, rel=2e-3)
     jumps = np.abs(np.diff([o.record.rendered_force for o in outputs]))
-    assert jumps.max() == pytest.approx(0.2)
-    assert outputs[20].record.clipped
-    assert not outputs[-1].record.clipped
+    assert jumps.max() < 0.2
+    assert not any(o.record.clipped for o in outputs)
+    quick = run({1: model(1)}, pressed=20)
+    assert np.abs(np.diff([o.record.rendered_force for o in quick])).max() == pytest.approx(0.2)
+    assert quick[20].record.clipped
+    assert quick[-1].record.rendered_force < expected  # the hand was faster than the limit, and paid less
 
 
 def test_the_tick_that_adopts_a_model_says_by_how_much_it_changed_the_force() -> None:

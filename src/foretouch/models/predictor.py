@@ -7,7 +7,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from foretouch.models.contact_model import NO_STATE, ContactModel, ContactState, advance
+from foretouch.models.contact_model import LARGEST_DEPTH, LARGEST_SPEED, NO_STATE, ContactModel, ContactState, advance
 from foretouch.models.motion import MotionFilter
 
 __all__ = ["HISTORY", "STATE_TOLERANCE", "Predictor"]
@@ -148,16 +148,23 @@ class Predictor:
         """Local stiffness [N/m] and damping [N s/m] at the newest sample (`ContactModel.local_slopes`)."""
         if self.model is None:
             return 0.0, 0.0
-        return self.model.local_slopes(self._state, self.depth, self.velocity, reach)
+        velocity = min(max(self.velocity, -LARGEST_SPEED), LARGEST_SPEED)
+        return self.model.local_slopes(self._state, self.depth, velocity, reach)
 
     def exit_energy(self, offset: float = 0.0) -> float:
         """Energy [J] that comes back from the newest sample on the way out (`ContactModel.exit_energy`)."""
         return 0.0 if self.model is None else self.model.exit_energy(self._state, self.depth, offset)
 
     @property
+    def position(self) -> float:
+        """Of the newest sample [m]; 0 before the first."""
+        return float(self._places[self.ticks % HISTORY])
+
+    @property
     def depth(self) -> float:
-        """Of the newest sample below the surface [m]."""
-        return float(self._places[self.ticks % HISTORY]) - self.surface
+        """Of the newest sample below the surface [m], within the bounds of `advance`."""
+        depth = self.position - self.surface
+        return min(max(depth, -LARGEST_DEPTH), LARGEST_DEPTH)
 
     def update(self, time: float, position: float, velocity: float | None = None) -> float:
         """Predict the force at one sample of the motion.

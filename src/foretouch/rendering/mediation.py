@@ -95,7 +95,7 @@ class Mediation:
         offset = before - jump
         release = min(abs(offset) * -math.expm1(-max(period, 0.0) / RELEASE_TIME), LARGEST_STEP)
         self.held_back = False
-        if way > 0.0 and wanted + offset > 0.0:
+        if way > 0.0 and wanted > 0.0:
             left = energy - exit_energy(offset)
             if left < -bound:
                 release = -min((-bound - left) / way, LARGEST_STEP) if offset <= 0.0 else release

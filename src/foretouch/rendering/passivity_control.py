@@ -43,7 +43,6 @@ class PassivityController:
         Transactions on Robotics and Automation 20(2).
     """
 
-
     def __init__(self, largest_damping: float, resolution: float = 0.0) -> None:
         require("largest_damping", largest_damping, at_least=0.0)
         self._account = EnergyAccount(resolution)

@@ -21,6 +21,9 @@ SAMPLE_PERIOD = 1e-3
 LARGEST_MOVE = 5e-4
 """A surface that is suddenly nearer to the hand by more than this [m] is met by the index; less, by mediation alone."""
 
+FARTHEST = 10.0
+"""No hand is further from its zero than this [m]."""
+
 NOTHING = 1e-3
 """Contact is lost where the model gives no force or the proxy is outside, and no more than this is rendered [N]."""
 
@@ -177,20 +180,22 @@ class Renderer:
     def engage(self, hand: float, position: float) -> None:
         """Couple the hand [m] with a follower that is at this position [m]: nothing jumps, whatever the two are."""
         self.proxy.engage(hand, position)
-        self.predictor.shift(position - (self.predictor.depth + self.predictor.surface))
+        self.predictor.shift(position - self.predictor.position)
 
     def update(self, time: float, hand: float, period: float) -> float:
         """One tick.
 
         Args:
             time: [s].
-            hand: Position of the hand [m]; one that is no number counts as not moved.
+            hand: Position of the hand [m]; one that is no number, or none within 10 m, counts as not moved.
             period: Time since the tick before [s].
 
         Returns:
             The force for the hand [N].
         """
         proxy, predictor, account = self.proxy, self.predictor, self.account
+        if not abs(hand) <= FARTHEST:
+            hand = math.nan
         account.observe(hand)
         self.energy, self.energy_bound = account.energy, account.bound
         if self._device is None and math.isnan(proxy.position) and math.isfinite(hand):
