@@ -11,7 +11,14 @@ from numpy.typing import NDArray
 
 from foretouch.errors import SettingError
 from foretouch.models.checks import require
-from foretouch.models.contact_model import EXIT_SPEED, SLICES, ContactModel, ContactState
+from foretouch.models.contact_model import (
+    EXIT_SPEED,
+    SLICE_BEYOND,
+    SLICES,
+    SLICES_BEYOND,
+    ContactModel,
+    ContactState,
+)
 
 __all__ = ["ContactMap"]
 
@@ -95,11 +102,11 @@ class ContactMap(ContactModel):
 
         return slopes(self._flat, _memory(state), depth, velocity, reach)
 
-    def exit_energy(self, state: ContactState, depth: float, offset: float = 0.0) -> float:
-        """See `ContactModel.exit_energy`."""
-        from foretouch.models.contact_map_kernel import exit_energy
+    def exit_work(self, state: ContactState, depth: float, offset: float = 0.0) -> tuple[float, float]:
+        """See `ContactModel.exit_work`."""
+        from foretouch.models.contact_map_kernel import exit_work
 
-        return exit_energy(self._flat, _memory(state), depth, offset, EXIT_SPEED, SLICES) if depth > 0.0 else 0.0
+        return exit_work(self._flat, _memory(state), depth, offset, _WAY_OUT)
 
     def remember(
         self, state: ContactState, depth: NDArray[np.float64], sample_period: NDArray[np.float64]
@@ -110,6 +117,9 @@ class ContactMap(ContactModel):
         memory = _memory(state)
         run(self._flat, memory, depth, sample_period)
         return tuple(memory.tolist())
+
+
+_WAY_OUT = np.array([SLICES, SLICES_BEYOND, SLICE_BEYOND, EXIT_SPEED])
 
 
 def _memory(state: ContactState) -> NDArray[np.float64]:

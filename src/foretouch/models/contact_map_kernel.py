@@ -22,7 +22,7 @@ __all__ = [
     "HEADER",
     "MEMORY",
     "SIZE",
-    "exit_energy",
+    "exit_work",
     "features",
     "judge",
     "locate",
@@ -357,34 +357,44 @@ def _slopes(flat: Array, memory: Array, depth: float, velocity: float, reach: fl
 slopes: Callable[[Array, Array, float, float, float], tuple[float, float]] = njit(cache=True)(_slopes)
 
 
-def _exit_energy(flat: Array, memory: Array, depth: float, offset: float, speed: float, slices: int) -> float:
-    """Work of the force and a constant beside it, never below zero together, on the way out, without damping [J].
+def _exit_work(flat: Array, memory: Array, depth: float, offset: float, way_out: Array) -> tuple[float, float]:
+    """Work of the force and a constant beside it, never below zero together, on the way out, without damping.
 
     Args:
         flat: The model.
         memory: Of now; it is left as it is.
-        depth: Of now [m], above 0.
+        depth: Of now [m].
         offset: The constant [N].
-        speed: At which averages are left behind on the way out [m/s], positive.
-        slices: Of it.
+        way_out: Slices to the surface, slices beyond it, length of one of the latter [m], speed [m/s] at which averages
+            are left behind.
+
+    Returns:
+        The work [J], and the way on which there is any [m].
     """
     values, forces, shares = np.empty(LARGEST_FEATURES), np.empty(EXPERTS), np.empty(_N_TIMES)
     moved = memory.copy()
-    length = depth / slices
-    rates(length / speed, shares)
     place = depth - flat[ORIGIN]
     before = max(force_at(flat, moved, place, 0.0, values, forces) + offset, 0.0)
-    energy = 0.0
-    for _ in range(slices):
-        place -= length
-        remember(moved, place, shares)
-        after = max(force_at(flat, moved, place, 0.0, values, forces) + offset, 0.0)
-        energy += 0.5 * (before + after) * length
-        before = after
-    return energy
+    energy = way = 0.0
+    for part in range(2):
+        count = int(way_out[part])
+        length = way_out[2] if part else max(depth, 0.0) / count
+        if not length > 0.0:
+            continue
+        rates(length / way_out[3], shares)
+        for _ in range(count):
+            if part and not before > 0.0:
+                break
+            place -= length
+            remember(moved, place, shares)
+            after = max(force_at(flat, moved, place, 0.0, values, forces) + offset, 0.0)
+            energy += 0.5 * (before + after) * length
+            way += length
+            before = after
+    return energy, way
 
 
-exit_energy: Callable[[Array, Array, float, float, float, int], float] = njit(cache=True)(_exit_energy)
+exit_work: Callable[[Array, Array, float, float, Array], tuple[float, float]] = njit(cache=True)(_exit_work)
 
 
 # --- the network -----------------------------------------------------------------------------------------------------

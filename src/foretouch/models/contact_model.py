@@ -27,7 +27,10 @@ SPEED_STEP = 2e-3
 """Local damping is the slope over twice this [m/s]."""
 
 EXIT_SPEED, SLICES = 0.05, 16
-"""Speed [m/s] and slices of the way out on which energy comes back."""
+"""Speed [m/s] and slices of the way out to the surface, on which energy comes back."""
+
+SLICES_BEYOND, SLICE_BEYOND = 20, 2.5e-4
+"""Slices of the way beyond the surface, as long as there is a force, and the length of one [m]."""
 
 ContactState: TypeAlias = tuple[float, ...]
 """What the material remembers (hysteresis, relaxation), as plain numbers; empty for the paper's laws."""
@@ -94,33 +97,35 @@ class ContactModel(ABC):
         )
         return max(abs(deeper - here), abs(here - shallower)) / reach, (faster - slower) / (2.0 * SPEED_STEP)
 
-    def exit_energy(self, state: ContactState, depth: float, offset: float = 0.0) -> float:
-        r"""Energy that the material gives back on the straight way out.
+    def exit_work(self, state: ContactState, depth: float, offset: float = 0.0) -> tuple[float, float]:
+        r"""Energy that the material gives back on the straight way out, and how long that way is.
 
-        .. math:: W = \int_0^x \max(F(\xi, 0) + o,\; 0)\, d\xi
+        .. math:: W = \int_{-\infty}^x \max(F(\xi, 0) + o,\; 0)\, d\xi
 
         Damping takes nothing of it, for nobody knows how slowly the probe will leave; what the material remembers
-        passes as at 50 mm/s.
+        passes as at 50 mm/s. A force that reaches beyond the surface is followed out for 5 mm.
 
         Args:
             state: What the material remembers now.
-            depth: x [m]; outside 0 J.
+            depth: x [m].
             offset: o, a constant beside the force [N].
 
         Returns:
-            W [J], by the trapezoidal rule in 16 slices.
+            W [J], by the trapezoidal rule in 16 slices to the surface and 20 beyond it, and the way [m].
         """
-        if not depth > 0.0:
-            return 0.0
-        length = depth / SLICES
         before = max(self.advance(state, depth, 0.0, TICK)[1] + offset, 0.0)
-        energy = 0.0
-        for index in range(1, SLICES + 1):
-            state, force, _ = self.advance(state, depth - index * length, 0.0, length / EXIT_SPEED)
-            after = max(force + offset, 0.0)
-            energy += 0.5 * (before + after) * length
-            before = after
-        return energy
+        energy = way = 0.0
+        for count, length in ((SLICES, max(depth, 0.0) / SLICES), (SLICES_BEYOND, SLICE_BEYOND)):
+            for _ in range(count):
+                if not length > 0.0 or (length == SLICE_BEYOND and not before > 0.0):
+                    break
+                depth -= length
+                state, force, _ = self.advance(state, depth, 0.0, length / EXIT_SPEED)
+                after = max(force + offset, 0.0)
+                energy += 0.5 * (before + after) * length
+                way += length
+                before = after
+        return energy, way
 
     @abstractmethod
     def advance(

@@ -151,9 +151,9 @@ class Predictor:
         velocity = min(max(self.velocity, -LARGEST_SPEED), LARGEST_SPEED)
         return self.model.local_slopes(self._state, self.depth, velocity, reach)
 
-    def exit_energy(self, offset: float = 0.0) -> float:
-        """Energy [J] that comes back from the newest sample on the way out (`ContactModel.exit_energy`)."""
-        return 0.0 if self.model is None else self.model.exit_energy(self._state, self.depth, offset)
+    def exit_work(self, offset: float = 0.0) -> tuple[float, float]:
+        """Energy that comes back from the newest sample on the way out [J], and that way [m] (`ContactModel`)."""
+        return (0.0, 0.0) if self.model is None else self.model.exit_work(self._state, self.depth, offset)
 
     @property
     def position(self) -> float:

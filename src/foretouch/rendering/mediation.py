@@ -72,10 +72,9 @@ class Mediation:
         jump: float,
         period: float,
         *,
-        way: float,
         energy: float,
         bound: float,
-        exit_energy: Callable[[float], float],
+        exit_work: Callable[[float], tuple[float, float]],
     ) -> float:
         """One tick.
 
@@ -83,10 +82,9 @@ class Mediation:
             wanted: F, of the newest model [N], 0 or more.
             jump: J: F less that of the model before [N]; 0 where no model came.
             period: T [s].
-            way: x, out of the material [m].
             energy: E [J].
             bound: B [J].
-            exit_energy: Gives W [J] for an offset [N]; asked only in contact.
+            exit_work: Gives W [J] and x [m] for an offset [N]; asked only in contact.
 
         Returns:
             m [N].
@@ -95,13 +93,14 @@ class Mediation:
         offset = before - jump
         release = min(abs(offset) * -math.expm1(-max(period, 0.0) / RELEASE_TIME), LARGEST_STEP)
         self.held_back = False
-        if way > 0.0 and wanted > 0.0:
-            left = energy - exit_energy(offset)
+        if wanted > 0.0:
+            work, way = exit_work(offset)
+            left = energy - work
             if left < -bound:
                 release = -min((-bound - left) / way, LARGEST_STEP) if offset <= 0.0 else release
                 self.held_back = True
             elif offset < 0.0:
-                paid = max(left, 0.0) / way
+                paid = max(left, 0.0) / way if way > 0.0 else 0.0
                 self.held_back = paid < release
                 release = min(release, paid)
         if 0.0 < abs(offset) < SMALLEST_OFFSET and not self.held_back:

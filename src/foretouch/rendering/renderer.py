@@ -25,7 +25,10 @@ FARTHEST = 10.0
 """No hand is further from its zero than this [m]."""
 
 NOTHING = 1e-3
-"""Contact is lost where the model gives no force or the proxy is outside, and no more than this is rendered [N]."""
+"""Contact is lost where no more than this is rendered [N] ..."""
+
+PHANTOM = 0.05
+"""... and the model asks for no more than this, which is no contact yet [N]."""
 
 CLEARANCE = 1e-3
 """In free air the proxy is brought back until it is so near to the surface [m]."""
@@ -211,14 +214,13 @@ class Renderer:
             wanted,
             jump,
             period,
-            way=self._way,
             energy=account.energy,
             bound=account.bound,
-            exit_energy=self._exit_energy,
+            exit_work=self._exit_work,
         )
         # A tick that came late is no reason for a larger step of force.
         force = self.limiter.update(mediated, min(period, self._period), account.ceiling)
-        if force <= NOTHING and (wanted == 0.0 or not predictor.depth > 0.0):
+        if force <= NOTHING and wanted <= PHANTOM:
             account.close()
         account.hold(force)
         self._give_back(wanted)
@@ -249,18 +251,16 @@ class Renderer:
             proxy.index(nearer)
             predictor.shift(-nearer)
 
-    @property
-    def _way(self) -> float:
-        """What the hand has to go until the proxy is outside [m]; 0 where it is."""
-        depth = self.predictor.depth
-        return (depth + self.proxy.yielded) / self._position_scale if depth > 0.0 else 0.0
+    def _exit_work(self, offset: float) -> tuple[float, float]:
+        """What the model with an offset [N] gives the hand back on the hand's way out [J], and that way [m].
 
-    def _exit_energy(self, offset: float) -> float:
-        """What the model with an offset [N], at the hand, gives back on the way out, at the hand [J]."""
-        depth = self.predictor.depth
-        if not depth > 0.0:
-            return 0.0
-        return self._force_scale * self.predictor.exit_energy(offset / self._force_scale) * self._way / depth
+        Where the proxy yielded the hand has the longer way, under the same force.
+        """
+        work, way = self.predictor.exit_work(offset / self._force_scale)
+        if not way > 0.0:
+            return 0.0, 0.0
+        hand_way = (way + self.proxy.yielded) / self._position_scale
+        return self._force_scale * work * hand_way / way, hand_way
 
     def _give_back(self, wanted: float) -> None:
         """Bring the proxy back: freely in free air, as dissipation pays in contact."""
@@ -275,7 +275,7 @@ class Renderer:
         if not proxy.indexed > 0.0 or self.mediation.offset < 0.0:
             return
         # The surface moves out against the force: that is the work of it, on the proxy's way.
-        paid = max(self.account.energy - self._exit_energy(0.0), 0.0) * self._position_scale / wanted
+        paid = max(self.account.energy - self._exit_work(0.0)[0], 0.0) * self._position_scale / wanted
         stiffness = self._force_scale * predictor.local_slopes(SHORTEST_REACH)[0]
         gentle = LARGEST_RETURN / stiffness if stiffness > 0.0 else step
         proxy.give_back(min(step, paid, gentle), yielded=False)
