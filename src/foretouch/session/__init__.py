@@ -5,6 +5,7 @@ This is the only room with time, threads, processes and policy.
 
 from foretouch.session.housekeeping import Housekeeper, StopFlag, orphaned
 from foretouch.session.live import FOLLOWER_CHANNELS, LEADER_CHANNELS, run_follower, run_leader, wait_for_hello
+from foretouch.session.mediated import MediatedForce, mediate
 from foretouch.session.operators import make_operator
 from foretouch.session.processes import run_processes
 from foretouch.session.recorder import RECORDER_CHANNELS, run_recorder
@@ -18,11 +19,13 @@ __all__ = [
     "RECORDER_CHANNELS",
     "SAMPLE_PERIOD",
     "Housekeeper",
+    "MediatedForce",
     "Replay",
     "SessionSettings",
     "SimulatedSession",
     "StopFlag",
     "make_operator",
+    "mediate",
     "orphaned",
     "replay",
     "run_follower",
