@@ -13,7 +13,7 @@ from foretouch.session import mediate
 
 
 def learner() -> Learner:
-    return Learner(make_estimator("contact-map"))
+    return Learner(make_estimator("contact-map", "bank"))
 
 
 @pytest.mark.data
