@@ -2,39 +2,54 @@
 
 from __future__ import annotations
 
+from array import array
+
 __all__ = ["SequenceCounter"]
+
+REMEMBERED = 2**15
+"""So many newest sequence numbers are remembered one by one: at 1 kHz, half a minute."""
 
 
 class SequenceCounter:
-    """Tells the newest from the late, and counts both and what is missing.
+    """Tells the newest from the late and from copies, counts them, and what is missing.
+
+    What is older than the 32,768 newest numbers cannot be told from a copy any more and counts as one.
 
     Attributes:
         newest: Largest sequence number that has arrived, 0 before the first.
-        first: The number that arrived first; what was sent before there was a listener is not lost.
-        received: Messages that have arrived.
+        first: The smallest that has arrived; what was sent before there was a listener is not lost.
+        received: Messages that have arrived, each counted once however often it came.
         late: Of these, the ones that came after a newer one.
+        copies: Arrivals of what had arrived before.
     """
 
-    __slots__ = ("first", "late", "newest", "received")
+    __slots__ = ("_arrived", "copies", "first", "late", "newest", "received")
 
     def __init__(self) -> None:
         self.newest = 0
         self.first = 1
         self.received = 0
         self.late = 0
+        self.copies = 0
+        self._arrived = array("q", [-1]) * REMEMBERED  # the newest number that arrived of those with one remainder
 
     def is_newest(self, sequence: int) -> bool:
         """Count one arrival and say whether it is newer than all before."""
-        if not self.received:
-            self.first = sequence
-        self.received += 1
-        if sequence <= self.newest:
-            self.late += 1
+        place = sequence % REMEMBERED
+        newer = sequence > self.newest
+        if not newer and (self._arrived[place] == sequence or self.newest - sequence >= REMEMBERED):
+            self.copies += 1
             return False
-        self.newest = sequence
-        return True
+        self._arrived[place] = sequence
+        self.first = min(self.first, sequence) if self.received else sequence
+        self.received += 1
+        if newer:
+            self.newest = sequence
+        else:
+            self.late += 1
+        return newer
 
     @property
     def lost(self) -> int:
         """Sequence numbers from the first to the newest that have not arrived (a late one may still come)."""
-        return max(0, self.newest - self.first + 1 - self.received) if self.received else 0
+        return self.newest - self.first + 1 - self.received if self.received else 0

@@ -13,9 +13,11 @@ def leader_counts(state: leader.State) -> dict[str, int]:
         "commands_sent": state.sequence,
         "models_lost": state.models.lost,
         "models_late": state.models.late,
+        "models_copies": state.models.copies,
         "models_refused": state.refused,
         "telemetry_lost": state.telemetry.lost,
         "telemetry_late": state.telemetry.late,
+        "telemetry_copies": state.telemetry.copies,
     }
 
 
@@ -26,4 +28,5 @@ def follower_counts(state: follower.State) -> dict[str, int]:
         "telemetry_sent": state.tick,
         "commands_lost": state.commands.lost,
         "commands_late": state.commands.late,
+        "commands_copies": state.commands.copies,
     }
