@@ -1,35 +1,39 @@
-"""A time-domain passivity controller: damping, as much as the observed energy asks for."""
+"""A time-domain passivity observer and controller: damping, as much as the observed energy asks for."""
 
 from __future__ import annotations
-
-import math
 
 from foretouch.models.checks import require
 from foretouch.rendering.energy import EnergyAccount
 
-__all__ = ["PassivityController"]
+__all__ = ["RECOVERY_RATE", "PassivityController"]
+
+RECOVERY_RATE = 20.0
+"""While the account is below zero, the force comes back no faster than so [N/s]: no chatter where the hand stands."""
 
 
 class PassivityController:
-    r"""Observer and controller at one port, in series with a force (Hannaford and Ryu 2002).
+    r"""Observer and controller of one port, in series with a force (Hannaford and Ryu 2002).
 
-    The observer sums the work of the force that was really held; the controller adds a damper that takes what the
-    coming tick would lack:
+    The observer sums the work of the force that was really held. The controller puts a damper in series that takes what
+    the coming tick would lack:
 
     .. math::
         E_k &= \textstyle\sum_{j<k} f_j (x_{j+1} - x_j) \\
-        \alpha_k &= \mathrm{clip}\left(-\frac{E_k + F_k v_k T}{v_k^2 T},\; 0,\; \alpha_{max}\right) \\
-        f_k &= F_k + \alpha_k v_k
+        \alpha_k &= \max\left(0,\; -\frac{E_k + F_k v_k T}{v_k^2 T}\right) \\
+        f_k &= \max(0,\; F_k + \alpha_k v_k)
 
-    F is the force that is wanted, f the one that the limits leave of the controlled one and that the hand gets, v the
-    velocity of the hand.
+    F is the force that is wanted, f what the hand is to get, v the velocity of the hand. On the way in the damper
+    pushes, and alpha is at most what the device can render; on the way out it only takes force away and needs no bound.
 
-    Between contacts a surplus is forgotten, so that old dissipation pays for nothing new; a debt stays until it is
-    paid. What is sampled stays sampled: a force that is held while the hand turns back is known one tick later.
+    Two things are added. While E is below zero, F rises by at most `RECOVERY_RATE` from what is held: at v = 0 no
+    damper takes anything, and without this the full force comes back in the tick in which the hand stops, pushes it,
+    and is taken away again. And at the loss of contact a surplus is forgotten, so that old dissipation pays for nothing
+    new; a debt stays until it is paid.
+
+    E is not bounded from below as a ceiling bounds it: that the hand turns back is known one tick later, each time.
 
     Args:
-        largest_damping: alpha_max [N s/m], not negative.
-        resolution: One count of the encoder [m], not negative.
+        largest_damping: Bound on alpha on the way in [N s/m], not negative.
 
     Attributes:
         damping: alpha of the newest tick [N s/m].
@@ -39,55 +43,50 @@ class PassivityController:
 
     References:
         Hannaford and Ryu (2002), Time-domain passivity control of haptic interfaces, IEEE Transactions on Robotics and
-        Automation 18(1). Ryu, Kwon and Hannaford (2004), Stable teleoperation with time-domain passivity control, IEEE
-        Transactions on Robotics and Automation 20(2).
+        Automation 18(1): their series form, for a port that gives a force for a velocity.
     """
 
-    def __init__(self, largest_damping: float, resolution: float = 0.0) -> None:
+    __slots__ = ("_account", "_largest_damping", "damping")
+
+    def __init__(self, largest_damping: float) -> None:
         require("largest_damping", largest_damping, at_least=0.0)
-        self._account = EnergyAccount(resolution)
+        self._account = EnergyAccount()
         self._largest_damping = largest_damping
         self.damping = 0.0
 
     @property
     def energy(self) -> float:
-        """E, observed up to now [J]; negative where the hand was given more than it gave."""
+        """E [J], observed up to now; below zero where the hand was given more than it gave."""
         return self._account.energy
 
     def observe(self, position: float) -> None:
-        """Book the work of the held force up to where the hand is now [m]."""
+        """Book the work of the held force up to where the hand is now [m]; a position that is no number is left out."""
         self._account.observe(position)
 
-    def control(self, wanted: float, velocity: float, period: float) -> tuple[float, float]:
-        """The force [N] that keeps the account from falling below zero in this tick, as far as damping can.
+    def control(self, wanted: float, velocity: float, period: float) -> float:
+        """The force for the hand in this tick [N], 0 or more.
 
         Args:
             wanted: F [N].
             velocity: v, of the hand [m/s], positive deeper.
             period: T, for which the force will be held [s].
         """
-        self.damping = 0.0
-        debt = self.energy < 0.0
-        ceiling = self._account.force + self.recovery * period if debt else math.inf
-        missing = -(self.energy + min(wanted, ceiling) * velocity * period)
+        if self.energy < 0.0:
+            wanted = min(wanted, self._account.force + RECOVERY_RATE * period)
+        missing = -(self.energy + wanted * velocity * period)
         square = velocity * velocity * period
-        if not (missing > 0.0 and square > 0.0):
-            return wanted, ceiling
-        damping = missing / square
-        if velocity < 0.0:
-            self.damping = damping
-            return wanted, max(min(wanted, ceiling) + self.damping * velocity, 0.0)
-        self.damping = min(damping, self._largest_damping)
-        push = self.damping * velocity
-        return wanted + push, ceiling + push
+        self.damping = missing / square if missing > 0.0 and square > 0.0 else 0.0
+        if velocity > 0.0:
+            self.damping = min(self.damping, self._largest_damping)
+        return max(wanted + self.damping * velocity, 0.0)
 
-    recovery = 200.0
+    def hold(self, force: float, *, touching: bool) -> None:
+        """From now on this force acts [N].
 
-    def hold(self, force: float) -> None:
-        """From now on this force acts [N]; one of zero outside contact ends it."""
-        self._account.hold(force)
-
-    def leave(self) -> None:
-        """Contact is lost: forget a surplus, keep a debt."""
-        if self.energy > 0.0:
+        Args:
+            force: What the hand is given after all limits.
+            touching: Whether there is contact; without it a surplus is forgotten.
+        """
+        if not touching and self.energy > 0.0:
             self._account.close()
+        self._account.hold(force)

@@ -63,7 +63,8 @@ class SessionSettings:
         clutch: When a scripted hand presses its clutch [s], as ``START:END,START:END``; empty for never.
         leader_frame: ``ORIGIN,DIRECTION`` of the device: see `Frame`.
         follower_frame: ``ORIGIN,DIRECTION`` of the robot.
-        first_touch: ``"guarded"``, ``"follow"``, or ``"auto"``: guarded with a grip, whose choice then stands here.
+        first_touch: ``"guarded"``, ``"follow"``, or ``"auto"``: guarded with a grip and no baseline, whose choice then
+            stands here.
         approach_speed: Of a guarded follower before it knows a surface [m/s].
         guarded_force: At which a guarded follower holds [N].
         baseline: ``"none"``, or what is rendered for comparison: ``"delayed"``, ``"delayed-tdpa"``.
@@ -122,7 +123,9 @@ class SessionSettings:
             object.__setattr__(self, "estimator", DEFAULT_ESTIMATORS.get(self.model, ""))
         make_estimator(self.model, self.estimator)
         if self.first_touch == "auto":
-            object.__setattr__(self, "first_touch", "follow" if self.grip == NO_GRIP else "guarded")
+            # A guard waits for a model that the leader renders from: a baseline has none.
+            guarded = self.grip != NO_GRIP and self.baseline == "none"
+            object.__setattr__(self, "first_touch", "guarded" if guarded else "follow")
         require("position_delay", self.position_delay, at_least=0.0)
         require("force_delay", self.force_delay, at_least=0.0)
         require("seed", self.seed, at_least=0)

@@ -1,0 +1,195 @@
+r"""The baselines' step: the one place where a delayed force is rendered, for comparison.
+
+Nothing imports it but a session that asks for a baseline (`foretouch.session.sides`).
+
+- ``delayed``: the newest force that has arrived, times the force scale, and in contact a local damper,
+
+  .. math:: f = \max(0,\; s_f F_{delayed} + B v), \quad B = 5\ \mathrm{N\,s/m}
+
+  with v the velocity of the hand. Damping is what helped most at unchanged transparency: see `docs/baselines.md` for
+  all that was tried.
+- ``delayed-tdpa``: the same, and a time-domain passivity observer and controller at the leader's port
+  (`foretouch.rendering.passivity_control`). It observes one port. The two-port form for delayed channels (Ryu, Artigas
+  and Preusche 2010) sends the follower's observed energy along and keeps the channel passive by itself; the hand feels
+  this port alone, and a controller here acts only where this port gives more than it got, so it is the milder of the
+  two, and needs nothing of the other side.
+
+No model, no mediation, no index, and no ceiling: force, rate and the device's own limit are as for models. The last
+force is held where none arrives.
+
+References:
+    Ryu, Kwon and Hannaford (2004), Stable teleoperation with time-domain passivity control, IEEE Transactions on
+    Robotics and Automation 20(2). Ryu, Artigas and Preusche (2010), A passive bilateral control scheme for a
+    teleoperator with time-varying communication delay, Mechatronics 20(7).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+from foretouch.link import SequenceCounter
+from foretouch.messages import VERSION, Command, LeaderState, Telemetry
+from foretouch.models import MotionFilter
+from foretouch.rendering import LARGEST_FORCE, EnergyAccount, ForceLimiter, Proxy
+from foretouch.rendering.passivity_control import PassivityController
+from foretouch.session.leader import Inputs, Outputs
+from foretouch.session.settings import NO_GRIP, SAMPLE_PERIOD, SessionSettings
+
+__all__ = ["LOCAL_DAMPING", "State", "start", "step"]
+
+LOCAL_DAMPING = 5.0
+"""Of the damper that is put beside a delayed force, at the hand [N s/m]."""
+
+
+@dataclass(slots=True)
+class State:
+    """What a baseline remembers from tick to tick; updated in place.
+
+    Attributes:
+        proxy: Couples hand and follower; it is never indexed.
+        limiter: The clamps, as for models.
+        account: Of the energy, to be recorded: it limits nothing.
+        controller: Of passivity, None where there is none.
+        settings: Of the session.
+        start_ns: Clock at the first tick, None before it.
+        sequence: Of the newest command.
+        models: Counts arriving models, which are not used.
+        telemetry: Counts arriving telemetry.
+        delayed_force: Newest force that has arrived [N].
+        touching: Whether the follower judged it to be contact.
+        follower_position: Where the follower was told to be, as the newest telemetry says [m]; NaN before the first.
+        refused: 0: models are not looked at.
+        proxy_motion: Velocity of the proxy.
+        hand_motion: Velocity of the hand.
+    """
+
+    proxy: Proxy
+    limiter: ForceLimiter
+    account: EnergyAccount
+    controller: PassivityController | None
+    settings: SessionSettings
+    start_ns: int | None = None
+    sequence: int = 0
+    models: SequenceCounter = field(default_factory=SequenceCounter)
+    telemetry: SequenceCounter = field(default_factory=SequenceCounter)
+    delayed_force: float = 0.0
+    touching: bool = False
+    follower_position: float = math.nan
+    refused: int = 0
+    proxy_motion: MotionFilter = field(default_factory=MotionFilter)
+    hand_motion: MotionFilter = field(default_factory=MotionFilter)
+
+
+def start(settings: SessionSettings) -> State:
+    """State before the first tick, of a session with these settings."""
+    device = settings.device
+    felt = settings.grip != NO_GRIP
+    return State(
+        Proxy(settings.position_scale),
+        ForceLimiter(min(LARGEST_FORCE, device.force_limit) if felt else LARGEST_FORCE),
+        EnergyAccount(device.resolution if felt else 0.0),
+        # Passive rendering of a damper from samples asks for b > |B|.
+        PassivityController(device.damping) if settings.baseline == "delayed-tdpa" else None,
+        settings,
+    )
+
+
+def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
+    """One tick of a leader that renders the delayed force.
+
+    Args:
+        state: Updated in place and returned.
+        inputs: Of this tick.
+        now_ns: This side's monotonic clock [ns].
+    """
+    if state.start_ns is None:
+        state.start_ns = now_ns
+    for telemetry in inputs.telemetry:
+        if state.telemetry.is_newest(telemetry.sequence):
+            _take(state, telemetry)
+    for model in inputs.models:
+        state.models.is_newest(model.sequence)
+    proxy, account, time = state.proxy, state.account, (now_ns - state.start_ns) * 1e-9
+    account.observe(inputs.position)
+    energy, energy_bound = account.energy, account.bound
+    _couple(state, inputs)
+    proxy.follow(inputs.position)
+    velocity = state.proxy_motion.update(time, proxy.position)
+    wanted = _render(state, inputs, state.hand_motion.update(time, inputs.position))
+    rendered = state.limiter.force
+    state.sequence += 1
+    settings = state.settings
+    command = Command(VERSION, state.sequence, now_ns, proxy.position, 0, settings.first_touch == "guarded")
+    record = LeaderState(
+        VERSION,
+        state.sequence,
+        now_ns,
+        proxy.position,
+        velocity,
+        wanted / settings.force_scale,
+        rendered,
+        state.delayed_force,
+        state.telemetry.newest,
+        state.models.newest,
+        0.0,
+        state.limiter.clipped,
+        inputs.period_ns,
+        inputs.compute_ns,
+        math.nan,
+        inputs.position,
+        inputs.exact_position,
+        inputs.intended_position,
+        wanted,
+        0.0,
+        energy,
+        energy_bound,
+        1.0,
+        proxy.engaged,
+    )
+    return state, Outputs(command, record)
+
+
+def _render(state: State, inputs: Inputs, velocity: float) -> float:
+    """Set the limiter's force, which the hand gets; return what was wanted before the limits [N]."""
+    touching = state.touching and state.proxy.engaged
+    wanted = 0.0
+    if touching:
+        wanted = max(state.settings.force_scale * state.delayed_force + LOCAL_DAMPING * velocity, 0.0)
+    ceiling = math.inf
+    if state.controller is not None:
+        state.controller.observe(inputs.position)
+        controlled = state.controller.control(wanted, velocity, SAMPLE_PERIOD)
+        if controlled < wanted:  # what passivity takes away goes at once, whatever the rate
+            ceiling = controlled
+        wanted = controlled
+    # A tick that came late is no reason for a larger step of force.
+    rendered = state.limiter.update(wanted, min(inputs.period_ns * 1e-9, SAMPLE_PERIOD), ceiling)
+    if state.controller is not None:
+        state.controller.hold(rendered, touching=touching)
+    if not touching and rendered == 0.0:
+        state.account.close()
+    state.account.hold(rendered)
+    return wanted
+
+
+def _take(state: State, telemetry: Telemetry) -> None:
+    """Note what the newest telemetry says."""
+    state.delayed_force = telemetry.force
+    # In free air the sensor shows noise, which nobody is to feel.
+    state.touching = telemetry.in_contact and telemetry.force > 0.0
+    state.follower_position = telemetry.desired_position
+
+
+def _couple(state: State, inputs: Inputs) -> None:
+    """Couple hand and proxy, or let the hand go alone while the clutch is pressed: as the leader of models does."""
+    proxy = state.proxy
+    if proxy.engaged and inputs.clutched:
+        proxy.release()
+    elif not (proxy.engaged or inputs.clutched) and math.isfinite(inputs.position):
+        if not math.isnan(proxy.position):
+            proxy.engage(inputs.position, proxy.position)
+        elif state.settings.grip == NO_GRIP:
+            proxy.engage(inputs.position)
+        elif math.isfinite(state.follower_position):
+            proxy.engage(inputs.position, state.follower_position)
