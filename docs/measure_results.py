@@ -1,6 +1,7 @@
 """Measure every figure of the documentation again and write it where it stands.
 
-`docs/results.md` and `README.md` hold blocks between `<!-- measured: NAME -->` and `<!-- end -->`. Each block names the
+`docs/results.md`, `docs/stability.md` and `README.md` hold
+blocks between `<!-- measured: NAME -->` and `<!-- end -->`. Each block names the
 command that prints its figures; this script runs those commands and puts what they print into the blocks.
 Usage: `.venv/bin/python docs/measure_results.py [NAME ...]`, without names for all blocks. It needs the measured
 recordings (a network, or FORETOUCH_DATA_DIR). On two cores `reach` takes two minutes, `reach-simulated` five, and all
@@ -22,8 +23,17 @@ from statistics import median
 from time import monotonic
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
+from foretouch.identification import Learner, make_estimator
+from foretouch.quantities import Recording
+from foretouch.recordings import fetch, read_recording
+from foretouch.report import score
+from foretouch.session import mediate
+
 ROOT = Path(__file__).resolve().parents[1]
-PAGES = (ROOT / "README.md", ROOT / "docs" / "results.md")
+PAGES = (ROOT / "README.md", ROOT / "docs" / "results.md", ROOT / "docs" / "stability.md")
 BLOCK = re.compile(r"(<!-- measured: (?P<name>[a-z-]+) -->\n)(?P<old>.*?)(<!-- end -->)", re.DOTALL)
 SUPERSCRIPTS = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
 
@@ -290,6 +300,51 @@ def session() -> str:
     return console("simulate --operator recorded")
 
 
+def mediation() -> str:
+    """Error of the predicted and of the mediated force on measured foam, where no bound is active and everywhere."""
+    rows = []
+    for name, kind in datasets().items():
+        if kind != "foam":
+            continue
+        recording = read_recording(fetch(name))
+        learner = Learner(make_estimator("contact-map", "bank"), contact_floor=recording.contact_floor)
+        found = mediate(recording, learner, delay=0.3)
+
+        def error(force: NDArray[np.float64], recording: Recording = recording) -> float | None:
+            floor = recording.contact_floor
+            scores = score(recording.time, recording.force, force, force, contact_floor=floor, score_from=1.5)
+            return scores.prediction_error_percent
+
+        unbounded = np.where(found.bounded, found.predicted, found.mediated)
+        share, step = 100.0 * found.bounded.mean(), np.abs(found.step).max()
+        plain, free, all_of_it = error(found.predicted), error(unbounded), error(found.mediated)
+        rows.append([f"`{name}`", *map(figure, (plain, free, all_of_it, share, step))])
+    heads = ("Recording", "Predicted [%]", "Mediated, no bound active [%]", "Mediated [%]", "Bounded [% of time]")
+    said = "`docs/measure_results.py mediation`, 50 models a second, 0.3 s late; the largest step is that of one tick:"
+    return f"{said}\n\n" + table((*heads, "Largest step [N]"), rows)
+
+
+def first_touch() -> str:
+    """Peak forces, depth lost and time lost by the guarded first touch, over the round trip, beside following."""
+    rows = []
+    for material in ("foam-measured", "bone"):
+        for round_trip in (0.0, 0.1, 0.5, 1.0, 2.0):
+            row = [material, figure(round_trip)]
+            for way in ("guarded", "follow"):
+                delay = 0.5 * round_trip
+                options = f"--position-delay {delay} --force-delay {delay} --first-touch {way}"
+                found = json.loads(
+                    foretouch(f"simulate --grip normal --material {material} --duration 10 {options} --json")
+                )
+                row += [figure(found["hand"]["peak_robot_force_N"]), figure(found["hand"]["peak_hand_force_N"])]
+                if way == "guarded":
+                    row += [figure(1e3 * found["hand"]["depth_lost_m"]), figure(found["hand"]["time_lost_s"])]
+            rows.append(row)
+    heads = ("Material", "Round trip [s]", "Robot, guarded [N]", "Hand, guarded [N]", "Depth lost [mm]")
+    said = "`foretouch simulate --grip normal --duration 10`, peak forces of the whole session:"
+    return f"{said}\n\n" + table((*heads, "Time lost [s]", "Robot, follow [N]", "Hand, follow [N]"), rows)
+
+
 def console(arguments: str) -> str:
     """A command and what it prints, as a terminal shows them."""
     return f"```console\n$ foretouch {arguments}\n{foretouch(arguments)}\n```\n"
@@ -322,6 +377,8 @@ MEASURE: dict[str, Callable[[], str]] = {
     "sessions": sessions,
     "foam": foam,
     "session": session,
+    "mediation": mediation,
+    "first-touch": first_touch,
 }
 
 
