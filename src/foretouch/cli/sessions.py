@@ -98,7 +98,7 @@ def simulate(
     """
     from foretouch.recordings import SessionWriter
     from foretouch.robot import make_robot
-    from foretouch.session import make_operator
+    from foretouch.session import framed_robot, inverse, make_operator
     from foretouch.session import simulate as run
 
     _check_duration(duration)
@@ -108,10 +108,15 @@ def simulate(
         )
     if report is not None:
         make_folder(report)
-    robot = make_robot(settings.material, seed=settings.seed)
-    moved_by = make_operator(settings, surface=robot.material.surface, press_depth=robot.material.press_depth, say=say)
+    arm = make_robot(settings.material, seed=settings.seed)
+    reach = arm.material
     start = functools.partial(
-        run, settings, duration=duration, operator=moved_by, robot=robot, description=_reach_texts(robot.material)
+        run,
+        settings,
+        duration=duration,
+        operator=make_operator(settings, surface=reach.surface, press_depth=reach.press_depth, say=say),
+        robot=framed_robot(arm, inverse(settings.frames[1])),
+        description=_reach_texts(reach),
     )
     if recording is None:
         session = start()
@@ -138,18 +143,18 @@ def follower(
     Example: foretouch follower --listen tcp/127.0.0.1:7447 --duration 5
     """
     from foretouch.robot import make_robot
-    from foretouch.session import FOLLOWER_CHANNELS, StopFlag, run_follower
+    from foretouch.session import FOLLOWER_CHANNELS, StopFlag, framed_robot, inverse, run_follower
 
     _check_duration(duration)
-    robot = make_robot(settings.material, seed=settings.seed)
-    description = settings.as_text() | _reach_texts(robot.material)
+    arm = make_robot(settings.material, seed=settings.seed)
+    description = settings.as_text() | _reach_texts(arm.material)
     del description["operator"]  # the leader's to say
     with _link(listen, connect, insecure, FOLLOWER_CHANNELS) as link:
         if parent is None:
             say(f"follower: pressing {settings.material}, waiting for a leader")
         run_follower(
             link,
-            robot,
+            framed_robot(arm, inverse(settings.frames[1])),
             settings,
             stop=StopFlag().on_signals(),
             say=say,
@@ -279,7 +284,11 @@ def _link(
 
 
 def _reach_texts(material: Material) -> dict[str, str]:
-    """Where a material is and how deep it is pressed, for an operator to reach it."""
+    """Where a material is in the session's frame and how deep it is pressed, for an operator to reach it.
+
+    The simulated arm counts as the settings' follower frame says because it is built to, so that its own line of
+    positions, in which the material is given, is the session's.
+    """
     return {"surface": str(material.surface), "press_depth": str(material.press_depth)}
 
 

@@ -18,7 +18,7 @@ RAMP_SHARE, LONGEST_RAMP = 0.8, 0.05
 LARGEST_SPEED = 0.25
 """Bound on the speed of the aim [m/s]."""
 SILENCE = 1.0
-"""A held handle that says nothing for so long [s] counts as let go: its browser may be gone."""
+"""A held handle or clutch that says nothing for so long [s] counts as let go: its browser may be gone."""
 HOLD_TIME = 3.0
 """How long [s] the hand stays where it was let go."""
 EASE_TIME, EASE_SPEED = 1.5, 0.1
@@ -59,20 +59,29 @@ class BrowserOperator(Device):
         self._aim = self._target = self._aim_speed = 0.0
         self._interval = LONGEST_RAMP  # usual time between handle positions
         self._ease_time = EASE_TIME
+        self._clutched = False
+        self._heard_ns = 0  # when the newest message arrived
 
     @property
     def held(self) -> bool:
         """Whether somebody holds the handle."""
         return self._mode == "held"
 
-    def take(self, position: float, held: bool, now_ns: int) -> None:
+    @property
+    def clutched(self) -> bool:
+        """Whether the clutch is pressed, as the newest handle message says that is no older than 1 s."""
+        return self._clutched
+
+    def take(self, position: float, held: bool, now_ns: int, *, clutched: bool = False) -> None:
         """One handle message; call it from the thread that calls `read`.
 
         Args:
             position: Where the handle is [m]; one that is not a finite number is ignored.
             held: Whether it is being dragged.
             now_ns: When the message arrived [ns], by the clock that `read` gets.
+            clutched: Whether the clutch is pressed, from now on.
         """
+        self._clutched, self._heard_ns = clutched, now_ns
         if not math.isfinite(position) or not (held or self.held):
             return
         if not self.held:
@@ -93,6 +102,7 @@ class BrowserOperator(Device):
         self._now_ns = now_ns
         script = self._script.read(now_ns)
         since = (now_ns - self._since_ns) * 1e-9
+        self._clutched = self._clutched and (now_ns - self._heard_ns) * 1e-9 <= SILENCE
         if self._mode == "held" and since > SILENCE:
             self._mode, self._since_ns = "resting", now_ns
         elif self._mode == "resting" and since > HOLD_TIME:

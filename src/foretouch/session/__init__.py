@@ -3,6 +3,7 @@
 This is the only room with time, threads, processes and policy.
 """
 
+from foretouch.session.frames import FramedDevice, FramedRobot, framed_device, framed_robot, inverse
 from foretouch.session.housekeeping import Housekeeper, StopFlag, orphaned
 from foretouch.session.live import FOLLOWER_CHANNELS, LEADER_CHANNELS, run_follower, run_leader, wait_for_hello
 from foretouch.session.mediated import MediatedForce, mediate
@@ -18,12 +19,17 @@ __all__ = [
     "LEADER_CHANNELS",
     "RECORDER_CHANNELS",
     "SAMPLE_PERIOD",
+    "FramedDevice",
+    "FramedRobot",
     "Housekeeper",
     "MediatedForce",
     "Replay",
     "SessionSettings",
     "SimulatedSession",
     "StopFlag",
+    "framed_device",
+    "framed_robot",
+    "inverse",
     "make_operator",
     "mediate",
     "orphaned",

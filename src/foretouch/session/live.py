@@ -8,12 +8,13 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-from foretouch.devices import BrowserOperator, Device, Hand
+from foretouch.devices import Device
 from foretouch.link import FaultStage, ZenohLink
 from foretouch.messages import COUNT_PREFIX, Command, ModelUpdate, Telemetry
 from foretouch.robot import Robot
 from foretouch.session import follower, leader
 from foretouch.session.counting import follower_counts, leader_counts
+from foretouch.session.frames import browser_operator, framed_device, framed_robot
 from foretouch.session.housekeeping import ORPHANED, Housekeeper, StopFlag, orphaned
 from foretouch.session.loop_timer import LoopTimer
 from foretouch.session.operator_clock import OperatorClock
@@ -93,7 +94,7 @@ def run_follower(
 
     Args:
         link: With `FOLLOWER_CHANNELS`.
-        robot: To command.
+        robot: To command; counts as the settings' follower frame says.
         settings: Of the session.
         stop: Looked at in every tick.
         say: Prints one line for people.
@@ -105,6 +106,7 @@ def run_follower(
         PeerVersionError: Before the first command that could be read, the peer spoke another version.
     """
     warm_up(settings)
+    robot = framed_robot(robot, settings.frames[1])
     stage: FaultStage[Command] = FaultStage(settings.command_faults)
     state = follower.start(robot.specification, settings)
 
@@ -161,15 +163,17 @@ def run_leader(
 ) -> None:
     """Run the leader's loop until a `Stop` arrives, `stop` is set, or `duration` [s] is over.
 
-    Arguments as for `run_follower`; `link` has `LEADER_CHANNELS`, `operator` moves the handle, and with
-    `wait_for_recorder` the loop begins once a recorder listens, or after `RECORDER_PATIENCE`.
+    Arguments as for `run_follower`; `link` has `LEADER_CHANNELS`, `operator` moves the handle and counts as the
+    settings' leader frame says, and with `wait_for_recorder` the loop begins once a recorder listens, or after
+    `RECORDER_PATIENCE`.
     """
     warm_up(settings)
     stage: FaultStage[ModelUpdate | Telemetry] = FaultStage(settings.return_faults)
     side = leading_side(settings)
     state = side.start(settings)
+    operator = framed_device(operator, settings.frames[0])
     clock = OperatorClock(operator)
-    handle_of = operator.intention_device if isinstance(operator, Hand) else operator
+    mouse = browser_operator(operator)
 
     def describe() -> dict[str, str]:
         return description | _as_text(leader_counts(state) | _link_counts("leader", link))
@@ -194,8 +198,8 @@ def run_leader(
                 stop.set(link.take("stop")[-1][1].reason)
             if link.inboxes["handle"]:
                 handle = link.take("handle")[-1][1]
-                if isinstance(handle_of, BrowserOperator):
-                    handle_of.take(handle.position, handle.held, operator_ns)
+                if mouse is not None:
+                    mouse.take(handle.position, handle.held, operator_ns, clutched=handle.clutched)
             if end is not None and now >= end:
                 stop.set("the duration is over")
             due = stage.pop_due(now)

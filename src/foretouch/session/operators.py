@@ -7,6 +7,7 @@ from collections.abc import Callable
 from foretouch.devices import GRIPS, BrowserOperator, Device, Hand, RecordedOperator, ScriptedOperator
 from foretouch.errors import DatasetError
 from foretouch.recordings import fetch, read_leader_motion
+from foretouch.session.frames import framed_device, inverse
 from foretouch.session.settings import NO_GRIP, SessionSettings
 
 __all__ = ["RECORDED_MOTION", "make_operator"]
@@ -25,17 +26,20 @@ def make_operator(
 ) -> Device:
     """The operator of a session, fresh; with a grip, a hand that intends what that operator does.
 
+    It counts as the settings' leader frame says: a simulated device is built to.
+
     Args:
         settings: Of the session.
         surface: Where the material begins [m]; the operator sees it.
         press_depth: How deep the deepest press goes [m].
         say: Told in one line when the measured motion is not to be had and the script is used instead.
     """
+    mounted = inverse(settings.frames[0])
     if settings.grip == NO_GRIP:
-        return _intention(settings, surface, press_depth, say)
+        return framed_device(_intention(settings, surface, press_depth, say), mounted)
     grip = GRIPS[settings.grip]
     intention = _intention(settings, surface, min(press_depth + INTENDED_FORCE / grip.stiffness, DEEPEST), say)
-    return Hand(intention, grip, settings.device, settings.clutch_times)
+    return framed_device(Hand(intention, grip, settings.device, settings.clutch_times), mounted)
 
 
 def _intention(settings: SessionSettings, surface: float, press_depth: float, say: Callable[[str], None]) -> Device:

@@ -14,6 +14,7 @@ from foretouch.messages import VERSION, Command, Hello, Message, ModelUpdate, Se
 from foretouch.robot import Robot
 from foretouch.session import follower, leader
 from foretouch.session.counting import follower_counts, leader_counts
+from foretouch.session.frames import framed_device, framed_robot
 from foretouch.session.operator_clock import OperatorClock
 from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
 from foretouch.session.sides import leading_side
@@ -58,13 +59,14 @@ def simulate(
     Args:
         settings: Of the session.
         duration: Simulated [s].
-        operator: Moves the leader.
-        robot: The follower's.
+        operator: Moves the leader; counts as the settings' leader frame says.
+        robot: The follower's; counts as the settings' follower frame says.
         description: Further settings for the log, as the sides say in their `Hello`.
         record: Called with each message to keep and its simulated time [ns].
         progress: Called now and then with the simulated time [s].
     """
     warm_up(settings)
+    operator, robot = framed_device(operator, settings.frames[0]), framed_robot(robot, settings.frames[1])
     commands: FaultStage[Command] = FaultStage(settings.command_faults)
     returned: FaultStage[ModelUpdate | Telemetry] = FaultStage(settings.return_faults)
     side = leading_side(settings)

@@ -1,0 +1,130 @@
+"""Machines that count positions otherwise than the session does, translated at the edge."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from foretouch.devices import BrowserOperator, Device, DeviceSpecification, Hand
+from foretouch.quantities import Frame
+from foretouch.robot import Robot, RobotSample
+
+__all__ = ["FramedDevice", "FramedRobot", "browser_operator", "framed_device", "framed_robot", "inverse"]
+
+
+def inverse(frame: Frame) -> Frame:
+    """The session's line of positions as the machine sees it: what is `inside` of one is `outside` of the other."""
+    return Frame(-frame.direction * frame.origin, frame.direction)
+
+
+def framed_device(device: Device, frame: Frame) -> Device:
+    """The device as the session sees it; itself where both count alike."""
+    return device if frame == Frame() else FramedDevice(device, frame)
+
+
+def framed_robot(robot: Robot, frame: Frame) -> Robot:
+    """The robot as the session sees it; itself where both count alike."""
+    return robot if frame == Frame() else FramedRobot(robot, frame)
+
+
+def browser_operator(device: Device) -> BrowserOperator | None:
+    """The operator at a mouse behind a device, if that is who moves it. Handles count as the session does."""
+    while not isinstance(device, BrowserOperator):
+        if isinstance(device, Hand):
+            device = device.intention_device
+        elif isinstance(device, FramedDevice):
+            device = device.device
+        else:
+            return None
+    return device
+
+
+class FramedDevice(Device):
+    """A device whose positions are translated; forces are not, for they push the hand out on either side.
+
+    Args:
+        device: That counts in its own frame.
+        frame: Its frame, as the session sees it.
+    """
+
+    __slots__ = ("_frame", "device")
+
+    def __init__(self, device: Device, frame: Frame) -> None:
+        self.device = device
+        self._frame = frame
+
+    @property
+    def name(self) -> str:  # type: ignore[override]  # the device's own
+        """Name of the device."""
+        return self.device.name
+
+    @property
+    def closed_loop(self) -> bool:  # type: ignore[override]  # the device's own
+        """Whether the rendered force moves the hand."""
+        return self.device.closed_loop
+
+    @property
+    def specification(self) -> DeviceSpecification | None:
+        """What the device can render; its lengths are the same in every frame."""
+        return self.device.specification
+
+    @property
+    def intention(self) -> float:
+        """Where the hand wants to be [m]; NaN where nobody knows."""
+        return self._frame.inside(self.device.intention)
+
+    @property
+    def exact_position(self) -> float:
+        """Where the hand is, without the encoder's counts [m]; NaN where nobody knows."""
+        return self._frame.inside(self.device.exact_position)
+
+    @property
+    def clutched(self) -> bool:
+        """Whether the operator holds the clutch."""
+        return self.device.clutched
+
+    def read(self, now_ns: int) -> float:
+        """Position of the hand [m]."""
+        return self._frame.inside(self.device.read(now_ns))
+
+    def render(self, force: float) -> float:
+        """Give the hand a force [N], positive where it pushes the hand out."""
+        return self.device.render(force)
+
+
+class FramedRobot(Robot):
+    """A robot whose positions, accelerations, gravity and workspace are translated; forces are not.
+
+    Forces are along the outward normal and positive in compression, whichever way the robot counts.
+
+    Args:
+        robot: That counts in its own frame.
+        frame: Its frame, as the session sees it.
+    """
+
+    def __init__(self, robot: Robot, frame: Frame) -> None:
+        self.robot = robot
+        self._frame = frame
+        own = robot.specification
+        low, high = sorted(map(frame.inside, own.workspace))
+        self.specification = replace(own, workspace=(low, high), gravity=frame.direction * own.gravity)
+
+    def read(self) -> RobotSample:
+        """What the robot's sensors show now."""
+        return self._inside(self.robot.read())
+
+    def exchange(self, desired_position: float) -> RobotSample:
+        """Give a command [m], let one sample period pass, and return what the sensors show then."""
+        return self._inside(self.robot.exchange(self._frame.outside(desired_position)))
+
+    def close(self) -> None:
+        """Give back what the robot holds."""
+        self.robot.close()
+
+    def _inside(self, sample: RobotSample) -> RobotSample:
+        inside = self._frame.inside
+        return sample._replace(
+            position=inside(sample.position),
+            acceleration=self._frame.direction * sample.acceleration,
+            exact_position=inside(sample.exact_position),
+            commanded_position=inside(sample.commanded_position),
+        )

@@ -1,0 +1,182 @@
+"""Machines that count otherwise than the session does."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from foretouch.devices import GRIPS, BrowserOperator, Device, DeviceSpecification, Hand, ScriptedOperator
+from foretouch.errors import SettingError
+from foretouch.quantities import Frame
+from foretouch.robot import RcmArm, Robot, RobotSample, make_robot
+from foretouch.session import SessionSettings, framed_device, framed_robot, inverse, make_operator, simulate
+from foretouch.session.frames import browser_operator
+
+
+class MirroredArm(Robot):
+    """The simulated arm with encoder and accelerometer turned round: its positions shrink into the material."""
+
+    def __init__(self, arm: RcmArm) -> None:
+        self._arm = arm
+        low, high = arm.specification.workspace
+        self.specification = dataclasses.replace(
+            arm.specification, workspace=(-high, -low), gravity=-arm.specification.gravity
+        )
+
+    def read(self) -> RobotSample:
+        return self._turned(self._arm.read())
+
+    def exchange(self, desired_position: float) -> RobotSample:
+        return self._turned(self._arm.exchange(-desired_position))
+
+    def _turned(self, sample: RobotSample) -> RobotSample:
+        return sample._replace(
+            position=-sample.position,
+            acceleration=-sample.acceleration,
+            exact_position=-sample.exact_position,
+            commanded_position=-sample.commanded_position,
+        )
+
+
+class MirroredDevice(Device):
+    """A device with its encoder turned round."""
+
+    name = "mirrored"
+    closed_loop = True
+
+    def __init__(self, device: Device) -> None:
+        self._device = device
+
+    @property
+    def specification(self) -> DeviceSpecification | None:
+        return self._device.specification
+
+    @property
+    def intention(self) -> float:
+        return -self._device.intention
+
+    @property
+    def exact_position(self) -> float:
+        return -self._device.exact_position
+
+    def read(self, now_ns: int) -> float:
+        return -self._device.read(now_ns)
+
+    def render(self, force: float) -> float:
+        return self._device.render(force)
+
+
+COMPARED = ("rendered_force", "predicted_force", "position", "hand_position", "intended_position", "energy")
+
+
+def session(settings: SessionSettings, *, mirrored: bool = False, duration: float = 3.0) -> Any:
+    """A session with machines that count as the session does, or that are mirrored."""
+    plain = dataclasses.replace(settings, leader_frame="0,1", follower_frame="0,1")
+    arm = make_robot("hunt-crossley", seed=1)
+    operator = make_operator(
+        plain, surface=arm.material.surface, press_depth=arm.material.press_depth, say=lambda line: None
+    )
+    return simulate(
+        settings,
+        duration=duration,
+        operator=MirroredDevice(operator) if mirrored else operator,
+        robot=MirroredArm(arm) if mirrored else arm,
+    ).log
+
+
+def test_mirrored_machines_give_the_same_session_to_the_last_bit() -> None:
+    settings = SessionSettings(material="hunt-crossley", grip="normal", seed=1)
+    plain = session(settings)
+    turned = session(dataclasses.replace(settings, leader_frame="0,-1", follower_frame="0,-1"), mirrored=True)
+    assert plain.leader["rendered_force"].max() > 0.5
+    for name in COMPARED:
+        np.testing.assert_array_equal(plain.leader[name], turned.leader[name], err_msg=name)
+    for name in ("position", "force", "exact_force", "desired_position"):
+        np.testing.assert_array_equal(plain.follower[name], turned.follower[name], err_msg=name)
+
+
+def test_a_mirrored_machine_that_nobody_declared_is_another_session() -> None:
+    """The test above could not tell, were the frames not used."""
+    settings = SessionSettings(material="hunt-crossley", grip="normal", seed=1)
+    assert session(settings, mirrored=True, duration=2.0).leader["rendered_force"].max() < 0.01
+
+
+def test_machines_of_the_package_count_as_they_are_told() -> None:
+    """Shifted and mirrored by what is no round number: the same but for the rounding of positions to 1e-17 m."""
+
+    def run(**frames: str) -> Any:
+        settings = SessionSettings(material="hunt-crossley", grip="normal", seed=1, **frames)
+        arm = make_robot("hunt-crossley", seed=1)
+        reach = arm.material
+        return simulate(
+            settings,
+            duration=3.0,
+            operator=make_operator(settings, surface=reach.surface, press_depth=reach.press_depth, say=print),
+            robot=framed_robot(arm, inverse(settings.frames[1])),
+        ).log
+
+    plain, other = run(), run(leader_frame="0.0213,-1", follower_frame="-0.117,-1")
+    assert plain.leader["rendered_force"].max() > 0.5
+    np.testing.assert_allclose(plain.leader["hand_position"], other.leader["hand_position"], atol=2.1e-5)
+    np.testing.assert_allclose(plain.leader["rendered_force"], other.leader["rendered_force"], atol=0.05)
+
+
+def test_a_frame_turns_the_machine_s_numbers_and_no_force() -> None:
+    frame = Frame(0.02, -1)
+    arm = make_robot("hunt-crossley", seed=0)
+    robot = framed_robot(arm, frame)
+    low, high = arm.specification.workspace
+    assert robot.specification.workspace == (frame.inside(high), frame.inside(low))
+    assert robot.specification.workspace[0] < robot.specification.workspace[1]
+    assert robot.specification.gravity == -arm.specification.gravity
+    for _ in range(100):
+        inside = robot.exchange(0.019)
+    own = arm.read()
+    assert own.commanded_position == pytest.approx(0.001, abs=1e-4)
+    assert inside.commanded_position == frame.inside(own.commanded_position)
+    assert inside.position == frame.inside(own.position)
+    assert inside.acceleration == -own.acceleration
+    assert inside.sensor_force == own.sensor_force
+    assert robot.specification.force_limit == arm.specification.force_limit
+    for _ in range(50):
+        held = robot.exchange(math.nan).commanded_position
+    assert held == pytest.approx(0.019, abs=1e-6)
+    robot.close()
+
+
+def test_what_counts_alike_is_left_as_it_is() -> None:
+    device, robot = ScriptedOperator(0.01, 0.005), make_robot("hunt-crossley", seed=0)
+    assert framed_device(device, Frame()) is device
+    assert framed_robot(robot, Frame()) is robot
+
+
+@pytest.mark.parametrize("frame", [Frame(), Frame(0.25, 1), Frame(0.25, -1), Frame(-0.5, -1)])
+def test_the_inverse_of_a_frame_undoes_it(frame: Frame) -> None:
+    back = inverse(frame)
+    for position in (-0.125, 0.0, 0.03125):
+        assert back.inside(frame.inside(position)) == position
+        assert back.outside(frame.outside(position)) == position
+
+
+def test_the_mouse_is_found_behind_hand_and_frame() -> None:
+    mouse = BrowserOperator(ScriptedOperator(0.01, 0.005))
+    hand = Hand(mouse, GRIPS["normal"], DeviceSpecification())
+    for device in (mouse, hand, framed_device(mouse, Frame(0.1, -1)), framed_device(hand, Frame(0.1, -1))):
+        assert browser_operator(device) is mouse
+    framed = framed_device(hand, Frame(0.1, -1))
+    assert (framed.name, framed.closed_loop, framed.clutched) == ("browser", True, False)
+    assert math.isnan(framed.exact_position)
+    assert framed.read(0) == pytest.approx(0.1)
+    assert framed.intention == pytest.approx(0.1)
+    assert framed.render(3.0) == 3.0
+    assert browser_operator(ScriptedOperator(0.01, 0.005)) is None
+
+
+@pytest.mark.parametrize("text", ["nonsense", "0", "0,2", "0,0.5", "2,1", "nan,1", "0,1,1"])
+def test_a_frame_that_is_none_is_refused(text: str) -> None:
+    with pytest.raises(SettingError, match=r"^leader_frame = .*: must be ORIGIN,DIRECTION: metres within 1, "):
+        SessionSettings(leader_frame=text)
