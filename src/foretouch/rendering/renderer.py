@@ -119,10 +119,10 @@ class Renderer:
         "_force_scale",
         "_guarded",
         "_largest_stiffness",
-        "_message",
         "_period",
         "_position_scale",
         "_surface",
+        "_time",
         "_was_engaged",
         "account",
         "energy",
@@ -153,8 +153,8 @@ class Renderer:
         self._largest_stiffness = largest_stiffness
         self._guarded = guarded
         self._period = sample_period
-        self._message = 0
         self._surface = math.nan
+        self._time = -math.inf
         self._was_engaged = False
         self.predictor = Predictor()
         self.proxy = Proxy(position_scale)
@@ -181,7 +181,12 @@ class Renderer:
         return self._device is not None
 
     def engage(self, hand: float, position: float) -> None:
-        """Couple the hand [m] with a follower that is at this position [m]: nothing jumps, whatever the two are."""
+        """Couple the hand [m] with a follower that is at this position [m]: nothing jumps, whatever the two are.
+
+        A hand that is nowhere (no number, or beyond 10 m) is not coupled.
+        """
+        if not abs(hand) <= FARTHEST:
+            return
         self.proxy.engage(hand, position)
         self.predictor.shift(position - self.predictor.position)
 
@@ -189,7 +194,7 @@ class Renderer:
         """One tick.
 
         Args:
-            time: [s].
+            time: [s], later than at the tick before; otherwise nothing happens.
             hand: Position of the hand [m]; one that is no number, or none within 10 m, counts as not moved.
             period: Time since the tick before [s].
 
@@ -197,6 +202,9 @@ class Renderer:
             The force for the hand [N].
         """
         proxy, predictor, account = self.proxy, self.predictor, self.account
+        if not time > self._time:  # no time has passed: nothing to do
+            return self.limiter.force
+        self._time = time
         if not abs(hand) <= FARTHEST:
             hand = math.nan
         account.observe(hand)
@@ -205,8 +213,9 @@ class Renderer:
             proxy.engage(hand)
         predictor.catch_up()
         position = proxy.follow(hand, self.share)
-        if predictor.message != self._message:
-            self._meet_surface()
+        surface = predictor.surface if predictor.model is not None else math.nan
+        if surface != self._surface:  # or there is none
+            self._meet_surface(surface)
             position = proxy.position
         predicted = predictor.update(time, position)
         wanted, jump = self._wanted(predicted)
@@ -236,20 +245,20 @@ class Renderer:
             return force, self._force_scale * self.predictor.jump
         if engaged:
             return force, force
-        return 0.0, -force if was_engaged else 0.0
+        # What the model before gives here, whether one has come in this tick or not, is what goes.
+        return 0.0, self._force_scale * (self.predictor.jump - predicted) if was_engaged else 0.0
 
-    def _meet_surface(self) -> None:
-        """A model has come: where its surface is nearer to the hand than before, the proxy stays as deep as it was."""
-        predictor, proxy = self.predictor, self.proxy
-        before, self._surface = self._surface, predictor.surface if predictor.model is not None else math.nan
-        self._message = predictor.message
-        if not self._guarded or not proxy.engaged or predictor.model is None:
+    def _meet_surface(self, surface: float) -> None:
+        """A surface has come [m]: where it is nearer to the hand than before, the proxy stays as deep as it was."""
+        before, self._surface = self._surface, surface
+        proxy = self.proxy
+        if not self._guarded or not proxy.engaged or math.isnan(surface):
             return
         depth = 0.0 if math.isnan(before) else max(proxy.position - before, 0.0)
-        nearer = proxy.position - predictor.surface - depth
+        nearer = proxy.position - surface - depth
         if nearer > LARGEST_MOVE:
             proxy.index(nearer)
-            predictor.shift(-nearer)
+            self.predictor.shift(-nearer)
 
     def _exit_work(self, offset: float) -> tuple[float, float]:
         """What the model with an offset [N] gives the hand back on the hand's way out [J], and that way [m].

@@ -61,7 +61,7 @@ class FirstTouch:
         self.guarded = False
 
     def update(self, desired: float, position: float, force: float, in_contact: bool, known_surface: float) -> float:
-        """One tick: the position for the robot [m].
+        """One tick: the position for the robot [m]. While force or position are no numbers it goes no deeper.
 
         Args:
             desired: What the commands say [m].
@@ -72,7 +72,7 @@ class FirstTouch:
         """
         unknown = math.isnan(known_surface) or (in_contact and position < known_surface - UNKNOWN_FROM)
         if math.isnan(self._told):
-            self._told = position
+            self._told = position if math.isfinite(position) else desired
         if unknown:
             self._told = min(desired, self._told + self._allowed(position, force, in_contact) * self._period)
             self._held = desired - self._told
@@ -85,6 +85,8 @@ class FirstTouch:
 
     def _allowed(self, position: float, force: float, in_contact: bool) -> float:
         """Speed at which the robot may go deeper now, negative where it goes back [m/s]."""
+        if not (math.isfinite(position) and math.isfinite(force)):
+            return 0.0
         if in_contact:
             if math.isnan(self._onset):
                 self._onset = position
