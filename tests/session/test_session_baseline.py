@@ -147,9 +147,12 @@ def test_no_default_imports_it() -> None:
 
 
 def test_it_guards_only_where_that_is_asked_for() -> None:
-    assert SessionSettings(grip="normal").first_touch == "guarded"
-    assert SessionSettings(grip="normal", baseline="delayed").first_touch == "follow"
-    assert SessionSettings(grip="normal", baseline="delayed", first_touch="guarded").first_touch == "guarded"
+    assert SessionSettings(grip="normal").guards()
+    assert not SessionSettings(grip="normal", baseline="delayed").guards()
+    assert SessionSettings(grip="normal", baseline="delayed", first_touch="guarded").guards()
+    assert not SessionSettings().guards()
+    assert SessionSettings().guards(simulated=False)
+    assert not SessionSettings(first_touch="follow").guards(simulated=False)
 
 
 def told(sequence: int, force: float, *, in_contact: bool = True) -> Telemetry:

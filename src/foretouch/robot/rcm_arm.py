@@ -108,6 +108,7 @@ class RcmArm(Robot):
             accelerometer_noise=accelerometer_noise,
             sensor_bandwidth=sensor_bandwidth,
             workspace=workspace,
+            simulated=True,
         )
         self._substeps = int(substeps)
         self._h = sample_period / self._substeps

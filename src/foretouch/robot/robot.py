@@ -48,6 +48,7 @@ class RobotSpecification:
         accelerometer_noise: Standard deviation of the accelerometer [m/s^2].
         sensor_bandwidth: Cut-off of the first-order low-pass of both [Hz].
         workspace: Smallest and largest position of the tip [m].
+        simulated: Whether nothing can be hurt: a real robot's first touches are guarded by default.
     """
 
     sample_period: float
@@ -60,6 +61,7 @@ class RobotSpecification:
     accelerometer_noise: float
     sensor_bandwidth: float
     workspace: tuple[float, float]
+    simulated: bool = False
 
     def tool_force(self, acceleration: float) -> float:
         r"""Part of the sensor force that the tool's weight and inertia make [N].

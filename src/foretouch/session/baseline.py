@@ -120,7 +120,7 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
     rendered = state.limiter.force
     state.sequence += 1
     settings = state.settings
-    command = Command(VERSION, state.sequence, now_ns, proxy.position, 0, settings.first_touch == "guarded")
+    command = Command(VERSION, state.sequence, now_ns, proxy.position, 0, settings.guards())
     record = LeaderState(
         VERSION,
         state.sequence,

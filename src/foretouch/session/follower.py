@@ -118,7 +118,7 @@ def start(specification: RobotSpecification, settings: SessionSettings, estimato
         Learner(settings.make_estimator() if estimator is None else estimator),
         round(1e9 / settings.model_rate),
         first_touch=FirstTouch(settings.approach_speed, settings.guarded_force, specification.sample_period),
-        guarded=settings.first_touch == "guarded",
+        guarded=settings.guards(simulated=specification.simulated),
     )
 
 

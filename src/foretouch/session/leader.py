@@ -77,7 +77,7 @@ class Outputs(NamedTuple):
 def start(settings: SessionSettings | None = None) -> State:
     """State before the first tick, of a session with these settings."""
     settings = SessionSettings() if settings is None else settings
-    guarded = settings.first_touch == "guarded"
+    guarded = settings.guards()
     renderer = Renderer(
         None if settings.grip == NO_GRIP else settings.device,
         position_scale=settings.position_scale,

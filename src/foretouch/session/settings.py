@@ -63,8 +63,7 @@ class SessionSettings:
         clutch: When a scripted hand presses its clutch [s], as ``START:END,START:END``; empty for never.
         leader_frame: ``ORIGIN,DIRECTION`` of the device: see `Frame`.
         follower_frame: ``ORIGIN,DIRECTION`` of the robot.
-        first_touch: ``"guarded"``, ``"follow"``, or ``"auto"``: guarded with a grip and no baseline, whose choice then
-            stands here.
+        first_touch: ``"guarded"``, ``"follow"``, or ``"auto"``: see `guards`.
         approach_speed: Of a guarded follower before it knows a surface [m/s].
         guarded_force: At which a guarded follower holds [N].
         baseline: ``"none"``, or what is rendered for comparison: ``"delayed"``, ``"delayed-tdpa"``.
@@ -122,10 +121,6 @@ class SessionSettings:
         if not self.estimator:
             object.__setattr__(self, "estimator", DEFAULT_ESTIMATORS.get(self.model, ""))
         make_estimator(self.model, self.estimator)
-        if self.first_touch == "auto":
-            # A guard waits for a model that the leader renders from: a baseline has none.
-            guarded = self.grip != NO_GRIP and self.baseline == "none"
-            object.__setattr__(self, "first_touch", "guarded" if guarded else "follow")
         require("position_delay", self.position_delay, at_least=0.0)
         require("force_delay", self.force_delay, at_least=0.0)
         require("seed", self.seed, at_least=0)
@@ -144,6 +139,18 @@ class SessionSettings:
     def make_estimator(self) -> Estimator:
         """A fresh estimator."""
         return make_estimator(self.model, self.estimator)
+
+    def guards(self, *, simulated: bool = True) -> bool:
+        """Whether the first touch is guarded: as chosen, or by itself where a hand feels it or the robot is real.
+
+        A baseline never says that it knows a surface, so it guards only if told to.
+
+        Args:
+            simulated: Whether the follower's robot is.
+        """
+        if self.first_touch != "auto":
+            return self.first_touch == "guarded"
+        return self.baseline == "none" and (self.grip != NO_GRIP or not simulated)
 
     def as_text(self) -> dict[str, str]:
         """The settings by name, for `Hello` messages and recordings."""
