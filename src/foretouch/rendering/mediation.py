@@ -96,7 +96,7 @@ class Mediation:
         if wanted > 0.0:
             work, way = exit_work(offset)
             left = energy - work
-            if left < -bound:
+            if left < -bound and way > 0.0:
                 release = -min((-bound - left) / way, LARGEST_STEP) if offset <= 0.0 else release
                 self.held_back = True
             elif offset < 0.0:
