@@ -49,6 +49,11 @@ def only_the_quickest_section(words: list[str]) -> list[str]:
     return words if "--only" in words else [*words, "--only", "fig4"]
 
 
+def two_short_sessions(words: list[str]) -> list[str]:
+    """A sweep takes an hour; two sessions of it go the same way, and a replay needs them first."""
+    return words if "--replay" in words else [*words, "--sessions", "2", "--baselines", "0", "--duration", "2"]
+
+
 OFFLINE: dict[tuple[str, ...], Callable[[list[str]], list[str]]] = {
     ("--help",): as_it_is,
     ("--version",): as_it_is,
@@ -62,6 +67,7 @@ OFFLINE: dict[tuple[str, ...], Callable[[list[str]], list[str]]] = {
     ("materials", "fit"): as_it_is,
     ("compare",): one_law_without_simulation,
     ("reproduce",): only_the_quickest_section,
+    ("sweep",): two_short_sessions,
 }
 """Commands that end by themselves, and their short forms."""
 
@@ -147,6 +153,7 @@ def samples(tmp_path_factory: pytest.TempPathFactory) -> Path:
     pyarrow, parquet = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
     parquet.write_table(pyarrow.table(columns), folder / "press.parquet")
     run(["simulate", "--duration", "2.5", "--material", "hunt-crossley", "--recording", str(folder / "session.mcap")])
+    run(two_short_sessions(["sweep", "--out", str(folder / "out" / "sweep")]))
     return folder
 
 

@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from foretouch import __version__
-from foretouch.cli import comparison, data, offline, paper, sessions
+from foretouch.cli import comparison, data, offline, paper, sessions, sweep
 
 __all__ = ["app"]
 
@@ -36,7 +36,7 @@ def _root(
     pass
 
 
-for module in (sessions, offline, comparison, paper):
+for module in (sessions, offline, comparison, sweep, paper):
     for command in module.COMMANDS:
         app.command()(command)
 app.add_typer(data.datasets, name="datasets")

@@ -1,0 +1,224 @@
+"""The sessions of a sweep: each is drawn from its number alone."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import shlex
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from foretouch.devices import GRIPS
+from foretouch.models.checks import require
+from foretouch.robot import MATERIALS
+from foretouch.session import SessionSettings
+
+__all__ = ["CLEAN", "LONGEST_ROUND_TRIP", "NETWORKS", "Case", "baseline_numbers", "draw_case"]
+
+LONGEST_ROUND_TRIP = 5.0
+"""[s]."""
+
+CLEAN = "delay only"
+"""The network that does nothing but delay."""
+
+NETWORKS = {
+    CLEAN: 0.36,
+    "jitter": 0.09,
+    "burst loss": 0.1,
+    "reordered": 0.06,
+    "doubled": 0.06,
+    "stalls": 0.09,
+    "outages": 0.09,
+    "all at once": 0.15,
+}
+"""What networks do beside delaying, and the share of sessions that have each."""
+
+LAWS = {"contact-map": 0.85, "continuous-switching": 0.06, "hunt-crossley": 0.05, "kelvin-voigt": 0.04}
+"""Laws that are learnt, and the share of sessions that have each: a badly learnt one may do no harm either."""
+
+SHARES = {"device": 0.25, "scales": 0.2, "clutch": 0.15}
+"""Share of sessions with another device, with scales other than 1, and with a clutch."""
+
+LONGEST_SPELL = 9.5
+"""Longest outage and stall [s]: one begins in every 10 s, and one of 10 s would be no network at all."""
+
+Options = dict[str, str | float | int]
+
+
+@dataclass(frozen=True)
+class Case:
+    """One session of a sweep.
+
+    Attributes:
+        number: From 0.
+        duration: Simulated [s].
+        network: What it does beside delaying: one of `NETWORKS`.
+        options: What differs from the defaults of `SessionSettings`.
+        baseline: ``"none"``, or what is rendered in place of models: ``"delayed"``, ``"delayed-tdpa"``.
+    """
+
+    number: int
+    duration: float
+    network: str
+    options: Options
+    baseline: str = "none"
+
+    def settings(self) -> SessionSettings:
+        """The settings of the session."""
+        return SessionSettings(**self.options, baseline=self.baseline)  # type: ignore[arg-type]
+
+    def rendering(self, baseline: str) -> Case:
+        """The same session with another leader's step."""
+        return dataclasses.replace(self, baseline=baseline)
+
+    @property
+    def round_trip(self) -> float:
+        """Both delays together, without what else the network does [s]."""
+        return float(self.options["position_delay"]) + float(self.options["force_delay"])
+
+    @property
+    def command(self) -> str:
+        """The command that runs this session again, bit-identical."""
+        told = self.options if self.baseline == "none" else self.options | {"baseline": self.baseline}
+        words = ["foretouch", "simulate", "--duration", repr(self.duration)]
+        for name, value in told.items():
+            words += [f"--{name.replace('_', '-')}", str(value)]
+        return shlex.join(words)
+
+
+def draw_case(number: int, *, seed: int = 0, duration: float = 30.0) -> Case:
+    r"""The session with this number.
+
+    Round trip, model rate, network, material and grip are spread evenly over any run of numbers by an additive
+    recurrence, :math:`u_n = (u_0 + n a) \bmod 1` with :math:`a_j = \phi^{-j}` and :math:`\phi^{d+1} = \phi + 1` in d
+    dimensions: no part of their ranges stays empty, as it may with independent draws. All else is drawn from a
+    generator with the seed and the number.
+
+    A tenth of the round trips is 0, half of the others is uniform from 0 to 5 s, the other half uniform in its
+    logarithm from 10 ms to 5 s. Where it is long the session is too, by 4 round trips: what is known of a surface takes
+    that long to be told.
+
+    Args:
+        number: 0 or more.
+        seed: Of the sweep, not negative.
+        duration: [s], from 2 on; whole milliseconds are taken.
+
+    Raises:
+        SettingError: An argument out of range.
+
+    References:
+        The recurrence: Roberts (2018), The unreasonable effectiveness of quasirandom sequences.
+    """
+    require("number", number, at_least=0)
+    require("seed", seed, at_least=0)
+    require("duration", duration, at_least=2.0)
+    where = _even(number, seed, 5)
+    random = np.random.default_rng([seed, number])
+    round_trip = _round_trip(where[0])
+    network = _chosen(NETWORKS, where[2])
+    lasting = round(duration + 4.0 * round_trip, 3)
+    options: Options = {"seed": int(random.integers(2**31))}
+    options |= {"material": sorted(MATERIALS)[int(where[3] * len(MATERIALS))], "grip": list(GRIPS)[int(where[4] * 3)]}
+    options |= _delays(random, round_trip) | {"model_rate": _short(_log_uniform(where[1], 2.0, 200.0))}
+    law = _chosen(LAWS, random.uniform())
+    options |= {} if law == SessionSettings.model else {"model": law}
+    options |= _faults(random, network, round_trip)
+    options |= _hands(random, lasting)
+    return Case(number, lasting, network, options)
+
+
+def baseline_numbers(cases: Sequence[Case], count: int) -> list[int]:
+    """Numbers of the sessions that the baselines run too.
+
+    Every second has a network that only delays, as long as there are such: where a curve is to be drawn through them,
+    it is drawn through these.
+
+    Args:
+        cases: All sessions.
+        count: How many of them.
+    """
+    clean = [case.number for case in cases if case.network == CLEAN]
+    other = [case.number for case in cases if case.network != CLEAN]
+    from_clean = max(min(len(clean), count - count // 2), count - len(other))
+    return sorted(clean[:from_clean] + other[: count - from_clean])
+
+
+def _even(number: int, seed: int, dimensions: int) -> list[float]:
+    """Place of the number in the unit cube."""
+    root = 2.0
+    for _ in range(64):
+        root = (1.0 + root) ** (1.0 / (dimensions + 1))
+    starts = np.random.default_rng([seed]).uniform(size=dimensions)
+    return [(start + (number + 1) * root ** -(j + 1)) % 1.0 for j, start in enumerate(starts.tolist())]
+
+
+def _chosen(shares: dict[str, float], place: float) -> str:
+    """The name at this place, 0 to 1, of names that lie side by side with their shares."""
+    ends = np.cumsum(list(shares.values()))
+    return list(shares)[min(int(np.searchsorted(ends, place * ends[-1], side="right")), len(shares) - 1)]
+
+
+def _round_trip(place: float) -> float:
+    if place < 0.1:
+        return 0.0
+    if place < 0.55:
+        return _log_uniform((place - 0.1) / 0.45, 0.01, LONGEST_ROUND_TRIP)
+    return LONGEST_ROUND_TRIP * (place - 0.55) / 0.45
+
+
+def _log_uniform(place: float, low: float, high: float) -> float:
+    return low * math.exp(place * math.log(high / low))
+
+
+def _short(value: float) -> float:
+    """Four digits: the command that repeats the session shall be readable."""
+    return float(f"{value:.4g}")
+
+
+def _delays(random: np.random.Generator, round_trip: float) -> Options:
+    """The round trip, split unevenly."""
+    there = _short(round_trip * random.uniform(0.1, 0.9))
+    return {"position_delay": there, "force_delay": round(round_trip - there, 4)}
+
+
+def _faults(random: np.random.Generator, network: str, round_trip: float) -> Options:
+    """What the network does beside delaying; all at once is each with an even chance."""
+    spell = min(round_trip * random.uniform(1.0, 4.0), LONGEST_SPELL)
+    burst = _log_uniform(random.uniform(), 2.0, 200.0)
+    kinds: dict[str, Options] = {
+        "jitter": {"jitter": _short(_log_uniform(random.uniform(), 1e-3, max(0.3 * round_trip, 0.01)))},
+        "burst loss": {"loss": _short(random.uniform(0.02, 0.3)), "burst": _short(burst)},
+        "reordered": {"reorder": _short(_log_uniform(random.uniform(), 0.01, 0.5))},
+        "doubled": {"duplicate": _short(_log_uniform(random.uniform(), 0.01, 0.5))},
+        "stalls": {"stall": _short(max(spell, 0.05))},
+        "outages": {"outage": _short(_log_uniform(random.uniform(), 0.2, LONGEST_SPELL))},
+    }
+    taken = random.uniform(size=len(kinds)) < 0.5
+    if network != "all at once":
+        return kinds.get(network, {})
+    return {
+        name: value
+        for one, options in zip(taken, kinds.values(), strict=True)
+        if one
+        for name, value in options.items()
+    }
+
+
+def _hands(random: np.random.Generator, duration: float) -> Options:
+    """Device, scales and clutch, where they are not as usual."""
+    has = {name: random.uniform() < share for name, share in SHARES.items()}
+    mass, damping = (_short(_log_uniform(random.uniform(), *bounds)) for bounds in ((0.03, 0.6), (0.2, 10.0)))
+    friction, resolution = _short(random.uniform(0.0, 0.4)), _short(_log_uniform(random.uniform(), 1e-6, 6e-5))
+    scales = [_short(_log_uniform(random.uniform(), 0.25, 4.0)) for _ in range(2)]
+    start, length = random.uniform(0.2, 0.6) * duration, random.uniform(0.5, 3.0)
+    options: Options = {}
+    if has["device"]:
+        options |= {"device_mass": mass, "device_damping": damping}
+        options |= {"device_friction": friction, "device_resolution": resolution}
+    if has["scales"]:
+        options |= {"position_scale": scales[0], "force_scale": scales[1]}
+    if has["clutch"]:
+        options |= {"clutch": f"{start:.2f}:{start + length:.2f}"}
+    return options

@@ -1,0 +1,153 @@
+"""How a figure depends on what was varied, and where two of these curves cross."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from foretouch.sweep.cases import CLEAN
+from foretouch.sweep.outcome import Outcome
+from foretouch.sweep.totals import of
+
+__all__ = ["AXES", "Axis", "Curve", "crossover", "crossovers", "curve", "error_of", "plain"]
+
+Array = NDArray[np.float64]
+Figure = Callable[[Outcome], float | None]
+
+FEWEST = 3
+"""A bin with fewer sessions is not drawn."""
+
+
+@dataclass(frozen=True)
+class Axis:
+    """What sessions are laid out by.
+
+    Attributes:
+        name: For texts, as ``"round trip"``.
+        unit: Of it.
+        value: Of a session.
+        edges: Of the bins.
+    """
+
+    name: str
+    unit: str
+    value: Figure
+    edges: tuple[float, ...]
+
+
+AXES = (
+    Axis(
+        "round trip", "s", lambda row: row.round_trip_s, (0.0, 1e-6, 0.025, 0.06, 0.15, 0.4, 1.0, 2.0, 3.0, 4.0, 5.01)
+    ),
+    Axis("model rate", "1/s", lambda row: row.models_per_s, (0.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0, 128.0, 256.0)),
+    Axis("model age", "s", lambda row: row.age_s, (0.0, 0.02, 0.05, 0.12, 0.3, 0.7, 1.5, 2.5, 3.5, 4.5, 10.0)),
+)
+"""Of a baseline, which renders no models, the age is that of the force."""
+
+
+def error_of(row: Outcome) -> float | None:
+    """Error of the felt force [%]."""
+    return row.error_percent
+
+
+def plain(rows: Sequence[Outcome]) -> list[Outcome]:
+    """Sessions on a network that only delays, with the law that is taken where none is named."""
+    return [row for row in rows if row.network == CLEAN and "model" not in row.options]
+
+
+@dataclass(frozen=True)
+class Curve:
+    """Median and quartiles of a figure in bins, for those bins that have enough sessions.
+
+    Attributes:
+        x: Median of what was varied, shape (n,).
+        low: Lower quartile of the figure, shape (n,).
+        middle: Median, shape (n,).
+        high: Upper quartile, shape (n,).
+        count: Sessions, shape (n,).
+    """
+
+    x: Array
+    low: Array
+    middle: Array
+    high: Array
+    count: NDArray[np.int64]
+
+
+def curve(rows: Sequence[Outcome], varied: Figure, figure: Figure, edges: Sequence[float]) -> Curve:
+    """How a figure depends on what was varied.
+
+    Args:
+        rows: Sessions; those without the one or the other are left out.
+        varied: What was varied.
+        figure: The figure.
+        edges: Of the bins, increasing; each includes its lower one.
+    """
+    both = [(varied(row), figure(row)) for row in rows]
+    known = np.array([(x, y) for x, y in both if x is not None and y is not None]).reshape(-1, 2)
+    bins = np.digitize(known[:, 0], edges)
+    found = [
+        (np.median(part[:, 0]), *np.percentile(part[:, 1], [25.0, 50.0, 75.0]), len(part))
+        for part in (known[bins == number] for number in range(1, len(edges)))
+        if len(part) >= FEWEST
+    ]
+    x, low, middle, high, count = (
+        (np.array(column) for column in zip(*found, strict=True)) if found else np.empty((5, 0))
+    )
+    return Curve(x, low, middle, high, count.astype(np.int64))
+
+
+def crossover(ours: Curve, other: Curve) -> float | None:
+    """The first x at which the median of ours gets below the other's and stays there; None where there is none.
+
+    Between the bins both medians are straight lines.
+    """
+    if not ours.x.size or not other.x.size:
+        return None
+    first, last = max(ours.x[0], other.x[0]), min(ours.x[-1], other.x[-1])
+    x = np.unique(np.concatenate([ours.x, other.x, [first, last]]))
+    x = x[(x >= first) & (x <= last)]
+    if not x.size:
+        return None
+    apart = np.interp(x, ours.x, ours.middle) - np.interp(x, other.x, other.middle)
+    worse = np.flatnonzero(apart >= 0.0)
+    if not worse.size or worse[-1] == x.size - 1:
+        return None
+    here = int(worse[-1])
+    share = apart[here] / (apart[here] - apart[here + 1])
+    return float(x[here] + share * (x[here + 1] - x[here]))
+
+
+def crossovers(rows: Sequence[Outcome]) -> list[dict[str, str | float | None]]:
+    """Where ours gets nearer to the truth than each baseline, over round trip and age, with a sentence."""
+    found: list[dict[str, str | float | None]] = []
+    for axis in (AXES[0], AXES[2]):
+        ours = curve(plain(of(rows, "none")), axis.value, error_of, axis.edges)
+        for baseline in dict.fromkeys(row.baseline for row in rows if row.baseline != "none"):
+            other = curve(plain(of(rows, baseline)), axis.value, error_of, axis.edges)
+            at = crossover(ours, other)
+            found.append(
+                {
+                    "over": axis.name,
+                    "baseline": baseline,
+                    "at": at,
+                    "sentence": _sentence(axis, baseline, ours, other, at),
+                }
+            )
+    return found
+
+
+def _sentence(axis: Axis, baseline: str, ours: Curve, other: Curve, at: float | None) -> str:
+    if at is not None:
+        return f"From a {axis.name} of {at:.2g} {axis.unit} on, a model is nearer to the true force than {baseline}."
+    if not ours.x.size or not other.x.size:
+        return f"Too few sessions to compare with {baseline} over the {axis.name}."
+    x = np.unique(np.concatenate([ours.x, other.x]))
+    x = x[(x >= max(ours.x[0], other.x[0])) & (x <= min(ours.x[-1], other.x[-1]))]
+    better = np.interp(x, ours.x, ours.middle) < np.interp(x, other.x, other.middle)
+    if x.size and better.all():
+        return f"At every {axis.name} a model is nearer to the true force than {baseline}."
+    return f"Over the {axis.name} there is no point from which on a model is nearer to the true force than {baseline}."

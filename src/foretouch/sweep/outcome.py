@@ -1,0 +1,97 @@
+"""What came of one session of a sweep: one row of its table."""
+
+from __future__ import annotations
+
+import msgspec
+
+__all__ = ["LARGEST_JUMP", "Outcome"]
+
+LARGEST_JUMP = 0.1
+"""Largest change of force that models may make in one tick, before limits [N]."""
+
+
+class Outcome(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """One session of a sweep.
+
+    A figure is None where there is nothing to measure it on, and all are where the session failed.
+
+    Attributes:
+        number: Of the session.
+        baseline: What was rendered: ``"none"`` for models.
+        command: That runs the session again.
+        duration_s: Simulated [s].
+        network: What it did beside delaying.
+        round_trip_s: Both delays [s].
+        options: What differed from the defaults.
+        error: Why the session failed; empty where it did not.
+        stable: Whether forces were finite, the certificate of energy held and the hand did not oscillate.
+        oscillating: Whether the hand did.
+        net_energy_J: Smallest energy of the certificate in any tick [J].
+        energy_bound_J: Bound of that tick [J].
+        energy_margin_J: Smallest of energy and bound together [J]; below 0 the bound is broken.
+        energy_share: Smallest energy as a share of its bound; below -1 the bound is broken.
+        largest_jump_N: Largest change of the mediated force in a tick that models made [N].
+        error_percent: RMS of the felt force over the force scale less the true one, at equal command sequence in
+            contact, as a share of the RMS of the true one [%].
+        felt_stiffness_percent: Slope of the felt force over the hand, both unscaled, as a share of that of the true
+            force over the probe [%]; straight lines of least squares.
+        contact_s: Time over which both were taken [s]: true force above 0.05 N, hand and probe coupled, nothing held
+            back.
+        age_s: Median of how long ago the hand was where the newest knowledge that is rendered comes from [s].
+        models_per_s: Models that were used [1/s].
+        largest_hand_force_N: [N].
+        largest_robot_force_N: [N].
+        guarded_contacts: How often the follower held back in a first touch.
+        guarded_s: For how long [s].
+        device_bound_percent: Share of contact in which the device could not carry the model [%].
+        digest: Of every tick and every model, bit by bit.
+        elapsed_s: Real time [s].
+    """
+
+    number: int
+    baseline: str
+    command: str
+    duration_s: float
+    network: str
+    round_trip_s: float
+    options: dict[str, str | float | int]
+    error: str = ""
+    stable: bool | None = None
+    oscillating: bool | None = None
+    net_energy_J: float | None = None
+    energy_bound_J: float | None = None
+    energy_margin_J: float | None = None
+    energy_share: float | None = None
+    largest_jump_N: float | None = None
+    error_percent: float | None = None
+    felt_stiffness_percent: float | None = None
+    contact_s: float | None = None
+    age_s: float | None = None
+    models_per_s: float | None = None
+    largest_hand_force_N: float | None = None
+    largest_robot_force_N: float | None = None
+    guarded_contacts: int | None = None
+    guarded_s: float | None = None
+    device_bound_percent: float | None = None
+    digest: str = ""
+    elapsed_s: float = 0.0
+
+    @property
+    def objections(self) -> list[str]:
+        """What is wrong with this session, a sentence each; a baseline's jumps are no models' and are not asked for."""
+        if self.error:
+            return [f"failed: {self.error}"]
+        found = []
+        if self.oscillating:
+            found.append("the hand oscillates")
+        if self.energy_margin_J is not None and self.energy_margin_J < 0.0:
+            found.append(f"gives out {-self.energy_margin_J:.3g} J more than its bound")
+        if not self.stable and not found:
+            found.append("a force is not finite")
+        if self.baseline == "none" and self.largest_jump_N is not None and self.largest_jump_N > LARGEST_JUMP:
+            found.append(f"a model changes the force by {self.largest_jump_N:.3g} N in one tick")
+        return found
+
+    def same_as(self, other: Outcome) -> bool:
+        """Whether both are one session, bit by bit, whatever the time it took."""
+        return msgspec.structs.replace(self, elapsed_s=other.elapsed_s) == other

@@ -1,0 +1,115 @@
+"""A sweep as one HTML page that needs nothing else."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from html import escape
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+from foretouch.report import embedded, table, write_html
+from foretouch.sweep.curves import AXES, error_of
+from foretouch.sweep.figures import condition_figure, energy_figure, jump_figure, transparency_figure
+from foretouch.sweep.outcome import LARGEST_JUMP, Outcome
+from foretouch.sweep.summary import TOTALS, said, summary
+
+__all__ = ["write_sweep_page"]
+
+MOST_SHOWN = 100
+"""So many objections are listed."""
+
+HEADS = {
+    "ours": "models (ours)",
+    "compared": "ours, where compared",
+    "delayed": "delayed force",
+    "delayed-tdpa": "delayed, passivity controller",
+}
+
+
+def write_sweep_page(directory: str | PathLike[str], rows: Sequence[Outcome]) -> Path:
+    """Write tables and plots of a sweep as ``index.html``; it makes no request to anywhere.
+
+    Args:
+        directory: Made if it is not there.
+        rows: As `run_sweep` gave them, at least one.
+
+    Returns:
+        Path of the page.
+
+    Raises:
+        InputError: The folder cannot be made or the page cannot be written.
+        MissingExtraError: Matplotlib is not installed.
+    """
+    content = summary(rows)
+    body = [
+        "<h1>Sweep of simulated sessions</h1>",
+        f'<p class="quiet">{escape(_what(rows, content))}</p>',
+        _verdict(content),
+        *(f"<p>{escape(found['sentence'])}</p>" for found in content.get("crossovers", ())),
+        _tiles(content["ours"]),
+        "<h2>How it feels</h2>",
+        "<p>The error is that of the felt force: the rendered one over the force scale, less the true one, at equal "
+        "command, in contact, as a share of the true one. Lines are medians, bands quartiles, dots sessions; only "
+        "networks that do nothing but delay.</p>",
+        *(
+            embedded(transparency_figure(rows, error_of, "error of the felt force", axis), f"Error against {axis.name}")
+            for axis in AXES
+        ),
+        "<h2>Stability</h2>",
+        embedded(condition_figure(rows), "Stable sessions by network, grip and round trip"),
+        embedded(energy_figure(rows), "Smallest energy of each session as a share of its bound"),
+        embedded(jump_figure(rows), "Largest change of force by a model in one tick"),
+        "<h2>Totals</h2>",
+        _totals(content),
+        "<h2>Sessions that are not as they should be</h2>",
+        *_objections(content["objections"]),
+    ]
+    return write_html(directory, "foretouch sweep", body)
+
+
+def _what(rows: Sequence[Outcome], content: dict[str, Any]) -> str:
+    compared = content.get("compared", {"sessions": 0})["sessions"]
+    hours = content["ours"]["simulated_s"] / 3600.0
+    return (
+        f"{content['ours']['sessions']} sessions, {hours:.3g} h of simulated time; {compared} of them with baselines "
+        f"too. All materials and grips, round trips from 0 to {max(row.round_trip_s for row in rows):.2g} s."
+    )
+
+
+def _verdict(content: dict[str, Any]) -> str:
+    if content["objections"]:
+        wrong = len({found["number"] for found in content["objections"]})
+        return f'<p class="bad">{wrong} of our sessions are not as they should be: see the end of this page.</p>'
+    return (
+        '<p class="good">No session of ours is unstable, none gives out more energy than its bound, and no model '
+        f"changes the force by more than {LARGEST_JUMP:g} N in one tick.</p>"
+    )
+
+
+def _tiles(ours: dict[str, Any]) -> str:
+    shown = ("sessions", "unstable", "largest_energy_surplus_J", "largest_jump_N", "median_error_percent")
+    tiles = (
+        f'<div class="tile"><b>{escape(said(ours[name], TOTALS[name][0]))}</b><span>{TOTALS[name][1]}</span></div>'
+        for name in shown
+    )
+    return f'<div class="tiles">{"".join(tiles)}</div>'
+
+
+def _totals(content: dict[str, Any]) -> str:
+    columns = [name for name in HEADS if name in content]
+    lines = [
+        [words, *(said(content[name][figure], unit) for name in columns)] for figure, (unit, words) in TOTALS.items()
+    ]
+    return table(["", *(HEADS[name] for name in columns)], lines)
+
+
+def _objections(found: list[dict[str, Any]]) -> list[str]:
+    if not found:
+        return ["<p>None.</p>"]
+    lines = [
+        f"session {one['number']}: {escape(one['objection'])}\n  {escape(one['command'])}" for one in found[:MOST_SHOWN]
+    ]
+    rest = len(found) - MOST_SHOWN
+    more = [f"<p>and {rest} more</p>"] if rest > 0 else []
+    return [f"<pre>{chr(10).join(lines)}</pre>", *more]

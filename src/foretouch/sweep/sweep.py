@@ -1,0 +1,154 @@
+"""All sessions of a sweep, side by side, and one of them again."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from foretouch.comparison.parallel import run_all
+from foretouch.errors import InputError
+from foretouch.models.checks import require
+from foretouch.session.settings import BASELINES
+from foretouch.sweep.cases import Case, baseline_numbers, draw_case
+from foretouch.sweep.outcome import Outcome
+from foretouch.sweep.run import failed, run_case
+from foretouch.sweep.store import FILE_NAME, Store, code_digest, read_store
+
+__all__ = ["Plan", "Replayed", "replay_session", "run_sweep"]
+
+Progress = Callable[[int, int, Outcome], None]
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What a sweep consists of.
+
+    Args:
+        sessions: Of ours.
+        baselines: How many of them are run with each baseline too.
+        duration: Of a session without delay [s], from 2 on.
+        seed: Of all sessions.
+
+    Raises:
+        SettingError: A number out of range.
+    """
+
+    sessions: int = 1000
+    baselines: int = 100
+    duration: float = 30.0
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        require("sessions", self.sessions, at_least=1)
+        require("baselines", self.baselines, at_least=0, at_most=self.sessions)
+        require("duration", self.duration, at_least=2.0)
+        require("seed", self.seed, at_least=0)
+
+    def cases(self) -> list[Case]:
+        """All sessions; a baseline's follow ours of the same number, so that what is there so far can be compared."""
+        ours = [draw_case(number, seed=self.seed, duration=self.duration) for number in range(self.sessions)]
+        both = set(baseline_numbers(ours, self.baselines))
+        return [
+            case.rendering(baseline) for case in ours for baseline in (BASELINES if case.number in both else ("none",))
+        ]
+
+
+def run_sweep(
+    folder: str | Path, plan: Plan, *, processes: int | None = None, progress: Progress | None = None
+) -> list[Outcome]:
+    """Run all sessions of a plan that the folder does not have yet.
+
+    Args:
+        folder: Made if it is not there; each row is in its file as soon as it is known.
+        plan: The sessions.
+        processes: At a time; None for as many as there are cores.
+        progress: Called with the number of rows so far, that of all, and the newest.
+
+    Returns:
+        One row for each session of the plan, those that failed too, in its order.
+
+    Raises:
+        InputError: The folder cannot be used, or holds the rows of another sweep.
+    """
+    cases = plan.cases()
+    store = Store(folder, seed=plan.seed, duration=plan.duration)
+    missing = [case for case in cases if (case.number, case.baseline) not in store.rows]
+    done = len(cases) - len(missing)
+    for _, row in run_all(run_case, missing, processes=processes, lost=failed):
+        store.add(row)
+        done += 1
+        if progress is not None:
+            progress(done, len(cases), row)
+    return [store.rows[case.number, case.baseline] for case in cases]
+
+
+@dataclass(frozen=True)
+class Replayed:
+    """A session that was run again.
+
+    Attributes:
+        stored: The row of the sweep.
+        again: Its row now.
+        same_code: Whether the code is that of the sweep.
+    """
+
+    stored: Outcome
+    again: Outcome
+    same_code: bool
+
+    @property
+    def identical(self) -> bool:
+        """Whether both sessions are the same, bit by bit."""
+        return self.stored.same_as(self.again)
+
+    @property
+    def sentence(self) -> str:
+        """Whether, and where not why perhaps not."""
+        name = f"session {self.stored.number}"
+        if self.identical:
+            return f"{name}: the same, bit by bit"
+        why = "which other code explains" if not self.same_code else "with the same code: a fault, or another machine"
+        return f"{name}: differs in {', '.join(self.differing)}, {why}"
+
+    @property
+    def differing(self) -> list[str]:
+        """Names of the columns that differ."""
+        return [name for name in Outcome.__struct_fields__ if name != "elapsed_s" and self._differs(name)]
+
+    def as_row(self) -> dict[str, Any]:
+        """As plain values for JSON."""
+        return {
+            "identical": self.identical,
+            "same_code": self.same_code,
+            "differing": self.differing,
+            "command": self.stored.command,
+            "stored": msgspec.to_builtins(self.stored),
+            "again": msgspec.to_builtins(self.again),
+        }
+
+    def _differs(self, name: str) -> bool:
+        return bool(getattr(self.stored, name) != getattr(self.again, name))
+
+
+def replay_session(folder: str | Path, number: int, *, baseline: str = "none") -> Replayed:
+    """Run one session of a sweep again.
+
+    Args:
+        folder: Of the sweep.
+        number: Of the session.
+        baseline: That was rendered.
+
+    Raises:
+        InputError: There is no sweep, or no such session in it.
+    """
+    header, rows = read_store(Path(folder) / FILE_NAME)
+    stored = rows.get((number, baseline))
+    if stored is None:
+        of = "" if baseline == "none" else f" with the baseline {baseline}"
+        raise InputError(f"{Path(folder) / FILE_NAME}: has no session {number}{of}, but {len(rows)} others")
+    case = draw_case(number, seed=header.seed, duration=header.duration_s).rendering(baseline)
+    return Replayed(stored, run_case(case), header.code == code_digest())

@@ -1,0 +1,188 @@
+import json
+import shlex
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+from typer.testing import CliRunner, Result
+
+from foretouch.cli import main
+from foretouch.cli.app import app
+from foretouch.errors import InputError
+from foretouch.messages import SessionLog
+from foretouch.recordings import read_session
+from foretouch.sweep import Outcome, Plan, draw_case, replay_session, run_case, run_sweep
+from foretouch.sweep.measure import digest, measure
+from foretouch.sweep.run import log_of
+from foretouch.sweep.store import FILE_NAME, Store, read_store
+
+PLAN = Plan(12, 2, 4.0)
+
+
+def run(*words: str) -> Result:
+    return CliRunner().invoke(app, words)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A short sweep with its page."""
+    path = tmp_path_factory.mktemp("sweep")
+    result = run("sweep", "--quick", "--out", str(path), "--json")
+    content = json.loads(result.stdout)
+    assert result.exit_code == bool(content["objections"]), result.output
+    assert content["ours"]["sessions"] == 12
+    assert content["delayed"]["sessions"] == content["delayed-tdpa"]["sessions"] == content["compared"]["sessions"] == 2
+    return path
+
+
+@pytest.fixture(scope="module")
+def rows(folder: Path) -> dict[tuple[int, str], Outcome]:
+    return read_store(folder / FILE_NAME)[1]
+
+
+def test_every_session_ran_and_was_measured(rows: dict[tuple[int, str], Outcome]) -> None:
+    assert len(rows) == 16
+    for row in rows.values():
+        assert not row.error
+        assert row.digest
+        assert row.elapsed_s > 0.0
+        assert row.largest_hand_force_N is not None
+        assert 0.0 <= row.largest_hand_force_N <= 10.0
+        case = draw_case(row.number, duration=4.0)
+        assert (row.duration_s, row.round_trip_s, row.options) == (case.duration, case.round_trip, case.options)
+
+
+def test_ours_are_stable_and_keep_their_bounds(rows: dict[tuple[int, str], Outcome]) -> None:
+    ours = [row for row in rows.values() if row.baseline == "none"]
+    for row in ours:
+        assert not row.objections, row.command
+        assert row.stable
+    felt = [row.error_percent for row in ours if row.error_percent is not None]
+    assert felt
+    assert float(np.median(felt)) < 50.0
+
+
+def test_what_is_there_is_not_run_again(folder: Path, tmp_path: Path) -> None:
+    lines = (folder / FILE_NAME).read_bytes().splitlines(keepends=True)
+    other = tmp_path / FILE_NAME
+    other.write_bytes(b"".join(lines[:-2]) + lines[-1][:40])  # ended in the middle of a line
+    told: list[tuple[int, int]] = []
+    again = run_sweep(tmp_path, PLAN, processes=1, progress=lambda done, total, _: told.append((done, total)))
+    assert told == [(15, 16), (16, 16)]
+    stored = read_store(folder / FILE_NAME)[1]
+    assert [(row.number, row.baseline) for row in again] == [(case.number, case.baseline) for case in PLAN.cases()]
+    assert all(row.same_as(stored[row.number, row.baseline]) for row in again)
+    assert len(other.read_bytes().splitlines()) == 17
+
+
+def test_a_larger_sweep_goes_on_from_a_smaller(folder: Path) -> None:
+    told: list[int] = []
+    run_sweep(folder, Plan(3, 0, 4.0), processes=1, progress=lambda done, *_: told.append(done))
+    assert told == []
+
+
+def test_any_session_replays_bit_identical(folder: Path, rows: dict[tuple[int, str], Outcome]) -> None:
+    compared = next(number for number, baseline in rows if baseline == "delayed")
+    for number, baseline in ((1, "none"), (compared, "delayed")):
+        result = run("sweep", "--out", str(folder), "--replay", str(number), "--baseline", baseline, "--json")
+        assert result.exit_code == 0, result.output
+        content = json.loads(result.stdout)
+        assert content["identical"] is True
+        assert content["same_code"] is True
+        assert content["differing"] == []
+        assert content["command"] == rows[number, baseline].command
+        assert content["again"]["digest"] == rows[number, baseline].digest
+
+
+def test_its_command_is_the_same_session_too(folder: Path, tmp_path: Path) -> None:
+    row = read_store(folder / FILE_NAME)[1][2, "none"]
+    path = tmp_path / "again.mcap"
+    result = run(*shlex.split(row.command)[1:], "--recording", str(path), "--json")
+    assert result.exit_code == 0, result.output
+    recorded, here = read_session(path), log_of(draw_case(2, duration=4.0))[0]
+    for name in ("rendered_force", "hand_position", "energy", "position"):
+        np.testing.assert_array_equal(recorded.leader[name], here.leader[name])
+    np.testing.assert_array_equal(recorded.follower["exact_force"], here.follower["exact_force"])
+    assert digest(here) == row.digest
+
+
+def test_a_replay_that_differs_says_where(folder: Path, tmp_path: Path) -> None:
+    header, stored = read_store(folder / FILE_NAME)
+    store = Store(tmp_path, seed=header.seed, duration=header.duration_s)
+    store.add(msgspec.structs.replace(stored[3, "none"], largest_hand_force_N=1.0))
+    replayed = replay_session(tmp_path, 3)
+    assert not replayed.identical
+    assert replayed.differing == ["largest_hand_force_N"]
+    assert "session 3: differs in largest_hand_force_N" in replayed.sentence
+    assert run("sweep", "--out", str(tmp_path), "--replay", "3").exit_code == 1
+
+
+def test_the_digest_sees_one_bit(folder: Path) -> None:
+    log = log_of(draw_case(4, duration=4.0))[0]
+    leader = log.leader.copy()
+    leader["compute_ns"] += 1
+    assert digest(SessionLog(leader, log.follower, log.models)) == digest(log)
+    leader["rendered_force"][-1] = np.nextafter(leader["rendered_force"][-1], 1.0)
+    assert digest(SessionLog(leader, log.follower, log.models)) != digest(log)
+
+
+def test_a_session_that_fails_is_a_row_and_has_a_sentence() -> None:
+    case = draw_case(5, duration=4.0)
+    row = run_case(type(case)(case.number, 4.0, case.network, case.options | {"material": "nothing"}))
+    assert row.objections == [f"failed: {row.error}"]
+    assert "unknown material 'nothing'" in row.error
+
+
+def test_a_broken_bound_a_large_jump_and_an_oscillating_hand_are_found() -> None:
+    case = draw_case(2, duration=4.0)
+    log, settings = log_of(case)[0], case.settings()
+    assert run_case(case).objections == []
+
+    def objections(name: str, change: object) -> list[str]:
+        leader = log.leader.copy()
+        leader[name] = change
+        figures = measure(SessionLog(leader, log.follower, log.models), settings)
+        return Outcome(
+            number=0, baseline="none", command="", duration_s=4.0, network="", round_trip_s=0.0, options={}, **figures
+        ).objections
+
+    assert objections("energy", log.leader["energy"] - 1.0)[0].startswith("gives out")
+    assert objections("update_step", 0.2) == ["a model changes the force by 0.2 N in one tick"]
+    time = log.leader["time_ns"] * 1e-9
+    shaken = log.leader["exact_hand_position"] + 1e-3 * np.sin(2.0 * np.pi * 8.0 * time)
+    assert objections("exact_hand_position", shaken) == ["the hand oscillates"]
+    assert objections("rendered_force", np.nan)[-1] == "a force is not finite"
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda lines: [lines[0].replace(b'"seed":0', b'"seed":7'), *lines[1:]], "made with --seed 7"),
+        (lambda lines: [lines[0].replace(b'"duration_s":4', b'"duration_s":5'), *lines[1:]], "--duration 5"),
+        (lambda lines: [lines[0].replace(b'"code":"', b'"code":"0'), *lines[1:]], "made by other code"),
+        (lambda lines: [b"something else\n", *lines[1:]], "is no line of a sweep"),
+        (lambda lines: [*lines[:2], b"{}\n"], "line 3: is no line of a sweep"),
+    ],
+)
+def test_rows_of_another_sweep_are_refused_with_one_line(
+    folder: Path, tmp_path: Path, change: object, said: str
+) -> None:
+    lines = (folder / FILE_NAME).read_bytes().splitlines(keepends=True)
+    (tmp_path / FILE_NAME).write_bytes(b"".join(change(lines)))  # type: ignore[operator]
+    with pytest.raises(InputError, match=said) as caught:
+        run_sweep(tmp_path, PLAN)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_replay_of_nothing_is_refused(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for out, number, said in ((tmp_path, 0, "there is no sweep"), (folder, 99, "has no session 99")):
+        monkeypatch.setattr("sys.argv", ["foretouch", "sweep", "--out", str(out), "--replay", str(number)])
+        with pytest.raises(SystemExit) as ended:
+            main()
+        assert ended.value.code == 2
+        error = capsys.readouterr().err
+        assert said in error
+        assert len(error.splitlines()) == 1
