@@ -123,7 +123,7 @@ SESSION_OPTIONS: dict[str, tuple[type, object, str]] = {
     "clutch": (str, "", "When a scripted hand presses the clutch [s]: START:END,START:END."),
     "leader_frame": (str, "0,1", "Where the device counts from [m], and 1, or -1 if it counts the other way."),
     "follower_frame": (str, "0,1", "Where the robot counts from [m], and 1, or -1 if it counts the other way."),
-    "first_touch": (str, "auto", "Of an unknown surface: guarded or follow; auto guards with a grip, and on a real robot."),
+    "first_touch": (str, "auto", "Of an unknown surface: guarded or follow; auto guards with a grip or a real robot."),
     "approach_speed": (float, 0.02, "Of a guarded follower before it knows a surface [m/s]."),
     "guarded_force": (float, 2.0, "At which a guarded follower holds [N]."),
     "baseline": (str, "none", "Render the delayed force instead, for comparison: delayed or delayed-tdpa."),
