@@ -1,14 +1,18 @@
 """What a session or a recording shows: scores, the report of a session, figures and the page."""
 
 from foretouch.report.drawing import COLOURS, finished, legend, new_figure
+from foretouch.report.energy import energy_figures, exact_energy
 from foretouch.report.forces import Forces, forces_under_delay
+from foretouch.report.guarded import guarded_runs
+from foretouch.report.hand import hand_figures
 from foretouch.report.html import embedded, named_values, table, write_html
 from foretouch.report.page import write_page, write_prediction_page
 from foretouch.report.pairs import Pairs, force_at_follower, pair
-from foretouch.report.perception import LargestJump, largest_jump, rendered_jump, time_to_accuracy
+from foretouch.report.perception import LargestJump, largest_jump, rendered_jump, time_to_accuracy, update_jumps
 from foretouch.report.remarks import remarks
 from foretouch.report.scores import STATUSES, Scores, delayed, lowest_mean, score
 from foretouch.report.session import CONTACT_FLOOR, session_report
+from foretouch.report.swings import oscillation, turning_points
 from foretouch.report.text import findings, map_lines, render_text
 
 __all__ = [
@@ -21,16 +25,21 @@ __all__ = [
     "Scores",
     "delayed",
     "embedded",
+    "energy_figures",
+    "exact_energy",
     "findings",
     "finished",
     "force_at_follower",
     "forces_under_delay",
+    "guarded_runs",
+    "hand_figures",
     "largest_jump",
     "legend",
     "lowest_mean",
     "map_lines",
     "named_values",
     "new_figure",
+    "oscillation",
     "pair",
     "remarks",
     "render_text",
@@ -39,6 +48,8 @@ __all__ = [
     "session_report",
     "table",
     "time_to_accuracy",
+    "turning_points",
+    "update_jumps",
     "write_html",
     "write_page",
     "write_prediction_page",

@@ -7,7 +7,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["ACCURATE_FOR", "ACCURATE_WITHIN", "LargestJump", "largest_jump", "rendered_jump", "time_to_accuracy"]
+__all__ = [
+    "ACCURATE_FOR",
+    "ACCURATE_WITHIN",
+    "LargestJump",
+    "largest_jump",
+    "rendered_jump",
+    "time_to_accuracy",
+    "update_jumps",
+]
 
 Array = NDArray[np.float64]
 
@@ -64,20 +72,21 @@ def largest_jump(time: Array, jump: Array, period: Array) -> LargestJump:
     return LargestJump(force, rate, float(time[where] - time[0]))
 
 
-def rendered_jump(sequence: NDArray[np.int64], predicted: Array, rendered: Array, jump: Array) -> Array:
-    r"""That part of a jump of the predicted force that was rendered in the tick in which it came.
+def rendered_jump(sequence: NDArray[np.int64], wanted: Array, rendered: Array, jump: Array) -> Array:
+    r"""That part of a model's jump of the wanted force that was rendered in the tick in which it came.
 
     .. math:: J'_k = (R_k - R_{k-1}) - (F_k - J_k - F_{k-1}), \quad \text{held between } 0 \text{ and } J_k
 
-    In words: what the rendered force R changed by in this tick, less what the predicted force F would have changed
-    by, had the model before been kept. Where no clamp cuts either tick, that is J. A jump that the clamps spread over
-    several ticks counts with its first, so the rate that is made of it is the one that the hand was given; its size
-    in the end is that of the predicted force. What clamps would have made of the model before is not observed: while
-    they cut, up to what it would have changed by in one tick can be counted wrongly, never more than J.
+    In words: what the rendered force R changed by in this tick, less what the wanted force F, the mediated or else the
+    predicted one, would have changed by, had the model before been kept. Where no clamp cuts either tick, that is J. A
+    jump that the clamps spread over several ticks counts with its first, so the rate that is made of it is the one that
+    the hand was given; its size in the end is that of the wanted force. What clamps would have made of the model before
+    is not observed: while they cut, up to what it would have changed by in one tick can be counted wrongly, never more
+    than J.
 
     Args:
         sequence: Numbers of the ticks, shape (n,).
-        predicted: F [N], shape (n,).
+        wanted: F [N], shape (n,).
         rendered: R [N], shape (n,).
         jump: J [N], shape (n,).
 
@@ -89,9 +98,36 @@ def rendered_jump(sequence: NDArray[np.int64], predicted: Array, rendered: Array
     follows = (came > 0) & (sequence[came] - sequence[came - 1] == 1)
     part[came[~follows]] = np.nan
     k = came[follows]
-    change = (rendered[k] - rendered[k - 1]) - (predicted[k] - jump[k] - predicted[k - 1])
+    change = (rendered[k] - rendered[k - 1]) - (wanted[k] - jump[k] - wanted[k - 1])
     part[k] = np.clip(change, np.minimum(jump[k], 0.0), np.maximum(jump[k], 0.0))
     return part
+
+
+def update_jumps(leader: NDArray[np.void]) -> dict[str, float | None]:
+    """The largest jumps that new models made in a session, over all ticks of the leader.
+
+    Three forces are looked at: the predicted one, which a new model changes at once; the mediated one, into which the
+    change is let in tick by tick; and what the limits left of that. Where nothing mediates, as in recordings of old,
+    the first two are the same.
+
+    Args:
+        leader: Rows of `SessionLog.leader`.
+
+    Returns:
+        Figures of `LargestJump` under ``largest_model_jump``, ``largest_update_jump`` and
+        ``largest_rendered_update_jump``.
+    """
+    time, period, sequence = leader["time_ns"] * 1e-9, leader["period_ns"] * 1e-9, leader["sequence"]
+    mediated = leader["mediated_force"].any() or not leader["rendered_force"].any()
+    wanted, jump = leader["mediated_force"], leader["update_step"]
+    if not mediated:
+        wanted, jump = leader["predicted_force"], leader["model_jump"]
+    behind = rendered_jump(sequence, wanted, leader["rendered_force"], jump)
+    return {
+        **largest_jump(time, leader["model_jump"], period).figures("largest_model_jump"),
+        **largest_jump(time, jump, period).figures("largest_update_jump"),
+        **largest_jump(time, behind, period).figures("largest_rendered_update_jump"),
+    }
 
 
 def time_to_accuracy(

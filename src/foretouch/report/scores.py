@@ -95,6 +95,7 @@ def score(
     score_to: float | None = None,
     position: ArrayLike | None = None,
     offset: float | None = None,
+    skipped: ArrayLike | None = None,
 ) -> Scores:
     r"""Score a predicted force against the measured one.
 
@@ -125,6 +126,7 @@ def score(
         position: Probe position [m], shape (n,). With it, a recording that never leaves contact is noticed
             (``offset_unobservable``); from the force alone this cannot be told.
         offset: Zero of the measured force [N] where it is known; None to find it.
+        skipped: Samples that are out of every window, flags of shape (n,); their force still tells the zero.
 
     Raises:
         InputError: Arrays of other lengths, time that does not increase, a measured force that is not finite.
@@ -136,6 +138,9 @@ def score(
     if clock.size:
         measured = measured - (lowest_mean(clock, measured) if offset is None else offset)
     window = _window(clock, score_from, score_to)
+    if skipped is not None:
+        (left_out, _) = _arrays(skipped, clock)
+        window &= left_out == 0.0
     nothing = Scores(
         samples=clock.size,
         scored_samples=0,

@@ -10,18 +10,17 @@ from scipy.optimize import minimize_scalar
 
 from foretouch.messages import CHANNELS, SessionLog, encode
 from foretouch.models import ContactMap, summarise_map
+from foretouch.report.hand import NO_BASELINE, contact_force, hand_figures, largest, loop_sentence, number_of, setting
 from foretouch.report.pairs import Pairs, force_at_follower, model_of, pair
-from foretouch.report.perception import largest_jump, rendered_jump, time_to_accuracy
+from foretouch.report.perception import time_to_accuracy, update_jumps
 from foretouch.report.scores import Scores, score
 
-__all__ = ["CONTACT_FLOOR", "OPEN_LOOP", "session_report"]
+__all__ = ["CONTACT_FLOOR", "session_report"]
 
 Array = NDArray[np.float64]
 
 CONTACT_FLOOR = 0.05
 """Smallest force that counts as contact in a session [N]."""
-
-OPEN_LOOP = "open loop: the force does not move the hand yet"
 
 LONGEST_LAG = 0.2
 """Tracking lags are looked for up to this [s]."""
@@ -41,7 +40,9 @@ def session_report(
 
     True, predicted, rendered and delayed force are compared at equal command sequence, one row per applied command
     (`foretouch.report.pair`), and scored by `foretouch.report.score` at the time of the follower's tick. The true
-    force is the follower's compensated sensor force. A figure is None where there is nothing to measure it on.
+    force is the follower's compensated sensor force; the rendered one is divided by the force scale. Rows in which the
+    follower guarded a first touch, or in which the clutch was pressed, are counted and not scored. A figure is None
+    where there is nothing to measure it on.
 
     Args:
         log: What was said in the session.
@@ -54,15 +55,18 @@ def session_report(
     """
     pairs = pair(log)
     leader, follower = pairs.leader, pairs.follower
+    skipped = follower["guarded"] | ~leader["engaged"]
     window: dict[str, Any] = {
         "contact_floor": CONTACT_FLOOR,
         "score_from": score_from,
         "score_to": score_to,
         "position": follower["position"],
+        "skipped": skipped,
     }
     sensor, predicted, known = follower["sensor_force"], leader["predicted_force"], leader["delayed_force"]
     main = score(pairs.time, sensor, predicted, known, **window)
-    rendered = score(pairs.time, sensor, leader["rendered_force"], known, **window)
+    felt = leader["rendered_force"] / number_of(log.settings, "force_scale", 1.0)
+    rendered = score(pairs.time, sensor, felt, known, **window)
     local = score(pairs.time, sensor, force_at_follower(log, pairs), known, **window)
     exact = None
     if np.isfinite(follower["exact_force"]).all():  # the simulator's force has no offset to take off
@@ -73,6 +77,7 @@ def session_report(
         "duration_s": _duration(log),
         "samples": main.samples,
         "scored_samples": main.scored_samples,
+        "guarded_samples": int(follower["guarded"].sum()),
         "score_from_s": score_from,
         "score_to_s": score_to,
         "contact_force_rms_N": main.contact_force_rms_N,
@@ -87,13 +92,16 @@ def session_report(
         "phantom_force_rms_N": main.phantom_force_rms_N,
         "rendered_phantom_force_rms_N": rendered.phantom_force_rms_N,
         "missed_contact_percent": main.missed_contact_percent,
-        **_update_jumps(log.leader),
-        "time_to_ten_percent_s": time_to_accuracy(pairs.time, main.measured_force, predicted, main.in_contact),
+        **update_jumps(log.leader),
+        "time_to_ten_percent_s": time_to_accuracy(
+            pairs.time, main.measured_force, predicted, main.in_contact & ~skipped
+        ),
         "equal_position": _errors(local),
         "exact_force": _errors(exact),
-        "max_rendered_force_N": _largest(log.leader["rendered_force"]),
-        "largest_rendered_jump_N": _largest(np.abs(np.diff(log.leader["rendered_force"]))),
-        "max_follower_force_N": _largest_contact_force(log),
+        **hand_figures(log),
+        "max_rendered_force_N": largest(log.leader["rendered_force"]),
+        "largest_rendered_jump_N": largest(np.abs(np.diff(log.leader["rendered_force"]))),
+        "max_follower_force_N": largest(contact_force(log)),
         "clipped_ticks": int(log.leader["clipped"].sum() + log.follower["clipped"].sum()),
         "clipped": {"leader": int(log.leader["clipped"].sum()), "follower": int(log.follower["clipped"].sum())},
         "tracking_error": _tracking(pairs, score_from, score_to),
@@ -113,7 +121,8 @@ def session_report(
             "follower": _timing(log.follower, CHANNELS["telemetry"].rate),
         },
         "operator": log.settings.get("operator"),
-        "loop": OPEN_LOOP,
+        "loop": loop_sentence(log.settings),
+        "baseline": setting(log.settings, "baseline", NO_BASELINE),
         "settings": dict(log.settings),
     }
 
@@ -128,30 +137,10 @@ def _errors(scores: Scores | None) -> dict[str, float | None]:
     }
 
 
-def _update_jumps(leader: NDArray[np.void]) -> dict[str, float | None]:
-    """The largest jumps that models made, of the predicted force and of what came of it behind the clamps."""
-    time, period = leader["time_ns"] * 1e-9, leader["period_ns"] * 1e-9
-    columns = (leader[name] for name in ("sequence", "predicted_force", "rendered_force", "model_jump"))
-    predicted = largest_jump(time, leader["model_jump"], period)
-    rendered = largest_jump(time, rendered_jump(*columns), period)
-    return {**predicted.figures("largest_update_jump"), **rendered.figures("largest_rendered_update_jump")}
-
-
 def _duration(log: SessionLog) -> float:
     """Time between the first and the last tick of the leader, or of the follower where no leader was heard [s]."""
     table = log.leader if log.leader.size else log.follower
     return float(np.ptp(table["time_ns"])) * 1e-9 if table.size else 0.0
-
-
-def _largest(values: Array) -> float | None:
-    finite = values[np.isfinite(values)]
-    return float(finite.max()) if finite.size else None
-
-
-def _largest_contact_force(log: SessionLog) -> float | None:
-    """Largest force between probe and material: the simulator's where it is known, else the sensor's."""
-    exact = _largest(log.follower["exact_force"])
-    return _largest(log.follower["force"]) if exact is None else exact
 
 
 def _learnt(log: SessionLog, pairs: Pairs) -> dict[str, Any]:
@@ -240,7 +229,7 @@ def _spread(values: Array) -> dict[str, float | None]:
 
 def _tracking(pairs: Pairs, score_from: float, score_to: float | None) -> dict[str, float | None]:
     """How far the robot stood from the commands it applied, and the time by which it lagged, over the window."""
-    inside = pairs.time >= score_from
+    inside = (pairs.time >= score_from) & np.isfinite(pairs.leader["position"])
     if score_to is not None:
         inside &= pairs.time <= score_to
     time = pairs.time[inside]

@@ -1,0 +1,79 @@
+"""The guarded first touch: how often, for how long, and what it took away."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from foretouch.messages import SessionLog
+
+__all__ = ["guarded_figures", "guarded_runs"]
+
+Rows = NDArray[np.void]
+
+APART_NS = 100_000_000
+"""Guarded stretches that are nearer to each other than this are one [ns]: about its speed a command comes and goes."""
+
+
+def guarded_runs(follower: Rows) -> list[slice]:
+    """Stretches of rows from the first to the last guarded tick, those less than 0.1 s apart joined.
+
+    Args:
+        follower: Rows of `SessionLog.follower`.
+    """
+    ticks = np.flatnonzero(follower["guarded"])
+    if not ticks.size:
+        return []
+    cuts = np.flatnonzero(np.diff(follower["time_ns"][ticks]) > APART_NS) + 1
+    return [slice(int(run[0]), int(run[-1]) + 1) for run in np.split(ticks, cuts)]
+
+
+def guarded_figures(log: SessionLog) -> dict[str, Any]:
+    """What the guard did, over all ticks of the follower.
+
+    Args:
+        log: The session.
+
+    Returns:
+        ``guarded_contacts``: guarded stretches with contact in them. ``guarded_s``: all guarded ticks, those of an
+        approach that it slowed down too. ``depth_lost_mm``: the farthest that the applied command was beyond what the
+        robot was told, in guarded ticks in contact. ``time_lost_s``: the longest time from a guarded contact's
+        beginning until commands were followed again, or the session was over.
+    """
+    follower = log.follower
+    depth = time = 0.0
+    contacts = 0
+    for run in guarded_runs(follower):
+        rows = follower[run]
+        touching = np.flatnonzero(rows["in_contact"])
+        if not touching.size:
+            continue
+        contacts += 1
+        rows = rows[touching[0] :]
+        time = max(time, float(np.ptp(rows["time_ns"])) * 1e-9 + _period(follower))
+        depth = max(depth, _depth_lost(log.leader, rows[rows["guarded"] & rows["in_contact"]]))
+    return {
+        "guarded_contacts": contacts,
+        "guarded_s": float(follower["guarded"].sum()) * _period(follower),
+        "depth_lost_mm": 1e3 * depth,
+        "time_lost_s": time,
+    }
+
+
+def _depth_lost(leader: Rows, rows: Rows) -> float:
+    """How much deeper the applied commands were than the robot was told, at most [m]."""
+    if not leader.size:
+        return 0.0
+    place = np.searchsorted(leader["sequence"], rows["command_sequence"])
+    place = np.minimum(place, leader.size - 1)
+    heard = leader["sequence"][place] == rows["command_sequence"]
+    lost = leader["position"][place[heard]] - rows["desired_position"][heard]
+    lost = lost[np.isfinite(lost)]
+    return max(float(lost.max()), 0.0) if lost.size else 0.0
+
+
+def _period(table: Rows) -> float:
+    """Usual time from tick to tick [s]."""
+    return float(np.median(np.diff(table["time_ns"]))) * 1e-9 if table.size > 1 else 0.0

@@ -1,0 +1,173 @@
+"""The hand in the loop: what it was given, what it was spared, and where it was against where it wanted to be."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from foretouch.messages import SessionLog
+from foretouch.report.energy import energy_figures
+from foretouch.report.guarded import guarded_figures
+from foretouch.report.swings import oscillation
+
+__all__ = [
+    "NO_BASELINE",
+    "NO_GRIP",
+    "OPEN_LOOP",
+    "apart",
+    "contact_force",
+    "hand_figures",
+    "largest",
+    "loop_sentence",
+    "number_of",
+    "setting",
+]
+
+Array = NDArray[np.float64]
+Rows = NDArray[np.void]
+
+NO_GRIP = NO_BASELINE = "none"
+
+OPEN_LOOP = "open loop: the force does not move the hand"
+
+FELT = 0.05
+"""Rendered force from which on a tick counts as contact at the hand [N]."""
+
+
+def hand_figures(log: SessionLog) -> dict[str, Any]:
+    """Stability, energy and the hand, as `session_report` puts them among its own.
+
+    A session is stable if
+
+    1. the certificate of energy holds in every tick (`energy_figures`),
+    2. every rendered and every contact force is a finite number, and
+    3. the hand does not oscillate (`oscillation`); where it is not known what the hand means to do, as in an open loop,
+       this is not asked.
+
+    Args:
+        log: The session.
+
+    Returns:
+        ``stable`` (None where nobody kept an account of energy, as in recordings of old), the figures of the energy,
+        ``guarded_contacts``, ``guarded_s``, ``engaged_percent`` and the object ``hand``.
+    """
+    leader = log.leader
+    energy, guarded, swings = energy_figures(leader), guarded_figures(log), oscillation(leader)
+    finite, holds = _finite(log), energy.pop("certificate_holds")
+    return {
+        "stable": None if holds is None else bool(holds and finite and not swings["oscillates"]),
+        **energy,
+        "guarded_contacts": guarded.pop("guarded_contacts"),
+        "guarded_s": guarded.pop("guarded_s"),
+        "engaged_percent": 100.0 * float(leader["engaged"].mean()) if leader.size else None,
+        "hand": {
+            "grip": setting(log.settings, "grip", NO_GRIP),
+            "certificate_holds": holds,
+            "forces_finite": finite,
+            "peak_force_hand_N": largest(leader["rendered_force"]),
+            "peak_force_robot_N": largest(contact_force(log)),
+            **guarded,
+            "largest_index_mm": _in_mm(largest(np.abs(apart(log)))),
+            **_device_bound(leader),
+            **_given_way(leader),
+            "oscillation": swings,
+        },
+    }
+
+
+def setting(settings: Mapping[str, str], name: str, otherwise: str) -> str:
+    """A setting of a session as text; sessions of old do not have all."""
+    return settings.get(name) or otherwise
+
+
+def number_of(settings: Mapping[str, str], name: str, otherwise: float) -> float:
+    """A positive number among the settings of a session; what is none counts as not said."""
+    try:
+        value = float(settings.get(name, otherwise))
+    except ValueError:
+        return otherwise
+    return value if 0.0 < value < math.inf else otherwise
+
+
+def loop_sentence(settings: Mapping[str, str]) -> str:
+    """Whether the force moves a hand, whose, and which device it holds."""
+    grip = setting(settings, "grip", NO_GRIP)
+    if grip == NO_GRIP:
+        return OPEN_LOOP
+    mass, damping, friction, resolution = (
+        number_of(settings, f"device_{name}", 0.0) for name in ("mass", "damping", "friction", "resolution")
+    )
+    return (
+        f"closed loop: a hand with a {grip} grip holds a device of {mass:g} kg, {damping:g} N s/m, "
+        f"{friction:g} N of friction and {1e6 * resolution:g} um a count"
+    )
+
+
+def apart(log: SessionLog) -> Array:
+    r"""How far the proxy has been taken back from the hand, in the follower's lengths [m], shape (n,).
+
+    .. math:: i_k - i_0, \quad i = p\,x - y
+
+    with the position scale p, the hand x and the proxy y; the reference i_0 is where hand and proxy were coupled, anew
+    each time that the clutch is let go. It holds what was indexed away at first touch, and what yielded because the
+    device could not carry the model. NaN where they are not coupled.
+    """
+    leader = log.leader
+    scale = number_of(log.settings, "position_scale", 1.0)
+    between = scale * leader["hand_position"] - leader["position"]
+    coupled = leader["engaged"] & np.isfinite(between)
+    begins = coupled & ~np.concatenate((np.zeros(min(1, coupled.size), dtype=np.bool_), coupled[:-1]))
+    newest = np.maximum.accumulate(np.where(begins, np.arange(coupled.size), 0))
+    return np.where(coupled, between - between[newest], np.nan)
+
+
+def _finite(log: SessionLog) -> bool:
+    """Whether all forces are numbers: those for the hand and, where they are known, those at the probe."""
+    exact = log.follower["exact_force"]
+    wrong = np.isinf(exact) | (np.isnan(exact) & ~np.isnan(exact).all())  # on a robot it is known nowhere
+    return bool(np.isfinite(log.leader["rendered_force"]).all() and not wrong.any())
+
+
+def contact_force(log: SessionLog) -> Array:
+    """Force between probe and material in all ticks [N]: the simulator's where it is known, else the sensor's."""
+    exact = log.follower["exact_force"]
+    return np.asarray(exact if np.isfinite(exact).any() else log.follower["force"])
+
+
+def _device_bound(leader: Rows) -> dict[str, float | None]:
+    """How much of the contact the device could not carry in full, and the least share of it that it could."""
+    share = leader["rendered_share"][leader["rendered_force"] > FELT]
+    if not share.size:
+        return {"device_bound_percent": None, "smallest_rendered_share": None}
+    return {
+        "device_bound_percent": 100.0 * float(np.mean(share < 1.0)),
+        "smallest_rendered_share": float(share.min()),
+    }
+
+
+def _given_way(leader: Rows) -> dict[str, float | None]:
+    """How far the hand was from where it meant to be, RMS: in contact by the force, in the air by its own lag."""
+    away = leader["intended_position"] - leader["exact_hand_position"]
+    known, felt = np.isfinite(away), leader["rendered_force"] > FELT
+    return {
+        "given_way_mm": _in_mm(_rms(away[known & felt])),
+        "given_way_in_air_mm": _in_mm(_rms(away[known & ~felt])),
+    }
+
+
+def _rms(values: Array) -> float | None:
+    return float(np.sqrt(np.mean(values**2))) if values.size else None
+
+
+def largest(values: Array) -> float | None:
+    """The largest finite value, None where there is none."""
+    finite = values[np.isfinite(values)]
+    return float(finite.max()) if finite.size else None
+
+
+def _in_mm(length: float | None) -> float | None:
+    return None if length is None else 1e3 * length
