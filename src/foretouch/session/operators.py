@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from foretouch.devices import GRIPS, BrowserOperator, Device, Hand, RecordedOperator, ScriptedOperator
-from foretouch.errors import DatasetError
+from foretouch.errors import DatasetError, SettingError
 from foretouch.recordings import fetch, read_leader_motion
 from foretouch.session.frames import framed_device, inverse
 from foretouch.session.settings import NO_GRIP, SessionSettings
@@ -15,10 +15,11 @@ __all__ = ["RECORDED_MOTION", "make_operator"]
 RECORDED_MOTION = "tue/b-foam"
 """Dataset whose leader lever moves the ``recorded`` operator."""
 
+INTENDED_FORCE = 3.0
+"""A hand that means to press with a force intends to be deeper, by so many newtons over the stiffness of its grip."""
 
-INTENDED_FORCE, DEEPEST = 3.0, 0.1
-"""A hand that means to press with a force intends to be deeper, by so many newtons over the stiffness of its grip [N],
-and at most so deep [m]."""
+NEAREST_SURFACE, FARTHEST_SURFACE, SHALLOWEST, DEEPEST = 0.001, 0.2, 0.0005, 0.1
+"""How near and far a surface can be for the operators, and how deep they press at least and at most [m]."""
 
 
 def make_operator(
@@ -30,16 +31,31 @@ def make_operator(
 
     Args:
         settings: Of the session.
-        surface: Where the material begins [m]; the operator sees it.
-        press_depth: How deep the deepest press goes [m].
+        surface: Where the material begins [m], for the follower; the operator sees it.
+        press_depth: How deep the deepest press goes [m], there.
         say: Told in one line when the measured motion is not to be had and the script is used instead.
+
+    Raises:
+        SettingError: A position scale by which the operator's hand cannot reach the material.
     """
+    surface, press_depth = _hand_lengths(settings, surface, press_depth)
     mounted = inverse(settings.frames[0])
     if settings.grip == NO_GRIP:
         return framed_device(_intention(settings, surface, press_depth, say), mounted)
     grip = GRIPS[settings.grip]
     intention = _intention(settings, surface, min(press_depth + INTENDED_FORCE / grip.stiffness, DEEPEST), say)
     return framed_device(Hand(intention, grip, settings.device, settings.clutch_times), mounted)
+
+
+def _hand_lengths(settings: SessionSettings, surface: float, press_depth: float) -> tuple[float, float]:
+    """Where the hand meets the surface and how deep it goes [m], so that the proxy does what the follower is to do."""
+    scale = settings.position_scale
+    least = max(surface / FARTHEST_SURFACE, press_depth / DEEPEST)
+    most = min(surface / NEAREST_SURFACE, press_depth / SHALLOWEST)
+    if not least <= scale <= most:
+        rule = f"an operator of the package reaches this material by a scale of {least:.3g} to {most:.3g}"
+        raise SettingError("position_scale", scale, rule)
+    return surface / scale, press_depth / scale
 
 
 def _intention(settings: SessionSettings, surface: float, press_depth: float, say: Callable[[str], None]) -> Device:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from foretouch.identification import Learner
-from foretouch.models import ContactMap, Predictor, make_model
+from foretouch.models import ContactMap, make_model
+from foretouch.session import leader
 from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
 
 __all__ = ["warm_up"]
@@ -14,12 +15,14 @@ DEPTH, STIFFNESS, SURFACE = 2e-3, 500.0, 0.01
 
 
 def warm_up(settings: SessionSettings) -> None:
-    """Learn a press that is thrown away, and predict from what was learnt: compiled code is loaded, or made.
+    """Learn a press that is thrown away, and render from what was learnt: compiled code is loaded, or made.
 
     Args:
         settings: Of the session that is to begin.
     """
-    learner, predictor = Learner(settings.make_estimator(), surface=SURFACE, force_offset=0.0), Predictor()
+    learner = Learner(settings.make_estimator(), surface=SURFACE, force_offset=0.0)
+    renderer = leader.start(settings).renderer
+    renderer.engage(0.0, SURFACE - DEPTH)
     for tick in range(TICKS):
         depth = DEPTH * (2.0 * tick / TICKS - 1.0)
         time, position = tick * SAMPLE_PERIOD, SURFACE + depth
@@ -29,5 +32,5 @@ def warm_up(settings: SessionSettings) -> None:
             if learnt.model is not None:
                 content = learnt.model.map if isinstance(learnt.model, ContactMap) else b""
                 model = make_model(learnt.model.law, learnt.model.parameters, content)
-                predictor.adopt(model, learnt.surface, learnt.state, tick // 2)
-        predictor.update(time, position)
+                renderer.adopt(model, learnt.surface, learnt.state, tick // 2, message=tick)
+        renderer.update(time, (depth + DEPTH) / settings.position_scale, SAMPLE_PERIOD)
