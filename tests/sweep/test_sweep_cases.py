@@ -9,8 +9,8 @@ from typer.main import get_command
 
 from foretouch.cli.app import app
 from foretouch.errors import SettingError
-from foretouch.robot import MATERIALS
-from foretouch.session import SessionSettings
+from foretouch.robot import MATERIALS, make_material
+from foretouch.session import SessionSettings, make_operator
 from foretouch.sweep import NETWORKS, Plan, baseline_numbers, draw_case
 from foretouch.sweep.cases import CLEAN
 
@@ -48,6 +48,16 @@ def test_all_that_is_varied_is_there_in_its_share(seed: int) -> None:
     assert rates.min() >= 2.0
     assert rates.max() <= 200.0
     assert np.histogram(np.log(rates), 8)[0].min() > 40
+
+
+def test_every_operator_reaches_its_material() -> None:
+    scaled = [case for case in CASES if "position_scale" in case.options]
+    assert len(scaled) == pytest.approx(80, abs=25)
+    assert {case.options["material"] for case in scaled} == set(MATERIALS)
+    for case in scaled:
+        material = make_material(str(case.options["material"]))
+        reach = {"surface": material.surface, "press_depth": material.press_depth}
+        assert make_operator(case.settings(), say=pytest.fail, **reach).closed_loop
 
 
 def test_a_run_of_numbers_is_spread_over_the_clean_round_trips_too() -> None:

@@ -152,7 +152,7 @@ def test_a_broken_bound_a_large_jump_and_an_oscillating_hand_are_found() -> None
     time = log.leader["time_ns"] * 1e-9
     shaken = log.leader["exact_hand_position"] + 1e-3 * np.sin(2.0 * np.pi * 8.0 * time)
     assert objections("exact_hand_position", shaken) == ["the hand oscillates"]
-    assert objections("rendered_force", np.nan)[-1] == "a force is not finite"
+    assert "a force is not finite" in objections("rendered_force", np.nan)
 
 
 @pytest.mark.parametrize(

@@ -12,8 +12,9 @@ import numpy as np
 
 from foretouch.devices import GRIPS
 from foretouch.models.checks import require
-from foretouch.robot import MATERIALS
+from foretouch.robot import MATERIALS, make_material
 from foretouch.session import SessionSettings
+from foretouch.session.operators import SHALLOWEST
 
 __all__ = ["CLEAN", "LONGEST_ROUND_TRIP", "NETWORKS", "Case", "baseline_numbers", "draw_case"]
 
@@ -40,6 +41,9 @@ LAWS = {"contact-map": 0.85, "continuous-switching": 0.06, "hunt-crossley": 0.05
 
 SHARES = {"device": 0.25, "scales": 0.2, "clutch": 0.15}
 """Share of sessions with another device, with scales other than 1, and with a clutch."""
+
+SCALES = (0.25, 4.0)
+"""Bounds of position and force scale."""
 
 LONGEST_SPELL = 9.5
 """Longest outage and stall [s]: one begins in every 10 s, and one of 10 s would be no network at all."""
@@ -125,7 +129,7 @@ def draw_case(number: int, *, seed: int = 0, duration: float = 30.0) -> Case:
     law = _chosen(LAWS, random.uniform())
     options |= {} if law == SessionSettings.model else {"model": law}
     options |= _faults(random, network, round_trip)
-    options |= _hands(random, lasting)
+    options |= _hands(random, lasting, str(options["material"]))
     return Case(number, lasting, network, options)
 
 
@@ -206,19 +210,22 @@ def _faults(random: np.random.Generator, network: str, round_trip: float) -> Opt
     }
 
 
-def _hands(random: np.random.Generator, duration: float) -> Options:
+def _hands(random: np.random.Generator, duration: float, material: str) -> Options:
     """Device, scales and clutch, where they are not as usual."""
     has = {name: random.uniform() < share for name, share in SHARES.items()}
     mass, damping = (_short(_log_uniform(random.uniform(), *bounds)) for bounds in ((0.03, 0.6), (0.2, 10.0)))
     friction, resolution = _short(random.uniform(0.0, 0.4)), _short(_log_uniform(random.uniform(), 1e-6, 6e-5))
-    scales = [_short(_log_uniform(random.uniform(), 0.25, 4.0)) for _ in range(2)]
+    scales = [random.uniform(), _log_uniform(random.uniform(), *SCALES)]
     start, length = random.uniform(0.2, 0.6) * duration, random.uniform(0.5, 3.0)
     options: Options = {}
     if has["device"]:
         options |= {"device_mass": mass, "device_damping": damping}
         options |= {"device_friction": friction, "device_resolution": resolution}
     if has["scales"]:
-        options |= {"position_scale": scales[0], "force_scale": scales[1]}
+        # No press of the operator is shallower than its least.
+        most = min(SCALES[1], 0.99 * make_material(material).press_depth / SHALLOWEST)
+        options |= {"position_scale": _short(_log_uniform(scales[0], SCALES[0], most))}
+        options |= {"force_scale": _short(scales[1])}
     if has["clutch"]:
         options |= {"clutch": f"{start:.2f}:{start + length:.2f}"}
     return options

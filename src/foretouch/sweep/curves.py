@@ -12,10 +12,13 @@ from foretouch.sweep.cases import CLEAN
 from foretouch.sweep.outcome import Outcome
 from foretouch.sweep.totals import of
 
-__all__ = ["AXES", "Axis", "Curve", "crossover", "crossovers", "curve", "error_of", "plain"]
+__all__ = ["AXES", "STIFF", "Axis", "Curve", "crossover", "crossovers", "curve", "error_of", "plain", "stiff"]
 
 Array = NDArray[np.float64]
 Figure = Callable[[Outcome], float | None]
+
+STIFF = ("bone", "kelvin-voigt")
+"""Materials whose stiffness or damping is beyond what usual devices carry: what limits them is not the network."""
 
 FEWEST = 3
 """A bin with fewer sessions is not drawn."""
@@ -54,7 +57,16 @@ def error_of(row: Outcome) -> float | None:
 
 
 def plain(rows: Sequence[Outcome]) -> list[Outcome]:
-    """Sessions on a network that only delays, with the law that is taken where none is named."""
+    """Sessions on a network that only delays, on materials that a device carries, with the law that is the default."""
+    return [row for row in _clean(rows) if row.options["material"] not in STIFF]
+
+
+def stiff(rows: Sequence[Outcome]) -> list[Outcome]:
+    """The same on the other materials."""
+    return [row for row in _clean(rows) if row.options["material"] in STIFF]
+
+
+def _clean(rows: Sequence[Outcome]) -> list[Outcome]:
     return [row for row in rows if row.network == CLEAN and "model" not in row.options]
 
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from foretouch.report import COLOURS, finished, legend, new_figure
 from foretouch.sweep.cases import NETWORKS
-from foretouch.sweep.curves import AXES, Axis, Curve, curve, plain
+from foretouch.sweep.curves import AXES, STIFF, Axis, Curve, curve, plain, stiff
 from foretouch.sweep.outcome import LARGEST_JUMP, Outcome
 from foretouch.sweep.summary import KINDS
 from foretouch.sweep.totals import of
@@ -48,6 +48,10 @@ def transparency_figure(
         known = np.array([(x, y) for x, y in points if x is not None and y is not None]).reshape(-1, 2)
         axes.plot(known[:, 0], known[:, 1], MARKER[kind], color=COLOUR[kind], markersize=2.5, alpha=0.3, zorder=1)
         _draw(axes, curve(sessions, axis.value, figure, axis.edges), kind)
+    beside = curve(stiff(of(rows, "none")), axis.value, figure, axis.edges)
+    if beside.x.size:
+        style = {"color": COLOUR["none"], "linewidth": 1.0, "linestyle": (0, (4, 2))}
+        axes.plot(beside.x, beside.middle, label=f"ours on {' and '.join(STIFF)}", **style)
     _scale(axes, axis)
     axes.set_yscale("log")
     axes.set_ylim(1.0, 300.0)
@@ -67,7 +71,7 @@ def transparency_figure(
         transform=axes.get_yaxis_transform(),
         color="0.35",
     )
-    legend(axes, len(kinds))
+    legend(axes, len(kinds) + 1)
     return finished(drawing, 1)
 
 
@@ -111,18 +115,18 @@ def condition_figure(rows: Sequence[Outcome]) -> Any:
 
 
 def energy_figure(rows: Sequence[Outcome]) -> Any:
-    """The smallest energy of each session as a share of its bound; beyond -1 the bound is broken."""
-    edges = np.concatenate([[-1.2], np.linspace(-1.0, 0.0, 21)])
+    """The largest share of its bound that the energy took in each session; beyond 100 % the bound is broken."""
+    edges = np.concatenate([np.linspace(0.0, 100.0, 21), [120.0]])
 
     def value(row: Outcome) -> float | None:
-        return None if row.energy_share is None else max(row.energy_share, -1.19)
+        return None if row.energy_used_percent is None else min(row.energy_used_percent, 119.0)
 
     kinds = [kind for kind in KINDS if of(rows, kind)]
     title = "Energy that was given out, against the bound for one tick and one encoder count"
     axes, drawing = _histograms(rows, value, edges, kinds, title)
-    axes.axvline(-1.0, color="black", linewidth=1.2, linestyle=(0, (4, 2)))
-    axes.set_xticks([-1.1, -1.0, -0.8, -0.6, -0.4, -0.2, 0.0], ["beyond", "bound", "-0.8", "-0.6", "-0.4", "-0.2", "0"])
-    axes.set_xlabel("smallest energy in a session, as a share of its bound")
+    axes.axvline(100.0, color="black", linewidth=1.2, linestyle=(0, (4, 2)))
+    axes.set_xticks([0.0, 20.0, 40.0, 60.0, 80.0, 100.0, 110.0], ["0", "20", "40", "60", "80", "bound", "beyond"])
+    axes.set_xlabel("largest share of its bound that the energy took in a session [%]")
     return finished(drawing, 1)
 
 

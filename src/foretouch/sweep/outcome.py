@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import msgspec
 
 __all__ = ["LARGEST_JUMP", "Outcome"]
@@ -24,15 +26,18 @@ class Outcome(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
         round_trip_s: Both delays [s].
         options: What differed from the defaults.
         error: Why the session failed; empty where it did not.
-        stable: Whether forces were finite, the certificate of energy held and the hand did not oscillate.
-        oscillating: Whether the hand did.
-        net_energy_J: Smallest energy of the certificate in any tick [J].
+        stable: Whether the certificate of energy held in every tick, forces were finite and the hand did not oscillate.
+        oscillating: Whether the hand made more swings than it meant to: `foretouch.report.oscillation`.
+        forces_finite: Whether all forces were numbers.
+        net_energy_J: Smallest energy of the certificate in any tick [J]: `foretouch.report.energy_figures`.
         energy_bound_J: Bound of that tick [J].
         energy_margin_J: Smallest of energy and bound together [J]; below 0 the bound is broken.
-        energy_share: Smallest energy as a share of its bound; below -1 the bound is broken.
-        largest_jump_N: Largest change of the mediated force in a tick that models made [N].
+        energy_used_percent: Largest share of its bound that the energy took [%]; above 100 the bound is broken.
+        net_energy_exact_J: Smallest energy by the hand's own position, without the encoder's steps [J].
+        largest_jump_N: Largest change of the mediated force in a tick that models made [N]; None for a baseline.
         error_percent: RMS of the felt force over the force scale less the true one, at equal command sequence in
             contact, as a share of the RMS of the true one [%].
+        prediction_error_percent: The same of the predicted force: what mediation and device take away is between both.
         felt_stiffness_percent: Slope of the felt force over the hand, both unscaled, as a share of that of the true
             force over the probe [%]; straight lines of least squares.
         contact_s: Time over which both were taken [s]: true force above 0.05 N, hand and probe coupled, nothing held
@@ -42,7 +47,9 @@ class Outcome(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
         largest_hand_force_N: [N].
         largest_robot_force_N: [N].
         guarded_contacts: How often the follower held back in a first touch.
-        guarded_s: For how long [s].
+        guarded_s: For how long it held back, in the air too [s].
+        depth_lost_mm: The farthest that a guarded contact stayed behind the commands [mm].
+        time_lost_s: The longest that one took until commands were followed again [s].
         device_bound_percent: Share of contact in which the device could not carry the model [%].
         digest: Of every tick and every model, bit by bit.
         elapsed_s: Real time [s].
@@ -58,12 +65,15 @@ class Outcome(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
     error: str = ""
     stable: bool | None = None
     oscillating: bool | None = None
+    forces_finite: bool | None = None
     net_energy_J: float | None = None
     energy_bound_J: float | None = None
     energy_margin_J: float | None = None
-    energy_share: float | None = None
+    energy_used_percent: float | None = None
+    net_energy_exact_J: float | None = None
     largest_jump_N: float | None = None
     error_percent: float | None = None
+    prediction_error_percent: float | None = None
     felt_stiffness_percent: float | None = None
     contact_s: float | None = None
     age_s: float | None = None
@@ -72,23 +82,26 @@ class Outcome(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
     largest_robot_force_N: float | None = None
     guarded_contacts: int | None = None
     guarded_s: float | None = None
+    depth_lost_mm: float | None = None
+    time_lost_s: float | None = None
     device_bound_percent: float | None = None
     digest: str = ""
     elapsed_s: float = 0.0
 
     @property
     def objections(self) -> list[str]:
-        """What is wrong with this session, a sentence each; a baseline's jumps are no models' and are not asked for."""
+        """What is wrong with this session, a sentence each."""
         if self.error:
             return [f"failed: {self.error}"]
         found = []
         if self.oscillating:
             found.append("the hand oscillates")
-        if self.energy_margin_J is not None and self.energy_margin_J < 0.0:
-            found.append(f"gives out {-self.energy_margin_J:.3g} J more than its bound")
-        if not self.stable and not found:
+        if not self.forces_finite:
             found.append("a force is not finite")
-        if self.baseline == "none" and self.largest_jump_N is not None and self.largest_jump_N > LARGEST_JUMP:
+        if not self.stable and not found:
+            beyond = math.nan if self.energy_margin_J is None else -self.energy_margin_J
+            found.append(f"gives out {beyond:.3g} J more than its bound")
+        if self.largest_jump_N is not None and self.largest_jump_N > LARGEST_JUMP:
             found.append(f"a model changes the force by {self.largest_jump_N:.3g} N in one tick")
         return found
 

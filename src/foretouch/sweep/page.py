@@ -51,14 +51,14 @@ def write_sweep_page(directory: str | PathLike[str], rows: Sequence[Outcome]) ->
         "<h2>How it feels</h2>",
         "<p>The error is that of the felt force: the rendered one over the force scale, less the true one, at equal "
         "command, in contact, as a share of the true one. Lines are medians, bands quartiles, dots sessions; only "
-        "networks that do nothing but delay.</p>",
+        "networks that do nothing but delay, and materials that usual devices can carry.</p>",
         *(
             embedded(transparency_figure(rows, error_of, "error of the felt force", axis), f"Error against {axis.name}")
             for axis in AXES
         ),
         "<h2>Stability</h2>",
         embedded(condition_figure(rows), "Stable sessions by network, grip and round trip"),
-        embedded(energy_figure(rows), "Smallest energy of each session as a share of its bound"),
+        embedded(energy_figure(rows), "Largest share of its bound that the energy took in each session"),
         embedded(jump_figure(rows), "Largest change of force by a model in one tick"),
         "<h2>Totals</h2>",
         _totals(content),
