@@ -143,6 +143,7 @@ class Session:
     ) -> None:
         self.published: list[Message] = []
         self.positions: list[float] = []
+        self.clutched = False  # what the operator at the mouse is known to do
         self.jumps: list[float] = []  # from hand to handle [m] whenever somebody takes it
         self._watch = watch
         self._delays = (position_delay, force_delay)
@@ -183,9 +184,10 @@ class Session:
                     if isinstance(message, Handle):
                         if message.held and not self._operator.held:
                             self.jumps.append(message.position - before)
-                        self._operator.take(message.position, message.held, now_ns)
+                        self._operator.take(message.position, message.held, now_ns, clutched=message.clutched)
                     taken += 1
                 position = self._operator.read(now_ns)
+                self.clutched = self._operator.clutched
                 velocity, before = (position - before) / 1e-3, position
                 self.positions.append(position)
                 heapq.heappush(commands, (now + self._delays[0], tick, tick, position, velocity))

@@ -139,6 +139,30 @@ def test_dragging_up_lifts_and_begins_where_the_hand_is(bench):
     assert max(abs(jump) for jump in bench.session.jumps) < 0.006
 
 
+def test_the_clutch_is_pressed_and_let_go_by_keyboard(bench):
+    sent = len(bench.session.of(Handle))
+    clutch = bench.page.get_by_role("button", name="Clutch")
+    assert clutch.inner_text() == "Clutch"
+    clutch.focus()
+    bench.page.keyboard.press("Enter")
+    bench.wait_for(lambda: bench.session.clutched)
+    bench.page.get_by_text("Clutch is pressed: let it go").wait_for()
+    bench.page.get_by_text("The clutch is pressed: the hand moves alone, the robot stays.").wait_for()
+    bench.page.wait_for_timeout(1500)
+    assert bench.session.clutched  # it goes on saying so: silence would let the clutch go
+    assert len(bench.session.of(Handle)) > sent + 3
+    clutch.focus()
+    bench.page.keyboard.press("Space")
+    bench.wait_for(lambda: not bench.session.clutched)
+    bench.wait_for(lambda: clutch.inner_text() == "Clutch")
+    messages = bench.session.of(Handle)[sent:]
+    assert not any(message.held for message in messages)
+    assert not messages[-1].clutched
+    sent = len(bench.session.of(Handle))
+    bench.page.wait_for_timeout(500)
+    assert len(bench.session.of(Handle)) == sent
+
+
 def test_a_slider_sets_a_delay_and_leaves_the_other(bench):
     boxes = bench.page.locator("input[type=text]").all()
     values = [box.input_value() for box in boxes]

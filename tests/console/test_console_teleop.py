@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import contextlib
 import subprocess
 import sys
 import time
 import urllib.error
 import urllib.request
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,6 +18,7 @@ from console_driver import chromium, held_handle, open_page, plot_data
 
 from foretouch.link import free_endpoint
 from foretouch.recordings import read_session
+from foretouch.rendering.mediation import LARGEST_STEP
 
 pytestmark = [
     pytest.mark.browser,
@@ -35,13 +39,14 @@ def wait_for_page(url: str, seconds: float = 40.0) -> None:
             return
 
 
-def test_dragging_the_handle_presses_the_material(tmp_path: Path) -> None:
-    path = tmp_path / "live.mcap"
+@contextlib.contextmanager
+def teleop_page(path: Path, *options: str) -> Iterator[tuple[Any, list[str], subprocess.Popen[str]]]:
+    """A live session with its console on a page; it must end well once the stop button was clicked."""
     port = int(free_endpoint().rpartition(":")[2])
     url = f"http://127.0.0.1:{port}"
-    options = ["--port", str(port), "--material", "hunt-crossley", "--recording", str(path), "--json"]
+    command = [sys.executable, "-m", "foretouch", "teleop", "--port", str(port), "--material", "hunt-crossley"]
     with subprocess.Popen(
-        [sys.executable, "-m", "foretouch", "teleop", *options],
+        [*command, "--recording", str(path), "--json", *options],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
@@ -49,16 +54,22 @@ def test_dragging_the_handle_presses_the_material(tmp_path: Path) -> None:
         try:
             wait_for_page(url)
             with open_page(url) as (page, requests):
-                page.wait_for_timeout(4000)
-                with held_handle(page, press_mm=18.0, seconds=2.0):
-                    page.wait_for_timeout(3500)
-                    columns = plot_data(page)
-                assert all(address.split("//")[1].startswith("127.0.0.1") for address in requests if "//" in address)
+                yield page, requests, teleop
                 page.get_by_text("Stop the session").click()
                 _, err = teleop.communicate(timeout=40)
         finally:
             teleop.kill()
     assert teleop.returncode == 0, err
+
+
+def test_dragging_the_handle_presses_the_material(tmp_path: Path) -> None:
+    path = tmp_path / "live.mcap"
+    with teleop_page(path) as (page, requests, _):
+        page.wait_for_timeout(4000)
+        with held_handle(page, press_mm=18.0, seconds=2.0):
+            page.wait_for_timeout(3500)
+            columns = plot_data(page)
+        assert all(address.split("//")[1].startswith("127.0.0.1") for address in requests if "//" in address)
     log = read_session(path)
     # A hand on the handle rests, which the script never does for two seconds; so does the real probe, where it pressed.
     surface = float(log.settings["surface"])
@@ -76,3 +87,34 @@ def test_dragging_the_handle_presses_the_material(tmp_path: Path) -> None:
     # What the page drew as true force while the handle was held is what the simulator says.
     true = columns[1][np.isfinite(columns[1])]
     assert true[-20:].mean() == pytest.approx(pressed, abs=0.3)
+
+
+def test_the_clutch_lets_a_hand_go_alone(tmp_path: Path) -> None:
+    path = tmp_path / "live.mcap"
+    with teleop_page(path, "--grip", "normal", "--force-delay", "0.05") as (page, _, _teleop):
+        page.get_by_text("It moves a hand that follows your mouse (normal grip).").wait_for()
+        page.get_by_text("Energy put in").wait_for()
+        page.wait_for_timeout(3000)
+        with held_handle(page, press_mm=16.0, seconds=1.0):
+            page.wait_for_timeout(1500)
+        clutch = page.get_by_role("button", name="Clutch")
+        clutch.press("Enter")
+        page.get_by_text("Clutch is pressed: let it go").wait_for(timeout=30_000)
+        page.wait_for_timeout(1000)
+        clutch.press("Enter")
+        page.get_by_text("Clutch", exact=True).wait_for(timeout=30_000)
+        page.wait_for_timeout(1000)
+    leader = read_session(path).leader
+    met = int(np.argmax(leader["engaged"]))
+    alone = met + np.flatnonzero(~leader["engaged"][met:])
+    assert alone.size > 200, "the clutch was not pressed"  # of 1000; a busy machine skips ticks
+    np.testing.assert_array_equal(np.diff(alone), 1)  # once
+    start, stop = int(alone[0]), int(alone[-1]) + 1
+    assert np.ptp(leader["position"][alone]) == 0.0
+    assert np.abs(leader["update_step"]).max() <= LARGEST_STEP + 1e-9
+    assert leader["rendered_force"][alone[-1]] < 1e-3
+    # A late tick lets the hand go further; what it went is all that a command moves, before and after.
+    for tick in (start, stop):
+        moved = leader["position"][tick] - leader["position"][tick - 1]
+        assert abs(moved) <= abs(leader["hand_position"][tick] - leader["hand_position"][tick - 1]) + 1e-9
+    assert (leader["energy"] >= -leader["energy_bound"] - 1e-12).all()

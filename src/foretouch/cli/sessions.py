@@ -36,6 +36,23 @@ __all__ = ["COMMANDS", "console", "follower", "leader", "print_report", "record"
 LONGEST_REACH = 0.1
 """Largest surface position and press depth [m] that a leader takes from a follower."""
 
+LEADER_SAYS = (
+    "operator",
+    "grip",
+    "device_mass",
+    "device_damping",
+    "device_friction",
+    "device_resolution",
+    "largest_stiffness",
+    "position_scale",
+    "force_scale",
+    "clutch",
+    "leader_frame",
+    "first_touch",
+    "baseline",
+)
+"""Settings that are the leader's: what a follower that was started by hand has for them means nothing."""
+
 RecordingFile = Annotated[Path | None, typer.Option("--recording", help="MCAP file to write.")]
 
 
@@ -147,8 +164,7 @@ def follower(
 
     _check_duration(duration)
     arm = make_robot(settings.material, seed=settings.seed)
-    description = settings.as_text() | _reach_texts(arm.material)
-    del description["operator"]  # the leader's to say
+    said = {name: text for name, text in settings.as_text().items() if name not in LEADER_SAYS}
     with _link(listen, connect, insecure, FOLLOWER_CHANNELS) as link:
         if parent is None:
             say(f"follower: pressing {settings.material}, waiting for a leader")
@@ -158,7 +174,7 @@ def follower(
             settings,
             stop=StopFlag().on_signals(),
             say=say,
-            description=description,
+            description=said | _reach_texts(arm.material),
             duration=duration,
             parent=parent,
         )
@@ -206,7 +222,7 @@ def leader(
             settings,
             stop=stop,
             say=say,
-            description={"operator": moved_by.name},
+            description={name: settings.as_text()[name] for name in LEADER_SAYS} | {"operator": moved_by.name},
             duration=duration,
             wait_for_recorder=wait_for_recorder,
             parent=parent,

@@ -3,6 +3,7 @@
 It never imports a step and moves no bytes: the caller gives it what arrives and sends what it publishes.
 """
 
-from foretouch.console.console import Console, require_free_port
+from foretouch.console.console import Console
+from foretouch.console.ports import require_free_port
 
 __all__ = ["Console", "require_free_port"]

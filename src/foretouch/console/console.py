@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import contextlib
-import errno
 import io
 import math
-import socket
 import threading
 import time
 from collections.abc import Callable
@@ -16,13 +14,15 @@ import numpy as np
 
 from foretouch.console.description import describe
 from foretouch.console.history import History, Window
-from foretouch.console.panel import Numbers, Panel
+from foretouch.console.panel import INSTRUCTION, Numbers, Panel, felt
+from foretouch.console.ports import free_port, require_free_port
 from foretouch.console.scene import UNITS, Scene
 from foretouch.console.shapes import HANDLE_HEIGHT
-from foretouch.errors import LinkError, MissingExtraError, SettingError
+from foretouch.devices import GRIPS, INTENDED_FORCE
+from foretouch.errors import LinkError, MissingExtraError
 from foretouch.messages import VERSION, Handle, Hello, LeaderState, Message, ModelUpdate, Settings, Stop, Telemetry
 
-__all__ = ["Console", "require_free_port"]
+__all__ = ["Console"]
 
 SCENE_PERIOD, PLOT_PERIOD, TEXT_PERIOD = 1 / 30, 1 / 12, 1 / 6
 """How often scene, plot and numbers are sent to the browser [s]."""
@@ -32,26 +32,12 @@ NAMES = ("material", "model", "estimator")
 """Settings that stand in the panel."""
 DEEPEST = 1.2
 """How far the handle goes below the surface, in press depths."""
+NO_GRIP, SMALLEST_SCALE = "none", 1e-3
+"""The grip of an operator whose hand the force does not move, and a bound on the position scale."""
+INTRODUCTION = {"position_delay", "force_delay", "operator"}
+"""Settings that both sides must have said before the panel speaks of the session."""
 SURFACE, PRESS_DEPTH = 0.012, 0.01
 """Surface position and depth of presses [m] until the session says its own."""
-
-
-def require_free_port(port: int, host: str = "127.0.0.1") -> None:
-    """Raise `LinkError` unless a server could listen there now.
-
-    Raises:
-        LinkError: The port is in use, or this machine does not let us have it.
-        SettingError: No such port.
-    """
-    if not 0 <= port <= 65535:
-        raise SettingError("port", port, "must be 0 to 65535")
-    with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as probe:
-        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        try:
-            probe.bind((host, port))
-        except OSError as error:
-            what = "is in use" if error.errno == errno.EADDRINUSE else f"cannot be used ({error.strerror})"
-            raise LinkError(f"port {port} on {host} {what}: choose another with --port") from None
 
 
 class Console:
@@ -60,11 +46,12 @@ class Console:
     It stands in nobody's way: `watch` only stores, `run` draws what is newest, and what the person does goes out as
     `Handle`, `Settings` and `Stop`, each in order, from whichever thread notices it.
 
-    While nobody drags the handle it follows the operator's hand. Positions of the handle are in the probe's frame, from
-    0 to 1.2 times the press depth below the surface. Surface and press depth come from `Hello` (settings ``surface``
-    and ``press_depth`` [m]), the surface from the newest valid model once there is one; the sliders begin at the
-    session's ``position_delay`` and ``force_delay`` [s]. With an ``operator`` other than ``browser`` the handle is
-    hidden.
+    While nobody drags the handle it is where the operator's hand wants to be. It is drawn in the probe's frame, from 0
+    to 1.2 times the press depth below the surface; a drag moves the hand from where it was when it was taken, by the
+    drag over the position scale, so that index and clutch, which part hand and probe, are no hindrance. Surface and
+    press depth come from `Hello` (settings ``surface`` and ``press_depth`` [m]), the surface from the newest valid
+    model once there is one; the sliders begin at the session's ``position_delay`` and ``force_delay`` [s]. With an
+    ``operator`` other than ``browser`` handle and clutch are hidden.
 
     Args:
         port: TCP port; 0 takes a free one.
@@ -89,7 +76,9 @@ class Console:
         self._lock = threading.Lock()  # over what a person does, so that it goes out in order
         self._sequences: dict[type[Message], int] = {}
         self._held = False
-        self._handle = 0.0
+        self._clutched = False
+        self._handle = 0.0  # the handle as drawn, in the probe's frame [m]
+        self._hand = 0.0  # where it asks the hand to be, in the hand's own [m]
         self._handle_sent = 0.0
         self._stopped = False
         self._history = History()
@@ -100,7 +89,7 @@ class Console:
         self._introduced = False
         self._heard = self._heard_before = 0
         self._silent_since = -math.inf
-        port = port or _free_port(host)
+        port = port or free_port(host)
         with contextlib.redirect_stdout(io.StringIO()):  # viser greets on stdout, which belongs to the report
             self._server: Any = viser.ViserServer(host=host, port=port, verbose=False)
         if self._server.get_port() != port:  # taken in between: viser would go on with the next one
@@ -108,7 +97,7 @@ class Console:
             raise LinkError(f"port {port} on {host} is in use: choose another with --port")
         self.url = f"http://{host}:{port}"
         self._scene = Scene(self._server, self._dragged)
-        self._panel = Panel(self._server, self._set_delays, self._stop)
+        self._panel = Panel(self._server, self._set_delays, self._toggle_clutch, self._stop)
 
     def watch(self, message: Message) -> None:
         """Take note of one message; costs some microseconds, never waits. Call it from one thread."""
@@ -158,18 +147,27 @@ class Console:
         surface = self._surface()
         with self._lock:
             self._held = held
-            self._handle = min(max(surface - (z - HANDLE_HEIGHT) / UNITS, 0.0), self._deepest())
+            handle = min(max(surface - (z - HANDLE_HEIGHT) / UNITS, 0.0), self._deepest())
+            self._hand += (handle - self._handle) / self._scale()
+            self._handle = handle
             self._scene.hold_at((surface - self._handle) * UNITS + HANDLE_HEIGHT)
             self._send_handle()
 
+    def _toggle_clutch(self) -> None:
+        """The clutch was pressed or let go."""
+        with self._lock:
+            self._clutched = not self._clutched
+            self._send_handle()
+        self._panel.show_clutch(self._clutched)
+
     def _keep_alive(self, now: float) -> None:
         with self._lock:
-            if self._held and now - self._handle_sent > KEEP_ALIVE:
+            if (self._held or self._clutched) and now - self._handle_sent > KEEP_ALIVE:
                 self._send_handle()
 
     def _send_handle(self) -> None:
         self._handle_sent = time.monotonic()
-        self._publish(Handle(*self._stamp(Handle), position=self._handle, held=self._held))
+        self._publish(Handle(*self._stamp(Handle), position=self._hand, held=self._held, clutched=self._clutched))
 
     def _set_delays(self, position_delay: float, force_delay: float) -> None:
         with self._lock:
@@ -199,9 +197,27 @@ class Console:
         """Who moves the leader's hand: a handle is of use to the operator ``browser`` alone."""
         return self._settings.get("operator", "browser")
 
+    def _grip(self) -> str:
+        """How the hand holds the device that the force moves; empty where the force moves nothing."""
+        grip = self._settings.get("grip", NO_GRIP)
+        return "" if grip == NO_GRIP else grip
+
+    def _scale(self) -> float:
+        """Probe's motion for the hand's."""
+        return max(self._setting("position_scale", 1.0), SMALLEST_SCALE)
+
+    def _hand_ahead(self) -> float:
+        """How much further in the hand is than the probe, in the probe's lengths [m]; NaN where no force moves it."""
+        leader = self._leader
+        if leader is None or not self._grip():
+            return math.nan
+        return self._scale() * leader.hand_position - leader.position
+
     def _deepest(self) -> float:
-        """Bound of the handle [m]."""
-        return self._surface() + DEEPEST * self._setting("press_depth", PRESS_DEPTH)
+        """Bound of the handle [m]: a hand that the force moves has to want more than it gets."""
+        grip = GRIPS.get(self._grip())
+        more = 0.0 if grip is None else self._scale() * INTENDED_FORCE / grip.stiffness
+        return self._surface() + DEEPEST * (self._setting("press_depth", PRESS_DEPTH) + more)
 
     def _setting(self, name: str, otherwise: float) -> float:
         """A number among the session's settings, or another where there is none."""
@@ -221,11 +237,27 @@ class Console:
 
     def _draw_scene(self) -> None:
         surface, leader = self._surface(), self._leader
-        z = (surface - (0.0 if leader is None else leader.position)) * UNITS
+        position = 0.0 if leader is None or math.isnan(leader.position) else leader.position
+        self._follow_hand(position)
+        z = (surface - position) * UNITS
         robot = self._robot_position()
         rendered, delayed = (0.0, 0.0) if leader is None else (leader.rendered_force, leader.delayed_force)
         self._scene.set_travel(round((surface - self._deepest()) * UNITS, 1), round(surface * UNITS, 1))
         self._scene.draw(z, (surface - robot) * UNITS, rendered, delayed)
+        self._scene.draw_handle((surface - self._handle) * UNITS + HANDLE_HEIGHT)
+        self._scene.draw_hand(z, self._hand_ahead() * UNITS)
+
+    def _follow_hand(self, position: float) -> None:
+        """While nobody holds the handle: it is as far ahead of the probe as the hand wants to go."""
+        leader = self._leader
+        with self._lock:
+            if self._held:
+                return
+            self._handle = self._hand = position
+            if leader is not None and math.isfinite(leader.hand_position):
+                intended = leader.intended_position
+                self._hand = intended if math.isfinite(intended) else leader.hand_position
+                self._handle += self._scale() * (self._hand - leader.hand_position)
 
     def _write(self, window: Window, now: float) -> None:
         """Numbers, labels, and where the sliders begin."""
@@ -245,19 +277,32 @@ class Console:
             names=" · ".join(self._settings[name] for name in NAMES if name in self._settings),
             deviation=math.nan if leader is None else leader.standard_deviation,
             model=() if self._model is None else describe(self._model),
+            hand_ahead=self._hand_ahead(),
+            energy=math.nan if leader is None or not self._grip() else leader.energy,
         )
         self._panel.write(numbers)
         self._scene.label(
             "Let go and the script goes on" if self._held else "Drag me down to press",
             "" if leader is None else f"rendered: {leader.rendered_force:.2f} N",
-            "" if leader is None else f"delayed robot: {leader.delayed_force:.2f} N",
+            "" if leader is None else f"delayed robot: {leader.delayed_force:.2f} N" + self._guarded(", holds back"),
         )
-        if not self._introduced and {"position_delay", "force_delay"} <= self._settings.keys():
+        if not self._introduced and self._settings.keys() >= INTRODUCTION:
             self._introduced = True
-            self._panel.set_delays(self._setting("position_delay", 0.0), self._setting("force_delay", 0.0))
-            if self._operator() != "browser":
-                self._scene.offer_handle(False)
-                self._panel.instruct(f"Watch the {self._operator()} operator press.")
+            self._introduce()
+
+    def _introduce(self) -> None:
+        """Put sliders and texts to what the session is, once both sides have said so."""
+        self._panel.set_delays(self._setting("position_delay", 0.0), self._setting("force_delay", 0.0))
+        by_mouse = self._operator() == "browser"
+        if not by_mouse:
+            self._scene.offer_handle(False)
+            self._panel.offer_clutch(False)
+        instruction = INSTRUCTION if by_mouse else f"Watch the {self._operator()} operator press."
+        self._panel.instruct(instruction, felt(self._grip(), by_mouse))
+
+    def _guarded(self, text: str) -> str:
+        """A text where the robot holds back from a first touch, else nothing."""
+        return text if self._telemetry is not None and self._telemetry.guarded else ""
 
     def _status(self, now: float) -> str:
         """One line: what the session is doing."""
@@ -273,14 +318,10 @@ class Console:
             doing = f"The {self._operator()} operator presses."
         else:
             doing = "You press." if self._held else "A script presses until you take the handle."
+        if self._clutched:
+            doing = "The clutch is pressed: the hand moves alone, the robot stays."
+        doing += self._guarded(" The robot holds back until its surface is known here.")
         model = self._model
         if model is None or not model.valid:
             doing += " No force yet: " + (model.reason if model and model.reason else "no model has arrived.")
         return doing
-
-
-def _free_port(host: str) -> int:
-    """A port that nobody uses now."""
-    with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as probe:
-        probe.bind((host, 0))
-        return int(probe.getsockname()[1])

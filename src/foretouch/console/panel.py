@@ -12,13 +12,17 @@ import numpy as np
 from foretouch.console.history import Window
 from foretouch.console.palette import BLUE, INK, VERMILLION, css
 
-__all__ = ["INSTRUCTION", "LONGEST_DELAY", "Numbers", "Panel"]
+__all__ = ["INSTRUCTION", "LONGEST_DELAY", "Numbers", "Panel", "felt"]
 
 INSTRUCTION = "Drag the blue handle down to press."
 LONGEST_DELAY = 2.0
 """End of the sliders [s]."""
 LARGEST_DRAWN = 15.0
 """Forces beyond it [N], the robot's own limit, are drawn there: a model that has diverged would hide the others."""
+PRESS_CLUTCH, RELEASE_CLUTCH = "Clutch", "Clutch is pressed: let it go"
+CLUTCH_FREE = (92, 106, 120)
+SMALLEST_APART = 1e-4
+"""Hand and probe are said to be apart from here on [m]."""
 SECONDS = 6.0
 """Length of the plot [s]."""
 
@@ -39,6 +43,8 @@ class Numbers(NamedTuple):
         names: One line: what is pressed, and what learns it.
         deviation: Standard deviation of `predicted` [N].
         model: Lines about the newest model.
+        hand_ahead: How much further in the hand is than the probe [m].
+        energy: That the hand has put into this contact [J].
     """
 
     predicted: float
@@ -53,6 +59,8 @@ class Numbers(NamedTuple):
     names: str
     deviation: float
     model: tuple[str, ...]
+    hand_ahead: float = math.nan
+    energy: float = math.nan
 
 
 class Panel:
@@ -61,19 +69,28 @@ class Panel:
     Args:
         server: The viewer's server.
         on_delays: Called with both one-way delays [s] when a user moves a slider.
+        on_clutch: Called when the clutch is pressed or let go.
         on_stop: Called when the stop button is pressed.
     """
 
-    def __init__(self, server: Any, on_delays: Callable[[float, float], None], on_stop: Callable[[], None]) -> None:
+    def __init__(
+        self,
+        server: Any,
+        on_delays: Callable[[float, float], None],
+        on_clutch: Callable[[], None],
+        on_stop: Callable[[], None],
+    ) -> None:
         self._on_delays = on_delays
+        self._on_clutch = on_clutch
         self._on_stop = on_stop
         gui = server.gui
         gui.set_panel_label("foretouch")
         gui.configure_theme(control_width="large", show_logo=False, show_share_button=False, brand_color=BLUE)
         gui.main_panel.dock_right()
         gui.main_panel.set_width(460)
-        self._head = gui.add_html(_head_html(INSTRUCTION))
+        self._head = gui.add_html(_head_html(INSTRUCTION, felt("", True)))
         self._plot = _add_plot(gui)
+        self._clutch = gui.add_button(PRESS_CLUTCH, color=CLUTCH_FREE, hint=_CLUTCH)
         self._numbers = gui.add_html("")
         self._position_delay = gui.add_slider("Delay there [s]", 0.0, LONGEST_DELAY, 0.01, 0.0, hint=_DELAY_THERE)
         self._force_delay = gui.add_slider("Delay back [s]", 0.0, LONGEST_DELAY, 0.01, 0.0, hint=_DELAY_BACK)
@@ -81,6 +98,7 @@ class Panel:
         self._model = gui.add_html("")
         self._position_delay.on_update(self._slid)
         self._force_delay.on_update(self._slid)
+        self._clutch.on_click(self._clutch_clicked)
         self._stop.on_click(self._clicked)
 
     def set_delays(self, position_delay: float, force_delay: float) -> None:
@@ -101,9 +119,18 @@ class Panel:
             if node.content != text:
                 node.content = text
 
-    def instruct(self, instruction: str) -> None:
-        """Say what to do, in one line."""
-        self._head.content = _head_html(instruction)
+    def instruct(self, instruction: str, note: str) -> None:
+        """Say what to do, in one line, and whom the force moves."""
+        self._head.content = _head_html(instruction, note)
+
+    def offer_clutch(self, offered: bool) -> None:
+        """Show the clutch, or hide it where nobody listens to it."""
+        self._clutch.visible = offered
+
+    def show_clutch(self, pressed: bool) -> None:
+        """Show whether the clutch is pressed."""
+        self._clutch.label = RELEASE_CLUTCH if pressed else PRESS_CLUTCH
+        self._clutch.color = BLUE if pressed else CLUTCH_FREE
 
     def stopping(self) -> None:
         """Show that the session ends."""
@@ -113,6 +140,9 @@ class Panel:
     async def _slid(self, event: Any) -> None:
         if event.client is not None:  # None: the program set it
             self._on_delays(float(self._position_delay.value), float(self._force_delay.value))
+
+    async def _clutch_clicked(self, event: Any) -> None:
+        self._on_clutch()
 
     async def _clicked(self, event: Any) -> None:
         self._on_stop()
@@ -152,17 +182,31 @@ _BAND = f"rgba({', '.join(str(part) for part in BLUE)}, 0.25)"
 """Colour of what is within one standard deviation."""
 
 
-def _head_html(instruction: str) -> str:
+def felt(grip: str, by_mouse: bool) -> str:
+    """Whom the force moves, in a sentence.
+
+    Args:
+        grip: How a hand holds the device that the force moves; empty where it moves none.
+        by_mouse: Whether the mouse leads.
+    """
+    if not grip:
+        return "A mouse cannot push back: see the blue arrow." if by_mouse else "It moves nobody's hand."
+    leads = "that follows your mouse" if by_mouse else "of the operator"
+    return f"It moves a hand {leads} ({grip} grip)."
+
+
+def _head_html(instruction: str, note: str) -> str:
     """What to do, and what it is about."""
     return (
         f'<div style="padding:2px 12px 6px 12px;font-size:1.15em"><b style="color:{css(BLUE)}">'
         f'{html.escape(instruction)}</b><br><span style="font-size:0.8em;color:#555">A robot touches the material '
-        "beyond a slow network. A model of it comes back, and the force is computed here, at once. (A mouse cannot "
-        "push back: see the blue arrow.)</span></div>"
+        "beyond a slow network. A model of it comes back, and the force is computed here, at once. "
+        f"{html.escape(note)}</span></div>"
     )
 
 
 _DELAY_THERE = "One-way delay of your positions on their way to the robot"
+_CLUTCH = "While it is pressed your hand moves alone and the robot stays where it is"
 _DELAY_BACK = "One-way delay of models and measured forces on their way back"
 
 
@@ -183,19 +227,33 @@ def _numbers_html(n: Numbers) -> str:
         (css(INK), f"True force{age}", _number(n.true, "N"), ""),
         ("#555", "Rendered to the hand", _number(n.rendered, "N"), ""),
         ("#555", "Depth of the probe", _number(max(n.depth, 0.0) * 1e3, "mm", 1), ""),
+        *_hand_rows(n),
     )
     cells = "".join(
-        f'<tr><td><b style="color:{colour}">&#9632;</b> {name}</td><td style="text-align:right"><b>{value}</b></td>'
+        f'<tr><td><b style="color:{colour}">&#9632;</b> {name}</td>'
+        f'<td style="text-align:right;white-space:nowrap"><b>{value}</b></td>'
         f'<td style="text-align:right">{error}</td></tr>'
         for colour, name, value, error in rows
     )
     right = 'style="text-align:right"'
-    head = f'<tr style="color:#555"><td></td><td {right}>value</td><td {right}>error, last {SECONDS:.0f} s</td></tr>'
+    error = f'<td style="text-align:right;white-space:nowrap">error, last {SECONDS:.0f} s</td>'
+    head = f'<tr style="color:#555"><td></td><td {right}>value</td>{error}</tr>'
     return (
         '<div style="padding:0 12px"><table style="width:100%;font-variant-numeric:tabular-nums;border-spacing:0 1px">'
         f'{head}{cells}</table><div style="color:#555;padding-top:4px">{html.escape(n.status)}'
         f'<br><span style="font-size:0.85em">{html.escape(n.names)}</span></div></div>'
     )
+
+
+def _hand_rows(n: Numbers) -> list[tuple[str, str, str, str]]:
+    """Rows of a hand that the force moves: what it put in, and where it is if the probe is not there."""
+    rows = []
+    if math.isfinite(n.energy):
+        rows.append(("#555", "Energy put in", _number(n.energy * 1e3, "mJ"), ""))
+    if abs(n.hand_ahead) >= SMALLEST_APART:
+        where = "further in" if n.hand_ahead > 0.0 else "further out"
+        rows.append((css(BLUE), f"Hand (ring), {where} by", _number(abs(n.hand_ahead) * 1e3, "mm", 1), ""))
+    return rows
 
 
 def _model_html(lines: tuple[str, ...]) -> str:

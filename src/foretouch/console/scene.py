@@ -22,6 +22,10 @@ FIELD_OF_VIEW = math.radians(34.0)
 """Vertical."""
 SMALLEST_CHANGE = 0.002
 """Changes below this [scene units], 0.01 mm, are not drawn."""
+SMALLEST_APART, LARGEST_APART = 0.1, 5.0
+"""Hand and probe are shown apart between these distances [scene units], 0.5 and 25 mm."""
+LOWEST_RAIL = 1.35
+"""The rail ends above the material, though a hand may want to go on [scene units]."""
 RULER_X = -4.4
 
 
@@ -58,6 +62,8 @@ class Scene:
         self._ghost = self._add_body(scene, "/robot", shapes.probe(growth=0.12), VERMILLION, opacity=0.38)
         self._force = self._add_body(scene, "/probe_force", shapes.arrow(0.0), BLUE)
         self._ghost_force = self._add_body(scene, "/robot_force", shapes.arrow(0.0), VERMILLION)
+        self._hand = self._add_body(scene, "/hand", shapes.ring(), BLUE, opacity=0.6)
+        self._hand.visible = False
         self._handle = self._add_body(scene, "/handle", shapes.handle(), BLUE)
         self._rail = self._add_body(scene, "/rail", shapes.rail(0.0, 1.0), BLUE, opacity=0.1)
         for node in (self._handle, self._rail, self._probe):  # a handle that moves is hard to catch; its rail stands
@@ -88,10 +94,25 @@ class Scene:
             self._ghost.position = (0.0, 0.0, ghost_z)
             self._draw_force(self._ghost_force, 1.15, ghost_z, ghost_force)
             self._ghost_label.position = (1.6, 0.0, ghost_z + 0.5)
+
+    def draw_handle(self, z: float) -> None:
+        """Move the handle to a height [scene units]; one that is held stays where it is held."""
         if not self.held:
-            self._handle_z = z + shapes.HANDLE_HEIGHT
+            self._handle_z = z
         self._handle.position = (0.0, 0.0, self._handle_z)
         self._handle_label.position = (0.0, 0.0, self._handle_z + 1.4)
+
+    def draw_hand(self, z: float, ahead: float) -> None:
+        """Show where the hand is while it and the probe are apart.
+
+        Args:
+            z: Height of the probe's tip [scene units].
+            ahead: How much lower the hand is [scene units]; NaN hides it, and so does a distance too small to see or
+                as large as the picture.
+        """
+        self._hand.visible = SMALLEST_APART < abs(ahead) < LARGEST_APART
+        if self._hand.visible:
+            self._hand.position = (0.0, 0.0, z - ahead)
 
     def label(self, handle: str, force: str, ghost: str) -> None:
         """Write beside the handle, the probe and the ghost."""
@@ -103,7 +124,8 @@ class Scene:
         """Between which heights of the operator's tip [scene units] the handle can be dragged."""
         if self._travel != (bottom, top):
             self._travel = (bottom, top)
-            self._rail.vertices = shapes.rail(bottom + shapes.HANDLE_HEIGHT, top + shapes.HANDLE_HEIGHT)[0]
+            ends = (max(bottom + shapes.HANDLE_HEIGHT, LOWEST_RAIL), top + shapes.HANDLE_HEIGHT)
+            self._rail.vertices = shapes.rail(*ends)[0]
 
     def offer_handle(self, offered: bool) -> None:
         """Show the handle and its rail, or hide them where nobody listens to them."""

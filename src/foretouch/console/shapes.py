@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["HANDLE_HEIGHT", "TIP_RADIUS", "Material", "arrow", "handle", "probe", "rail"]
+__all__ = ["HANDLE_HEIGHT", "TIP_RADIUS", "Material", "arrow", "handle", "probe", "rail", "ring"]
 
 Mesh = tuple[NDArray[np.float32], NDArray[np.uint32]]
 """Vertices (V, 3) [scene units] and triangles (F, 3)."""
@@ -55,6 +55,12 @@ def handle() -> Mesh:
     neck, width, cone, end = 0.42, 0.95, 0.45, 1.25
     half = [(neck, 0.0), (neck, cone), (width, cone), (0.0, end)]
     return lathe([(r, -z) for r, z in reversed(half[1:])] + half, segments=32)
+
+
+def ring() -> Mesh:
+    """A thin collar around the rod, its lower rim at the origin: where the hand is."""
+    inner, outer, height = 0.75, 0.9, 0.12
+    return lathe([(inner, 0.0), (outer, 0.0), (outer, height), (inner, height), (inner, 0.0)], 32)
 
 
 def arrow(length: float) -> Mesh:

@@ -7,7 +7,7 @@ moved by the force (closed loop).
 
 from foretouch.devices.browser import BrowserOperator
 from foretouch.devices.device import Device
-from foretouch.devices.grips import GRIPS, Grip
+from foretouch.devices.grips import GRIPS, INTENDED_FORCE, Grip
 from foretouch.devices.hand import Hand
 from foretouch.devices.recorded import RecordedOperator
 from foretouch.devices.scripted import ScriptedOperator
@@ -15,6 +15,7 @@ from foretouch.devices.specification import DeviceSpecification
 
 __all__ = [
     "GRIPS",
+    "INTENDED_FORCE",
     "OPERATORS",
     "BrowserOperator",
     "Device",

@@ -7,7 +7,10 @@ from types import MappingProxyType
 
 from foretouch.models.checks import require
 
-__all__ = ["GRIPS", "Grip"]
+__all__ = ["GRIPS", "INTENDED_FORCE", "Grip"]
+
+INTENDED_FORCE = 3.0
+"""A hand that means to press with a force intends to be deeper, by so many newtons over the stiffness of its grip."""
 
 
 @dataclass(frozen=True, slots=True)

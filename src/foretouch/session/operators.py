@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from foretouch.devices import GRIPS, BrowserOperator, Device, Hand, RecordedOperator, ScriptedOperator
+from foretouch.devices import GRIPS, INTENDED_FORCE, BrowserOperator, Device, Hand, RecordedOperator, ScriptedOperator
 from foretouch.errors import DatasetError, SettingError
 from foretouch.recordings import fetch, read_leader_motion
 from foretouch.session.frames import framed_device, inverse
@@ -14,9 +14,6 @@ __all__ = ["RECORDED_MOTION", "make_operator"]
 
 RECORDED_MOTION = "tue/b-foam"
 """Dataset whose leader lever moves the ``recorded`` operator."""
-
-INTENDED_FORCE = 3.0
-"""A hand that means to press with a force intends to be deeper, by so many newtons over the stiffness of its grip."""
 
 NEAREST_SURFACE, FARTHEST_SURFACE, SHALLOWEST, DEEPEST = 0.001, 0.2, 0.0005, 0.1
 """How near and far a surface can be for the operators, and how deep they press at least and at most [m]."""
