@@ -115,9 +115,9 @@ class ContactModel(ABC):
         """
         before = max(self.advance(state, depth, 0.0, TICK)[1] + offset, 0.0)
         energy = way = 0.0
-        for count, length in ((SLICES, max(depth, 0.0) / SLICES), (SLICES_BEYOND, SLICE_BEYOND)):
+        for beyond, (count, length) in enumerate(((SLICES, max(depth, 0.0) / SLICES), (SLICES_BEYOND, SLICE_BEYOND))):
             for _ in range(count):
-                if not length > 0.0 or (length == SLICE_BEYOND and not before > 0.0):
+                if not length > 0.0 or (beyond and not before > 0.0):
                     break
                 depth -= length
                 state, force, _ = self.advance(state, depth, 0.0, length / EXIT_SPEED)

@@ -279,7 +279,7 @@ class Renderer:
         step = RETURN_SPEED * self._period
         if wanted == 0.0:
             room = -CLEARANCE - predictor.depth if proxy.apart > 0.0 else math.inf
-            proxy.give_back(min(max(room, 0.0), step), yielded=True)
+            self._return(min(max(room, 0.0), step), yielded=True)
             return
         if not proxy.indexed > 0.0 or self.mediation.offset < 0.0:
             return
@@ -287,7 +287,13 @@ class Renderer:
         paid = max(self.account.energy - self._exit_work(0.0)[0], 0.0) * self._position_scale / wanted
         stiffness = self._force_scale * predictor.local_slopes(SHORTEST_REACH)[0]
         gentle = LARGEST_RETURN / stiffness if stiffness > 0.0 else step
-        proxy.give_back(min(step, paid, gentle), yielded=False)
+        self._return(min(step, paid, gentle), yielded=False)
+
+    def _return(self, distance: float, *, yielded: bool) -> None:
+        """Give back so much [m]; it is no motion of the hand, and no damping answers it."""
+        before = self.proxy.position
+        self.proxy.give_back(distance, yielded=yielded)
+        self.predictor.shift(self.proxy.position - before)
 
     def _carried(self) -> float:
         """Share of the hand's motion in which the device carries the model from here to the next tick."""
