@@ -15,7 +15,8 @@ from report_sessions import make_session
 from foretouch.errors import ForetouchError, InputError, MissingExtraError
 from foretouch.messages import FOLLOWER_DTYPE, LEADER_DTYPE, SessionLog
 from foretouch.report import delayed, session_report, write_page, write_prediction_page
-from foretouch.report.figures import _thin, force_figure
+from foretouch.report.figures import force_figure
+from foretouch.report.thinning import thinned
 
 EMPTY = SessionLog(np.zeros(0, LEADER_DTYPE), np.zeros(0, FOLLOWER_DTYPE), ())
 
@@ -131,7 +132,7 @@ def test_thinning_keeps_every_peak() -> None:
     time = np.arange(100_000) * 1e-3
     values = np.zeros(100_000)
     values[[777, 50_001, 99_999]] = [5.0, -3.0, 2.0]
-    thin_time, thin = _thin(time, values)
+    thin_time, thin = thinned(time, values)
     assert thin.size <= 3002
     assert thin.max() == 5.0
     assert thin.min() == -3.0

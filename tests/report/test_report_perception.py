@@ -215,4 +215,4 @@ def test_a_session_without_models_has_no_jump() -> None:
     report = session_report(make_session(2.5, models=False))
     assert report["largest_update_jump_N"] == report["largest_rendered_update_jump_N"] == 0.0
     assert report["largest_update_jump_at_s"] is None
-    assert "moved the force by at most 0.00 N (0.00 N/s), behind" in render_text(report)
+    assert "moved the force by at most 0.00 N (0.00 N/s)\n" in render_text(report)

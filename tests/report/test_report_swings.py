@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from foretouch.messages import LEADER_DTYPE
-from foretouch.report import oscillation, turning_points
+from foretouch.report import oscillation, swings, turning_points
 
 QUICK = settings(derandomize=True, deadline=None, max_examples=60)
 Array = NDArray[np.float64]
@@ -56,6 +56,29 @@ def test_a_hand_that_lags_and_gives_way_does_not_oscillate(lag: int) -> None:
     assert figures["intended_swings"] == 30
     assert figures["extra_swings"] <= 1
     assert not figures["oscillates"]
+
+
+@pytest.mark.parametrize(("left", "dies"), [(0.4, True), (0.6, True), (0.9, False), (1.0, False), (1.1, False)])
+def test_a_rebound_that_dies_away_is_none(left: float, dies: bool) -> None:
+    """Ten presses into something hard, each with six swings, of which each is so much of the one before."""
+    push = np.linspace(0.0, 0.01, 500)
+    ways = 2e-3 * left ** np.arange(6) * np.array([-1, 1] * 3)
+    ring = 0.01 + np.concatenate(([0.0], np.cumsum(ways)))
+    ringing = np.interp(np.arange(600), 100 * np.arange(7), ring)
+    back = np.linspace(ring[-1], 0.0, 500)
+    hand = np.tile(np.concatenate((push, ringing, back)), 10)
+    meant = np.tile(np.concatenate((push, np.full(600, 0.01), back)), 10)
+    figures = oscillation(rows(hand, meant))
+    assert figures["intended_swings"] == 19
+    assert figures["oscillates"] is not dies
+    assert turning_points(hand).size > 30
+
+
+def test_swings_of_a_press_with_a_rebound() -> None:
+    place = 1e-3 * np.array([0.0, 10.0, 8.0, 8.6, 0.0, 10.0, 0.0])
+    assert turning_points(place).tolist() == [1, 2, 3, 4, 5]
+    assert swings(place).tolist() == [1, 2, 4, 5]
+    assert swings(np.zeros(0)).size == 0
 
 
 def test_a_hand_that_trembles_throughout_oscillates() -> None:

@@ -12,7 +12,7 @@ from foretouch.report.perception import LargestJump, largest_jump, rendered_jump
 from foretouch.report.remarks import remarks
 from foretouch.report.scores import STATUSES, Scores, delayed, lowest_mean, score
 from foretouch.report.session import CONTACT_FLOOR, session_report
-from foretouch.report.swings import oscillation, turning_points
+from foretouch.report.swings import oscillation, swings, turning_points
 from foretouch.report.text import findings, map_lines, render_text
 
 __all__ = [
@@ -46,6 +46,7 @@ __all__ = [
     "rendered_jump",
     "score",
     "session_report",
+    "swings",
     "table",
     "time_to_accuracy",
     "turning_points",

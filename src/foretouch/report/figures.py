@@ -13,6 +13,7 @@ from foretouch.quantities import QUANTITIES
 from foretouch.report.drawing import DELAYED, ERROR, PREDICTED, RENDERED, TRUE, finished, legend, new_figure
 from foretouch.report.pairs import Pairs
 from foretouch.report.scores import JND_FORCE, JND_SHARE
+from foretouch.report.thinning import thinned
 
 __all__ = [
     "force_figure",
@@ -63,7 +64,7 @@ def force_figure(
     for axes, chosen in ((whole, np.ones(time.size, dtype=np.bool_)), (near, inside)):
         for label, force, colour, width in curves:
             alpha = 0.45 if force is rendered_force else 1.0
-            axes.plot(*_thin(time[chosen], force[chosen]), color=colour, linewidth=width, alpha=alpha, label=label)
+            axes.plot(*thinned(time[chosen], force[chosen]), color=colour, linewidth=width, alpha=alpha, label=label)
         axes.set_ylim(-0.08 * top, top)
         axes.set_ylabel("force [N]")
         _say_beyond(axes, predicted_force[chosen], top)
@@ -78,7 +79,7 @@ def force_figure(
         time[inside], -band, band, color="0.5", alpha=0.3, linewidth=0.0, label="not noticed: max(10 %, 0.05 N)"
     )
     for label, force, colour in (("delayed", delayed_force, DELAYED), ("predicted", predicted_force, PREDICTED)):
-        error.plot(*_thin(time[inside], (force - true_force)[inside]), color=colour, linewidth=1.1, label=label)
+        error.plot(*thinned(time[inside], (force - true_force)[inside]), color=colour, linewidth=1.1, label=label)
     error.set_ylim(-top, top)
     error.set_title("Error in the close-up: force less true force")
     error.set_ylabel("error [N]")
@@ -163,12 +164,12 @@ def tracking_figure(pairs: Pairs) -> Any:
     figure = new_figure(5.0)
     place, apart = figure.subplots(2, 1, sharex=True)
     commanded, actual = 1e3 * pairs.leader["position"], 1e3 * pairs.follower["position"]
-    place.plot(*_thin(pairs.time, commanded), color=DELAYED, linewidth=1.6, label="command that was applied")
-    place.plot(*_thin(pairs.time, actual), color=TRUE, linewidth=0.9, label="follower")
+    place.plot(*thinned(pairs.time, commanded), color=DELAYED, linewidth=1.6, label="command that was applied")
+    place.plot(*thinned(pairs.time, actual), color=TRUE, linewidth=0.9, label="follower")
     place.set_title("Position of the robot at equal command")
     place.set_ylabel("position [mm]")
     legend(place, columns=2)
-    apart.plot(*_thin(pairs.time, actual - commanded), color=ERROR, linewidth=0.9)
+    apart.plot(*thinned(pairs.time, actual - commanded), color=ERROR, linewidth=0.9)
     apart.set_title("Tracking error: follower less command")
     apart.set_ylabel("error [mm]")
     apart.set_xlabel("time [s]")
@@ -219,19 +220,6 @@ def _close_up(time: Array, force: Array) -> NDArray[np.bool_]:
     end = time[touched[-1]] if touched.size else time[-1]
     begin = max(end - ZOOM, time[0])
     return np.asarray((time >= begin) & (time <= begin + 1.1 * ZOOM))
-
-
-def _thin(time: Array, values: Array, buckets: int = 1500) -> tuple[Array, Array]:
-    """Lowest and highest sample of each bucket, in order: the same picture with fewer points."""
-    size = -(-time.size // buckets)
-    if size <= 2:
-        return time, values
-    keep = []
-    finite = np.where(np.isfinite(values), values, 0.0)
-    for start in range(0, time.size, size):
-        piece = finite[start : start + size]
-        keep += sorted({start + int(piece.argmin()), start + int(piece.argmax())})
-    return time[keep], values[keep]
 
 
 def _largest(values: Array) -> float:

@@ -15,6 +15,7 @@ from foretouch.report.guarded import guarded_figures
 from foretouch.report.swings import oscillation
 
 __all__ = [
+    "FELT",
     "NO_BASELINE",
     "NO_GRIP",
     "OPEN_LOOP",

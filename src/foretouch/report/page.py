@@ -21,10 +21,14 @@ from foretouch.report.figures import (
     timing_figure,
     tracking_figure,
 )
+from foretouch.report.hand import NO_GRIP
+from foretouch.report.hand_drawing import energy_figure, hand_figure
+from foretouch.report.hand_text import baseline_sentence, stability_word
 from foretouch.report.html import embedded, named_values, write_html
+from foretouch.report.numbers import number
 from foretouch.report.pairs import pair
 from foretouch.report.scores import lowest_mean
-from foretouch.report.text import Finding, findings, number, render_text, scoring_findings
+from foretouch.report.text import Finding, findings, render_text, scoring_findings
 
 __all__ = ["write_page", "write_prediction_page"]
 
@@ -47,8 +51,9 @@ def write_page(directory: str | PathLike[str], log: SessionLog, report: dict[str
     body = [
         "<h1>foretouch session</h1>",
         f'<p class="quiet">{escape(_summary(report))}</p>',
+        *_sentences([Finding(said, False) for said in (baseline_sentence(report),) if said]),
         *_sentences(findings(report)),
-        _tiles(report),
+        _tiles(report, {"stable": stability_word(report)}),
         *_session_figures(log, report),
         "<h2>Settings</h2>",
         named_values(report["settings"] or {"settings": "not recorded"}),
@@ -107,7 +112,7 @@ def _summary(report: dict[str, Any]) -> str:
     return f"{', '.join(words)}; {report['loop']}. Status: {report['status']}."
 
 
-def _tiles(report: Mapping[str, Any]) -> str:
+def _tiles(report: Mapping[str, Any], words: Mapping[str, str] | None = None) -> str:
     shown = (
         ("prediction_error_percent", "%", "error of the predicted force"),
         ("rendered_error_percent", "%", "error of the rendered force"),
@@ -119,9 +124,11 @@ def _tiles(report: Mapping[str, Any]) -> str:
         ("time_to_ten_percent_s", "s", "from first touch to an error below 10 %"),
     )
     tiles = (
-        f'<div class="tile"><b>{escape(number(report[key], unit))}</b><span>{label}</span></div>'
-        for key, unit, label in shown
-        if key in report
+        f'<div class="tile"><b>{escape(value)}</b><span>{label}</span></div>'
+        for label, value in (
+            *(words or {}).items(),
+            *((label, number(report[key], unit)) for key, unit, label in shown if key in report),
+        )
     )
     return f'<div class="tiles">{"".join(tiles)}</div>'
 
@@ -140,6 +147,12 @@ def _session_figures(log: SessionLog, report: dict[str, Any]) -> list[str]:
         surfaces = [model.surface for model in log.models if model.valid and np.isfinite(model.surface)]
         loop = loop_figure(pairs, true_force, surfaces[-1] if surfaces else None)
         drawn.append(embedded(loop, "Force against depth, true and predicted"))
+    if report["hand"]["grip"] != NO_GRIP and log.leader.size:
+        swings = report["hand"]["oscillation"]
+        hand = hand_figure(log, pairs, swings["largest_burst_at_s"] if swings["oscillates"] else None)
+        drawn.append(embedded(hand, "The hand: what it meant, what it did, and what it was given"))
+    if (log.leader["energy_bound"] > 0.0).any():
+        drawn.append(embedded(energy_figure(log.leader), "Energy account of each contact, and its bound"))
     if any(model.law in LAWS for model in log.models):
         start = int(pairs.follower["time_ns"][0]) if pairs.time.size else log.models[0].time_ns
         drawn.append(embedded(model_figure(log.models, start), "Identified parameters over time"))

@@ -5,9 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
+from foretouch.report.hand import NO_BASELINE, NO_GRIP
+from foretouch.report.hand_text import baseline_sentence, device_sentence, hand_lines, instability
+from foretouch.report.numbers import figure, number
 from foretouch.report.scores import STATUSES
 
-__all__ = ["Finding", "findings", "map_lines", "number", "render_text", "scoring_findings"]
+__all__ = ["Finding", "findings", "map_lines", "render_text", "scoring_findings"]
 
 
 def render_text(report: Mapping[str, Any]) -> str:
@@ -27,6 +30,8 @@ def render_text(report: Mapping[str, Any]) -> str:
         *_perception(report),
         *_doubt(report),
         "",
+        *hand_lines(report),
+        "",
         *_learnt(report),
         *_motion(report),
         "",
@@ -37,6 +42,9 @@ def render_text(report: Mapping[str, Any]) -> str:
     return "\n".join(parts)
 
 
+STABLE = "Stable: the account of energy kept its bound in every tick, and the hand swung as it meant to."
+
+
 class Finding(NamedTuple):
     """One plain sentence about a session, and whether it is good news."""
 
@@ -45,8 +53,14 @@ class Finding(NamedTuple):
 
 
 def findings(report: Mapping[str, Any]) -> list[Finding]:
-    """What the numbers of a session say, one plain sentence each."""
-    said = scoring_findings(report)
+    """What the numbers of a session say, one plain sentence each; what is wrong with its stability first."""
+    stable = report["stable"] and report["hand"]["grip"] != NO_GRIP
+    said = [
+        Finding(instability(report), False),
+        Finding(STABLE if stable else "", True),
+        Finding(device_sentence(report), False),
+    ]
+    said = [finding for finding in said if finding.text] + scoring_findings(report)
     for side, what in (("leader", "rendered force"), ("follower", "robot's command")):
         if report["clipped"][side]:
             said.append(Finding(f"The limits cut the {what} in {report['clipped'][side]:,} ticks.", False))
@@ -60,21 +74,21 @@ def scoring_findings(figures: Mapping[str, Any]) -> list[Finding]:
     status = figures["status"]
     said = [] if status == "ok" else [Finding(f"{status}: {STATUSES[status]}.", False)]
     error, late = figures["prediction_error_percent"], figures["delayed_force_error_percent"]
-    if error is not None and late:
+    if error is not None and late and figures.get("baseline", NO_BASELINE) == NO_BASELINE:
         better = error <= late
         word = "better" if better else "worse"
         said.append(
-            Finding(f"The predicted force is {word} than the delayed force (error x {_figure(error / late)}).", better)
+            Finding(f"The predicted force is {word} than the delayed force (error x {figure(error / late)}).", better)
         )
         if error > 100.0:
-            text = f"It is wrong by more than the force itself ({_figure(error)} %): the estimate is no use here."
+            text = f"It is wrong by more than the force itself ({figure(error)} %): the estimate is no use here."
             said.append(Finding(text, False))
     within, missed = figures["within_jnd_percent"], figures["missed_contact_percent"]
     if within is not None and within < 100.0:
-        text = f"An operator could feel the prediction's error in {_figure(100.0 - within)} % of the contact time."
+        text = f"An operator could feel the prediction's error in {figure(100.0 - within)} % of the contact time."
         said.append(Finding(text, False))
     if missed:
-        said.append(Finding(f"Contact was missed in {_figure(missed)} % of the contact time.", False))
+        said.append(Finding(f"Contact was missed in {figure(missed)} % of the contact time.", False))
     return said
 
 
@@ -84,7 +98,9 @@ def _heading(report: Mapping[str, Any]) -> str:
     for name, unit in _SHOWN.items():
         if chosen.get(name):
             words.append(f"{name.replace('_', ' ')} {chosen[name]}{unit}")
-    return f"Session: {', '.join(words)}\n{report['loop'].capitalize()}."
+    loop = report["loop"]
+    lines = [f"Session: {', '.join(words)}", f"{loop[:1].upper()}{loop[1:]}.", baseline_sentence(report)]
+    return "\n".join(line for line in lines if line)
 
 
 _SHOWN = {"material": "", "operator": "", "estimator": "", "position_delay": " s", "force_delay": " s"}
@@ -92,12 +108,15 @@ _SHOWN = {"material": "", "operator": "", "estimator": "", "position_delay": " s
 
 def _forces(report: Mapping[str, Any]) -> list[str]:
     equal, exact = report["equal_position"], report["exact_force"]
+    models = report["baseline"] == NO_BASELINE
+    guarded = f", {report['guarded_samples']:,} guarded" if report["guarded_samples"] else ""
     contact = f"force in contact {number(report['contact_force_rms_N'], 'N')} RMS"
+    scored = f"{report['scored_samples']:,} of {report['samples']:,} samples scored{guarded}"
     lines = [
-        f"Forces at equal command, {contact}, {report['scored_samples']:,} of {report['samples']:,} samples scored",
+        f"Forces at equal command, {contact}, {scored}",
         f"  {'':<34}{'error':>12}{'RMSE':>12}{'within JND':>14}{'in free air':>14}",
         _row(
-            "predicted (newest model)",
+            "predicted (newest model)" if models else "asked for (delayed force)",
             report["prediction_error_percent"],
             report["prediction_rmse_N"],
             report["within_jnd_percent"],
@@ -110,7 +129,11 @@ def _forces(report: Mapping[str, Any]) -> list[str]:
             report["rendered_within_jnd_percent"],
             report["rendered_phantom_force_rms_N"],
         ),
-        _row("delayed (never rendered)", report["delayed_force_error_percent"], report["delayed_force_rmse_N"]),
+        _row(
+            "delayed (never rendered)" if models else "delayed (what was rendered)",
+            report["delayed_force_error_percent"],
+            report["delayed_force_rmse_N"],
+        ),
         _row(
             "predicted at follower's position",
             equal["prediction_error_percent"],
@@ -139,19 +162,10 @@ def _row(
 
 
 def _perception(report: Mapping[str, Any]) -> list[str]:
-    """What a new model does to the force at once, and how soon the prediction is right."""
-    jumps = []
-    for name in ("largest_update_jump", "largest_rendered_update_jump"):
-        size, rate = number(report[f"{name}_N"], "N"), number(report[f"{name}_N_per_s"], "N/s")
-        jumps.append(f"{size} ({rate})")
+    """How soon the prediction is right."""
     soon = number(report["time_to_ten_percent_s"], "s")
     accurate = "never, or not touched for long enough" if soon == "-" else f"{soon} after the first touch"
-    when = report["largest_update_jump_at_s"]
-    at = "" if when is None else f" at {number(when, 's')}"
-    return [
-        f"  a new model moved the force by at most {jumps[0]}{at}, behind the limits {jumps[1]}",
-        f"  within 10 % over half a second of contact: {accurate}",
-    ]
+    return [f"  within 10 % over half a second of contact: {accurate}"]
 
 
 def _doubt(report: Mapping[str, Any]) -> list[str]:
@@ -169,7 +183,7 @@ def _learnt(report: Mapping[str, Any]) -> list[str]:
     """The last model: the law's numbers, and what a contact map is beside them."""
     if report["parameters"] is None:
         return []
-    numbers = ", ".join(f"{name} {_figure(value)}" for name, value in report["parameters"].items())
+    numbers = ", ".join(f"{name} {figure(value)}" for name, value in report["parameters"].items())
     lines = ["What was learnt, at the end", f"  law        {numbers}"]
     if report["map"] is not None:
         lines += [f"  map        {line}" for line in map_lines(report["map"])]
@@ -187,9 +201,9 @@ def map_lines(figures: Mapping[str, Any]) -> list[str]:
     """
     shares = ", ".join(f"{name} {100.0 * share:.0f} %" for name, share in figures["shares"].items())
     depth, speed = 1e3 * figures["depth_visited_m"], 1e3 * figures["speed_visited_m_per_s"]
-    lines = [f"shares: {shares}; visited: {_figure(depth)} mm, {_figure(speed)} mm/s"]
+    lines = [f"shares: {shares}; visited: {figure(depth)} mm, {figure(speed)} mm/s"]
     at = zip(figures["depths_m"], figures["local_stiffness_N_per_m"], figures["forces_N"], strict=True)
-    places = [f"{_figure(k)} N/m at {_figure(1e3 * x)} mm ({_figure(force)} N)" for x, k, force in at]
+    places = [f"{figure(k)} N/m at {figure(1e3 * x)} mm ({figure(force)} N)" for x, k, force in at]
     if places:
         lines.append(f"at rest: {', '.join(places)}")
     if figures["standard_deviation_N"] is not None:
@@ -233,21 +247,4 @@ def _machine(report: Mapping[str, Any]) -> list[str]:
 def _three(spread: dict[str, float | None], unit: str) -> str:
     if spread["p50"] is None:
         return "-"
-    return " / ".join(_figure(spread[key] or 0.0) for key in ("p50", "p99", "max")) + f" {unit}"
-
-
-def number(value: float | None, unit: str) -> str:
-    """A figure with its unit, a dash for None."""
-    return "-" if value is None else f"{_figure(value)} {unit}"
-
-
-def _figure(value: float) -> str:
-    """Three figures, thousands marked, no exponent until a million."""
-    size = abs(value)
-    if size >= 1e6:
-        return f"{value:.2e}"
-    if size >= 100.0:
-        return f"{value:,.0f}"
-    if size >= 10.0:
-        return f"{value:.1f}"
-    return f"{value:.2f}" if size >= 0.1 or size < 1e-4 else f"{value:.2g}"
+    return " / ".join(figure(spread[key] or 0.0) for key in ("p50", "p99", "max")) + f" {unit}"

@@ -1,0 +1,145 @@
+"""Hand and energy as plain text."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from foretouch.report.hand import NO_BASELINE, NO_GRIP
+from foretouch.report.numbers import figure, number
+
+__all__ = ["baseline_sentence", "device_sentence", "hand_lines", "instability", "stability_word"]
+
+MUCH = 5.0
+"""From this share of contact on it is said that the device could not carry the model [%]."""
+
+
+def instability(report: Mapping[str, Any]) -> str:
+    """Why a session was not stable, in a sentence; empty where it was, or where nobody knows.
+
+    Args:
+        report: What `session_report` gave.
+    """
+    if report["stable"] is not False:
+        return ""
+    hand = report["hand"]
+    swings, reasons = hand["oscillation"], []
+    if not hand["certificate_holds"]:
+        reasons.append(_broken(report["energy_margin_J"]))
+    if swings["oscillates"]:
+        reasons.append(f"the hand swung {_swings(swings)}{_most(swings)}")
+    if not hand["forces_finite"]:
+        reasons.append("a force was not a finite number")
+    return f"Unstable: {', and '.join(reasons)}."
+
+
+def device_sentence(report: Mapping[str, Any]) -> str:
+    """That the device could not carry the model, where that was so for more than a moment; else empty."""
+    hand = report["hand"]
+    bound = hand["device_bound_percent"]
+    if hand["grip"] == NO_GRIP or bound is None or bound < MUCH:
+        return ""
+    least = figure(100.0 * hand["smallest_rendered_share"])
+    return f"In {figure(bound)} % of contact the device could not carry the model: it felt softer, down to {least} %."
+
+
+def stability_word(report: Mapping[str, Any]) -> str:
+    """Whether the session was stable, in a word."""
+    return {True: "yes", False: "no", None: "not known"}[report["stable"]]
+
+
+def baseline_sentence(report: Mapping[str, Any]) -> str:
+    """What was rendered where no model was; empty where models were."""
+    if report["baseline"] == NO_BASELINE:
+        return ""
+    return f"Baseline {report['baseline']}: the delayed force was rendered, for comparison."
+
+
+def hand_lines(report: Mapping[str, Any]) -> list[str]:
+    """The block of the report that says what the hand was given.
+
+    Args:
+        report: What `session_report` gave.
+    """
+    hand = report["hand"]
+    lines = ["Hand and energy", f"  stable     {_stable(report)}"]
+    if report["net_energy_J"] is not None:
+        lines.append(f"  energy     {_energy(report)}")
+    peak, robot = number(hand["peak_force_hand_N"], "N"), number(hand["peak_force_robot_N"], "N")
+    lines += [f"  forces     at most {peak} at the hand, {robot} at the robot", *_jumps(report)]
+    if report["guarded_s"] > 0.0:
+        lines.append(f"  guard      {_guard(report)}")
+    if hand["grip"] != NO_GRIP:
+        lines += _hand(report)
+    return lines
+
+
+def _swings(swings: Mapping[str, Any]) -> str:
+    return f"{swings['swings']:,} times and meant {swings['intended_swings']:,}"
+
+
+def _most(swings: Mapping[str, Any]) -> str:
+    """Where the hand swung most."""
+    when, burst = swings["largest_burst_at_s"], swings["largest_burst"]
+    return f" ({burst} too many from {when:.1f} s on)" if when is not None and burst > 1 else ""
+
+
+def _broken(margin: float | None) -> str:
+    if margin is None:
+        return "its energy was not a finite number"
+    return f"the hand was given {_joules(-margin)} more than the energy account allows"
+
+
+def _stable(report: Mapping[str, Any]) -> str:
+    swings, word = report["hand"]["oscillation"], stability_word(report)
+    if report["stable"] is None:
+        return f"{word}: nobody kept an account of energy"
+    if swings["swings"] is None:
+        return f"{word}; nobody knows what the hand meant to do"
+    return f"{word}; the hand swung {_swings(swings)}"
+
+
+def _energy(report: Mapping[str, Any]) -> str:
+    net, bound, exact = (report[f"{name}_J"] for name in ("net_energy", "energy_bound", "net_energy_exact"))
+    without = "" if exact is None else f"; {_joules(exact)} without the encoder's rounding"
+    return f"net {_joules(net)}, allowed {_joules(None if bound is None else -bound)}{without}"
+
+
+def _joules(energy: float | None) -> str:
+    """An energy in the unit that suits it."""
+    small = energy is not None and abs(energy) < 1e-4
+    return number(None if energy is None else energy * (1e6 if small else 1e3), "uJ" if small else "mJ")
+
+
+def _jumps(report: Mapping[str, Any]) -> list[str]:
+    """What new models did to the force at once."""
+    jumps = []
+    for name in ("largest_update_jump", "largest_rendered_update_jump"):
+        size, rate = number(report[f"{name}_N"], "N"), number(report[f"{name}_N_per_s"], "N/s")
+        jumps.append(f"{size} ({rate})")
+    when = report["largest_update_jump_at_s"]
+    at = "" if when is None else f" at {number(when, 's')}"
+    return [
+        f"  updates    a new model moved the force by at most {jumps[0]}{at}",
+        f"             behind the limits {jumps[1]}, before mediation {number(report['largest_model_jump_N'], 'N')}",
+    ]
+
+
+def _guard(report: Mapping[str, Any]) -> str:
+    hand, count = report["hand"], report["guarded_contacts"]
+    many = "1 contact" if count == 1 else f"{count} contacts"
+    depth, time = number(hand["depth_lost_mm"], "mm"), number(hand["time_lost_s"], "s")
+    return f"{many} guarded, {number(report['guarded_s'], 's')} in all; lost at most {depth} of depth and {time}"
+
+
+def _hand(report: Mapping[str, Any]) -> list[str]:
+    hand = report["hand"]
+    away, in_air = number(hand["given_way_mm"], "mm"), number(hand["given_way_in_air_mm"], "mm")
+    share = hand["smallest_rendered_share"]
+    least = "" if share is None or share >= 1.0 else f", down to {figure(100.0 * share)} % of its stiffness"
+    return [
+        f"  device     could not carry the model in {number(hand['device_bound_percent'], '%')} of contact{least}",
+        f"  hand       {away} RMS from where it meant to be in contact, {in_air} in the air",
+        f"  proxy      at most {number(hand['largest_index_mm'], 'mm')} from the hand; coupled for "
+        f"{number(report['engaged_percent'], '%')} of the time",
+    ]

@@ -1,0 +1,186 @@
+"""Hand, guard and stability in the report of a session: constructed ones, and simulated ones with a hand."""
+
+from __future__ import annotations
+
+import json
+import re
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from report_sessions import make_session
+
+from foretouch.messages import SessionLog
+from foretouch.report import render_text, session_report, write_page
+from foretouch.report.hand import apart
+from foretouch.robot import make_robot
+from foretouch.session import SessionSettings, make_operator, simulate
+
+
+def simulated(duration: float, **chosen: Any) -> SessionLog:
+    settings = SessionSettings(material="hunt-crossley", **chosen)
+    robot = make_robot(settings.material, seed=0)
+    material = robot.material
+    operator = make_operator(settings, surface=material.surface, press_depth=material.press_depth, say=print)
+    return simulate(settings, duration=duration, operator=operator, robot=robot).log
+
+
+@pytest.fixture(scope="module")
+def ours() -> SessionLog:
+    return simulated(6.0, grip="soft", position_scale=0.8, force_scale=0.5)
+
+
+@pytest.fixture(scope="module")
+def delayed() -> SessionLog:
+    return simulated(4.0, grip="soft", baseline="delayed")
+
+
+def guarded(log: SessionLog, start: int, end: int) -> SessionLog:
+    """The same with these rows of the follower held back by 2 mm."""
+    follower = log.follower.copy()
+    follower["guarded"][start:end] = True
+    follower["desired_position"][start:end] -= 2e-3
+    return replace(log, follower=follower)
+
+
+def test_a_session_with_a_hand_is_stable(ours: SessionLog) -> None:
+    report = session_report(ours)
+    hand = report["hand"]
+    assert report["stable"] is True
+    assert report["loop"].startswith("closed loop: a hand with a soft grip holds a device of 0.1 kg, 2 N s/m")
+    assert -report["energy_bound_J"] <= report["net_energy_J"] <= 0.0
+    assert report["energy_margin_J"] >= 0.0
+    assert report["largest_update_jump_N"] == np.abs(ours.leader["update_step"]).max() <= 0.1
+    assert report["largest_model_jump_N"] == np.abs(ours.leader["model_jump"]).max()
+    assert report["guarded_contacts"] >= 1
+    assert report["guarded_s"] == pytest.approx(1e-3 * ours.follower["guarded"].sum())
+    assert hand["peak_force_hand_N"] == ours.leader["rendered_force"].max()
+    assert hand["peak_force_robot_N"] == ours.follower["exact_force"].max()
+    assert hand["oscillation"]["intended_swings"] >= 2
+    assert hand["oscillation"]["extra_swings"] <= 2
+    assert hand["given_way_mm"] > 5.0 * hand["given_way_in_air_mm"]
+    json.dumps(report, allow_nan=False)
+    text = render_text(report)
+    assert "Stable: " in text
+    assert "guarded" in text
+
+
+def test_a_delayed_force_is_unstable_and_is_said_first(delayed: SessionLog, tmp_path: Path) -> None:
+    report = session_report(delayed)
+    assert report["stable"] is False
+    assert report["hand"]["certificate_holds"] is False
+    assert report["net_energy_J"] < -10.0 * report["energy_bound_J"] < 0.0
+    assert report["net_energy_exact_J"] == pytest.approx(report["net_energy_J"], rel=0.01)
+    assert report["largest_update_jump_N"] == 0.0
+    text = render_text(report)
+    assert text.index("Baseline delayed: the delayed force was rendered") < text.index("Unstable: the hand was given")
+    assert text.index("Unstable: ") < text.index("Forces at equal command")
+    assert "than the delayed force" not in text  # it is the delayed force
+    page = write_page(tmp_path, delayed, report).read_text()
+    sentences = re.findall(r'<p class="bad">([^<]+)</p>', page)
+    assert sentences[0].startswith("Baseline delayed")
+    assert sentences[1].startswith("Unstable: ")
+
+
+def test_the_page_shows_hand_and_energy(ours: SessionLog, tmp_path: Path) -> None:
+    page = write_page(tmp_path, ours, session_report(ours)).read_text()
+    assert "The hand: what it meant" in page
+    assert "Energy account of each contact" in page
+    open_loop = make_session(2.5)
+    other = write_page(tmp_path, open_loop, session_report(open_loop)).read_text()
+    assert "The hand: what it meant" not in other
+    assert "Energy account of each contact" not in other
+
+
+def test_the_rendered_force_is_scored_in_the_robots_newtons(ours: SessionLog) -> None:
+    report = session_report(ours)
+    assert report["rendered_error_percent"] < 25.0
+    told = replace(ours, settings=ours.settings | {"force_scale": "1"})
+    assert session_report(told)["rendered_error_percent"] > 40.0
+
+
+def test_a_force_that_is_no_number_is_not_stable(ours: SessionLog) -> None:
+    leader = ours.leader.copy()
+    leader["rendered_force"][-1] = np.nan
+    report = session_report(replace(ours, leader=leader))
+    assert report["stable"] is False
+    assert "a force was not a finite number" in render_text(report)
+
+
+def test_old_sessions_kept_no_account() -> None:
+    report = session_report(make_session(2.5))
+    assert report["stable"] is None
+    assert report["net_energy_J"] is None
+    assert "not known: nobody kept an account" in render_text(report)
+    json.dumps(report, allow_nan=False)
+
+
+def test_guarded_rows_are_counted_and_not_scored() -> None:
+    log = make_session(4.0)
+    leader = log.leader.copy()
+    leader["predicted_force"][2000:2200] = 50.0
+    wrong = replace(log, leader=leader)
+    assert session_report(wrong)["prediction_error_percent"] > 100.0
+    report = session_report(guarded(wrong, 2080, 2280))
+    assert report["prediction_error_percent"] == pytest.approx(0.0, abs=0.01)
+    assert report["guarded_samples"] == 200
+    assert report["scored_samples"] < session_report(log)["scored_samples"]
+
+
+def test_rows_without_a_hand_on_the_handle_are_not_scored() -> None:
+    log = make_session(4.0)
+    leader = log.leader.copy()
+    leader["predicted_force"][2000:2200] = 50.0
+    leader["engaged"][2000:2200] = False
+    leader["position"][:50] = np.nan
+    leader["engaged"][:50] = False
+    report = session_report(replace(log, leader=leader))
+    assert report["prediction_error_percent"] == pytest.approx(0.0, abs=0.01)
+    assert report["engaged_percent"] == pytest.approx(100.0 * (1.0 - 250 / 4000))
+    assert report["tracking_error"]["max_mm"] == pytest.approx(0.0, abs=1e-9)
+
+
+def test_what_the_guard_took_away() -> None:
+    log = make_session(4.0)
+    touching = np.flatnonzero(log.follower["in_contact"])
+    start = int(touching[touching > 1500][0])
+    free = int(np.flatnonzero(~log.follower["in_contact"][start:])[0]) + start
+    begun = guarded(log, start - 40, free - 30)  # held back in the air already
+    flicker = guarded(begun, free - 10, free)  # lets go for a moment
+    report = session_report(flicker)
+    assert report["guarded_contacts"] == 1
+    assert report["guarded_s"] == pytest.approx(1e-3 * (free - start + 40 - 20))
+    assert report["hand"]["depth_lost_mm"] == pytest.approx(2.0)
+    assert report["hand"]["time_lost_s"] == pytest.approx(1e-3 * (free - start))
+    air = session_report(guarded(log, start - 40, start))
+    assert air["guarded_contacts"] == 0
+    assert air["guarded_s"] == pytest.approx(0.04)
+    assert air["hand"]["depth_lost_mm"] == air["hand"]["time_lost_s"] == 0.0
+
+
+def test_how_far_the_proxy_is_from_the_hand() -> None:
+    """Only what went away since hand and proxy were coupled, in the follower's lengths, anew after each clutch."""
+    log = make_session(1.0)
+    leader = log.leader.copy()
+    leader["hand_position"] = (leader["position"] + 0.02) / 2.0
+    leader["position"][300:] -= 3e-3
+    leader["engaged"][600:650] = False
+    found = apart(replace(log, leader=leader, settings=log.settings | {"position_scale": "2"}))
+    np.testing.assert_allclose(found[:300], 0.0, atol=1e-12)
+    np.testing.assert_allclose(found[300:600], 3e-3, atol=1e-12)
+    assert np.isnan(found[600:650]).all()
+    np.testing.assert_allclose(found[650:], 0.0, atol=1e-12)
+
+
+def test_share_that_the_device_could_carry(ours: SessionLog) -> None:
+    leader = ours.leader.copy()
+    felt = np.flatnonzero(leader["rendered_force"] > 0.05)
+    leader["rendered_share"] = 1.0
+    leader["rendered_share"][felt[: felt.size // 4]] = 0.5
+    hand = session_report(replace(ours, leader=leader))["hand"]
+    assert hand["device_bound_percent"] == pytest.approx(25.0, abs=0.1)
+    assert hand["smallest_rendered_share"] == 0.5
+    said = render_text(session_report(replace(ours, leader=leader)))
+    assert "% of contact the device could not carry the model: it felt softer, down to 50.0 %." in said
