@@ -28,7 +28,7 @@ NOTHING = 1e-3
 """Contact is lost where no more than this is rendered [N] ..."""
 
 PHANTOM = 0.05
-"""... and the model asks for no more than this, which is no contact yet [N]."""
+"""... and the model asks for no more than this, which is no contact yet [N]: maps give some millinewtons in the air."""
 
 CLEARANCE = 1e-3
 """In free air the proxy is brought back until it is so near to the surface [m]."""
@@ -277,11 +277,11 @@ class Renderer:
         if not proxy.engaged or predictor.model is None or proxy.apart == 0.0:
             return
         step = RETURN_SPEED * self._period
-        if wanted == 0.0:
+        if wanted <= PHANTOM and predictor.depth < 0.0:
             room = -CLEARANCE - predictor.depth if proxy.apart > 0.0 else math.inf
             self._return(min(max(room, 0.0), step), yielded=True)
             return
-        if not proxy.indexed > 0.0 or self.mediation.offset < 0.0:
+        if not proxy.indexed > 0.0 or self.mediation.offset < 0.0 or not wanted > 0.0:
             return
         # The surface moves out against the force: that is the work of it, on the proxy's way.
         paid = max(self.account.energy - self._exit_work(0.0)[0], 0.0) * self._position_scale / wanted
