@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 
 from foretouch.report import COLOURS, finished, legend, new_figure
 from foretouch.sweep.cases import NETWORKS
-from foretouch.sweep.curves import AXES, STIFF, Axis, Curve, curve, plain, stiff
+from foretouch.sweep.curves import AXES, STIFF, Axis, Curve, curve, error_of, plain, stiff
 from foretouch.sweep.outcome import LARGEST_JUMP, Outcome
 from foretouch.sweep.summary import KINDS
 from foretouch.sweep.totals import of
 
-__all__ = ["condition_figure", "energy_figure", "jump_figure", "transparency_figure"]
+__all__ = ["condition_figure", "energy_figure", "error_figure", "jump_figure", "stiffness_figure"]
 
 COLOUR = {"none": COLOURS[0], "delayed": COLOURS[1], "delayed-tdpa": COLOURS[3]}
 MARKER = {"none": "o", "delayed": "s", "delayed-tdpa": "^"}
@@ -27,56 +27,39 @@ JND = (7.0, 10.0)
 """People tell forces apart that differ by so much [%]."""
 
 
-def transparency_figure(
-    rows: Sequence[Outcome], figure: Callable[[Outcome], float | None], name: str, axis: Axis
-) -> Any:
-    """A figure of all plain sessions against one axis: each session a dot, medians and quartiles in bins.
-
-    Args:
-        rows: Of a sweep.
-        figure: On the vertical axis [%].
-        name: Of that.
-        axis: The horizontal one; a baseline's rows have no model rate.
-    """
-    drawing = new_figure(4.6)
-    axes = drawing.subplots()
-    axes.axhspan(*JND, color="0.9", linewidth=0.0, zorder=0)
-    kinds = [kind for kind in KINDS if of(rows, kind) and (kind == "none" or axis.name != "model rate")]
-    for kind in kinds:
-        sessions = plain(of(rows, kind))
-        points = [(axis.value(row), figure(row)) for row in sessions]
-        known = np.array([(x, y) for x, y in points if x is not None and y is not None]).reshape(-1, 2)
-        axes.plot(known[:, 0], known[:, 1], MARKER[kind], color=COLOUR[kind], markersize=2.5, alpha=0.3, zorder=1)
-        _draw(axes, curve(sessions, axis.value, figure, axis.edges), kind)
-    beside = curve(stiff(of(rows, "none")), axis.value, figure, axis.edges)
-    if beside.x.size:
-        style = {"color": COLOUR["none"], "linewidth": 1.0, "linestyle": (0, (4, 2))}
-        axes.plot(beside.x, beside.middle, label=f"ours on {' and '.join(STIFF)}", **style)
-    _scale(axes, axis)
+def error_figure(rows: Sequence[Outcome], axis: Axis) -> Any:
+    """Error of the felt force against one axis."""
+    drawing, axes = _dots_and_curves(rows, error_of, axis)
+    axes.axhspan(*JND, color="0.88", linewidth=0.0, zorder=0)
+    axes.text(
+        0.99,
+        1.06 * JND[0],
+        "what a hand tells apart",
+        ha="right",
+        fontsize="x-small",
+        color="0.3",
+        transform=axes.get_yaxis_transform(),
+    )
     axes.set_yscale("log")
     axes.set_ylim(1.0, 300.0)
     marks = (1, 2, 5, 10, 20, 50, 100, 200)
     axes.set_yticks(marks, [f"{mark}" for mark in marks])
     axes.minorticks_off()
-    axes.set_xlabel(f"{axis.name} [{axis.unit}]")
-    axes.set_ylabel(f"{name} [%]")
-    axes.set_title(f"{name[0].upper()}{name[1:]} against {axis.name}")
-    axes.text(
-        0.995,
-        JND[0],
-        " a hand tells apart from here ",
-        ha="right",
-        va="bottom",
-        fontsize="x-small",
-        transform=axes.get_yaxis_transform(),
-        color="0.35",
-    )
-    legend(axes, len(kinds) + 1)
-    return finished(drawing, 1)
+    axes.set_ylabel("error of the felt force [%]")
+    return _named(drawing, axes, f"Error of the felt force against {axis.name}")
+
+
+def stiffness_figure(rows: Sequence[Outcome], axis: Axis) -> Any:
+    """Felt stiffness against one axis; 100 % is that of the material."""
+    drawing, axes = _dots_and_curves(rows, lambda row: row.felt_stiffness_percent, axis)
+    axes.axhline(100.0, color="0.3", linewidth=0.8)
+    axes.set_ylim(-60.0, 140.0)
+    axes.set_ylabel("felt stiffness [% of the true one]")
+    return _named(drawing, axes, f"Felt stiffness against {axis.name}")
 
 
 def condition_figure(rows: Sequence[Outcome]) -> Any:
-    """Share of stable sessions by network, grip and round trip, with the counts beside the bars."""
+    """Share of stable sessions by network, grip and round trip; pale what does not oscillate but gives out energy."""
     kinds = [kind for kind in KINDS if of(rows, kind)]
     groups: list[tuple[str, Callable[[Outcome], bool]]] = [
         *((name, lambda row, name=name: row.network == name) for name in NETWORKS),
@@ -92,18 +75,20 @@ def condition_figure(rows: Sequence[Outcome]) -> Any:
     axes = drawing.subplots()
     height = 0.8 / len(kinds)
     for place, kind in enumerate(kinds):
-        axes.barh([], [], color=COLOUR[kind], label=LABEL[kind])
+        axes.barh([0.0], [0.0], color=COLOUR[kind], label=LABEL[kind])
         for line, (_, inside) in enumerate(groups):
             found = [row for row in of(rows, kind) if inside(row) and not row.error]
             if not found:
                 continue
-            stable = sum(bool(row.stable) for row in found)
+            stable, still = sum(bool(row.stable) for row in found), sum(not row.oscillating for row in found)
             where = line + (place - 0.5 * (len(kinds) - 1)) * height
+            axes.barh(where, 100.0 * still / len(found), 0.9 * height, color=COLOUR[kind], alpha=0.35)
             axes.barh(where, 100.0 * stable / len(found), 0.9 * height, color=COLOUR[kind])
-            axes.text(100.0 * stable / len(found) + 0.7, where, f"{stable} of {len(found)}", va="center", fontsize=6.5)
+            told = f"{stable} of {len(found)}" + (f"; {still} do not oscillate" if still > stable else "")
+            axes.text(100.0 * still / len(found) + 0.7, where, told, va="center", fontsize=6.5)
     axes.set_yticks(range(len(groups)), [name for name, _ in groups], fontsize="small")
     axes.set_ylim(len(groups) - 0.5, -0.5)
-    axes.set_xlim(0.0, 110.0)
+    axes.set_xlim(0.0, 120.0)
     axes.set_xticks(range(0, 101, 20))
     axes.set_xlabel("stable sessions [%]")
     axes.set_title("Stable sessions by network, grip and round trip")
@@ -119,7 +104,9 @@ def energy_figure(rows: Sequence[Outcome]) -> Any:
     edges = np.concatenate([np.linspace(0.0, 100.0, 21), [120.0]])
 
     def value(row: Outcome) -> float | None:
-        return None if row.energy_used_percent is None else min(row.energy_used_percent, 119.0)
+        if row.energy_used_percent is None or row.energy_margin_J is None:
+            return None
+        return min(row.energy_used_percent, 99.9) if row.energy_margin_J >= 0.0 else 110.0
 
     kinds = [kind for kind in KINDS if of(rows, kind)]
     title = "Energy that was given out, against the bound for one tick and one encoder count"
@@ -141,6 +128,32 @@ def jump_figure(rows: Sequence[Outcome]) -> Any:
     axes.axvline(LARGEST_JUMP, color="black", linewidth=1.2, linestyle=(0, (4, 2)))
     axes.text(LARGEST_JUMP, 0.95, " not allowed", transform=axes.get_xaxis_transform(), fontsize="small", va="top")
     axes.set_xlabel("largest change of force by a model in one tick [N]")
+    return finished(drawing, 1)
+
+
+def _dots_and_curves(rows: Sequence[Outcome], figure: Callable[[Outcome], float | None], axis: Axis) -> tuple[Any, Any]:
+    """All plain sessions: each a dot, medians and quartiles in bins; a baseline's have no model rate."""
+    drawing = new_figure(4.6)
+    axes = drawing.subplots()
+    for kind in KINDS:
+        sessions = plain(of(rows, kind))
+        if not sessions or (kind != "none" and axis is AXES[1]):
+            continue
+        points = [(axis.value(row), figure(row)) for row in sessions]
+        known = np.array([(x, y) for x, y in points if x is not None and y is not None]).reshape(-1, 2)
+        axes.plot(known[:, 0], known[:, 1], MARKER[kind], color=COLOUR[kind], markersize=2.5, alpha=0.3, zorder=1)
+        _draw(axes, curve(sessions, axis.value, figure, axis.edges), kind)
+    beside = curve(stiff(of(rows, "none")), axis.value, figure, axis.edges)
+    style = {"color": COLOUR["none"], "linewidth": 1.2, "linestyle": (0, (4, 2))}
+    axes.plot(beside.x, beside.middle, label=f"ours on {' and '.join(STIFF)}", **style)
+    _scale(axes, axis)
+    axes.set_xlabel(f"{axis.name} [{axis.unit}]")
+    return drawing, axes
+
+
+def _named(drawing: Any, axes: Any, title: str) -> Any:
+    axes.set_title(title)
+    legend(axes, len(axes.get_legend_handles_labels()[1]))
     return finished(drawing, 1)
 
 

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from foretouch.report import embedded, table, write_html
-from foretouch.sweep.curves import AXES, error_of
-from foretouch.sweep.figures import condition_figure, energy_figure, jump_figure, transparency_figure
+from foretouch.sweep.curves import AXES
+from foretouch.sweep.figures import condition_figure, energy_figure, error_figure, jump_figure, stiffness_figure
 from foretouch.sweep.outcome import LARGEST_JUMP, Outcome
 from foretouch.sweep.summary import TOTALS, said, summary
 
@@ -52,10 +52,8 @@ def write_sweep_page(directory: str | PathLike[str], rows: Sequence[Outcome]) ->
         "<p>The error is that of the felt force: the rendered one over the force scale, less the true one, at equal "
         "command, in contact, as a share of the true one. Lines are medians, bands quartiles, dots sessions; only "
         "networks that do nothing but delay, and materials that usual devices can carry.</p>",
-        *(
-            embedded(transparency_figure(rows, error_of, "error of the felt force", axis), f"Error against {axis.name}")
-            for axis in AXES
-        ),
+        *(embedded(error_figure(rows, axis), f"Error of the felt force against {axis.name}") for axis in AXES),
+        embedded(stiffness_figure(rows, AXES[0]), f"Felt stiffness against {AXES[0].name}"),
         "<h2>Stability</h2>",
         embedded(condition_figure(rows), "Stable sessions by network, grip and round trip"),
         embedded(energy_figure(rows), "Largest share of its bound that the energy took in each session"),

@@ -21,7 +21,7 @@ def of(rows: Iterable[Outcome], baseline: str) -> list[Outcome]:
 def totals(rows: Sequence[Outcome]) -> dict[str, Any]:
     """What became of these sessions, ready for JSON; None where there is nothing to measure.
 
-    The largest energy surplus is the most that a session gave out beyond its bound [J], below 0 where none did.
+    The largest energy surplus is the most that a session gave out beyond its bound [J], 0 where none did.
     """
     ran = [row for row in rows if not row.error]
     return {
@@ -30,7 +30,7 @@ def totals(rows: Sequence[Outcome]) -> dict[str, Any]:
         "unstable": sum(not row.stable for row in ran),
         "oscillating": sum(bool(row.oscillating) for row in ran),
         "bound_broken": sum(row.energy_margin_J is not None and row.energy_margin_J < 0.0 for row in ran),
-        "largest_energy_surplus_J": _negative(_extreme(ran, "energy_margin_J", min)),
+        "largest_energy_surplus_J": _surplus(_extreme(ran, "energy_margin_J", min)),
         "largest_jump_N": _extreme(ran, "largest_jump_N", max),
         "median_error_percent": _median(ran, "error_percent"),
         "median_prediction_error_percent": _median(ran, "prediction_error_percent"),
@@ -59,5 +59,5 @@ def _median(rows: Sequence[Outcome], name: str) -> float | None:
     return float(np.median(values)) if values else None
 
 
-def _negative(value: float | None) -> float | None:
-    return None if value is None else -value
+def _surplus(margin: float | None) -> float | None:
+    return None if margin is None else max(-margin, 0.0)
