@@ -11,6 +11,9 @@ __all__ = ["LARGEST_FORCE", "LARGEST_FORCE_RATE", "ForceLimiter"]
 LARGEST_FORCE = 10.0
 """Default limit of the rendered force [N]."""
 
+NOTICED = 1e-3
+"""Less is not worth telling [N]."""
+
 LARGEST_FORCE_RATE = 200.0
 """Default limit of its rate [N/s]."""
 
@@ -29,7 +32,7 @@ class ForceLimiter:
 
     Attributes:
         force: The newest limited force [N], from 0 to `largest_force`.
-        clipped: Whether a limit changed the newest force.
+        clipped: Whether a limit changed the newest force, by more than 1 mN.
     """
 
     __slots__ = ("_largest_force", "_largest_rate", "clipped", "force")
@@ -53,5 +56,5 @@ class ForceLimiter:
         target = min(max(wanted, 0.0), self._largest_force) if math.isfinite(wanted) else 0.0
         step = self._largest_rate * max(period, 0.0)
         self.force = min(max(target, self.force - step), self.force + step, ceiling)
-        self.clipped = self.force != wanted
+        self.clipped = not abs(self.force - wanted) <= NOTICED
         return self.force

@@ -36,6 +36,9 @@ CLEARANCE = 1e-3
 SHORTEST_REACH = 3e-5
 """Local slopes are taken over at least so far [m], and over as far as the next tick may get."""
 
+COUNT_FORCE = 0.1
+"""One count of the encoder may change the force by so much [N] on a device without friction."""
+
 LARGEST_RETURN = 0.02
 """What is given back in contact changes the force by at most so much in a tick [N]."""
 
@@ -46,6 +49,10 @@ class RenderingDevice(Protocol):
     @property
     def damping(self) -> float:
         """B [N s/m]."""
+
+    @property
+    def friction(self) -> float:
+        """Coulomb friction [N]."""
 
     @property
     def force_limit(self) -> float:
@@ -96,7 +103,10 @@ class Renderer:
             the first tick on and the whole model is rendered.
         position_scale: Proxy's motion for the hand's, positive.
         force_scale: Hand's force for the model's, positive.
-        largest_stiffness: Largest local stiffness at the hand [N/m]; 0 for what the device carries.
+        largest_stiffness: Largest local stiffness at the hand [N/m]; 0 for what the device carries: `rendered_share`,
+            and no more than K = 2 f / d for a Coulomb friction f and an encoder count d, within which friction takes
+            what rounding gives (Abbott and Okamura 2005, Effects of position quantization and sampling rate on
+            virtual-wall passivity, IEEE Transactions on Robotics 21(5)); f counts as at least 0.05 N.
         guarded: Whether a surface that turns up where the hand already is, is met by the index.
         sample_period: T [s].
 
@@ -118,9 +128,9 @@ class Renderer:
         "_device",
         "_force_scale",
         "_guarded",
-        "_largest_stiffness",
         "_period",
         "_position_scale",
+        "_stiffest",
         "_surface",
         "_time",
         "_was_engaged",
@@ -146,11 +156,13 @@ class Renderer:
     ) -> None:
         require("force_scale", force_scale, above=0.0)
         require("largest_stiffness", largest_stiffness, at_least=0.0)
+        self._stiffest = largest_stiffness or math.inf
+        if device is not None and device.resolution > 0.0:
+            self._stiffest = min(self._stiffest, max(2.0 * device.friction, COUNT_FORCE) / device.resolution)
         require("sample_period", sample_period, above=0.0)
         self._device = device
         self._position_scale = position_scale
         self._force_scale = force_scale
-        self._largest_stiffness = largest_stiffness
         self._guarded = guarded
         self._period = sample_period
         self._surface = math.nan
@@ -307,6 +319,4 @@ class Renderer:
         scale = self._force_scale * self._position_scale
         stiffness, damping = scale * stiffness, scale * damping
         share = rendered_share(stiffness, damping, device_damping=device.damping, sample_period=self._period)
-        if self._largest_stiffness > 0.0 and stiffness > 0.0:
-            share = min(share, self._largest_stiffness / stiffness)
-        return share
+        return min(share, self._stiffest / stiffness) if stiffness > 0.0 else share
