@@ -183,4 +183,4 @@ def test_share_that_the_device_could_carry(ours: SessionLog) -> None:
     assert hand["device_bound_percent"] == pytest.approx(25.0, abs=0.1)
     assert hand["smallest_rendered_share"] == 0.5
     said = render_text(session_report(replace(ours, leader=leader)))
-    assert "% of contact the device could not carry the model: it felt softer, down to 50.0 %." in said
+    assert "% of contact the device could not carry the model: it felt softer, down to 50.0 % of its stiffness." in said

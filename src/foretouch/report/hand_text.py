@@ -40,7 +40,8 @@ def device_sentence(report: Mapping[str, Any]) -> str:
     if hand["grip"] == NO_GRIP or bound is None or bound < MUCH:
         return ""
     least = figure(100.0 * hand["smallest_rendered_share"])
-    return f"In {figure(bound)} % of contact the device could not carry the model: it felt softer, down to {least} %."
+    said = f"In {figure(bound)} % of contact the device could not carry the model: "
+    return f"{said}it felt softer, down to {least} % of its stiffness."
 
 
 def stability_word(report: Mapping[str, Any]) -> str:
