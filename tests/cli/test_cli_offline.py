@@ -15,7 +15,7 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from foretouch.cli.app import app
-from foretouch.cli.options import SESSION_OPTIONS
+from foretouch.cli.options import SESSION_OPTIONS, SESSION_PANELS
 from foretouch.errors import ForetouchError
 from foretouch.identification import ESTIMATORS
 from foretouch.models import HuntCrossley
@@ -256,6 +256,7 @@ def test_session_options_are_the_fields_and_defaults_of_the_settings() -> None:
     defaults = {name: default for name, (_, default, _) in SESSION_OPTIONS.items()}
     assert defaults.keys() == SessionSettings().as_text().keys()
     assert SessionSettings(**defaults) == SessionSettings()
+    assert sorted(name for names in SESSION_PANELS.values() for name in names) == sorted(SESSION_OPTIONS)
     assert SessionSettings().estimator == "bank"
     assert SessionSettings(model="continuous-switching").estimator == "fprls"
 

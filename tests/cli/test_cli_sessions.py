@@ -10,6 +10,7 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from foretouch.cli.app import app
+from foretouch.cli.options import SESSION_PANELS
 from foretouch.errors import ForetouchError
 
 REPORT_KEYS = {
@@ -125,6 +126,40 @@ def test_without_the_measured_hand_the_script_presses_and_says_so(
         (("simulate", "--recording", "s.csv"), "recording = 's.csv': must end with .mcap"),
         (("simulate", "--report", "/proc/no"), "folder = '/proc/no': cannot be written"),
         (("simulate", "--seed", "-1"), "seed = -1: must be finite and at least 0"),
+        (
+            ("simulate", "--grip", "normal", "--device-mass", "-1"),
+            "device_mass = -1.0: must be finite and at least",
+        ),
+        (
+            ("simulate", "--grip", "soft", "--device-damping", "0"),
+            "device_damping = 0.0: must be above 0 with a grip",
+        ),
+        (
+            ("simulate", "--device-friction", "-1"),
+            "device_friction = -1.0: must be finite and at least 0",
+        ),
+        (
+            ("simulate", "--largest-stiffness", "4001"),
+            "damping at 1000 Hz carries at most 2 b / T = 4000 N/m",
+        ),
+        (("simulate", "--position-scale", "0"), "position_scale = 0.0: must be finite and above 0 and at most 100"),
+        (("simulate", "--force-scale", "0"), "force_scale = 0.0: must be finite and above 0 and at most 100"),
+        (("simulate", "--position-scale", "50"), "reaches this material by a scale of 0.09 to 10"),
+        (("simulate", "--grip", "firm"), "unknown grip 'firm': choose one of none, normal, soft, stiff"),
+        (("simulate", "--first-touch", "never"), "unknown first touch 'never': choose one of auto, follow, guarded"),
+        (("simulate", "--baseline", "tdpa"), "unknown baseline 'tdpa': choose one of delayed, delayed-tdpa, none"),
+        (("simulate", "--grip", "soft", "--clutch", "5:3"), "clutch = '5:3': must be START:END,START:END in seconds"),
+        (
+            ("simulate", "--clutch", "1:2"),
+            "clutch = '1:2': needs a hand that presses it: choose a grip of",
+        ),
+        (("simulate", "--leader-frame", "nonsense"), "leader_frame = 'nonsense': must be ORIGIN,DIRECTION: metres"),
+        (("simulate", "--follower-frame", "0,2"), "follower_frame = '0,2': must be ORIGIN,DIRECTION: metres"),
+        (("simulate", "--loss", "0.7", "--burst", "2"), "take at most 0.666, or burst = 1 for independent losses"),
+        (
+            ("teleop", "--grip", "soft", "--device-damping", "0"),
+            "device_damping = 0.0: must be above 0 with a grip",
+        ),
         (("teleop", "--port", "70000"), "port = 70000: must be 0 to 65535"),
         (("teleop", "--material", "jelly"), "unknown material 'jelly'"),
         (("teleop", "--operator", "nobody"), "unknown operator 'nobody'"),
@@ -142,6 +177,18 @@ def test_bad_input_is_refused_in_one_line(command: tuple[str, ...], message: str
     assert not list(Path.cwd().glob("*.csv"))
     assert message in str(result.exception)
     assert "\n" not in str(result.exception)
+
+
+@pytest.mark.parametrize("command", ["simulate", "teleop", "leader", "follower"])
+def test_help_has_every_option_under_its_heading(command: str) -> None:
+    text = run(command, "--help").stdout
+    sections = dict(section.split(":\n", 1) for section in text.split("\n\n") if ":\n" in section)
+    assert list(sections) == ["Options", *SESSION_PANELS]
+    for panel, names in SESSION_PANELS.items():
+        for name in names:
+            assert f"--{name.replace('_', '-')} " in sections[panel]
+    assert "--duration" in sections["Options"]
+    assert "--help" in sections["Options"]
 
 
 def test_lists_are_printed() -> None:

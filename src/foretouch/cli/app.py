@@ -8,6 +8,7 @@ import typer
 
 from foretouch import __version__
 from foretouch.cli import comparison, data, offline, paper, sessions, sweep
+from foretouch.cli.help import PanelledCommand
 
 __all__ = ["app"]
 
@@ -38,6 +39,6 @@ def _root(
 
 for module in (sessions, offline, comparison, sweep, paper):
     for command in module.COMMANDS:
-        app.command()(command)
+        app.command(cls=PanelledCommand)(command)
 app.add_typer(data.datasets, name="datasets")
 app.add_typer(data.materials, name="materials")

@@ -17,6 +17,7 @@ from foretouch.errors import SettingError
 
 __all__ = [
     "SESSION_OPTIONS",
+    "SESSION_PANELS",
     "Connect",
     "Duration",
     "EstimatorName",
@@ -120,15 +121,43 @@ SESSION_OPTIONS: dict[str, tuple[type, object, str]] = {
     "largest_stiffness": (float, 0.0, "Largest local stiffness rendered [N/m]; 0 for what the device carries."),
     "position_scale": (float, 1.0, "Follower's motion for the hand's."),
     "force_scale": (float, 1.0, "Hand's force for the follower's."),
-    "clutch": (str, "", "When a scripted hand presses the clutch [s]: START:END,START:END."),
-    "leader_frame": (str, "0,1", "Where the device counts from [m], and 1, or -1 if it counts the other way."),
-    "follower_frame": (str, "0,1", "Where the robot counts from [m], and 1, or -1 if it counts the other way."),
+    "clutch": (str, "", "When the hand presses the clutch [s]: START:END,START:END."),
+    "leader_frame": (str, "0,1", "ORIGIN,DIRECTION: where the device has 0 [m], and -1 if it counts outwards."),
+    "follower_frame": (str, "0,1", "ORIGIN,DIRECTION: where the robot has 0 [m], and -1 if it counts outwards."),
     "first_touch": (str, "auto", "Of an unknown surface: guarded or follow; auto guards with a grip or a real robot."),
     "approach_speed": (float, 0.02, "Of a guarded follower before it knows a surface [m/s]."),
     "guarded_force": (float, 2.0, "At which a guarded follower holds [N]."),
     "baseline": (str, "none", "Render the delayed force instead, for comparison: delayed or delayed-tdpa."),
 }
 """Type, default and help of every option that becomes a field of `foretouch.session.SessionSettings`."""
+
+SESSION_PANELS: dict[str, tuple[str, ...]] = {
+    "What is pressed and learnt": ("material", "model", "estimator", "model_rate", "seed"),
+    "Operator, hand and device": (
+        "operator",
+        "grip",
+        "device_mass",
+        "device_damping",
+        "device_friction",
+        "device_resolution",
+        "clutch",
+        "leader_frame",
+    ),
+    "What the hand is given": ("position_scale", "force_scale", "largest_stiffness", "baseline"),
+    "Robot": ("first_touch", "approach_speed", "guarded_force", "follower_frame"),
+    "Network": (
+        "position_delay",
+        "force_delay",
+        "jitter",
+        "loss",
+        "burst",
+        "reorder",
+        "duplicate",
+        "stall",
+        "outage",
+    ),
+}
+"""Under which heading of the help each of them stands, and in which order."""
 
 
 def with_session_settings(**defaults: object) -> Callable[[Callable[..., None]], Callable[..., None]]:
@@ -152,13 +181,9 @@ def with_session_settings(**defaults: object) -> Callable[[Callable[..., None]],
             if parameter.name != "settings"
         ]
         shared = [
-            inspect.Parameter(
-                name,
-                inspect.Parameter.KEYWORD_ONLY,
-                default=defaults.get(name, default),
-                annotation=Annotated[kind, typer.Option(help=text)],
-            )
-            for name, (kind, default, text) in SESSION_OPTIONS.items()
+            _option(name, panel, defaults.get(name, SESSION_OPTIONS[name][1]))
+            for panel, names in SESSION_PANELS.items()
+            for name in names
         ]
         parameters = [parameter.replace(kind=inspect.Parameter.KEYWORD_ONLY) for parameter in own] + shared
         run.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
@@ -166,3 +191,10 @@ def with_session_settings(**defaults: object) -> Callable[[Callable[..., None]],
         return run
 
     return decorate
+
+
+def _option(name: str, panel: str, default: object) -> inspect.Parameter:
+    """One of `SESSION_OPTIONS` as an argument of a command."""
+    kind, _, text = SESSION_OPTIONS[name]
+    option = Annotated[kind, typer.Option(help=text, rich_help_panel=panel)]  # type: ignore[valid-type]
+    return inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=option)

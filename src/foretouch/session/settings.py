@@ -60,7 +60,8 @@ class SessionSettings:
         largest_stiffness: Largest local stiffness that is rendered [N/m]; 0 for what the device carries.
         position_scale: Proxy's motion for the hand's.
         force_scale: Hand's force for the model's.
-        clutch: When a scripted hand presses its clutch [s], as ``START:END,START:END``; empty for never.
+        clutch: When a hand presses its clutch, in seconds since it met the follower, as ``START:END,START:END``; empty
+            for never.
         leader_frame: ``ORIGIN,DIRECTION`` of the device: see `Frame`.
         follower_frame: ``ORIGIN,DIRECTION`` of the robot.
         first_touch: ``"guarded"``, ``"follow"``, or ``"auto"``: see `guards`.
@@ -131,6 +132,9 @@ class SessionSettings:
         require("guarded_force", self.guarded_force, above=0.0, at_most=LARGEST_GUARDED_FORCE)
         object.__setattr__(self, "frames", (self._frame("leader_frame"), self._frame("follower_frame")))
         object.__setattr__(self, "clutch_times", _clutch_times(self.clutch))
+        if self.clutch_times and self.grip == NO_GRIP:
+            grips = ", ".join(sorted(GRIPS))
+            raise SettingError("clutch", self.clutch, f"needs a hand that presses it: choose a grip of {grips}")
         object.__setattr__(self, "device", self._device())
         common = {name: getattr(self, name) for name in _FAULTS}
         object.__setattr__(self, "command_faults", Faults(self.position_delay, **common, seed=2 * self.seed))
@@ -161,13 +165,20 @@ class SessionSettings:
 
     def _device(self) -> DeviceSpecification:
         """The device, once it is known that it can carry the stiffness that is asked for."""
-        device = DeviceSpecification(
-            mass=self.device_mass,
-            damping=self.device_damping,
-            friction=self.device_friction,
-            resolution=self.device_resolution,
-        )
+        try:
+            device = DeviceSpecification(
+                mass=self.device_mass,
+                damping=self.device_damping,
+                friction=self.device_friction,
+                resolution=self.device_resolution,
+            )
+        except SettingError as error:
+            error.args = (f"device_{error}",)  # the name of the setting
+            raise
         carried = device.largest_stiffness(SAMPLE_PERIOD)
+        if self.grip != NO_GRIP and not carried > 0.0:
+            rule = f"must be above 0 with a grip: each N s/m carries {2.0 / SAMPLE_PERIOD:g} N/m, and none carries none"
+            raise SettingError("device_damping", self.device_damping, rule)
         if not 0.0 <= self.largest_stiffness <= carried:
             rule = (
                 f"a device with {self.device_damping:g} N s/m of damping at {1.0 / SAMPLE_PERIOD:g} Hz carries at most "
