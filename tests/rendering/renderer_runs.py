@@ -1,0 +1,285 @@
+"""A renderer driven by any models and any hand, and what its docstrings promise, reckoned again beside it."""
+
+from __future__ import annotations
+
+import copy
+import math
+import sys
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from hypothesis import strategies as st
+
+from foretouch.devices import DeviceSpecification
+from foretouch.models import (
+    ContactMap,
+    ContactModel,
+    ContinuousSwitching,
+    HuntCrossley,
+    KelvinVoigt,
+    LinearisedContinuousSwitching,
+    ThresholdSwitching,
+)
+from foretouch.models.contact_map_kernel import pack
+from foretouch.rendering import Renderer
+from foretouch.rendering.renderer import NOTHING, PHANTOM
+
+sys.path.append(str(Path(__file__).parents[1] / "models"))
+from example_maps import example_map, random_flat
+
+TICK = 1e-3
+FARTHEST = 10.0
+NO_DEVICE_LIMIT = 10.0
+SMALLEST_COUNT = 1e-6
+
+_FLATS = [random_flat(seed) for seed in range(8)]
+MAPS = [example_map(), example_map((0.0, 0.0, 1.0))] + [ContactMap(*flat[2:6].tolist(), pack(flat)) for flat in _FLATS]
+
+
+def powers(lowest: float, largest: float) -> st.SearchStrategy[float]:
+    """Numbers of every size."""
+    return st.floats(lowest, largest).map(lambda exponent: 10.0**exponent)
+
+
+stiffness, damping = powers(-1.0, 7.0), st.just(0.0) | powers(-2.0, 4.0)
+laws: st.SearchStrategy[ContactModel] = st.one_of(
+    st.builds(KelvinVoigt, stiffness, damping),
+    st.builds(HuntCrossley, stiffness, damping, st.floats(0.5, 2.5)),
+    st.builds(ContinuousSwitching, stiffness, damping, st.floats(0.0, 1.5), st.floats(0.01, 1.0)),
+    st.builds(
+        LinearisedContinuousSwitching, st.floats(-5.0, 25.0), st.floats(-1.0, 3.0), st.floats(-50, 50), st.floats(-1, 1)
+    ),
+    st.builds(ThresholdSwitching, stiffness, damping, stiffness, damping, st.floats(0.5, 2.5), st.just(4000.0)),
+    st.sampled_from(MAPS),
+)
+memories = st.just(()) | st.tuples(*[st.floats(-0.02, 0.02)] * 5) | st.just((math.nan,) * 5)
+
+
+@dataclass(frozen=True)
+class Part:
+    """Some ticks: what the hand does in them, and the models that come.
+
+    Attributes:
+        ticks: So many.
+        motion: "smooth", "wild", "noise", "rest", or a place to be at [m], or none.
+        size: Of the motion [m].
+        model: Comes in the first tick.
+        other: Comes in turn with the first one, in every tick; NEVER for not.
+        surfaces: Of the two models [m].
+        state: The first one's, where it remembers.
+        late: Belongs to a sample so many ticks ago.
+        clutch: Whether the clutch is pressed or let go in the first tick.
+        period: Of these ticks [s].
+    """
+
+    ticks: int
+    motion: str | float
+    size: float
+    model: ContactModel | None
+    other: ContactModel | str | None
+    surfaces: tuple[float, float]
+    state: tuple[float, ...]
+    late: int
+    clutch: bool
+    period: float
+
+
+NEVER = "never"
+MOTIONS = ("smooth", "wild", "noise", "rest")
+surfaces = st.tuples(st.floats(-0.004, 0.004), st.floats(-0.004, 0.004))
+
+
+def parts(*, teleports: bool = True, most: int = 14) -> st.SearchStrategy[list[Part]]:
+    """Sessions of anything."""
+    places = st.floats(-0.02, 0.05) | st.floats(-9.0, 9.0) | st.sampled_from((math.nan, math.inf, -1e300, 10.1))
+    motions: st.SearchStrategy[str | float] = st.sampled_from(MOTIONS)
+    return st.lists(
+        st.builds(
+            Part,
+            ticks=st.integers(1, 40),
+            motion=motions | places if teleports else motions,
+            size=powers(-5.0, -2.0 if teleports else -3.0),
+            model=st.none() | laws,
+            other=st.just(NEVER) | st.none() | laws,
+            surfaces=surfaces,
+            state=memories,
+            late=st.sampled_from((0, 5, 3000)),
+            clutch=st.integers(0, 9).map(lambda number: number == 0),
+            period=st.sampled_from((TICK,) * 5 + (1e-4, 0.02, 0.3)) if teleports else st.just(TICK),
+        ),
+        min_size=2,
+        max_size=most,
+    )
+
+
+renderers = st.fixed_dictionaries(
+    {
+        "device": st.none()
+        | st.builds(
+            DeviceSpecification,
+            damping=st.sampled_from((0.0, 0.5, 2.0, 5.0)),
+            force_limit=st.sampled_from((1.0, 10.0, 1000.0)),
+            resolution=st.sampled_from((0.0, 1e-6, 1e-5, 3e-4)),
+        ),
+        "position_scale": st.sampled_from((0.2, 1.0, 3.0)),
+        "force_scale": st.sampled_from((0.1, 1.0, 10.0)),
+        "largest_stiffness": st.sampled_from((0.0, 1000.0)),
+        "guarded": st.booleans(),
+    }
+)
+
+
+@dataclass
+class Books:
+    """The energy of the hand, as it is defined, from positions and forces alone."""
+
+    resolution: float
+    energy: float = 0.0
+    largest_force: float = 0.0
+    largest_step: float = field(init=False)
+    position: float = math.nan
+    force: float = 0.0
+
+    def __post_init__(self) -> None:
+        self.resolution = max(self.resolution, SMALLEST_COUNT)
+        self.largest_step = self.resolution
+
+    def move(self, position: float) -> None:
+        if not abs(position) <= FARTHEST:
+            return
+        if self.position == self.position:
+            way = position - self.position
+            self.energy += self.force * way
+            if self.force > 0.0:
+                self.largest_step = max(self.largest_step, abs(way) + self.resolution)
+        self.position = position
+
+    def hold(self, force: float, wanted: float) -> None:
+        if force <= NOTHING and wanted <= PHANTOM:
+            self.energy, self.largest_force, self.largest_step = 0.0, 0.0, self.resolution
+        self.force = force
+        self.largest_force = max(self.largest_force, force)
+
+    @property
+    def bound(self) -> float:
+        return self.largest_force * self.largest_step
+
+
+def fork(renderer: Renderer) -> Renderer:
+    """The same renderer once more, which waits for no model."""
+    twin = copy.copy(renderer)
+    for name in ("predictor", "proxy", "mediation", "limiter", "account"):
+        setattr(twin, name, copy.copy(getattr(renderer, name)))
+    predictor = twin.predictor
+    predictor._motion, predictor._states = copy.copy(predictor._motion), predictor._states.copy()
+    predictor._places, predictor._periods = predictor._places.copy(), predictor._periods.copy()
+    predictor._waiting = predictor._newest = None
+    return twin
+
+
+class Run:
+    """One renderer and its books; `largest_step` is what models changed at most, reckoned from a twin without them."""
+
+    def __init__(self, device: DeviceSpecification | None = None, **options: float) -> None:
+        self.device = device
+        self.options = options
+        self.renderer = Renderer(device, **options)
+        self.scale = options.get("force_scale", 1.0)
+        self.count = 0.0 if device is None else device.resolution
+        self.limit = NO_DEVICE_LIMIT if device is None else min(device.force_limit, NO_DEVICE_LIMIT)
+        self.books = Books(self.count)
+        self.time = self.hand = 0.0
+        self.messages = self.ticks = 0
+        self.largest_step = self.lowest_share = self.largest_debt = 0.0
+        if device is not None:
+            self.renderer.engage(0.0, -0.002)
+        for _ in range(2):  # the first sample has no force, whatever the model
+            self.tick(0.0)
+
+    def adopt(self, model: ContactModel | None, surface: float, state: tuple[float, ...] = (), late: int = 0) -> None:
+        self.messages += 1
+        tick = max(self.renderer.predictor.ticks - late, 0)
+        state = state if isinstance(model, ContactMap) else ()
+        self.renderer.adopt(model, surface, state, tick, self.messages)
+
+    def press_or_let_go(self, renderer: Renderer, hand: float) -> None:
+        if renderer.proxy.engaged:
+            renderer.proxy.release()
+        elif abs(hand) <= FARTHEST and not math.isnan(renderer.proxy.position):
+            renderer.engage(hand, renderer.proxy.position)
+
+    def tick(self, hand: float, arrivals: tuple[tuple, ...] = (), clutch: bool = False, period: float = TICK) -> float:
+        """One tick with all promises checked; returns the force [N]."""
+        if self.count > 0.0 and math.isfinite(hand):
+            hand = self.count * math.floor(hand / self.count + 0.5)
+        renderer, self.time = self.renderer, self.time + period
+        engaged, offset = renderer.proxy.engaged, renderer.mediation.offset
+        twin = None
+        if arrivals or renderer.predictor.message != self.messages:  # a model begins, or one that waits may
+            twin = fork(renderer)
+        for arrival in arrivals:
+            self.adopt(*arrival)
+        if clutch:
+            self.press_or_let_go(renderer, hand)
+        force = renderer.update(self.time, hand, period)
+        wanted = self.scale * renderer.predictor.force if renderer.proxy.engaged else 0.0
+        self._check_force(force)
+        self._check_energy(hand, force, wanted)
+        if twin is None:
+            former = renderer.predictor.force
+        else:
+            if clutch:
+                self.press_or_let_go(twin, hand)
+            former = (twin.update(self.time, hand, period), twin.predictor.force)[1]
+        self._check_step(max((self.scale * former if engaged else 0.0) + offset, 0.0))
+        self.ticks += 1
+        return force
+
+    def _check_force(self, force: float) -> None:
+        assert math.isfinite(force)
+        assert 0.0 <= force <= self.limit
+
+    def _check_energy(self, hand: float, force: float, wanted: float) -> None:
+        renderer, books = self.renderer, self.books
+        books.move(hand)
+        assert books.energy + books.bound >= -1e-12
+        assert math.isclose(renderer.energy, books.energy, rel_tol=1e-9, abs_tol=1e-12)
+        assert math.isclose(renderer.energy_bound, books.bound, rel_tol=1e-9, abs_tol=1e-12)
+        if books.bound > 0.0:
+            self.largest_debt = max(self.largest_debt, -books.energy / books.bound)
+        books.hold(force, wanted)
+        assert 0.0 <= renderer.share <= 1.0
+        self.lowest_share = min(self.lowest_share, renderer.share)
+
+    def _check_step(self, without: float) -> None:
+        """What the twin would feel, had no model come and nothing been let in, is `without` [N]."""
+        mediation = self.renderer.mediation
+        step, digits = mediation.force - without, 1e-9 * max(1.0, without)
+        assert abs(step) <= 0.1 + digits
+        assert abs(mediation.step) <= 0.1
+        assert math.isclose(mediation.step, step, abs_tol=1e-9 + digits)
+        self.largest_step = max(self.largest_step, abs(step))
+
+    def play(self, part: Part, seed: int) -> None:
+        """All ticks of a part."""
+        random = np.random.default_rng(seed)
+        begin = self.hand
+        for number in range(part.ticks):
+            arrivals = []
+            if number == 0:
+                arrivals.append((part.model, part.surfaces[0], part.state, part.late))
+            elif part.other != NEVER:
+                second = number % 2
+                arrivals.append(((part.model, part.other)[second], part.surfaces[second], part.state, part.late))
+            phase = 2.0 * math.pi * (number + 1) / part.ticks
+            hand = {
+                "smooth": begin + part.size * (1.0 - math.cos(phase)),
+                "wild": begin + part.size * random.normal(),
+                "noise": self.hand + 1e-5 * random.normal(),
+                "rest": self.hand,
+            }.get(part.motion, part.motion)
+            clutch = part.clutch and number == 0 and self.device is not None
+            self.tick(hand, tuple(arrivals), clutch, part.period)
+            if math.isfinite(hand) and abs(hand) < 0.05:
+                self.hand = hand

@@ -1,0 +1,64 @@
+"""No stream of models and no motion breaks what rendering promises; the limits of energy and step are reckoned anew."""
+
+from __future__ import annotations
+
+import itertools
+import math
+import random
+
+import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+from renderer_runs import NEVER, Part, Run, parts, renderers
+
+from foretouch.devices import DeviceSpecification
+from foretouch.models import HuntCrossley, KelvinVoigt
+
+quick = settings(derandomize=True, deadline=None, max_examples=40)
+SOFT, STIFF = KelvinVoigt(100.0, 0.0), KelvinVoigt(1e6, 5.0)
+DEVICE = DeviceSpecification()
+
+
+def part(ticks=30, motion="smooth", size=2e-3, model=STIFF, other=NEVER, surfaces=(0.0, 0.0), **rest):
+    numbers = {"state": (), "late": 0, "clutch": False, "period": 1e-3} | rest
+    return Part(ticks, motion, size, model, other, surfaces, **numbers)
+
+
+@quick
+@given(renderers, parts())
+@example({"device": DEVICE}, [part(), part(motion=9.0), part(motion=math.nan), part(motion="wild", other=None)])
+@example({"device": DEVICE}, [part(model=SOFT), part(clutch=True, other=STIFF), part(clutch=True, motion="wild")])
+@example({"device": None, "guarded": True}, [part(model=SOFT), part(surfaces=(-4e-3, 4e-3), other=SOFT)])
+def test_no_stream_of_models_and_no_motion_breaks_a_promise(options, session):
+    run = Run(**options)
+    for seed, one in enumerate(session):
+        run.play(one, seed)
+
+
+@pytest.mark.parametrize("closed", [True, False])
+def test_a_long_wild_run_comes_near_its_bounds_and_never_past_them(closed):
+    """No promise is kept by a distance: energy comes within 5 % of its bound, models change as much as they may."""
+    run, numbers = Run(DEVICE if closed else None), random.Random(3)
+    for seed in range(30):
+        motion = numbers.choice(("wild", "smooth", "noise", "rest"))
+        model, other = numbers.choice(((SOFT, STIFF), (STIFF, None), (HuntCrossley(1e4, 100.0, 1.4), SOFT)))
+        surfaces = (numbers.uniform(-2e-3, 0.0), numbers.uniform(-2e-3, 0.0))
+        run.play(part(40, motion, 10 ** numbers.uniform(-4, -2), model, other, surfaces), seed)
+    assert 0.95 < run.largest_debt <= 1.0
+    assert 0.079 < run.largest_step <= 0.1
+
+
+@settings(quick, max_examples=25)
+@given(st.booleans(), st.lists(st.tuples(st.floats(1.0, 6.0), st.floats(0.0, 2.0), st.floats(-3e-3, 3e-3)), min_size=3))
+def test_a_hand_that_holds_still_is_not_jerked(guarded, models):
+    """Nothing but models, and what is given back because of them, changes the force: by 0.1 N in a tick at most."""
+    run = Run(DEVICE, guarded=guarded)
+    for number in range(200):  # a press, and then as long a rest as the velocity takes to be none
+        run.tick(min(1e-4 * number, 4e-3))
+    forces = []
+    for size, damping, surface in models:
+        model = KelvinVoigt(10.0**size, 10.0**damping)
+        for number in range(20):
+            run.tick(4e-3, ((model, surface),) if number == 0 else ())
+            forces.append(run.renderer.mediation.force)
+    assert max(abs(after - before) for before, after in itertools.pairwise(forces)) <= 0.1
