@@ -10,7 +10,7 @@ from foretouch.report.hand_text import baseline_sentence, device_sentence, hand_
 from foretouch.report.numbers import figure, number
 from foretouch.report.scores import STATUSES
 
-__all__ = ["Finding", "findings", "map_lines", "render_text", "scoring_findings"]
+__all__ = ["Finding", "findings", "map_lines", "number", "render_text", "scoring_findings"]
 
 
 def render_text(report: Mapping[str, Any]) -> str:
