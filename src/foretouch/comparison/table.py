@@ -7,7 +7,7 @@ from itertools import groupby
 from statistics import median
 
 from foretouch.comparison.result import Prediction, Result
-from foretouch.report.text import number
+from foretouch.report.numbers import number
 
 __all__ = ["NEVER", "convergence_text", "middle", "note", "parameter_text", "render_table"]
 
