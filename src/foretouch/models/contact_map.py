@@ -102,11 +102,13 @@ class ContactMap(ContactModel):
 
         return slopes(self._flat, _memory(state), depth, velocity, reach)
 
-    def exit_work(self, state: ContactState, depth: float, offset: float = 0.0) -> tuple[float, float]:
+    def exit_work(
+        self, state: ContactState, depth: float, offset: float = 0.0, largest: float = math.inf
+    ) -> tuple[float, float]:
         """See `ContactModel.exit_work`."""
         from foretouch.models.contact_map_kernel import exit_work
 
-        return exit_work(self._flat, _memory(state), depth, offset, _WAY_OUT)
+        return exit_work(self._flat, _memory(state), depth, offset, largest, _WAY_OUT)
 
     def remember(
         self, state: ContactState, depth: NDArray[np.float64], sample_period: NDArray[np.float64]

@@ -357,7 +357,9 @@ def _slopes(flat: Array, memory: Array, depth: float, velocity: float, reach: fl
 slopes: Callable[[Array, Array, float, float, float], tuple[float, float]] = njit(cache=True)(_slopes)
 
 
-def _exit_work(flat: Array, memory: Array, depth: float, offset: float, way_out: Array) -> tuple[float, float]:
+def _exit_work(
+    flat: Array, memory: Array, depth: float, offset: float, largest: float, way_out: Array
+) -> tuple[float, float]:
     """Work of the force and a constant beside it, never below zero together, on the way out, without damping.
 
     Args:
@@ -365,6 +367,7 @@ def _exit_work(flat: Array, memory: Array, depth: float, offset: float, way_out:
         memory: Of now; it is left as it is.
         depth: Of now [m].
         offset: The constant [N].
+        largest: The force counts as no more than this [N].
         way_out: Slices to the surface, slices beyond it, length of one of the latter [m], speed [m/s] at which averages
             are left behind.
 
@@ -374,7 +377,7 @@ def _exit_work(flat: Array, memory: Array, depth: float, offset: float, way_out:
     values, forces, shares = np.empty(LARGEST_FEATURES), np.empty(EXPERTS), np.empty(_N_TIMES)
     moved = memory.copy()
     place = depth - flat[ORIGIN]
-    before = max(force_at(flat, moved, place, 0.0, values, forces) + offset, 0.0)
+    before = max(min(force_at(flat, moved, place, 0.0, values, forces), largest) + offset, 0.0)
     energy = way = 0.0
     for part in range(2):
         count = int(way_out[part])
@@ -387,14 +390,14 @@ def _exit_work(flat: Array, memory: Array, depth: float, offset: float, way_out:
                 break
             place -= length
             remember(moved, place, shares)
-            after = max(force_at(flat, moved, place, 0.0, values, forces) + offset, 0.0)
+            after = max(min(force_at(flat, moved, place, 0.0, values, forces), largest) + offset, 0.0)
             energy += 0.5 * (before + after) * length
             way += length
             before = after
     return energy, way
 
 
-exit_work: Callable[[Array, Array, float, float, Array], tuple[float, float]] = njit(cache=True)(_exit_work)
+exit_work: Callable[[Array, Array, float, float, float, Array], tuple[float, float]] = njit(cache=True)(_exit_work)
 
 
 # --- the network -----------------------------------------------------------------------------------------------------

@@ -97,10 +97,12 @@ class ContactModel(ABC):
         )
         return max(abs(deeper - here), abs(here - shallower)) / reach, (faster - slower) / (2.0 * SPEED_STEP)
 
-    def exit_work(self, state: ContactState, depth: float, offset: float = 0.0) -> tuple[float, float]:
+    def exit_work(
+        self, state: ContactState, depth: float, offset: float = 0.0, largest: float = math.inf
+    ) -> tuple[float, float]:
         r"""Energy that the material gives back on the straight way out, and how long that way is.
 
-        .. math:: W = \int_{-\infty}^x \max(F(\xi, 0) + o,\; 0)\, d\xi
+        .. math:: W = \int_{-\infty}^x \max(\min(F(\xi, 0), L) + o,\; 0)\, d\xi
 
         Damping takes nothing of it, for nobody knows how slowly the probe will leave; what the material remembers
         passes as at 50 mm/s. A force that reaches beyond the surface is followed out for 5 mm.
@@ -109,11 +111,12 @@ class ContactModel(ABC):
             state: What the material remembers now.
             depth: x [m].
             offset: o, a constant beside the force [N].
+            largest: L, where more than that is not rendered [N].
 
         Returns:
             W [J], by the trapezoidal rule in 16 slices to the surface and 20 beyond it, and the way [m].
         """
-        before = max(self.advance(state, depth, 0.0, TICK)[1] + offset, 0.0)
+        before = max(min(self.advance(state, depth, 0.0, TICK)[1], largest) + offset, 0.0)
         energy = way = 0.0
         for beyond, (count, length) in enumerate(((SLICES, max(depth, 0.0) / SLICES), (SLICES_BEYOND, SLICE_BEYOND))):
             for _ in range(count):
@@ -121,7 +124,7 @@ class ContactModel(ABC):
                     break
                 depth -= length
                 state, force, _ = self.advance(state, depth, 0.0, length / EXIT_SPEED)
-                after = max(force + offset, 0.0)
+                after = max(min(force, largest) + offset, 0.0)
                 energy += 0.5 * (before + after) * length
                 way += length
                 before = after

@@ -151,9 +151,9 @@ class Predictor:
         velocity = min(max(self.velocity, -LARGEST_SPEED), LARGEST_SPEED)
         return self.model.local_slopes(self._state, self.depth, velocity, reach)
 
-    def exit_work(self, offset: float = 0.0) -> tuple[float, float]:
+    def exit_work(self, offset: float = 0.0, largest: float = math.inf) -> tuple[float, float]:
         """Energy that comes back from the newest sample on the way out [J], and that way [m] (`ContactModel`)."""
-        return (0.0, 0.0) if self.model is None else self.model.exit_work(self._state, self.depth, offset)
+        return (0.0, 0.0) if self.model is None else self.model.exit_work(self._state, self.depth, offset, largest)
 
     @property
     def position(self) -> float:

@@ -31,16 +31,17 @@ class ForceLimiter:
         largest_rate: [N/s], positive.
 
     Attributes:
+        largest_force: [N].
         force: The newest limited force [N], from 0 to `largest_force`.
         clipped: Whether a limit changed the newest force, by more than 1 mN.
     """
 
-    __slots__ = ("_largest_force", "_largest_rate", "clipped", "force")
+    __slots__ = ("_largest_rate", "clipped", "force", "largest_force")
 
     def __init__(self, largest_force: float = LARGEST_FORCE, largest_rate: float = LARGEST_FORCE_RATE) -> None:
         require("largest_force", largest_force, above=0.0)
         require("largest_rate", largest_rate, above=0.0)
-        self._largest_force = largest_force
+        self.largest_force = largest_force
         self._largest_rate = largest_rate
         self.force = 0.0
         self.clipped = False
@@ -53,7 +54,7 @@ class ForceLimiter:
             period: Time since the last tick [s].
             ceiling: Never more than this [N], however fast that is; 0 or more.
         """
-        target = min(max(wanted, 0.0), self._largest_force) if math.isfinite(wanted) else 0.0
+        target = min(max(wanted, 0.0), self.largest_force) if math.isfinite(wanted) else 0.0
         step = self._largest_rate * max(period, 0.0)
         self.force = min(max(target, self.force - step), self.force + step, ceiling)
         self.clipped = not abs(self.force - wanted) <= NOTICED

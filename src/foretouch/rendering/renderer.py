@@ -249,16 +249,14 @@ class Renderer:
         return force
 
     def _wanted(self, predicted: float) -> tuple[float, float]:
-        """Force of the model for the hand [N], and by how much models or the clutch changed it in this tick [N]."""
+        """Force of the model for the hand within the limit [N], and what models or clutch changed of it now [N]."""
         engaged, was_engaged = self.proxy.engaged, self._was_engaged
         self._was_engaged = engaged
-        force = self._force_scale * predicted
-        if engaged and was_engaged:
-            return force, self._force_scale * self.predictor.jump
-        if engaged:
-            return force, force
-        # What the model before gives here, whether one has come in this tick or not, is what goes.
-        return 0.0, self._force_scale * (self.predictor.jump - predicted) if was_engaged else 0.0
+        # What is beyond the limit is never rendered: mediated, it would take minutes to come down.
+        largest = self.limiter.largest_force
+        force = min(self._force_scale * predicted, largest) if engaged else 0.0
+        former = min(self._force_scale * (predicted - self.predictor.jump), largest) if was_engaged else 0.0
+        return force, force - former
 
     def _meet_surface(self, surface: float) -> None:
         """A surface has come [m]: where it is nearer to the hand than before, the proxy stays as deep as it was."""
@@ -277,11 +275,12 @@ class Renderer:
 
         Where the proxy yielded the hand has the longer way, under the same force.
         """
-        work, way = self.predictor.exit_work(offset / self._force_scale)
+        scale = self._force_scale
+        work, way = self.predictor.exit_work(offset / scale, self.limiter.largest_force / scale)
         if not way > 0.0:
             return 0.0, 0.0
         hand_way = (way + self.proxy.yielded) / self._position_scale
-        return self._force_scale * work * hand_way / way, hand_way
+        return scale * work * hand_way / way, hand_way
 
     def _give_back(self, wanted: float) -> None:
         """Bring the proxy back: freely in free air, as dissipation pays in contact."""
