@@ -191,7 +191,8 @@ class Run:
         self.books = Books(self.count)
         self.time = self.hand = 0.0
         self.messages = self.ticks = 0
-        self.largest_step = self.lowest_share = self.largest_debt = 0.0
+        self.largest_step = self.largest_debt = 0.0
+        self.lowest_share = 1.0
         if device is not None:
             self.renderer.engage(0.0, -0.002)
         for _ in range(2):  # the first sample has no force, whatever the model
@@ -223,7 +224,7 @@ class Run:
         if clutch:
             self.press_or_let_go(renderer, hand)
         force = renderer.update(self.time, hand, period)
-        wanted = self.scale * renderer.predictor.force if renderer.proxy.engaged else 0.0
+        wanted = self.felt(renderer.predictor.force) if renderer.proxy.engaged else 0.0
         self._check_force(force)
         self._check_energy(hand, force, wanted)
         if twin is None:
@@ -232,9 +233,13 @@ class Run:
             if clutch:
                 self.press_or_let_go(twin, hand)
             former = (twin.update(self.time, hand, period), twin.predictor.force)[1]
-        self._check_step(max((self.scale * former if engaged else 0.0) + offset, 0.0))
+        self._check_step(max((self.felt(former) if engaged else 0.0) + offset, 0.0))
         self.ticks += 1
         return force
+
+    def felt(self, force: float) -> float:
+        """What of a model's force the hand may be given [N]."""
+        return min(self.scale * force, self.limit)
 
     def _check_force(self, force: float) -> None:
         assert math.isfinite(force)
