@@ -130,6 +130,7 @@ class Renderer:
         "_guarded",
         "_period",
         "_position_scale",
+        "_slope",
         "_stiffest",
         "_surface",
         "_time",
@@ -174,6 +175,7 @@ class Renderer:
         self.limiter = ForceLimiter(LARGEST_FORCE if device is None else min(LARGEST_FORCE, device.force_limit))
         self.account = EnergyAccount(0.0 if device is None else device.resolution)
         self.share = 1.0
+        self._slope = math.inf
         self.energy = self.energy_bound = 0.0
 
     def adopt(
@@ -273,14 +275,19 @@ class Renderer:
     def _exit_work(self, offset: float) -> tuple[float, float]:
         """What the model with an offset [N] gives the hand back on the hand's way out [J], and that way [m].
 
-        Where the proxy yielded the hand has the longer way, under the same force.
+        Where the proxy yielded the hand has the longer way, under the same force; and no force falls more steeply than
+        at its rendered local stiffness K: it gives back F^2 / 2 K at least.
         """
         scale = self._force_scale
         work, way = self.predictor.exit_work(offset / scale, self.limiter.largest_force / scale)
         if not way > 0.0:
             return 0.0, 0.0
         hand_way = (way + self.proxy.yielded) / self._position_scale
-        return scale * work * hand_way / way, hand_way
+        work *= scale * hand_way / way
+        if self.share < 1.0:  # where the device bounds the slope the yielding is at the top of the way, not along it
+            force = max(min(scale * self.predictor.force, self.limiter.largest_force) + offset, 0.0)
+            work = max(work, 0.5 * force * force / self._slope)
+        return work, hand_way
 
     def _give_back(self, wanted: float) -> None:
         """Bring the proxy back: freely in free air, as dissipation pays in contact."""
@@ -318,4 +325,6 @@ class Renderer:
         scale = self._force_scale * self._position_scale
         stiffness, damping = scale * stiffness, scale * damping
         share = rendered_share(stiffness, damping, device_damping=device.damping, sample_period=self._period)
-        return min(share, self._stiffest / stiffness) if stiffness > 0.0 else share
+        share = min(share, self._stiffest / stiffness) if stiffness > 0.0 else share
+        self._slope = share * stiffness if stiffness > 0.0 else math.inf
+        return share
