@@ -153,7 +153,8 @@ def samples(tmp_path_factory: pytest.TempPathFactory) -> Path:
     pyarrow, parquet = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
     parquet.write_table(pyarrow.table(columns), folder / "press.parquet")
     run(["simulate", "--duration", "2.5", "--material", "hunt-crossley", "--recording", str(folder / "session.mcap")])
-    run(two_short_sessions(["sweep", "--out", str(folder / "out" / "sweep")]))
+    # In this process: workers that are kept would look for the files of later tests in the folder of this one.
+    run(two_short_sessions(["sweep", "--jobs", "1", "--out", str(folder / "out" / "sweep")]))
     return folder
 
 
