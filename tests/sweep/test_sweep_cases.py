@@ -12,7 +12,7 @@ from foretouch.errors import SettingError
 from foretouch.robot import MATERIALS, make_material
 from foretouch.session import SessionSettings, make_operator
 from foretouch.sweep import NETWORKS, Plan, baseline_numbers, draw_case
-from foretouch.sweep.cases import CLEAN
+from foretouch.sweep.cases import CLEAN, is_plain
 
 CASES = [draw_case(number) for number in range(400)]
 
@@ -83,10 +83,11 @@ def test_only_what_a_network_is_named_for_is_in_it() -> None:
     assert mixed == faults
 
 
-def test_half_of_what_baselines_are_compared_on_is_clean() -> None:
-    numbers = baseline_numbers(CASES, 40)
-    assert len(set(numbers)) == 40
-    assert sum(CASES[number].network == CLEAN for number in numbers) == 20
+def test_two_thirds_of_what_baselines_are_compared_on_are_plain() -> None:
+    numbers = baseline_numbers(CASES, 60)
+    assert len(set(numbers)) == 60
+    assert sum(is_plain(CASES[number].network, CASES[number].options) for number in numbers) == 40
+    assert {CASES[number].network for number in numbers} == set(NETWORKS)
     assert baseline_numbers(CASES[:4], 4) == [0, 1, 2, 3]
     assert baseline_numbers(CASES, 0) == []
 

@@ -16,7 +16,17 @@ from foretouch.robot import MATERIALS, make_material
 from foretouch.session import SessionSettings
 from foretouch.session.operators import SHALLOWEST
 
-__all__ = ["CLEAN", "LONGEST_ROUND_TRIP", "NETWORKS", "Case", "baseline_numbers", "draw_case"]
+__all__ = [
+    "CLEAN",
+    "LONGEST_ROUND_TRIP",
+    "NETWORKS",
+    "STIFF",
+    "Case",
+    "baseline_numbers",
+    "draw_case",
+    "is_clean",
+    "is_plain",
+]
 
 LONGEST_ROUND_TRIP = 5.0
 """[s]."""
@@ -38,6 +48,9 @@ NETWORKS = {
 
 LAWS = {"contact-map": 0.85, "continuous-switching": 0.06, "hunt-crossley": 0.05, "kelvin-voigt": 0.04}
 """Laws that are learnt, and the share of sessions that have each: a badly learnt one may do no harm either."""
+
+STIFF = ("bone", "kelvin-voigt")
+"""Materials whose stiffness or damping is beyond what usual devices carry: what limits them is not the network."""
 
 SHARES = {"device": 0.25, "scales": 0.2, "clutch": 0.15}
 """Share of sessions with another device, with scales other than 1, and with a clutch."""
@@ -133,20 +146,30 @@ def draw_case(number: int, *, seed: int = 0, duration: float = 30.0) -> Case:
     return Case(number, lasting, network, options)
 
 
+def is_clean(network: str, options: Options) -> bool:
+    """Whether nothing but delay is in the way: no other fault, and the law that is taken where none is named."""
+    return network == CLEAN and "model" not in options
+
+
+def is_plain(network: str, options: Options) -> bool:
+    """Whether it is clean, and the material one that usual devices carry."""
+    return is_clean(network, options) and options["material"] not in STIFF
+
+
 def baseline_numbers(cases: Sequence[Case], count: int) -> list[int]:
     """Numbers of the sessions that the baselines run too.
 
-    Every second has a network that only delays, as long as there are such: where a curve is to be drawn through them,
-    it is drawn through these.
+    Two of three are plain (`is_plain`), as long as there are such: where a curve is to be drawn through them, it is
+    drawn through these.
 
     Args:
         cases: All sessions.
         count: How many of them.
     """
-    clean = [case.number for case in cases if case.network == CLEAN]
-    other = [case.number for case in cases if case.network != CLEAN]
-    from_clean = max(min(len(clean), count - count // 2), count - len(other))
-    return sorted(clean[:from_clean] + other[: count - from_clean])
+    plain = [case.number for case in cases if is_plain(case.network, case.options)]
+    other = [case.number for case in cases if not is_plain(case.network, case.options)]
+    from_plain = max(min(len(plain), count - count // 3), count - len(other))
+    return sorted(plain[:from_plain] + other[: count - from_plain])
 
 
 def _even(number: int, seed: int, dimensions: int) -> list[float]:

@@ -8,17 +8,17 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from foretouch.sweep.cases import CLEAN
+from foretouch.sweep.cases import is_clean, is_plain
 from foretouch.sweep.outcome import Outcome
 from foretouch.sweep.totals import of
 
-__all__ = ["AXES", "STIFF", "Axis", "Curve", "crossover", "crossovers", "curve", "error_of", "plain", "stiff"]
+__all__ = ["AXES", "LABEL", "Axis", "Curve", "crossover", "crossovers", "curve", "error_of", "plain", "stiff"]
 
 Array = NDArray[np.float64]
 Figure = Callable[[Outcome], float | None]
 
-STIFF = ("bone", "kelvin-voigt")
-"""Materials whose stiffness or damping is beyond what usual devices carry: what limits them is not the network."""
+LABEL = {"none": "models (ours)", "delayed": "delayed force", "delayed-tdpa": "delayed force, passivity controller"}
+"""What was rendered, by baseline."""
 
 FEWEST = 3
 """A bin with fewer sessions is not drawn."""
@@ -42,11 +42,9 @@ class Axis:
 
 
 AXES = (
-    Axis(
-        "round trip", "s", lambda row: row.round_trip_s, (0.0, 1e-6, 0.025, 0.06, 0.15, 0.4, 1.0, 2.0, 3.0, 4.0, 5.01)
-    ),
-    Axis("model rate", "1/s", lambda row: row.models_per_s, (0.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0, 128.0, 256.0)),
-    Axis("model age", "s", lambda row: row.age_s, (0.0, 0.02, 0.05, 0.12, 0.3, 0.7, 1.5, 2.5, 3.5, 4.5, 10.0)),
+    Axis("round trip", "s", lambda row: row.round_trip_s, (0.0, 1e-6, 0.03, 0.1, 0.3, 1.0, 2.0, 3.5, 5.01)),
+    Axis("model rate", "1/s", lambda row: row.models_per_s, (0.0, 3.0, 6.0, 12.0, 25.0, 50.0, 100.0, 256.0)),
+    Axis("model age", "s", lambda row: row.age_s, (0.0, 0.01, 0.04, 0.1, 0.3, 1.0, 2.0, 3.5, 10.0)),
 )
 """Of a baseline, which renders no models, the age is that of the force."""
 
@@ -57,17 +55,13 @@ def error_of(row: Outcome) -> float | None:
 
 
 def plain(rows: Sequence[Outcome]) -> list[Outcome]:
-    """Sessions on a network that only delays, on materials that a device carries, with the law that is the default."""
-    return [row for row in _clean(rows) if row.options["material"] not in STIFF]
+    """Sessions of which the curves are made: `is_plain`."""
+    return [row for row in rows if is_plain(row.network, row.options)]
 
 
 def stiff(rows: Sequence[Outcome]) -> list[Outcome]:
-    """The same on the other materials."""
-    return [row for row in _clean(rows) if row.options["material"] in STIFF]
-
-
-def _clean(rows: Sequence[Outcome]) -> list[Outcome]:
-    return [row for row in rows if row.network == CLEAN and "model" not in row.options]
+    """The same on materials that are stiffer than the device carries."""
+    return [row for row in rows if is_clean(row.network, row.options) and not is_plain(row.network, row.options)]
 
 
 @dataclass(frozen=True)
@@ -117,11 +111,7 @@ def crossover(ours: Curve, other: Curve) -> float | None:
 
     Between the bins both medians are straight lines.
     """
-    if not ours.x.size or not other.x.size:
-        return None
-    first, last = max(ours.x[0], other.x[0]), min(ours.x[-1], other.x[-1])
-    x = np.unique(np.concatenate([ours.x, other.x, [first, last]]))
-    x = x[(x >= first) & (x <= last)]
+    x = _common(ours, other)
     if not x.size:
         return None
     apart = np.interp(x, ours.x, ours.middle) - np.interp(x, other.x, other.middle)
@@ -153,13 +143,23 @@ def crossovers(rows: Sequence[Outcome]) -> list[dict[str, str | float | None]]:
 
 
 def _sentence(axis: Axis, baseline: str, ours: Curve, other: Curve, at: float | None) -> str:
+    name = LABEL[baseline].replace(", ", " with a ")
     if at is not None:
-        return f"From a {axis.name} of {at:.2g} {axis.unit} on, a model is nearer to the true force than {baseline}."
+        return f"From a {axis.name} of {at:.2g} {axis.unit} on, models are nearer to the true force than the {name}."
+    x = _common(ours, other)
+    if not x.size:
+        return f"Too few sessions to compare with the {name} over the {axis.name}."
+    better = bool((np.interp(x, ours.x, ours.middle) < np.interp(x, other.x, other.middle)).all())
+    where = f"from {x[0]:.2g} to {x[-1]:.2g} {axis.unit} of {axis.name}"
+    if better:
+        return f"Everywhere {where}, models are nearer to the true force than the {name}."
+    return f"There is no point {where} from which on models are nearer to the true force than the {name}."
+
+
+def _common(ours: Curve, other: Curve) -> Array:
+    """All x of both curves at which both are known."""
     if not ours.x.size or not other.x.size:
-        return f"Too few sessions to compare with {baseline} over the {axis.name}."
+        return np.empty(0)
     x = np.unique(np.concatenate([ours.x, other.x]))
-    x = x[(x >= max(ours.x[0], other.x[0])) & (x <= min(ours.x[-1], other.x[-1]))]
-    better = np.interp(x, ours.x, ours.middle) < np.interp(x, other.x, other.middle)
-    if x.size and better.all():
-        return f"At every {axis.name} a model is nearer to the true force than {baseline}."
-    return f"Over the {axis.name} there is no point from which on a model is nearer to the true force than {baseline}."
+    found: Array = x[(x >= max(ours.x[0], other.x[0])) & (x <= min(ours.x[-1], other.x[-1]))]
+    return found

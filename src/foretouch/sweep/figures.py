@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foretouch.report import COLOURS, finished, legend, new_figure
-from foretouch.sweep.cases import NETWORKS
-from foretouch.sweep.curves import AXES, STIFF, Axis, Curve, curve, error_of, plain, stiff
+from foretouch.sweep.cases import NETWORKS, STIFF
+from foretouch.sweep.curves import AXES, LABEL, Axis, Curve, curve, error_of, plain, stiff
 from foretouch.sweep.outcome import LARGEST_JUMP, Outcome
 from foretouch.sweep.summary import KINDS
 from foretouch.sweep.totals import of
@@ -20,8 +20,6 @@ __all__ = ["condition_figure", "energy_figure", "error_figure", "jump_figure", "
 COLOUR = {"none": COLOURS[0], "delayed": COLOURS[1], "delayed-tdpa": COLOURS[3]}
 MARKER = {"none": "o", "delayed": "s", "delayed-tdpa": "^"}
 """By baseline; the markers tell them apart without colour too."""
-
-LABEL = {"none": "models (ours)", "delayed": "delayed force", "delayed-tdpa": "delayed force, passivity controller"}
 
 JND = (7.0, 10.0)
 """People tell forces apart that differ by so much [%]."""
@@ -166,13 +164,14 @@ def _draw(axes: Any, drawn: Curve, kind: str) -> None:
 
 def _scale(axes: Any, axis: Axis) -> None:
     """Logarithmic, with 0 where there is one."""
-    if axis is AXES[0]:
-        axes.set_xscale("symlog", linthresh=0.01, linscale=0.4)
-        axes.set_xlim(-0.001, 6.0)
-        marks: Sequence[float] = (0, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5)
-    else:
+    if axis is AXES[1]:
         axes.set_xscale("log")
-        marks = (1, 2, 5, 10, 20, 50, 100, 200) if axis is AXES[1] else (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10)
+        axes.set_xlim(1.0, 220.0)
+        marks: Sequence[float] = (1, 2, 5, 10, 20, 50, 100, 200)
+    else:
+        axes.set_xscale("symlog", linthresh=0.01, linscale=0.4)
+        axes.set_xlim(-0.001, 6.0 if axis is AXES[0] else 12.0)
+        marks = (0, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5)
     axes.set_xticks(marks, [f"{mark:g}" for mark in marks])
 
 

@@ -60,4 +60,4 @@ def _median(rows: Sequence[Outcome], name: str) -> float | None:
 
 
 def _surplus(margin: float | None) -> float | None:
-    return None if margin is None else max(-margin, 0.0)
+    return None if margin is None else max(0.0, -margin)

@@ -1,0 +1,52 @@
+"""Write what came of a sweep into `docs/sweep.md`, and draw its plots again.
+
+Usage: `.venv/bin/python docs/draw_sweep.py [FOLDER]`, after `make sweep`; without a folder `out/sweep`. The table goes
+between `<!-- measured: totals -->` and `<!-- end -->`, the images to `docs/images`.
+"""
+
+from __future__ import annotations
+
+import re
+import sys
+from pathlib import Path
+
+from foretouch.sweep import figures, summary
+from foretouch.sweep.curves import AXES
+from foretouch.sweep.store import FILE_NAME, read_store
+from foretouch.sweep.summary import TOTALS, said
+
+PAGE = Path(__file__).parent / "sweep.md"
+IMAGES = Path(__file__).parent / "images"
+BLOCK = re.compile(r"(<!-- measured: totals -->\n).*?(<!-- end -->)", re.DOTALL)
+HEADS = {
+    "ours": "models",
+    "compared": "models, where compared",
+    "delayed": "delayed force",
+    "delayed-tdpa": "delayed force, passivity controller",
+}
+
+
+def main(folder: Path) -> None:
+    """Write the table and draw the plots."""
+    header, found = read_store(folder / FILE_NAME)
+    rows = list(found.values())
+    content = summary(rows)
+    columns = [name for name in HEADS if name in content]
+    lines = [f"| | {' | '.join(HEADS[name] for name in columns)} |", f"| --- |{' --: |' * len(columns)}"]
+    for figure, (unit, words) in TOTALS.items():
+        lines.append(f"| {words} | {' | '.join(said(content[name][figure], unit) for name in columns)} |")
+    told = [one["sentence"] for one in content.get("crossovers", ())]
+    told += [f"Session {one['number']}: {one['objection']}: `{one['command']}`" for one in content["objections"]]
+    intro = f"`make sweep`, foretouch {header.version}, seed {header.seed}:"
+    block = "\n".join([intro, "", *lines, "", *(f"- {sentence}" for sentence in told)]).rstrip()
+    PAGE.write_text(BLOCK.sub(lambda match: f"{match[1]}{block}\n{match[2]}", PAGE.read_text()))
+    names = ("round-trip", "model-rate", "model-age")
+    drawn = {f"sweep-{name}": figures.error_figure(rows, axis) for name, axis in zip(names, AXES, strict=True)}
+    drawn["sweep-stability"] = figures.condition_figure(rows)
+    for name, figure in drawn.items():
+        figure.savefig(IMAGES / f"{name}.png", dpi=90)
+        print(f"docs/images/{name}.png")
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1] if len(sys.argv) > 1 else "out/sweep"))
