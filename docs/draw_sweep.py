@@ -37,7 +37,9 @@ def main(folder: Path) -> None:
         lines.append(f"| {words} | {' | '.join(said(content[name][figure], unit) for name in columns)} |")
     told = [one["sentence"] for one in content.get("crossovers", ())]
     told += [f"Session {one['number']}: {one['objection']}: `{one['command']}`" for one in content["objections"]]
-    intro = f"`make sweep`, foretouch {header.version}, seed {header.seed}:"
+    compared = content.get("compared", {"sessions": 0})["sessions"]
+    ran = f"--sessions {content['ours']['sessions']} --baselines {compared} --duration {header.duration_s:g}"
+    intro = f"`foretouch sweep {ran} --seed {header.seed}`, foretouch {header.version}:"
     block = "\n".join([intro, "", *lines, "", *(f"- {sentence}" for sentence in told)]).rstrip()
     PAGE.write_text(BLOCK.sub(lambda match: f"{match[1]}{block}\n{match[2]}", PAGE.read_text()))
     names = ("round-trip", "model-rate", "model-age")
