@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from foretouch.devices import GRIPS, BrowserOperator, DeviceSpecification, Hand, ScriptedOperator
 from foretouch.errors import SettingError
 from foretouch.messages import SessionLog
 from foretouch.rendering.mediation import LARGEST_STEP
@@ -97,3 +98,22 @@ def test_the_scales_scale() -> None:
 def test_a_scale_by_which_the_operator_reaches_nothing_is_refused(scale: float, bound: str) -> None:
     with pytest.raises(SettingError, match=rf"^position_scale = {scale}: an operator of the package reaches .*{bound}"):
         run(0.01, position_scale=scale)
+
+
+def test_a_clutch_at_the_mouse_is_let_go_by_silence() -> None:
+    mouse = BrowserOperator(ScriptedOperator(0.01, 0.005))
+    hand = Hand(mouse, GRIPS["normal"], DeviceSpecification())
+    hand.read(0)
+    mouse.take(0.0, False, 1_000_000, clutched=True)
+    hand.read(1_000_000)
+    assert hand.clutched
+    mouse.take(0.0, False, 900_000_000, clutched=True)
+    hand.read(1_800_000_000)
+    assert hand.clutched
+    assert not mouse.held  # the clutch takes no handle
+    hand.read(2_000_000_000)
+    assert not hand.clutched
+    mouse.take(0.0, False, 2_100_000_000, clutched=True)
+    mouse.take(0.0, False, 2_200_000_000)
+    hand.read(2_200_000_000)
+    assert not hand.clutched

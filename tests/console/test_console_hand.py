@@ -1,0 +1,123 @@
+"""The console of a session whose force moves a hand, without a browser."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Iterator
+
+import pytest
+from console_driver import PRESS_DEPTH, SURFACE
+
+from foretouch.console import Console
+from foretouch.console.panel import Numbers, _numbers_html, felt
+from foretouch.console.scene import UNITS
+from foretouch.console.shapes import HANDLE_HEIGHT
+from foretouch.devices import GRIPS, INTENDED_FORCE
+from foretouch.messages import VERSION, Handle, Hello, LeaderState, Message, Telemetry
+
+pytest.importorskip("viser")
+
+
+def hello(**settings: object) -> Hello:
+    content = {"surface": SURFACE, "press_depth": PRESS_DEPTH, **settings}
+    return Hello(VERSION, 1, 1, "leader", tuple(content), tuple(map(str, content.values())))
+
+
+def leader(position: float, hand: float, intended: float) -> LeaderState:
+    numbers = (position, 0.0, 1.0, 1.0, 0.5, 1, 1, 0.0, False, 1_000_000, 50_000)
+    return LeaderState(VERSION, 1, 1, *numbers, hand_position=hand, intended_position=intended, energy=3.1e-3)
+
+
+def telemetry(guarded: bool) -> Telemetry:
+    numbers = (0.01, 0.01, 0.0, 1.0, 1.0, 1.0, True, False, 1, 1_000_000, 50_000, guarded)
+    return Telemetry(VERSION, 1, 1, 1, *numbers)
+
+
+def height(position: float) -> float:
+    """Of a handle at this position in the probe's frame [scene units]."""
+    return (SURFACE - position) * UNITS + HANDLE_HEIGHT
+
+
+@pytest.fixture
+def shown() -> Iterator[tuple[Console, list[Message]]]:
+    published: list[Message] = []
+    console = Console(0, published.append)
+    yield console, published
+    console.close()
+
+
+def test_a_drag_moves_the_hand_from_where_it_wanted_to_be(shown):
+    """The hand is 8 mm ahead of the probe, wants 4 mm more, and moves twice as far as the probe."""
+    console, published = shown
+    console.watch(hello(grip="normal", position_scale=0.5))
+    console.watch(leader(position=0.010, hand=0.036, intended=0.040))
+    console._draw_scene()
+    taken = 0.010 + 0.5 * 0.004  # where the handle is drawn
+    console._dragged(height(taken), True)
+    assert published[-1].held
+    assert published[-1].position == pytest.approx(0.040)
+    console._dragged(height(taken + 0.003), True)
+    assert published[-1].position == pytest.approx(0.046)
+    console._dragged(height(taken - 0.002), False)
+    assert published[-1].position == pytest.approx(0.036)
+    assert not published[-1].held
+
+
+def test_the_handle_ends_where_a_hand_that_is_pushed_out_still_reaches(shown):
+    console, published = shown
+    console.watch(hello(grip="soft"))
+    console.watch(leader(position=0.01, hand=0.01, intended=0.01))
+    console._draw_scene()
+    console._dragged(height(1.0), True)
+    deepest = SURFACE + 1.2 * (PRESS_DEPTH + INTENDED_FORCE / GRIPS["soft"].stiffness)
+    assert published[-1].position == pytest.approx(deepest)
+
+
+def test_before_hand_and_follower_have_met_it_draws_what_there_is(shown):
+    console, _ = shown
+    console.watch(hello(grip="normal"))
+    console.watch(leader(position=math.nan, hand=0.0, intended=0.0))
+    console._draw_scene()
+    console._write(console._history.window(), time.monotonic())
+
+
+def test_the_clutch_says_so_until_it_is_let_go(shown):
+    console, published = shown
+    console._toggle_clutch()
+    assert [message.clutched for message in published] == [True]
+    console._keep_alive(time.monotonic() + 1.0)
+    assert [message.clutched for message in published] == [True, True]
+    console._toggle_clutch()
+    console._keep_alive(time.monotonic() + 1.0)
+    assert [message.clutched for message in published] == [True, True, False]
+    assert all(isinstance(message, Handle) and not message.held for message in published)
+
+
+def test_a_robot_that_holds_back_is_said_to(shown):
+    console, _ = shown
+    console.watch(hello(grip="normal"))
+    console.watch(telemetry(guarded=True))
+    assert "The robot holds back until its surface is known here." in console._status(time.monotonic())
+    console.watch(telemetry(guarded=False))
+    assert "holds back" not in console._status(time.monotonic())
+
+
+def numbers(**changes: float) -> Numbers:
+    known = dict.fromkeys(Numbers._fields[:8], 1.0)
+    return Numbers(**{**known, "status": "", "names": "", "deviation": 0.1, "model": (), **changes})
+
+
+def test_the_numbers_have_energy_and_hand_only_where_there_is_a_hand():
+    assert "Energy" not in _numbers_html(numbers())
+    assert "Hand" not in _numbers_html(numbers(hand_ahead=1e-5, energy=0.0))
+    text = _numbers_html(numbers(hand_ahead=-2.3e-3, energy=4.2e-3))
+    assert "4.20 mJ" in text
+    assert "Hand (ring), further out by" in text
+    assert "2.3 mm" in text
+
+
+def test_whom_the_force_moves_is_said():
+    texts = {felt(grip, by_mouse) for grip in ("", "soft") for by_mouse in (True, False)}
+    assert len(texts) == 4
+    assert felt("soft", False) == "It moves a hand of the operator (soft grip)."
