@@ -145,11 +145,14 @@ class Predictor:
             self._former = (model, state, surface + distance)
 
     def local_slopes(self, reach: float) -> tuple[float, float]:
-        """Local stiffness [N/m] and damping [N s/m] at the newest sample (`ContactModel.local_slopes`)."""
+        """Local stiffness [N/m] and damping [N s/m] at the newest sample (`ContactModel.local_slopes`).
+
+        Outside they are those at the surface, which is met next.
+        """
         if self.model is None:
             return 0.0, 0.0
         velocity = min(max(self.velocity, -LARGEST_SPEED), LARGEST_SPEED)
-        return self.model.local_slopes(self._state, self.depth, velocity, reach)
+        return self.model.local_slopes(self._state, max(self.depth, 0.0), velocity, reach)
 
     def exit_work(self, offset: float = 0.0, largest: float = math.inf) -> tuple[float, float]:
         """Energy that comes back from the newest sample on the way out [J], and that way [m] (`ContactModel`)."""

@@ -47,7 +47,7 @@ class EnergyAccount:
         The bound is derived here.
     """
 
-    __slots__ = ("_position", "_resolution", "energy", "force", "largest_force", "largest_step")
+    __slots__ = ("_newest_step", "_position", "_resolution", "energy", "force", "largest_force", "largest_step")
 
     def __init__(self, resolution: float = 0.0) -> None:
         require("resolution", resolution, at_least=0.0)
@@ -55,6 +55,7 @@ class EnergyAccount:
         # rendered any more that would bring it back.
         self._resolution = max(resolution, SMALLEST_COUNT)
         self._position = math.nan
+        self._newest_step = 0.0
         self.force = 0.0
         self.close()
 
@@ -68,6 +69,10 @@ class EnergyAccount:
     def bound(self) -> float:
         """F D [J]: the account is never further below zero."""
         return self.largest_force * self.largest_step
+
+    def bound_with(self, force: float) -> float:
+        """F D [J] as it will be once this force [N] has been held over a tick like the newest."""
+        return max(self.largest_force, force) * max(self.largest_step, self._newest_step)
 
     @property
     def ceiling(self) -> float:
@@ -83,8 +88,9 @@ class EnergyAccount:
         if not math.isnan(self._position):
             moved = position - self._position
             self.energy += self.force * moved
+            self._newest_step = abs(moved) + self._resolution
             if self.force > 0.0:
-                self.largest_step = max(self.largest_step, abs(moved) + self._resolution)
+                self.largest_step = max(self.largest_step, self._newest_step)
         self._position = position
 
     def hold(self, force: float) -> None:

@@ -67,15 +67,18 @@ class Proxy:
         """Let the hand go alone; the proxy stays."""
         self.engaged = False
 
-    def follow(self, hand: float, share: float = 1.0) -> float:
+    def follow(self, hand: float, share: float = 1.0, free: float = 0.0) -> float:
         """Carry the proxy along to where the hand is now [m]; returns y [m].
 
         Args:
             hand: x [m]; one that is no number counts as not moved.
             share: rho, 0 to 1.
+            free: Way of the proxy to the surface [m], on which there is nothing to carry.
         """
         if self.engaged and math.isfinite(hand):
-            self.yielded = max(self.yielded + (1.0 - share) * self._scale * (hand - self._hand), 0.0)
+            way = self._scale * (hand - self._hand)
+            carried = max(way - free, 0.0) if way > 0.0 else way
+            self.yielded = max(self.yielded + (1.0 - share) * carried, 0.0)
             self._hand = hand
             self._place()
         return self.position

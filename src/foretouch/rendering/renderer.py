@@ -226,7 +226,7 @@ class Renderer:
         if self._device is None and math.isnan(proxy.position) and math.isfinite(hand):
             proxy.engage(hand)
         predictor.catch_up()
-        position = proxy.follow(hand, self.share)
+        position = proxy.follow(hand, self.share, max(-predictor.depth, 0.0))
         surface = predictor.surface if predictor.model is not None else math.nan
         if surface != self._surface:  # or there is none
             self._meet_surface(surface)
@@ -238,7 +238,7 @@ class Renderer:
             jump,
             period,
             energy=account.energy,
-            bound=account.bound,
+            bound=account.bound_with(wanted),
             exit_work=self._exit_work,
         )
         # A tick that came late is no reason for a larger step of force.
