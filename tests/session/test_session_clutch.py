@@ -90,7 +90,7 @@ def test_the_scales_scale() -> None:
     felt = leader["rendered_force"] > 1.0
     assert felt.sum() > 100
     ratio = leader["rendered_force"][felt] / leader["predicted_force"][felt]
-    assert np.median(ratio) == pytest.approx(2.0, abs=0.05)
+    assert np.median(ratio) == pytest.approx(2.0, abs=0.2)  # what energy holds back is missing
     assert log.follower["exact_force"].max() > 0.5
 
 

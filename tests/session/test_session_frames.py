@@ -92,7 +92,7 @@ def test_mirrored_machines_give_the_same_session_to_the_last_bit() -> None:
     settings = SessionSettings(material="hunt-crossley", grip="normal", seed=1)
     plain = session(settings)
     turned = session(dataclasses.replace(settings, leader_frame="0,-1", follower_frame="0,-1"), mirrored=True)
-    assert plain.leader["rendered_force"].max() > 0.5
+    assert plain.leader["rendered_force"].max() > 0.2
     for name in COMPARED:
         np.testing.assert_array_equal(plain.leader[name], turned.leader[name], err_msg=name)
     for name in ("position", "force", "exact_force", "desired_position"):
@@ -120,7 +120,7 @@ def test_machines_of_the_package_count_as_they_are_told() -> None:
         ).log
 
     plain, other = run(), run(leader_frame="0.0213,-1", follower_frame="-0.117,-1")
-    assert plain.leader["rendered_force"].max() > 0.5
+    assert plain.leader["rendered_force"].max() > 0.2
     np.testing.assert_allclose(plain.leader["hand_position"], other.leader["hand_position"], atol=2.1e-5)
     np.testing.assert_allclose(plain.leader["rendered_force"], other.leader["rendered_force"], atol=0.05)
 
