@@ -61,19 +61,28 @@ def _transparency(log: SessionLog, settings: SessionSettings) -> dict[str, float
     leader, follower = pairs.leader, pairs.follower
     rows = (follower["exact_force"] > CONTACT_FLOOR) & leader["engaged"] & ~follower["guarded"]
     contact = float(rows.sum()) * SAMPLE_PERIOD
+    phantom = _phantom(leader, follower, settings)
     if contact < SHORTEST_CONTACT:
-        return {"contact_s": contact}
+        return {"contact_s": contact, "largest_phantom_N": phantom}
     leader, follower = leader[rows], follower[rows]
     felt, true = leader["rendered_force"] / settings.force_scale, follower["exact_force"]
     stiffness = _slope(leader["hand_position"] * settings.position_scale, felt)
     true_stiffness = _slope(follower["position"], true)
     return {
         "contact_s": contact,
+        "largest_phantom_N": phantom,
         "error_percent": 100.0 * _rms(felt - true) / _rms(true),
         "prediction_error_percent": 100.0 * _rms(leader["predicted_force"] - true) / _rms(true),
         "felt_stiffness_percent": 100.0 * stiffness / true_stiffness if true_stiffness > 0.0 else None,
         "age_s": _age(log, leader, settings.baseline != "none"),
     }
+
+
+def _phantom(leader: NDArray[np.void], follower: NDArray[np.void], settings: SessionSettings) -> float | None:
+    """The largest force that was felt where there was nothing, at equal command."""
+    rows = (follower["exact_force"] <= 0.0) & leader["engaged"] & ~follower["guarded"]
+    felt = leader["rendered_force"][rows] / settings.force_scale
+    return float(felt.max()) if felt.size else None
 
 
 def _rms(values: Array) -> float:

@@ -42,6 +42,7 @@ class Outcome(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
             force over the probe [%]; straight lines of least squares.
         contact_s: Time over which both were taken [s]: true force above 0.05 N, hand and probe coupled, nothing held
             back.
+        largest_phantom_N: Largest felt force, unscaled, at commands at which the probe touched nothing [N].
         age_s: Median of how long ago the hand was where the newest knowledge that is rendered comes from [s].
         models_per_s: Models that were used [1/s].
         largest_hand_force_N: [N].
@@ -76,6 +77,7 @@ class Outcome(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
     prediction_error_percent: float | None = None
     felt_stiffness_percent: float | None = None
     contact_s: float | None = None
+    largest_phantom_N: float | None = None
     age_s: float | None = None
     models_per_s: float | None = None
     largest_hand_force_N: float | None = None

@@ -26,6 +26,8 @@ TOTALS = {
     "median_prediction_error_percent": ("%", "error of the predicted force, median"),
     "median_felt_stiffness_percent": ("%", "felt stiffness, median"),
     "median_device_bound_percent": ("%", "of contact bounded by the device, median"),
+    "largest_phantom_N": ("N", "largest force felt where there is nothing"),
+    "median_phantom_N": ("N", "the same, median of the sessions"),
     "largest_hand_force_N": ("N", "largest force at the hand"),
     "largest_robot_force_N": ("N", "largest force at the robot"),
     "guarded_contacts": ("", "guarded contacts"),

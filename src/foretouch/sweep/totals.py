@@ -35,6 +35,8 @@ def totals(rows: Sequence[Outcome]) -> dict[str, Any]:
         "median_error_percent": _median(ran, "error_percent"),
         "median_prediction_error_percent": _median(ran, "prediction_error_percent"),
         "median_felt_stiffness_percent": _median(ran, "felt_stiffness_percent"),
+        "largest_phantom_N": _extreme(ran, "largest_phantom_N", max),
+        "median_phantom_N": _median(ran, "largest_phantom_N"),
         "largest_hand_force_N": _extreme(ran, "largest_hand_force_N", max),
         "largest_robot_force_N": _extreme(ran, "largest_robot_force_N", max),
         "median_device_bound_percent": _median(ran, "device_bound_percent"),
