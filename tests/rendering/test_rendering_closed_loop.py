@@ -56,8 +56,8 @@ class Loop:
         return np.array(places)
 
 
-def swing(device, grip, model, press=2.0, **options):
-    """How far the hand still swings [m] 2 s after it has pressed with about so many newtons."""
+def swing_and_force(device, grip, model, press=2.0, **options):
+    """How far the hand still swings [m] 2 s after it has pressed with about so many newtons, and the largest force."""
     loop = Loop(device, grip, **options)
     loop.tick((model, 1e-3))
     loop.go(1e-3 + press / grip.stiffness, 2.0)
@@ -65,18 +65,25 @@ def swing(device, grip, model, press=2.0, **options):
     for _ in range(300):
         places.append(loop.tick())
         forces.append(loop.run.renderer.limiter.force)
-    assert max(forces) > 0.1
-    return float(np.ptp(places))
+    return float(np.ptp(places)), max(forces)
+
+
+def swing(device, grip, model):
+    """How far it swings, where there still is a force to swing against."""
+    size, force = swing_and_force(device, grip, model)
+    assert force > 0.1
+    return size
 
 
 HARD = [
+    KelvinVoigt(1e6, 0.0),
     KelvinVoigt(1e4, 0.0),
     KelvinVoigt(1e5, 0.0),
     KelvinVoigt(3e3, 40.0),
     HuntCrossley(1e6, 0.0, 1.5),
     HuntCrossley(1e7, 1e4, 1.5),
 ]
-NAMES = ["10 N/mm", "100 N/mm", "damper", "stiffening", "stiffening damper"]
+NAMES = ["1000 N/mm", "10 N/mm", "100 N/mm", "damper", "stiffening", "stiffening damper"]
 
 
 @pytest.mark.parametrize("model", HARD, ids=NAMES)
@@ -96,12 +103,14 @@ def test_nor_with_a_real_encoder_and_friction(grip, resolution):
 
 
 @pytest.mark.parametrize("model", [KelvinVoigt(1e5, 0.0), HuntCrossley(1e6, 0.0, 1.2)])
-def test_without_the_share_it_swings(model, monkeypatch):
-    """The test above can fail: the same hand and the whole model."""
+def test_without_the_share_it_swings_or_the_account_takes_the_force_away(model, monkeypatch):
+    """The tests above can fail: the same hands and the whole model."""
     device, loosely = DeviceSpecification(damping=2.0, friction=0.0, resolution=0.0), Grip(0.0, 0.0, 300.0)
-    assert swing(device, loosely, model) < 1e-4
+    assert swing_and_force(device, loosely, model)[0] < 1e-6
+    assert swing_and_force(device, GRIPS["soft"], model)[1] > 1.8
     monkeypatch.setattr(module, "rendered_share", lambda *numbers, **names: 1.0)
-    assert swing(device, loosely, model) > 5e-4
+    assert swing_and_force(device, loosely, model)[0] > 1e-3
+    assert swing_and_force(device, GRIPS["soft"], model)[1] < 1.0
 
 
 @pytest.mark.parametrize("grip", GRIPS)
@@ -130,3 +139,13 @@ def test_what_the_device_carries_is_rendered_whole():
     assert loop.run.lowest_share == 1.0
     # k (aim - x) = K (x - surface)
     assert rest == pytest.approx((400.0 * 5e-3 + 1000.0 * 1e-3) / 1400.0, abs=2e-5)
+
+
+def test_what_it_does_not_carry_is_felt_as_stiff_as_it_can():
+    """A wall of 100 N/mm by a device that carries 4: the hand rests where a spring of 4 N/mm would hold it."""
+    device, grip = DeviceSpecification(friction=0.0, resolution=0.0), GRIPS["normal"]
+    loop = Loop(device, grip)
+    loop.tick((KelvinVoigt(1e5, 0.0), 1e-3))
+    rest = loop.go(5e-3, 3.0)[-1]
+    assert rest == pytest.approx((400.0 * 5e-3 + 4000.0 * 1e-3) / 4400.0, abs=6e-5)
+    assert loop.run.lowest_share == pytest.approx(0.04, rel=0.01)
