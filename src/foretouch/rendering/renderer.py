@@ -127,6 +127,7 @@ class Renderer:
     __slots__ = (
         "_device",
         "_force_scale",
+        "_free",
         "_guarded",
         "_period",
         "_position_scale",
@@ -176,6 +177,7 @@ class Renderer:
         self.account = EnergyAccount(0.0 if device is None else device.resolution)
         self.share = 1.0
         self._slope = math.inf
+        self._free = 0.0
         self.energy = self.energy_bound = 0.0
 
     def adopt(
@@ -226,7 +228,7 @@ class Renderer:
         if self._device is None and math.isnan(proxy.position) and math.isfinite(hand):
             proxy.engage(hand)
         predictor.catch_up()
-        position = proxy.follow(hand, self.share, max(-predictor.depth, 0.0))
+        position = proxy.follow(hand, self.share, self._free)
         surface = predictor.surface if predictor.model is not None else math.nan
         if surface != self._surface:  # or there is none
             self._meet_surface(surface)
@@ -248,6 +250,7 @@ class Renderer:
         account.hold(force)
         self._give_back(wanted)
         self.share = self._carried()
+        self._free = max(-predictor.depth, 0.0)
         return force
 
     def _wanted(self, predicted: float) -> tuple[float, float]:
@@ -284,7 +287,9 @@ class Renderer:
             return 0.0, 0.0
         hand_way = (way + self.proxy.yielded) / self._position_scale
         work *= scale * hand_way / way
-        if self.share < 1.0:  # where the device bounds the slope the yielding is at the top of the way, not along it
+        if (
+            self.share < 1.0 and self._slope > 0.0
+        ):  # where the device bounds the slope the yielding is at the top of the way, not along it
             force = max(min(scale * self.predictor.force, self.limiter.largest_force) + offset, 0.0)
             work = max(work, 0.5 * force * force / self._slope)
         return work, hand_way
