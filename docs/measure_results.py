@@ -297,7 +297,7 @@ def foam() -> str:
 
 def session() -> str:
     """One session as it is printed."""
-    return console("simulate --operator recorded")
+    return console("simulate --grip normal")
 
 
 def mediation() -> str:
@@ -336,9 +336,9 @@ def first_touch() -> str:
                 found = json.loads(
                     foretouch(f"simulate --grip normal --material {material} --duration 10 {options} --json")
                 )
-                row += [figure(found["hand"]["peak_robot_force_N"]), figure(found["hand"]["peak_hand_force_N"])]
+                row += [figure(found["hand"]["peak_force_robot_N"]), figure(found["hand"]["peak_force_hand_N"])]
                 if way == "guarded":
-                    row += [figure(1e3 * found["hand"]["depth_lost_m"]), figure(found["hand"]["time_lost_s"])]
+                    row += [figure(found["hand"]["depth_lost_mm"]), figure(found["hand"]["time_lost_s"])]
             rows.append(row)
     heads = ("Material", "Round trip [s]", "Robot, guarded [N]", "Hand, guarded [N]", "Depth lost [mm]")
     said = "`foretouch simulate --grip normal --duration 10`, peak forces of the whole session:"
