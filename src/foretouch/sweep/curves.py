@@ -55,13 +55,14 @@ def error_of(row: Outcome) -> float | None:
 
 
 def plain(rows: Sequence[Outcome]) -> list[Outcome]:
-    """Sessions of which the curves are made: `is_plain`."""
-    return [row for row in rows if is_plain(row.network, row.options)]
+    """Sessions of which the curves are made: `is_plain`, and no clutch that is let go inside the material."""
+    return [row for row in rows if is_plain(row.network, row.options) and "clutch" not in row.options]
 
 
 def stiff(rows: Sequence[Outcome]) -> list[Outcome]:
     """The same on materials that are stiffer than the device carries."""
-    return [row for row in rows if is_clean(row.network, row.options) and not is_plain(row.network, row.options)]
+    clean = [row for row in rows if is_clean(row.network, row.options) and "clutch" not in row.options]
+    return [row for row in clean if not is_plain(row.network, row.options)]
 
 
 @dataclass(frozen=True)

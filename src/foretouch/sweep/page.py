@@ -51,7 +51,7 @@ def write_sweep_page(directory: str | PathLike[str], rows: Sequence[Outcome]) ->
         "<h2>How it feels</h2>",
         "<p>The error is that of the felt force: the rendered one over the force scale, less the true one, at equal "
         "command, in contact, as a share of the true one. Lines are medians, bands quartiles, dots sessions; only "
-        "networks that do nothing but delay, and materials that usual devices can carry.</p>",
+        "networks that do nothing but delay, materials that usual devices can carry, and hands without a clutch.</p>",
         *(embedded(error_figure(rows, axis), f"Error of the felt force against {axis.name}") for axis in AXES),
         embedded(stiffness_figure(rows, AXES[0]), f"Felt stiffness against {AXES[0].name}"),
         "<h2>Stability</h2>",
