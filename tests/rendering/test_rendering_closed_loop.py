@@ -108,7 +108,7 @@ def test_without_the_share_it_swings_or_the_account_takes_the_force_away(model, 
     device, loosely = DeviceSpecification(damping=2.0, friction=0.0, resolution=0.0), Grip(0.0, 0.0, 300.0)
     assert swing_and_force(device, loosely, model)[0] < 1e-6
     assert swing_and_force(device, GRIPS["soft"], model)[1] > 1.8
-    monkeypatch.setattr(module, "rendered_share", lambda *numbers, **names: 1.0)
+    monkeypatch.setattr(module.Renderer, "_carried", lambda renderer: 1.0)
     assert swing_and_force(device, loosely, model)[0] > 1e-3
     assert swing_and_force(device, GRIPS["soft"], model)[1] < 1.0
 

@@ -11,24 +11,29 @@ __all__ = ["EnergyAccount"]
 SMALLEST_COUNT = 1e-6
 """[m]."""
 
+WAY_BACK = 1e-8
+"""Share of the largest force that is never cut: with it, whoever presses again builds it up anew within some steps."""
+
 
 class EnergyAccount:
     r"""What the hand has put into the rendered force in this contact, and what that force may give back.
 
     .. math::
         E_{k+1} &= E_k + f_k (x_{k+1} - x_k) \\
-        f_k &\le \max\left(0,\; F + E_k / D\right) \quad \text{while } E_k < 0 \\
+        f_k &\le \max\left(\epsilon F,\; F + E_k / (D - \Delta / 2)\right) \quad \text{while } E_k < 0 \\
         E_k &\ge -F D \quad \text{always}
 
     f is held from one tick to the next, so the sum is the work itself; x is the hand's position as the encoder shows it
     and grows into the material. F is the largest force of this contact so far, and D the farthest that the hand went in
-    one tick of it, and one count of the encoder more.
+    one tick of it, and one count of the encoder, Delta, more.
 
     The bound is the energy of one tick and one count: nobody can know of it before. It holds for any motion and any
     forces that are asked for. Where E is not negative, one tick takes F D at most. Where it is, the ceiling takes care
-    that a tick no longer than D leaves E at -F D or above; and one that is longer makes D longer. It is also what
-    sampling makes of a spring that takes nothing: pressed and let go at speed v, it gives back K x v T = F D more than
-    was put in, so that such a spring is not cut.
+    that a tick no longer than D leaves E at -F (D - Delta / 2) or above, and one that is longer makes D longer. Half a
+    count is left for epsilon = 1e-8, as long as there is that much: without it E would come so near to its bound on a
+    long way out that no force would ever bring it back. The bound is also what sampling makes of a spring that takes
+    nothing: pressed and let go at speed v, it gives back K x v T = F D more than was put in, so that such a spring is
+    not cut.
 
     At the loss of contact the account is closed: what was dissipated in a former contact pays for nothing.
 
@@ -51,8 +56,6 @@ class EnergyAccount:
 
     def __init__(self, resolution: float = 0.0) -> None:
         require("resolution", resolution, at_least=0.0)
-        # With D longer than any step the account comes ever nearer to its bound and never there, where nothing could be
-        # rendered any more that would bring it back.
         self._resolution = max(resolution, SMALLEST_COUNT)
         self._position = math.nan
         self._newest_step = 0.0
@@ -79,7 +82,9 @@ class EnergyAccount:
         """Largest force that may be held now [N]."""
         if self.energy >= 0.0:
             return math.inf
-        return max(self.largest_force + self.energy / self.largest_step, 0.0)
+        reach = self.largest_step - 0.5 * self._resolution
+        back = WAY_BACK * self.largest_force if self.energy > (WAY_BACK - 1.0) * self.bound else 0.0
+        return max(self.largest_force + self.energy / reach, back)
 
     def observe(self, position: float) -> None:
         """Book the work of the held force up to where the hand is now [m]; a position that is no number is left out."""

@@ -92,21 +92,19 @@ class Mediation:
         before = self.offset
         offset = before - jump
         release = min(abs(offset) * -math.expm1(-max(period, 0.0) / RELEASE_TIME), LARGEST_STEP)
+        change = -release if offset > 0.0 else release
         self.held_back = False
         if wanted > 0.0:
             work, way = exit_work(offset)
             left = energy - work
             if left < -bound and way > 0.0:
-                release = -min((-bound - left) / way, LARGEST_STEP) if offset <= 0.0 else release
+                change = min(change, 0.0, -min((-bound - left) / way, LARGEST_STEP))
                 self.held_back = True
             elif offset < 0.0:
                 paid = max(left, 0.0) / way if way > 0.0 else 0.0
                 self.held_back = paid < release
-                release = min(release, paid)
-        if 0.0 < abs(offset) < SMALLEST_OFFSET and not self.held_back:
-            offset = 0.0
-        else:
-            offset += release if offset <= 0.0 else -release
+                change = min(release, paid)
+        offset = offset + change if self.held_back or abs(offset) >= SMALLEST_OFFSET else 0.0
         offset = max(offset, -wanted)
         self.offset = offset
         self.force = max(wanted + offset, 0.0)

@@ -39,6 +39,9 @@ SHORTEST_REACH = 3e-5
 COUNT_FORCE = 0.1
 """One count of the encoder may change the force by so much [N] on a device without friction."""
 
+YIELDING_RATE = 0.05
+"""Share per tick in which the average of what the hand goes for one step of the proxy follows it."""
+
 LARGEST_RETURN = 0.02
 """What is given back in contact changes the force by at most so much in a tick [N]."""
 
@@ -131,11 +134,11 @@ class Renderer:
         "_guarded",
         "_period",
         "_position_scale",
-        "_slope",
         "_stiffest",
         "_surface",
         "_time",
         "_was_engaged",
+        "_yielding",
         "account",
         "energy",
         "energy_bound",
@@ -158,10 +161,12 @@ class Renderer:
     ) -> None:
         require("force_scale", force_scale, above=0.0)
         require("largest_stiffness", largest_stiffness, at_least=0.0)
-        self._stiffest = largest_stiffness or math.inf
-        if device is not None and device.resolution > 0.0:
-            self._stiffest = min(self._stiffest, max(2.0 * device.friction, COUNT_FORCE) / device.resolution)
         require("sample_period", sample_period, above=0.0)
+        self._stiffest = largest_stiffness or math.inf
+        if device is not None:
+            self._stiffest = min(self._stiffest, 2.0 * device.damping / sample_period)
+            if device.resolution > 0.0:
+                self._stiffest = min(self._stiffest, max(2.0 * device.friction, COUNT_FORCE) / device.resolution)
         self._device = device
         self._position_scale = position_scale
         self._force_scale = force_scale
@@ -176,8 +181,8 @@ class Renderer:
         self.limiter = ForceLimiter(LARGEST_FORCE if device is None else min(LARGEST_FORCE, device.force_limit))
         self.account = EnergyAccount(0.0 if device is None else device.resolution)
         self.share = 1.0
-        self._slope = math.inf
         self._free = 0.0
+        self._yielding = 1.0
         self.energy = self.energy_bound = 0.0
 
     def adopt(
@@ -251,6 +256,7 @@ class Renderer:
         self._give_back(wanted)
         self.share = self._carried()
         self._free = max(-predictor.depth, 0.0)
+        self._yielding += YIELDING_RATE * (1.0 / max(self.share, 1e-3) - self._yielding)
         return force
 
     def _wanted(self, predicted: float) -> tuple[float, float]:
@@ -278,21 +284,23 @@ class Renderer:
     def _exit_work(self, offset: float) -> tuple[float, float]:
         """What the model with an offset [N] gives the hand back on the hand's way out [J], and that way [m].
 
-        Where the proxy yielded the hand has the longer way, under the same force; and no force falls more steeply than
-        at its rendered local stiffness K: it gives back F^2 / 2 K at least.
+        Where the proxy yielded the hand has the longer way, under the same force, which is less than it is: yielding is
+        at the top of the way. But no force falls more steeply than at the stiffest K that is rendered, and gives back
+        F^2 / 2 K at least.
         """
         scale = self._force_scale
         work, way = self.predictor.exit_work(offset / scale, self.limiter.largest_force / scale)
         if not way > 0.0:
             return 0.0, 0.0
-        hand_way = (way + self.proxy.yielded) / self._position_scale
-        work *= scale * hand_way / way
-        if (
-            self.share < 1.0 and self._slope > 0.0
-        ):  # where the device bounds the slope the yielding is at the top of the way, not along it
-            force = max(min(scale * self.predictor.force, self.limiter.largest_force) + offset, 0.0)
-            work = max(work, 0.5 * force * force / self._slope)
-        return work, hand_way
+        force = max(min(self.predictor.force, self.limiter.largest_force / scale) + offset / scale, 0.0)
+        mean, top = 1.0 + self.proxy.yielded / way, self._yielding
+        if top > mean and work > 0.0:
+            steepness = max(force * way / work - 1.0, 0.0)
+            mean += (top - mean) * steepness / (steepness + 2.0)
+        work *= scale * mean / self._position_scale
+        if self._stiffest > 0.0:
+            work = max(work, 0.5 * (scale * force) ** 2 / self._stiffest)
+        return work, (way + self.proxy.yielded) / self._position_scale
 
     def _give_back(self, wanted: float) -> None:
         """Bring the proxy back: freely in free air, as dissipation pays in contact."""
@@ -330,6 +338,4 @@ class Renderer:
         scale = self._force_scale * self._position_scale
         stiffness, damping = scale * stiffness, scale * damping
         share = rendered_share(stiffness, damping, device_damping=device.damping, sample_period=self._period)
-        share = min(share, self._stiffest / stiffness) if stiffness > 0.0 else share
-        self._slope = share * stiffness if stiffness > 0.0 else math.inf
-        return share
+        return min(share, self._stiffest / stiffness) if stiffness > 0.0 else share
