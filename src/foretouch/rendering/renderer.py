@@ -74,7 +74,7 @@ def rendered_share(stiffness: float, rendered_damping: float, *, device_damping:
 
     A proxy that takes part in the share rho of the motion is felt with rho K and rho B, so that the condition for
     passive rendering from samples holds. For a velocity that is the plain difference of two positions it is the
-    well-known :math:`b > K T / 2 + |B|`. Ours goes through the low-pass of `MotionFilter`, and the theorem holds for any
+    well-known :math:`b > K T / 2 + |B|`. Ours goes through the low-pass of `MotionFilter`; the theorem holds for any
     transfer function H(z) of position to force,
 
     .. math:: b > \max_\omega \frac{T}{2} \frac{\mathrm{Re}\,(1 - e^{-j \omega T}) H(e^{j \omega T})}
