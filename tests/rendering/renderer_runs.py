@@ -23,12 +23,12 @@ from foretouch.models import (
 )
 from foretouch.models.contact_map_kernel import pack
 from foretouch.rendering import Renderer
-from foretouch.rendering.renderer import NOTHING, PHANTOM
 
 sys.path.append(str(Path(__file__).parents[1] / "models"))
 from example_maps import example_map, random_flat
 
 TICK = 1e-3
+PHANTOM = 0.05  # contact is lost where neither asked for nor rendered is more [N]
 FARTHEST = 10.0
 NO_DEVICE_LIMIT = 10.0
 SMALLEST_COUNT = 1e-6
@@ -156,7 +156,7 @@ class Books:
         self.position = position
 
     def hold(self, force: float, wanted: float) -> None:
-        if force <= NOTHING and wanted <= PHANTOM:
+        if force <= PHANTOM and wanted <= PHANTOM:
             self.energy, self.largest_force, self.largest_step = 0.0, 0.0, self.resolution
         self.force = force
         self.largest_force = max(self.largest_force, force)

@@ -24,11 +24,9 @@ LARGEST_MOVE = 5e-4
 FARTHEST = 10.0
 """No hand is further from its zero than this [m]."""
 
-NOTHING = 1e-3
-"""Contact is lost where no more than this is rendered [N] ..."""
-
 PHANTOM = 0.05
-"""... and the model asks for no more than this, which is no contact yet [N]: maps give some millinewtons in the air."""
+"""Contact is lost where neither the model asks for more nor more is rendered than this [N]: maps give some millinewtons
+in the air, and people feel no less."""
 
 CLEARANCE = 1e-3
 """In free air the proxy is brought back until it is so near to the surface [m]."""
@@ -162,9 +160,9 @@ class Renderer:
         require("force_scale", force_scale, above=0.0)
         require("largest_stiffness", largest_stiffness, at_least=0.0)
         require("sample_period", sample_period, above=0.0)
-        self._stiffest = largest_stiffness or math.inf
+        self._stiffest = math.inf
         if device is not None:
-            self._stiffest = min(self._stiffest, 2.0 * device.damping / sample_period)
+            self._stiffest = min(largest_stiffness or math.inf, 2.0 * device.damping / sample_period)
             if device.resolution > 0.0:
                 self._stiffest = min(self._stiffest, max(2.0 * device.friction, COUNT_FORCE) / device.resolution)
         self._device = device
@@ -234,9 +232,8 @@ class Renderer:
             proxy.engage(hand)
         predictor.catch_up()
         position = proxy.follow(hand, self.share, self._free)
-        surface = predictor.surface if predictor.model is not None else math.nan
-        if surface != self._surface:  # or there is none
-            self._meet_surface(surface)
+        if predictor.model is not None and predictor.surface != self._surface:
+            self._meet_surface(predictor.surface)
             position = proxy.position
         predicted = predictor.update(time, position)
         wanted, jump = self._wanted(predicted)
@@ -248,9 +245,10 @@ class Renderer:
             bound=account.bound_with(wanted),
             exit_work=self._exit_work,
         )
-        # A tick that came late is no reason for a larger step of force.
-        force = self.limiter.update(mediated, min(period, self._period), account.ceiling)
-        if force <= NOTHING and wanted <= PHANTOM:
+        # A tick that came late is no reason for a larger step of force; nor is the limit of its rate one to push a hand
+        # that leaves with more than there is.
+        force = self.limiter.update(mediated, min(period, self._period), min(account.ceiling, mediated))
+        if force <= PHANTOM and wanted <= PHANTOM:
             account.close()
         account.hold(force)
         self._give_back(wanted)
@@ -270,14 +268,17 @@ class Renderer:
         return force, force - former
 
     def _meet_surface(self, surface: float) -> None:
-        """A surface has come [m]: where it is nearer to the hand than before, the proxy stays as deep as it was."""
+        """A surface has come [m]: the proxy stays as deep as it was when the last one was there.
+
+        Where it is further from the hand than before, that is what was indexed at most.
+        """
         before, self._surface = self._surface, surface
         proxy = self.proxy
-        if not self._guarded or not proxy.engaged or math.isnan(surface):
+        if not self._guarded or not proxy.engaged:
             return
         depth = 0.0 if math.isnan(before) else max(proxy.position - before, 0.0)
-        nearer = proxy.position - surface - depth
-        if nearer > LARGEST_MOVE:
+        nearer = max(proxy.position - surface - depth, -proxy.indexed)
+        if abs(nearer) > LARGEST_MOVE:
             proxy.index(nearer)
             self.predictor.shift(-nearer)
 

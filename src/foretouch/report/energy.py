@@ -44,7 +44,7 @@ def energy_figures(leader: Rows) -> dict[str, Any]:
     if not has_account(leader):
         return {"certificate_holds": None, "net_energy_J": None, **dict.fromkeys(names)}
     energy, bound = leader["energy"], leader["energy_bound"]
-    known = bound > 0.0
+    known = (bound > 0.0) | (energy < 0.0)  # what is given out without any bound is beyond it
     if not known.any():
         return {"certificate_holds": True, "net_energy_J": 0.0, **dict.fromkeys(names, 0.0), **_exact(leader)}
     energy, bound = energy[known], bound[known]
@@ -55,7 +55,7 @@ def energy_figures(leader: Rows) -> dict[str, Any]:
         "net_energy_J": _number(min(float(energy[lowest]), 0.0)),
         "energy_bound_J": _number(float(bound[lowest])),
         "energy_margin_J": _number(0.0 if -ROUNDING <= margin < 0.0 else margin),
-        "energy_used_percent": _number(100.0 * max(float((-energy / bound).max()), 0.0)),
+        "energy_used_percent": _number(100.0 * max(float((-energy / np.where(bound > 0.0, bound, np.inf)).max()), 0.0)),
         **_exact(leader),
     }
 

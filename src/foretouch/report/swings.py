@@ -58,7 +58,7 @@ def oscillation(leader: Rows) -> dict[str, Any]:
     if not known.any():
         return dict.fromkeys(FIGURES)
     time = leader["time_ns"][known] * 1e-9
-    made, intended = time[swings(hand[known])], time[swings(meant[known])]
+    made, intended = time[swings(hand[known])], time[turning_points(meant[known])]
     extra = max(made.size - intended.size, 0)
     burst, begins = _largest_burst(made, intended)
     return {

@@ -45,7 +45,7 @@ class FirstTouch:
         guarded: Whether the newest command was held back.
     """
 
-    __slots__ = ("_held", "_holding_force", "_onset", "_period", "_speed", "_stiffness", "_told", "guarded")
+    __slots__ = ("_held", "_holding_force", "_onset", "_period", "_speed", "_stiffness", "_told", "_unknown", "guarded")
 
     def __init__(self, approach_speed: float, force: float, sample_period: float) -> None:
         require("approach_speed", approach_speed, above=0.0)
@@ -58,6 +58,7 @@ class FirstTouch:
         self._stiffness = SOFTEST
         self._told = math.nan
         self._held = 0.0
+        self._unknown = False
         self.guarded = False
 
     def update(self, desired: float, position: float, force: float, in_contact: bool, known_surface: float) -> float:
@@ -77,9 +78,12 @@ class FirstTouch:
             self._told = min(desired, self._told + self._allowed(position, force, in_contact) * self._period)
             self._held = desired - self._told
         else:
+            if self._unknown:  # a step of the commands, as where the index has met the surface, is none of the robot's
+                self._held = desired - self._told
             back = self._speed * self._period
             self._held -= math.copysign(min(back, abs(self._held)), self._held)
             self._told = desired - self._held
+        self._unknown = unknown
         self.guarded = self._held != 0.0
         return self._told
 

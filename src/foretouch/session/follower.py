@@ -13,7 +13,7 @@ from foretouch.models import ContactMap
 from foretouch.robot import RobotSample, RobotSpecification
 from foretouch.session.first_touch import FirstTouch
 from foretouch.session.playout import Playout
-from foretouch.session.round_trip import RoundTrip
+from foretouch.session.round_trip import LARGEST_MEMORY, RoundTrip
 from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
 
 __all__ = ["Inputs", "Outputs", "State", "start", "step"]
@@ -53,6 +53,8 @@ class State:
         guarded: Whether it does: by this side's settings, or because a command asks for it.
         surfaces: Of the models that were sent since the newest that the leader is known to have [m]; NaN where a model
             was not valid.
+        known_model: The model that the leader renders from, as far as its applied commands say; 0 for none.
+        known_surface: Its surface [m], or NaN.
     """
 
     specification: RobotSpecification
@@ -73,6 +75,8 @@ class State:
     first_touch: FirstTouch = field(default_factory=lambda: FirstTouch(0.02, 2.0, SAMPLE_PERIOD))
     guarded: bool = False
     surfaces: dict[int, float] = field(default_factory=dict)
+    known_model: int = 0
+    known_surface: float = math.nan
 
 
 class Inputs(NamedTuple):
@@ -182,10 +186,13 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
 
 def _known_surface(state: State) -> float:
     """Surface of the newest model that the leader renders from, as far as its applied commands say [m]; or NaN."""
-    newest, surfaces = state.round_trip.newest, state.surfaces
-    for sequence in [sequence for sequence in surfaces if sequence < newest]:
-        del surfaces[sequence]
-    return surfaces.get(newest, math.nan)
+    current, surfaces = state.round_trip.current, state.surfaces
+    if current != state.known_model:
+        state.known_model = current
+        state.known_surface = surfaces.get(current, math.nan)
+        for sequence in [sequence for sequence in surfaces if sequence < current]:
+            del surfaces[sequence]
+    return state.known_surface
 
 
 def _is_changed(state: State, now_ns: int) -> bool:
@@ -241,6 +248,8 @@ def _due_model(state: State, now_ns: int) -> ModelUpdate | None:
     state.allowance = allowance - len(encode(update))
     state.round_trip.sent(update.sequence, now_ns)
     if state.guarded:
+        if len(state.surfaces) >= LARGEST_MEMORY:  # a leader that never answers fills nothing
+            state.surfaces.clear()
         state.surfaces[update.sequence] = math.nan if model is None else learnt.surface
     return update
 

@@ -10,6 +10,7 @@ from foretouch.errors import InputError
 from foretouch.link import SequenceCounter
 from foretouch.messages import VERSION, Command, LeaderState, ModelUpdate, Telemetry
 from foretouch.models import make_model
+from foretouch.quantities import LARGEST_POSITION
 from foretouch.rendering import Renderer
 from foretouch.session.settings import NO_GRIP, SAMPLE_PERIOD, SessionSettings
 
@@ -165,10 +166,18 @@ def _adopt(state: State, update: ModelUpdate) -> None:
     if not update.valid:
         state.renderer.adopt(None, update.surface, message=update.sequence)
         return
+    if not abs(update.surface) <= LARGEST_POSITION:
+        _refuse(state)
+        return
     try:
         model = make_model(update.law, update.parameters, update.map)
     except InputError:
-        state.refused += 1
-        state.renderer.adopt(None, update.surface, message=update.sequence)
+        _refuse(state)
         return
     state.renderer.adopt(model, update.surface, update.state, update.command_sequence, update.sequence)
+
+
+def _refuse(state: State) -> None:
+    """Render nothing, and acknowledge nothing: the follower is not to think that its surface is known."""
+    state.refused += 1
+    state.renderer.adopt(None, 0.0)

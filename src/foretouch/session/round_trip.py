@@ -21,15 +21,15 @@ class RoundTrip:
     another's. The smallest of a second is taken: what is larger waited somewhere.
 
     Attributes:
-        newest: Newest model that the leader of the applied commands rendered from; 0 before the first.
+        current: Model that the leader of the newest applied command rendered from; 0 for none.
     """
 
-    __slots__ = ("_acknowledged", "_due_ns", "_sent", "_smallest_ns", "newest")
+    __slots__ = ("_acknowledged", "_due_ns", "_newest", "_sent", "_smallest_ns", "current")
 
     def __init__(self) -> None:
         self._sent: dict[int, int] = {}
         self._acknowledged: dict[int, int] = {}
-        self.newest = 0
+        self._newest = self.current = 0
         self._smallest_ns = math.inf
         self._due_ns: int | None = None
 
@@ -51,8 +51,9 @@ class RoundTrip:
         Returns:
             Once a second the smallest round trip of that second [s], None in all other ticks and where there was none.
         """
-        for number in [number for number in self._acknowledged if number <= command]:
-            self._hear(self._acknowledged.pop(number), now_ns)
+        for number in sorted(number for number in self._acknowledged if number <= command):
+            self.current = self._acknowledged.pop(number)
+            self._hear(self.current, now_ns)
         if self._due_ns is None:
             self._due_ns = now_ns + PERIOD_NS
         if now_ns < self._due_ns:
@@ -63,9 +64,9 @@ class RoundTrip:
 
     def _hear(self, model: int, now_ns: int) -> None:
         """A command was applied whose leader had this model."""
-        if model <= self.newest:
+        if model <= self._newest:
             return
-        self.newest = model
+        self._newest = model
         if model in self._sent:
             self._smallest_ns = min(self._smallest_ns, now_ns - self._sent[model])
         self._sent = {number: sent for number, sent in self._sent.items() if number > model}

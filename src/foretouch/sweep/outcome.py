@@ -100,7 +100,7 @@ class Outcome(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
             found.append("the hand oscillates")
         if not self.forces_finite:
             found.append("a force is not finite")
-        if not self.stable and not found:
+        if not self.stable and (not found or (self.energy_margin_J or 0.0) < -1e-9):
             beyond = math.nan if self.energy_margin_J is None else -self.energy_margin_J
             found.append(f"gives out {beyond:.3g} J more than its bound")
         if self.largest_jump_N is not None and self.largest_jump_N > LARGEST_JUMP:
