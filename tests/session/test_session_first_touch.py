@@ -141,3 +141,12 @@ def test_whatever_the_sensors_say_an_unknown_surface_is_never_approached_faster(
 def test_speed_force_and_period_must_be_positive(numbers):
     with pytest.raises(SettingError):
         FirstTouch(*numbers)
+
+
+def test_commands_that_step_out_as_the_guard_ends_take_the_robot_along_slowly():
+    """What the index makes of the commands when the leader has met the surface is no step of the robot's."""
+    touch = FirstTouch(0.02, 2.0, 1e-3)
+    told = [touch.update(0.02, 0.011, 1.0, True, math.nan) for _ in range(300)]
+    told += [touch.update(0.0101, told[-1], 1.0, True, 0.0101) for _ in range(500)]
+    assert np.abs(np.diff(told)).max() <= 0.02e-3 + 1e-12
+    assert told[-1] == pytest.approx(0.0101)

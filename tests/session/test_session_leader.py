@@ -17,10 +17,15 @@ MS = 1_000_000
 
 
 def model(
-    sequence: int, *, valid: bool = True, law: str = "hunt-crossley", parameters: Sequence[float] = ()
+    sequence: int,
+    *,
+    valid: bool = True,
+    law: str = "hunt-crossley",
+    parameters: Sequence[float] = (),
+    surface: float = 0.01,
 ) -> ModelUpdate:
     numbers = tuple(parameters) or (3000.0, 0.0, 1.4)
-    return ModelUpdate(VERSION, sequence, 0, 0, law, numbers, (), 0.01, valid, "", "fprls", b"")
+    return ModelUpdate(VERSION, sequence, 0, 0, law, numbers, (), surface, valid, "", "fprls", b"")
 
 
 def telemetry(sequence: int, force: float) -> Telemetry:
@@ -114,3 +119,11 @@ def test_no_position_raises_or_breaks_the_limits(positions: list[float]) -> None
         assert 0.0 <= force <= 10.0
         assert force - before <= 0.2 + 1e-9
         before = force
+
+
+@pytest.mark.parametrize("bad", [model(2, law="jelly"), model(2, surface=-1e300), model(2, surface=float("-inf"))])
+def test_a_refused_model_is_not_acknowledged(bad: ModelUpdate) -> None:
+    outputs = run({1: model(1), 100: bad}, pressed=60, ticks=150)
+    assert outputs[50].command.acknowledged_model == 1
+    assert outputs[-1].command.acknowledged_model == 0
+    assert np.isfinite([o.command.position for o in outputs]).all()
