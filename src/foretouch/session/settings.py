@@ -136,6 +136,8 @@ class SessionSettings:
             grips = ", ".join(sorted(GRIPS))
             raise SettingError("clutch", self.clutch, f"needs a hand that presses it: choose a grip of {grips}")
         object.__setattr__(self, "device", self._device())
+        if self.largest_stiffness and self.grip == NO_GRIP:
+            raise SettingError("largest_stiffness", self.largest_stiffness, "is felt by a hand alone: choose a grip")
         common = {name: getattr(self, name) for name in _FAULTS}
         object.__setattr__(self, "command_faults", Faults(self.position_delay, **common, seed=2 * self.seed))
         object.__setattr__(self, "return_faults", Faults(self.force_delay, **common, seed=2 * self.seed + 1))
