@@ -26,7 +26,9 @@ def sweep(
         "sweep"
     ),
     sessions: Annotated[int, typer.Option(help="How many.")] = 1000,
-    baselines: Annotated[int, typer.Option(help="With how many of them each baseline is run too.")] = 100,
+    baselines: Annotated[
+        int | None, typer.Option(help="With how many of them each baseline is run too; without it 100 at most.")
+    ] = None,
     duration: Annotated[
         float, typer.Option(help="Of a session without delay [s]; 4 round trips more with one.")
     ] = 30.0,
@@ -49,7 +51,8 @@ def sweep(
     from foretouch.sweep import Plan, render_table, run_sweep, summary, write_sweep_page
 
     make_folder(out)
-    plan = Plan(12, 2, 4.0, seed) if quick else Plan(sessions, baselines, duration, seed)
+    compared = min(100, sessions) if baselines is None else baselines
+    plan = Plan(12, 2, 4.0, seed) if quick else Plan(sessions, compared, duration, seed)
     with _progress() as progress:
         rows = run_sweep(out, plan, processes=jobs, progress=progress)
     page = write_sweep_page(out, rows)
