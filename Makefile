@@ -4,7 +4,7 @@ BIN := .venv/bin
 export PYTHON
 
 .DEFAULT_GOAL := help
-.PHONY: help setup system teleop test check test-long sweep docs screenshots lock clean
+.PHONY: help setup system teleop test check test-long soak sweep docs screenshots lock clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -12,7 +12,8 @@ help:  ## list the targets
 setup:  ## make .venv from the lock and install foretouch into it
 	@tools/setup
 
-system:  ## install the system packages that the browser tests need (Debian; elsewhere set FORETOUCH_BROWSER)
+system:  ## install the system packages that the browser and camera tests need (Debian; elsewhere set FORETOUCH_BROWSER)
+	@tools/system libegl1 libegl-mesa0 libgl1-mesa-dri || echo "system: the tests of camera images will be skipped" >&2
 	@[ -n "$$FORETOUCH_BROWSER" ] || tools/system chromium fonts-dejavu-core || echo "system: the browser tests will be skipped" >&2
 
 teleop: setup  ## the main job: leader, follower, console and recorder (options: make teleop ARGS="--headless --duration 20")
@@ -26,11 +27,14 @@ check: setup  ## lint, types, import rules
 
 # What starts processes in real time runs alone; the rest shares the cores.
 test: setup system check docs  ## everything that a change must pass, in under 10 minutes on 2 cores
-	@$(BIN)/pytest -m "not long and not live" --numprocesses 2 --dist loadfile $(ARGS)
+	@$(BIN)/pytest -m "not long and not live and not soak" --numprocesses 2 --dist loadfile $(ARGS)
 	@$(BIN)/pytest -m "live and not long" $(ARGS)
 
 test-long: setup system  ## what takes longer, every make target among it
 	@$(BIN)/pytest -m long $(ARGS)
+
+soak: setup  ## hours: a recorder of ten hours of session at 1 kHz, and its memory; an hour of faults (FIRE_MINUTES)
+	@$(BIN)/pytest -m soak -s $(ARGS)
 
 sweep: setup  ## 1,000 simulated sessions and their page in out/sweep, in under 2 hours on 2 cores; it goes on where it was ended
 	@$(BIN)/foretouch sweep --out out/sweep $(ARGS)

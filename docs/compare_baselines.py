@@ -6,13 +6,13 @@ blocks between `<!-- measured: TABLE -->` and `<!-- end -->`. All tables take ab
 
 from __future__ import annotations
 
-import re
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
+from measured_blocks import chosen, fill
 
 from foretouch.devices import GRIPS, Device, Hand, ScriptedOperator
 from foretouch.devices.motion import minimum_jerk
@@ -22,7 +22,6 @@ from foretouch.robot import make_robot
 from foretouch.session import SessionSettings, baseline, simulate
 
 PAGE = Path(__file__).parent / "baselines.md"
-BLOCK = re.compile(r"(<!-- measured: (?P<name>[a-z-]+) -->\n).*?(<!-- end -->)", re.DOTALL)
 
 ROUND_TRIPS = (0.0, 0.02, 0.05, 0.1, 0.2, 0.4, 1.0, 2.0)
 """[s], half of it in each direction."""
@@ -160,11 +159,8 @@ TABLES = {"compared": compared, "damped": damped}
 
 def main(names: list[str]) -> None:
     """Measure these tables, or all; print them and write them into the page."""
-    unknown = set(names) - TABLES.keys()
-    if unknown:
-        raise SystemExit(f"no such table: {', '.join(sorted(unknown))}; there are {', '.join(TABLES)}")
     written = {}
-    for name in names or TABLES:
+    for name in chosen(names, TABLES):
         lines = []
         for row in TABLES[name]():
             lines.append("| " + " | ".join(row) + " |")
@@ -172,13 +168,7 @@ def main(names: list[str]) -> None:
             if len(lines) == 1:
                 lines.append("|" + " --- |" * len(row))
         written[name] = "\n".join(lines) + "\n"
-    PAGE.write_text(BLOCK.sub(lambda block: _filled(block, written), PAGE.read_text()))
-
-
-def _filled(block: re.Match[str], written: dict[str, str]) -> str:
-    """A block of the page with what was measured, if it was."""
-    name = block["name"]
-    return f"{block[1]}{written[name]}{block[3]}" if name in written else block[0]
+    fill(PAGE, written)
 
 
 if __name__ == "__main__":

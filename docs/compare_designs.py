@@ -9,7 +9,6 @@ minutes on two cores.
 from __future__ import annotations
 
 import math
-import re
 import sys
 from pathlib import Path
 from typing import Protocol
@@ -24,11 +23,11 @@ from designs.kernels import Kernel  # noqa: E402
 from designs.maps import Map  # noqa: E402
 from designs.presses import COLUMNS, NAMES, Array, Press, press  # noqa: E402
 from designs.shares import Shares, Shipped  # noqa: E402
+from measured_blocks import chosen, fill  # noqa: E402
 
 from foretouch.identification.contact_map_learning import NOISE, PERIOD  # noqa: E402
 
 PAGE = HERE / "contact-map.md"
-BLOCK = re.compile(r"(<!-- measured: design-(?P<name>[a-z-]+) -->\n).*?(<!-- end -->)", re.DOTALL)
 
 ALONE = Features(plays=(), averages=())
 
@@ -175,10 +174,7 @@ def by_file(rows: dict[str, dict[str, tuple[float, float]]], designs: dict[str, 
 
 def main(arguments: list[str]) -> None:
     """Measure these tables, or all; print them and write them into the page."""
-    names = [word for word in arguments if word != "--files"] or list(TABLES)
-    unknown = set(names) - TABLES.keys()
-    if unknown:
-        raise SystemExit(f"no such table: {', '.join(sorted(unknown))}; there are {', '.join(TABLES)}")
+    names = chosen([word for word in arguments if word != "--files"], TABLES)
     found = measure(names)
     written = {}
     for name in names:
@@ -186,13 +182,7 @@ def main(arguments: list[str]) -> None:
         written[name] = summary(name, rows, TABLES[name])
         print(f"{name}\n{by_file(rows, TABLES[name]) if '--files' in arguments else written[name]}", flush=True)
     if PAGE.is_file():
-        PAGE.write_text(BLOCK.sub(lambda block: _filled(block, written), PAGE.read_text()))
-
-
-def _filled(block: re.Match[str], written: dict[str, str]) -> str:
-    """A block of the page with what was measured, if it was."""
-    name = block["name"]
-    return f"{block[1]}{written[name]}{block[3]}" if name in written else block[0]
+        fill(PAGE, {f"design-{name}": table for name, table in written.items()})
 
 
 if __name__ == "__main__":

@@ -6,18 +6,18 @@ between `<!-- measured: totals -->` and `<!-- end -->`, the images to `docs/imag
 
 from __future__ import annotations
 
-import re
 import sys
 from pathlib import Path
 
+from measured_blocks import fill
+
 from foretouch.sweep import figures, summary
-from foretouch.sweep.curves import AXES
+from foretouch.sweep.curves import AXES, said_of_crossovers
 from foretouch.sweep.store import FILE_NAME, read_store
 from foretouch.sweep.summary import TOTALS, said
 
 PAGE = Path(__file__).parent / "sweep.md"
 IMAGES = Path(__file__).parent / "images"
-BLOCK = re.compile(r"(<!-- measured: totals -->\n).*?(<!-- end -->)", re.DOTALL)
 HEADS = {
     "ours": "models",
     "compared": "models, where compared",
@@ -35,13 +35,13 @@ def main(folder: Path) -> None:
     lines = [f"| | {' | '.join(HEADS[name] for name in columns)} |", f"| --- |{' --: |' * len(columns)}"]
     for figure, (unit, words) in TOTALS.items():
         lines.append(f"| {words} | {' | '.join(said(content[name][figure], unit) for name in columns)} |")
-    told = [one["sentence"] for one in content.get("crossovers", ())]
+    told = said_of_crossovers(content.get("crossovers", ()))
     told += [f"Session {one['number']}: {one['objection']}: `{one['command']}`" for one in content["objections"]]
     compared = content.get("compared", {"sessions": 0})["sessions"]
     ran = f"--sessions {content['ours']['sessions']} --baselines {compared} --duration {header.duration_s:g}"
     intro = f"`foretouch sweep {ran} --seed {header.seed}`, foretouch {header.version}:"
     block = "\n".join([intro, "", *lines, "", *(f"- {sentence}" for sentence in told)]).rstrip()
-    PAGE.write_text(BLOCK.sub(lambda match: f"{match[1]}{block}\n{match[2]}", PAGE.read_text()))
+    fill(PAGE, {"totals": block + "\n"})
     names = ("round-trip", "model-rate", "model-age")
     drawn = {f"sweep-{name}": figures.error_figure(rows, axis) for name, axis in zip(names, AXES, strict=True)}
     drawn["sweep-stability"] = figures.condition_figure(rows)

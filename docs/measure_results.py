@@ -1,8 +1,9 @@
 """Measure every figure of the documentation again and write it where it stands.
 
-`docs/results.md`, `docs/stability.md` and `README.md` hold
-blocks between `<!-- measured: NAME -->` and `<!-- end -->`. Each block names the
-command that prints its figures; this script runs those commands and puts what they print into the blocks.
+`docs/results.md`, `docs/stability.md` and `README.md` hold blocks between `<!-- measured: NAME -->` and `<!-- end -->`.
+Each block names the command that prints its figures; this script runs those commands and puts what they print into the
+blocks.
+
 Usage: `.venv/bin/python docs/measure_results.py [NAME ...]`, without names for all blocks. It needs the measured
 recordings (a network, or FORETOUCH_DATA_DIR). On two cores `reach` takes two minutes, `reach-simulated` five, and all
 about half an hour.
@@ -11,7 +12,6 @@ about half an hour.
 from __future__ import annotations
 
 import json
-import re
 import shlex
 import subprocess
 import sys
@@ -24,6 +24,7 @@ from time import monotonic
 from typing import Any
 
 import numpy as np
+from measured_blocks import chosen, fill
 from numpy.typing import NDArray
 
 from foretouch.identification import Learner, make_estimator
@@ -34,7 +35,6 @@ from foretouch.session import mediate
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = (ROOT / "README.md", ROOT / "docs" / "results.md", ROOT / "docs" / "stability.md")
-BLOCK = re.compile(r"(<!-- measured: (?P<name>[a-z-]+) -->\n)(?P<old>.*?)(<!-- end -->)", re.DOTALL)
 SUPERSCRIPTS = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
 
 Row = list[str]
@@ -384,19 +384,13 @@ MEASURE: dict[str, Callable[[], str]] = {
 
 def main(names: list[str]) -> None:
     """Measure these blocks, or all, and write them into the pages."""
-    unknown = set(names) - MEASURE.keys()
-    if unknown:
-        raise SystemExit(f"no such block: {', '.join(unknown)}; there are {', '.join(MEASURE)}")
     measured: dict[str, str] = {}
-    for name in names or MEASURE:
+    for name in chosen(names, MEASURE):
         begin = monotonic()
         measured[name] = MEASURE[name]()
         print(f"measured {name} in {monotonic() - begin:.0f} s", flush=True)
-    for page in PAGES:  # read again only now: somebody may have written meanwhile
-        text = BLOCK.sub(
-            lambda block: block[1] + measured.get(block["name"], block["old"]) + block[4], page.read_text()
-        )
-        page.write_text(text)
+    for page in PAGES:
+        fill(page, measured)
 
 
 if __name__ == "__main__":

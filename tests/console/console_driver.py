@@ -6,6 +6,7 @@ import contextlib
 import heapq
 import os
 import shutil
+import signal
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -17,7 +18,7 @@ import numpy as np
 from foretouch.console.scene import CAMERA, FIELD_OF_VIEW, UNITS
 from foretouch.console.shapes import HANDLE_HEIGHT
 from foretouch.devices import BrowserOperator, ScriptedOperator
-from foretouch.messages import VERSION, Handle, Hello, LeaderState, Message, ModelUpdate, Settings, Telemetry
+from foretouch.messages import VERSION, Handle, Hello, LeaderState, Message, ModelUpdate, Settings, Status, Telemetry
 from foretouch.models import HuntCrossley, advance
 
 SURFACE, PRESS_DEPTH = 0.012, 0.009
@@ -99,23 +100,37 @@ def drag_handle(page: Any, press_mm: float, seconds: float = 1.0, hold: float = 
 @contextlib.contextmanager
 def held_handle(page: Any, press_mm: float, seconds: float = 1.0, steps: int = 10) -> Iterator[None]:
     """Like `drag_handle`, held while the block runs."""
+    try:
+        take_handle(page, press_mm, seconds, steps)
+        yield
+    finally:
+        page.mouse.up()
+
+
+def take_handle(page: Any, press_mm: float, seconds: float = 1.0, steps: int = 10) -> None:
+    """Like `held_handle`, and never let go."""
     middle = HANDLE_HEIGHT + 1.0
     x, y = on_screen(page, (0.0, 0.0, middle))
     to_x, to_y = on_screen(page, (0.0, 0.0, middle - press_mm * 1e-3 * UNITS))
     page.mouse.move(x, y)
     page.wait_for_timeout(300)
     page.mouse.down()
-    try:
-        for step in range(1, steps + 1):
-            share = step / steps
-            page.mouse.move(x + share * (to_x - x), y + share * (to_y - y))
-            page.wait_for_timeout(1000 * seconds / steps)
-        # A slow renderer answers late: go on when the console has heard of the drag and the last move has been drawn.
-        page.get_by_text("You press.").wait_for(timeout=30_000)
-        page.evaluate("new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))")
-        yield
-    finally:
-        page.mouse.up()
+    for step in range(1, steps + 1):
+        share = step / steps
+        page.mouse.move(x + share * (to_x - x), y + share * (to_y - y))
+        page.wait_for_timeout(1000 * seconds / steps)
+    # A slow renderer answers late: go on when the console has heard of the drag and the last move has been drawn.
+    page.get_by_text("You press.").wait_for(timeout=30_000)
+    page.evaluate("new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))")
+
+
+def kill_tab(page: Any) -> None:
+    """End the process that draws the page, as a crash of the tab or a full memory would (`kill -9`)."""
+    session = page.context.browser.new_browser_cdp_session()
+    processes = session.send("SystemInfo.getProcessInfo")["processInfo"]
+    for process in processes:
+        if process["type"] == "renderer":
+            os.kill(process["id"], signal.SIGKILL)
 
 
 def plot_data(page: Any) -> list[np.ndarray]:
@@ -124,7 +139,8 @@ def plot_data(page: Any) -> list[np.ndarray]:
         "Array.from(Object.values(window.__viserTestpoints.uplots)[0].chart.data,"
         " column => Array.from(column, value => Number.isFinite(value) ? value : null))"
     )
-    return [np.array([np.nan if value is None else value for value in column]) for column in columns]
+    time_axis, *forces = (np.array([np.nan if value is None else value for value in column]) for column in columns)
+    return [time_axis, *(np.where(force < 0.0, np.nan, force) for force in forces)]
 
 
 # --- the session ------------------------------------------------------------------------------------------------------
@@ -143,6 +159,7 @@ class Session:
     ) -> None:
         self.published: list[Message] = []
         self.positions: list[float] = []
+        self.status = Status.FOLLOWING  # what the robot is to say of itself
         self.clutched = False  # what the operator at the mouse is known to do
         self.jumps: list[float] = []  # from hand to handle [m] whenever somebody takes it
         self._watch = watch
@@ -205,9 +222,8 @@ class Session:
     def _telemetry(self, tick: int, now_ns: int, sequence: int, x: float, v: float) -> Telemetry:
         force = advance(self._material, (), x - SURFACE, v, 1e-3)[1]
         touching = x > SURFACE
-        return Telemetry(
-            VERSION, tick, now_ns, sequence, x, x, v, force, force, force, touching, False, 1, 1_000_000, 50_000
-        )
+        numbers = (x, x, v, force, force, force, touching, False, 1, 1_000_000, 50_000)
+        return Telemetry(VERSION, tick, now_ns, sequence, *numbers, status=self.status)
 
     def _leader(self, tick: int, now_ns: int, x: float, v: float, arrived: Telemetry | None) -> LeaderState:
         force = advance(self._model, (), x - SURFACE, v, 1e-3)[1]

@@ -6,6 +6,7 @@ import pytest
 
 from foretouch.console.description import describe
 from foretouch.console.panel import Numbers, _numbers_html
+from foretouch.console.sentences import INSECURE
 from foretouch.identification import Learner, make_estimator
 from foretouch.messages import VERSION, ModelUpdate
 from foretouch.models import ContactMap
@@ -61,3 +62,5 @@ def test_the_predicted_force_stands_with_its_deviation() -> None:
     assert "3.51 ± 0.12 N" in _numbers_html(numbers)
     assert "±" not in _numbers_html(numbers._replace(deviation=float("nan")))
     assert "over 1000 N" in _numbers_html(numbers._replace(predicted=1e6))
+    assert "INSECURE" not in _numbers_html(numbers)
+    assert f">{INSECURE}</b>" in _numbers_html(numbers._replace(warnings=(INSECURE,)))

@@ -14,7 +14,7 @@ from foretouch.console.panel import Numbers, _numbers_html, felt
 from foretouch.console.scene import UNITS
 from foretouch.console.shapes import HANDLE_HEIGHT
 from foretouch.devices import GRIPS, INTENDED_FORCE
-from foretouch.messages import VERSION, Handle, Hello, LeaderState, Message, Telemetry
+from foretouch.messages import VERSION, Handle, Hello, LeaderState, Message, Status, Telemetry
 
 pytest.importorskip("viser")
 
@@ -31,7 +31,7 @@ def leader(position: float, hand: float, intended: float) -> LeaderState:
 
 def telemetry(guarded: bool) -> Telemetry:
     numbers = (0.01, 0.01, 0.0, 1.0, 1.0, 1.0, True, False, 1, 1_000_000, 50_000, guarded)
-    return Telemetry(VERSION, 1, 1, 1, *numbers)
+    return Telemetry(VERSION, 1, 1, 1, *numbers, status=Status.GUARDED if guarded else Status.FOLLOWING)
 
 
 def height(position: float) -> float:
@@ -79,7 +79,11 @@ def test_before_hand_and_follower_have_met_it_draws_what_there_is(shown):
     console.watch(hello(grip="normal"))
     console.watch(leader(position=math.nan, hand=0.0, intended=0.0))
     console._draw_scene()
-    console._write(console._history.window(), time.monotonic())
+    assert console._handle == 0.0
+    console.watch(telemetry(guarded=False))
+    console._draw_scene()
+    assert console._handle == pytest.approx(0.01)  # where the robot is
+    console._write(console._watched.history.window(), time.monotonic())
 
 
 def test_the_clutch_says_so_until_it_is_let_go(shown):
@@ -98,7 +102,7 @@ def test_a_robot_that_holds_back_is_said_to(shown):
     console, _ = shown
     console.watch(hello(grip="normal"))
     console.watch(telemetry(guarded=True))
-    assert "The robot holds back until its surface is known here." in console._status(time.monotonic())
+    assert "The robot touches what the leader does not know yet: holds back." in console._status(time.monotonic())
     console.watch(telemetry(guarded=False))
     assert "holds back" not in console._status(time.monotonic())
 

@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from foretouch.console.history import History
+from foretouch.console.panel import _drawable
 from foretouch.messages import VERSION, LeaderState, Telemetry
 
 
@@ -143,3 +144,19 @@ def test_the_deviation_stands_beside_its_prediction():
     told = window.predicted > 100.0
     np.testing.assert_allclose(window.deviation[told], 0.1 * window.predicted[told])
     assert np.isnan(window.deviation[~told]).all()
+
+
+def test_while_hand_and_robot_are_apart_nothing_is_predicted():
+    history = History()
+    for i in range(1, 1001):
+        history.add_leader(leader(i, predicted=1.1, position=float("nan") if i > 500 else 0.0))
+        history.add_telemetry(telemetry(i, i, 1.0))
+    window = history.window(points=2000)
+    assert np.isnan(window.predicted[500:]).all()
+    assert window.prediction_error == pytest.approx(10.0)
+
+
+def test_what_is_not_known_is_below_the_plot_and_what_is_not_known_yet_is_nothing():
+    nan = float("nan")
+    np.testing.assert_array_equal(_drawable(np.array([nan, 1.0, nan, 20.0, nan])), [-1.0, 1.0, -1.0, 15.0, nan])
+    np.testing.assert_array_equal(_drawable(np.full(3, nan)), [-1.0, nan, nan])

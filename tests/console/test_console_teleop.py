@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import contextlib
+import re
+import signal
 import subprocess
 import sys
 import time
@@ -14,9 +16,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from console_driver import chromium, held_handle, open_page, plot_data
+from console_driver import chromium, held_handle, kill_tab, open_page, plot_data, take_handle
 
+from foretouch.console.alarm import LATCHED, READY
+from foretouch.devices.browser import HOLD_TIME
 from foretouch.link import free_endpoint
+from foretouch.messages import Status
 from foretouch.recordings import read_session
 from foretouch.rendering.mediation import LARGEST_STEP
 
@@ -40,8 +45,10 @@ def wait_for_page(url: str, seconds: float = 40.0) -> None:
 
 
 @contextlib.contextmanager
-def teleop_page(path: Path, *options: str) -> Iterator[tuple[Any, list[str], subprocess.Popen[str]]]:
-    """A live session with its console on a page; it must end well once the stop button was clicked."""
+def teleop_page(
+    path: Path, *options: str, click: bool = True
+) -> Iterator[tuple[Any, list[str], subprocess.Popen[str]]]:
+    """A live session with its console on a page; it must end well once it was ended: by `click`, or by the block."""
     port = int(free_endpoint().rpartition(":")[2])
     url = f"http://127.0.0.1:{port}"
     command = [sys.executable, "-m", "foretouch", "teleop", "--port", str(port), "--material", "hunt-crossley"]
@@ -55,13 +62,15 @@ def teleop_page(path: Path, *options: str) -> Iterator[tuple[Any, list[str], sub
             wait_for_page(url)
             with open_page(url) as (page, requests):
                 yield page, requests, teleop
-                page.get_by_text("Stop the session").click()
+                if click:
+                    page.get_by_text("End the session").click()
                 _, err = teleop.communicate(timeout=40)
         finally:
             teleop.kill()
     assert teleop.returncode == 0, err
 
 
+@pytest.mark.long
 def test_dragging_the_handle_presses_the_material(tmp_path: Path) -> None:
     path = tmp_path / "live.mcap"
     with teleop_page(path) as (page, requests, _):
@@ -89,6 +98,7 @@ def test_dragging_the_handle_presses_the_material(tmp_path: Path) -> None:
     assert true[-20:].mean() == pytest.approx(pressed, abs=0.3)
 
 
+@pytest.mark.long
 def test_the_clutch_lets_a_hand_go_alone(tmp_path: Path) -> None:
     path = tmp_path / "live.mcap"
     with teleop_page(path, "--grip", "normal", "--force-delay", "0.05") as (page, _, _teleop):
@@ -118,3 +128,43 @@ def test_the_clutch_lets_a_hand_go_alone(tmp_path: Path) -> None:
         moved = leader["position"][tick] - leader["position"][tick - 1]
         assert abs(moved) <= abs(leader["hand_position"][tick] - leader["hand_position"][tick - 1]) + 1e-9
     assert (leader["energy"] >= -leader["energy_bound"] - 1e-12).all()
+
+
+def test_an_emergency_stop_is_released_at_the_follower_and_a_killed_tab_lets_go(tmp_path: Path) -> None:
+    path = tmp_path / "live.mcap"
+    with teleop_page(path, "--grip", "normal", "--force-delay", "0.05", click=False) as (page, _, teleop):
+        page.wait_for_timeout(2000)
+        take_handle(page, press_mm=20.0)
+        page.wait_for_timeout(500)
+        page.get_by_role("button", name=READY).press("Enter")
+        page.get_by_role("button", name=LATCHED).wait_for(timeout=20_000)
+        page.get_by_text(re.compile(r"Emergency stop \(pressed in the console\): .* kill -USR2 \d+")).wait_for()
+        page.wait_for_timeout(800)
+        teleop.send_signal(signal.SIGUSR2)
+        page.get_by_role("button", name=READY).wait_for(timeout=20_000)
+        page.wait_for_timeout(500)
+        page.get_by_role("button", name="Clutch").press("Enter")
+        page.get_by_text("Clutch is pressed: let it go").wait_for(timeout=20_000)
+        kill_tab(page)
+        time.sleep(HOLD_TIME + 2.5)
+        teleop.send_signal(signal.SIGINT)
+    log = read_session(path)
+    leader, follower = log.leader, log.follower
+    stopped = np.flatnonzero(follower["status"] == Status.STOPPED)
+    np.testing.assert_array_equal(np.diff(stopped), 1)  # once, and not to the end
+    assert 300 < stopped.size < follower.size - stopped[0] - 1000
+    assert follower["exact_force"][stopped[0]] > 1.0  # it pressed
+    assert np.abs(follower["exact_force"][stopped[200:]]).max() < 1.0
+    assert (follower["status"][stopped[-1] + 1 :] == Status.FOLLOWING).any()
+    assert follower["exact_force"].max() < 15.0
+    knows = np.isin(leader["telemetry_sequence"], follower["sequence"][stopped])
+    assert knows.sum() > 200
+    assert not leader["engaged"][knows].any()
+    assert (leader["rendered_force"][knows][150:] == 0.0).all()  # it falls as fast as a force may for a hand
+    # The hand moved with the mouse, stayed where the tab let go of it, and moved with the script again; and the clutch,
+    # which the tab had pressed after the release, was let go.
+    moved = np.flatnonzero(np.abs(np.diff(leader["intended_position"])) > 1e-7)
+    assert np.diff(leader["time_ns"][moved]).max() * 1e-9 > HOLD_TIME - 0.1
+    engaged = leader["engaged"][np.flatnonzero(knows)[-1] :].astype(int)
+    assert np.count_nonzero(np.diff(engaged) == 1) == 2
+    assert engaged[-1] == 1

@@ -251,6 +251,15 @@ def test_bound_counts_the_rendered_damping_of_either_sign():
             device.largest_stiffness(period, damping)
 
 
+@pytest.mark.parametrize(
+    ("friction", "count", "stiffness"),
+    [(0.3, 1e-3, 600.0), (0.0, 1e-3, 100.0), (0.0, 1e-5, 4000.0), (0.0, 0.0, 4000.0)],
+)
+def test_one_count_of_the_encoder_changes_the_force_by_little(friction, count, stiffness):
+    device = DeviceSpecification(damping=2.0, friction=friction, resolution=count)
+    assert device.largest_stiffness(1e-3) == pytest.approx(stiffness)
+
+
 # --- ticks, encoder, clutch -------------------------------------------------------------------------------------------
 
 

@@ -12,13 +12,14 @@ import signal
 import socket
 import subprocess
 import sys
+import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from docs_pages import Block, blocks, commands
+from docs_pages import ROOT, Block, blocks, commands
 from typer.main import get_command
 from typer.testing import CliRunner
 
@@ -54,6 +55,15 @@ def two_short_sessions(words: list[str]) -> list[str]:
     return words if "--replay" in words else [*words, "--sessions", "2", "--baselines", "0", "--duration", "2"]
 
 
+def in_new_keys(words: list[str]) -> list[str]:
+    """In a folder of its own, with an authority and what there is to be shown or made again."""
+    if words[1] != "init":
+        run(["keys", "init", "--keys", "keys"])
+    if words[1] in ("show", "rotate"):
+        run(["keys", "issue", "leader", "--keys", "keys"])
+    return [*words, "--keys", "keys"]
+
+
 OFFLINE: dict[tuple[str, ...], Callable[[list[str]], list[str]]] = {
     ("--help",): as_it_is,
     ("--version",): as_it_is,
@@ -61,18 +71,28 @@ OFFLINE: dict[tuple[str, ...], Callable[[list[str]], list[str]]] = {
     ("identify",): as_it_is,
     ("predict",): as_it_is,
     ("report",): as_it_is,
+    ("calibrate", "sensor"): as_it_is,
+    ("calibrate", "compliance"): as_it_is,
     ("datasets", "list"): as_it_is,
     ("datasets", "fetch"): as_it_is,
+    ("recordings", "repair"): as_it_is,
     ("materials", "list"): as_it_is,
     ("materials", "fit"): as_it_is,
+    ("keys", "init"): in_new_keys,
+    ("keys", "issue"): in_new_keys,
+    ("keys", "rotate"): in_new_keys,
+    ("keys", "show"): in_new_keys,
     ("compare",): one_law_without_simulation,
     ("reproduce",): only_the_quickest_section,
     ("sweep",): two_short_sessions,
 }
 """Commands that end by themselves, and their short forms."""
 
-LIVE = ("teleop", "follower", "leader", "record", "console")
+LIVE = ("teleop", "follower", "leader", "record", "console", "stop")
 """Commands of a session in real time."""
+
+SHADOW = "--shadow"
+"""A follower with this watches, and stops nothing."""
 
 
 def without(arguments: list[str], option: str) -> list[str]:
@@ -152,6 +172,9 @@ def samples(tmp_path_factory: pytest.TempPathFactory) -> Path:
     columns = write_press(folder / "press.csv")
     pyarrow, parquet = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
     parquet.write_table(pyarrow.table(columns), folder / "press.parquet")
+    for name in ("poses", "block", "spring"):
+        shutil.copy(ROOT / "docs" / "examples" / f"{name}.csv", folder)
+    run(["calibrate", "sensor", str(folder / "poses.csv"), "--output", str(folder / "sensor.toml")])
     run(["simulate", "--duration", "2.5", "--material", "hunt-crossley", "--recording", str(folder / "session.mcap")])
     # In this process: workers that are kept would look for the files of later tests in the folder of this one.
     run(two_short_sessions(["sweep", "--jobs", "1", "--out", str(folder / "out" / "sweep")]))
@@ -188,7 +211,7 @@ def test_a_command_runs_in_its_short_form(text: str, folder: Path, measured: Cal
         write_press(folder / arguments[1], -1e3 if "--flip" in arguments else 1e3)
     there = set(folder.rglob("*"))
     assert run(OFFLINE[key](arguments)).strip()
-    for option in ("--out", "--recording", "--report"):
+    for option in ("--out", "--output", "--recording", "--report"):
         if option in arguments:
             made = folder / arguments[arguments.index(option) + 1]
             assert made.exists(), f"{SHOWN[text]}: {option} wrote nothing"
@@ -244,13 +267,16 @@ def test_a_session_runs_in_its_short_form(text: str, tmp_path: Path, running: li
 
 
 def laps() -> Iterator[dict[str, str]]:
-    """The commands of single sides, combined so that each is in at least one lap."""
-    sides = {name: of(name) for name in LIVE if name != "teleop"}
+    """The commands of single sides, combined so that each is in at least one lap; robots are stopped in the first."""
+    sides = {name: sorted(of(name), key=lambda text: SHADOW in text) for name in LIVE if name not in ("teleop", "stop")}
+    stops = of("stop")
     for lap in range(max(map(len, sides.values()))):
-        yield {name: texts[lap % len(texts)] for name, texts in sides.items()}
+        one = {name: texts[lap % len(texts)] for name, texts in sides.items()}
+        yield one | ({"stop": stops.pop(0)} if stops and SHADOW not in one["follower"] else {})
+    assert not stops
 
 
-def on_this_machine(text: str, ports: tuple[int, int]) -> list[str]:
+def on_this_machine(text: str, kind: str, ports: tuple[int, int]) -> list[str]:
     """The same command with endpoints here: the follower listens on the first port, the leader on the second."""
     words = shlex.split(text)
     expected = {
@@ -259,24 +285,48 @@ def on_this_machine(text: str, ports: tuple[int, int]) -> list[str]:
         ("leader", "--listen"): [1],
         ("record", "--connect"): [0, 1],
         ("console", "--connect"): [0, 1],
+        ("stop", "--connect"): [0],
     }
     for option in ("--listen", "--connect"):
         places = [i + 1 for i, word in enumerate(words) if word == option]
         for number, place in enumerate(places):
-            words[place] = f"tcp/127.0.0.1:{ports[expected[words[0], option][number]]}"
+            words[place] = f"{kind}/127.0.0.1:{ports[expected[words[0], option][number]]}"
     return words
+
+
+def stop_the_robot(arguments: list[str], folder: Path, seconds: float = 40.0) -> None:
+    """Ask again where the follower has not begun yet."""
+    end = time.monotonic() + seconds
+    while True:
+        asking = start(arguments, folder)
+        out, err = asking.communicate(timeout=20)
+        if asking.returncode == 0:
+            assert out.startswith("the robot has stopped: ")
+            return
+        assert asking.returncode == 1
+        assert time.monotonic() < end, err
 
 
 @pytest.mark.live
 @pytest.mark.parametrize("lap", list(laps()), ids=lambda lap: lap["leader"])
-def test_the_sides_run_one_by_one(lap: dict[str, str], tmp_path: Path, running: list[subprocess.Popen[str]]) -> None:
+def test_the_sides_run_one_by_one(
+    lap: dict[str, str], tmp_path: Path, running: list[subprocess.Popen[str]], monkeypatch: pytest.MonkeyPatch
+) -> None:
     ports = (free_port(), free_port())
-    follower = without(on_this_machine(lap["follower"], ports), "--duration")
-    leader = lasting(1.5)(on_this_machine(lap["leader"], ports))
-    recorder = on_this_machine(lap["record"], ports)
-    console = [*without(on_this_machine(lap["console"], ports), "--port"), "--port", str(free_port())]
+    kind = "tls" if "tls/" in lap["leader"] else "tcp"
+    if kind == "tls":
+        monkeypatch.setenv("FORETOUCH_KEYS", str(tmp_path / "keys"))
+        for words in (["init"], ["issue", "leader"], ["issue", "follower"], ["issue", "watcher"]):
+            run(["keys", *words])
+    follower = without(on_this_machine(lap["follower"], kind, ports), "--duration")
+    leader = lasting(1.5)(on_this_machine(lap["leader"], kind, ports))
+    recorder = on_this_machine(lap["record"], kind, ports)
+    console = [*without(on_this_machine(lap["console"], kind, ports), "--port"), "--port", str(free_port())]
     running += [start(arguments, tmp_path) for arguments in (follower, recorder, console)]
-    running.append(start([*leader, "--wait-for-recorder"] if "--listen" in leader else leader, tmp_path))
+    if "stop" in lap:
+        stop_the_robot(on_this_machine(lap["stop"], kind, ports), tmp_path)
+    waits = "--listen" in leader and recorder.count("--connect") == 2
+    running.append(start([*leader, "--wait-for-recorder"] if waits else leader, tmp_path))
     for process in reversed(running):
         finish(process)
     assert (tmp_path / recorder[1]).stat().st_size > 10_000

@@ -193,7 +193,7 @@ def test_the_pages_of_the_rooms_show_every_public_name() -> None:
 
 
 def test_importing_foretouch_imports_nothing_heavy() -> None:
-    heavy = ("numpy", "numba", "scipy", "mujoco", "zenoh", "viser", "pyarrow", "matplotlib", "typer")
+    heavy = ("numpy", "numba", "scipy", "mujoco", "zenoh", "viser", "pyarrow", "matplotlib", "typer", "cv2")
     script = f"import sys, foretouch; print([name for name in {heavy!r} if name in sys.modules])"
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True, cwd=Path.home())
     assert done.stdout.strip() == "[]"

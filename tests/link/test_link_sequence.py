@@ -58,3 +58,16 @@ def test_the_largest_number_that_a_message_can_carry_costs_no_more() -> None:
     assert [counter.is_newest(n) for n in (1, 2**63 - 1, 2, 2**63 - 2)] == [True, True, False, False]
     assert time.perf_counter() - begin < 0.01
     assert counter.lost == 2**63 - 1 - 3
+
+
+def test_a_sender_that_begins_again_is_counted_on() -> None:
+    counter = SequenceCounter()
+    for number in (1, 2, 4, 4, 3, 7):
+        counter.is_newest(number)
+    assert (counter.lost, counter.received, counter.copies, counter.late) == (2, 5, 1, 1)
+    counter.restart()
+    assert counter.newest == 0
+    assert counter.is_newest(3)  # what it sent before there was a listener is not lost
+    assert counter.is_newest(5)
+    assert not counter.is_newest(5)
+    assert (counter.lost, counter.received, counter.copies, counter.newest) == (3, 7, 2, 5)

@@ -115,5 +115,5 @@ def test_rows_pair_a_command_with_the_first_tick_that_applied_it() -> None:
 
 
 def test_a_row_is_the_message_without_its_version() -> None:
-    model = ModelUpdate(VERSION, 3, 4, 5, "law", (1.0,), (), 0.0, True, "", "fprls", b"map")
-    assert as_row(model) == (3, 4, 5, "law", (1.0,), (), 0.0, True, "", "fprls", b"map")
+    model = ModelUpdate(VERSION, 3, 4, 5, "law", (1.0,), (), 0.0, True, "", "fprls", b"map", 6, 7)
+    assert as_row(model) == (3, 4, 5, "law", (1.0,), (), 0.0, True, "", "fprls", b"map", 6, 7)

@@ -247,4 +247,4 @@ def test_a_predictor_is_never_told_a_force() -> None:
         "message",
     ]
     public = {name for name in dir(Predictor) if not name.startswith("_") and callable(getattr(Predictor, name))}
-    assert public == {"update", "adopt", "catch_up", "shift", "local_slopes", "exit_work"}
+    assert public == {"update", "adopt", "catch_up", "shift", "local_slopes", "exit_work", "disown"}

@@ -32,6 +32,7 @@ PHANTOM = 0.05  # contact is lost where neither asked for nor rendered is more [
 FARTHEST = 10.0
 NO_DEVICE_LIMIT = 10.0
 SMALLEST_COUNT = 1e-6
+ROUNDING = 1e-12
 
 _FLATS = [random_flat(seed) for seed in range(8)]
 MAPS = [example_map(), example_map((0.0, 0.0, 1.0))] + [ContactMap(*flat[2:6].tolist(), pack(flat)) for flat in _FLATS]
@@ -190,6 +191,7 @@ class Run:
         self.limit = NO_DEVICE_LIMIT if device is None else min(device.force_limit, NO_DEVICE_LIMIT)
         self.books = Books(self.count)
         self.time = self.hand = 0.0
+        self.place = math.nan
         self.messages = self.ticks = 0
         self.largest_step = self.largest_debt = 0.0
         self.lowest_share = 1.0
@@ -223,7 +225,9 @@ class Run:
             self.adopt(*arrival)
         if clutch:
             self.press_or_let_go(renderer, hand)
+        before, velocity = renderer.mediation.force, renderer.predictor.velocity
         force = renderer.update(self.time, hand, period)
+        self._check_leaving(hand, before, velocity)
         wanted = self.felt(renderer.predictor.force) if renderer.proxy.engaged else 0.0
         self._check_force(force)
         self._check_energy(hand, force, wanted)
@@ -233,13 +237,25 @@ class Run:
             if clutch:
                 self.press_or_let_go(twin, hand)
             former = (twin.update(self.time, hand, period), twin.predictor.force)[1]
-        self._check_step(max((self.felt(former) if engaged else 0.0) + offset, 0.0))
+        # At the very surface rounding alone decides whether a law that begins with damping has a force yet.
+        if twin is None or abs(twin.predictor.depth) > ROUNDING:
+            offset -= renderer.mediation.surplus  # what a leaving hand is spared: `_check_leaving`
+            self._check_step(max((self.felt(former) if engaged else 0.0) + offset, 0.0))
         self.ticks += 1
         return force
 
     def felt(self, force: float) -> float:
         """What of a model's force the hand may be given [N]."""
         return min(self.scale * force, self.limit)
+
+    def _check_leaving(self, hand: float, before: float, velocity: float) -> None:
+        """A hand that goes out is not pushed by more than its change of speed, against the device's damping."""
+        if not abs(hand) <= FARTHEST:
+            return
+        if self.device is not None and hand < self.place:
+            change = abs(self.renderer.predictor.velocity - velocity) / self.options.get("position_scale", 1.0)
+            assert self.renderer.mediation.force <= before + self.device.damping * change + 2e-6
+        self.place = hand
 
     def _check_force(self, force: float) -> None:
         assert math.isfinite(force)

@@ -13,7 +13,7 @@ import pytest
 from report_sessions import make_session
 
 from foretouch.messages import SessionLog
-from foretouch.report import render_text, session_report, write_page
+from foretouch.report import free_hand, oscillation, pair, render_text, session_report, write_page
 from foretouch.report.hand import apart
 from foretouch.robot import make_robot
 from foretouch.session import SessionSettings, make_operator, simulate
@@ -34,7 +34,7 @@ def ours() -> SessionLog:
 
 @pytest.fixture(scope="module")
 def delayed() -> SessionLog:
-    return simulated(4.0, grip="soft", baseline="delayed")
+    return simulated(6.0, grip="soft", baseline="delayed")
 
 
 def guarded(log: SessionLog, start: int, end: int) -> SessionLog:
@@ -58,30 +58,143 @@ def test_a_session_with_a_hand_is_stable(ours: SessionLog) -> None:
     assert report["guarded_s"] == pytest.approx(1e-3 * ours.follower["guarded"].sum())
     assert hand["peak_force_hand_N"] == ours.leader["rendered_force"].max()
     assert hand["peak_force_robot_N"] == ours.follower["exact_force"].max()
-    assert hand["oscillation"]["intended_swings"] >= 2
+    held = ours.follower["exact_force"][ours.follower["guarded"]]
+    assert hand["peak_force_guarded_N"] == held.max() <= hand["peak_force_robot_N"]
+    assert hand["oscillation"]["free_swings"] >= 2
+    assert hand["energy_agrees"] is True
+    assert 0.0 <= hand["largest_energy_cut_N"] <= report["largest_rendered_jump_N"]
     assert hand["oscillation"]["extra_swings"] <= 2
     assert hand["given_way_mm"] > 5.0 * hand["given_way_in_air_mm"]
     json.dumps(report, allow_nan=False)
     text = render_text(report)
-    assert "Stable: " in text
-    assert "guarded" in text
+    assert "and the hand did not oscillate." in text
+    assert re.search(rf"guarded, .* s in all, at most {held.max():.2f} N; lost", text)
+    assert "where the robot touched nothing" not in text
+
+
+def test_an_account_that_is_not_true_is_said(ours: SessionLog, delayed: SessionLog) -> None:
+    leader = delayed.leader.copy()
+    leader["energy"] = np.maximum(leader["energy"], -leader["energy_bound"])
+    report = session_report(replace(delayed, leader=leader))
+    assert report["net_energy_J"] == pytest.approx(session_report(delayed)["net_energy_J"])
+    assert "more than the energy account allows, and the leader's account of energy is not what" in render_text(report)
+    leader = ours.leader.copy()
+    leader["energy"] += 1e-6 * (leader["energy"] > 0.0)
+    report = session_report(replace(ours, leader=leader))
+    assert report["stable"] is False
+    said = "Unstable: the leader's account of energy is not what its forces and positions add up to."
+    assert said in render_text(report)
+
+
+def test_where_nothing_was_touched() -> None:
+    """A heavy device without damping swings in the hand by itself: that is no oscillation of the coupling."""
+    heavy = {"device_mass": 10.0, "device_damping": 0.1, "device_friction": 0.0, "grip": "soft"}
+    log = simulated(20.0, clutch="0.5:20", **heavy)
+    report = session_report(log)
+    swings = report["hand"]["oscillation"]
+    assert report["stable"] is True
+    assert swings["swings"] <= swings["free_swings"]
+    assert oscillation(log.leader)["oscillates"]  # as it does against what the hand means
+    np.testing.assert_allclose(free_hand(log), log.leader["exact_hand_position"], atol=1e-9)
+    text = render_text(report)
+    assert "Stable, but nothing was touched." in text
+    assert "no contact at the hand: nothing to account for" in text
+    assert "-0.00" not in text
+    never = replace(log, leader=log.leader.copy())
+    never.leader["engaged"] = False
+    assert "Stable, but hand and robot were never coupled, and nothing was touched." in render_text(
+        session_report(never)
+    )
+
+
+def test_a_hand_that_nobody_knows_is_compared_with_what_it_means(ours: SessionLog) -> None:
+    for settings in ({}, ours.settings | {"grip": "none"}, ours.settings | {"device_mass": "-1"}):
+        assert free_hand(replace(ours, settings=settings)) is None
+
+
+def test_most_of_the_contact_was_guarded(ours: SessionLog) -> None:
+    everything = guarded(ours, 0, ours.follower.size)
+    report = session_report(everything)
+    assert report["hand"]["guarded_contact_percent"] == 100.0
+    assert "The guard held the robot back in 100 % of the contact time" in render_text(report)
+    assert session_report(ours)["hand"]["guarded_contact_percent"] < 50.0
+    assert "The guard held" not in render_text(session_report(ours))
+
+
+def test_a_force_where_the_robot_touched_nothing(ours: SessionLog) -> None:
+    """For 60 commands in a row, in free air; neither for 40, nor while the robot was held back."""
+    rows = pair(ours)
+    free = ~(rows.follower["in_contact"] | rows.follower["guarded"])
+    start = next(int(row) for row in np.flatnonzero(free) if free[row : row + 200].all())
+    ticks = np.flatnonzero(np.isin(ours.leader["sequence"], rows.leader["sequence"][start + 50 : start + 110]))
+    assert ticks.size == 60
+    assert session_report(ours)["hand"]["largest_phantom_N"] == 0.0
+
+    def felt(count: int, force: float) -> SessionLog:
+        leader = ours.leader.copy()
+        leader["rendered_force"][ticks[:count]] = force
+        return replace(ours, leader=leader)
+
+    report = session_report(felt(60, 1.5))
+    assert report["hand"]["largest_phantom_N"] == 1.5
+    assert "The hand felt up to 1.50 N where the robot touched nothing." in render_text(report)
+    for quiet in (felt(40, 1.5), felt(60, 0.2), guarded(felt(60, 1.5), 0, ours.follower.size)):
+        assert session_report(quiet)["hand"]["largest_phantom_N"] == 0.0
 
 
 def test_a_delayed_force_is_unstable_and_is_said_first(delayed: SessionLog, tmp_path: Path) -> None:
     report = session_report(delayed)
     assert report["stable"] is False
     assert report["hand"]["certificate_holds"] is False
+    assert report["hand"]["oscillation"]["oscillates"] is True
     assert report["net_energy_J"] < -10.0 * report["energy_bound_J"] < 0.0
     assert report["net_energy_exact_J"] == pytest.approx(report["net_energy_J"], rel=0.01)
-    assert report["largest_update_jump_N"] == 0.0
     text = render_text(report)
     assert text.index("Baseline delayed: the delayed force was rendered") < text.index("Unstable: the hand was given")
     assert text.index("Unstable: ") < text.index("Forces at equal command")
     assert "than the delayed force" not in text  # it is the delayed force
+    assert "An operator could feel the delayed force's error in " in text
     page = write_page(tmp_path, delayed, report).read_text()
     sentences = re.findall(r'<p class="bad">([^<]+)</p>', page)
     assert sentences[0].startswith("Baseline delayed")
     assert sentences[1].startswith("Unstable: ")
+
+
+def test_of_a_baseline_nothing_is_said_that_nobody_computed(delayed: SessionLog) -> None:
+    """Neither what models did, nor what a ceiling cut, nor what the device could not carry: there are none."""
+    assert np.isnan(delayed.leader["rendered_share"]).all()
+    old = replace(delayed, leader=delayed.leader.copy())
+    old.leader["rendered_share"] = 1.0
+    for log in (delayed, old):
+        report = session_report(log)
+        assert {report[name] for name in report if "update_jump" in name or "model_jump" in name} == {None}
+        for name in ("device_bound_percent", "smallest_rendered_share", "largest_energy_cut_N"):
+            assert report["hand"][name] is None
+        text = render_text(report)
+        for line in ("  updates ", "  ceiling ", "  device ", "before mediation"):
+            assert line not in text
+        assert "  hand  " in text
+        assert "delayed (what was rendered)" in text
+        json.dumps(report, allow_nan=False)
+
+
+def test_a_controller_does_not_render_the_delayed_force_itself(delayed: SessionLog) -> None:
+    report = session_report(replace(delayed, settings=delayed.settings | {"baseline": "delayed-tdpa"}))
+    text = render_text(report)
+    assert "the delayed force was rendered, as far as a passivity controller let it" in text
+    assert "delayed (before the controller)" in text
+    assert "what was rendered" not in text
+
+
+def test_a_delayed_force_in_an_open_loop_is_given_to_nobody() -> None:
+    """It would give out energy along this motion; but nobody holds what could be unstable."""
+    report = session_report(simulated(6.0, baseline="delayed"))
+    assert report["hand"]["certificate_holds"] is False
+    assert report["stable"] is None
+    text = render_text(report)
+    assert "the hand was given" not in text
+    assert "Unstable" not in text
+    assert "not known: nobody holds what the delayed force would move" in text
 
 
 def test_the_page_shows_hand_and_energy(ours: SessionLog, tmp_path: Path) -> None:
@@ -157,6 +270,7 @@ def test_what_the_guard_took_away() -> None:
     air = session_report(guarded(log, start - 40, start))
     assert air["guarded_contacts"] == 0
     assert air["guarded_s"] == pytest.approx(0.04)
+    assert session_report(log)["hand"]["peak_force_guarded_N"] is None
     assert air["hand"]["depth_lost_mm"] == air["hand"]["time_lost_s"] == 0.0
 
 
@@ -176,8 +290,9 @@ def test_how_far_the_proxy_is_from_the_hand() -> None:
 
 def test_share_that_the_device_could_carry(ours: SessionLog) -> None:
     leader = ours.leader.copy()
-    felt = np.flatnonzero(leader["rendered_force"] > 0.05)
+    felt = np.flatnonzero(0.5 * leader["predicted_force"] * leader["engaged"] > 0.05)
     leader["rendered_share"] = 1.0
+    leader["rendered_force"] = 0.0  # so little is carried that nothing is felt
     leader["rendered_share"][felt[: felt.size // 4]] = 0.5
     hand = session_report(replace(ours, leader=leader))["hand"]
     assert hand["device_bound_percent"] == pytest.approx(25.0, abs=0.1)

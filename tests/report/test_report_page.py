@@ -31,7 +31,7 @@ def images(page: Path) -> list[ElementTree.Element]:
     [
         (make_session(3.0, noise=0.02), 5),
         (make_session(3.0, stiffness=30.0, limit=10.0), 5),
-        (make_session(2.5, touching=False), 5),
+        (make_session(2.5, touching=False), 4),
         (make_session(2.5, models=False), 4),
         (make_session(2.5, valid=False), 5),
         (make_session(0.2), 5),
@@ -126,6 +126,19 @@ def test_a_diverged_prediction_does_not_flatten_the_figure_and_is_told() -> None
         assert axes.get_ylim()[1] < 10.0
         assert any("beyond the axis in 1 % of samples" in text.get_text() for text in axes.texts)
     assert [line.get_label() for line in figure.axes[0].lines][-1] == "predicted"
+
+
+def test_what_is_not_scored_is_not_marked_as_scored() -> None:
+    time = np.arange(3000) * 1e-3
+    force = np.maximum(0.0, 4.0 * np.sin(6.0 * time))
+    scored = (time >= 0.5) & ~((time >= 1.0) & (time < 2.0))
+    band = next(
+        found
+        for found in force_figure(time, force, force, force, force, scored=scored).axes[0].collections
+        if found.get_label() == "scored"
+    )
+    sides = [(path.vertices[:, 0].min(), path.vertices[:, 0].max()) for path in band.get_paths()]
+    np.testing.assert_allclose(sides, [(0.5, 1.0), (2.0, 3.0)], atol=2e-3)
 
 
 def test_thinning_keeps_every_peak() -> None:

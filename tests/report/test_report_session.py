@@ -11,6 +11,8 @@ from report_sessions import MATERIAL, make_session
 
 from foretouch.messages import FOLLOWER_DTYPE, LEADER_DTYPE, SessionLog
 from foretouch.report import STATUSES, force_at_follower, pair, render_text, session_report
+from foretouch.report.numbers import figure
+from foretouch.report.text import scoring_findings
 
 KEYS = {
     "contact_force_rms_N",
@@ -199,6 +201,21 @@ def test_text_says_the_bad_news_first() -> None:
     good = render_text(session_report(make_session(3.0)))
     assert "better than the delayed force" in good
     assert max(map(len, good.splitlines())) <= 110
+
+
+@pytest.mark.parametrize(
+    ("error", "word"), [(99.4, "better"), (99.6, "no better"), (100.4, "no better"), (100.6, "worse")]
+)
+def test_what_is_the_same_is_no_better(error: float, word: str) -> None:
+    figures = {"status": "ok", "within_jnd_percent": None, "missed_contact_percent": None}
+    said = scoring_findings(figures | {"prediction_error_percent": error, "delayed_force_error_percent": 100.0})[0]
+    assert said.text.startswith(f"The predicted force is {word} than the delayed force (error x ")
+    assert said.good is (word == "better")
+
+
+def test_figures_as_people_read_them() -> None:
+    shown = [figure(value) for value in (0.0, -0.0, -3e-5, 0.0512, -0.5, 12.34, -1234.6, 3e6)]
+    assert shown == ["0.00", "0.00", "0.00", "0.051", "-0.50", "12.3", "-1,235", "3.00e+06"]
 
 
 def test_same_log_same_report(perfect: SessionLog) -> None:

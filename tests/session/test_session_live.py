@@ -10,15 +10,15 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
-import msgspec
 import numpy as np
 import pytest
 
 from foretouch.link import ZenohLink, free_endpoint
-from foretouch.messages import VERSION, Hello, SessionLog
+from foretouch.messages import VERSION, Hello, SessionLog, Status
 from foretouch.recordings import read_session
 
 pytestmark = pytest.mark.live
@@ -146,24 +146,42 @@ def follower_endpoint() -> Iterator[tuple[str, Running]]:
         yield endpoint, follower
 
 
-def test_two_sides_started_by_hand_find_each_other_and_end_together(
-    follower_endpoint: tuple[str, Running],
-) -> None:
+def test_leaders_take_turns_and_anybody_stops_the_robot(follower_endpoint: tuple[str, Running]) -> None:
+    """Sides that are started by hand find each other; one leader commands; the last one's end ends the follower."""
     endpoint, follower = follower_endpoint
-    with Running("leader", "--connect", endpoint, "--duration", 2) as leader:
-        code, _, err = leader.wait()
-        assert code == 0, err
+    with ZenohLink(connect=[endpoint], subscribe=["hello", "telemetry"]) as watcher:
+
+        def until_said(name: str, begins: str) -> None:
+            end = time.monotonic() + 40.0
+            while not any(_texts(hello).get(name, "").startswith(begins) for _, hello in watcher.take("hello")):
+                assert time.monotonic() < end, f"nobody says that {name} is {begins}"
+                time.sleep(0.02)
+
+        with Running("leader", "--connect", endpoint, "--name", "anna") as first:
+            until_said("control", "anna")
+            with Running("leader", "--connect", endpoint, "--name", "bert", "--duration", 40) as second:
+                refused = "leader: anna holds control: this leader has it after 1 s of silence"
+                assert second.process.stderr is not None
+                assert any(line.strip() == refused for line in second.process.stderr)
+                first.process.kill()
+                until_said("control", "bert")
+                with Running("stop", "--connect", endpoint) as stop:
+                    code, out, err = stop.wait(20)
+                assert (code, err) == (0, "")
+                assert out.startswith("the robot has stopped: ")
+                until_said("trouble", "emergency stop (asked for by ")
+                watcher.take("telemetry")
+                time.sleep(0.1)
+                assert {telemetry.status for _, telemetry in watcher.take("telemetry")} == {Status.STOPPED}
+                second.process.send_signal(signal.SIGINT)
+                code, _, err = second.wait(20)
+                assert code == 0, err
     code, _, err = follower.wait(20)
     assert code == 0, err
 
 
-def test_ctrl_c_ends_a_side_cleanly(follower_endpoint: tuple[str, Running]) -> None:
-    _, follower = follower_endpoint
-    time.sleep(4.0)
-    follower.process.send_signal(signal.SIGINT)
-    code, _, err = follower.wait(20)
-    assert code == 0, err
-    assert "Traceback" not in err
+def _texts(hello: Hello) -> dict[str, str]:
+    return dict(zip(hello.names, hello.values, strict=True))
 
 
 def test_a_peer_of_another_version_is_refused_with_exit_code_2() -> None:
@@ -179,80 +197,43 @@ def test_a_peer_of_another_version_is_refused_with_exit_code_2() -> None:
     assert "Traceback" not in err
 
 
-def test_garbage_is_counted_reported_and_dropped(follower_endpoint: tuple[str, Running]) -> None:
-    endpoint, follower = follower_endpoint
-
-    class Garbage(msgspec.Struct, array_like=True):
-        version: int = VERSION
-        nonsense: str = "?"
-
-    import zenoh
-
-    config = zenoh.Config()
-    for key, value in {
-        "mode": '"peer"',
-        "connect/endpoints": json.dumps([endpoint]),
-        "connect/timeout_ms": "-1",
-        "connect/exit_on_failure": "false",
-        "scouting/multicast/enabled": "false",
-        "transport/unicast/lowlatency": "true",
-        "transport/unicast/qos/enabled": "false",
-    }.items():
-        config.insert_json5(key, value)
-    with zenoh.open(config) as stranger:
-        end = time.monotonic() + 8.0
-        while time.monotonic() < end:
-            stranger.put("foretouch/command", msgspec.msgpack.encode(Garbage()))
-            time.sleep(0.01)
-    assert follower.process.poll() is None
-    follower.process.send_signal(signal.SIGTERM)
-    code, _, err = follower.wait(20)
-    assert code == 0
-    lines = [line for line in err.splitlines() if "did not decode and were dropped" in line]
-    assert 1 <= len(lines) <= 10  # once a second, not once a message
-
-
-def test_ctrl_c_ends_all_processes_and_still_reports(tmp_path: Path) -> None:
-    path = tmp_path / "live.mcap"
-    with Running("teleop", "--headless", "--operator", "scripted", "--json", "--recording", path) as teleop:
-        end = time.monotonic() + 60.0
-        while not (path.exists() and path.stat().st_size > 200_000):
+@pytest.fixture(scope="module")
+def three(tmp_path_factory: pytest.TempPathFactory) -> Iterator[list[tuple[Running, Path, set[int]]]]:
+    """Three sessions that run, each with its recording and its processes: each is ended in another way."""
+    paths = [tmp_path_factory.mktemp("three") / "live.mcap" for _ in range(3)]
+    with ExitStack() as stack:
+        common = ("teleop", "--headless", "--operator", "scripted", "--json", "--recording")
+        running = [stack.enter_context(Running(*common, path)) for path in paths]
+        end = time.monotonic() + 90.0
+        while not all(path.exists() and path.stat().st_size > 200_000 for path in paths):
             assert time.monotonic() < end, "no recording grew"
             time.sleep(0.1)
-        children = children_of(teleop.process.pid)
-        teleop.process.send_signal(signal.SIGINT)
-        code, out, err = teleop.wait(40)
+        yield [(one, path, children_of(one.process.pid)) for one, path in zip(running, paths, strict=True)]
+
+
+def test_ctrl_c_ends_all_processes_and_still_reports(three: list[tuple[Running, Path, set[int]]]) -> None:
+    teleop, path, children = three[0]
+    teleop.process.send_signal(signal.SIGINT)
+    code, out, err = teleop.wait(40)
     assert code == 0, err
     assert json.loads(out)["recording"] == str(path)
     assert len(children) == 3
     assert gone(children)
 
 
-def test_killing_the_parent_leaves_no_process_behind(tmp_path: Path) -> None:
-    path = tmp_path / "live.mcap"
-    with Running("teleop", "--headless", "--operator", "scripted", "--recording", path) as teleop:
-        end = time.monotonic() + 60.0
-        while not (path.exists() and path.stat().st_size > 200_000):
-            assert time.monotonic() < end, "no recording grew"
-            time.sleep(0.1)
-        children = children_of(teleop.process.pid)
-        os.kill(teleop.process.pid, signal.SIGKILL)
-        assert len(children) == 3
-        assert gone(children)
+def test_killing_the_parent_leaves_no_process_behind(three: list[tuple[Running, Path, set[int]]]) -> None:
+    teleop, path, children = three[1]
+    os.kill(teleop.process.pid, signal.SIGKILL)
+    assert len(children) == 3
+    assert gone(children)
     assert read_session(path).leader.size > 0
 
 
-def test_a_failing_process_ends_the_session_with_its_code(tmp_path: Path) -> None:
-    path = tmp_path / "live.mcap"
-    with Running("teleop", "--headless", "--operator", "scripted", "--recording", path) as teleop:
-        end = time.monotonic() + 60.0
-        while not (path.exists() and path.stat().st_size > 200_000):
-            assert time.monotonic() < end, "no recording grew"
-            time.sleep(0.1)
-        children = children_of(teleop.process.pid)
-        follower = next(pid for pid in children if b"follower" in Path(f"/proc/{pid}/cmdline").read_bytes())
-        os.kill(follower, signal.SIGKILL)
-        code, _, err = teleop.wait(40)
+def test_a_failing_process_ends_the_session_with_its_code(three: list[tuple[Running, Path, set[int]]]) -> None:
+    teleop, _, children = three[2]
+    follower = next(pid for pid in children if b"\0follower\0" in Path(f"/proc/{pid}/cmdline").read_bytes())
+    os.kill(follower, signal.SIGKILL)
+    code, _, err = teleop.wait(40)
     assert code == 1
     assert "the follower process ended with exit code -9" in err
     assert gone(children)
@@ -313,6 +294,7 @@ def test_only_the_leader_is_told_of_the_hand_and_the_follower_guards(
     assert log.follower["exact_force"][guarded].max() < 2.6
 
 
+@pytest.mark.long
 def test_scales_frames_and_the_clutch_in_real_time(tmp_path: Path) -> None:
     log = live_log(
         tmp_path,
@@ -333,6 +315,7 @@ def test_scales_frames_and_the_clutch_in_real_time(tmp_path: Path) -> None:
     assert log.follower["exact_force"].max() > 0.3
 
 
+@pytest.mark.long
 def test_a_baseline_renders_what_the_network_brings(tmp_path: Path) -> None:
     options = ("--duration", 5, "--baseline", "delayed", "--position-delay", 0.02, "--force-delay", 0.05)
     leader = live_log(tmp_path, *options).leader

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from foretouch.identification import Learner, make_estimator, predict
 from foretouch.quantities import Recording
-from foretouch.recordings import fetch, read_recording
+from foretouch.recordings import read_recording
 from foretouch.report import score
 from foretouch.session import mediate
 
@@ -18,8 +21,8 @@ def learner() -> Learner:
 
 @pytest.mark.data
 @pytest.mark.parametrize("name", ["tue/b-foam3", "tue/e-foam2"])
-def test_mediation_costs_a_point_at_most_where_no_bound_is_active(name: str) -> None:
-    recording = read_recording(fetch(name))
+def test_mediation_costs_a_point_at_most_where_no_bound_is_active(name: str, measured: Callable[[str], Path]) -> None:
+    recording = read_recording(measured(name))
     found = mediate(recording, learner(), delay=0.3)
     assert np.abs(found.step).max() <= 0.1
     window = {"contact_floor": recording.contact_floor, "score_from": 1.5}

@@ -51,7 +51,9 @@ class Pressing:
         force = self.stiffness * max(position - SURFACE, 0.0)
         hanging = self.specification.gravity  # falling with gravity, the tool weighs nothing
         sample = RobotSample(position, force, hanging, force, position, position, False)
-        command = Command(VERSION, self.tick + 1, self.tick * MS, position, self.state.model_sequence)
+        command = Command(
+            VERSION, self.tick + 1, self.tick * MS, position, self.state.sender.sequence, False, "hand", 1
+        )
         self.state, outputs = follower.step(self.state, follower.Inputs([command], sample, MS, 0), self.tick * MS)
         self.tick += 1
         return outputs.model
@@ -206,6 +208,16 @@ def test_a_leader_that_never_answers_says_nothing_of_the_delay() -> None:
         trip.sent(tick + 1, tick * MS)
         trip.commanded(2**40 + tick, 0)
         assert trip.applied(tick, tick * MS) is None
+
+
+def test_a_command_that_comes_after_its_turn_does_not_unlearn_what_the_leader_renders_from() -> None:
+    trip = RoundTrip()
+    for command, model in ((5, 3), (4, 2), (6, 0)):
+        trip.commanded(command, model)
+        trip.applied(5, 0)
+        assert trip.current == 3
+    trip.applied(6, 0)
+    assert trip.current == 0, "a leader that gave its model up says so"
 
 
 @pytest.mark.parametrize("faults", [{}, {"loss": 0.05, "jitter": 0.003}])

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from foretouch.sweep import Outcome, crossover, crossovers, curve, draw_case, render_table, summary, write_sweep_page
-from foretouch.sweep.curves import AXES, Curve, error_of
+from foretouch.sweep.curves import AXES, Curve, error_of, said_of_crossovers
+from foretouch.sweep.figures import error_figure
 
 GOOD: dict[str, Any] = {
     "stable": True,
@@ -76,7 +77,10 @@ def test_the_crossover_is_said_in_a_sentence() -> None:
     never = found["round trip", "delayed-tdpa"]
     assert never["at"] is None
     assert "There is no point" in str(never["sentence"])
-    assert "Too few sessions" in str(found["model age", "delayed"]["sentence"])  # their age was not measured
+    assert found["model age", "delayed"]["sentence"] is None  # their age was not measured
+    told = said_of_crossovers(crossovers(swept()))
+    assert told[-1] == "Too few sessions to compare models with the delayed force over model age."
+    assert len(told) == 3
 
 
 def test_totals_count_what_is_wrong() -> None:
@@ -119,6 +123,17 @@ def test_a_page_of_one_session_that_failed(tmp_path: Path) -> None:
     figures = dict.fromkeys(GOOD)
     page = write_sweep_page(tmp_path, [row(0, **figures, error="RuntimeError: <no>")])
     assert "failed: RuntimeError: &lt;no&gt;" in page.read_text()
+
+
+@pytest.mark.parametrize("count", [1, 3, 60])
+def test_the_legend_names_what_is_drawn_and_nothing_else(count: int) -> None:
+    for axis in AXES:
+        axes = error_figure(swept(count), axis).axes[0]
+        handles, labels = axes.get_legend_handles_labels()
+        assert all(len(handle.get_xdata()) for handle in handles)
+        assert len(set(labels)) == len(labels)
+        drawn = {line.get_marker() for line in axes.get_lines() if line.get_marker() != "None"}
+        assert {handle.get_marker() for handle in handles} - {"None"} == drawn
 
 
 def test_every_axis_has_room_for_every_session() -> None:

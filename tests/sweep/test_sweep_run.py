@@ -1,5 +1,7 @@
 import json
+import re
 import shlex
+from dataclasses import replace
 from pathlib import Path
 
 import msgspec
@@ -7,6 +9,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner, Result
 
+import foretouch.report
 from foretouch.cli import main
 from foretouch.cli.app import app
 from foretouch.errors import InputError
@@ -15,7 +18,7 @@ from foretouch.recordings import read_session
 from foretouch.sweep import Outcome, Plan, draw_case, replay_session, run_case, run_sweep
 from foretouch.sweep.measure import digest, measure
 from foretouch.sweep.run import log_of
-from foretouch.sweep.store import FILE_NAME, Store, read_store
+from foretouch.sweep.store import FILE_NAME, SHOWING, Store, read_store
 
 PLAN = Plan(12, 2, 4.0)
 
@@ -142,7 +145,7 @@ def test_a_broken_bound_a_large_jump_and_an_oscillating_hand_are_found() -> None
     def objections(name: str, change: object) -> list[str]:
         leader = log.leader.copy()
         leader[name] = change
-        figures = measure(SessionLog(leader, log.follower, log.models), settings)
+        figures = measure(replace(log, leader=leader), settings)
         return Outcome(
             number=0, baseline="none", command="", duration_s=4.0, network="", round_trip_s=0.0, options={}, **figures
         ).objections
@@ -173,6 +176,23 @@ def test_rows_of_another_sweep_are_refused_with_one_line(
     with pytest.raises(InputError, match=said) as caught:
         run_sweep(tmp_path, PLAN)
     assert "\n" not in str(caught.value)
+
+
+def reached(module: str, room: Path) -> set[str]:
+    """Names of the modules of a room that one of them is made of."""
+    imported = re.findall(rf"^from foretouch\.{room.name}\.(\w+) import", (room / f"{module}.py").read_text(), re.M)
+    return {module}.union(*(reached(name, room) for name in imported))
+
+
+def test_rows_are_stale_by_what_made_them_and_by_nothing_that_only_shows_them() -> None:
+    report = Path(foretouch.report.__file__).parent
+    asked = (foretouch.report.hand_figures, foretouch.report.pair, foretouch.report.update_jumps)
+    measuring = set().union(*(reached(function.__module__.rpartition(".")[2], report) for function in asked))
+    measuring |= reached("session", report)  # for its contact floor
+    assert {path.stem for path in report.glob("*.py")} - measuring - {"__init__"} == set(SHOWING["report"])
+    sweep = report.parent / "sweep"
+    assert set(SHOWING["sweep"]).isdisjoint(reached("run", sweep) | reached("store", sweep))
+    assert all((sweep / f"{name}.py").is_file() for name in SHOWING["sweep"])
 
 
 def test_a_replay_of_nothing_is_refused(

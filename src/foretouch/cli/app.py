@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from foretouch import __version__
-from foretouch.cli import comparison, data, offline, paper, sessions, sweep
+from foretouch.cli import calibrate, comparison, data, keys, offline, paper, recordings, sessions, sides, sweep
 from foretouch.cli.help import PanelledCommand
 
 __all__ = ["app"]
@@ -37,8 +37,11 @@ def _root(
     pass
 
 
-for module in (sessions, offline, comparison, sweep, paper):
+for module in (sessions, sides, offline, comparison, sweep, paper):
     for command in module.COMMANDS:
         app.command(cls=PanelledCommand)(command)
+app.add_typer(calibrate.calibrate, name="calibrate")
 app.add_typer(data.datasets, name="datasets")
 app.add_typer(data.materials, name="materials")
+app.add_typer(keys.keys, name="keys")
+app.add_typer(recordings.recordings, name="recordings")

@@ -27,6 +27,7 @@ from foretouch.cli.options import (
     print_json,
     say,
 )
+from foretouch.cli.recordings import say_what_is_left_out
 from foretouch.errors import SettingError
 
 if TYPE_CHECKING:
@@ -45,6 +46,9 @@ def identify(
     surface: Surface = "auto",
     force_offset: ForceOffset = "auto",
     sensor_lag: SensorLag = 0.0,
+    sensor: Annotated[
+        Path | None, typer.Option(help="TOML of `foretouch calibrate`: offset, lag and compliance are corrected.")
+    ] = None,
     position_unit: PositionUnit = "m",
     force_unit: ForceUnit = "N",
     flip: Flip = False,
@@ -61,10 +65,13 @@ def identify(
 
     _refuse_to_replace(recording, out)
     estimator = _estimator_for(model, estimator)
-    learner = _learner(model, estimator, surface, force_offset, sensor_lag)
     data = read_recording(
         recording, position_unit=position_unit, force_unit=force_unit, flip=flip, force_channel=force_channel
     )
+    say_what_is_left_out(recording)
+    if sensor is not None:
+        data, force_offset, sensor_lag = _at_the_contact(data, sensor, force_offset, sensor_lag)
+    learner = _learner(model, estimator, surface, force_offset, sensor_lag)
     result = identification.identify(data, learner(contact_floor=data.contact_floor))
     residual, contact = result.residual_rms, result.contact_force_rms
     content = {
@@ -128,13 +135,16 @@ def predict(
         make_folder(report_directory)
     estimator = _estimator_for(model, estimator)
     learner = _learner(model, estimator, surface, force_offset, sensor_lag)
+    log = None
     if recording.suffix.lower() == ".mcap":
-        found = forces_under_delay(read_session(recording), learner(), delay)
+        log = read_session(recording)
+        found = forces_under_delay(log, learner(), delay)
     else:
         data = read_recording(
             recording, position_unit=position_unit, force_unit=force_unit, flip=flip, force_channel=force_channel
         )
         found = forces_under_delay(data, learner(contact_floor=data.contact_floor), delay)
+    say_what_is_left_out(recording, log)
     scores = score(
         found.time,
         found.measured,
@@ -144,6 +154,7 @@ def predict(
         score_from=score_from,
         score_to=score_to,
         position=found.position,
+        skipped=found.skipped,
     )
     names = (
         "samples",
@@ -222,6 +233,22 @@ def _learner(model: str, estimator: str, surface: str, force_offset: str, sensor
         force_offset=_number_or_auto("force-offset", force_offset),
         sensor_lag=sensor_lag,
     )
+
+
+def _at_the_contact(data: Recording, path: Path, force_offset: str, sensor_lag: float) -> tuple[Recording, str, float]:
+    """The recording as its sensor's calibration corrects it, its force in free air and the sensor's lag."""
+    from foretouch.identification import correct_recording
+    from foretouch.recordings import read_calibration
+
+    calibration = read_calibration(path)
+    known = calibration.force_offset
+    if known is not None and force_offset != "auto":
+        raise SettingError("force-offset", force_offset, f"{path} has it too: give one of them")
+    if calibration.sensor_lag is not None and sensor_lag != 0.0:
+        raise SettingError("sensor-lag", sensor_lag, f"{path} has it too: give one of them")
+    given = _number_or_auto("force-offset", force_offset)
+    data = correct_recording(data, calibration, force_offset=given)
+    return data, force_offset if known is None else repr(known), calibration.sensor_lag or sensor_lag
 
 
 def _map_of(result: Identification) -> dict[str, object] | None:

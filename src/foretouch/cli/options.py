@@ -27,6 +27,7 @@ __all__ = [
     "ForceUnit",
     "Insecure",
     "Json",
+    "KeysFolder",
     "Listen",
     "ModelName",
     "Parent",
@@ -36,6 +37,8 @@ __all__ = [
     "Surface",
     "make_folder",
     "print_json",
+    "require_duration",
+    "require_recording",
     "say",
     "with_session_settings",
 ]
@@ -51,9 +54,18 @@ EstimatorName = Annotated[
 Duration = Annotated[float | None, typer.Option(help="End after so long [s]; without it, Ctrl-C ends.")]
 ReportDirectory = Annotated[Path | None, typer.Option("--report", help="Folder for the page with the figures.")]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object instead of text.")]
-Listen = Annotated[list[str] | None, typer.Option(help="Endpoint to listen on, such as tcp/127.0.0.1:7447.")]
+Listen = Annotated[
+    list[str] | None,
+    typer.Option(help="Endpoint to listen on, such as tcp/127.0.0.1:7447; between machines tls/HOST:PORT."),
+]
 Connect = Annotated[list[str] | None, typer.Option(help="Endpoint to connect to; may be given more than once.")]
-Insecure = Annotated[bool, typer.Option("--insecure", help="Allow endpoints off this machine, unencrypted.")]
+Insecure = Annotated[
+    bool, typer.Option("--insecure", help="Allow tcp endpoints off this machine: anybody may listen and command.")
+]
+KeysFolder = Annotated[
+    Path | None,
+    typer.Option("--keys", help="Folder of keys; without it FORETOUCH_KEYS, or ~/.config/foretouch/keys."),
+]
 Parent = Annotated[int | None, typer.Option(hidden=True)]
 PositionUnit = Annotated[str, typer.Option(help="Unit of positions in the file: m, cm, mm or um.")]
 ForceUnit = Annotated[str, typer.Option(help="Unit of forces in the file: N or mN.")]
@@ -76,6 +88,25 @@ def make_folder(path: Path) -> None:
             pass
     except OSError as error:
         raise SettingError("folder", str(path), f"cannot be written: {error.strerror}") from None
+
+
+def require_duration(duration: float | None) -> None:
+    """Raise `SettingError` unless it is above 0, or not given."""
+    if duration is not None and not 0.0 < duration < math.inf:
+        raise SettingError("duration", duration, "must be finite and above 0 s")
+
+
+def require_recording(path: Path) -> None:
+    """Refuse a recording that could not be written, before anything starts.
+
+    Raises:
+        SettingError: No MCAP file, or none that can be written there.
+    """
+    if path.suffix.lower() != ".mcap":
+        raise SettingError("recording", str(path), "must end with .mcap")
+    make_folder(path.parent)
+    if path.exists() and not path.is_file():
+        raise SettingError("recording", str(path), "is there and is no file")
 
 
 def say(line: str) -> None:
@@ -127,6 +158,17 @@ SESSION_OPTIONS: dict[str, tuple[type, object, str]] = {
     "first_touch": (str, "auto", "Of an unknown surface: guarded or follow; auto guards with a grip or a real robot."),
     "approach_speed": (float, 0.02, "Of a guarded follower before it knows a surface [m/s]."),
     "guarded_force": (float, 2.0, "At which a guarded follower holds [N]."),
+    "force_ceiling": (float, 15.0, "Contact force that the follower never holds more than [N]."),
+    "largest_depth": (float, 0.05, "Deepest below a surface that the follower has felt [m]."),
+    "largest_speed": (float, 0.25, "Of the follower [m/s]."),
+    "largest_acceleration": (float, 40.0, "Of the follower [m/s^2]."),
+    "largest_jerk": (float, 1e5, "Of the follower [m/s^3]."),
+    "return_speed": (float, 0.05, "Of the follower, inwards, back to commands that it did not follow [m/s]."),
+    "queueing_allowance": (float, 0.5, "A command that waited longer than this on its way is stale [s]."),
+    "hold_after": (float, 0.05, "Time without a fresh command after which the follower holds [s]."),
+    "unload_after": (float, 0.5, "And after which it does what --on-silence says [s]."),
+    "on_silence": (str, "unload", "unload: go back until next to nothing is felt; retreat: go out the way in."),
+    "sensor_fault": (str, "", "KIND:BEGIN:END [s]: the robot's sensors fail meanwhile, such as stuck:5:8."),
     "baseline": (str, "none", "Render the delayed force instead, for comparison: delayed or delayed-tdpa."),
 }
 """Type, default and help of every option that becomes a field of `foretouch.session.SessionSettings`."""
@@ -144,7 +186,19 @@ SESSION_PANELS: dict[str, tuple[str, ...]] = {
         "leader_frame",
     ),
     "What the hand is given": ("position_scale", "force_scale", "largest_stiffness", "baseline"),
-    "Robot": ("first_touch", "approach_speed", "guarded_force", "follower_frame"),
+    "Robot": ("first_touch", "approach_speed", "guarded_force", "follower_frame", "sensor_fault"),
+    "Safety at the robot": (
+        "force_ceiling",
+        "largest_depth",
+        "largest_speed",
+        "largest_acceleration",
+        "largest_jerk",
+        "return_speed",
+        "queueing_allowance",
+        "hold_after",
+        "unload_after",
+        "on_silence",
+    ),
     "Network": (
         "position_delay",
         "force_delay",

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from foretouch.cli.options import Json, make_folder, print_json, say
+from foretouch.errors import SettingError
 
 if TYPE_CHECKING:
     from foretouch.sweep import Outcome
@@ -48,6 +49,8 @@ def sweep(
     if replay is not None:
         _replay(out, replay, baseline, json_output)
         return
+    if baseline != "none":
+        raise SettingError("baseline", baseline, "is of the session to replay: give its number by --replay")
     from foretouch.sweep import Plan, render_table, run_sweep, summary, write_sweep_page
 
     make_folder(out)

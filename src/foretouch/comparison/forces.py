@@ -142,4 +142,5 @@ def score_outside(
         score_to=None if score_to is None else score_to - moved,
         position=forces.position[kept],
         offset=lowest_mean(forces.time, forces.measured) if forces.time.size else None,
+        skipped=None if forces.skipped is None else forces.skipped[kept],
     )

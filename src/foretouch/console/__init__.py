@@ -1,4 +1,4 @@
-"""The console: a session in a browser, which watches messages and publishes three inputs (handle, settings, stop).
+"""The console: a session in a browser, which watches messages and publishes what a person does there.
 
 It never imports a step and moves no bytes: the caller gives it what arrives and sends what it publishes.
 """

@@ -23,7 +23,7 @@ class Window(NamedTuple):
 
     Attributes:
         time: Seconds before the newest leader tick, negative, increasing.
-        predicted: Force of the model at the hand's motion [N].
+        predicted: Force of the model at the hand's motion [N]; NaN while hand and robot are apart.
         delayed: Force of the newest telemetry that had arrived [N].
         true: Force that the follower's sensor measured when it applied this very command [N]; NaN where not yet known.
         prediction_error: RMSE of `predicted` over the samples in contact, in % of the RMS of the true force there; NaN
@@ -65,17 +65,23 @@ class History:
     def add_leader(self, state: LeaderState) -> None:
         """Store one leader tick."""
         row = state.sequence % self._length
-        self._rows[row] = (state.time_ns * 1e-9, state.predicted_force, state.delayed_force, state.standard_deviation)
+        predicted = state.predicted_force if math.isfinite(state.position) else math.nan  # of no motion there is none
+        self._rows[row] = (state.time_ns * 1e-9, predicted, state.delayed_force, state.standard_deviation)
         self._sequence[row] = state.sequence
         self._newest = state.sequence
 
-    def add_telemetry(self, telemetry: Telemetry) -> None:
-        """Store one follower tick; of the ticks that applied one command, the first counts."""
+    def add_telemetry(self, telemetry: Telemetry, *, applies: bool = True) -> None:
+        """Store one follower tick; of the ticks that applied one command, the first counts.
+
+        Args:
+            telemetry: Of the tick.
+            applies: Whether what it applied was a command of the leader that is stored here.
+        """
         row = telemetry.sequence % self._length
         self._position[row] = telemetry.position
         self._position_sequence[row] = telemetry.sequence
         applied = telemetry.command_sequence
-        if applied != self._applied and applied > 0:
+        if applies and applied != self._applied and applied > 0:
             self._applied = applied
             row = applied % self._length
             self._true[row] = telemetry.force
@@ -101,7 +107,7 @@ class History:
         sequence, rows, time = sequence[inside], rows[inside], time[inside]
         known = self._true_sequence[sequence % self._length] == sequence
         true = np.where(known, self._true[sequence % self._length], np.nan)
-        contact = true > CONTACT_FLOOR
+        contact = (true > CONTACT_FLOOR) & np.isfinite(rows[:, 1])
         prediction_error, delayed_error = (_error(rows[contact, column], true[contact]) for column in (1, 2))
         stride = 1 << max(0, math.ceil(math.log2(len(sequence) / points)))  # a power of two: it seldom changes
         shown = sequence % stride == 0

@@ -1,4 +1,4 @@
-"""The panel beside the picture: what to do, the plot, the numbers, the delays, the stop button."""
+"""The panel beside the picture: what to do, the plot, the numbers, the delays, the end of the session."""
 
 from __future__ import annotations
 
@@ -8,9 +8,11 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
+from foretouch.console.alarm import Alarm
 from foretouch.console.history import Window
-from foretouch.console.palette import BLUE, INK, VERMILLION, css
+from foretouch.console.palette import BLUE, GREY, INK, VERMILLION, css
 
 __all__ = ["INSTRUCTION", "LONGEST_DELAY", "Numbers", "Panel", "felt"]
 
@@ -19,8 +21,10 @@ LONGEST_DELAY = 2.0
 """End of the sliders [s]."""
 LARGEST_DRAWN = 15.0
 """Forces beyond it [N], the robot's own limit, are drawn there: a model that has diverged would hide the others."""
+BELOW = -1.0
+"""Where a curve is that is not known: below the plot [N]."""
 PRESS_CLUTCH, RELEASE_CLUTCH = "Clutch", "Clutch is pressed: let it go"
-CLUTCH_FREE = (92, 106, 120)
+END = "End the session"
 SMALLEST_APART = 1e-4
 """Hand and probe are said to be apart from here on [m]."""
 SECONDS = 6.0
@@ -45,6 +49,7 @@ class Numbers(NamedTuple):
         model: Lines about the newest model.
         hand_ahead: How much further in the hand is than the probe [m].
         energy: That the hand has put into this contact [J].
+        warnings: Lines in vermillion above all.
     """
 
     predicted: float
@@ -61,6 +66,7 @@ class Numbers(NamedTuple):
     model: tuple[str, ...]
     hand_ahead: float = math.nan
     energy: float = math.nan
+    warnings: tuple[str, ...] = ()
 
 
 class Panel:
@@ -69,37 +75,43 @@ class Panel:
     Args:
         server: The viewer's server.
         on_delays: Called with both one-way delays [s] when a user moves a slider.
-        on_clutch: Called when the clutch is pressed or let go.
-        on_stop: Called when the stop button is pressed.
+        on_clutch: Called with the browser's number when the clutch is pressed or let go there.
+        on_end: Called when the session is to end.
+        on_emergency: Called when the robot is to stop at once.
+
+    Attributes:
+        alarm: The emergency stop and what is urgent.
     """
 
     def __init__(
         self,
         server: Any,
         on_delays: Callable[[float, float], None],
-        on_clutch: Callable[[], None],
-        on_stop: Callable[[], None],
+        on_clutch: Callable[[int | None], None],
+        on_end: Callable[[], None],
+        on_emergency: Callable[[], None],
     ) -> None:
         self._on_delays = on_delays
         self._on_clutch = on_clutch
-        self._on_stop = on_stop
+        self._on_end = on_end
         gui = server.gui
         gui.set_panel_label("foretouch")
         gui.configure_theme(control_width="large", show_logo=False, show_share_button=False, brand_color=BLUE)
         gui.main_panel.dock_right()
         gui.main_panel.set_width(460)
+        self.alarm = Alarm(gui, on_emergency)  # the first that the keyboard reaches
         self._head = gui.add_html(_head_html(INSTRUCTION, felt("", True)))
         self._plot = _add_plot(gui)
-        self._clutch = gui.add_button(PRESS_CLUTCH, color=CLUTCH_FREE, hint=_CLUTCH)
+        self._clutch = gui.add_button(PRESS_CLUTCH, color=GREY, hint=_CLUTCH)
         self._numbers = gui.add_html("")
         self._position_delay = gui.add_slider("Delay there [s]", 0.0, LONGEST_DELAY, 0.01, 0.0, hint=_DELAY_THERE)
         self._force_delay = gui.add_slider("Delay back [s]", 0.0, LONGEST_DELAY, 0.01, 0.0, hint=_DELAY_BACK)
-        self._stop = gui.add_button("Stop the session", color=VERMILLION)
+        self._end = gui.add_button(END, color=GREY)
         self._model = gui.add_html("")
         self._position_delay.on_update(self._slid)
         self._force_delay.on_update(self._slid)
         self._clutch.on_click(self._clutch_clicked)
-        self._stop.on_click(self._clicked)
+        self._end.on_click(self._end_clicked)
 
     def set_delays(self, position_delay: float, force_delay: float) -> None:
         """Put the sliders where the session is, without telling the session."""
@@ -109,9 +121,12 @@ class Panel:
     def plot(self, window: Window) -> None:
         """Draw the forces."""
         if len(window.time):
-            lower, upper = window.predicted - window.deviation, window.predicted + window.deviation
-            forces = (window.true, window.predicted, window.delayed, upper, lower)
-            self._plot.data = (window.time, *(np.clip(force, 0.0, LARGEST_DRAWN) for force in forces))
+            spread = np.where(np.isfinite(window.deviation), window.deviation, 0.0)
+            lower, upper = window.predicted - spread, window.predicted + spread
+            self._plot.data = (
+                window.time,
+                *(_drawable(force) for force in (window.true, window.predicted, window.delayed, upper, lower)),
+            )
 
     def write(self, numbers: Numbers) -> None:
         """Write the numbers."""
@@ -130,22 +145,34 @@ class Panel:
     def show_clutch(self, pressed: bool) -> None:
         """Show whether the clutch is pressed."""
         self._clutch.label = RELEASE_CLUTCH if pressed else PRESS_CLUTCH
-        self._clutch.color = BLUE if pressed else CLUTCH_FREE
+        self._clutch.color = BLUE if pressed else GREY
 
-    def stopping(self) -> None:
+    def ending(self) -> None:
         """Show that the session ends."""
-        self._stop.label = "Stopping"
-        self._stop.disabled = True
+        self._end.label = "The session ends"
+        self._end.disabled = True
 
     async def _slid(self, event: Any) -> None:
         if event.client is not None:  # None: the program set it
             self._on_delays(float(self._position_delay.value), float(self._force_delay.value))
 
     async def _clutch_clicked(self, event: Any) -> None:
-        self._on_clutch()
+        self._on_clutch(event.client_id)
 
-    async def _clicked(self, event: Any) -> None:
-        self._on_stop()
+    async def _end_clicked(self, event: Any) -> None:
+        self._on_end()
+
+
+def _drawable(force: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Within what is drawn; a curve drops out of the plot where it is not known, and ends with the last that is.
+
+    The plot joins over what is no number, and finds no scale for a curve that begins with that.
+    """
+    drawn = np.clip(force, 0.0, LARGEST_DRAWN)
+    known = np.flatnonzero(np.isfinite(drawn))
+    before_end = drawn[: known[-1] + 1 if len(known) else 1]
+    before_end[np.isnan(before_end)] = BELOW
+    return drawn
 
 
 def _add_plot(gui: Any) -> Any:
@@ -174,7 +201,7 @@ def _add_plot(gui: Any) -> Any:
         axes=({"label": "time of your motion before now [s]", "labelSize": 20.0}, {"size": 44.0}),
         legend={"show": True, "live": False},
         cursor={"show": False},
-        height=225,
+        height=190,
     )
 
 
@@ -235,11 +262,17 @@ def _numbers_html(n: Numbers) -> str:
         f'<td style="text-align:right">{error}</td></tr>'
         for colour, name, value, error in rows
     )
+    warnings = "".join(
+        f'<div style="color:{css(VERMILLION)};overflow-wrap:anywhere;padding-bottom:4px">'
+        f"<b>{html.escape(warning)}</b></div>"
+        for warning in n.warnings
+    )
     right = 'style="text-align:right"'
     error = f'<td style="text-align:right;white-space:nowrap">error, last {SECONDS:.0f} s</td>'
     head = f'<tr style="color:#555"><td></td><td {right}>value</td>{error}</tr>'
     return (
-        '<div style="padding:0 12px"><table style="width:100%;font-variant-numeric:tabular-nums;border-spacing:0 1px">'
+        f'<div style="padding:0 12px">{warnings}'
+        '<table style="width:100%;font-variant-numeric:tabular-nums;border-spacing:0 1px">'
         f'{head}{cells}</table><div style="color:#555;padding-top:4px">{html.escape(n.status)}'
         f'<br><span style="font-size:0.85em">{html.escape(n.names)}</span></div></div>'
     )

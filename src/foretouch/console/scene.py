@@ -34,11 +34,13 @@ class Scene:
 
     Args:
         server: The viewer's server.
-        on_drag: Called with the handle's height [scene units] and whether it is held, at every move of a drag, from the
-            viewer's own thread.
+        on_take: Called when a drag begins; says how high the handle is then [scene units].
+        on_drag: Called with the handle's height [scene units] and whether it is held, at every move of a drag; both
+            from the viewer's own thread. A browser that is gone lets go.
     """
 
-    def __init__(self, server: Any, on_drag: Callable[[float, bool], None]) -> None:
+    def __init__(self, server: Any, on_take: Callable[[], float], on_drag: Callable[[float, bool], None]) -> None:
+        self._on_take = on_take
         self._on_drag = on_drag
         self._grab_offset = 0.0
         self._handle_z = 0.0
@@ -140,6 +142,7 @@ class Scene:
         """A drag of the handle: async, so that the viewer keeps the order of start, moves and end."""
         height = height_on_axis(np.asarray(event.client.camera.position), np.asarray(event.end_position))
         if event.phase == "start":  # from where the handle is now, wherever on it or on its rail the mouse is
+            self._handle_z = self._on_take()
             self._grab_offset = 0.0 if math.isnan(height) else height - self._handle_z
         self.held = event.phase != "end"
         self._on_drag(self._handle_z if math.isnan(height) else height - self._grab_offset, self.held)

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 from foretouch.models.checks import require
 
-__all__ = ["DeviceSpecification"]
+__all__ = ["COUNT_FORCE", "DeviceSpecification"]
+
+COUNT_FORCE = 0.1
+"""One count of the encoder may change the force by so much [N] on a device without friction."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,7 +44,8 @@ class DeviceSpecification:
         Journal of Robotic Systems 14(1). Mehling, Colgate and Peshkin (2005), Increasing the impedance range of a
         haptic display by adding electrical damping, World Haptics Conference. Diolaiti, Niemeyer, Barbagli and
         Salisbury (2006), Stability of haptic rendering: discretization, quantization, time delay, and Coulomb effects,
-        IEEE Transactions on Robotics 22(2).
+        IEEE Transactions on Robotics 22(2). Abbott and Okamura (2005), Effects of position quantization and sampling
+        rate on virtual-wall passivity, IEEE Transactions on Robotics 21(5).
     """
 
     mass: float = 0.1
@@ -59,10 +64,12 @@ class DeviceSpecification:
     def largest_stiffness(self, sample_period: float, rendered_damping: float = 0.0) -> float:
         r"""The stiffest spring [N/m] that the device renders passively, whoever holds it.
 
-        .. math:: b > \frac{K T}{2} + |B| \quad\Rightarrow\quad K < \frac{2 (b - |B|)}{T}
+        .. math:: K = \min\left(\frac{2 (b - |B|)}{T}, \frac{\max(2 f, 0.1\,\mathrm{N})}{\Delta}\right)
 
-        for a force held from sample to sample and a velocity that is the difference of two positions (Colgate and
-        Schenkel 1997). 0 where the damping alone is too much.
+        The first for a force held from sample to sample and a velocity that is the difference of two positions
+        (Colgate and Schenkel 1997: :math:`b > K T / 2 + |B|`); 0 where the damping B alone is too much. The second for
+        an encoder whose count :math:`\Delta` is not 0: up to 2 f per count the Coulomb friction f takes what rounding
+        gives (Abbott and Okamura 2005); `COUNT_FORCE` per count is allowed whatever the friction.
 
         Args:
             sample_period: T [s], positive.
@@ -73,4 +80,10 @@ class DeviceSpecification:
         """
         require("sample_period", sample_period, above=0.0)
         require("rendered_damping", rendered_damping)
-        return max(2.0 * (self.damping - abs(rendered_damping)) / sample_period, 0.0)
+        by_damping = max(2.0 * (self.damping - abs(rendered_damping)) / sample_period, 0.0)
+        return min(by_damping, self.stiffness_by_encoder)
+
+    @property
+    def stiffness_by_encoder(self) -> float:
+        """What the encoder alone would allow [N/m], infinite without one: see `largest_stiffness`."""
+        return max(2.0 * self.friction, COUNT_FORCE) / self.resolution if self.resolution > 0.0 else math.inf

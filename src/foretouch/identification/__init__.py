@@ -32,6 +32,13 @@ from foretouch.identification.rls import RLS, ForgettingRLS, SelfPerturbingRLS
 from foretouch.identification.robust import RobustOptions
 from foretouch.identification.robust_fprls import ROBUST, RobustFPRLS
 from foretouch.identification.sensor_lag import SensorLag
+from foretouch.identification.sensor_watch import SENSOR_SENTENCES, TRANSIENT_STATES, SensorState, SensorWatch
+from foretouch.identification.series_compliance import (
+    SeriesCompliance,
+    correct_recording,
+    find_sensor_lag,
+    fit_series_compliance,
+)
 from foretouch.identification.steepest_descent import (
     SteepestDescent,
     SteepestDescentHuntCrossley,
@@ -39,6 +46,7 @@ from foretouch.identification.steepest_descent import (
     SteepestDescentOptions,
 )
 from foretouch.identification.threshold_switching import SwitchingOptions, ThresholdSwitching
+from foretouch.identification.tool_weight import ToolWeight, fit_tool_weight
 
 __all__ = [
     "DEFAULT_ESTIMATORS",
@@ -47,7 +55,9 @@ __all__ = [
     "FPRLS",
     "RLS",
     "ROBUST",
+    "SENSOR_SENTENCES",
     "TIME_TOLERANCE",
+    "TRANSIENT_STATES",
     "Conditioner",
     "ContactMapBank",
     "ContactSample",
@@ -77,6 +87,9 @@ __all__ = [
     "RobustOptions",
     "SelfPerturbingRLS",
     "SensorLag",
+    "SensorState",
+    "SensorWatch",
+    "SeriesCompliance",
     "Status",
     "SteepestDescent",
     "SteepestDescentHuntCrossley",
@@ -84,8 +97,13 @@ __all__ = [
     "SteepestDescentOptions",
     "SwitchingOptions",
     "ThresholdSwitching",
+    "ToolWeight",
     "TwoStageOptions",
+    "correct_recording",
+    "find_sensor_lag",
     "fit_offline",
+    "fit_series_compliance",
+    "fit_tool_weight",
     "identify",
     "make_estimator",
     "predict",

@@ -30,7 +30,7 @@ class Motion:
     Attributes:
         time: [s], increasing, shape (m,).
         position: [m], in the frame of the probe, shape (m,).
-        published: Indices of the recording's samples after which a model was sent, increasing, shape (k,).
+        published: Indices of the recording's samples after which a model was sent, not decreasing, shape (k,).
         arrived: When each of these models could be used [s], in the time of the motion; inf for one that was lost,
             shape (k,).
         ticks: Number of the sample of this motion, from 1, that the probe had reached when the model was sent,
@@ -97,14 +97,21 @@ def predict_motion(recording: Recording, learner: Learner, motion: Motion) -> Pr
     Returns:
         At each sample of the motion.
     """
-    arrivals = dict(zip(motion.published.tolist(), motion.arrived.tolist(), strict=True))
-    ticks = dict(zip(motion.published.tolist(), motion.ticks.tolist(), strict=True))
-    models = (
-        (arrivals[index], ticks[index], learner.learnt())
-        for index, _ in enumerate(_learn(recording, learner, motion.expected))
-        if arrivals.get(index, math.inf) < math.inf
-    )
+    models = _sent(_learn(recording, learner, motion.expected), learner, motion)
     return _run(motion.time, motion.position, repeat(None), models)
+
+
+def _sent(learnt: Iterator[float], learner: Learner, motion: Motion) -> Iterator[tuple[float, int, LearntModel]]:
+    """Every model that arrives, as it was learnt when it was sent, with the time from which on it may be used."""
+    sent = zip(motion.published.tolist(), motion.arrived.tolist(), motion.ticks.tolist(), strict=True)
+    index = -1
+    for place, arrival, tick in sent:
+        if not arrival < math.inf:
+            continue
+        while index < place:
+            next(learnt)
+            index += 1
+        yield arrival, tick, learner.learnt()
 
 
 def _run(

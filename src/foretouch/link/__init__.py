@@ -1,12 +1,41 @@
-"""The link: bytes between processes and machines (Zenoh), and seeded network faults on top.
+"""The link: bytes between processes and machines (Zenoh), who may send them, and seeded network faults on top.
 
 It never sees a law; what it carries is the table `foretouch.messages.CHANNELS`.
 """
 
-from foretouch.link.endpoints import check_endpoint, check_port_free, free_endpoint
+from foretouch.link.access import access_list, may_publish
+from foretouch.link.certificates import CERTIFICATE_DAYS, WARNING_DAYS, Identity
+from foretouch.link.credentials import Credentials, load_credentials
+from foretouch.link.endpoints import check_endpoint, check_port_free, free_endpoint, is_encrypted, is_exposed
 from foretouch.link.fault_stage import FaultStage
 from foretouch.link.faults import Faults
+from foretouch.link.key_folder import ROLES, KeyFolder, default_key_folder
 from foretouch.link.sequence import SequenceCounter
+from foretouch.link.stopping import ASKING_PERIOD_NS, STOPPING_CHANNELS, ask_to_stop, new_press
 from foretouch.link.zenoh_link import ZenohLink
 
-__all__ = ["FaultStage", "Faults", "SequenceCounter", "ZenohLink", "check_endpoint", "check_port_free", "free_endpoint"]
+__all__ = [
+    "ASKING_PERIOD_NS",
+    "CERTIFICATE_DAYS",
+    "ROLES",
+    "STOPPING_CHANNELS",
+    "WARNING_DAYS",
+    "Credentials",
+    "FaultStage",
+    "Faults",
+    "Identity",
+    "KeyFolder",
+    "SequenceCounter",
+    "ZenohLink",
+    "access_list",
+    "ask_to_stop",
+    "check_endpoint",
+    "check_port_free",
+    "default_key_folder",
+    "free_endpoint",
+    "is_encrypted",
+    "is_exposed",
+    "load_credentials",
+    "may_publish",
+    "new_press",
+]

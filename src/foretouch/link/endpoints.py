@@ -1,4 +1,4 @@
-"""Zenoh endpoints such as ``tcp/127.0.0.1:7447``: their form, and which of them are allowed."""
+"""Endpoints, ``tcp/HOST:PORT`` or ``tls/HOST:PORT``: their form, and which of them are allowed."""
 
 from __future__ import annotations
 
@@ -9,36 +9,56 @@ import socket
 
 from foretouch.errors import LinkError
 
-__all__ = ["check_endpoint", "check_port_free", "free_endpoint"]
+__all__ = ["check_endpoint", "check_port_free", "free_endpoint", "is_encrypted", "is_exposed"]
 
-_FORM = re.compile(r"tcp/(?:\[(?P<six>[0-9a-fA-F:.]+)\]|(?P<host>[A-Za-z0-9.-]+)):(?P<port>\d{1,5})")
+_FORM = re.compile(r"(?P<kind>tcp|tls)/(?:\[(?P<six>[0-9a-fA-F:.]+)\]|(?P<host>[A-Za-z0-9.-]+)):(?P<port>\d{1,5})")
 
 
-def _parse(endpoint: str) -> tuple[str, int]:
+def _parse(endpoint: str) -> tuple[str, str, int]:
     match = _FORM.fullmatch(endpoint)
     port = int(match["port"]) if match else 0
     if match is None or not 0 < port < 65536:
-        raise LinkError(f"endpoint {endpoint!r}: write it as tcp/HOST:PORT, for example tcp/127.0.0.1:7447")
-    return match["six"] or match["host"], port
+        raise LinkError(
+            f"endpoint {endpoint!r}: write it as tcp/HOST:PORT, for example tcp/127.0.0.1:7447, "
+            "or as tls/HOST:PORT between machines"
+        )
+    return match["kind"], match["six"] or match["host"], port
+
+
+def is_encrypted(endpoint: str) -> bool:
+    """Whether what goes there is encrypted and both ends are checked.
+
+    Raises:
+        LinkError: The endpoint is malformed.
+    """
+    return _parse(endpoint)[0] == "tls"
+
+
+def is_exposed(endpoint: str) -> bool:
+    """Whether it is off this machine and neither encrypted nor checked.
+
+    Raises:
+        LinkError: The endpoint is malformed.
+    """
+    kind, host, _ = _parse(endpoint)
+    if kind == "tls" or host == "localhost":
+        return False
+    try:
+        return not ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return True  # a name may resolve to anything
 
 
 def check_endpoint(endpoint: str, *, insecure: bool = False) -> None:
-    """Refuse an endpoint that is malformed, or off this machine without `insecure`.
+    """Refuse an endpoint that is malformed, or off this machine and not encrypted without `insecure`.
 
     Raises:
         LinkError: What is wrong and what to do.
     """
-    host, _ = _parse(endpoint)
-    if insecure or host == "localhost":
-        return
-    try:
-        loopback = ipaddress.ip_address(host).is_loopback
-    except ValueError:
-        loopback = False  # a name may resolve to anything
-    if not loopback:
+    if is_exposed(endpoint) and not insecure:
         raise LinkError(
             f"endpoint {endpoint!r} is off this machine and nothing there is encrypted or checked: "
-            "use a loopback address, or add --insecure on a network that you trust"
+            "write tls/HOST:PORT (its keys: foretouch keys init), or add --insecure on a network that you trust"
         )
 
 
@@ -48,7 +68,7 @@ def check_port_free(endpoint: str) -> None:
     Raises:
         LinkError: The port is in use, or the address is not this machine's.
     """
-    host, port = _parse(endpoint)
+    _, host, port = _parse(endpoint)
     try:
         family, _, _, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
         with socket.socket(family, socket.SOCK_STREAM) as probe:
@@ -60,8 +80,12 @@ def check_port_free(endpoint: str) -> None:
         raise LinkError(f"cannot listen on {endpoint}: {error.strerror or error}") from None
 
 
-def free_endpoint() -> str:
-    """A loopback endpoint whose port nobody uses at this moment."""
+def free_endpoint(kind: str = "tcp") -> str:
+    """A loopback endpoint whose port nobody uses at this moment.
+
+    Args:
+        kind: ``"tcp"`` or ``"tls"``.
+    """
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
-        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+        return f"{kind}/127.0.0.1:{probe.getsockname()[1]}"

@@ -16,21 +16,31 @@ class SequenceCounter:
     What is older than the 32,768 newest numbers cannot be told from a copy any more and counts as one.
 
     Attributes:
-        newest: Largest sequence number that has arrived, 0 before the first.
+        newest: Largest sequence number of this sender that has arrived, 0 before the first.
         first: The smallest that has arrived; what was sent before there was a listener is not lost.
         received: Messages that have arrived, each counted once however often it came.
         late: Of these, the ones that came after a newer one.
         copies: Arrivals of what had arrived before.
     """
 
-    __slots__ = ("_arrived", "copies", "first", "late", "newest", "received")
+    __slots__ = ("_arrived", "_lost_before", "_received_before", "copies", "first", "late", "newest", "received")
 
     def __init__(self) -> None:
-        self.newest = 0
-        self.first = 1
         self.received = 0
         self.late = 0
         self.copies = 0
+        self._lost_before = 0
+        self._begin()
+
+    def restart(self) -> None:
+        """Another sender, who counts from 1 again; what was counted of the one before stays."""
+        self._lost_before = self.lost
+        self._begin()
+
+    def _begin(self) -> None:
+        self.newest = 0
+        self.first = 1
+        self._received_before = self.received
         self._arrived = array("q", [-1]) * REMEMBERED  # the newest number that arrived of those with one remainder
 
     def is_newest(self, sequence: int) -> bool:
@@ -41,7 +51,7 @@ class SequenceCounter:
             self.copies += 1
             return False
         self._arrived[place] = sequence
-        self.first = min(self.first, sequence) if self.received else sequence
+        self.first = min(self.first, sequence) if self.received > self._received_before else sequence
         self.received += 1
         if newer:
             self.newest = sequence
@@ -52,4 +62,5 @@ class SequenceCounter:
     @property
     def lost(self) -> int:
         """Sequence numbers from the first to the newest that have not arrived (a late one may still come)."""
-        return self.newest - self.first + 1 - self.received if self.received else 0
+        received = self.received - self._received_before
+        return self._lost_before + (self.newest - self.first + 1 - received if received else 0)

@@ -1,7 +1,11 @@
-"""Messages over Eclipse Zenoh: explicit endpoints, no scouting, nothing in the loop that can wait."""
+"""Messages over Eclipse Zenoh: explicit endpoints, no scouting, nothing in the loop that can wait.
+
+Between machines both ends show a certificate of the private authority, and an access list says who may send what.
+"""
 
 from __future__ import annotations
 
+import base64
 import json
 import time
 from collections import deque
@@ -10,8 +14,12 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
 from foretouch.errors import DecodeError, LinkError, MissingExtraError, PeerVersionError
-from foretouch.link.endpoints import check_endpoint, check_port_free
-from foretouch.messages import CHANNELS, Message, decode, encode
+from foretouch.link.access import access_list, key_to_send, keys_to_receive, may_claim
+from foretouch.link.credentials import Credentials
+from foretouch.link.endpoints import check_endpoint, check_port_free, is_encrypted, is_exposed
+from foretouch.link.key_folder import role_of
+from foretouch.messages import CHANNELS, Hello, Message, decode, encode
+from foretouch.messages.codec import LARGEST_MESSAGE
 
 if TYPE_CHECKING:
     import zenoh
@@ -20,6 +28,9 @@ __all__ = ["ZenohLink"]
 
 LONGEST_QUEUE = 20_000
 """Messages that an inbox holds; beyond it the oldest are dropped, so that a reader that stopped costs no memory."""
+
+MOST_PEERS = 64
+"""Peers that may be connected at a time."""
 
 
 class ZenohLink:
@@ -32,14 +43,17 @@ class ZenohLink:
         listen: Endpoints to listen on.
         connect: Endpoints to connect to; a peer that is not there yet is waited for in the background.
         subscribe: Names of the channels to receive.
-        insecure: Allow endpoints off this machine.
+        insecure: Allow endpoints off this machine that are not encrypted.
+        credentials: For ``tls`` endpoints: what this process shows, and whom it lets in.
         watch: Called with each arriving message on Zenoh's thread, instead of filling the inboxes.
 
     Attributes:
         inboxes: By channel: ``(arrival [ns, this machine's monotonic clock], message)``, oldest first.
         undecodable: Messages that arrived and were dropped.
+        dropped: Messages that arrived at a full inbox and pushed out its oldest.
         unsent: Messages that the network refused to take.
         version_error: Set when a peer speaks another version.
+        insecure: Whether an endpoint is off this machine and neither encrypted nor checked.
 
     Raises:
         LinkError: An endpoint is malformed, not allowed or in use.
@@ -53,42 +67,55 @@ class ZenohLink:
         connect: Sequence[str] = (),
         subscribe: Iterable[str] = (),
         insecure: bool = False,
+        credentials: Credentials | None = None,
         watch: Callable[[Message], None] | None = None,
     ) -> None:
         try:
             import zenoh
         except ImportError:
             raise MissingExtraError("eclipse-zenoh", "link") from None
+        subscribe = list(subscribe)
         for endpoint in (*listen, *connect):
             check_endpoint(endpoint, insecure=insecure)
+            if is_encrypted(endpoint) and credentials is None:
+                raise LinkError(f"endpoint {endpoint!r} needs keys: foretouch keys init makes an authority for them")
         for endpoint in listen:
             check_port_free(endpoint)
         self.inboxes: dict[str, deque[tuple[int, Message]]] = {}
         self.undecodable = 0
+        self.dropped = 0
         self.unsent = 0
         self._send_error = zenoh.ZError
         self.version_error: PeerVersionError | None = None
+        self.insecure = any(map(is_exposed, (*listen, *connect)))
         self._watch = watch
+        secured = {} if credentials is None else _secured(credentials, subscribe)
         try:
-            self._session: Any = zenoh.open(_config(listen, connect))
+            self._session: Any = zenoh.open(_config(listen, connect, secured))
         except zenoh.ZError as error:
             raise LinkError(f"cannot open the link on {', '.join((*listen, *connect))}: {error}") from None
+        role = "" if credentials is None else role_of(credentials.identity.common_name)
         self._publishers = {
             channel.kind: self._session.declare_publisher(
-                f"foretouch/{channel.name}", congestion_control=zenoh.CongestionControl.DROP
+                key_to_send(channel.name, role), congestion_control=zenoh.CongestionControl.DROP
             )
             for channel in CHANNELS.values()
         }
-        self._subscribers = [self._subscribe(name) for name in subscribe]
+        self._subscribers = [subscriber for name in subscribe for subscriber in self._subscribe(name)]
 
-    def _subscribe(self, name: str) -> Any:
+    def _subscribe(self, name: str) -> list[Any]:
         kind = CHANNELS[name].kind
         inbox = self.inboxes[name] = deque(maxlen=LONGEST_QUEUE)
 
         def receive(sample: zenoh.Sample) -> None:
             arrival = time.monotonic_ns()
+            payload = sample.payload
             try:
-                message = decode(sample.payload.to_bytes(), kind)
+                if len(payload) > LARGEST_MESSAGE:  # refused before it is copied
+                    raise DecodeError(f"{len(payload)} bytes")
+                message = decode(payload.to_bytes(), kind)
+                if isinstance(message, Hello) and not may_claim(str(sample.key_expr), message.role):
+                    raise DecodeError(f"a hello of {message.role!r} that is not its own")
             except PeerVersionError as error:
                 self.undecodable += 1
                 self.version_error = error
@@ -96,11 +123,12 @@ class ZenohLink:
                 self.undecodable += 1
             else:
                 if self._watch is None:
+                    self.dropped += len(inbox) == LONGEST_QUEUE
                     inbox.append((arrival, message))
                 else:
                     self._watch(message)
 
-        return self._session.declare_subscriber(f"foretouch/{name}", receive)
+        return [self._session.declare_subscriber(key, receive) for key in keys_to_receive(name)]
 
     def publish(self, message: Message) -> None:
         """Send a message on its channel; never waits and never raises: what cannot be sent is dropped."""
@@ -127,7 +155,7 @@ class ZenohLink:
         self.close()
 
 
-def _config(listen: Sequence[str], connect: Sequence[str]) -> zenoh.Config:
+def _config(listen: Sequence[str], connect: Sequence[str], secured: dict[str, object]) -> zenoh.Config:
     import zenoh
 
     config = zenoh.Config()
@@ -144,8 +172,35 @@ def _config(listen: Sequence[str], connect: Sequence[str]) -> zenoh.Config:
         # Without these two, jitter of the machine alone loses messages on loopback.
         "transport/unicast/lowlatency": True,
         "transport/unicast/qos/enabled": False,
-        "transport/link/tx/lease": 2000,
+        # Long enough for a process that stands still for some seconds: of the connections that are closed and made anew
+        # while it does, some stay dumb. Who needs to know of silence sooner looks for himself.
+        "transport/link/tx/lease": 5000,
+        "transport/link/protocols": ["tcp", "tls"],
+        "transport/shared_memory/enabled": False,
+        # What a peer may make this process hold.
+        "transport/link/rx/max_message_size": 2 * LARGEST_MESSAGE,
+        "transport/unicast/max_sessions": MOST_PEERS,
+        **secured,
     }
     for key, value in settings.items():
         config.insert_json5(key, json.dumps(value))
     return config
+
+
+def _secured(credentials: Credentials, receive: Iterable[str]) -> dict[str, object]:
+    """Settings for ``tls`` endpoints: both ends show a certificate, and the access list says what each may send.
+
+    Certificates name roles, not hosts: whoever listens under a name is known by its certificate's common name, which
+    the access list is about, so that names need not be known when certificates are made.
+    """
+    own = {"private_key": credentials.identity.key, "certificate": credentials.identity.certificate}
+    files = {f"{end}_{name}": content for end in ("listen", "connect") for name, content in own.items()}
+    files["root_ca_certificate"] = credentials.authority.certificate
+    return {
+        "transport/link/tls": {
+            "enable_mtls": True,
+            "verify_name_on_connect": False,
+            **{f"{name}_base64": base64.b64encode(content).decode() for name, content in files.items()},
+        },
+        "access_control": access_list(credentials.allowed, receive),
+    }

@@ -6,26 +6,28 @@ msgpack bytes and back, strictly.
 
 from foretouch.messages.channels import CHANNELS, Channel
 from foretouch.messages.codec import decode, encode
+from foretouch.messages.hellos import COUNT_PREFIX, NEWS, PROCESS, Hellos, split_texts
 from foretouch.messages.schema import (
+    STATUS_SENTENCES,
     VERSION,
     Command,
+    EmergencyStop,
     Handle,
     Hello,
     LeaderState,
     Message,
     ModelUpdate,
     Settings,
+    Status,
     Stop,
     Telemetry,
 )
 from foretouch.messages.session_log import (
-    COUNT_PREFIX,
     FOLLOWER_DTYPE,
     LEADER_DTYPE,
     SessionLog,
     SessionRows,
     as_row,
-    split_texts,
 )
 
 __all__ = [
@@ -33,17 +35,23 @@ __all__ = [
     "COUNT_PREFIX",
     "FOLLOWER_DTYPE",
     "LEADER_DTYPE",
+    "NEWS",
+    "PROCESS",
+    "STATUS_SENTENCES",
     "VERSION",
     "Channel",
     "Command",
+    "EmergencyStop",
     "Handle",
     "Hello",
+    "Hellos",
     "LeaderState",
     "Message",
     "ModelUpdate",
     "SessionLog",
     "SessionRows",
     "Settings",
+    "Status",
     "Stop",
     "Telemetry",
     "as_row",

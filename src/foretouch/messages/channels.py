@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from foretouch.messages.schema import (
     Command,
+    EmergencyStop,
     Handle,
     Hello,
     LeaderState,
@@ -46,6 +47,7 @@ CHANNELS: dict[str, Channel] = {
         Channel("handle", Handle, "console", 0.0),
         Channel("settings", Settings, "console", 0.0),
         Channel("stop", Stop, "any", 0.0),
+        Channel("emergency", EmergencyStop, "any", 0.0),
         Channel("hello", Hello, "any", 2.0),
     )
 }

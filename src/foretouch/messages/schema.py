@@ -7,31 +7,64 @@ clock: nothing may compare them with the receiver's.
 from __future__ import annotations
 
 import math
+from enum import IntEnum
 from typing import Annotated
 
 import msgspec
 
 __all__ = [
+    "STATUS_SENTENCES",
     "VERSION",
     "Command",
+    "EmergencyStop",
     "Handle",
     "Hello",
     "LeaderState",
     "Message",
     "ModelUpdate",
     "Settings",
+    "Status",
     "Stop",
     "Telemetry",
 ]
 
-VERSION = 3
+VERSION = 4
 """Version of the schema. It changes with every change of a field; peers must agree."""
 
 Count = Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)]
 Text = Annotated[str, msgspec.Meta(max_length=400)]
 Numbers = Annotated[tuple[float, ...], msgspec.Meta(max_length=4096)]
 Content = Annotated[bytes, msgspec.Meta(max_length=4096)]
-Names = Annotated[tuple[str, ...], msgspec.Meta(max_length=64)]
+Names = Annotated[tuple[str, ...], msgspec.Meta(max_length=128)]
+Name = Annotated[str, msgspec.Meta(max_length=64)]
+
+
+class Status(IntEnum):
+    """What a follower does with the commands; `STATUS_SENTENCES` has the sentence."""
+
+    FOLLOWING = 0
+    GUARDED = 1
+    RETURNING = 2
+    HOLDING = 3
+    UNLOADING = 4
+    RETREATING = 5
+    STOPPED = 6
+    SENSOR_FAULT = 7
+    SHADOW = 8
+
+
+STATUS_SENTENCES = {
+    Status.FOLLOWING: "follows the commands",
+    Status.GUARDED: "touches what the leader does not know yet: holds back",
+    Status.RETURNING: "goes slowly back to the commands",
+    Status.HOLDING: "hears no fresh command: holds its place",
+    Status.UNLOADING: "has heard no fresh command for long: goes back until it feels next to nothing, and stays",
+    Status.RETREATING: "has heard no fresh command for long: goes out the way that it came",
+    Status.STOPPED: "emergency stop: unloaded, until it is released at the follower",
+    Status.SENSOR_FAULT: "its sensors are not to be trusted: learns nothing and holds its place",
+    Status.SHADOW: "learns and predicts, and commands nothing: somebody else moves the robot",
+}
+"""What each `Status` means, as the end of a sentence that begins with "The robot"."""
 
 
 class Message(msgspec.Struct, frozen=True, array_like=True, forbid_unknown_fields=True, gc=False):
@@ -55,11 +88,15 @@ class Command(Message, frozen=True, array_like=True, gc=False):
         position: Desired probe position [m].
         acknowledged_model: `sequence` of the newest model that the leader renders from, 0 before the first.
         guarded: Whether the first touch of a surface that the leader does not know is to be guarded.
+        holder: Name of the leader, for people.
+        epoch: Of the leader's process: no other has the same, and who was started later has a larger one.
     """
 
     position: float
     acknowledged_model: Count
     guarded: bool = False
+    holder: Name = ""
+    epoch: Count = 0
 
 
 class ModelUpdate(Message, frozen=True, array_like=True, gc=False):
@@ -75,6 +112,8 @@ class ModelUpdate(Message, frozen=True, array_like=True, gc=False):
         reason: One sentence: why it is not valid, or what there is to know.
         estimator: Name of the estimator that made it.
         map: What was learnt beside the parameters, as the law packs it; empty for laws that are their parameters.
+        epoch: Of the leader whose command `command_sequence` is, 0 before the first.
+        run: Epoch of the follower's own process: `sequence` counts from 1 in each.
     """
 
     command_sequence: Count
@@ -86,6 +125,8 @@ class ModelUpdate(Message, frozen=True, array_like=True, gc=False):
     reason: Text
     estimator: Text
     map: Content
+    epoch: Count = 0
+    run: Count = 0
 
 
 class Telemetry(Message, frozen=True, array_like=True, gc=False):
@@ -107,6 +148,12 @@ class Telemetry(Message, frozen=True, array_like=True, gc=False):
         period_ns: Time since the last tick began [ns].
         compute_ns: Time that this tick's computing took [ns].
         guarded: Whether the first touch was guarded: the robot held back from its command or from its speed.
+        status: What the follower did with the commands: a `Status`.
+        validity: What this tick's sensors are worth: 0 if they can be believed, else a
+            `foretouch.identification.SensorState`. What is not valid is not learnt from, and `velocity`, `force` and
+            `in_contact` are those of the last sample that was.
+        epoch: Of the leader that is obeyed, 0 before the first.
+        run: Epoch of the follower's own process: `sequence` counts from 1 in each.
     """
 
     command_sequence: Count
@@ -122,6 +169,10 @@ class Telemetry(Message, frozen=True, array_like=True, gc=False):
     period_ns: Count
     compute_ns: Count
     guarded: bool = False
+    status: Count = 0
+    validity: Count = 0
+    epoch: Count = 0
+    run: Count = 0
 
 
 class LeaderState(Message, frozen=True, array_like=True, gc=False):
@@ -151,8 +202,11 @@ class LeaderState(Message, frozen=True, array_like=True, gc=False):
         update_step: Part of this tick's change of `mediated_force` that models made, and not motion [N].
         energy: That the hand has put into the rendered force in this contact, up to this tick [J].
         energy_bound: That it may have given out at most: see `foretouch.rendering.EnergyAccount` [J].
-        rendered_share: Share of the hand's motion that the proxy takes part in: 1 where the device can carry the model.
-        engaged: Whether hand and proxy are coupled: no clutch is pressed.
+        rendered_share: Share of the hand's motion that the proxy takes part in: 1 where the device can carry the model,
+            NaN where no model is rendered.
+        engaged: Whether hand and proxy are coupled: no clutch is pressed, and the follower obeys this leader.
+        epoch: Of this leader's process, as in its commands.
+        run: Of the follower that is heard, 0 before the first.
     """
 
     position: float
@@ -176,6 +230,8 @@ class LeaderState(Message, frozen=True, array_like=True, gc=False):
     energy_bound: float = 0.0
     rendered_share: float = 1.0
     engaged: bool = True
+    epoch: Count = 0
+    run: Count = 0
 
 
 class Handle(Message, frozen=True, array_like=True, gc=False):
@@ -209,9 +265,26 @@ class Stop(Message, frozen=True, array_like=True, gc=False):
 
     Attributes:
         reason: One sentence.
+        epoch: Of the leader that says it, 0 from anybody else: a leader without control ends nobody's session.
     """
 
     reason: Text
+    epoch: Count = 0
+
+
+class EmergencyStop(Message, frozen=True, array_like=True, gc=False):
+    """Anyone to the follower, again and again until its telemetry says that it has stopped.
+
+    The follower unloads and stays so until somebody releases it there.
+
+    Attributes:
+        reason: One sentence.
+        press: The same number in all that one press of a button makes, and in no other: what comes of it after the
+            release stops nobody again. 0 for one without a number.
+    """
+
+    reason: Text
+    press: Count = 0
 
 
 class Hello(Message, frozen=True, array_like=True, gc=False):

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from foretouch.messages.schema import LeaderState, Message, ModelUpdate, Telemetry
+from foretouch.messages.schema import EmergencyStop, LeaderState, Message, ModelUpdate, Telemetry
+from foretouch.messages.stretches import side_seconds, split_session
 
-__all__ = ["COUNT_PREFIX", "FOLLOWER_DTYPE", "LEADER_DTYPE", "SessionLog", "SessionRows", "as_row", "split_texts"]
+__all__ = ["FOLLOWER_DTYPE", "LEADER_DTYPE", "SessionLog", "SessionRows", "as_row", "believable", "in_order"]
 
 _NUMBERS = ("model_jump", "standard_deviation", "update_step", "energy", "energy_bound", "rendered_share")
 _TYPES = dict.fromkeys(_NUMBERS, "f8") | dict.fromkeys(("clipped", "in_contact", "guarded", "engaged"), "?")
@@ -40,25 +40,11 @@ def as_row(message: Message) -> tuple[object, ...]:
     return msgspec.structs.astuple(message)[1:]
 
 
-COUNT_PREFIX = "count_"
-"""Begins the names of counters among the texts of a `Hello`."""
-
-
-def split_texts(texts: Mapping[str, str]) -> tuple[dict[str, str], dict[str, int]]:
-    """The settings and the counters among the texts of a `Hello`."""
-    counts = {
-        name.removeprefix(COUNT_PREFIX): int(value)
-        for name, value in texts.items()
-        if name.startswith(COUNT_PREFIX) and value.isdigit()
-    }
-    return {name: value for name, value in texts.items() if not name.startswith(COUNT_PREFIX)}, counts
-
-
 @dataclass(frozen=True)
 class SessionRows:
     """One row per command sequence number that the follower applied: the first tick that applied it.
 
-    All arrays have the same length and are ordered by command sequence.
+    All arrays have the same length and are ordered by command sequence, stretch by stretch (`SessionLog.stretches`).
 
     Attributes:
         leader: Rows of `SessionLog.leader`.
@@ -78,9 +64,11 @@ class SessionLog:
     Attributes:
         leader: One row per `LeaderState`, structured as `LEADER_DTYPE`.
         follower: One row per `Telemetry`, structured as `FOLLOWER_DTYPE`.
-        models: Every `ModelUpdate`, in order of sequence.
+        models: Every `ModelUpdate`, by the follower's process and in order of sequence.
         settings: The session's settings as text, from the `Hello` messages.
-        counts: Counters of both sides at the end, for example ``"undecodable"``.
+        counts: Counters of both sides at the end, for example ``"undecodable"``, summed over the processes of each.
+        emergencies: Every `EmergencyStop`.
+        news: What the sides said of themselves while it lasted, by name of `foretouch.messages.NEWS`: each text once.
     """
 
     leader: NDArray[np.void]
@@ -88,6 +76,8 @@ class SessionLog:
     models: tuple[ModelUpdate, ...]
     settings: dict[str, str] = field(default_factory=dict)
     counts: dict[str, int] = field(default_factory=dict)
+    emergencies: tuple[EmergencyStop, ...] = ()
+    news: dict[str, tuple[str, ...]] = field(default_factory=dict)
 
     @classmethod
     def from_messages(
@@ -102,16 +92,55 @@ class SessionLog:
         return cls(
             np.array([as_row(message) for message in leader], dtype=LEADER_DTYPE),
             np.array([as_row(message) for message in follower], dtype=FOLLOWER_DTYPE),
-            tuple(sorted(models, key=lambda model: model.sequence)),
+            in_order(models),
             settings,
             counts,
         )
 
+    def stretches(self) -> tuple[SessionLog, ...]:
+        """The parts in which one process of the leader and one of the follower had to do with each other.
+
+        A side that ends and begins again counts its messages from 1 again; `epoch` and `run` tell its processes apart.
+        What a process said before it had heard the other side belongs to the stretch that follows; so does what it said
+        after it was left alone, to the one that was. A leader that the follower does not obey has a stretch of its own.
+
+        Returns:
+            Logs with the rows and models of each, in the order in which they began; what is not said tick by tick is in
+            all of them. A session without a restart is its own only stretch.
+        """
+        return split_session(self)
+
+    def longest(self) -> SessionLog:
+        """That stretch in which both sides were there longest."""
+
+        def together(stretch: SessionLog) -> tuple[float, float]:
+            sides = side_seconds(stretch.leader), side_seconds(stretch.follower)
+            return min(sides), max(sides)
+
+        return max(self.stretches(), key=together)
+
     def rows(self) -> SessionRows:
-        """Pair each applied command with the first follower tick that applied it."""
-        applied = self.follower[self.follower["command_sequence"] > 0]
-        sequences, first = np.unique(applied["command_sequence"], return_index=True)
-        _, in_leader, in_follower = np.intersect1d(
-            self.leader["sequence"], sequences, assume_unique=True, return_indices=True
-        )
-        return SessionRows(self.leader[in_leader], applied[first[in_follower]], int(self.leader.size - in_leader.size))
+        """Pair each applied command with the first follower tick that applied it, within each stretch."""
+        parts = [_paired(stretch) for stretch in self.stretches()]
+        leader, follower = (np.concatenate([part[side] for part in parts]) for side in (0, 1))
+        return SessionRows(leader, follower, int(self.leader.size - leader.size))
+
+
+def believable(follower: NDArray[np.void]) -> NDArray[np.bool_]:
+    """Which of these rows of `SessionLog.follower` hold samples that sensors meant: valid, and finite."""
+    finite = np.isfinite(follower["sensor_force"]) & np.isfinite(follower["position"])
+    return np.asarray((follower["validity"] == 0) & finite)
+
+
+def in_order(models: list[ModelUpdate]) -> tuple[ModelUpdate, ...]:
+    """Models by the process that sent them, and then by sequence."""
+    return tuple(sorted(models, key=lambda model: (model.run, model.sequence)))
+
+
+def _paired(stretch: SessionLog) -> tuple[NDArray[np.void], NDArray[np.void]]:
+    applied = stretch.follower[stretch.follower["command_sequence"] > 0]
+    sequences, first = np.unique(applied["command_sequence"], return_index=True)
+    _, in_leader, in_follower = np.intersect1d(
+        stretch.leader["sequence"], sequences, assume_unique=True, return_indices=True
+    )
+    return stretch.leader[in_leader], applied[first[in_follower]]

@@ -490,6 +490,8 @@ def unpack(content: bytes) -> Array | None:
     """The flat array of packed bytes, None where they are none."""
     if len(content) % 4 or len(content) > 4 * SIZE:
         return None
-    short = np.frombuffer(content, dtype="<f4").astype(np.float64)
-    flat = np.empty(SIZE)
+    rounded = np.frombuffer(content, dtype="<f4")
+    if not np.isfinite(rounded).all():
+        return None
+    short, flat = rounded.astype(np.float64), np.empty(SIZE)
     return flat if sensible(short) and transfer(flat, short, True) == short.size else None

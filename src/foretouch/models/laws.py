@@ -15,6 +15,9 @@ from foretouch.models.threshold_switching import ThresholdSwitching
 
 __all__ = ["LAWS", "make_model"]
 
+LARGEST_PARAMETER = 1e15
+"""Larger parameters are refused: no material has them, and forces could overflow."""
+
 LAWS: dict[str, type[ContactModel]] = {
     law.law: law
     for law in (
@@ -39,13 +42,16 @@ def make_model(law: str, parameters: Sequence[float], map: bytes = b"") -> Conta
 
     Raises:
         UnknownNameError: No such law.
-        SettingError: The wrong number of parameters, one out of range, or a map that is none.
+        SettingError: The wrong number of parameters, one out of range or beyond 1e15, or a map that is none.
     """
     if law not in LAWS:
         raise UnknownNameError("contact law", law, LAWS)
     kind = LAWS[law]
     if len(parameters) != len(kind.parameter_names):
-        raise SettingError("parameters", tuple(parameters), f"{law} takes {', '.join(kind.parameter_names)}")
+        raise SettingError("parameters", f"{len(parameters)} numbers", f"{law} takes {', '.join(kind.parameter_names)}")
+    for name, value in zip(kind.parameter_names, parameters, strict=True):
+        if abs(value) > LARGEST_PARAMETER:
+            raise SettingError(name, value, f"must be at most {LARGEST_PARAMETER:g}")
     if kind is ContactMap:
         stiffness, damping, exponent, switching = parameters
         return ContactMap(stiffness, damping, exponent, switching, map)

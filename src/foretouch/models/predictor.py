@@ -133,6 +133,11 @@ class Predictor:
             self._sliced = True
             self._run_slice()
 
+    def disown(self) -> None:
+        """Whoever sent the models is gone: none waits any more, and the one that predicts goes on without a number."""
+        self._waiting = self._newest = None
+        self.message = 0
+
     def shift(self, distance: float) -> None:
         """Take the motion from now on for one that is further in by a distance [m], as a jump and not as a move.
 
@@ -147,12 +152,13 @@ class Predictor:
     def local_slopes(self, reach: float) -> tuple[float, float]:
         """Local stiffness [N/m] and damping [N s/m] at the newest sample (`ContactModel.local_slopes`).
 
-        Outside they are those at the surface, which is met next.
+        Outside, where there is no force, they are those at the surface, which is met next.
         """
         if self.model is None:
             return 0.0, 0.0
         velocity = min(max(self.velocity, -LARGEST_SPEED), LARGEST_SPEED)
-        return self.model.local_slopes(self._state, max(self.depth, 0.0), velocity, reach)
+        depth = self.depth if self.force > 0.0 else max(self.depth, 0.0)
+        return self.model.local_slopes(self._state, depth, velocity, reach)
 
     def exit_work(self, offset: float = 0.0, largest: float = math.inf) -> tuple[float, float]:
         """Energy that comes back from the newest sample on the way out [J], and that way [m] (`ContactModel`)."""

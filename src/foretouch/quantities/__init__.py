@@ -1,7 +1,19 @@
 """What is measured: one table of names, units and signs, and the recording that holds the samples."""
 
 from foretouch.quantities.frame import Frame
+from foretouch.quantities.pose import Pose, cross_matrix
 from foretouch.quantities.recording import LARGEST_POSITION, Recording
+from foretouch.quantities.sensor_calibration import STANDARD_GRAVITY, SensorCalibration
 from foretouch.quantities.table import QUANTITIES, Quantity
 
-__all__ = ["LARGEST_POSITION", "QUANTITIES", "Frame", "Quantity", "Recording"]
+__all__ = [
+    "LARGEST_POSITION",
+    "QUANTITIES",
+    "STANDARD_GRAVITY",
+    "Frame",
+    "Pose",
+    "Quantity",
+    "Recording",
+    "SensorCalibration",
+    "cross_matrix",
+]

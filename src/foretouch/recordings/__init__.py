@@ -1,12 +1,16 @@
 """Reads and writes files, and serves the measured datasets.
 
 `read_recording` reads a recording of any format, `SessionWriter` and `read_session` write and read a session as MCAP,
+`repair_session` makes one whole whose writer was killed,
 `write_columns` writes results, `fetch` gives the path of a measured file.
 """
 
+from foretouch.recordings.calibration_file import read_calibration, write_calibration
 from foretouch.recordings.datasets import DATA_DIR, DATASETS, Dataset, Origin, fetch, fetch_all, list_datasets
 from foretouch.recordings.output import atomic_path, write_columns
+from foretouch.recordings.pose_table import POSE_COLUMNS, StaticPoses, read_poses
 from foretouch.recordings.reading import SUFFIXES, read_recording
+from foretouch.recordings.repair import Repair, is_whole, repair_session
 from foretouch.recordings.session_reader import read_session
 from foretouch.recordings.session_writer import SessionWriter
 from foretouch.recordings.tue_mat import FORCE_CHANNELS, read_leader_motion
@@ -17,17 +21,25 @@ __all__ = [
     "DATA_DIR",
     "FORCE_CHANNELS",
     "FORCE_UNITS",
+    "POSE_COLUMNS",
     "POSITION_UNITS",
     "SUFFIXES",
     "Dataset",
     "Origin",
+    "Repair",
     "SessionWriter",
+    "StaticPoses",
     "atomic_path",
     "fetch",
     "fetch_all",
+    "is_whole",
     "list_datasets",
+    "read_calibration",
     "read_leader_motion",
+    "read_poses",
     "read_recording",
     "read_session",
+    "repair_session",
+    "write_calibration",
     "write_columns",
 ]

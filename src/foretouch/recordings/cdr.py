@@ -37,6 +37,7 @@ class Layout:
     Attributes:
         kind: The message class.
         schema: Definition of the message in the ``.msg`` language, one line a field.
+        missing: Fields that are not in the bytes, with the value that they then have.
         dtype: The CDR bytes of one message as a structured dtype, header included, where all messages of the class
             have one size; None where they hold text or sequences.
 
@@ -45,8 +46,11 @@ class Layout:
     """
 
     def __init__(self, kind: type[Message]) -> None:
-        self.kind = kind
-        self._types = _ros_types(kind)
+        self._set(kind, _ros_types(kind))
+        self.missing: dict[str, Any] = {}
+
+    def _set(self, kind: type[Message], types: dict[str, str]) -> None:
+        self.kind, self._types = kind, types
         self.schema = "".join(f"{ros_type} {name}\n" for name, ros_type in self._types.items())
         self.dtype: np.dtype[np.void] | None = None
         if all(ros_type in _NUMBERS for ros_type in self._types.values()):
@@ -58,6 +62,23 @@ class Layout:
             return self._struct.pack(HEADER, *msgspec.structs.astuple(message))
         return _pack(self._types, msgspec.structs.astuple(message))
 
+    def of_schema(self, schema: str) -> Layout | None:
+        """How messages of this class look in a file that says so itself, or None where that is another class.
+
+        A field that the file has not must have a default; one that only the file has is not looked at.
+        """
+        if schema == self.schema:
+            return self
+        theirs, defaults = _parsed(schema), _defaults(self.kind)
+        missing = self._types.keys() - theirs.keys()
+        other_types = any(theirs.get(name, ros_type) != ros_type for name, ros_type in self._types.items())
+        if other_types or not missing <= defaults.keys():
+            return None
+        other = Layout(self.kind)
+        other._set(self.kind, theirs)
+        other.missing = {name: defaults[name] for name in missing}
+        return None if (other.dtype is None) != (self.dtype is None) else other
+
     def unpack(self, data: bytes) -> Message:
         """Message from its CDR bytes.
 
@@ -65,9 +86,10 @@ class Layout:
             ValueError: The bytes are no such message.
         """
         try:
-            return self.kind(*_unpack(self._types, data))
+            values = dict(zip(self._types, _unpack(self._types, data), strict=True))
         except (struct.error, IndexError, UnicodeDecodeError) as error:
             raise ValueError(f"not a {self.kind.__name__}: {error}") from None
+        return self.kind(**{name: values[name] for name in self.kind.__struct_fields__ if name in values})
 
 
 def _ros_types(kind: type[Message]) -> dict[str, str]:
@@ -75,6 +97,23 @@ def _ros_types(kind: type[Message]) -> dict[str, str]:
     described = msgspec.inspect.type_info(kind)
     assert isinstance(described, msgspec.inspect.StructType)
     return {field.name: _ros_type(kind, field) for field in described.fields}
+
+
+def _parsed(schema: str) -> dict[str, str]:
+    """Field name to ROS 2 type of a ``.msg`` definition; empty where it holds what is not known here."""
+    scalars = (*_NUMBERS, "string")
+    known = {*scalars, *(f"{scalar}[]" for scalar in scalars), BYTES}
+    lines = [line.split() for line in schema.splitlines()]
+    if not all(len(words) == 2 and words[0] in known for words in lines):
+        return {}
+    return {name: ros_type for ros_type, name in lines}
+
+
+def _defaults(kind: type[Message]) -> dict[str, Any]:
+    """The fields that have a default, with it."""
+    described = msgspec.inspect.type_info(kind)
+    assert isinstance(described, msgspec.inspect.StructType)
+    return {field.name: field.default for field in described.fields if field.default is not msgspec.NODEFAULT}
 
 
 def _ros_type(kind: type[Message], field: msgspec.inspect.Field) -> str:

@@ -3,20 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from contextlib import suppress
 from os import PathLike
 from pathlib import Path
 from types import TracebackType
+from typing import Any
 
 from foretouch.errors import RecordingError
 from foretouch.messages import LeaderState, Message, Telemetry
 from foretouch.recordings._extra import optional
+from foretouch.recordings.block_file import BlockFile
+from foretouch.recordings.mcap_index import append_index, counts_record
 from foretouch.recordings.topics import (
-    COUNTS,
     FOLLOWER_JOINTS,
     LEADER_JOINTS,
     STANDARD,
     TOPICS,
+    TRUNCATED,
     WRENCH,
     joint_state,
     wrench,
@@ -24,52 +26,60 @@ from foretouch.recordings.topics import (
 
 __all__ = ["SessionWriter"]
 
+LONGEST_BLOCK = 2000
+"""So many messages make a block even if nobody flushes."""
+
 
 class SessionWriter:
     """Writes the messages of a session into one MCAP file, as they come.
 
-    What was flushed is readable whatever happens afterwards: a process that is killed leaves a file without its
-    index, from which `read_session` reads all that was flushed. Equal messages at equal times give equal bytes.
+    Each flush makes a block that can be read by itself. A process that is killed leaves a file without its index, from
+    which `read_session` reads all that was flushed, and which `repair_session` makes whole. On a disk that is full the
+    file ends with its last whole block. If file or folder are removed, the file gets a name again in the nearest folder
+    that is still there, at the next flush. The memory that this takes does not grow with the file. Equal messages at
+    equal times give equal bytes.
 
     Args:
         path: The file; one that is there is replaced.
 
+    Attributes:
+        kept_ns: Log times of the first and the last message that stand in the file [ns], None while none does.
+
     Raises:
-        RecordingError: The file cannot be written.
+        RecordingError: The file cannot be written, or another process writes it.
         MissingExtraError: The package ``mcap`` is not installed.
     """
 
     def __init__(self, path: str | PathLike[str]) -> None:
-        mcap = optional("mcap.writer")
-        self.path = Path(path)
-        try:
-            self._file = self.path.open("wb")
-        except OSError as error:
-            raise self._unwritable(error) from None
-        self._writer = mcap.Writer(self._file, compression=mcap.CompressionType.LZ4)
-        self._writer.start(profile="ros2", library="foretouch")
-        own = {topic.name: (topic.type_name, topic.layout.schema) for topic in TOPICS.values()}
-        standard = {topic.name: (topic.type_name, topic.schema) for topic in STANDARD}
-        schemas: dict[str, int] = {}
-        channels: dict[str, int] = {}
-        for name, (type_name, schema) in {**own, **standard}.items():
-            if type_name not in schemas:
-                schemas[type_name] = self._writer.register_schema(type_name, "ros2msg", schema.encode())
-            channels[name] = self._writer.register_channel(
-                name, "cdr", schemas[type_name], {"offered_qos_profiles": ""}
-            )
+        self._mcap, records = optional("mcap.writer"), optional("mcap.records")
+        self._first: int | None = None
+        self._last = 0
+        self.kept_ns: tuple[int, int] | None = None
+        self._failed = False
+        self._schemas, self._channels = _declarations(records)
+        numbers = {channel.topic: channel.id for channel in self._channels}
         self._own: dict[type[Message], tuple[int, Callable[[Message], bytes]]] = {
-            kind: (channels[topic.name], topic.layout.pack) for kind, topic in TOPICS.items()
+            kind: (numbers[topic.name], topic.layout.pack) for kind, topic in TOPICS.items()
         }
-        self._wrench = channels[WRENCH.name]
-        self._follower_joints = channels[FOLLOWER_JOINTS.name]
-        self._leader_joints = channels[LEADER_JOINTS.name]
+        self._wrench = numbers[WRENCH.name]
+        self._follower_joints = numbers[FOLLOWER_JOINTS.name]
+        self._leader_joints = numbers[LEADER_JOINTS.name]
+        try:
+            self._file = BlockFile(path)
+        except OSError as error:
+            raise _unwritable(path, error) from None
+        self._block = self._new_block()
+        self._block.start(profile="ros2", library="foretouch")
         try:
             self.flush()
         except RecordingError:
-            with suppress(OSError):
-                self._file.close()
+            self._file.close()
             raise
+
+    @property
+    def path(self) -> Path:
+        """The file: another than was asked for once that was removed."""
+        return self._file.path
 
     def write(self, message: Message, log_time_ns: int) -> None:
         """Record one message, and beside telemetry and leader state the standard types that say the same.
@@ -79,21 +89,24 @@ class SessionWriter:
             log_time_ns: When it came, by the recorder's clock [ns]; simulated time in a simulation.
 
         Raises:
-            RecordingError: The file cannot be written any more, for example because the disk is full.
+            RecordingError: The file cannot be written any more, for example because the disk is full. It stays as it
+                was at the last flush; `close` ends it there.
         """
         channel, pack = self._own[type(message)]
-        add, sequence, time_ns = self._writer.add_message, message.sequence & 0xFFFF_FFFF, message.time_ns
-        try:
-            add(channel, log_time_ns, pack(message), time_ns, sequence)
-            if isinstance(message, Telemetry):
-                add(self._wrench, log_time_ns, wrench(time_ns, message.force), time_ns, sequence)
-                joints = joint_state(time_ns, message.position, message.velocity, message.force)
-                add(self._follower_joints, log_time_ns, joints, time_ns, sequence)
-            elif isinstance(message, LeaderState):
-                joints = joint_state(time_ns, message.position, message.velocity, message.rendered_force)
-                add(self._leader_joints, log_time_ns, joints, time_ns, sequence)
-        except OSError as error:
-            raise self._unwritable(error) from None
+        add, sequence, time_ns = self._block.add_message, message.sequence & 0xFFFF_FFFF, message.time_ns
+        add(channel, log_time_ns, pack(message), time_ns, sequence)
+        if isinstance(message, Telemetry):
+            add(self._wrench, log_time_ns, wrench(time_ns, message.force), time_ns, sequence)
+            joints = joint_state(time_ns, message.position, message.velocity, message.force)
+            add(self._follower_joints, log_time_ns, joints, time_ns, sequence)
+        elif isinstance(message, LeaderState):
+            joints = joint_state(time_ns, message.position, message.velocity, message.rendered_force)
+            add(self._leader_joints, log_time_ns, joints, time_ns, sequence)
+        self._first = log_time_ns if self._first is None else self._first
+        self._last = log_time_ns
+        self._messages += 1
+        if self._messages >= LONGEST_BLOCK:
+            self.flush()
 
     def flush(self) -> None:
         """Hand everything written so far to the operating system, in a form that can be read without the rest.
@@ -101,35 +114,53 @@ class SessionWriter:
         Raises:
             RecordingError: As `write`.
         """
+        block, written = self._block, self._messages
         try:
-            self._writer.flush()
+            self._block = self._new_block()
+            block.flush()
+            self._file.flush()
+            if self._file.removed:
+                self._file.keep()
         except OSError as error:
-            raise self._unwritable(error) from None
+            self._failed = True
+            raise _unwritable(self.path, error) from None
+        if written and self._first is not None:
+            self.kept_ns = self._first, self._last
 
     def close(self, counts: Mapping[str, int] | None = None) -> None:
-        """End the file with its index.
+        """End the file with its index; where writing has failed, behind its last whole block if there is room.
 
         Args:
             counts: Counters of the session, kept as `SessionLog.counts`. A second call does nothing.
 
         Raises:
-            RecordingError: As `write`.
+            RecordingError: As `write`, unless that has raised before.
         """
         if self._file.closed:
             return
         try:
-            if counts:
-                self._writer.flush()  # so that the counters stand behind the messages
-                self._writer.add_metadata(COUNTS, {name: str(int(count)) for name, count in counts.items()})
-            self._writer.finish()
-            self._file.close()
+            if not self._failed:
+                self.flush()
+            said = TRUNCATED if self._failed else counts
+            if said:
+                self._file.write(counts_record(said))
+                self._file.flush()
+            append_index(self._file, self._schemas, self._channels)
         except OSError as error:
-            with suppress(OSError):
-                self._file.close()
-            raise self._unwritable(error) from None
+            if not self._failed:  # otherwise said before
+                raise _unwritable(self.path, error) from None
+        finally:
+            self._file.close()
 
-    def _unwritable(self, error: OSError) -> RecordingError:
-        return RecordingError(self.path, f"cannot be written: {error.strerror or error}")
+    def _new_block(self) -> Any:
+        """A writer of the library for one block, which says by itself what its messages are."""
+        block = self._mcap.Writer(self._file, chunk_size=2**30, compression=self._mcap.CompressionType.LZ4)
+        for schema in self._schemas:
+            block.register_schema(schema.name, schema.encoding, schema.data)
+        for channel in self._channels:
+            block.register_channel(channel.topic, channel.message_encoding, channel.schema_id, channel.metadata)
+        self._messages = 0
+        return block
 
     def __enter__(self) -> SessionWriter:
         return self
@@ -138,3 +169,23 @@ class SessionWriter:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.close()
+
+
+def _declarations(records: Any) -> tuple[list[Any], list[Any]]:
+    """Schema and channel records of the library for all topics, numbered as its writer numbers them."""
+    own = {topic.name: (topic.type_name, topic.layout.schema) for topic in TOPICS.values()}
+    standard = {topic.name: (topic.type_name, topic.schema) for topic in STANDARD}
+    numbers: dict[str, int] = {}
+    schemas: list[Any] = []
+    channels: list[Any] = []
+    for name, (type_name, text) in {**own, **standard}.items():
+        if type_name not in numbers:
+            numbers[type_name] = len(numbers) + 1
+            schemas.append(records.Schema(numbers[type_name], text.encode(), "ros2msg", type_name))
+        metadata = {"offered_qos_profiles": ""}
+        channels.append(records.Channel(len(channels) + 1, name, "cdr", metadata, numbers[type_name]))
+    return schemas, channels
+
+
+def _unwritable(path: str | PathLike[str], error: OSError) -> RecordingError:
+    return RecordingError(path, f"cannot be written: {error.strerror or error}")

@@ -10,7 +10,18 @@ import struct
 from dataclasses import dataclass
 from typing import Final
 
-from foretouch.messages import Command, Handle, Hello, LeaderState, Message, ModelUpdate, Settings, Stop, Telemetry
+from foretouch.messages import (
+    Command,
+    EmergencyStop,
+    Handle,
+    Hello,
+    LeaderState,
+    Message,
+    ModelUpdate,
+    Settings,
+    Stop,
+    Telemetry,
+)
 from foretouch.recordings.cdr import HEADER, Layout
 
 __all__ = [
@@ -19,6 +30,7 @@ __all__ = [
     "LEADER_JOINTS",
     "STANDARD",
     "TOPICS",
+    "TRUNCATED",
     "WRENCH",
     "StandardTopic",
     "Topic",
@@ -28,6 +40,9 @@ __all__ = [
 
 COUNTS: Final = "foretouch_counts"
 """Name of the metadata record that holds the counters of the session's end."""
+
+TRUNCATED: Final = {"truncated": 1}
+"""Counter of a recording that ends before its session did."""
 
 
 @dataclass(frozen=True)
@@ -48,6 +63,7 @@ TOPICS: Final[dict[type[Message], Topic]] = {
         (Hello, "/session/hello", "Hello"),
         (Settings, "/session/settings", "Settings"),
         (Stop, "/session/stop", "Stop"),
+        (EmergencyStop, "/session/emergency", "EmergencyStop"),
         (Handle, "/console/handle", "Handle"),
         (Command, "/leader/command", "Command"),
     )

@@ -4,7 +4,8 @@ from foretouch.rendering.energy import EnergyAccount
 from foretouch.rendering.limits import LARGEST_FORCE, LARGEST_FORCE_RATE, ForceLimiter
 from foretouch.rendering.mediation import LARGEST_STEP, Mediation
 from foretouch.rendering.proxy import Proxy
-from foretouch.rendering.renderer import Renderer, RenderingDevice, rendered_share
+from foretouch.rendering.renderer import Renderer, RenderingDevice
+from foretouch.rendering.share import rendered_share
 
 __all__ = [
     "LARGEST_FORCE",

@@ -45,10 +45,15 @@ class Mediation:
     rather than that the force ends on the way out. Whoever leaves pays as well: where F + o would be negative, the
     offset follows F, so that who presses again from there feels the new model from nothing on.
 
+    A hand that leaves is not pushed: what the force grows by meanwhile, beyond what the device carries, is put into the
+    offset too, and no offset is raised before the hand stays or comes back. And an offset above zero is no more than
+    what is rendered of it (`wind_down`): where the limits or the energy cut the force, it does not wait to come back.
+
     Attributes:
         offset: o [N].
         force: m [N].
         step: Part of the newest change of m that models made, and not motion [N]: at most S, in either direction.
+        surplus: Part of the newest growth of F that was put into the offset, because the hand was leaving [N].
         held_back: Whether energy kept the offset from being raised in the newest tick, or lowered it.
 
     References:
@@ -58,12 +63,12 @@ class Mediation:
         stiffness, ICRA.
     """
 
-    __slots__ = ("force", "held_back", "offset", "step")
+    __slots__ = ("force", "held_back", "offset", "step", "surplus")
 
     def __init__(self) -> None:
         self.offset = 0.0
         self.force = 0.0
-        self.step = 0.0
+        self.step = self.surplus = 0.0
         self.held_back = False
 
     def update(
@@ -72,6 +77,8 @@ class Mediation:
         jump: float,
         period: float,
         *,
+        leaving: bool = False,
+        surplus: float = 0.0,
         energy: float,
         bound: float,
         exit_work: Callable[[float], tuple[float, float]],
@@ -82,6 +89,8 @@ class Mediation:
             wanted: F, of the newest model [N], 0 or more.
             jump: J: F less that of the model before [N]; 0 where no model came.
             period: T [s].
+            leaving: Whether the hand goes out.
+            surplus: Growth of F that such a hand is not to feel [N], 0 or more.
             energy: E [J].
             bound: B [J].
             exit_work: Gives W [J] and x [m] for an offset [N]; asked only in contact.
@@ -90,7 +99,8 @@ class Mediation:
             m [N].
         """
         before = self.offset
-        offset = before - jump
+        offset = before - jump - surplus
+        self.surplus = surplus
         release = min(abs(offset) * -math.expm1(-max(period, 0.0) / RELEASE_TIME), LARGEST_STEP)
         change = -release if offset > 0.0 else release
         self.held_back = False
@@ -101,7 +111,7 @@ class Mediation:
                 change = min(change, 0.0, -min((-bound - left) / way, LARGEST_STEP))
                 self.held_back = True
             elif offset < 0.0:
-                paid = max(left, 0.0) / way if way > 0.0 else 0.0
+                paid = max(left, 0.0) / way if way > 0.0 and not leaving else 0.0
                 self.held_back = paid < release
                 change = min(release, paid)
         offset = offset + change if self.held_back or abs(offset) >= SMALLEST_OFFSET else 0.0
@@ -109,5 +119,9 @@ class Mediation:
         self.offset = offset
         self.force = max(wanted + offset, 0.0)
         # What would have been, had no model come and no offset gone
-        self.step = self.force - max(wanted - jump + before, 0.0)
+        self.step = self.force - max(wanted - jump - surplus + before, 0.0)
         return self.force
+
+    def wind_down(self, rendered: float) -> None:
+        """Forget what of an offset above zero was not rendered; the force was cut to this one [N]."""
+        self.offset -= min(max(self.offset, 0.0), max(self.force - rendered, 0.0))

@@ -34,8 +34,8 @@ class Proxy:
     Attributes:
         position: y [m]; NaN until hand and proxy are coupled.
         engaged: Whether they are.
-        indexed: i_1 [m].
-        yielded: i_2 [m].
+        indexed: i_1 [m], not negative.
+        yielded: i_2 [m], not negative.
     """
 
     __slots__ = ("_hand", "_reference", "_scale", "engaged", "indexed", "position", "yielded")
@@ -52,7 +52,7 @@ class Proxy:
 
     @property
     def apart(self) -> float:
-        """What is to be given back [m], positive where the hand is further in."""
+        """What is to be given back [m], not negative: the hand is further in by so much."""
         return self.indexed + self.yielded
 
     def engage(self, hand: float, position: float | None = None) -> None:
@@ -66,6 +66,11 @@ class Proxy:
     def release(self) -> None:
         """Let the hand go alone; the proxy stays."""
         self.engaged = False
+
+    def leave(self) -> None:
+        """Let the hand go, and be nowhere until it is coupled again."""
+        self.engaged = False
+        self.position = math.nan
 
     def follow(self, hand: float, share: float = 1.0, free: float = 0.0) -> float:
         """Carry the proxy along to where the hand is now [m]; returns y [m].
@@ -84,7 +89,7 @@ class Proxy:
         return self.position
 
     def index(self, distance: float) -> None:
-        """Put the proxy further out by this distance [m] while the hand stays."""
+        """Put the proxy further out by this distance [m] while the hand stays; back by at most what is indexed."""
         self.indexed += distance
         self._place()
 
@@ -95,11 +100,10 @@ class Proxy:
             distance: [m].
             yielded: Whether what yielded is given back too, once nothing indexed is left.
         """
-        returned = math.copysign(min(distance, abs(self.indexed)), self.indexed)
+        returned = min(distance, self.indexed)
         self.indexed -= returned
         if yielded:
-            left = distance - abs(returned)
-            self.yielded -= math.copysign(min(left, abs(self.yielded)), self.yielded)
+            self.yielded -= min(distance - returned, self.yielded)
         self._place()
 
     def _place(self) -> None:

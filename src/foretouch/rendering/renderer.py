@@ -7,13 +7,13 @@ from typing import Protocol
 
 from foretouch.models import NO_STATE, ContactModel, ContactState, Predictor
 from foretouch.models.checks import require
-from foretouch.models.motion import VELOCITY_CUTOFF
 from foretouch.rendering.energy import EnergyAccount
 from foretouch.rendering.limits import LARGEST_FORCE, ForceLimiter
 from foretouch.rendering.mediation import Mediation
 from foretouch.rendering.proxy import RETURN_SPEED, Proxy
+from foretouch.rendering.share import rendered_share
 
-__all__ = ["Renderer", "RenderingDevice", "rendered_share"]
+__all__ = ["Renderer", "RenderingDevice"]
 
 SAMPLE_PERIOD = 1e-3
 """Time for which a force is held where nothing else is said [s]."""
@@ -28,14 +28,22 @@ PHANTOM = 0.05
 """Contact is lost where neither the model asks for more nor more is rendered than this [N]: maps give some millinewtons
 in the air, and people feel no less."""
 
+SHARE_RATE = 0.05
+"""The share of the motion that is carried falls at once, and rises by this part of the way in a tick: one that goes up
+and down with every encoder count would be felt as chatter."""
+
+SHARE_ROUNDING = 0.01
+"""What is nearer to the share that is carried is that."""
+
+FORCE_IN_AIR = 0.3
+"""Before its surface a map may give so much [N] and is held to one encoder count alone, not to what the damping of the
+device carries: to yield all the way through the air costs more than so small a force can do."""
+
 CLEARANCE = 1e-3
 """In free air the proxy is brought back until it is so near to the surface [m]."""
 
 SHORTEST_REACH = 3e-5
 """Local slopes are taken over at least so far [m], and over as far as the next tick may get."""
-
-COUNT_FORCE = 0.1
-"""One count of the encoder may change the force by so much [N] on a device without friction."""
 
 YIELDING_RATE = 0.05
 """Share per tick in which the average of what the hand goes for one step of the proxy follows it."""
@@ -52,10 +60,6 @@ class RenderingDevice(Protocol):
         """B [N s/m]."""
 
     @property
-    def friction(self) -> float:
-        """Coulomb friction [N]."""
-
-    @property
     def force_limit(self) -> float:
         """[N]."""
 
@@ -63,37 +67,12 @@ class RenderingDevice(Protocol):
     def resolution(self) -> float:
         """One count of the encoder [m]."""
 
+    @property
+    def stiffness_by_encoder(self) -> float:
+        """What one count of the encoder allows [N/m], infinite without one."""
 
-def rendered_share(stiffness: float, rendered_damping: float, *, device_damping: float, sample_period: float) -> float:
-    r"""Share rho of the hand's motion in which a device can carry a model.
-
-    .. math:: \rho \left(\frac{K T}{2} + \max(\kappa B, -B)\right) \le b, \quad \rho \le 1, \quad
-        \kappa = \frac{c}{2 - c}, \quad c = 1 - e^{-2 \pi f_c T}
-
-    A proxy that takes part in the share rho of the motion is felt with rho K and rho B, so that the condition for
-    passive rendering from samples holds. For a velocity that is the plain difference of two positions it is the
-    well-known :math:`b > K T / 2 + |B|`. Ours goes through the low-pass of `MotionFilter`; the theorem holds for any
-    transfer function H(z) of position to force,
-
-    .. math:: b > \max_\omega \frac{T}{2} \frac{\mathrm{Re}\,(1 - e^{-j \omega T}) H(e^{j \omega T})}
-        {1 - \cos \omega T}, \quad H = K + \frac{B}{T} \frac{c\,(1 - z^{-1})}{1 - (1 - c)\, z^{-1}}
-
-    whose damping part is largest at half the sample rate for B > 0, where the low-pass leaves the share kappa of it (a
-    quarter at 80 Hz and 1 kHz), and at rest for B < 0.
-
-    Args:
-        stiffness: K, local, at the hand [N/m], not negative.
-        rendered_damping: B, local, at the hand [N s/m].
-        device_damping: b [N s/m], not negative.
-        sample_period: T [s].
-
-    References:
-        Colgate and Schenkel (1997), Passivity of a class of sampled-data systems: application to haptic interfaces,
-        Journal of Robotic Systems 14(1).
-    """
-    gain = -math.expm1(-2.0 * math.pi * VELOCITY_CUTOFF * sample_period)
-    needed = 0.5 * stiffness * sample_period + max(gain / (2.0 - gain) * rendered_damping, -rendered_damping)
-    return min(1.0, device_damping / needed) if needed > 0.0 else 1.0
+    def largest_stiffness(self, sample_period: float) -> float:
+        """The stiffest spring that it renders passively at this period [s], by its damping and its encoder [N/m]."""
 
 
 class Renderer:
@@ -105,9 +84,7 @@ class Renderer:
         position_scale: Proxy's motion for the hand's, positive.
         force_scale: Hand's force for the model's, positive.
         largest_stiffness: Largest local stiffness at the hand [N/m]; 0 for what the device carries: `rendered_share`,
-            and no more than K = 2 f / d for a Coulomb friction f and an encoder count d, within which friction takes
-            what rounding gives (Abbott and Okamura 2005, Effects of position quantization and sampling rate on
-            virtual-wall passivity, IEEE Transactions on Robotics 21(5)); f counts as at least 0.05 N.
+            and no more than its `largest_stiffness` by damping and encoder.
         guarded: Whether a surface that turns up where the hand already is, is met by the index.
         sample_period: T [s].
 
@@ -130,11 +107,14 @@ class Renderer:
         "_force_scale",
         "_free",
         "_guarded",
+        "_hand",
         "_period",
         "_position_scale",
         "_stiffest",
         "_surface",
         "_time",
+        "_velocity",
+        "_wanted_before",
         "_was_engaged",
         "_yielding",
         "account",
@@ -162,9 +142,7 @@ class Renderer:
         require("sample_period", sample_period, above=0.0)
         self._stiffest = math.inf
         if device is not None:
-            self._stiffest = min(largest_stiffness or math.inf, 2.0 * device.damping / sample_period)
-            if device.resolution > 0.0:
-                self._stiffest = min(self._stiffest, max(2.0 * device.friction, COUNT_FORCE) / device.resolution)
+            self._stiffest = min(largest_stiffness or math.inf, device.largest_stiffness(sample_period))
         self._device = device
         self._position_scale = position_scale
         self._force_scale = force_scale
@@ -173,6 +151,8 @@ class Renderer:
         self._surface = math.nan
         self._time = -math.inf
         self._was_engaged = False
+        self._hand = math.nan
+        self._wanted_before = self._velocity = 0.0
         self.predictor = Predictor()
         self.proxy = Proxy(position_scale)
         self.mediation = Mediation()
@@ -209,13 +189,14 @@ class Renderer:
         self.proxy.engage(hand, position)
         self.predictor.shift(position - self.predictor.position)
 
-    def update(self, time: float, hand: float, period: float) -> float:
+    def update(self, time: float, hand: float, period: float, *, free: bool = False) -> float:
         """One tick.
 
         Args:
             time: [s], later than at the tick before; otherwise nothing happens.
             hand: Position of the hand [m]; one that is no number, or none within 10 m, counts as not moved.
             period: Time since the tick before [s].
+            free: Whether the hand is let go, from whatever it is coupled with, and given no force.
 
         Returns:
             The force for the hand [N].
@@ -228,7 +209,9 @@ class Renderer:
             hand = math.nan
         account.observe(hand)
         self.energy, self.energy_bound = account.energy, account.bound
-        if self._device is None and math.isnan(proxy.position) and math.isfinite(hand):
+        if free:
+            proxy.leave()
+        elif self._device is None and math.isnan(proxy.position) and math.isfinite(hand):
             proxy.engage(hand)
         predictor.catch_up()
         position = proxy.follow(hand, self.share, self._free)
@@ -237,10 +220,13 @@ class Renderer:
             position = proxy.position
         predicted = predictor.update(time, position)
         wanted, jump = self._wanted(predicted)
+        leaving = self._device is not None and hand < self._hand
         mediated = self.mediation.update(
             wanted,
             jump,
             period,
+            leaving=leaving,
+            surplus=self._surplus(wanted - jump) if leaving else 0.0,
             energy=account.energy,
             bound=account.bound_with(wanted),
             exit_work=self._exit_work,
@@ -248,12 +234,18 @@ class Renderer:
         # A tick that came late is no reason for a larger step of force; nor is the limit of its rate one to push a hand
         # that leaves with more than there is.
         force = self.limiter.update(mediated, min(period, self._period), min(account.ceiling, mediated))
+        self.mediation.wind_down(force)
         if force <= PHANTOM and wanted <= PHANTOM:
             account.close()
         account.hold(force)
         self._give_back(wanted)
-        self.share = self._carried()
-        self._free = max(-predictor.depth, 0.0)
+        self._wanted_before, self._velocity = wanted, predictor.velocity
+        if math.isfinite(hand):
+            self._hand = hand
+        carried = self._carried()
+        risen = self.share + SHARE_RATE * (carried - self.share)
+        self.share = risen if risen < carried - SHARE_ROUNDING else carried
+        self._free = 0.0 if predictor.force > 0.0 else max(-predictor.depth, 0.0)
         self._yielding += YIELDING_RATE * (1.0 / max(self.share, 1e-3) - self._yielding)
         return force
 
@@ -266,6 +258,16 @@ class Renderer:
         force = min(self._force_scale * predicted, largest) if engaged else 0.0
         former = min(self._force_scale * (predicted - self.predictor.jump), largest) if was_engaged else 0.0
         return force, force - former
+
+    def _surplus(self, force: float) -> float:
+        """What a force [N] has grown by, as the hand went out, beyond b times the change of its velocity [N].
+
+        A spring never grows there, and a damper by what it was less than before; a model with negative damping does,
+        the faster the hand leaves, and where nothing yielded the share of the motion cannot bound it.
+        """
+        carried = self._device.damping if self._device is not None else 0.0
+        change = abs(self.predictor.velocity - self._velocity) / self._position_scale
+        return max(force - self._wanted_before - carried * change, 0.0)
 
     def _meet_surface(self, surface: float) -> None:
         """A surface has come [m]: the proxy stays as deep as it was when the last one was there.
@@ -310,8 +312,7 @@ class Renderer:
             return
         step = RETURN_SPEED * self._period
         if wanted <= PHANTOM and predictor.depth < 0.0:
-            room = -CLEARANCE - predictor.depth if proxy.apart > 0.0 else math.inf
-            self._return(min(max(room, 0.0), step), yielded=True)
+            self._return(min(max(-CLEARANCE - predictor.depth, 0.0), step), yielded=True)
             return
         if not proxy.indexed > 0.0 or self.mediation.offset < 0.0 or not wanted > 0.0:
             return
@@ -333,10 +334,18 @@ class Renderer:
         if device is None or predictor.model is None or not self.proxy.engaged:
             return 1.0
         reach = max(SHORTEST_REACH, 1.5 * abs(predictor.velocity) * self._period)
-        if predictor.depth < -2.0 * reach:
+        outside, force = predictor.depth < -2.0 * reach, self._force_scale * predictor.force
+        if outside and not force > 0.0:
             return 1.0
         stiffness, damping = predictor.local_slopes(reach)
         scale = self._force_scale * self._position_scale
         stiffness, damping = scale * stiffness, scale * damping
-        share = rendered_share(stiffness, damping, device_damping=device.damping, sample_period=self._period)
-        return min(share, self._stiffest / stiffness) if stiffness > 0.0 else share
+        light = outside and force <= FORCE_IN_AIR
+        share = rendered_share(
+            stiffness,
+            damping,
+            device_damping=math.inf if light else device.damping,
+            sample_period=self._period,
+            stiffness_by_encoder=device.stiffness_by_encoder,
+        )
+        return share if light or not stiffness > 0.0 else min(share, self._stiffest / stiffness)

@@ -1,8 +1,10 @@
 """What a session or a recording shows: scores, the report of a session, figures and the page."""
 
+from foretouch.report.calibration_page import write_calibration_page
 from foretouch.report.drawing import COLOURS, finished, legend, new_figure
-from foretouch.report.energy import energy_figures, exact_energy
+from foretouch.report.energy import energy_account, energy_figures, exact_energy
 from foretouch.report.forces import Forces, forces_under_delay
+from foretouch.report.free_hand import free_hand
 from foretouch.report.guarded import guarded_runs
 from foretouch.report.hand import hand_figures
 from foretouch.report.html import embedded, named_values, table, write_html
@@ -10,6 +12,7 @@ from foretouch.report.page import write_page, write_prediction_page
 from foretouch.report.pairs import Pairs, force_at_follower, pair
 from foretouch.report.perception import LargestJump, largest_jump, rendered_jump, time_to_accuracy, update_jumps
 from foretouch.report.remarks import remarks
+from foretouch.report.safety_text import left_out
 from foretouch.report.scores import STATUSES, Scores, delayed, lowest_mean, score
 from foretouch.report.session import CONTACT_FLOOR, session_report
 from foretouch.report.swings import oscillation, swings, turning_points
@@ -25,15 +28,18 @@ __all__ = [
     "Scores",
     "delayed",
     "embedded",
+    "energy_account",
     "energy_figures",
     "exact_energy",
     "findings",
     "finished",
     "force_at_follower",
     "forces_under_delay",
+    "free_hand",
     "guarded_runs",
     "hand_figures",
     "largest_jump",
+    "left_out",
     "legend",
     "lowest_mean",
     "map_lines",
@@ -51,6 +57,7 @@ __all__ = [
     "time_to_accuracy",
     "turning_points",
     "update_jumps",
+    "write_calibration_page",
     "write_html",
     "write_page",
     "write_prediction_page",

@@ -3,11 +3,28 @@
 from __future__ import annotations
 
 import importlib
+from collections.abc import Sequence
 from typing import Any
 
-from foretouch.errors import MissingExtraError
+import numpy as np
+from numpy.typing import NDArray
 
-__all__ = ["COLOURS", "DELAYED", "ERROR", "PREDICTED", "RENDERED", "TRUE", "finished", "legend", "new_figure"]
+from foretouch.errors import MissingExtraError
+from foretouch.report.statuses import Stretch
+
+__all__ = [
+    "COLOURS",
+    "DELAYED",
+    "ERROR",
+    "PREDICTED",
+    "RENDERED",
+    "TRUE",
+    "finished",
+    "legend",
+    "mark",
+    "new_figure",
+    "shade",
+]
 
 TRUE, PREDICTED, DELAYED, RENDERED, ERROR = "#000000", "#0072B2", "#E69F00", "#009E73", "#D55E00"
 """Okabe and Ito's colours, which the colour-blind tell apart, by what they stand for in a session."""
@@ -44,7 +61,56 @@ def legend(axes: Any, columns: int) -> None:
         handlelength=1.6,
         borderaxespad=0.2,
     )
-    axes.set_title(axes.get_title(), pad=22.0)
+    rows = -(-len(axes.get_legend_handles_labels()[1]) // columns)
+    axes.set_title(axes.get_title(), pad=22.0 + 13.0 * max(rows - 1, 0))
+
+
+def shade(axes: Any, time: NDArray[np.float64], flags: NDArray[np.bool_], colour: str, label: str) -> None:
+    """Shade the times at which a flag is set, over the whole height."""
+    if not flags.any():
+        return
+    axes.fill_between(
+        time,
+        0.0,
+        1.0,
+        where=flags,
+        step="post",
+        transform=axes.get_xaxis_transform(),
+        color=colour,
+        alpha=0.15,
+        linewidth=0.0,
+        label=label,
+    )
+
+
+def mark(axes: Any, stretches: Sequence[Stretch]) -> None:
+    """Hatch the times in which the robot was not where the commands said, within what the axes show.
+
+    Args:
+        axes: With the curves drawn.
+        stretches: In the axes' own time.
+    """
+    sides, named = axes.get_xlim(), set()
+    for stretch in stretches:
+        if stretch.end < sides[0] or stretch.begin > sides[1]:
+            continue
+        label, hatch, colour = _MARKS[stretch.failing]
+        axes.axvspan(
+            max(stretch.begin, sides[0]),
+            min(stretch.end, sides[1]),
+            facecolor=(0.5, 0.5, 0.5, 0.12),
+            edgecolor=colour,
+            hatch=hatch,
+            linewidth=0.0,
+            zorder=0.5,
+            label=None if label in named else label,
+        )
+        named.add(label)
+    axes.set_xlim(sides)
+
+
+_MARKS = {False: ("not following", "\\\\\\", "0.65"), True: ("faulty sensors", "///", "#CC79A7")}
+"""Legend, hatch and its colour, by whether the sensors failed."""
 
 
 def finished(

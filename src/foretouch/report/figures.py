@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -10,9 +11,21 @@ from numpy.typing import NDArray
 from foretouch.messages import ModelUpdate, SessionLog
 from foretouch.models import LAWS
 from foretouch.quantities import QUANTITIES
-from foretouch.report.drawing import DELAYED, ERROR, PREDICTED, RENDERED, TRUE, finished, legend, new_figure
+from foretouch.report.drawing import (
+    DELAYED,
+    ERROR,
+    PREDICTED,
+    RENDERED,
+    TRUE,
+    finished,
+    legend,
+    mark,
+    new_figure,
+    shade,
+)
 from foretouch.report.pairs import Pairs
 from foretouch.report.scores import JND_FORCE, JND_SHARE
+from foretouch.report.statuses import Stretch
 from foretouch.report.thinning import thinned
 
 __all__ = [
@@ -29,6 +42,9 @@ Array = NDArray[np.float64]
 ZOOM = 4.0
 """Length of the close-up [s]."""
 
+LEAST = 0.3
+"""The force axis shows at least so much [N], so that noise does not fill it."""
+
 ROOM = 1.35
 """The force axis reaches to this multiple of the largest measured or delayed force."""
 
@@ -40,7 +56,9 @@ def force_figure(
     delayed_force: Array,
     rendered_force: Array | None = None,
     *,
-    limits: tuple[float, float] | None = None,
+    scored: NDArray[np.bool_] | None = None,
+    wanted: str = "predicted",
+    stretches: Sequence[Stretch] = (),
 ) -> Any:
     """Forces over time, a close-up, and their errors in it; the layout of the paper's Fig. 11 and more.
 
@@ -50,16 +68,18 @@ def force_figure(
         predicted_force: [N], shape (n,).
         delayed_force: [N], shape (n,).
         rendered_force: [N], shape (n,), or None where nothing was rendered.
-        limits: Start and end of the scoring window [s], to be marked.
+        scored: Flags of the samples that are scored, to be marked, shape (n,).
+        wanted: What the predicted force is called; of a baseline it is no prediction.
+        stretches: In which the robot was not where the commands said, in the same time.
     """
     name = "measured" if rendered_force is None else "true (follower's sensor)"
     curves = [(name, true_force, TRUE, 1.6), ("delayed", delayed_force, DELAYED, 1.1)]
     if rendered_force is not None:
         curves.append(("rendered", rendered_force, RENDERED, 4.0))  # wide, under the predicted one
-    curves.append(("predicted", predicted_force, PREDICTED, 1.1))
+    curves.append((wanted, predicted_force, PREDICTED, 1.1))
     figure = new_figure(9.5)
     whole, near, error = figure.subplots(3, 1)
-    top = ROOM * max(_largest(true_force), _largest(delayed_force), 0.1)
+    top = ROOM * max(_largest(true_force), _largest(delayed_force), LEAST)
     inside = _close_up(time, true_force)
     for axes, chosen in ((whole, np.ones(time.size, dtype=np.bool_)), (near, inside)):
         for label, force, colour, width in curves:
@@ -69,24 +89,32 @@ def force_figure(
         axes.set_ylabel("force [N]")
         _say_beyond(axes, predicted_force[chosen], top)
     whole.set_title("Contact force at equal command")
-    if limits is not None:
-        whole.axvspan(*limits, color="#56B4E9", alpha=0.12, linewidth=0.0, label="scored")
+    if scored is not None:
+        shade(whole, time, scored, "#56B4E9", "scored")
     whole.axvspan(time[inside][0], time[inside][-1], color="0.5", alpha=0.15, linewidth=0.0, label="close-up below")
     near.set_title("Close-up")
-    legend(whole, columns=6)
+    mark(whole, _within(stretches, time))
+    mark(near, _within(stretches, time[inside]))
+    legend(whole, columns=6 if not stretches else 4)
     band = np.maximum(JND_SHARE * true_force[inside], JND_FORCE)
     error.fill_between(
         time[inside], -band, band, color="0.5", alpha=0.3, linewidth=0.0, label="not noticed: max(10 %, 0.05 N)"
     )
-    for label, force, colour in (("delayed", delayed_force, DELAYED), ("predicted", predicted_force, PREDICTED)):
+    for label, force, colour in (("delayed", delayed_force, DELAYED), (wanted, predicted_force, PREDICTED)):
         error.plot(*thinned(time[inside], (force - true_force)[inside]), color=colour, linewidth=1.1, label=label)
     error.set_ylim(-top, top)
+    mark(error, _within(stretches, time[inside]))
     error.set_title("Error in the close-up: force less true force")
     error.set_ylabel("error [N]")
     error.set_xlabel("time [s]")
     _say_beyond(error, np.abs(predicted_force - true_force)[inside], top)
-    legend(error, columns=3)
-    return finished(figure, 3)
+    legend(error, columns=5)
+    return finished(figure, 3, above=0.8 if stretches else 0.6)
+
+
+def _within(stretches: Sequence[Stretch], time: Array) -> list[Stretch]:
+    """Those that begin before the last sample and end after the first."""
+    return [one for one in stretches if one.begin < time[-1] and one.end > time[0]]
 
 
 def prediction_figure(
@@ -104,12 +132,13 @@ def prediction_figure(
     return finished(figure, 3)
 
 
-def model_figure(models: tuple[ModelUpdate, ...], start_ns: int) -> Any:
+def model_figure(models: tuple[ModelUpdate, ...], start_ns: int, stretches: Sequence[Stretch] = ()) -> Any:
     """Identified parameters over time, each in axes of its own; the layout of the paper's Fig. 10.
 
     Args:
         models: Of at least one law that is known here; the law that was sent most is shown.
         start_ns: Time zero by the follower's clock [ns].
+        stretches: In which the robot was not where the commands said, in the same time.
     """
     laws = [model.law for model in models if model.law in LAWS]
     law = max(sorted(set(laws)), key=laws.count)
@@ -124,21 +153,22 @@ def model_figure(models: tuple[ModelUpdate, ...], start_ns: int) -> Any:
         axes = grid.flat[column]
         values = np.array([model.parameters[column] for model in shown])
         axes.plot(time, np.where(valid, values, np.nan), color=PREDICTED, linewidth=1.2, label="valid")
-        axes.plot(time[~valid], values[~valid], ".", color=ERROR, markersize=3.0, label="not valid")
+        if not valid.all():
+            axes.plot(time[~valid], values[~valid], ".", color=ERROR, markersize=3.0, label="not valid")
         _robust_range(axes, values[valid] if valid.any() else values)
+        mark(axes, stretches)
         symbol, unit = _symbol_and_unit(name)
-        axes.set_title(f"{name}" if symbol in ("", name) else f"{name} ({symbol})")
-        axes.set_ylabel(f"[{unit}]")
+        axes.set_title(f"{name} [{unit}]" if symbol in ("", name) else f"{name} {symbol} [{unit}]")
     for axes in grid.flat[len(names) :]:
         axes.set_visible(False)
     for axes in grid[-1]:
         axes.set_xlabel("time [s]")
-    legend(grid.flat[0], columns=2)
+    legend(grid.flat[0], columns=4)
     figure.suptitle(f"Identified parameters: {law}", y=1.0 - 0.25 / figure.get_figheight(), va="center")
     return finished(figure, rows, above=0.95, gap=0.6)
 
 
-def loop_figure(pairs: Pairs, true_force: Array, surface: float | None) -> Any:
+def loop_figure(pairs: Pairs, true_force: Array, surface: float | None, wanted: str = "predicted") -> Any:
     """Force against depth: what the follower felt at its place, and what was predicted at the hand's."""
     figure = new_figure(4.6)
     axes = figure.subplots()
@@ -146,10 +176,10 @@ def loop_figure(pairs: Pairs, true_force: Array, surface: float | None) -> Any:
     step = max(1, pairs.time.size // 6000)
     for label, position, force, colour in (
         ("true, at the follower's position", pairs.follower["position"], true_force, TRUE),
-        ("predicted, at the leader's position", pairs.leader["position"], pairs.leader["predicted_force"], PREDICTED),
+        (f"{wanted}, at the leader's position", pairs.leader["position"], pairs.leader["predicted_force"], PREDICTED),
     ):
         axes.plot(1e3 * (position[::step] - zero), force[::step], color=colour, linewidth=0.7, label=label)
-    top = ROOM * max(_largest(true_force), 0.1)
+    top = ROOM * max(_largest(true_force), LEAST)
     axes.set_ylim(-0.08 * top, top)
     _say_beyond(axes, pairs.leader["predicted_force"], top)
     axes.set_title("Force against depth")
@@ -159,8 +189,13 @@ def loop_figure(pairs: Pairs, true_force: Array, surface: float | None) -> Any:
     return finished(figure, 1)
 
 
-def tracking_figure(pairs: Pairs) -> Any:
-    """Commanded and actual position of the robot, and the distance between them."""
+def tracking_figure(pairs: Pairs, stretches: Sequence[Stretch] = ()) -> Any:
+    """Commanded and actual position of the robot, and the distance between them.
+
+    Args:
+        pairs: Rows at equal command.
+        stretches: In which the robot was not where the commands said, in the time of the rows.
+    """
     figure = new_figure(5.0)
     place, apart = figure.subplots(2, 1, sharex=True)
     commanded, actual = 1e3 * pairs.leader["position"], 1e3 * pairs.follower["position"]
@@ -168,7 +203,9 @@ def tracking_figure(pairs: Pairs) -> Any:
     place.plot(*thinned(pairs.time, actual), color=TRUE, linewidth=0.9, label="follower")
     place.set_title("Position of the robot at equal command")
     place.set_ylabel("position [mm]")
-    legend(place, columns=2)
+    for axes in (place, apart):
+        mark(axes, stretches)
+    legend(place, columns=4)
     apart.plot(*thinned(pairs.time, actual - commanded), color=ERROR, linewidth=0.9)
     apart.set_title("Tracking error: follower less command")
     apart.set_ylabel("error [mm]")
@@ -196,8 +233,10 @@ def timing_figure(log: SessionLog) -> Any:
 
 
 def _histogram(axes: Any, values: Array, colour: str) -> None:
-    if not values.size:
-        axes.text(0.5, 0.5, "no ticks", ha="center", va="center", transform=axes.transAxes)
+    if not values.any():
+        said = "not measured" if values.size else "no ticks"
+        axes.text(0.5, 0.5, said, ha="center", va="center", transform=axes.transAxes)
+        axes.set(xticks=[], yticks=[])
         return
     low, high = float(values.min()), float(values.max())
     room = max(0.05 * (high - low), 0.1 * high - 0.5 * (high - low), 1e-6)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from foretouch.identification import Learner, predict
 from foretouch.messages import SessionLog
 from foretouch.quantities import Recording
-from foretouch.report.pairs import pair
+from foretouch.report.pairs import not_scored, pair
 from foretouch.report.perception import LargestJump, largest_jump, time_to_accuracy
 from foretouch.report.scores import Scores, delayed, lowest_mean
 from foretouch.report.session import CONTACT_FLOOR
@@ -19,6 +19,7 @@ from foretouch.session import replay
 __all__ = ["Forces", "forces_under_delay"]
 
 Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,6 +37,7 @@ class Forces:
             no part in it, as in the next two.
         jump: Change of the predicted force by the model that came at the sample [N], 0 where none came.
         period: Time since the sample before where the prediction was made [s], NaN at the first.
+        skipped: Flags of the samples that are not scored, as in the session's own report; None for a recording.
     """
 
     time: Array
@@ -47,6 +49,7 @@ class Forces:
     standard_deviation: Array | None = None
     jump: Array | None = None
     period: Array | None = None
+    skipped: Flags | None = None
 
     def perception(self, scores: Scores) -> dict[str, float | None]:
         """What an operator would notice, as named figures: the largest jump by a model, and the time to accuracy.
@@ -57,7 +60,8 @@ class Forces:
         jump = LargestJump(None, None, None)
         if self.jump is not None and self.period is not None:
             jump = largest_jump(self.time, self.jump, self.period)
-        accurate = time_to_accuracy(self.time, scores.measured_force, self.predicted, scores.in_contact)
+        scored = scores.in_contact if self.skipped is None else scores.in_contact & ~self.skipped
+        accurate = time_to_accuracy(self.time, scores.measured_force, self.predicted, scored)
         return {**jump.figures("largest_update_jump"), "time_to_ten_percent_s": accurate}
 
 
@@ -65,7 +69,7 @@ def forces_under_delay(source: Recording | SessionLog, learner: Learner, delay: 
     """Predict a recording's force, or a session's at the leader's own motion, whose forces are known late.
 
     Args:
-        source: The recording, or the session.
+        source: The recording, or the session, whose longest stretch is taken.
         learner: Fresh.
         delay: Of the forces [s], 0 or more.
 
@@ -88,8 +92,8 @@ def forces_under_delay(source: Recording | SessionLog, learner: Learner, delay: 
             predicted.jump,
             _periods(source.time),
         )
-    again, pairs = replay(source, learner, delay=delay), pair(source)
-    ticks = np.searchsorted(source.leader["sequence"], pairs.leader["sequence"])
+    again, pairs, leader = replay(source, learner, delay=delay), pair(source), source.longest().leader
+    ticks = np.searchsorted(leader["sequence"], pairs.leader["sequence"])
     return Forces(
         pairs.time,
         pairs.follower["position"],
@@ -99,7 +103,8 @@ def forces_under_delay(source: Recording | SessionLog, learner: Learner, delay: 
         CONTACT_FLOOR,
         again.predicted.standard_deviation[ticks],
         again.predicted.jump[ticks],
-        _periods(source.leader["time_ns"] * 1e-9)[ticks],
+        _periods(leader["time_ns"] * 1e-9)[ticks],
+        not_scored(pairs),
     )
 
 

@@ -9,12 +9,28 @@ from numpy.typing import NDArray
 
 from foretouch.messages import SessionLog
 
-__all__ = ["guarded_figures", "guarded_runs"]
+__all__ = ["guarded_figures", "guarded_runs", "runs_of", "usual_period"]
 
 Rows = NDArray[np.void]
 
+Flags = NDArray[np.bool_]
+
 APART_NS = 100_000_000
-"""Guarded stretches that are nearer to each other than this are one [ns]: about its speed a command comes and goes."""
+"""Stretches that are nearer to each other than this are one [ns]: about its speed a command comes and goes."""
+
+
+def runs_of(follower: Rows, flags: Flags) -> list[slice]:
+    """Stretches of rows from the first to the last that is flagged, those less than 0.1 s apart joined.
+
+    Args:
+        follower: Rows of `SessionLog.follower`, shape (n,).
+        flags: Shape (n,).
+    """
+    ticks = np.flatnonzero(flags)
+    if not ticks.size:
+        return []
+    cuts = np.flatnonzero(np.diff(follower["time_ns"][ticks]) > APART_NS) + 1
+    return [slice(int(run[0]), int(run[-1]) + 1) for run in np.split(ticks, cuts)]
 
 
 def guarded_runs(follower: Rows) -> list[slice]:
@@ -23,11 +39,7 @@ def guarded_runs(follower: Rows) -> list[slice]:
     Args:
         follower: Rows of `SessionLog.follower`.
     """
-    ticks = np.flatnonzero(follower["guarded"])
-    if not ticks.size:
-        return []
-    cuts = np.flatnonzero(np.diff(follower["time_ns"][ticks]) > APART_NS) + 1
-    return [slice(int(run[0]), int(run[-1]) + 1) for run in np.split(ticks, cuts)]
+    return runs_of(follower, follower["guarded"])
 
 
 def guarded_figures(log: SessionLog) -> dict[str, Any]:
@@ -37,6 +49,7 @@ def guarded_figures(log: SessionLog) -> dict[str, Any]:
         log: The session.
 
     Returns:
+        ``guarded_contact_percent``: share of the ticks in contact that were guarded; None without contact.
         ``guarded_contacts``: guarded stretches with contact in them. ``guarded_s``: all guarded ticks, those of an
         approach that it slowed down too. ``depth_lost_mm``: the farthest that the applied command was beyond what the
         robot was told, in guarded ticks in contact. ``time_lost_s``: the longest time from a guarded contact's
@@ -52,11 +65,13 @@ def guarded_figures(log: SessionLog) -> dict[str, Any]:
             continue
         contacts += 1
         rows = rows[touching[0] :]
-        time = max(time, float(np.ptp(rows["time_ns"])) * 1e-9 + _period(follower))
+        time = max(time, float(np.ptp(rows["time_ns"])) * 1e-9 + usual_period(follower))
         depth = max(depth, _depth_lost(log.leader, rows[rows["guarded"] & rows["in_contact"]]))
+    touching, held = follower["in_contact"], follower["in_contact"] & follower["guarded"]
     return {
+        "guarded_contact_percent": 100.0 * float(held.sum() / touching.sum()) if touching.any() else None,
         "guarded_contacts": contacts,
-        "guarded_s": float(follower["guarded"].sum()) * _period(follower),
+        "guarded_s": float(follower["guarded"].sum()) * usual_period(follower),
         "depth_lost_mm": 1e3 * depth,
         "time_lost_s": time,
     }
@@ -74,6 +89,6 @@ def _depth_lost(leader: Rows, rows: Rows) -> float:
     return max(float(lost.max()), 0.0) if lost.size else 0.0
 
 
-def _period(table: Rows) -> float:
+def usual_period(table: Rows) -> float:
     """Usual time from tick to tick [s]."""
     return float(np.median(np.diff(table["time_ns"]))) * 1e-9 if table.size > 1 else 0.0

@@ -11,20 +11,25 @@ from numpy.typing import NDArray
 
 from foretouch.messages import SessionLog
 from foretouch.report.energy import energy_figures
+from foretouch.report.free_hand import free_hand
 from foretouch.report.guarded import guarded_figures
+from foretouch.report.pairs import Pairs, not_scored, pair
 from foretouch.report.swings import oscillation
 
 __all__ = [
+    "AS_IT_COMES",
     "FELT",
     "NO_BASELINE",
     "NO_GRIP",
     "OPEN_LOOP",
     "apart",
     "contact_force",
+    "encoder_count",
     "hand_figures",
     "largest",
     "loop_sentence",
     "number_of",
+    "renders_models",
     "setting",
 ]
 
@@ -33,47 +38,68 @@ Rows = NDArray[np.void]
 
 NO_GRIP = NO_BASELINE = "none"
 
+AS_IT_COMES = "delayed"
+"""The baseline that renders the delayed force itself."""
+
 OPEN_LOOP = "open loop: the force does not move the hand"
 
 FELT = 0.05
 """Rendered force from which on a tick counts as contact at the hand [N]."""
 
+PHANTOM = 0.3
+"""Force from which on it is told that a hand felt what the robot did not touch [N] ..."""
+PHANTOM_TICKS = 50
+"""... for more than so many commands in a row: the edge of a contact is never quite where it was."""
 
-def hand_figures(log: SessionLog) -> dict[str, Any]:
+
+def hand_figures(log: SessionLog, pairs: Pairs | None = None) -> dict[str, Any]:
     """Stability, energy and the hand, as `session_report` puts them among its own.
 
     A session is stable if
 
     1. the certificate of energy holds in every tick (`energy_figures`),
     2. every rendered and every contact force is a finite number, and
-    3. the hand does not oscillate (`oscillation`); where it is not known what the hand means to do, as in an open loop,
-       this is not asked.
+    3. the hand does not oscillate (`oscillation`), compared with what it would do without any force (`free_hand`);
+       where it is not known what the hand means to do, as in an open loop, this is not asked.
+
+    A baseline renders no model: what a device could not carry of one and what the ceiling of energy cut is None there.
 
     Args:
-        log: The session.
+        log: One stretch of a session (`SessionLog.stretches`).
+        pairs: Its rows at equal command; None to pair them here.
 
     Returns:
-        ``stable`` (None where nobody kept an account of energy, as in recordings of old), the figures of the energy,
-        ``guarded_contacts``, ``guarded_s``, ``engaged_percent`` and the object ``hand``.
+        ``stable`` (None where nobody kept an account of energy, as in recordings of old, and for a baseline in an open
+        loop, where nobody holds what could be unstable), the figures of the energy, ``guarded_contacts``,
+        ``guarded_s``, ``engaged_percent`` and the object ``hand``.
     """
-    leader = log.leader
-    energy, guarded, swings = energy_figures(leader), guarded_figures(log), oscillation(leader)
+    leader, models = log.leader, renders_models(log.settings)
+    grip = setting(log.settings, "grip", NO_GRIP)
+    energy = energy_figures(leader, encoder_count(log.settings))
+    guarded, swings = guarded_figures(log), oscillation(leader, free_hand(log))
     finite, holds = _finite(log), energy.pop("certificate_holds")
+    own = {name: energy.pop(name) for name in ("energy_agrees", "largest_energy_cut_N")}
+    if not models:
+        own["largest_energy_cut_N"] = None
+    unasked = holds is None or (grip == NO_GRIP and not models)
     return {
-        "stable": None if holds is None else bool(holds and finite and not swings["oscillates"]),
+        "stable": None if unasked else bool(holds and finite and not swings["oscillates"]),
         **energy,
         "guarded_contacts": guarded.pop("guarded_contacts"),
         "guarded_s": guarded.pop("guarded_s"),
         "engaged_percent": 100.0 * float(leader["engaged"].mean()) if leader.size else None,
         "hand": {
-            "grip": setting(log.settings, "grip", NO_GRIP),
+            "grip": grip,
             "certificate_holds": holds,
+            **own,
             "forces_finite": finite,
             "peak_force_hand_N": largest(leader["rendered_force"]),
             "peak_force_robot_N": largest(contact_force(log)),
+            "peak_force_guarded_N": largest(contact_force(log)[log.follower["guarded"]]),
             **guarded,
             "largest_index_mm": _in_mm(largest(np.abs(apart(log)))),
-            **_device_bound(leader),
+            "largest_phantom_N": _largest_phantom(pair(log) if pairs is None else pairs),
+            **_device_bound(log),
             **_given_way(leader),
             "oscillation": swings,
         },
@@ -83,6 +109,11 @@ def hand_figures(log: SessionLog) -> dict[str, Any]:
 def setting(settings: Mapping[str, str], name: str, otherwise: str) -> str:
     """A setting of a session as text; sessions of old do not have all."""
     return settings.get(name) or otherwise
+
+
+def renders_models(settings: Mapping[str, str]) -> bool:
+    """Whether models were rendered, and not a delayed force as by the baselines."""
+    return setting(settings, "baseline", NO_BASELINE) == NO_BASELINE
 
 
 def number_of(settings: Mapping[str, str], name: str, otherwise: float) -> float:
@@ -106,6 +137,16 @@ def loop_sentence(settings: Mapping[str, str]) -> str:
         f"closed loop: a hand with a {grip} grip holds a device of {mass:g} kg, {damping:g} N s/m, "
         f"{friction:g} N of friction and {1e6 * resolution:g} um a count"
     )
+
+
+def encoder_count(settings: Mapping[str, str]) -> float | None:
+    """One count of the device's encoder [m], 0 in an open loop; None where the settings do not say."""
+    if settings.get("grip") == NO_GRIP:
+        return 0.0
+    try:
+        return float(settings["device_resolution"])
+    except (KeyError, ValueError):
+        return None
 
 
 def apart(log: SessionLog) -> Array:
@@ -139,10 +180,21 @@ def contact_force(log: SessionLog) -> Array:
     return np.asarray(exact if np.isfinite(exact).any() else log.follower["force"])
 
 
-def _device_bound(leader: Rows) -> dict[str, float | None]:
-    """How much of the contact the device could not carry in full, and the least share of it that it could."""
-    share = leader["rendered_share"][leader["rendered_force"] > FELT]
-    if not share.size:
+def _largest_phantom(pairs: Pairs) -> float | None:
+    """The largest force that the hand felt for a while where the robot touched nothing, at equal command [N]."""
+    leader, follower = pairs.leader, pairs.follower
+    felt = leader["rendered_force"]
+    wrong = ~follower["in_contact"] & ~not_scored(pairs) & (felt > PHANTOM)
+    edges = np.flatnonzero(np.diff(wrong, prepend=False, append=False))
+    runs = (felt[start:end] for start, end in zip(edges[::2], edges[1::2], strict=True) if end - start > PHANTOM_TICKS)
+    return max((float(run.max()) for run in runs), default=0.0) if felt.size else None
+
+
+def _device_bound(log: SessionLog) -> dict[str, float | None]:
+    """How much of the contact by the model the device could not carry in full, and the least share that it could."""
+    leader, force_scale = log.leader, number_of(log.settings, "force_scale", 1.0)
+    share = leader["rendered_share"][leader["engaged"] & (force_scale * leader["predicted_force"] > FELT)]
+    if not share.size or not renders_models(log.settings):
         return {"device_bound_percent": None, "smallest_rendered_share": None}
     return {
         "device_bound_percent": 100.0 * float(np.mean(share < 1.0)),

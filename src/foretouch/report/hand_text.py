@@ -5,13 +5,25 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from foretouch.report.hand import NO_BASELINE, NO_GRIP
+from foretouch.report.hand import AS_IT_COMES, NO_BASELINE, NO_GRIP
 from foretouch.report.numbers import figure, number
 
-__all__ = ["baseline_sentence", "device_sentence", "hand_lines", "instability", "stability_word"]
+__all__ = [
+    "baseline_sentence",
+    "device_sentence",
+    "guard_sentence",
+    "hand_lines",
+    "instability",
+    "phantom_sentence",
+    "stability",
+    "stability_word",
+]
 
 MUCH = 5.0
 """From this share of contact on it is said that the device could not carry the model [%]."""
+
+MOST = 50.0
+"""Above this share of contact it is said that the guard held the robot back [%]."""
 
 
 def instability(report: Mapping[str, Any]) -> str:
@@ -24,13 +36,41 @@ def instability(report: Mapping[str, Any]) -> str:
         return ""
     hand = report["hand"]
     swings, reasons = hand["oscillation"], []
-    if not hand["certificate_holds"]:
+    if not hand["certificate_holds"] and (hand["energy_agrees"] or _is_broken(report)):
         reasons.append(_broken(report["energy_margin_J"]))
+    if hand["energy_agrees"] is False:
+        reasons.append("the leader's account of energy is not what its forces and positions add up to")
     if swings["oscillates"]:
-        reasons.append(f"the hand swung {_swings(swings)}{_most(swings)}")
+        reasons.append(f"the hand oscillates{_most(swings)}: it swung {_swings(swings)}")
     if not hand["forces_finite"]:
         reasons.append("a force was not a finite number")
     return f"Unstable: {', and '.join(reasons)}."
+
+
+def stability(report: Mapping[str, Any]) -> str:
+    """That a session with a hand was stable, or that there was nothing to be stable about; else empty."""
+    if not report["stable"] or report["hand"]["grip"] == NO_GRIP:
+        return ""
+    if report["hand"]["guarded_contact_percent"] is None:
+        coupled = "" if report["engaged_percent"] else "hand and robot were never coupled, and "
+        return f"Stable, but {coupled}nothing was touched."
+    return "Stable: the account of energy kept its bound in every tick, and the hand did not oscillate."
+
+
+def guard_sentence(report: Mapping[str, Any]) -> str:
+    """That the guard held the robot back in most of the contact; else empty."""
+    share = report["hand"]["guarded_contact_percent"]
+    if share is None or not share > MOST:
+        return ""
+    return f"The guard held the robot back in {figure(share)} % of the contact time; none of that is scored."
+
+
+def phantom_sentence(report: Mapping[str, Any]) -> str:
+    """That a hand felt what was not there; else empty."""
+    phantom = report["hand"]["largest_phantom_N"]
+    if report["hand"]["grip"] == NO_GRIP or not phantom:
+        return ""
+    return f"The hand felt up to {number(phantom, 'N')} where the robot touched nothing."
 
 
 def device_sentence(report: Mapping[str, Any]) -> str:
@@ -53,7 +93,8 @@ def baseline_sentence(report: Mapping[str, Any]) -> str:
     """What was rendered where no model was; empty where models were."""
     if report["baseline"] == NO_BASELINE:
         return ""
-    return f"Baseline {report['baseline']}: the delayed force was rendered, for comparison."
+    part = "" if report["baseline"] == AS_IT_COMES else ", as far as a passivity controller let it"
+    return f"Baseline {report['baseline']}: the delayed force was rendered{part}, for comparison."
 
 
 def hand_lines(report: Mapping[str, Any]) -> list[str]:
@@ -76,7 +117,7 @@ def hand_lines(report: Mapping[str, Any]) -> list[str]:
 
 
 def _swings(swings: Mapping[str, Any]) -> str:
-    return f"{swings['swings']:,} times and meant {swings['intended_swings']:,}"
+    return f"{swings['swings']:,} times, and would have swung {swings['free_swings']:,} times without force"
 
 
 def _most(swings: Mapping[str, Any]) -> str:
@@ -91,16 +132,27 @@ def _broken(margin: float | None) -> str:
     return f"the hand was given {_joules(-margin)} more than the energy account allows"
 
 
+def _is_broken(report: Mapping[str, Any]) -> bool:
+    margin = report["energy_margin_J"]
+    return margin is None or margin < 0.0
+
+
 def _stable(report: Mapping[str, Any]) -> str:
     swings, word = report["hand"]["oscillation"], stability_word(report)
-    if report["stable"] is None:
+    if report["hand"]["certificate_holds"] is None:
         return f"{word}: nobody kept an account of energy"
+    if report["stable"] is None:
+        return f"{word}: nobody holds what the delayed force would move"
+    if report["hand"]["guarded_contact_percent"] is None and report["stable"]:
+        return f"{word}; nothing was touched"
     if swings["swings"] is None:
         return f"{word}; nobody knows what the hand meant to do"
     return f"{word}; the hand swung {_swings(swings)}"
 
 
 def _energy(report: Mapping[str, Any]) -> str:
+    if report["energy_bound_J"] == 0.0 == report["net_energy_J"]:
+        return "no contact at the hand: nothing to account for"
     net, bound, exact = (report[f"{name}_J"] for name in ("net_energy", "energy_bound", "net_energy_exact"))
     without = "" if exact is None else f"; {_joules(exact)} without the encoder's rounding"
     return f"net {_joules(net)}, allowed {_joules(None if bound is None else -bound)}{without}"
@@ -113,16 +165,19 @@ def _joules(energy: float | None) -> str:
 
 
 def _jumps(report: Mapping[str, Any]) -> list[str]:
-    """What new models did to the force at once."""
+    """What new models did to the force at once; nothing where none were rendered."""
+    if report["baseline"] != NO_BASELINE:
+        return []
     jumps = []
     for name in ("largest_update_jump", "largest_rendered_update_jump"):
         size, rate = number(report[f"{name}_N"], "N"), number(report[f"{name}_N_per_s"], "N/s")
         jumps.append(f"{size} ({rate})")
-    when = report["largest_update_jump_at_s"]
+    when, cut = report["largest_update_jump_at_s"], report["hand"]["largest_energy_cut_N"]
     at = "" if when is None else f" at {number(when, 's')}"
     return [
         f"  updates    a new model moved the force by at most {jumps[0]}{at}",
         f"             behind the limits {jumps[1]}, before mediation {number(report['largest_model_jump_N'], 'N')}",
+        *([] if cut is None else [f"  ceiling    of energy, cut the force by at most {number(cut, 'N')} in one tick"]),
     ]
 
 
@@ -130,17 +185,25 @@ def _guard(report: Mapping[str, Any]) -> str:
     hand, count = report["hand"], report["guarded_contacts"]
     many = "1 contact" if count == 1 else f"{count} contacts"
     depth, time = number(hand["depth_lost_mm"], "mm"), number(hand["time_lost_s"], "s")
-    return f"{many} guarded, {number(report['guarded_s'], 's')} in all; lost at most {depth} of depth and {time}"
+    peak, all_ = number(hand["peak_force_guarded_N"], "N"), number(report["guarded_s"], "s")
+    return f"{many} guarded, {all_} in all, at most {peak}; lost at most {depth} of depth and {time}"
 
 
 def _hand(report: Mapping[str, Any]) -> list[str]:
     hand = report["hand"]
     away, in_air = number(hand["given_way_mm"], "mm"), number(hand["given_way_in_air_mm"], "mm")
-    share = hand["smallest_rendered_share"]
-    least = "" if share is None or share >= 1.0 else f", down to {figure(100.0 * share)} % of its stiffness"
     return [
-        f"  device     could not carry the model in {number(hand['device_bound_percent'], '%')} of contact{least}",
+        *_device(report),
         f"  hand       {away} RMS from where it meant to be in contact, {in_air} in the air",
         f"  proxy      at most {number(hand['largest_index_mm'], 'mm')} from the hand; coupled for "
         f"{number(report['engaged_percent'], '%')} of the time",
     ]
+
+
+def _device(report: Mapping[str, Any]) -> list[str]:
+    """What of the model the device could not carry; nothing where none was rendered."""
+    if report["baseline"] != NO_BASELINE:
+        return []
+    share, bound = report["hand"]["smallest_rendered_share"], number(report["hand"]["device_bound_percent"], "%")
+    least = "" if share is None or share >= 1.0 else f", down to {figure(100.0 * share)} % of its stiffness"
+    return [f"  device     could not carry the model in {bound} of contact{least}"]

@@ -19,4 +19,6 @@ def figure(value: float) -> str:
         return f"{value:,.0f}"
     if size >= 10.0:
         return f"{value:.1f}"
-    return f"{value:.2f}" if size >= 0.1 or size < 1e-4 else f"{value:.2g}"
+    if size < 1e-4:
+        return "0.00"  # and never a zero with a sign
+    return f"{value:.2f}" if size >= 0.1 else f"{value:.2g}"

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 
 from foretouch.messages import SessionLog
 from foretouch.models import LAWS
+from foretouch.report.energy import energy_account
 from foretouch.report.figures import (
     force_figure,
     loop_figure,
@@ -21,13 +22,15 @@ from foretouch.report.figures import (
     timing_figure,
     tracking_figure,
 )
-from foretouch.report.hand import NO_GRIP
+from foretouch.report.hand import NO_BASELINE, NO_GRIP, encoder_count
 from foretouch.report.hand_drawing import energy_figure, hand_figure
 from foretouch.report.hand_text import baseline_sentence, stability_word
 from foretouch.report.html import embedded, named_values, write_html
 from foretouch.report.numbers import number
-from foretouch.report.pairs import pair
+from foretouch.report.pairs import not_scored, pair
+from foretouch.report.safety_text import stretch_sentence
 from foretouch.report.scores import lowest_mean
+from foretouch.report.statuses import follower_away
 from foretouch.report.text import Finding, findings, render_text, scoring_findings
 
 __all__ = ["write_page", "write_prediction_page"]
@@ -51,7 +54,7 @@ def write_page(directory: str | PathLike[str], log: SessionLog, report: dict[str
     body = [
         "<h1>foretouch session</h1>",
         f'<p class="quiet">{escape(_summary(report))}</p>',
-        *_sentences([Finding(said, False) for said in (baseline_sentence(report),) if said]),
+        *_sentences([Finding(said, False) for said in (stretch_sentence(report), baseline_sentence(report)) if said]),
         *_sentences(findings(report)),
         _tiles(report, {"stable": stability_word(report)}),
         *_session_figures(log, report),
@@ -135,29 +138,35 @@ def _tiles(report: Mapping[str, Any], words: Mapping[str, str] | None = None) ->
 
 def _session_figures(log: SessionLog, report: dict[str, Any]) -> list[str]:
     """Those figures that the session has something to show in."""
+    log = log.longest()
     pairs = pair(log)
+    start = int(pairs.follower["time_ns"][0]) if pairs.time.size else log.models[0].time_ns if log.models else 0
+    away = follower_away(log, start)
     drawn = []
     if pairs.time.size:
         true_force = pairs.follower["sensor_force"] - lowest_mean(pairs.time, pairs.follower["sensor_force"])
         end = pairs.time[-1] if report["score_to_s"] is None else min(report["score_to_s"], pairs.time[-1])
-        limits = (report["score_from_s"], end) if end > report["score_from_s"] else None
+        scored = (pairs.time >= report["score_from_s"]) & (pairs.time <= end)
+        scored &= ~not_scored(pairs)
+        wanted = "predicted" if report["baseline"] == NO_BASELINE else "asked for"
         columns = (pairs.leader[f"{kind}_force"] for kind in ("predicted", "delayed", "rendered"))
-        forces = force_figure(pairs.time, true_force, *columns, limits=limits)
+        forces = force_figure(pairs.time, true_force, *columns, scored=scored, wanted=wanted, stretches=away)
         drawn.append(embedded(forces, "True, predicted, delayed and rendered force over time, and the errors"))
+    if pairs.time.size and pairs.follower["in_contact"].any():
         surfaces = [model.surface for model in log.models if model.valid and np.isfinite(model.surface)]
-        loop = loop_figure(pairs, true_force, surfaces[-1] if surfaces else None)
+        loop = loop_figure(pairs, true_force, surfaces[-1] if surfaces else None, wanted)
         drawn.append(embedded(loop, "Force against depth, true and predicted"))
     if report["hand"]["grip"] != NO_GRIP and log.leader.size:
         swings = report["hand"]["oscillation"]
         hand = hand_figure(log, pairs, swings["largest_burst_at_s"] if swings["oscillates"] else None)
         drawn.append(embedded(hand, "The hand: what it meant, what it did, and what it was given"))
     if (log.leader["energy_bound"] > 0.0).any():
-        drawn.append(embedded(energy_figure(log.leader), "Energy account of each contact, and its bound"))
+        account = energy_account(log.leader, encoder_count(log.settings))
+        drawn.append(embedded(energy_figure(log.leader, account), "Energy account of each contact, and its bound"))
     if any(model.law in LAWS for model in log.models):
-        start = int(pairs.follower["time_ns"][0]) if pairs.time.size else log.models[0].time_ns
-        drawn.append(embedded(model_figure(log.models, start), "Identified parameters over time"))
+        drawn.append(embedded(model_figure(log.models, start, away), "Identified parameters over time"))
     if pairs.time.size:
-        drawn.append(embedded(tracking_figure(pairs), "Position of the robot, and its tracking error"))
+        drawn.append(embedded(tracking_figure(pairs, away), "Position of the robot, and its tracking error"))
     if log.leader.size or log.follower.size:
         drawn.append(embedded(timing_figure(log), "Loop periods and compute times of leader and follower"))
     return drawn

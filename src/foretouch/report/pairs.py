@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 from foretouch.errors import ForetouchError
 from foretouch.messages import ModelUpdate, SessionLog
 from foretouch.models import ContactModel, Predictor, make_model
+from foretouch.report.statuses import away, trusted
 
-__all__ = ["Pairs", "force_at_follower", "model_of", "pair"]
+__all__ = ["Pairs", "force_at_follower", "model_of", "not_scored", "pair"]
 
 Array = NDArray[np.float64]
 
@@ -35,14 +36,28 @@ class Pairs:
 
 
 def pair(log: SessionLog) -> Pairs:
-    """Pair the applied commands of a log; a tick without a sensor force is left out."""
-    rows = log.rows()
+    """Pair the applied commands of a log, of its longest stretch where a side began again (`SessionLog.longest`).
+
+    A tick whose sensors are not to be trusted is left out, and so are those of the 0.1 s before, in which the fault may
+    have begun: nobody knows the true force there.
+    """
+    stretch = log.longest()
+    rows = stretch.rows()
     clock = rows.follower["time_ns"]
     _, order = np.unique(clock, return_index=True)
-    order = order[np.isfinite(rows.follower["sensor_force"][order])]
+    order = order[trusted(stretch.follower, rows.follower)[order]]
     leader, follower = rows.leader[order], rows.follower[order]
     since = follower["time_ns"] - follower["time_ns"][0] if order.size else follower["time_ns"]
     return Pairs(since * 1e-9, leader, follower, rows.never_applied)
+
+
+def not_scored(pairs: Pairs) -> NDArray[np.bool_]:
+    """Rows in which the robot was not where the command said, or the hand did not lead it.
+
+    It guarded a first touch or did something else than follow (`foretouch.report.statuses.away`), or the clutch was
+    pressed.
+    """
+    return np.asarray(pairs.follower["guarded"] | away(pairs.follower) | ~pairs.leader["engaged"])
 
 
 def model_of(update: ModelUpdate) -> ContactModel | None:

@@ -37,7 +37,7 @@ FEWEST_SAMPLES = 10
 """Samples that an offset window must hold, unless most windows of the file hold fewer."""
 
 STATUSES: dict[str, str] = {
-    "nothing_to_score": "no sample lies in the window",
+    "nothing_to_score": "no sample lies in the window, those that were guarded or not coupled left out",
     "no_contact": "the measured force never rises above the contact floor in the window, but for noise",
     "prediction_not_finite": "a predicted force is not a number: its error has no bound and is given as null",
     "offset_unobservable": "the probe never leaves contact, so that the zero of its force cannot be told and is a "

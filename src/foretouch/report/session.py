@@ -10,10 +10,20 @@ from scipy.optimize import minimize_scalar
 
 from foretouch.messages import CHANNELS, SessionLog, encode
 from foretouch.models import ContactMap, summarise_map
-from foretouch.report.hand import NO_BASELINE, contact_force, hand_figures, largest, loop_sentence, number_of, setting
-from foretouch.report.pairs import Pairs, force_at_follower, model_of, pair
+from foretouch.report.hand import (
+    NO_BASELINE,
+    contact_force,
+    hand_figures,
+    largest,
+    loop_sentence,
+    number_of,
+    renders_models,
+    setting,
+)
+from foretouch.report.pairs import Pairs, force_at_follower, model_of, not_scored, pair
 from foretouch.report.perception import time_to_accuracy, update_jumps
 from foretouch.report.scores import Scores, score
+from foretouch.report.statuses import away, joining, safety_figures, stretch_figures
 
 __all__ = ["CONTACT_FLOOR", "session_report"]
 
@@ -41,8 +51,12 @@ def session_report(
     True, predicted, rendered and delayed force are compared at equal command sequence, one row per applied command
     (`foretouch.report.pair`), and scored by `foretouch.report.score` at the time of the follower's tick. The true
     force is the follower's compensated sensor force; the rendered one is divided by the force scale. Rows in which the
-    follower guarded a first touch, or in which the clutch was pressed, are counted and not scored. A figure is None
-    where there is nothing to measure it on.
+    follower guarded a first touch, did something else than follow, or in which the clutch was pressed, are counted and
+    not scored; rows whose sensors were not to be trusted are counted and left out. A figure is None where there is
+    nothing to measure it on.
+
+    Where a side ended and began again, all figures are of the longest stretch (`SessionLog.longest`), but for
+    ``stretches``, ``safety``, ``messages`` and ``counts``, which are of the whole session.
 
     Args:
         log: What was said in the session.
@@ -53,9 +67,10 @@ def session_report(
     Raises:
         SettingError: A window that ends before it begins.
     """
+    whole, log = log, log.longest()
     pairs = pair(log)
     leader, follower = pairs.leader, pairs.follower
-    skipped = follower["guarded"] | ~leader["engaged"]
+    skipped = not_scored(pairs)
     window: dict[str, Any] = {
         "contact_floor": CONTACT_FLOOR,
         "score_from": score_from,
@@ -74,10 +89,14 @@ def session_report(
     return {
         "status": main.status,
         "recording": recording,
+        "stretches": stretch_figures(whole),
+        "safety": safety_figures(whole),
         "duration_s": _duration(log),
         "samples": main.samples,
         "scored_samples": main.scored_samples,
         "guarded_samples": int(follower["guarded"].sum()),
+        "away_samples": int((away(follower) & ~joining(follower)).sum()),
+        "faulty_samples": int((log.follower["validity"] > 0).sum()),
         "score_from_s": score_from,
         "score_to_s": score_to,
         "contact_force_rms_N": main.contact_force_rms_N,
@@ -92,13 +111,13 @@ def session_report(
         "phantom_force_rms_N": main.phantom_force_rms_N,
         "rendered_phantom_force_rms_N": rendered.phantom_force_rms_N,
         "missed_contact_percent": main.missed_contact_percent,
-        **update_jumps(log.leader),
+        **_jumps(log),
         "time_to_ten_percent_s": time_to_accuracy(
             pairs.time, main.measured_force, predicted, main.in_contact & ~skipped
         ),
         "equal_position": _errors(local),
         "exact_force": _errors(exact),
-        **hand_figures(log),
+        **hand_figures(log, pairs),
         "max_rendered_force_N": largest(log.leader["rendered_force"]),
         "largest_rendered_jump_N": largest(np.abs(np.diff(log.leader["rendered_force"]))),
         "max_follower_force_N": largest(contact_force(log)),
@@ -113,8 +132,8 @@ def session_report(
         **_learnt(log, pairs),
         "models": _models(log),
         "model_bytes": _model_bytes(log),
-        "standard_deviation": _coverage(pairs, main),
-        "messages": _messages(log),
+        "standard_deviation": _coverage(pairs, main.in_contact & ~skipped, main),
+        "messages": _messages(whole),
         "counts": dict(log.counts),
         "timing": {
             "leader": _timing(log.leader, CHANNELS["command"].rate),
@@ -137,6 +156,12 @@ def _errors(scores: Scores | None) -> dict[str, float | None]:
     }
 
 
+def _jumps(log: SessionLog) -> dict[str, float | None]:
+    """What new models did to the force at once; None each where no models were rendered."""
+    jumps = update_jumps(log.leader)
+    return jumps if renders_models(log.settings) else dict.fromkeys(jumps)
+
+
 def _duration(log: SessionLog) -> float:
     """Time between the first and the last tick of the leader, or of the follower where no leader was heard [s]."""
     table = log.leader if log.leader.size else log.follower
@@ -157,10 +182,10 @@ def _learnt(log: SessionLog, pairs: Pairs) -> dict[str, Any]:
     }
 
 
-def _coverage(pairs: Pairs, scores: Scores) -> dict[str, float | None]:
+def _coverage(pairs: Pairs, contact: NDArray[np.bool_], scores: Scores) -> dict[str, float | None]:
     """Whether the standard deviation of the predicted force is honest: shares of contact rows within one and two."""
     deviation = pairs.leader["standard_deviation"]
-    told = scores.in_contact & np.isfinite(deviation)
+    told = contact & np.isfinite(deviation)
     if not told.any():
         return {"median_N": None, "within_one_percent": None, "within_two_percent": None}
     error = np.abs(pairs.leader["predicted_force"][told] - scores.measured_force[told])
@@ -200,6 +225,7 @@ def _messages(log: SessionLog) -> dict[str, int | None]:
         "lost": _total(log.counts, "lost"),
         "late": _total(log.counts, "late"),
         "undecodable": _total(log.counts, "undecodable"),
+        "dropped": _total(log.counts, "dropped"),
     }
 
 
@@ -229,7 +255,7 @@ def _spread(values: Array) -> dict[str, float | None]:
 
 def _tracking(pairs: Pairs, score_from: float, score_to: float | None) -> dict[str, float | None]:
     """How far the robot stood from the commands it applied, and the time by which it lagged, over the window."""
-    inside = (pairs.time >= score_from) & np.isfinite(pairs.leader["position"])
+    inside = (pairs.time >= score_from) & np.isfinite(pairs.leader["position"]) & ~away(pairs.follower)
     if score_to is not None:
         inside &= pairs.time <= score_to
     time = pairs.time[inside]

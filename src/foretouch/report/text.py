@@ -5,12 +5,23 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
-from foretouch.report.hand import NO_BASELINE, NO_GRIP
-from foretouch.report.hand_text import baseline_sentence, device_sentence, hand_lines, instability
+from foretouch.report.hand import AS_IT_COMES, NO_BASELINE
+from foretouch.report.hand_text import (
+    baseline_sentence,
+    device_sentence,
+    guard_sentence,
+    hand_lines,
+    instability,
+    phantom_sentence,
+    stability,
+)
 from foretouch.report.numbers import figure, number
+from foretouch.report.safety_text import safety_lines, safety_sentences, stretch_sentence
 from foretouch.report.scores import STATUSES
 
 __all__ = ["Finding", "findings", "map_lines", "number", "render_text", "scoring_findings"]
+
+INSECURE = "INSECURE: nothing was encrypted and nobody was checked; anybody on the network could command."
 
 
 def render_text(report: Mapping[str, Any]) -> str:
@@ -32,6 +43,7 @@ def render_text(report: Mapping[str, Any]) -> str:
         "",
         *hand_lines(report),
         "",
+        *safety_lines(report),
         *_learnt(report),
         *_motion(report),
         "",
@@ -42,9 +54,6 @@ def render_text(report: Mapping[str, Any]) -> str:
     return "\n".join(parts)
 
 
-STABLE = "Stable: the account of energy kept its bound in every tick, and the hand swung as it meant to."
-
-
 class Finding(NamedTuple):
     """One plain sentence about a session, and whether it is good news."""
 
@@ -53,12 +62,14 @@ class Finding(NamedTuple):
 
 
 def findings(report: Mapping[str, Any]) -> list[Finding]:
-    """What the numbers of a session say, one plain sentence each; what is wrong with its stability first."""
-    stable = report["stable"] and report["hand"]["grip"] != NO_GRIP
+    """What the numbers of a session say, one plain sentence each; what is worst comes first."""
+    insecure = report["settings"].get("insecure") == "yes"
     said = [
+        Finding(INSECURE if insecure else "", False),
+        *(Finding(text, False) for text in safety_sentences(report)),
         Finding(instability(report), False),
-        Finding(STABLE if stable else "", True),
-        Finding(device_sentence(report), False),
+        Finding(stability(report), True),
+        *(Finding(sentence(report), False) for sentence in (guard_sentence, phantom_sentence, device_sentence)),
     ]
     said = [finding for finding in said if finding.text] + scoring_findings(report)
     for side, what in (("leader", "rendered force"), ("follower", "robot's command")):
@@ -74,18 +85,19 @@ def scoring_findings(figures: Mapping[str, Any]) -> list[Finding]:
     status = figures["status"]
     said = [] if status == "ok" else [Finding(f"{status}: {STATUSES[status]}.", False)]
     error, late = figures["prediction_error_percent"], figures["delayed_force_error_percent"]
-    if error is not None and late and figures.get("baseline", NO_BASELINE) == NO_BASELINE:
-        better = error <= late
-        word = "better" if better else "worse"
-        said.append(
-            Finding(f"The predicted force is {word} than the delayed force (error x {figure(error / late)}).", better)
-        )
+    models = figures.get("baseline", NO_BASELINE) == NO_BASELINE
+    if error is not None and late and models:
+        ratio = figure(error / late)
+        better = error < late and ratio != figure(1.0)
+        word = "better" if better else "no better" if ratio == figure(1.0) else "worse"
+        said.append(Finding(f"The predicted force is {word} than the delayed force (error x {ratio}).", better))
         if error > 100.0:
             text = f"It is wrong by more than the force itself ({figure(error)} %): the estimate is no use here."
             said.append(Finding(text, False))
     within, missed = figures["within_jnd_percent"], figures["missed_contact_percent"]
     if within is not None and within < 100.0:
-        text = f"An operator could feel the prediction's error in {figure(100.0 - within)} % of the contact time."
+        what = "prediction" if models else "delayed force"
+        text = f"An operator could feel the {what}'s error in {figure(100.0 - within)} % of the contact time."
         said.append(Finding(text, False))
     if missed:
         said.append(Finding(f"Contact was missed in {figure(missed)} % of the contact time.", False))
@@ -99,7 +111,8 @@ def _heading(report: Mapping[str, Any]) -> str:
         if chosen.get(name):
             words.append(f"{name.replace('_', ' ')} {chosen[name]}{unit}")
     loop = report["loop"]
-    lines = [f"Session: {', '.join(words)}", f"{loop[:1].upper()}{loop[1:]}.", baseline_sentence(report)]
+    said = stretch_sentence(report), f"{loop[:1].upper()}{loop[1:]}.", baseline_sentence(report)
+    lines = [f"Session: {', '.join(words)}", *said]
     return "\n".join(line for line in lines if line)
 
 
@@ -108,15 +121,16 @@ _SHOWN = {"material": "", "operator": "", "estimator": "", "position_delay": " s
 
 def _forces(report: Mapping[str, Any]) -> list[str]:
     equal, exact = report["equal_position"], report["exact_force"]
-    models = report["baseline"] == NO_BASELINE
+    wanted, late = _NAMES.get(report["baseline"], _CONTROLLED)
     guarded = f", {report['guarded_samples']:,} guarded" if report["guarded_samples"] else ""
     contact = f"force in contact {number(report['contact_force_rms_N'], 'N')} RMS"
     scored = f"{report['scored_samples']:,} of {report['samples']:,} samples scored{guarded}"
     lines = [
         f"Forces at equal command, {contact}, {scored}",
+        *_left_out(report),
         f"  {'':<34}{'error':>12}{'RMSE':>12}{'within JND':>14}{'in free air':>14}",
         _row(
-            "predicted (newest model)" if models else "asked for (delayed force)",
+            wanted,
             report["prediction_error_percent"],
             report["prediction_rmse_N"],
             report["within_jnd_percent"],
@@ -130,7 +144,7 @@ def _forces(report: Mapping[str, Any]) -> list[str]:
             report["rendered_phantom_force_rms_N"],
         ),
         _row(
-            "delayed (never rendered)" if models else "delayed (what was rendered)",
+            late,
             report["delayed_force_error_percent"],
             report["delayed_force_rmse_N"],
         ),
@@ -144,13 +158,28 @@ def _forces(report: Mapping[str, Any]) -> list[str]:
     if exact["contact_force_rms_N"] is not None:
         lines.append(
             _row(
-                "predicted, against exact force",
+                f"{wanted.partition(' (')[0]}, against exact force",
                 exact["prediction_error_percent"],
                 exact["prediction_rmse_N"],
                 exact["within_jnd_percent"],
             )
         )
     return lines
+
+
+def _left_out(report: Mapping[str, Any]) -> list[str]:
+    """What is not scored because the robot did not follow, or its sensors failed."""
+    named = (("away_samples", "the robot not following"), ("faulty_samples", "sensors not to be trusted"))
+    said = [f"{report[name]:,} with {what}" for name, what in named if report[name]]
+    return [f"  not scored: {', '.join(said)}"] if said else []
+
+
+_CONTROLLED = ("asked for (by the controller)", "delayed (before the controller)")
+_NAMES = {
+    NO_BASELINE: ("predicted (newest model)", "delayed (never rendered)"),
+    AS_IT_COMES: ("asked for (delayed force)", "delayed (what was rendered)"),
+}
+"""The rows of the wanted and of the delayed force, by baseline."""
 
 
 def _row(

@@ -1,6 +1,7 @@
 """The follower robot and the materials it presses."""
 
 from foretouch.robot.arm_scene import REMOTE_CENTRE_HEIGHT, ROD_LENGTH, ROD_RADIUS, TIP_RADIUS
+from foretouch.robot.camera_scene import MESA_PACKAGES, CameraScene, MissingGraphicsError, graphics_library
 from foretouch.robot.materials import (
     DEFAULT_MATERIAL,
     FOAM_DATASETS,
@@ -11,26 +12,36 @@ from foretouch.robot.materials import (
     foam_fit_json,
     make_material,
 )
+from foretouch.robot.moved_robot import MovedRobot
 from foretouch.robot.rcm_arm import RcmArm
 from foretouch.robot.registry import make_robot
 from foretouch.robot.robot import Robot, RobotSample, RobotSpecification
+from foretouch.robot.sensor_faults import SENSOR_FAULTS, FaultySensor, SensorFault
 
 __all__ = [
     "DEFAULT_MATERIAL",
     "FOAM_DATASETS",
     "MATERIALS",
+    "MESA_PACKAGES",
     "REMOTE_CENTRE_HEIGHT",
     "ROD_LENGTH",
     "ROD_RADIUS",
+    "SENSOR_FAULTS",
     "TIP_RADIUS",
+    "CameraScene",
+    "FaultySensor",
     "FoamFit",
     "Material",
+    "MissingGraphicsError",
+    "MovedRobot",
     "RcmArm",
     "Robot",
     "RobotSample",
     "RobotSpecification",
+    "SensorFault",
     "fit_foam",
     "foam_fit_json",
+    "graphics_library",
     "make_material",
     "make_robot",
 ]

@@ -21,6 +21,7 @@ MOVED_MASS = CARRIAGE_MASS + TOOL_MASS
 RAIL_DAMPING = 1.0  # of the insertion joint [N s/m], as in the scene
 LARGEST_CONTACT_FORCE = 1000.0  # a law that gives more, or no number, is cut here, so that the physics stay finite [N]
 NOISE_BLOCK = 4096
+OFFSET_DOUBT = 0.2  # beyond the sensor's offset [N], ten times its noise
 
 
 class RcmArm(Robot):
@@ -31,8 +32,8 @@ class RcmArm(Robot):
     tool from outside; native contact is off, because its stiffness depends on the mass that touches.
 
     The force sensor stands between carriage and tool. Its chain: MuJoCo's interaction force, first-order low-pass,
-    offset, noise. MuJoCo gives the force at the start of the last physics step, so the chain is late by that step
-    and the low-pass (0.5 + 0.8 ms as built). The drive feeds its own copy forward, tared at the start.
+    offset, noise, range. MuJoCo gives the force at the start of the last physics step, so the chain is late by that
+    step and the low-pass (0.5 + 0.8 ms as built). The drive feeds its own copy forward, tared at the start.
 
     Same seed, same commands: same samples, bit for bit.
 
@@ -50,6 +51,7 @@ class RcmArm(Robot):
         sensor_bandwidth: Cut-off of the low-pass of both [Hz].
         sensor_offset: What the sensor shows with nothing on it [N].
         workspace: Smallest and largest position of the tip [m]; 0 lies inside.
+        sensor_range: The force sensor shows at most this, either way [N].
 
     Attributes:
         material: What the probe presses.
@@ -81,6 +83,7 @@ class RcmArm(Robot):
         sensor_bandwidth: float = 200.0,
         sensor_offset: float = 0.3,
         workspace: tuple[float, float] = (-0.02, 0.06),
+        sensor_range: float = 200.0,
     ) -> None:
         require("seed", seed, at_least=0)
         require("sample_period", sample_period, above=0.0, at_most=0.01)
@@ -92,6 +95,7 @@ class RcmArm(Robot):
         require("accelerometer_noise", accelerometer_noise, at_least=0.0)
         require("sensor_bandwidth", sensor_bandwidth, above=0.0)
         require("sensor_offset", sensor_offset)
+        require("sensor_range", sensor_range, above=0.0)
         if not -math.inf < workspace[0] < 0.0 < workspace[1] < math.inf:
             raise SettingError("workspace", workspace, "must be finite and reach from below 0 to above 0")
         self.material = material
@@ -109,6 +113,9 @@ class RcmArm(Robot):
             sensor_bandwidth=sensor_bandwidth,
             workspace=workspace,
             simulated=True,
+            moved_mass=MOVED_MASS,
+            sensor_range=sensor_range,
+            largest_offset=abs(sensor_offset) + OFFSET_DOUBT,
         )
         self._substeps = int(substeps)
         self._h = sample_period / self._substeps
@@ -188,9 +195,11 @@ class RcmArm(Robot):
         resolution = self.specification.encoder_resolution
         if resolution > 0.0:
             measured = round(measured / resolution) * resolution
+        felt = self._sensor + self._offset + self.specification.sensor_noise * self._draw()
+        largest = self.specification.sensor_range
         return RobotSample(
             position=measured,
-            sensor_force=self._sensor + self._offset + self.specification.sensor_noise * self._draw(),
+            sensor_force=min(max(felt, -largest), largest),
             acceleration=self._tool / TOOL_MASS + GRAVITY + self.specification.accelerometer_noise * self._draw(),
             exact_force=self._contact_force,
             exact_position=exact,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -49,6 +50,11 @@ class RobotSpecification:
         sensor_bandwidth: Cut-off of the first-order low-pass of both [Hz].
         workspace: Smallest and largest position of the tip [m].
         simulated: Whether nothing can be hurt: a real robot's first touches are guarded by default.
+        moved_mass: That moves with the tip along the approach [kg]: what an impact is of.
+        sensor_range: The force sensor shows at most this, either way [N]; infinite where it is not known.
+        largest_offset: With nothing on it, and its tool weighed out, the force sensor shows at most this [N]. More is
+            contact, whatever is learnt of the offset; infinite where it is not known: then a follower that begins in
+            contact takes that for the offset.
     """
 
     sample_period: float
@@ -62,6 +68,9 @@ class RobotSpecification:
     sensor_bandwidth: float
     workspace: tuple[float, float]
     simulated: bool = False
+    sensor_range: float = math.inf
+    moved_mass: float = 0.4
+    largest_offset: float = 1.0
 
     def tool_force(self, acceleration: float) -> float:
         r"""Part of the sensor force that the tool's weight and inertia make [N].

@@ -9,20 +9,25 @@ from foretouch.session.live import FOLLOWER_CHANNELS, LEADER_CHANNELS, run_follo
 from foretouch.session.mediated import MediatedForce, mediate
 from foretouch.session.operators import make_operator
 from foretouch.session.processes import run_processes
-from foretouch.session.recorder import RECORDER_CHANNELS, run_recorder
+from foretouch.session.recorder import RECORDER_CHANNELS, RECORDING_INCOMPLETE, Recorder, run_recorder
 from foretouch.session.replay import Replay, replay
+from foretouch.session.robots import make_moved_robot, make_session_robot
 from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
+from foretouch.session.shadow import SHADOW_CHANNELS, run_shadow
 from foretouch.session.simulated import SimulatedSession, simulate
 
 __all__ = [
     "FOLLOWER_CHANNELS",
     "LEADER_CHANNELS",
     "RECORDER_CHANNELS",
+    "RECORDING_INCOMPLETE",
     "SAMPLE_PERIOD",
+    "SHADOW_CHANNELS",
     "FramedDevice",
     "FramedRobot",
     "Housekeeper",
     "MediatedForce",
+    "Recorder",
     "Replay",
     "SessionSettings",
     "SimulatedSession",
@@ -30,7 +35,9 @@ __all__ = [
     "framed_device",
     "framed_robot",
     "inverse",
+    "make_moved_robot",
     "make_operator",
+    "make_session_robot",
     "mediate",
     "orphaned",
     "replay",
@@ -38,6 +45,7 @@ __all__ = [
     "run_leader",
     "run_processes",
     "run_recorder",
+    "run_shadow",
     "simulate",
     "wait_for_hello",
 ]

@@ -14,8 +14,9 @@ Nothing imports it but a session that asks for a baseline (`foretouch.session.si
   this port alone, and a controller here acts only where this port gives more than it got, so it is the milder of the
   two, and needs nothing of the other side.
 
-No model, no mediation, no index, and no ceiling: force, rate and the device's own limit are as for models. The last
-force is held where none arrives.
+No model, no mediation, no index, and no ceiling: the limits of force, of how fast it rises, and of the device are as
+for models; where no controller takes the force away it falls no faster than it rises. The last force is held where none
+arrives.
 
 References:
     Ryu, Kwon and Hannaford (2004), Stable teleoperation with time-domain passivity control, IEEE Transactions on
@@ -28,11 +29,12 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 
-from foretouch.link import SequenceCounter
-from foretouch.messages import VERSION, Command, LeaderState, Telemetry
+from foretouch.messages import VERSION, Command, LeaderState
 from foretouch.models import MotionFilter
 from foretouch.rendering import LARGEST_FORCE, EnergyAccount, ForceLimiter, Proxy
 from foretouch.rendering.passivity_control import PassivityController
+from foretouch.session.coupling import meeting_place
+from foretouch.session.heard import Heard
 from foretouch.session.leader import Inputs, Outputs
 from foretouch.session.settings import NO_GRIP, SAMPLE_PERIOD, SessionSettings
 
@@ -52,13 +54,11 @@ class State:
         account: Of the energy, to be recorded: it limits nothing.
         controller: Of passivity, None where there is none.
         settings: Of the session.
+        holder: Name of this leader.
+        epoch: Of this process.
+        heard: What the follower says.
         start_ns: Clock at the first tick, None before it.
         sequence: Of the newest command.
-        models: Counts arriving models, which are not used.
-        telemetry: Counts arriving telemetry.
-        delayed_force: Newest force that has arrived [N].
-        touching: Whether the follower judged it to be contact.
-        follower_position: Where the follower was told to be, as the newest telemetry says [m]; NaN before the first.
         refused: 0: models are not looked at.
         proxy_motion: Velocity of the proxy.
         hand_motion: Velocity of the hand.
@@ -69,20 +69,18 @@ class State:
     account: EnergyAccount
     controller: PassivityController | None
     settings: SessionSettings
+    holder: str
+    epoch: int
+    heard: Heard
     start_ns: int | None = None
     sequence: int = 0
-    models: SequenceCounter = field(default_factory=SequenceCounter)
-    telemetry: SequenceCounter = field(default_factory=SequenceCounter)
-    delayed_force: float = 0.0
-    touching: bool = False
-    follower_position: float = math.nan
     refused: int = 0
     proxy_motion: MotionFilter = field(default_factory=MotionFilter)
     hand_motion: MotionFilter = field(default_factory=MotionFilter)
 
 
-def start(settings: SessionSettings) -> State:
-    """State before the first tick, of a session with these settings."""
+def start(settings: SessionSettings, *, holder: str = "leader", epoch: int = 1) -> State:
+    """State before the first tick: see `foretouch.session.leader.start`."""
     device = settings.device
     felt = settings.grip != NO_GRIP
     return State(
@@ -92,6 +90,9 @@ def start(settings: SessionSettings) -> State:
         # Passive rendering of a damper from samples asks for b > |B|.
         PassivityController(device.damping) if settings.baseline == "delayed-tdpa" else None,
         settings,
+        holder,
+        epoch,
+        Heard(epoch),
     )
 
 
@@ -105,11 +106,11 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
     """
     if state.start_ns is None:
         state.start_ns = now_ns
+    heard = state.heard
     for telemetry in inputs.telemetry:
-        if state.telemetry.is_newest(telemetry.sequence):
-            _take(state, telemetry)
+        heard.take_telemetry(telemetry)
     for model in inputs.models:
-        state.models.is_newest(model.sequence)
+        heard.is_for_us(model)  # counted, not used
     proxy, account, time = state.proxy, state.account, (now_ns - state.start_ns) * 1e-9
     account.observe(inputs.position)
     energy, energy_bound = account.energy, account.bound
@@ -120,7 +121,7 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
     rendered = state.limiter.force
     state.sequence += 1
     settings = state.settings
-    command = Command(VERSION, state.sequence, now_ns, proxy.position, 0, settings.guards())
+    command = Command(VERSION, state.sequence, now_ns, proxy.position, 0, settings.guards(), state.holder, state.epoch)
     record = LeaderState(
         VERSION,
         state.sequence,
@@ -129,9 +130,9 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
         velocity,
         wanted / settings.force_scale,
         rendered,
-        state.delayed_force,
-        state.telemetry.newest,
-        state.models.newest,
+        heard.force,
+        heard.telemetry.newest,
+        heard.models.newest,
         0.0,
         state.limiter.clipped,
         inputs.period_ns,
@@ -144,18 +145,22 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
         0.0,
         energy,
         energy_bound,
-        1.0,
+        math.nan,
         proxy.engaged,
+        state.epoch,
+        heard.run,
     )
     return state, Outputs(command, record)
 
 
 def _render(state: State, inputs: Inputs, velocity: float) -> float:
     """Set the limiter's force, which the hand gets; return what was wanted before the limits [N]."""
-    touching = state.touching and state.proxy.engaged
+    heard = state.heard
+    # In free air the sensor shows noise, which nobody is to feel.
+    touching = heard.touching and heard.force > 0.0 and state.proxy.engaged
     wanted = 0.0
     if touching:
-        wanted = max(state.settings.force_scale * state.delayed_force + LOCAL_DAMPING * velocity, 0.0)
+        wanted = max(state.settings.force_scale * heard.force + LOCAL_DAMPING * velocity, 0.0)
     ceiling = math.inf
     if state.controller is not None:
         state.controller.observe(inputs.position)
@@ -173,23 +178,15 @@ def _render(state: State, inputs: Inputs, velocity: float) -> float:
     return wanted
 
 
-def _take(state: State, telemetry: Telemetry) -> None:
-    """Note what the newest telemetry says."""
-    state.delayed_force = telemetry.force
-    # In free air the sensor shows noise, which nobody is to feel.
-    state.touching = telemetry.in_contact and telemetry.force > 0.0
-    state.follower_position = telemetry.desired_position
-
-
 def _couple(state: State, inputs: Inputs) -> None:
-    """Couple hand and proxy, or let the hand go alone while the clutch is pressed: as the leader of models does."""
-    proxy = state.proxy
-    if proxy.engaged and inputs.clutched:
-        proxy.release()
-    elif not (proxy.engaged or inputs.clutched) and math.isfinite(inputs.position):
-        if not math.isnan(proxy.position):
-            proxy.engage(inputs.position, proxy.position)
-        elif state.settings.grip == NO_GRIP:
-            proxy.engage(inputs.position)
-        elif math.isfinite(state.follower_position):
-            proxy.engage(inputs.position, state.follower_position)
+    proxy, hand, heard = state.proxy, inputs.position, state.heard
+    if inputs.stopping or heard.stopped or not heard.in_control or heard.take_renewed():
+        proxy.leave()
+        return
+    if state.settings.grip == NO_GRIP:
+        if not proxy.engaged and math.isfinite(hand):
+            proxy.engage(hand)
+        return
+    place = meeting_place(proxy, hand, heard.position, clutched=inputs.clutched)
+    if math.isfinite(place):
+        proxy.engage(hand, place)

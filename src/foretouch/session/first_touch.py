@@ -5,23 +5,12 @@ from __future__ import annotations
 import math
 
 from foretouch.models.checks import require
+from foretouch.session.force_guard import ForceGuard
 
 __all__ = ["FirstTouch"]
 
 UNKNOWN_FROM = 1e-3
 """Contact further out than the surface that the leader knows, by more than this [m], is contact with something else."""
-
-PATIENCE = 0.01
-"""Time constant in which the force is brought to the one to be held [s]: longer than sensor and drive are late."""
-
-STEEPER = 2.0
-"""A material counts as so many times stiffer than its secant: it may stiffen."""
-
-SHORTEST_DEPTH = 2e-5
-"""The secant is taken over at least so far [m]."""
-
-SOFTEST = 50.0
-"""The least stiffness that is reckoned with [N/m]."""
 
 
 class FirstTouch:
@@ -31,7 +20,7 @@ class FirstTouch:
 
     - goes deeper no faster than the approach speed, before any contact too;
     - in contact, goes deeper or back so that the force comes to the one to be held,
-      :math:`\dot x = (F_h - F) / (K \tau)`, no faster than that either, K being the steepest secant of this contact;
+      as `foretouch.session.force_guard.ForceGuard` says, no faster than that either;
     - follows outwards at once.
 
     Then the way back to the commands is as slow as the approach. Where nothing is guarded, commands pass as they are.
@@ -45,7 +34,7 @@ class FirstTouch:
         guarded: Whether the newest command was held back.
     """
 
-    __slots__ = ("_held", "_holding_force", "_onset", "_period", "_speed", "_stiffness", "_told", "_unknown", "guarded")
+    __slots__ = ("_guard", "_held", "_holding_force", "_period", "_speed", "_told", "_unknown", "guarded")
 
     def __init__(self, approach_speed: float, force: float, sample_period: float) -> None:
         require("approach_speed", approach_speed, above=0.0)
@@ -54,8 +43,11 @@ class FirstTouch:
         self._speed = approach_speed
         self._holding_force = force
         self._period = sample_period
-        self._onset = math.nan
-        self._stiffness = SOFTEST
+        self._guard = ForceGuard()
+        self.restart()
+
+    def restart(self) -> None:
+        """Nothing is guarded, or told: it begins where the robot then is."""
         self._told = math.nan
         self._held = 0.0
         self._unknown = False
@@ -89,14 +81,5 @@ class FirstTouch:
 
     def _allowed(self, position: float, force: float, in_contact: bool) -> float:
         """Speed at which the robot may go deeper now, negative where it goes back [m/s]."""
-        if not (math.isfinite(position) and math.isfinite(force)):
-            return 0.0
-        if in_contact:
-            if math.isnan(self._onset):
-                self._onset = position
-            secant = force / max(position - self._onset, SHORTEST_DEPTH)
-            self._stiffness = max(self._stiffness, STEEPER * secant)
-        elif position < self._onset - UNKNOWN_FROM:
-            self._onset, self._stiffness = math.nan, SOFTEST
-        speed = (self._holding_force - force) / (self._stiffness * PATIENCE)
-        return min(max(speed, -self._speed), self._speed)
+        self._guard.observe(position, force, in_contact)
+        return min(max(self._guard.speed(self._holding_force), -self._speed), self._speed)

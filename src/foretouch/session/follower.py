@@ -1,4 +1,8 @@
-"""The follower's step: commands and sensors in; a robot position, telemetry and models out."""
+"""The follower's step: commands and sensors in; a robot position, telemetry and models out.
+
+The order is: who may command, which of the commands are fresh, what the sensors are worth, what is learnt, and at the
+end, whatever was said, what the robot may do (`foretouch.session.safety`).
+"""
 
 from __future__ import annotations
 
@@ -6,27 +10,20 @@ import math
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-from foretouch.identification import Estimator, Learner, LearntModel
+from foretouch.identification import Estimator, Learner, SensorState, SensorWatch
+from foretouch.identification.conditioning import CONTACT_FLOOR
 from foretouch.link import SequenceCounter
-from foretouch.messages import VERSION, Command, ModelUpdate, Telemetry, encode
-from foretouch.models import ContactMap
+from foretouch.messages import VERSION, Command, ModelUpdate, Status, Telemetry
 from foretouch.robot import RobotSample, RobotSpecification
 from foretouch.session.first_touch import FirstTouch
+from foretouch.session.freshness import Arrival, Freshness
+from foretouch.session.lease import ControlLease
+from foretouch.session.model_sender import ModelSender
 from foretouch.session.playout import Playout
-from foretouch.session.round_trip import LARGEST_MEMORY, RoundTrip
-from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
+from foretouch.session.safety import Safety, SafetyLimits
+from foretouch.session.settings import SAFETY_LIMITS, SAMPLE_PERIOD, SessionSettings
 
 __all__ = ["Inputs", "Outputs", "State", "start", "step"]
-
-SURFACE_CHANGE = 1e-4
-"""A surface that has moved by more than this [m] since the last model is sent at once."""
-
-BYTE_RATE, LARGEST_BURST = 45e3, 3e3
-"""Models take so many bytes a second, and so many at once after a silence [bytes]: with the one that may exceed it, no
-second holds more than 50 kB. What does not fit waits, and is sent as it is known by then."""
-
-CHANGE_TOLD_NS = 2_000_000_000
-"""Models say so long [ns] that the material has changed."""
 
 
 @dataclass(slots=True)
@@ -36,47 +33,40 @@ class State:
     Attributes:
         specification: Of the robot: its tool is weighed out of the force.
         learner: Conditions and identifies.
-        model_period_ns: Between two models while nothing changes [ns].
-        commands: Counts arriving commands.
+        run: Epoch of this process, at least 1.
+        sender: Sends models, and learns how late they are used.
+        watch: Says what the sensors are worth.
+        lease: Lets one leader command.
+        freshness: Judges its commands.
+        commands: Counts them.
         playout: Makes an even stream of them.
         tick: Number of the newest tick.
         start_ns: Clock at the first tick that had a command, None before it.
-        model_sequence: Of the newest model sent.
-        sent: That model.
-        sent_ns: When it was sent.
-        allowance: Bytes that could have been sent beside it.
-        changed: Whether something has changed since that is worth a model at once.
-        changes: Sudden changes of the material that the estimator has found.
-        changed_ns: When it found the newest, None before the first.
-        round_trip: Learns how late models are used.
         first_touch: Guards the contact that the leader does not know of.
-        guarded: Whether it does: by this side's settings, or because a command asks for it.
-        surfaces: Of the models that were sent since the newest that the leader is known to have [m]; NaN where a model
-            was not valid.
-        known_model: The model that the leader renders from, as far as its applied commands say; 0 for none.
-        known_surface: Its surface [m], or NaN.
+        safety: Stands before the robot.
+        held_ticks: Ticks in which the robot was held for want of a fresh command, since there was the first.
+        faulty_ticks: Ticks whose sensors were not believed.
+        guards: Whether this side's settings guard first touches.
+        guarded: Whether they are: by these, or because a command of this leader asks for it.
     """
 
     specification: RobotSpecification
     learner: Learner
-    model_period_ns: int
+    run: int
+    sender: ModelSender
+    watch: SensorWatch = field(default_factory=SensorWatch)
+    lease: ControlLease = field(default_factory=ControlLease)
+    freshness: Freshness = field(default_factory=lambda: Freshness(0.5, SAMPLE_PERIOD))
     commands: SequenceCounter = field(default_factory=SequenceCounter)
     playout: Playout = field(default_factory=Playout)
     tick: int = 0
     start_ns: int | None = None
-    model_sequence: int = 0
-    sent: LearntModel | None = None
-    sent_ns: int = 0
-    allowance: float = 0.0
-    changed: bool = False
-    changes: int = 0
-    changed_ns: int | None = None
-    round_trip: RoundTrip = field(default_factory=RoundTrip)
     first_touch: FirstTouch = field(default_factory=lambda: FirstTouch(0.02, 2.0, SAMPLE_PERIOD))
+    safety: Safety = field(default_factory=lambda: Safety(SafetyLimits(), SAMPLE_PERIOD))
+    held_ticks: int = 0
+    faulty_ticks: int = 0
+    guards: bool = False
     guarded: bool = False
-    surfaces: dict[int, float] = field(default_factory=dict)
-    known_model: int = 0
-    known_surface: float = math.nan
 
 
 class Inputs(NamedTuple):
@@ -87,12 +77,18 @@ class Inputs(NamedTuple):
         sample: What the robot's sensors show.
         period_ns: Since the last tick began [ns].
         compute_ns: That the last tick's computing took [ns].
+        stop: Why an emergency stop was asked for; empty while none was.
+        release: Whether somebody at the robot asks to end an emergency stop, or says that the sensors are mended.
+        ended: Whether the session is over: the robot is left as after a long silence.
     """
 
     commands: list[Command]
     sample: RobotSample
     period_ns: int
     compute_ns: int
+    stop: str = ""
+    release: bool = False
+    ended: bool = False
 
 
 class Outputs(NamedTuple):
@@ -109,20 +105,38 @@ class Outputs(NamedTuple):
     model: ModelUpdate | None
 
 
-def start(specification: RobotSpecification, settings: SessionSettings, estimator: Estimator | None = None) -> State:
+def start(
+    specification: RobotSpecification, settings: SessionSettings, estimator: Estimator | None = None, *, run: int = 1
+) -> State:
     """State before the first tick.
 
     Args:
         specification: Of the robot.
         settings: Of the session.
         estimator: Fresh; None for the one that the settings name.
+        run: Epoch of this process (`foretouch.session.lease.own_epoch`).
     """
+    force = specification.sensor_range
     return State(
         specification,
         Learner(settings.make_estimator() if estimator is None else estimator),
-        round(1e9 / settings.model_rate),
+        run,
+        ModelSender(round(1e9 / settings.model_rate), run),
+        SensorWatch((-force, force), moving_mass=specification.moved_mass),
+        freshness=Freshness(settings.queueing_allowance, SAMPLE_PERIOD),
         first_touch=FirstTouch(settings.approach_speed, settings.guarded_force, specification.sample_period),
-        guarded=settings.guards(simulated=specification.simulated),
+        safety=Safety(_limits(specification, settings), specification.sample_period),
+        guards=settings.guards(simulated=specification.simulated),
+    )
+
+
+def _limits(specification: RobotSpecification, settings: SessionSettings) -> SafetyLimits:
+    """Of the session, for this robot."""
+    return SafetyLimits(
+        **{name: getattr(settings, setting) for name, setting in SAFETY_LIMITS.items()},
+        workspace=specification.workspace,
+        mass=specification.moved_mass,
+        retreats=settings.on_silence == "retreat",
     )
 
 
@@ -139,29 +153,26 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
     """
     sample = inputs.sample
     for command in inputs.commands:
-        state.commands.is_newest(command.sequence)
-        state.playout.push(command.sequence, command.position)
-        state.round_trip.commanded(command.sequence, command.acknowledged_model)
-        state.guarded = state.guarded or command.guarded
-    desired_position = state.playout.advance()
-    if math.isnan(desired_position):
-        desired_position = sample.commanded_position
+        _take(state, command, now_ns)
+    desired_position = state.playout.advance()  # no number while no leader has said one
     # Weight and inertia of the tool beyond the sensor are no contact.
-    sensor_force = sample.sensor_force - state.specification.tool_force(sample.acceleration)
+    tool_force = state.specification.tool_force(sample.acceleration)
+    sensor_force = sample.sensor_force - tool_force
+    validity = state.watch.update(now_ns * 1e-9, sample.position, sample.sensor_force, tool_force)
+    faulty = validity is not SensorState.GOOD
     model = None
-    if state.playout.applied:
-        if state.start_ns is None:
-            state.start_ns = now_ns
-        delay = state.round_trip.applied(state.playout.applied, now_ns)
+    if state.start_ns is None and state.playout.applied:
+        state.start_ns = now_ns
+    if state.start_ns is not None:
+        delay = state.sender.round_trip.applied(state.playout.applied, now_ns)
         if delay is not None:
             state.learner.estimator.expect_delay(delay)
-        state.learner.update((now_ns - state.start_ns) * 1e-9, sample.position, sensor_force)
-        model = _due_model(state, now_ns)
+        if not faulty:
+            state.learner.update((now_ns - state.start_ns) * 1e-9, sample.position, sensor_force)
+        state.sender.remembers = state.guarded
+        model = state.sender.due(state.learner, validity, state.playout.applied, state.lease.epoch, now_ns)
     learnt_from = state.learner.sample
-    if state.guarded and state.playout.applied:
-        desired_position = state.first_touch.update(
-            desired_position, sample.position, learnt_from.force, learnt_from.in_contact, _known_surface(state)
-        )
+    desired_position = _allowed(state, desired_position, inputs, sensor_force, now_ns, faulty=faulty)
     state.tick += 1
     telemetry = Telemetry(
         VERSION,
@@ -176,86 +187,78 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
         sample.exact_force,
         learnt_from.in_contact,
         sample.clipped,
-        state.model_sequence,
+        state.sender.sequence,
         inputs.period_ns,
         inputs.compute_ns,
         state.first_touch.guarded,
+        state.safety.status,
+        validity,
+        state.lease.epoch,
+        state.run,
     )
     return state, Outputs(desired_position, telemetry, model)
 
 
-def _known_surface(state: State) -> float:
-    """Surface of the newest model that the leader renders from, as far as its applied commands say [m]; or NaN."""
-    current, surfaces = state.round_trip.current, state.surfaces
-    if current != state.known_model:
-        state.known_model = current
-        state.known_surface = surfaces.get(current, math.nan)
-        for sequence in [sequence for sequence in surfaces if sequence < current]:
-            del surfaces[sequence]
-    return state.known_surface
+def _take(state: State, command: Command, now_ns: int) -> None:
+    """Obey a command if its leader has control and it is fresh."""
+    before = (state.lease.holder, state.lease.epoch)
+    if not state.lease.admit(command.holder, command.epoch, now_ns):
+        return
+    if (command.holder, command.epoch) != before:  # another leader: nothing of the one before is valid any more
+        state.freshness.begin()
+        state.commands.restart()
+        state.playout.restart()
+        state.sender.round_trip.restart()
+        state.guarded = state.guards
+    arrival = state.freshness.judge(command.sequence, command.time_ns, now_ns)
+    if arrival is not Arrival.FUTURE:
+        state.commands.is_newest(command.sequence)
+    if arrival is not Arrival.FRESH:
+        return
+    if math.isfinite(command.position):  # what has no position is never played
+        state.playout.push(command.sequence, command.position)
+        state.sender.round_trip.commanded(command.sequence, command.acknowledged_model)
+    state.guarded = state.guarded or command.guarded
 
 
-def _is_changed(state: State, now_ns: int) -> bool:
-    """Whether the model became valid or not, its surface moved, or the material changed, since the last model.
-
-    It is asked in every tick and packs no map for the answer.
-    """
-    learner, sent = state.learner, state.sent
-    estimator = learner.estimator
-    changes, state.changes = state.changes, estimator.changes
-    if estimator.changes > changes:
-        state.changed_ns = now_ns
-        return True
-    if sent is None:
-        return True
-    surface = learner.conditioner.surface - estimator.surface_correction
-    if math.isnan(surface) or sent.model is None:
-        return learner.learnt().model is not sent.model
-    # A map stays valid until its estimator begins anew.
-    valid = estimator.updates > 0 if isinstance(sent.model, ContactMap) else estimator.model is not None
-    return not valid or abs(surface - sent.surface) > SURFACE_CHANGE
-
-
-def _due_model(state: State, now_ns: int) -> ModelUpdate | None:
-    """The model to send in this tick: on schedule, and at once on change, as far as the bytes allow."""
-    state.changed = _is_changed(state, now_ns) or state.changed
-    since_ns = now_ns - state.sent_ns
-    if not (state.changed or since_ns >= state.model_period_ns):
-        return None
-    allowance = (
-        LARGEST_BURST if state.sent is None else min(state.allowance + BYTE_RATE * since_ns * 1e-9, LARGEST_BURST)
+def _allowed(
+    state: State, desired_position: float, inputs: Inputs, sensor_force: float, now_ns: int, *, faulty: bool
+) -> float:
+    """What the robot may do of what it is told to: the first touch, then safety [m]."""
+    sample, learnt_from, safety = inputs.sample, state.learner.sample, state.safety
+    # Who begins in contact learns that force as the sensor's offset: what no offset explains is felt.
+    unexplained = sensor_force - state.specification.largest_offset
+    felt = max(learnt_from.force, unexplained)
+    touches = learnt_from.in_contact or unexplained > CONTACT_FLOOR
+    if inputs.stop:
+        safety.stop(inputs.stop)
+    elif inputs.release and faulty:
+        state.watch.reset()  # a stop stays: what the robot feels is known from the next samples on
+    elif inputs.release:
+        safety.release(learnt_from.velocity, felt)
+    if safety.stop_reason:
+        state.playout.forget()  # no command from before the release is obeyed after it
+    if not state.guarded or math.isnan(desired_position):
+        state.first_touch.restart()
+    else:
+        desired_position = state.first_touch.update(
+            desired_position, sample.position, math.nan if faulty else felt, touches, state.sender.known_surface()
+        )
+    heard_ns = state.freshness.newest_ns
+    desired_position = safety.update(
+        desired_position,
+        sample.position,
+        felt,
+        touches,
+        surface=state.learner.conditioner.surface,
+        silence=math.inf if heard_ns is None or inputs.ended else (now_ns - heard_ns) * 1e-9,
+        faulty=faulty,
+        guarded=state.first_touch.guarded,
     )
-    if allowance <= 0.0:
-        return None
-    learnt = state.learner.learnt()
-    state.sent, state.sent_ns, state.changed = learnt, now_ns, False
-    state.model_sequence += 1
-    model = learnt.model
-    update = ModelUpdate(
-        VERSION,
-        state.model_sequence,
-        now_ns,
-        state.playout.applied,
-        "" if model is None else model.law,
-        () if model is None else model.parameters,
-        learnt.state,
-        learnt.surface,
-        model is not None,
-        _reason(state, learnt, now_ns),
-        state.learner.estimator.name,
-        model.map if isinstance(model, ContactMap) else b"",
+    state.faulty_ticks += faulty
+    state.held_ticks += heard_ns is not None and safety.status in (
+        Status.HOLDING,
+        Status.UNLOADING,
+        Status.RETREATING,
     )
-    state.allowance = allowance - len(encode(update))
-    state.round_trip.sent(update.sequence, now_ns)
-    if state.guarded:
-        if len(state.surfaces) >= LARGEST_MEMORY:  # a leader that never answers fills nothing
-            state.surfaces.clear()
-        state.surfaces[update.sequence] = math.nan if model is None else learnt.surface
-    return update
-
-
-def _reason(state: State, learnt: LearntModel, now_ns: int) -> str:
-    """What the learner says, or for a while after a change that there was one: the message that said so may be lost."""
-    if learnt.model is None or state.changed_ns is None or now_ns - state.changed_ns > CHANGE_TOLD_NS:
-        return learnt.reason
-    return f"the material changed {(now_ns - state.changed_ns) * 1e-9:.1f} s ago: it is learnt anew"
+    return desired_position

@@ -6,7 +6,7 @@ import os
 import signal
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from types import FrameType
 
 from foretouch.errors import PeerVersionError
@@ -29,32 +29,41 @@ def orphaned(parent: int | None) -> bool:
 
 
 class StopFlag:
-    """Set by Ctrl-C, by SIGTERM, by the end of the parent process, or by hand; a loop looks at `reason` each tick.
+    """What somebody outside asks of a process, by signal or by hand; a loop looks at it each tick.
 
     Attributes:
-        reason: Why the process should end; "" while it should not.
+        reason: Why the process should end (Ctrl-C, SIGTERM, the end of its parent); "" while it should not.
+        emergency: Why the robot should stop at once (SIGUSR1); "" while it should not.
+        release: Whether somebody lets it go on (SIGUSR2); only a follower listens.
     """
 
     def __init__(self) -> None:
         self.reason = ""
+        self.emergency = ""
+        self.release = False
 
     def set(self, reason: str) -> None:
         """Ask for the end; the first reason stays."""
         self.reason = self.reason or reason
 
     def on_signals(self) -> StopFlag:
-        """Set on SIGINT and SIGTERM from now on (main thread only)."""
+        """Set on SIGINT, SIGTERM, SIGUSR1 and SIGUSR2 from now on (main thread only)."""
 
         def handle(number: int, frame: FrameType | None) -> None:
-            self.set("interrupted" if number == signal.SIGINT else "terminated")
+            if number == signal.SIGUSR1:
+                self.emergency = "asked for by signal"
+            elif number == signal.SIGUSR2:
+                self.release = True
+            else:
+                self.set("interrupted" if number == signal.SIGINT else "terminated")
 
-        signal.signal(signal.SIGINT, handle)
-        signal.signal(signal.SIGTERM, handle)
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGUSR1, signal.SIGUSR2):
+            signal.signal(number, handle)
         return self
 
 
 class Housekeeper(threading.Thread):
-    """Publishes `Hello` twice a second and reports messages that did not decode once a second.
+    """Publishes `Hello` twice a second, takes those of others, and says what people have to know, once a second.
 
     It runs on a thread of its own, so that the loop neither prints nor waits.
 
@@ -65,6 +74,8 @@ class Housekeeper(threading.Thread):
         stop: Set when the parent process has gone, if `parent` is given.
         say: Prints one line for people.
         parent: Process id of the parent whose end ends this process too.
+        news: Gives what people have to know now, "" for nothing, from what others said last (name: value, by role);
+            called on this thread. It is said where it changes.
     """
 
     def __init__(
@@ -75,6 +86,7 @@ class Housekeeper(threading.Thread):
         stop: StopFlag,
         say: Callable[[str], None],
         parent: int | None = None,
+        news: Callable[[Mapping[str, Mapping[str, str]]], str] | None = None,
     ) -> None:
         super().__init__(name="housekeeping", daemon=True)
         self._link = link
@@ -83,6 +95,9 @@ class Housekeeper(threading.Thread):
         self._stop_flag = stop
         self._say = say
         self._parent = parent
+        self._news = news
+        self._told = ""
+        self._heard: dict[str, dict[str, str]] = {}
         self._hellos = 0
         self._reported = 0
         self._ended = threading.Event()
@@ -92,6 +107,7 @@ class Housekeeper(threading.Thread):
         count = 0
         while not self._ended.wait(HELLO_PERIOD):
             self.say_hello()
+            self._tell_news()
             count += 1
             if count % 2 == 0:
                 self._report_undecodable()
@@ -106,13 +122,22 @@ class Housekeeper(threading.Thread):
             Hello(VERSION, self._hellos, time.monotonic_ns(), self._role, tuple(texts), tuple(texts.values()))
         )
 
-    def close(self, reason: str) -> None:
-        """Publish the last `Hello` and a `Stop`, and end the thread."""
+    def close(self, reason: str, epoch: int = 0) -> None:
+        """Publish the last `Hello` and a `Stop`, a leader's with its epoch, and end the thread."""
         self._ended.set()
         self.join()
         self.say_hello()
-        self._link.publish(Stop(VERSION, 1, time.monotonic_ns(), reason[:400]))
+        self._link.publish(Stop(VERSION, 1, time.monotonic_ns(), reason[:400], epoch))
         self._report_undecodable()
+
+    def _tell_news(self) -> None:
+        """Hear what others say of themselves, and say what is new."""
+        for _, hello in self._link.take("hello"):
+            self._heard[hello.role] = dict(zip(hello.names, hello.values, strict=False))
+        news = "" if self._news is None else self._news(self._heard)
+        if news and news != self._told:
+            self._say(f"{self._role}: {news}")
+        self._told = news
 
     def _report_undecodable(self) -> None:
         total = self._link.undecodable

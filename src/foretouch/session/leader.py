@@ -7,14 +7,18 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from foretouch.errors import InputError
-from foretouch.link import SequenceCounter
 from foretouch.messages import VERSION, Command, LeaderState, ModelUpdate, Telemetry
 from foretouch.models import make_model
 from foretouch.quantities import LARGEST_POSITION
 from foretouch.rendering import Renderer
+from foretouch.session.coupling import meeting_place
+from foretouch.session.heard import Heard
 from foretouch.session.settings import NO_GRIP, SAMPLE_PERIOD, SessionSettings
 
 __all__ = ["Inputs", "Outputs", "State", "start", "step"]
+
+SAME_SURFACE = 1e-3
+"""Surfaces that two processes have found are one if they are no further apart [m]."""
 
 
 @dataclass(slots=True)
@@ -24,23 +28,23 @@ class State:
     Attributes:
         renderer: Makes the force for the hand from the newest model.
         guarded: Whether the follower is asked to guard the first touch.
+        holder: Name of this leader.
+        epoch: Of this process, at least 1.
+        heard: What the follower says. Its force is recorded and never rendered.
         start_ns: Clock at the first tick, None before it.
         sequence: Of the newest command.
-        models: Counts arriving models.
-        telemetry: Counts arriving telemetry.
-        delayed_force: Newest force that has arrived [N]; recorded, never rendered.
-        follower_position: Where the follower was told to be, as the newest telemetry says [m]; NaN before the first.
+        inherits: Whether the model is of a follower's process that is gone, and the one in its place knows less yet.
         refused: Models that could not be used, whatever they claimed.
     """
 
     renderer: Renderer = field(default_factory=Renderer)
     guarded: bool = False
+    holder: str = "leader"
+    epoch: int = 1
+    heard: Heard = field(default_factory=lambda: Heard(1))
     start_ns: int | None = None
     sequence: int = 0
-    models: SequenceCounter = field(default_factory=SequenceCounter)
-    telemetry: SequenceCounter = field(default_factory=SequenceCounter)
-    delayed_force: float = 0.0
-    follower_position: float = math.nan
+    inherits: bool = False
     refused: int = 0
 
 
@@ -56,6 +60,7 @@ class Inputs(NamedTuple):
         clutched: Whether the clutch is pressed: the hand moves and the follower stays.
         exact_position: Of a simulated hand [m]; recorded only.
         intended_position: Where the hand wants to be [m]; recorded only.
+        stopping: Whether an emergency stop was asked for here, and the follower has not said yet that it has stopped.
     """
 
     position: float
@@ -66,6 +71,7 @@ class Inputs(NamedTuple):
     clutched: bool = False
     exact_position: float = math.nan
     intended_position: float = math.nan
+    stopping: bool = False
 
 
 class Outputs(NamedTuple):
@@ -75,8 +81,14 @@ class Outputs(NamedTuple):
     record: LeaderState
 
 
-def start(settings: SessionSettings | None = None) -> State:
-    """State before the first tick, of a session with these settings."""
+def start(settings: SessionSettings | None = None, *, holder: str = "leader", epoch: int = 1) -> State:
+    """State before the first tick.
+
+    Args:
+        settings: Of the session.
+        holder: Name of this leader, not empty: who else would command is told it.
+        epoch: Of this process (`foretouch.session.lease.own_epoch`).
+    """
     settings = SessionSettings() if settings is None else settings
     guarded = settings.guards()
     renderer = Renderer(
@@ -87,7 +99,7 @@ def start(settings: SessionSettings | None = None) -> State:
         guarded=guarded,
         sample_period=SAMPLE_PERIOD,
     )
-    return State(renderer, guarded)
+    return State(renderer, guarded, holder, epoch, Heard(epoch))
 
 
 def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
@@ -97,7 +109,9 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
     who compare and goes nowhere else.
 
     A hand that feels the force is coupled with the follower once it is known where that is, and again each time that
-    the clutch is let go, without a jump of either; until then commands carry no position.
+    the clutch is let go, without a jump of either; until then commands carry no position. While an emergency stop is
+    latched, or the follower obeys another leader, it is let go and feels nothing. Where another process has taken the
+    follower's place the model stays, for the material is the same, until that process knows as much (`Heard`).
 
     Args:
         state: Updated in place and returned.
@@ -106,20 +120,32 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
     """
     if state.start_ns is None:
         state.start_ns = now_ns
-    for telemetry in inputs.telemetry:
-        if state.telemetry.is_newest(telemetry.sequence):
-            state.delayed_force = telemetry.force
-            state.follower_position = telemetry.desired_position
-    for model in inputs.models:
-        if state.models.is_newest(model.sequence):
-            _adopt(state, model)
-    renderer = state.renderer
-    _couple(state, inputs)
-    period = inputs.period_ns * 1e-9
-    rendered = renderer.update((now_ns - state.start_ns) * 1e-9, inputs.position, period)
+    renderer, heard = state.renderer, state.heard
     predictor, proxy = renderer.predictor, renderer.proxy
+    for telemetry in inputs.telemetry:
+        heard.take_telemetry(telemetry)
+    ours = [model for model in inputs.models if heard.is_for_us(model)]
+    renewed = heard.take_renewed()
+    if renewed:
+        _renew(state)
+    for model in ours:
+        _adopt(state, model)
+    free = inputs.stopping or heard.stopped or not heard.in_control
+    if renderer.closed_loop and not free and not renewed:  # let go for a tick, so that the force leaves as models do
+        _couple(state, inputs)
+    period = inputs.period_ns * 1e-9
+    rendered = renderer.update((now_ns - state.start_ns) * 1e-9, inputs.position, period, free=free)
     state.sequence += 1
-    command = Command(VERSION, state.sequence, now_ns, proxy.position, predictor.message, state.guarded)
+    command = Command(
+        VERSION,
+        state.sequence,
+        now_ns,
+        proxy.position,
+        predictor.message,
+        state.guarded,
+        state.holder,
+        state.epoch,
+    )
     record = LeaderState(
         VERSION,
         state.sequence,
@@ -128,9 +154,9 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
         predictor.velocity,
         predictor.force,
         rendered,
-        state.delayed_force,
-        state.telemetry.newest,
-        state.models.newest,
+        heard.force,
+        heard.telemetry.newest,
+        heard.models.newest,
         predictor.jump,
         renderer.limiter.clipped,
         inputs.period_ns,
@@ -145,27 +171,39 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
         renderer.energy_bound,
         renderer.share,
         proxy.engaged,
+        state.epoch,
+        heard.run,
     )
     return state, Outputs(command, record)
 
 
 def _couple(state: State, inputs: Inputs) -> None:
-    """Couple hand and proxy, or let the hand go alone while the clutch is pressed."""
-    proxy = state.renderer.proxy
-    if proxy.engaged and inputs.clutched:
-        proxy.release()
-    elif not (proxy.engaged or inputs.clutched) and math.isfinite(inputs.position):
-        if not math.isnan(proxy.position):
-            state.renderer.engage(inputs.position, proxy.position)
-        elif state.renderer.closed_loop and math.isfinite(state.follower_position):
-            state.renderer.engage(inputs.position, state.follower_position)
+    renderer, hand = state.renderer, inputs.position
+    place = meeting_place(renderer.proxy, hand, state.heard.position, clutched=inputs.clutched)
+    if math.isfinite(place):
+        renderer.engage(hand, place)
+
+
+def _renew(state: State) -> None:
+    """Another process has taken the follower's place: it is elsewhere, and knows nothing yet."""
+    renderer = state.renderer
+    renderer.predictor.disown()
+    state.inherits = renderer.predictor.model is not None
+    if renderer.closed_loop:
+        renderer.proxy.leave()
 
 
 def _adopt(state: State, update: ModelUpdate) -> None:
     """Predict from an arrived model; one that claims to be valid and cannot be run counts as no model."""
+    if state.inherits and not (update.valid and state.heard.has_relearnt):
+        predictor = state.renderer.predictor
+        if update.valid and abs(update.surface - predictor.surface) < SAME_SURFACE:
+            predictor.message = update.sequence  # its surface is known here
+        return
     if not update.valid:
         state.renderer.adopt(None, update.surface, message=update.sequence)
         return
+    state.inherits = False
     if not abs(update.surface) <= LARGEST_POSITION:
         _refuse(state)
         return

@@ -2,29 +2,30 @@
 
 from __future__ import annotations
 
-import gc
-import sys
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections import deque
+from collections.abc import Callable, Mapping
 
 from foretouch.devices import Device
-from foretouch.link import FaultStage, ZenohLink
-from foretouch.messages import COUNT_PREFIX, Command, ModelUpdate, Telemetry
+from foretouch.link import ASKING_PERIOD_NS, FaultStage, ZenohLink, new_press
+from foretouch.messages import PROCESS, VERSION, Command, EmergencyStop, ModelUpdate, Telemetry
 from foretouch.robot import Robot
 from foretouch.session import follower, leader
-from foretouch.session.counting import follower_counts, leader_counts
+from foretouch.session.counting import as_texts, follower_counts, leader_counts, link_counts
 from foretouch.session.frames import browser_operator, framed_device, framed_robot
 from foretouch.session.housekeeping import ORPHANED, Housekeeper, StopFlag, orphaned
-from foretouch.session.loop_timer import LoopTimer
+from foretouch.session.lease import own_epoch
+from foretouch.session.loop_timer import LoopTimer, steady
+from foretouch.session.news import follower_news, follower_says, leader_news
 from foretouch.session.operator_clock import OperatorClock
+from foretouch.session.safety import REST_FORCE
 from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
 from foretouch.session.sides import leading_side
 from foretouch.session.warm_up import warm_up
 
 __all__ = ["FOLLOWER_CHANNELS", "LEADER_CHANNELS", "run_follower", "run_leader", "wait_for_hello"]
 
-FOLLOWER_CHANNELS = ("command", "settings", "stop", "hello")
+FOLLOWER_CHANNELS = ("command", "settings", "stop", "emergency", "hello")
 """What the follower's link receives."""
 
 LEADER_CHANNELS = ("model", "telemetry", "handle", "settings", "stop", "hello")
@@ -33,24 +34,17 @@ LEADER_CHANNELS = ("model", "telemetry", "handle", "settings", "stop", "hello")
 LONGEST_CATCH_UP = 50
 """A simulated robot that was held up lets at most so many sample periods pass at once."""
 
+MOST_PRESSES = 1024
+"""Presses of an emergency stop that are known as such when they come again."""
+
+ANSWERS = 1000
+"""An emergency stop is asked for until so many ticks of the follower have been heard, and the newest says it."""
+
+LEAVING = 3.0
+"""A robot that a session leaves in contact may unload for so long [s]."""
+
 RECORDER_PATIENCE = 10.0
 """A leader that was told to wait for a recorder waits at most so long [s]."""
-
-
-@contextmanager
-def _steady() -> Iterator[None]:
-    """Keep the garbage collector out of a loop whose messages and states make no cycles, and other threads short."""
-    switch = sys.getswitchinterval()
-    gc.collect()
-    gc.freeze()
-    gc.disable()
-    sys.setswitchinterval(5e-4)
-    try:
-        yield
-    finally:
-        sys.setswitchinterval(switch)
-        gc.enable()
-        gc.unfreeze()
 
 
 def wait_for_hello(
@@ -101,26 +95,25 @@ def run_follower(
         description: Texts for the `Hello` messages.
         duration: [s], None for no end.
         parent: Process whose end ends this one.
-
-    Raises:
-        PeerVersionError: Before the first command that could be read, the peer spoke another version.
     """
     warm_up(settings)
     robot = framed_robot(robot, settings.frames[1])
     stage: FaultStage[Command] = FaultStage(settings.command_faults)
-    state = follower.start(robot.specification, settings)
+    presses: deque[int] = deque(maxlen=MOST_PRESSES)
+    state = follower.start(robot.specification, settings, run=own_epoch())
 
     def describe() -> dict[str, str]:
-        return description | _as_text(follower_counts(state) | _link_counts("follower", link))
+        told = follower_says(state) | as_texts(follower_counts(state) | link_counts("follower", link))
+        return description | told
 
-    house = Housekeeper(link, "follower", describe, stop, say, parent)
+    house = Housekeeper(link, "follower", describe, stop, say, parent, lambda _: follower_news(state))
     house.start()
     timer = LoopTimer(SAMPLE_PERIOD)
     sample = robot.read()
     desired_position = sample.commanded_position
     woke, compute = 0, 0
     end = None if duration is None else time.monotonic_ns() + round(duration * 1e9)
-    with _steady():
+    with steady():
         while not stop.reason:
             now, periods = timer.wait()
             for _ in range(min(periods, LONGEST_CATCH_UP)):
@@ -129,13 +122,26 @@ def run_follower(
                 stage.push(arrival, command)
             if link.inboxes["settings"]:
                 stage.delay = link.take("settings")[-1][1].position_delay
-            if link.inboxes["stop"]:
-                stop.set(link.take("stop")[-1][1].reason)
+                state.freshness.begin_way()
+            for _, last_word in link.take("stop"):
+                if last_word.epoch in (0, state.lease.epoch):
+                    stop.set(last_word.reason or "the session was ended")
             if end is not None and now >= end:
                 stop.set("the duration is over")
-            if link.version_error is not None and not state.commands.received:
-                stop.set(str(link.version_error))
-            inputs = follower.Inputs(stage.pop_due(now), sample, timer.woke_ns - woke if woke else 0, compute)
+            # Taken only where it is there: a signal may come at any moment, and is not to be lost.
+            emergency, release = stop.emergency, stop.release
+            if emergency:
+                stop.emergency = ""
+            if release:
+                stop.release = False
+            for _, asked in link.take("emergency"):  # no fault that is simulated is in its way
+                if asked.press not in presses:
+                    emergency = emergency or asked.reason or "no reason given"
+                    if asked.press:
+                        presses.append(asked.press)
+            inputs = follower.Inputs(
+                stage.pop_due(now), sample, timer.woke_ns - woke if woke else 0, compute, emergency, release
+            )
             woke = timer.woke_ns
             start = time.perf_counter_ns()
             state, outputs = follower.step(state, inputs, now)
@@ -144,9 +150,18 @@ def run_follower(
             if outputs.model is not None:
                 link.publish(outputs.model)
             desired_position = outputs.desired_position
-    house.close(stop.reason)
-    if link.version_error is not None and not state.commands.received:
-        raise link.version_error
+        house.close(stop.reason)
+        _leave(robot, state, desired_position, timer)
+
+
+def _leave(robot: Robot, state: follower.State, desired_position: float, timer: LoopTimer) -> None:
+    """Leave no robot pressing: as after a long silence, until it feels next to nothing, for at most `LEAVING`."""
+    end = time.monotonic() + LEAVING
+    while state.learner.sample.in_contact and state.learner.sample.force >= REST_FORCE and time.monotonic() < end:
+        now, _ = timer.wait()
+        inputs = follower.Inputs([], robot.exchange(desired_position), 0, 0, ended=True)
+        state, outputs = follower.step(state, inputs, now)
+        desired_position = outputs.desired_position
 
 
 def run_leader(
@@ -160,42 +175,59 @@ def run_leader(
     duration: float | None = None,
     wait_for_recorder: bool = False,
     parent: int | None = None,
+    name: str = "leader",
 ) -> None:
     """Run the leader's loop until a `Stop` arrives, `stop` is set, or `duration` [s] is over.
 
     Arguments as for `run_follower`; `link` has `LEADER_CHANNELS`, `operator` moves the handle and counts as the
     settings' leader frame says, and with `wait_for_recorder` the loop begins once a recorder listens, or after
-    `RECORDER_PATIENCE`.
+    `RECORDER_PATIENCE`. Other leaders are told the `name` of this one.
     """
     warm_up(settings)
     stage: FaultStage[ModelUpdate | Telemetry] = FaultStage(settings.return_faults)
     side = leading_side(settings)
-    state = side.start(settings)
+    state = side.start(settings, holder=name, epoch=own_epoch())
     operator = framed_device(operator, settings.frames[0])
     clock = OperatorClock(operator)
     mouse = browser_operator(operator)
 
     def describe() -> dict[str, str]:
-        return description | _as_text(leader_counts(state) | _link_counts("leader", link))
+        own = {"leader": name, PROCESS: str(state.epoch)}
+        return description | own | as_texts(leader_counts(state) | link_counts("leader", link))
 
-    house = Housekeeper(link, "leader", describe, stop, say, parent)
+    heard_ns = time.monotonic_ns()
+
+    def news(heard: Mapping[str, Mapping[str, str]]) -> str:
+        return leader_news(state.heard, heard.get("follower", {}), (time.monotonic_ns() - heard_ns) * 1e-9)
+
+    house = Housekeeper(link, "leader", describe, stop, say, parent, news)
     house.start()
     if wait_for_recorder and not wait_for_hello(link, {"recorder"}, stop, timeout=RECORDER_PATIENCE):
         say(f"leader: no recorder after {RECORDER_PATIENCE:g} s; going on without it")
     timer = LoopTimer(SAMPLE_PERIOD)
     woke, compute = 0, 0
+    asked, asked_ns, press, answered = 0, 0, 0, 0
     end = None if duration is None else time.monotonic_ns() + round(duration * 1e9)
-    with _steady():
+    with steady():
         while not stop.reason:
             now, _ = timer.wait()
-            operator_ns = clock.read(now, coupled=state.telemetry.newest > 0)
-            for name in ("model", "telemetry"):
-                for arrival, message in link.take(name):
+            operator_ns = clock.read(now, coupled=state.heard.run > 0)
+            for channel in ("model", "telemetry"):
+                for arrival, message in link.take(channel):
                     stage.push(arrival, message)
+                    heard_ns = arrival
+            if stop.emergency and not press:
+                press, answered = new_press(), state.heard.telemetry.received + ANSWERS
+            if press and now - asked_ns >= ASKING_PERIOD_NS:
+                asked, asked_ns = asked + 1, now
+                link.publish(EmergencyStop(VERSION, asked, now, f"{stop.emergency} at {name}", press))
+            # What says that it has stopped may have been under way since an earlier stop.
+            if press and state.heard.stopped and state.heard.telemetry.received >= answered:
+                stop.emergency, press = "", 0
             if link.inboxes["settings"]:
                 stage.delay = link.take("settings")[-1][1].force_delay
             if link.inboxes["stop"]:
-                stop.set(link.take("stop")[-1][1].reason)
+                stop.set(link.take("stop")[-1][1].reason or "the session was ended")
             if link.inboxes["handle"]:
                 handle = link.take("handle")[-1][1]
                 if mouse is not None:
@@ -213,6 +245,7 @@ def run_leader(
                 operator.clutched,
                 operator.exact_position,
                 operator.intention,
+                bool(stop.emergency),
             )
             woke = timer.woke_ns
             state, outputs = side.step(state, inputs, now)
@@ -220,13 +253,4 @@ def run_leader(
             link.publish(outputs.command)
             operator.render(outputs.record.rendered_force)
             link.publish(outputs.record)
-    house.close(stop.reason)
-
-
-def _link_counts(role: str, link: ZenohLink) -> dict[str, int]:
-    return {f"{role}_undecodable": link.undecodable, f"{role}_unsent": link.unsent}
-
-
-def _as_text(counts: dict[str, int]) -> dict[str, str]:
-    """Counters as texts of a `Hello`; the recorder tells them from settings by the prefix."""
-    return {COUNT_PREFIX + name: str(value) for name, value in counts.items()}
+    house.close(stop.reason, state.epoch)

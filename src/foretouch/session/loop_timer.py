@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import gc
+import sys
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 from foretouch.models.checks import require
 
-__all__ = ["LoopTimer"]
+__all__ = ["LoopTimer", "steady"]
 
 SPIN_NS = 200_000
 """Sleeping ends this long before the deadline [ns]; the rest is spun, for sleep is late by about 0.1 ms."""
@@ -57,3 +61,19 @@ class LoopTimer:
             pass
         self.woke_ns = now
         return self._deadline_ns, 1 + skipped
+
+
+@contextmanager
+def steady() -> Iterator[None]:
+    """Keep the garbage collector out of a loop whose messages and states make no cycles, and other threads short."""
+    switch = sys.getswitchinterval()
+    gc.collect()
+    gc.freeze()
+    gc.disable()
+    sys.setswitchinterval(5e-4)
+    try:
+        yield
+    finally:
+        sys.setswitchinterval(switch)
+        gc.enable()
+        gc.unfreeze()

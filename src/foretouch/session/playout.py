@@ -42,12 +42,21 @@ class Playout:
     __slots__ = ("_commands", "_least", "_least_before", "_point", "_ticks", "applied", "position")
 
     def __init__(self) -> None:
+        self.restart()
+
+    def restart(self) -> None:
+        """Another leader, who counts from 1 again: nothing is left to play, and the position is no number."""
         self._commands: list[tuple[float, float]] = []  # (sequence, position), those still needed, in order
         self._point = math.nan  # what is played, in sequence numbers
         self._least = self._least_before = math.inf
         self._ticks = 0
         self.applied = 0
         self.position = math.nan
+
+    def forget(self) -> None:
+        """Leave out what has not been played; the position is no number until the next command comes."""
+        self._commands.clear()
+        self._point = self.position = math.nan
 
     def push(self, sequence: int, position: float) -> None:
         """Take one command; one that comes after its turn, or is no position within a metre, is left out."""

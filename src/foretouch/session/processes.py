@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 import subprocess
 import sys
 import time
@@ -12,6 +13,7 @@ from pathlib import Path
 
 from foretouch.link import free_endpoint
 from foretouch.session.housekeeping import StopFlag
+from foretouch.session.recorder import RECORDING_INCOMPLETE
 from foretouch.session.settings import SessionSettings
 
 __all__ = ["run_processes"]
@@ -20,6 +22,9 @@ PATIENCE = 8.0
 """Once a session ends, each process has so long [s] to end by itself; then it is told to, then it is killed."""
 
 POLL_PERIOD = 0.05
+
+WATCHERS = {"console": "console", "record": "recorder"}
+"""Processes that the session goes on without, unless what they were told to do is refused (exit code 2)."""
 
 
 @dataclass
@@ -48,16 +53,14 @@ def run_processes(
         say: Prints one line for people.
 
     Returns:
-        0, or the exit code of the process that failed.
+        0, or the exit code of the process that failed, or `RECORDING_INCOMPLETE`.
     """
     follower, leader = free_endpoint(), free_endpoint()
     common = ["--parent", str(os.getpid())]
     watching = ["--connect", follower, "--connect", leader, *common]
     chosen = _options(settings)
-    children = [
-        _start("follower", ["--listen", follower, *chosen, *common]),
-        _start("record", [str(recording), *watching]),
-    ]
+    recorder = _start("record", [str(recording), *watching])
+    children = [_start("follower", ["--listen", follower, *chosen, *common]), recorder]
     if console_port is not None:
         children.append(_start("console", ["--port", str(console_port), *watching]))
     length = [] if duration is None else ["--duration", str(duration)]
@@ -67,7 +70,7 @@ def run_processes(
         code = _watch(children, stop, say)
     finally:
         _end(children)
-    return code
+    return code or (RECORDING_INCOMPLETE if recorder.process.returncode else 0)
 
 
 def _options(settings: SessionSettings) -> list[str]:
@@ -91,9 +94,10 @@ def _watch(children: list[_Child], stop: StopFlag, say: Callable[[str], None]) -
             code = child.process.poll()
             if code is None:
                 continue
-            if child.role == "console" and code != 2:
+            if child.role in WATCHERS and code != 2:
                 if code:
-                    say(f"the console ended with exit code {code}; the session goes on without it")
+                    who = WATCHERS[child.role]
+                    say(f"the {who} ended with exit code {code}; the session goes on without it")
                 children.remove(child)
                 break
             if code != 0:
@@ -103,7 +107,21 @@ def _watch(children: list[_Child], stop: StopFlag, say: Callable[[str], None]) -
                 return 0
         if stop.reason:
             return 0
+        _pass_on(children, stop)
         time.sleep(POLL_PERIOD)
+
+
+def _pass_on(children: list[_Child], stop: StopFlag) -> None:
+    """An emergency stop, and its release, are the follower's."""
+    followers = [child.process for child in children if child.role == "follower"]
+    if stop.emergency:
+        stop.emergency = ""
+        for process in followers:
+            process.send_signal(signal.SIGUSR1)
+    if stop.release:
+        stop.release = False
+        for process in followers:
+            process.send_signal(signal.SIGUSR2)
 
 
 def _end(children: list[_Child]) -> None:

@@ -24,14 +24,18 @@ class RoundTrip:
         current: Model that the leader of the newest applied command rendered from; 0 for none.
     """
 
-    __slots__ = ("_acknowledged", "_due_ns", "_newest", "_sent", "_smallest_ns", "current")
+    __slots__ = ("_acknowledged", "_applied", "_due_ns", "_sent", "_smallest_ns", "current")
 
     def __init__(self) -> None:
         self._sent: dict[int, int] = {}
-        self._acknowledged: dict[int, int] = {}
-        self._newest = self.current = 0
-        self._smallest_ns = math.inf
         self._due_ns: int | None = None
+        self.restart()
+
+    def restart(self) -> None:
+        """Another leader, who counts from 1 again and knows nothing yet."""
+        self._acknowledged: dict[int, int] = {}
+        self._applied = self.current = 0
+        self._smallest_ns = math.inf
 
     def sent(self, model: int, now_ns: int) -> None:
         """A model with this sequence number is sent [ns]."""
@@ -40,7 +44,9 @@ class RoundTrip:
         self._sent[model] = now_ns
 
     def commanded(self, command: int, model: int) -> None:
-        """A command has arrived whose leader had this model."""
+        """A command has arrived whose leader had this model; one that comes after its turn says nothing new."""
+        if command <= self._applied:
+            return
         if len(self._acknowledged) >= LARGEST_MEMORY:
             self._acknowledged.clear()
         self._acknowledged[command] = model
@@ -51,6 +57,7 @@ class RoundTrip:
         Returns:
             Once a second the smallest round trip of that second [s], None in all other ticks and where there was none.
         """
+        self._applied = max(self._applied, command)
         for number in sorted(number for number in self._acknowledged if number <= command):
             self.current = self._acknowledged.pop(number)
             self._hear(self.current, now_ns)
@@ -64,9 +71,7 @@ class RoundTrip:
 
     def _hear(self, model: int, now_ns: int) -> None:
         """A command was applied whose leader had this model."""
-        if model <= self._newest:
+        if model not in self._sent:  # heard of before, or of another process of the follower
             return
-        self._newest = model
-        if model in self._sent:
-            self._smallest_ns = min(self._smallest_ns, now_ns - self._sent[model])
+        self._smallest_ns = min(self._smallest_ns, now_ns - self._sent[model])
         self._sent = {number: sent for number, sent in self._sent.items() if number > model}

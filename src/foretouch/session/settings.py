@@ -4,19 +4,30 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
+import math
 from dataclasses import dataclass, field
 
 from foretouch.devices import GRIPS, OPERATORS, DeviceSpecification
+from foretouch.devices.specification import COUNT_FORCE
 from foretouch.errors import SettingError, UnknownNameError
 from foretouch.identification import DEFAULT_ESTIMATORS, Estimator, make_estimator
+from foretouch.identification.conditioning import CONTACT_FLOOR
 from foretouch.link import Faults
+from foretouch.link.faults import LONGEST_DELAY
 from foretouch.models.checks import require
 from foretouch.quantities import Frame
+from foretouch.robot import SensorFault
 
 __all__ = ["BASELINES", "FIRST_TOUCHES", "NO_GRIP", "SAMPLE_PERIOD", "SessionSettings"]
 
 SAMPLE_PERIOD = 1e-3
 """Of both loops [s]."""
+
+RATE = 1.0 / SAMPLE_PERIOD
+"""[Hz]."""
+
+ON_SILENCE = ("unload", "retreat")
+"""What a follower does that has heard no fresh command for long."""
 
 NO_GRIP = "none"
 """The grip of an operator whose hand the force does not move."""
@@ -26,6 +37,16 @@ BASELINES = ("none", "delayed", "delayed-tdpa")
 
 FIRST_TOUCHES = ("auto", "guarded", "follow")
 """What the follower does where it touches what the leader does not know yet; auto guards where there is a grip."""
+
+SCALES = (0.01, 100.0)
+"""Smallest and largest of either scale."""
+
+GUARDED_FORCES = (10.0 * CONTACT_FLOOR, 15.0)
+"""Least and largest force at which a guarded follower can be told to hold [N]: nearer to the least force that counts as
+contact, sensor noise decides what it holds, and the surface is learnt from too little."""
+
+SOFTEST = 1.0
+"""A device that is held carries at least this [N/m], or there is nothing to feel."""
 
 
 @dataclass(frozen=True)
@@ -40,8 +61,8 @@ class SessionSettings:
         operator: ``"scripted"``, ``"recorded"`` or ``"browser"``.
         model: Name of the law to identify.
         estimator: Name of the estimator; empty for the law's own, whose name then stands here.
-        position_delay: One-way delay of commands [s].
-        force_delay: One-way delay of models and telemetry [s].
+        position_delay: One-way delay of commands [s], 0 to 10.
+        force_delay: One-way delay of models and telemetry [s], 0 to 10.
         jitter: Largest change of either delay [s].
         loss: Share of messages lost, in either direction.
         outage: Length of an outage in every 10 s, in either direction [s].
@@ -54,20 +75,33 @@ class SessionSettings:
         grip: Hand that holds the device and is moved by the force: ``"soft"``, ``"normal"``, ``"stiff"``; the
             operator's motion is then what it intends. ``"none"`` for the operator's motion itself, whatever the force.
         device_mass: Of the device at the hand [kg].
-        device_damping: Viscous friction of the device [N s/m]: what it can carry of stiffness depends on it.
+        device_damping: Viscous friction of the device [N s/m]: what it can carry of stiffness depends on it; with a
+            grip, at least 1 N/m.
         device_friction: Coulomb friction of the device [N].
         device_resolution: Count of its encoder [m].
         largest_stiffness: Largest local stiffness that is rendered [N/m]; 0 for what the device carries.
-        position_scale: Proxy's motion for the hand's.
-        force_scale: Hand's force for the model's.
+        position_scale: Proxy's motion for the hand's, 0.01 to 100.
+        force_scale: Hand's force for the model's, 0.01 to 100.
         clutch: When a hand presses its clutch, in seconds since it met the follower, as ``START:END,START:END``; empty
             for never.
         leader_frame: ``ORIGIN,DIRECTION`` of the device: see `Frame`.
         follower_frame: ``ORIGIN,DIRECTION`` of the robot.
         first_touch: ``"guarded"``, ``"follow"``, or ``"auto"``: see `guards`.
         approach_speed: Of a guarded follower before it knows a surface [m/s].
-        guarded_force: At which a guarded follower holds [N].
-        baseline: ``"none"``, or what is rendered for comparison: ``"delayed"``, ``"delayed-tdpa"``.
+        guarded_force: At which a guarded follower holds [N], 0.5 to 15.
+        force_ceiling: Contact force that the follower never holds more than [N].
+        largest_depth: Deepest that the follower goes below a surface that it has felt [m].
+        largest_speed: Of the follower [m/s].
+        largest_acceleration: Of the follower [m/s^2].
+        largest_jerk: Of the follower [m/s^3].
+        return_speed: At most, inwards, on the follower's way back to commands that it did not follow [m/s].
+        queueing_allowance: A command that waited longer than this on its way is stale [s].
+        hold_after: Time without a fresh command after which the follower holds [s].
+        unload_after: And after which it does what `on_silence` says [s].
+        sensor_fault: Fault of the simulated robot's sensors, as ``KIND:BEGIN:END`` in seconds; empty for none.
+        on_silence: ``"unload"``: go back until next to nothing is felt, and stay; ``"retreat"``: go out the way in.
+        baseline: ``"none"``, or what is rendered for comparison: ``"delayed"``, ``"delayed-tdpa"``. It has no largest
+            stiffness and guards nothing.
 
     Raises:
         SettingError: A value out of range.
@@ -103,6 +137,17 @@ class SessionSettings:
     first_touch: str = "auto"
     approach_speed: float = 0.02
     guarded_force: float = 2.0
+    force_ceiling: float = 15.0
+    largest_depth: float = 0.05
+    largest_speed: float = 0.25
+    largest_acceleration: float = 40.0
+    largest_jerk: float = 1e5
+    return_speed: float = 0.05
+    queueing_allowance: float = 0.5
+    hold_after: float = 0.05
+    unload_after: float = 0.5
+    on_silence: str = "unload"
+    sensor_fault: str = ""
     baseline: str = "none"
     command_faults: Faults = field(init=False, repr=False)
     return_faults: Faults = field(init=False, repr=False)
@@ -116,20 +161,25 @@ class SessionSettings:
             ("grip", (NO_GRIP, *GRIPS)),
             ("first_touch", FIRST_TOUCHES),
             ("baseline", BASELINES),
+            ("on_silence", ON_SILENCE),
         ):
             if getattr(self, kind) not in choices:
                 raise UnknownNameError(kind.replace("_", " "), getattr(self, kind), choices)
         if not self.estimator:
             object.__setattr__(self, "estimator", DEFAULT_ESTIMATORS.get(self.model, ""))
         make_estimator(self.model, self.estimator)
-        require("position_delay", self.position_delay, at_least=0.0)
-        require("force_delay", self.force_delay, at_least=0.0)
+        for delay in ("position_delay", "force_delay"):
+            if not 0.0 <= getattr(self, delay) <= LONGEST_DELAY:
+                raise SettingError(delay, getattr(self, delay), f"must lie between 0 and {LONGEST_DELAY:g} s")
         require("seed", self.seed, at_least=0)
-        require("model_rate", self.model_rate, above=0.0, at_most=1.0 / SAMPLE_PERIOD)
-        require("position_scale", self.position_scale, above=0.0, at_most=LARGEST_SCALE)
-        require("force_scale", self.force_scale, above=0.0, at_most=LARGEST_SCALE)
+        require("model_rate", self.model_rate, above=0.0, at_most=RATE)
+        require("position_scale", self.position_scale, at_least=SCALES[0], at_most=SCALES[1])
+        require("force_scale", self.force_scale, at_least=SCALES[0], at_most=SCALES[1])
         require("approach_speed", self.approach_speed, above=0.0, at_most=0.5)
-        require("guarded_force", self.guarded_force, above=0.0, at_most=LARGEST_GUARDED_FORCE)
+        least, most = GUARDED_FORCES
+        if not least <= self.guarded_force <= most:
+            why = f"sensor noise counts as contact up to {CONTACT_FLOOR:g} N and more"
+            raise SettingError("guarded_force", self.guarded_force, f"must lie between {least:g} and {most:g} N: {why}")
         object.__setattr__(self, "frames", (self._frame("leader_frame"), self._frame("follower_frame")))
         object.__setattr__(self, "clutch_times", _clutch_times(self.clutch))
         if self.clutch_times and self.grip == NO_GRIP:
@@ -138,6 +188,14 @@ class SessionSettings:
         object.__setattr__(self, "device", self._device())
         if self.largest_stiffness and self.grip == NO_GRIP:
             raise SettingError("largest_stiffness", self.largest_stiffness, "is felt by a hand alone: choose a grip")
+        self._check_baseline()
+        if self.sensor_fault:
+            SensorFault.from_text("sensor_fault", self.sensor_fault)
+        for name in SAFETY_LIMITS.values():
+            require(name, getattr(self, name), above=0.0)
+        require("force_ceiling", self.force_ceiling, at_most=LARGEST_CEILING)
+        require("queueing_allowance", self.queueing_allowance, above=0.0, at_most=10.0)
+        require("unload_after", self.unload_after, at_least=self.hold_after)
         common = {name: getattr(self, name) for name in _FAULTS}
         object.__setattr__(self, "command_faults", Faults(self.position_delay, **common, seed=2 * self.seed))
         object.__setattr__(self, "return_faults", Faults(self.force_delay, **common, seed=2 * self.seed + 1))
@@ -149,7 +207,7 @@ class SessionSettings:
     def guards(self, *, simulated: bool = True) -> bool:
         """Whether the first touch is guarded: as chosen, or by itself where a hand feels it or the robot is real.
 
-        A baseline never says that it knows a surface, so it guards only if told to.
+        A baseline never says that it knows a surface, so it does not guard.
 
         Args:
             simulated: Whether the follower's robot is.
@@ -165,6 +223,17 @@ class SessionSettings:
     def _frame(self, name: str) -> Frame:
         return Frame.from_text(name, getattr(self, name))
 
+    def _check_baseline(self) -> None:
+        """A baseline renders no model: what is said of models would have no effect, or none that is meant."""
+        if self.baseline == "none":
+            return
+        if self.largest_stiffness:
+            rule = f"is of models, and baseline = {self.baseline!r} renders none: leave it at 0"
+            raise SettingError("largest_stiffness", self.largest_stiffness, rule)
+        if self.first_touch == "guarded":
+            rule = f"ends when the leader knows the surface, and baseline = {self.baseline!r} never does: take follow"
+            raise SettingError("first_touch", self.first_touch, rule)
+
     def _device(self) -> DeviceSpecification:
         """The device, once it is known that it can carry the stiffness that is asked for."""
         try:
@@ -178,20 +247,40 @@ class SessionSettings:
             error.args = (f"device_{error}",)  # the name of the setting
             raise
         carried = device.largest_stiffness(SAMPLE_PERIOD)
-        if self.grip != NO_GRIP and not carried > 0.0:
-            rule = f"must be above 0 with a grip: each N s/m carries {2.0 / SAMPLE_PERIOD:g} N/m, and none carries none"
+        if self.grip != NO_GRIP and carried < SOFTEST:  # no encoder count is so coarse
+            least = 0.5 * SOFTEST * SAMPLE_PERIOD
+            rule = f"must be at least {least:g} N s/m with a grip: less carries no {SOFTEST:g} N/m at {RATE:g} Hz"
             raise SettingError("device_damping", self.device_damping, rule)
-        if not 0.0 <= self.largest_stiffness <= carried:
-            rule = (
-                f"a device with {self.device_damping:g} N s/m of damping at {1.0 / SAMPLE_PERIOD:g} Hz carries at most "
-                f"2 b / T = {carried:g} N/m; 0 takes that"
-            )
+        require("largest_stiffness", self.largest_stiffness, at_least=0.0)
+        if self.largest_stiffness > carried:
+            if carried < device.stiffness_by_encoder:
+                why = f"{self.device_damping:g} N s/m of damping at {RATE:g} Hz carries at most 2 b / T"
+            else:
+                why = (
+                    f"{self.device_friction:g} N of friction and an encoder count of {self.device_resolution:g} m "
+                    f"carries at most max(2 f, {COUNT_FORCE:g} N) / count"
+                )
+            # In whole N/m, rounded down, so that the value we name works.
+            rule = f"a device with {why} = {math.floor(carried)} N/m; 0 takes that"
             raise SettingError("largest_stiffness", self.largest_stiffness, rule)
         return device
 
 
-LARGEST_SCALE = 100.0
-LARGEST_GUARDED_FORCE = 15.0
+SAFETY_LIMITS = {
+    "force": "force_ceiling",
+    "depth": "largest_depth",
+    "speed": "largest_speed",
+    "acceleration": "largest_acceleration",
+    "jerk": "largest_jerk",
+    "return_speed": "return_speed",
+    "hold_after": "hold_after",
+    "unload_after": "unload_after",
+}
+"""Fields of `foretouch.session.safety.SafetyLimits`, and the settings that they are."""
+
+LARGEST_CEILING = 1000.0
+"""[N]."""
+
 _FAULTS = ("jitter", "loss", "outage", "burst", "reorder", "duplicate", "stall")
 
 
@@ -201,10 +290,10 @@ def _clutch_times(text: str) -> tuple[tuple[float, float], ...]:
         pairs = [tuple(map(float, part.split(":"))) for part in text.split(",") if part]
         times = tuple((start, end) for start, end in pairs)
         ends = [moment for pair in times for moment in pair]
-        if not all(0.0 <= earlier < later for earlier, later in itertools.pairwise(ends)):
+        if not all(0.0 <= earlier < later < math.inf for earlier, later in itertools.pairwise(ends)):
             raise ValueError
     except ValueError:
         raise SettingError(
-            "clutch", text, "must be START:END,START:END in seconds, each later than the one before"
+            "clutch", text, "must be START:END,START:END in seconds, each finite and later than the one before"
         ) from None
     return times

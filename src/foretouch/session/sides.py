@@ -14,7 +14,7 @@ __all__ = ["LeadingSide", "leading_side"]
 class LeadingSide(Protocol):
     """What leads a session: a start and a step, as of `foretouch.session.leader`."""
 
-    def start(self, settings: SessionSettings) -> Any:
+    def start(self, settings: SessionSettings, *, holder: str = "leader", epoch: int = 1) -> Any:
         """State before the first tick."""
 
     def step(self, state: Any, inputs: leader.Inputs, now_ns: int) -> tuple[Any, leader.Outputs]:

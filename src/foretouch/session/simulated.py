@@ -96,7 +96,7 @@ def simulate(
         sample = robot.exchange(acted.desired_position)
 
         arrived = returned.pop_due(now_ns)
-        position = operator.read(clock.read(now_ns, coupled=leading.telemetry.newest > 0))
+        position = operator.read(clock.read(now_ns, coupled=leading.heard.run > 0))
         start = time.perf_counter_ns()
         leading, led = side.step(
             leading,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +13,19 @@ from foretouch.sweep.cases import is_clean, is_plain
 from foretouch.sweep.outcome import Outcome
 from foretouch.sweep.totals import of
 
-__all__ = ["AXES", "LABEL", "Axis", "Curve", "crossover", "crossovers", "curve", "error_of", "plain", "stiff"]
+__all__ = [
+    "AXES",
+    "LABEL",
+    "Axis",
+    "Curve",
+    "crossover",
+    "crossovers",
+    "curve",
+    "error_of",
+    "plain",
+    "said_of_crossovers",
+    "stiff",
+]
 
 Array = NDArray[np.float64]
 Figure = Callable[[Outcome], float | None]
@@ -125,7 +138,10 @@ def crossover(ours: Curve, other: Curve) -> float | None:
 
 
 def crossovers(rows: Sequence[Outcome]) -> list[dict[str, str | float | None]]:
-    """Where ours gets nearer to the truth than each baseline, over round trip and age, with a sentence."""
+    """Where ours gets nearer to the truth than each baseline, over round trip and age, with a sentence.
+
+    The sentence is None where too few sessions are there to compare.
+    """
     found: list[dict[str, str | float | None]] = []
     for axis in (AXES[0], AXES[2]):
         ours = curve(plain(of(rows, "none")), axis.value, error_of, axis.edges)
@@ -143,13 +159,21 @@ def crossovers(rows: Sequence[Outcome]) -> list[dict[str, str | float | None]]:
     return found
 
 
-def _sentence(axis: Axis, baseline: str, ours: Curve, other: Curve, at: float | None) -> str:
+def said_of_crossovers(found: Sequence[dict[str, Any]]) -> list[str]:
+    """All sentences of `crossovers`, and one for all that cannot be compared."""
+    missing = dict.fromkeys(one["over"] for one in found if one["sentence"] is None)
+    sentences = [one["sentence"] for one in found if one["sentence"] is not None]
+    few = [f"Too few sessions to compare models with the delayed force over {' and '.join(missing)}."]
+    return sentences + few if missing else sentences
+
+
+def _sentence(axis: Axis, baseline: str, ours: Curve, other: Curve, at: float | None) -> str | None:
     name = LABEL[baseline].replace(", ", " with a ")
     if at is not None:
         return f"From a {axis.name} of {at:.2g} {axis.unit} on, models are nearer to the true force than the {name}."
     x = _common(ours, other)
     if not x.size:
-        return f"Too few sessions to compare with the {name} over the {axis.name}."
+        return None
     better = bool((np.interp(x, ours.x, ours.middle) < np.interp(x, other.x, other.middle)).all())
     where = f"from {x[0]:.2g} to {x[-1]:.2g} {axis.unit} of {axis.name}"
     if better:

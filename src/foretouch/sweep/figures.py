@@ -51,7 +51,7 @@ def stiffness_figure(rows: Sequence[Outcome], axis: Axis) -> Any:
     """Felt stiffness against one axis; 100 % is that of the material."""
     drawing, axes = _dots_and_curves(rows, lambda row: row.felt_stiffness_percent, axis)
     axes.axhline(100.0, color="0.3", linewidth=0.8)
-    axes.set_ylim(-60.0, 140.0)
+    axes.set_ylim(-50.0, 200.0)
     axes.set_ylabel("felt stiffness [% of the true one]")
     return _named(drawing, axes, f"Felt stiffness against {axis.name}")
 
@@ -59,16 +59,17 @@ def stiffness_figure(rows: Sequence[Outcome], axis: Axis) -> Any:
 def condition_figure(rows: Sequence[Outcome]) -> Any:
     """Share of stable sessions by network, grip and round trip; pale what does not oscillate but gives out energy."""
     kinds = [kind for kind in KINDS if of(rows, kind)]
-    groups: list[tuple[str, Callable[[Outcome], bool]]] = [
+    every: list[tuple[str, Callable[[Outcome], bool]]] = [
         *((name, lambda row, name=name: row.network == name) for name in NETWORKS),
         *(
             (f"grip: {grip}", lambda row, grip=grip: row.options["grip"] == grip)
             for grip in ("soft", "normal", "stiff")
         ),
         ("round trip below 50 ms", lambda row: row.round_trip_s < 0.05),
-        ("from 50 ms to 1 s", lambda row: 0.05 <= row.round_trip_s < 1.0),
-        ("from 1 s on", lambda row: row.round_trip_s >= 1.0),
+        ("round trip from 50 ms to 1 s", lambda row: 0.05 <= row.round_trip_s < 1.0),
+        ("round trip from 1 s on", lambda row: row.round_trip_s >= 1.0),
     ]
+    groups = [(name, inside) for name, inside in every if any(inside(row) for row in rows)]
     drawing = new_figure(1.3 + 0.42 * len(groups))
     axes = drawing.subplots()
     height = 0.8 / len(kinds)
@@ -139,11 +140,16 @@ def _dots_and_curves(rows: Sequence[Outcome], figure: Callable[[Outcome], float 
             continue
         points = [(axis.value(row), figure(row)) for row in sessions]
         known = np.array([(x, y) for x, y in points if x is not None and y is not None]).reshape(-1, 2)
-        axes.plot(known[:, 0], known[:, 1], MARKER[kind], color=COLOUR[kind], markersize=2.5, alpha=0.3, zorder=1)
-        _draw(axes, curve(sessions, axis.value, figure, axis.edges), kind)
+        drawn = curve(sessions, axis.value, figure, axis.edges)
+        dots = {"markersize": 2.5, "alpha": 0.3} if drawn.x.size else {"markersize": 5.0, "label": LABEL[kind]}
+        if known.size:
+            axes.plot(known[:, 0], known[:, 1], MARKER[kind], color=COLOUR[kind], zorder=1, **dots)
+        if drawn.x.size:
+            _draw(axes, drawn, kind)
     beside = curve(stiff(of(rows, "none")), axis.value, figure, axis.edges)
-    style = {"color": COLOUR["none"], "linewidth": 1.2, "linestyle": (0, (4, 2))}
-    axes.plot(beside.x, beside.middle, label=f"ours on {' and '.join(STIFF)}", **style)
+    if beside.x.size > 1:
+        style = {"color": COLOUR["none"], "linewidth": 1.2, "linestyle": (0, (4, 2))}
+        axes.plot(beside.x, beside.middle, label=f"ours on {' and '.join(STIFF)}", **style)
     _scale(axes, axis)
     axes.set_xlabel(f"{axis.name} [{axis.unit}]")
     return drawing, axes
@@ -151,8 +157,15 @@ def _dots_and_curves(rows: Sequence[Outcome], figure: Callable[[Outcome], float 
 
 def _named(drawing: Any, axes: Any, title: str) -> Any:
     axes.set_title(title)
-    legend(axes, len(axes.get_legend_handles_labels()[1]))
+    _legend(axes)
     return finished(drawing, 1)
+
+
+def _legend(axes: Any) -> None:
+    """Of all that is drawn, if anything is."""
+    drawn = len(axes.get_legend_handles_labels()[1])
+    if drawn:
+        legend(axes, drawn)
 
 
 def _draw(axes: Any, drawn: Curve, kind: str) -> None:
@@ -187,11 +200,13 @@ def _histograms(
     axes = drawing.subplots()
     for kind in kinds:
         values = [value for value in map(figure, of(rows, kind)) if value is not None]
+        if not values:
+            continue
         counts, _ = np.histogram(values, edges)
-        shares = 100.0 * counts / max(len(values), 1)
+        shares = 100.0 * counts / len(values)
         axes.stairs(shares, edges, color=COLOUR[kind], fill=True, alpha=0.35)
         axes.stairs(shares, edges, color=COLOUR[kind], linewidth=1.5, label=f"{LABEL[kind]}: {len(values)} sessions")
     axes.set_ylabel("sessions [%]")
     axes.set_title(title)
-    legend(axes, len(kinds))
+    _legend(axes)
     return axes, drawing

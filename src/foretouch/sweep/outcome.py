@@ -6,10 +6,16 @@ import math
 
 import msgspec
 
-__all__ = ["LARGEST_JUMP", "Outcome"]
+from foretouch.session import SessionSettings
+
+__all__ = ["FORCE_CEILING", "LARGEST_JUMP", "Outcome"]
 
 LARGEST_JUMP = 0.1
 """Largest change of force that models may make in one tick, before limits [N]."""
+
+
+FORCE_CEILING = SessionSettings.force_ceiling
+"""The most that a robot may press with [N]."""
 
 
 class Outcome(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -39,7 +45,8 @@ class Outcome(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
             contact, as a share of the RMS of the true one [%].
         prediction_error_percent: The same of the predicted force: what mediation and device take away is between both.
         felt_stiffness_percent: Slope of the felt force over the hand, both unscaled, as a share of that of the true
-            force over the probe [%]; straight lines of least squares.
+            force over the probe [%]; straight lines of least squares, median of the presses of 0.2 s or more in which
+            hand and probe go 2 mm or more.
         contact_s: Time over which both were taken [s]: true force above 0.05 N, hand and probe coupled, nothing held
             back.
         largest_phantom_N: Largest felt force, unscaled, at commands at which the probe touched nothing [N].
@@ -47,6 +54,8 @@ class Outcome(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
         models_per_s: Models that were used [1/s].
         largest_hand_force_N: [N].
         largest_robot_force_N: [N].
+        held_s: For how long the robot did not follow the commands that there were: held, or on its way back [s].
+        disbelieved_ticks: Ticks in which the sensors were not believed; no sensor of a sweep fails.
         guarded_contacts: How often the follower held back in a first touch.
         guarded_s: For how long it held back, in the air too [s].
         depth_lost_mm: The farthest that a guarded contact stayed behind the commands [mm].
@@ -82,6 +91,8 @@ class Outcome(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
     models_per_s: float | None = None
     largest_hand_force_N: float | None = None
     largest_robot_force_N: float | None = None
+    held_s: float | None = None
+    disbelieved_ticks: int | None = None
     guarded_contacts: int | None = None
     guarded_s: float | None = None
     depth_lost_mm: float | None = None
@@ -100,11 +111,17 @@ class Outcome(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
             found.append("the hand oscillates")
         if not self.forces_finite:
             found.append("a force is not finite")
-        if not self.stable and (not found or (self.energy_margin_J or 0.0) < -1e-9):
-            beyond = math.nan if self.energy_margin_J is None else -self.energy_margin_J
-            found.append(f"gives out {beyond:.3g} J more than its bound")
+        margin = math.nan if self.energy_margin_J is None else self.energy_margin_J
+        if not margin >= -1e-9:
+            found.append(f"gives out {-margin:.3g} J more than its bound")
+        elif not (self.stable or found):
+            found.append("its account of energy is not the sum of its forces and positions")
         if self.largest_jump_N is not None and self.largest_jump_N > LARGEST_JUMP:
             found.append(f"a model changes the force by {self.largest_jump_N:.3g} N in one tick")
+        if self.largest_robot_force_N is not None and self.largest_robot_force_N > FORCE_CEILING:
+            found.append(f"the robot presses with {self.largest_robot_force_N:.3g} N")
+        if self.disbelieved_ticks:
+            found.append(f"sensors are not believed in {self.disbelieved_ticks} ticks, and none failed")
         return found
 
     def same_as(self, other: Outcome) -> bool:

@@ -9,15 +9,22 @@ from pathlib import Path
 from typing import Any
 
 from foretouch.report import embedded, table, write_html
-from foretouch.sweep.curves import AXES
+from foretouch.sweep.curves import AXES, said_of_crossovers
 from foretouch.sweep.figures import condition_figure, energy_figure, error_figure, jump_figure, stiffness_figure
-from foretouch.sweep.outcome import LARGEST_JUMP, Outcome
+from foretouch.sweep.outcome import FORCE_CEILING, LARGEST_JUMP, Outcome
 from foretouch.sweep.summary import TOTALS, said, summary
 
 __all__ = ["write_sweep_page"]
 
 MOST_SHOWN = 100
 """So many objections are listed."""
+
+ERROR_CAPTIONS = (
+    "Both ways together, without what else holds messages up.",
+    "Models that are rendered, by the second; baselines render none.",
+    "How long ago the hand was where the newest knowledge comes from; of a baseline, the force.",
+)
+"""Of the errors, by axis."""
 
 HEADS = {
     "ours": "models (ours)",
@@ -46,18 +53,25 @@ def write_sweep_page(directory: str | PathLike[str], rows: Sequence[Outcome]) ->
         "<h1>Sweep of simulated sessions</h1>",
         f'<p class="quiet">{escape(_what(rows, content))}</p>',
         _verdict(content),
-        *(f"<p>{escape(found['sentence'])}</p>" for found in content.get("crossovers", ())),
+        *(f"<p>{escape(sentence)}</p>" for sentence in said_of_crossovers(content.get("crossovers", ()))),
         _tiles(content["ours"]),
         "<h2>How it feels</h2>",
         "<p>The error is that of the felt force: the rendered one over the force scale, less the true one, at equal "
-        "command, in contact, as a share of the true one. Lines are medians, bands quartiles, dots sessions; only "
-        "networks that do nothing but delay, materials that usual devices can carry, and hands without a clutch.</p>",
-        *(embedded(error_figure(rows, axis), f"Error of the felt force against {axis.name}") for axis in AXES),
-        embedded(stiffness_figure(rows, AXES[0]), f"Felt stiffness against {AXES[0].name}"),
+        "command, in contact, as a share of the true one. Dots are sessions; lines are medians and bands quartiles, "
+        "where there are enough. Shown are networks that do nothing but delay, materials that usual devices can carry, "
+        "and hands without a clutch; dashed, materials that are stiffer.</p>",
+        *(embedded(error_figure(rows, axis), caption) for axis, caption in zip(AXES, ERROR_CAPTIONS, strict=True)),
+        embedded(
+            stiffness_figure(rows, AXES[0]),
+            "Median of the presses of a session that are long and deep enough to tell; 100 % is as stiff as it is.",
+        ),
         "<h2>Stability</h2>",
-        embedded(condition_figure(rows), "Stable sessions by network, grip and round trip"),
-        embedded(energy_figure(rows), "Largest share of its bound that the energy took in each session"),
-        embedded(jump_figure(rows), "Largest change of force by a model in one tick"),
+        embedded(
+            condition_figure(rows),
+            "Full colour: stable. Pale: the hand does not oscillate, but is given more energy than the bound allows.",
+        ),
+        embedded(energy_figure(rows), "Each session counts once, by its worst tick."),
+        embedded(jump_figure(rows), f"Each session counts once, by its worst tick; {LARGEST_JUMP:g} N is allowed."),
         "<h2>Totals</h2>",
         _totals(content),
         "<h2>Sessions that are not as they should be</h2>",
@@ -80,8 +94,9 @@ def _verdict(content: dict[str, Any]) -> str:
         wrong = len({found["number"] for found in content["objections"]})
         return f'<p class="bad">{wrong} of our sessions are not as they should be: see the end of this page.</p>'
     return (
-        '<p class="good">No session of ours is unstable, none gives out more energy than its bound, and no model '
-        f"changes the force by more than {LARGEST_JUMP:g} N in one tick.</p>"
+        '<p class="good">No session of ours is unstable, none gives out more energy than its bound, no model changes '
+        f"the force by more than {LARGEST_JUMP:g} N in one tick, and no robot presses with more than "
+        f"{FORCE_CEILING:g} N.</p>"
     )
 
 

@@ -23,8 +23,14 @@ ROOMS = (
 )
 """Whose code decides what comes out of a session."""
 
-SHOWING = ("page.py", "figures.py", "html.py", "text.py", "drawing.py", "curves.py", "totals.py", "summary.py")
-"""What only shows it, in these rooms."""
+SHOWING = {
+    "report": (
+        *("calibration_page", "drawing", "figures", "forces", "hand_drawing", "hand_text", "html", "numbers", "page"),
+        *("remarks", "safety_text", "text", "thinning"),
+    ),
+    "sweep": ("curves", "figures", "page", "summary", "totals"),
+}
+"""What only shows it, or other things, in these rooms."""
 
 
 class Header(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -49,7 +55,7 @@ def code_digest() -> str:
     root = Path(__file__).resolve().parents[1]
     sum_ = hashlib.sha256()
     for room in ROOMS:
-        for path in sorted(path for path in (root / room).rglob("*.py") if path.name not in SHOWING):
+        for path in sorted(path for path in (root / room).rglob("*.py") if path.stem not in SHOWING.get(room, ())):
             sum_.update(path.relative_to(root).as_posix().encode())
             sum_.update(path.read_bytes())
     return sum_.hexdigest()[:16]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from foretouch.sweep.curves import crossovers
+from foretouch.sweep.curves import crossovers, said_of_crossovers
 from foretouch.sweep.outcome import Outcome
 from foretouch.sweep.totals import of, totals
 
@@ -30,6 +30,8 @@ TOTALS = {
     "median_phantom_N": ("N", "the same, median of the sessions"),
     "largest_hand_force_N": ("N", "largest force at the hand"),
     "largest_robot_force_N": ("N", "largest force at the robot"),
+    "held_s": ("s", "in which the robot was held, or on its way back"),
+    "false_alarms": ("", "sessions in which sensors were not believed"),
     "guarded_contacts": ("", "guarded contacts"),
     "median_depth_lost_mm": ("mm", "depth lost by guarding, median"),
     "median_time_lost_s": ("s", "time lost by guarding, median"),
@@ -74,7 +76,7 @@ def render_table(content: dict[str, Any]) -> str:
     for name, (unit, words) in TOTALS.items():
         cells = (said(column[name], unit) for column in columns.values())
         lines.append(f"{words:{width}}" + "".join(f"{cell:>14}" for cell in cells))
-    lines += [found["sentence"] for found in content.get("crossovers", ())]
+    lines += said_of_crossovers(content.get("crossovers", ()))
     for found in content["objections"]:
         lines += [f"session {found['number']}: {found['objection']}", f"  {found['command']}"]
     return "\n".join(lines)

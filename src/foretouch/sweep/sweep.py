@@ -10,7 +10,7 @@ from typing import Any
 import msgspec
 
 from foretouch.comparison.parallel import run_all
-from foretouch.errors import InputError
+from foretouch.errors import InputError, UnknownNameError
 from foretouch.models.checks import require
 from foretouch.session.settings import BASELINES
 from foretouch.sweep.cases import Case, baseline_numbers, draw_case
@@ -144,7 +144,10 @@ def replay_session(folder: str | Path, number: int, *, baseline: str = "none") -
 
     Raises:
         InputError: There is no sweep, or no such session in it.
+        UnknownNameError: No such baseline.
     """
+    if baseline not in BASELINES:
+        raise UnknownNameError("baseline", baseline, BASELINES)
     header, rows = read_store(Path(folder) / FILE_NAME)
     stored = rows.get((number, baseline))
     if stored is None:

@@ -39,6 +39,8 @@ def totals(rows: Sequence[Outcome]) -> dict[str, Any]:
         "median_phantom_N": _median(ran, "largest_phantom_N"),
         "largest_hand_force_N": _extreme(ran, "largest_hand_force_N", max),
         "largest_robot_force_N": _extreme(ran, "largest_robot_force_N", max),
+        "held_s": sum(row.held_s or 0.0 for row in ran),
+        "false_alarms": sum(bool(row.disbelieved_ticks) for row in ran),
         "median_device_bound_percent": _median(ran, "device_bound_percent"),
         "guarded_contacts": sum(row.guarded_contacts or 0 for row in ran),
         "median_depth_lost_mm": _median(ran, "depth_lost_mm"),

@@ -1,0 +1,61 @@
+"""Make the small files that the page on calibration uses, in `docs/examples`: poses, presses on a block and a spring.
+
+They are simulated, with known truth: the numbers below. Usage: `.venv/bin/python docs/make_calibration_examples.py`.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+FOLDER = Path(__file__).parent / "examples"
+FORCE_BIAS, TORQUE_BIAS = np.array([1.2, -0.7, 3.1]), np.array([0.02, -0.05, 0.01])
+MASS, CENTRE = 0.35, np.array([0.002, -0.001, 0.045])
+GRAVITY = 9.80665
+STIFFNESS, LOST_MOTION, LAG = 40e3, 12e-6, 2e-3
+FORCE_NOISE, TORQUE_NOISE, COUNT = 0.02, 0.0005, 5e-6
+DIRECTIONS = np.array(
+    [(0, 0, 1), (0, 0, -1), (1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (1, 1, 1), (-1, 1, 1)], dtype=float
+)
+
+
+def poses() -> str:
+    """Eight poses of a tool, as a sensor of six axes shows them."""
+    random = np.random.default_rng(1)
+    rows = ["pose,fx_N,fy_N,fz_N,tx_Nm,ty_Nm,tz_Nm,gx,gy,gz"]
+    for number, direction in enumerate(DIRECTIONS, 1):
+        down = direction / np.linalg.norm(direction)
+        weight = MASS * GRAVITY * down
+        force = FORCE_BIAS + weight + random.normal(0.0, FORCE_NOISE, 3)
+        torque = TORQUE_BIAS + np.cross(CENTRE, weight) + random.normal(0.0, TORQUE_NOISE, 3)
+        rows.append(",".join([str(number), *(f"{value:.5f}" for value in (*force, *torque, *down))]))
+    return "\n".join(rows) + "\n"
+
+
+def press(depth: np.ndarray, stiffness: float, time: np.ndarray, seed: int) -> str:
+    """A press on a spring, felt late through an arm that gives way and loses motion."""
+    random = np.random.default_rng(seed)
+    force = stiffness * np.maximum(depth, 0.0)
+    lost = 0.5 * LOST_MOTION * np.clip(np.gradient(force, time) / 1.0, -1.0, 1.0)
+    position = 0.01 + depth + force / STIFFNESS - lost
+    position = COUNT * np.round((position + random.normal(0.0, 0.4 * COUNT, time.size)) / COUNT)
+    shown = np.interp(time - LAG, time, force) - FORCE_BIAS[2] - MASS * GRAVITY
+    shown += random.normal(0.0, FORCE_NOISE, time.size)
+    rows = (f"{t:.3f},{x:.6f},{f:.4f}" for t, x, f in zip(time, position, shown, strict=True))
+    return "time_s,position_m,force_N\n" + "\n".join(rows) + "\n"
+
+
+def main() -> None:
+    """Write them."""
+    FOLDER.mkdir(exist_ok=True)
+    time = np.arange(0.0, 4.0, 2e-3)
+    swing = 0.5 - 0.5 * np.cos(2.0 * np.pi * time)
+    (FOLDER / "poses.csv").write_text(poses())
+    (FOLDER / "block.csv").write_text(press(-2e-4 + 2.3e-4 * swing, 400e3, time, 2))
+    quick = 0.5 - 0.5 * np.cos(5.0 * np.pi * time)
+    (FOLDER / "spring.csv").write_text(press(-1e-3 + 6e-3 * quick, 3e3, time, 3))
+
+
+if __name__ == "__main__":
+    main()

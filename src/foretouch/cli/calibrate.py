@@ -1,0 +1,230 @@
+"""Commands that calibrate a force sensor and what it is mounted on."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from foretouch.cli.options import (
+    Flip,
+    ForceChannel,
+    ForceUnit,
+    Json,
+    PositionUnit,
+    ReportDirectory,
+    make_folder,
+    print_json,
+    say,
+)
+from foretouch.errors import SettingError
+
+if TYPE_CHECKING:
+    from foretouch.identification import SeriesCompliance, ToolWeight
+    from foretouch.quantities import SensorCalibration
+
+__all__ = ["calibrate", "compliance", "sensor"]
+
+calibrate = typer.Typer(help="Force sensor, tool and what gives way behind them.", no_args_is_help=True)
+
+Output = Annotated[
+    Path | None, typer.Option("--output", help="TOML file of the calibration; what it has of other kinds stays.")
+]
+
+
+@calibrate.command("sensor")
+def sensor(
+    poses: Annotated[Path, typer.Argument(help="CSV of static poses: wrench and orientation, a row a measurement.")],
+    output: Output = None,
+    motion: Annotated[
+        Path | None, typer.Option(help="Recording of presses or taps on a spring or a block, for the sensor's lag.")
+    ] = None,
+    axis: Annotated[str, typer.Option(help="X,Y,Z: along which the probe approaches, in the sensor's frame.")] = (
+        "0,0,1"
+    ),
+    approach_gravity: Annotated[
+        float, typer.Option(help="Gravity along the approach [m/s^2]; 0 where the probe approaches sideways.")
+    ] = 9.80665,
+    position_unit: PositionUnit = "m",
+    force_unit: ForceUnit = "N",
+    flip: Flip = False,
+    force_channel: ForceChannel = "raw",
+    report_directory: ReportDirectory = None,
+    json_output: Json = False,
+) -> None:
+    """Estimate force bias, tool mass and centre of mass from six or more static poses, and the sensor's lag.
+
+    Units and direction are those of the recording of `--motion`.
+
+    Example: foretouch calibrate sensor poses.csv --output sensor.toml
+    """
+    import msgspec
+
+    from foretouch.identification import find_sensor_lag, fit_tool_weight
+    from foretouch.recordings import read_poses, read_recording
+
+    direction = _unit_vector(axis)
+    before = _before(output, poses, motion)
+    if report_directory is not None:
+        make_folder(report_directory)
+    weight = fit_tool_weight(*read_poses(poses))
+    found: dict[str, Any] = {
+        "force_bias": _triple(weight.force_bias),
+        "force_bias_error": _triple(weight.force_bias_error),
+        "torque_bias": _triple(weight.torque_bias),
+        "torque_bias_error": _triple(weight.torque_bias_error),
+        "tool_mass": weight.mass,
+        "tool_mass_error": weight.mass_error,
+        "centre_of_mass": _triple(weight.centre_of_mass),
+        "centre_of_mass_error": _triple(weight.centre_of_mass_error),
+        "approach_axis": direction,
+        "approach_gravity": approach_gravity,
+    }
+    if motion is not None:
+        recording = read_recording(
+            motion, position_unit=position_unit, force_unit=force_unit, flip=flip, force_channel=force_channel
+        )
+        found["sensor_lag"], found["sensor_lag_error"] = find_sensor_lag(recording)
+    calibration = msgspec.structs.replace(before, **found)
+    content = _weight_figures(weight, calibration)
+    _finish(f"{poses}: {weight.poses} poses", output, calibration, content, json_output)
+    if report_directory is not None:
+        from foretouch.report import write_calibration_page
+
+        say(f"report: {write_calibration_page(report_directory, poses.name, weight, content)}")
+
+
+@calibrate.command("compliance")
+def compliance(
+    recording: Annotated[Path, typer.Argument(help="Recording of presses on a rigid block.")],
+    output: Output = None,
+    position_unit: PositionUnit = "m",
+    force_unit: ForceUnit = "N",
+    flip: Flip = False,
+    force_channel: ForceChannel = "raw",
+    report_directory: ReportDirectory = None,
+    json_output: Json = False,
+) -> None:
+    """Estimate the series stiffness of arm, sensor and tip, and the lost motion, from presses on a rigid block.
+
+    A sensor lag that the output file already has is taken into account.
+
+    Example: foretouch calibrate compliance block.csv --output sensor.toml
+    """
+    import msgspec
+
+    from foretouch.identification import fit_series_compliance
+    from foretouch.recordings import read_recording
+
+    before = _before(output, recording, None)
+    if report_directory is not None:
+        make_folder(report_directory)
+    data = read_recording(
+        recording, position_unit=position_unit, force_unit=force_unit, flip=flip, force_channel=force_channel
+    )
+    found = fit_series_compliance(data, sensor_lag=before.sensor_lag or 0.0)
+    calibration = msgspec.structs.replace(
+        before,
+        series_stiffness=found.stiffness,
+        series_stiffness_error=found.stiffness_error,
+        lost_motion=found.lost_motion,
+    )
+    content = _compliance_figures(found)
+    _finish(f"{recording}: {found.force.size} samples", output, calibration, content, json_output)
+    if report_directory is not None:
+        from foretouch.report import write_calibration_page
+
+        say(f"report: {write_calibration_page(report_directory, recording.name, found, content)}")
+
+
+def _before(output: Path | None, source: Path, motion: Path | None) -> SensorCalibration:
+    """What the output file already holds; refused where it is what is read, or could not be written."""
+    from foretouch.quantities import SensorCalibration
+    from foretouch.recordings import read_calibration
+
+    if output is None:
+        return SensorCalibration()
+    if output.suffix.lower() != ".toml":
+        raise SettingError("output", str(output), "must end with .toml")
+    for path in (source, motion):
+        if path is not None and output.resolve() == path.resolve():
+            raise SettingError("output", str(output), "is what is read: name another file")
+    return read_calibration(output) if output.exists() else SensorCalibration()
+
+
+def _unit_vector(text: str) -> tuple[float, float, float]:
+    try:
+        x, y, z = (float(part) for part in text.split(","))
+    except ValueError:
+        x = y = z = math.nan
+    length = math.hypot(x, y, z)
+    if not 0.0 < length < math.inf:
+        raise SettingError("axis", text, "must be X,Y,Z, three numbers that are not all 0; for example 0,0,1")
+    return x / length, y / length, z / length
+
+
+def _triple(values: Any) -> tuple[float, ...] | None:
+    return None if values is None else tuple(float(value) for value in values)
+
+
+def _weight_figures(weight: ToolWeight, calibration: SensorCalibration) -> dict[str, Any]:
+    """The calibration's numbers under names with units, and the residuals."""
+    import numpy as np
+
+    def rms(residual: Any) -> float | None:
+        return None if residual is None else float(np.sqrt(np.mean(np.square(residual))))
+
+    return {
+        "force_bias_N": calibration.force_bias,
+        "force_bias_error_N": calibration.force_bias_error,
+        "tool_mass_kg": calibration.tool_mass,
+        "tool_mass_error_kg": calibration.tool_mass_error,
+        "torque_bias_Nm": calibration.torque_bias,
+        "torque_bias_error_Nm": calibration.torque_bias_error,
+        "centre_of_mass_m": calibration.centre_of_mass,
+        "centre_of_mass_error_m": calibration.centre_of_mass_error,
+        "free_air_force_N": calibration.force_offset,
+        "sensor_lag_s": calibration.sensor_lag,
+        "sensor_lag_error_s": calibration.sensor_lag_error,
+        "poses": weight.poses,
+        "gravity_spread": _triple(weight.spread),
+        "force_residual_rms_N": rms(weight.force_residual),
+        "force_residual_largest_N": float(np.abs(weight.force_residual).max()),
+        "torque_residual_rms_Nm": rms(weight.torque_residual),
+    }
+
+
+def _compliance_figures(found: SeriesCompliance) -> dict[str, Any]:
+    import numpy as np
+
+    return {
+        "series_stiffness_N_per_m": found.stiffness,
+        "series_stiffness_error_N_per_m": found.stiffness_error,
+        "lost_motion_m": found.lost_motion,
+        "lost_motion_error_m": found.lost_motion_error,
+        "force_offset_N": found.force_offset,
+        "from_force_N": found.contact_floor,
+        "to_force_N": float(found.force.max()),
+        "residual_rms_m": float(np.sqrt(np.mean(np.square(found.residual)))),
+    }
+
+
+def _finish(
+    title: str, output: Path | None, calibration: SensorCalibration, content: dict[str, Any], json_output: bool
+) -> None:
+    """Write the file and print the figures."""
+    from foretouch.recordings import write_calibration
+
+    if output is not None:
+        write_calibration(output, calibration)
+        say(f"calibration: {output}")
+    if json_output:
+        print_json(content)
+        return
+    typer.echo(title)
+    for name, value in content.items():
+        values = value if isinstance(value, tuple) else (value,)
+        shown = ", ".join("-" if part is None else f"{part:.5g}" for part in values)
+        typer.echo(f"  {name:<32} {shown}")

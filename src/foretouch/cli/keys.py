@@ -1,0 +1,128 @@
+"""Commands about the keys that two machines show each other."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from foretouch.cli.options import Json, KeysFolder, print_json, say
+
+if TYPE_CHECKING:
+    from foretouch.link import Identity, KeyFolder
+
+__all__ = ["keys"]
+
+keys = typer.Typer(help="Keys for sessions between machines: a private authority.", no_args_is_help=True)
+
+Days = Annotated[float, typer.Option(help="How long a certificate lasts; never longer than the authority.")]
+
+
+@keys.command("init")
+def init_keys(folder: KeysFolder = None) -> None:
+    """Make a private authority, on one machine that you trust.
+
+    Example: foretouch keys init
+    """
+    from foretouch.link.certificates import utc_now
+
+    opened = _open(folder)
+    authority = opened.init(utc_now())
+    typer.echo(_line(opened.path / "authority.key", authority))
+    say("Next: foretouch keys issue leader, foretouch keys issue follower. authority.key stays on this machine.")
+
+
+@keys.command("issue")
+def issue_keys(
+    role: Annotated[str, typer.Argument(help="leader, follower or watcher (recorder and console).")],
+    name: Annotated[str, typer.Argument(help="Tells several of a role apart: a-z, 0-9 and -.")] = "",
+    folder: KeysFolder = None,
+    days: Days = 365.0,
+) -> None:
+    """Make the key and the certificate of one process.
+
+    Example: foretouch keys issue follower
+    """
+    from foretouch.link.certificates import utc_now
+
+    opened = _open(folder)
+    identity = opened.issue(role, name, utc_now(), days)
+    path = opened.path / f"{identity.common_name}.pem"
+    typer.echo(_line(path, identity))
+    say(f"Copy to the machine of the {role}: authority.crt, allowed.txt, {path.name}")
+
+
+@keys.command("rotate")
+def rotate_keys(
+    common_name: Annotated[str | None, typer.Argument(help="ROLE or ROLE.NAME; without it, all that are here.")] = None,
+    authority: Annotated[
+        bool, typer.Option("--authority", help="A new authority first: all old keys are void.")
+    ] = False,
+    folder: KeysFolder = None,
+    days: Days = 365.0,
+) -> None:
+    """Make new keys and certificates in place of those here; if anything fails, all stay as they were.
+
+    Example: foretouch keys rotate
+    """
+    from foretouch.link.certificates import utc_now
+
+    opened = _open(folder)
+    made = opened.rotate(common_name, utc_now(), days, authority=authority)
+    for identity in made:
+        typer.echo(_line(opened.path / f"{identity.common_name}.pem", identity))
+    if authority:
+        say("Copy authority.crt and the new keys to every machine: the old ones are let in nowhere that has it.")
+    elif not made:
+        say(f"no certificate in {opened.path}: foretouch keys issue makes one")
+
+
+@keys.command("show")
+def show_keys(folder: KeysFolder = None, json_output: Json = False) -> None:
+    """The keys here, until when they last, and who is let in.
+
+    Example: foretouch keys show
+    """
+    from foretouch.link import WARNING_DAYS
+    from foretouch.link.certificates import utc_now
+
+    opened, now = _open(folder), utc_now()
+    authority, here, allowed = opened.read()
+    shown = {opened.path / f"{name}.pem": identity for name, identity in here.items()}
+    shown = {opened.path / "authority.crt": authority, **shown}
+    if json_output:
+        print_json(
+            {
+                "folder": str(opened.path),
+                "allowed": list(allowed),
+                "certificates": {
+                    path.name: {
+                        "common_name": identity.common_name,
+                        "expires": identity.expires.isoformat(),
+                        "days_left": identity.days_left(now),
+                        "sha256": identity.fingerprint,
+                        "of_this_authority": identity.issued_by(authority),
+                    }
+                    for path, identity in shown.items()
+                },
+            }
+        )
+        return
+    for path, identity in shown.items():
+        typer.echo(_line(path, identity))
+        if not identity.issued_by(authority):
+            say(f"{path} is from another authority: it is let in nowhere")
+        if identity.days_left(now) <= WARNING_DAYS:
+            say(f"{path} {'ends soon' if identity.days_left(now) > 0 else 'has expired'}: foretouch keys rotate")
+    typer.echo(f"let in: {', '.join(allowed)}")
+
+
+def _open(folder: Path | None) -> KeyFolder:
+    from foretouch.link import KeyFolder
+
+    return KeyFolder(folder)
+
+
+def _line(path: Path, identity: Identity) -> str:
+    return f"{path}  until {identity.expires:%Y-%m-%d}  SHA-256 {identity.fingerprint[:16]}"

@@ -1,0 +1,270 @@
+"""Commands that run one side of a session, or watch it: each a process of its own, on this machine or another."""
+
+from __future__ import annotations
+
+import getpass
+import math
+import socket
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from foretouch.cli.links import Endpoints, insecurity, open_link, with_endpoints
+from foretouch.cli.options import (
+    Duration,
+    Parent,
+    require_duration,
+    require_recording,
+    say,
+    with_session_settings,
+)
+from foretouch.cli.sessions import reach_texts
+from foretouch.errors import LinkError, SettingError
+
+if TYPE_CHECKING:
+    from foretouch.messages import Message
+
+__all__ = ["COMMANDS", "console", "follower", "leader", "record", "stop"]
+
+LONGEST_NAME = 64
+"""Characters of a leader's name that a command carries."""
+
+WAITS = "waiting for a leader"
+"""What a follower does at first."""
+
+PATIENCE = 5.0
+"""For so long [s] an emergency stop is asked for."""
+
+LONGEST_REACH = 0.1
+"""Largest surface position and press depth [m] that a leader takes from a follower."""
+
+LEADER_SAYS = (
+    "operator",
+    "grip",
+    "device_mass",
+    "device_damping",
+    "device_friction",
+    "device_resolution",
+    "largest_stiffness",
+    "position_scale",
+    "force_scale",
+    "clutch",
+    "leader_frame",
+    "first_touch",
+    "baseline",
+)
+"""Settings that are the leader's: what a follower that was started by hand has for them means nothing."""
+
+
+@with_session_settings()
+@with_endpoints
+def follower(
+    *,
+    settings: Any,
+    endpoints: Endpoints,
+    duration: Duration = None,
+    shadow: Annotated[
+        bool, typer.Option("--shadow", help="Estimate and predict, command nothing: somebody else moves the robot.")
+    ] = False,
+    parent: Parent = None,
+) -> None:
+    """The follower's side alone: the robot, what it presses, and the identification.
+
+    With --shadow no leader is needed; the robot of the simulation is then moved by the operator's motion.
+
+    Example: foretouch follower --listen tcp/127.0.0.1:7447 --duration 5
+    """
+    from foretouch.session import (
+        FOLLOWER_CHANNELS,
+        SHADOW_CHANNELS,
+        StopFlag,
+        make_moved_robot,
+        make_session_robot,
+        run_follower,
+        run_shadow,
+    )
+
+    require_duration(duration)
+    stop = StopFlag().on_signals()
+    robot, material = make_moved_robot(settings, say=say) if shadow else make_session_robot(settings)
+    # A shadow says by itself which settings have a part in it.
+    said = {} if shadow else {name: text for name, text in settings.as_text().items() if name not in LEADER_SAYS}
+    with open_link("follower", endpoints, SHADOW_CHANNELS if shadow else FOLLOWER_CHANNELS) as link:
+        if parent is None:
+            waits = f"the {settings.operator} operator moves it and nothing is commanded" if shadow else WAITS
+            say(f"follower: pressing {settings.material}, {waits}")
+        run = run_shadow if shadow else run_follower
+        run(
+            link,
+            robot,
+            settings,
+            stop=stop,
+            say=say,
+            description=said | reach_texts(material) | insecurity(link),
+            duration=duration,
+            parent=parent,
+        )
+
+
+@with_session_settings()
+@with_endpoints
+def leader(
+    *,
+    settings: Any,
+    endpoints: Endpoints,
+    duration: Duration = None,
+    wait_for_recorder: Annotated[
+        bool, typer.Option("--wait-for-recorder", help="Begin when a recorder listens, or after 10 s.")
+    ] = False,
+    name: Annotated[
+        str | None, typer.Option(help="What others are told who holds control; USER@HOST without it.")
+    ] = None,
+    parent: Parent = None,
+) -> None:
+    """The leader's side alone: the operator and the virtual environment. Waits for a follower.
+
+    Example: foretouch leader --connect tcp/127.0.0.1:7447 --duration 5
+    """
+    from foretouch.session import (
+        LEADER_CHANNELS,
+        StopFlag,
+        make_operator,
+        run_leader,
+        wait_for_hello,
+    )
+
+    require_duration(duration)
+    stop = StopFlag().on_signals()
+    with open_link("leader", endpoints, LEADER_CHANNELS) as link:
+        if parent is None:
+            say("leader: waiting for a follower")
+        hello = wait_for_hello(link, {"follower"}, stop, parent=parent).get("follower", {})
+        if stop.reason:
+            return
+        moved_by = make_operator(
+            settings, surface=_reach(hello, "surface"), press_depth=_reach(hello, "press_depth"), say=say
+        )
+        run_leader(
+            link,
+            moved_by,
+            settings,
+            stop=stop,
+            say=say,
+            description={name: settings.as_text()[name] for name in LEADER_SAYS}
+            | {"operator": moved_by.name}
+            | insecurity(link),
+            duration=duration,
+            wait_for_recorder=wait_for_recorder,
+            parent=parent,
+            name=_leader_name(name),
+        )
+
+
+@with_endpoints
+def record(
+    *,
+    path: Annotated[Path, typer.Argument(help="MCAP file to write.")],
+    endpoints: Endpoints,
+    parent: Parent = None,
+) -> None:
+    """Record a session that runs elsewhere, until it ends or Ctrl-C.
+
+    Where the disk is full or the file is removed meanwhile it says so at once, stays, and ends with exit code 3.
+
+    Example: foretouch record session.mcap --connect tcp/127.0.0.1:7447 --connect tcp/127.0.0.1:7448
+    """
+    from foretouch.session import RECORDER_CHANNELS, RECORDING_INCOMPLETE, StopFlag, run_recorder
+
+    require_recording(path)
+    with open_link("recorder", endpoints, RECORDER_CHANNELS) as link:
+        problem = run_recorder(link, path, stop=StopFlag().on_signals(), say=say, parent=parent)
+    if problem:
+        raise typer.Exit(RECORDING_INCOMPLETE)
+
+
+@with_endpoints
+def console(
+    *,
+    endpoints: Endpoints,
+    port: Annotated[int, typer.Option(help="On 127.0.0.1.")] = 8080,
+    parent: Parent = None,
+) -> None:
+    """Watch a session in the browser, and take its handle.
+
+    Example: foretouch console --connect tcp/127.0.0.1:7447 --connect tcp/127.0.0.1:7448
+    """
+    from foretouch.console import Console
+    from foretouch.messages import Stop
+    from foretouch.session import StopFlag, orphaned
+
+    stop = StopFlag().on_signals()
+    shown = Console(port, lambda message: link.publish(message))
+
+    def watch(message: Message) -> None:
+        if isinstance(message, Stop):
+            stop.set(message.reason)
+        shown.watch(message)
+
+    with open_link("console", endpoints, WATCHED_CHANNELS, watch) as link:
+        say(f"console: {shown.url}")
+        shown.run(lambda: bool(stop.reason or link.version_error) or orphaned(parent))
+        shown.close()
+        if link.version_error is not None:
+            raise link.version_error
+
+
+@with_endpoints
+def stop(*, endpoints: Endpoints) -> None:
+    """Stop the robot: an emergency stop, asked for again and again until the follower says that it has stopped.
+
+    The robot goes back until it feels next to nothing and stays there until it is released at the follower. Exit code
+    1 where nobody has said so within 5 s.
+
+    Example: foretouch stop --connect tcp/127.0.0.1:7447
+    """
+    from foretouch.link import STOPPING_CHANNELS, ask_to_stop
+    from foretouch.messages import STATUS_SENTENCES, Status
+
+    with open_link("stop", endpoints, STOPPING_CHANNELS) as link:
+        heard = ask_to_stop(link, f"asked for by {_own_name()}", patience=PATIENCE)
+    if heard == Status.STOPPED:
+        typer.echo("the robot has stopped: it unloads, and stays so until it is released at the follower")
+        return
+    sentence = next((sentence for status, sentence in STATUS_SENTENCES.items() if status == heard), "")
+    doing = f"the robot {sentence}" if sentence else f"no follower is heard at {endpoints}"
+    say(f"foretouch: NOT stopped (after {PATIENCE:g} s): {doing}; stop it by its own switch")
+    raise typer.Exit(1)
+
+
+COMMANDS = (leader, follower, stop, record, console)
+
+WATCHED_CHANNELS = ("telemetry", "leader", "model", "hello", "stop")
+"""What the console's link receives."""
+
+
+def _own_name() -> str:
+    """Who starts a process, and where, as this machine says."""
+    try:
+        return f"{getpass.getuser()}@{socket.gethostname()}"[:LONGEST_NAME]
+    except (OSError, KeyError):  # a container's user without a name
+        return socket.gethostname()[:LONGEST_NAME] or "somebody"
+
+
+def _leader_name(name: str | None) -> str:
+    """The name of a leader, as it was given or as this machine says."""
+    name = _own_name() if name is None else name
+    if not 0 < len(name) <= LONGEST_NAME or not name.isprintable():
+        raise SettingError("name", name, f"must have 1 to {LONGEST_NAME} printable characters")
+    return name
+
+
+def _reach(hello: dict[str, str], name: str) -> float:
+    """A length that the follower said, for the operator to reach the material."""
+    try:
+        value = float(hello[name])
+    except (KeyError, ValueError):
+        value = math.nan
+    if not 0.0 < value <= LONGEST_REACH:
+        raise LinkError(f"the follower says {name} = {hello.get(name)!r}: it must be at most {LONGEST_REACH:g} m")
+    return value

@@ -1,0 +1,83 @@
+"""What stands in the corner of the picture whatever else is shown: the emergency stop, and what is urgent."""
+
+from __future__ import annotations
+
+import html
+from collections.abc import Callable
+from typing import Any
+
+from foretouch.console.palette import BLUE, GREY, INK, VERMILLION, css
+
+__all__ = ["ASKING", "KEY", "LATCHED", "READY", "UNABLE", "Alarm"]
+
+READY, ASKING, LATCHED = "EMERGENCY STOP (Esc)", "Stopping the robot …", "Emergency stop is latched"
+"""What stands on the button: before it is pressed, until the robot has stopped, and until it is released there."""
+UNABLE = "No stop from here: a shadow"
+"""And where somebody else moves the robot."""
+COLOURS = {READY: VERMILLION, UNABLE: GREY}
+"""Of the button; else it is black."""
+KEY = "escape"
+"""It presses the button wherever the focus is, but in a field for text or numbers."""
+
+_PLACE = "position:fixed;left:12px;z-index:100;"
+_BUTTON = "div:has(> .foretouch-alarm) + div > button"
+_STYLE = (
+    '<div class="foretouch-alarm"><style>'
+    f"{_BUTTON}{{{_PLACE}bottom:12px;width:360px;height:64px !important;padding:0;font-size:20px;"
+    "border:3px solid #fff;border-radius:10px;box-shadow:0 0 0 3px #000}"
+    f"{_BUTTON} .mantine-Button-label{{font-weight:700 !important;overflow:visible}}"
+    f"{_BUTTON}:focus-visible{{outline:4px solid {css(BLUE)};outline-offset:5px}}"
+    "[data-dock-region-collapse],[data-dock-minimize]{display:none !important}"
+    "</style></div>"
+)
+"""The style of the button that comes next: it stays in its corner of the window while the panel scrolls, and
+the panel, which would take it away, cannot be folded up."""
+
+
+class Alarm:
+    """The emergency stop button and, above it, sentences that have to be known at once.
+
+    It is the first that the keyboard reaches, and never disabled.
+
+    Args:
+        gui: The viewer's user interface.
+        on_press: Called when the button, or `KEY`, is pressed.
+    """
+
+    def __init__(self, gui: Any, on_press: Callable[[], None]) -> None:
+        self._on_press = on_press
+        gui.add_html(_STYLE)
+        self._button = gui.add_button(READY, color=VERMILLION)
+        self._box = gui.add_html("")
+        self._button.on_click(self._pressed)
+        command = gui.add_command("Emergency stop", description="The robot unloads and stays so", hotkey=KEY)
+        command.on_trigger(self._pressed)
+
+    def show(self, label: str, alerts: tuple[str, ...]) -> None:
+        """Show how far the emergency stop is, and what is urgent.
+
+        Args:
+            label: `READY`, `ASKING`, `LATCHED` or `UNABLE`.
+            alerts: Sentences.
+        """
+        if self._button.label != label:
+            self._button.label = label
+            self._button.color = COLOURS.get(label, INK)
+        content = _box_html(alerts)
+        if self._box.content != content:
+            self._box.content = content
+
+    async def _pressed(self, event: Any) -> None:
+        self._on_press()
+
+
+def _box_html(alerts: tuple[str, ...]) -> str:
+    """A box that the mouse goes through, as wide as fits beside the panel."""
+    if not alerts:
+        return ""
+    lines = "".join(f'<div style="padding:2px 0">&#9888; {html.escape(alert)}</div>' for alert in alerts)
+    return (
+        f'<div role="alert" style="{_PLACE}bottom:92px;width:max(366px, min(560px, calc(100vw - 492px)));'
+        f"box-sizing:border-box;pointer-events:none;overflow-wrap:anywhere;background:#fff;color:{css(INK)};"
+        f'border:3px solid {css(VERMILLION)};border-radius:8px;padding:6px 10px;font-weight:600">{lines}</div>'
+    )

@@ -1,0 +1,124 @@
+"""What a console says in words of the robot, of who leads it, and of the recording."""
+
+from __future__ import annotations
+
+import math
+
+from foretouch.console.watched import GONE, SILENT, Watched
+from foretouch.identification import SENSOR_SENTENCES, SensorState
+from foretouch.messages import STATUS_SENTENCES, Status, Telemetry
+
+__all__ = ["doing", "robot_alerts", "warnings"]
+
+INSECURE = "INSECURE: nothing is encrypted and nobody is checked; anybody on this network may command."
+"""What stands above the numbers where one of the sides says so."""
+
+RECORDER_SILENT = 3.0
+"""A recorder speaks twice a second; it is silent when nothing has come for so long [s]."""
+
+RELEASE = "kill -USR2"
+"""Stands in what the robot's side says where it waits for somebody to let it go on."""
+
+CALM = (Status.FOLLOWING, Status.GUARDED, Status.RETURNING, Status.SHADOW)
+"""In these the robot does what it should: nobody is alarmed."""
+
+
+def doing(watched: Watched) -> tuple[str, ...]:
+    """What the robot does while nothing is wrong; nothing where it simply follows."""
+    telemetry = watched.telemetry
+    if telemetry is None or telemetry.status == Status.FOLLOWING or telemetry.status not in CALM:
+        return ()
+    return (_of_status(telemetry.status),)
+
+
+def robot_alerts(watched: Watched, now: float) -> tuple[str, ...]:
+    """What a person at the robot's other end has to know at once, most urgent first.
+
+    Args:
+        watched: What has been heard.
+        now: By the clock that it was heard by [s].
+    """
+    telemetry = watched.telemetry
+    robot = (
+        () if telemetry is None else (_robot(watched, telemetry), _sensors(watched, telemetry), _control(watched, now))
+    )
+    return tuple(sentence for sentence in (_silence(watched, now), *robot) if sentence)
+
+
+def warnings(watched: Watched, now: float) -> tuple[str, ...]:
+    """What stands above the numbers: that nothing is secure, that the recording is not all there.
+
+    Args:
+        watched: What has been heard.
+        now: By the clock that it was heard by [s].
+    """
+    insecure = INSECURE if watched.settings.get("insecure") == "yes" else ""
+    return tuple(text for text in (insecure, _recording(watched, now)) if text)
+
+
+def _recording(watched: Watched, now: float) -> str:
+    problem, silence = watched.settings.get("recorder_failed", ""), watched.recorder_silence(now)
+    if problem:
+        return f"The recording is not all there: {problem}"
+    if silence > RECORDER_SILENT and watched.leader_silence(now) < SILENT:
+        return f"The recorder has been silent for {silence:.0f} s: nobody here knows whether anything is recorded."
+    return ""
+
+
+def _silence(watched: Watched, now: float) -> str:
+    """Which of the sides has fallen silent while the other speaks."""
+    robot, leader = watched.robot_silence(now), watched.leader_silence(now)
+    if robot > SILENT > leader:
+        since = f"for {robot:.1f} s" if math.isfinite(robot) else "from the beginning"
+        return f"The robot's side has been silent {since}: nobody here knows what it does."
+    if leader > SILENT > robot and math.isfinite(leader):
+        return f"The leader has been silent for {leader:.1f} s: the robot hears no commands from it."
+    return ""
+
+
+def _robot(watched: Watched, telemetry: Telemetry) -> str:
+    """What the robot does instead of following, and how it is let go on; nothing before the first leader."""
+    status, trouble = telemetry.status, watched.trouble
+    if status == Status.SHADOW and trouble:
+        return _said_there(trouble)
+    if status in CALM or not (telemetry.epoch or status in (Status.STOPPED, Status.SENSOR_FAULT)):
+        return ""
+    return _said_there(trouble) if trouble else _of_status(status)
+
+
+def _said_there(trouble: str) -> str:
+    """What the robot's side says; a command in it is to be given there."""
+    return _sentence(f"{trouble} on the follower's machine" if RELEASE in trouble else trouble)
+
+
+def _sensors(watched: Watched, telemetry: Telemetry) -> str:
+    """What is wrong with the sensors, where the robot's side does not say so already."""
+    if telemetry.validity == SensorState.GOOD:
+        return ""
+    states = {int(state): sentence for state, sentence in SENSOR_SENTENCES.items()}
+    sentence = states.get(telemetry.validity, "its sensors are not to be trusted")
+    return "" if sentence in watched.trouble else f"Nothing is learnt: {sentence}."
+
+
+def _control(watched: Watched, now: float) -> str:
+    """Who is obeyed, where that is not the one leader that there is."""
+    telemetry, leader = watched.telemetry, watched.leader
+    if telemetry is None or leader is None or watched.leader_silence(now) > GONE or not telemetry.epoch:
+        return ""
+    who = watched.settings.get("control") or "Another leader"
+    count = watched.leaders(now)
+    if telemetry.epoch != leader.epoch:
+        return f"{who} holds control: the robot does not obey the leader that is shown here."
+    return f"{count} leaders speak: {who} holds control and is shown here." if count > 1 else ""
+
+
+def _of_status(status: int) -> str:
+    """The sentence of a status."""
+    sentences = {int(known): sentence for known, sentence in STATUS_SENTENCES.items()}
+    sentence = sentences.get(status, "says a status that is not known here")
+    alone = status in (Status.STOPPED, Status.SENSOR_FAULT)
+    return _sentence(sentence if alone else f"the robot {sentence}")
+
+
+def _sentence(text: str) -> str:
+    return f"{text[:1].upper()}{text[1:].rstrip('.')}."

@@ -1,0 +1,198 @@
+"""What a console has heard of a session, from whom, and how long ago."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from types import MappingProxyType
+
+from foretouch.console.history import History
+from foretouch.devices import GRIPS, INTENDED_FORCE
+from foretouch.messages import Hello, LeaderState, Message, ModelUpdate, Status, Telemetry
+
+__all__ = ["GONE", "SILENT", "Watched"]
+
+SILENT = 0.3
+"""A side that sends every millisecond is silent when nothing has come for so long [s]."""
+GONE = 1.0
+"""Another leader is shown once the one shown has said nothing for so long [s]."""
+SURFACE, PRESS_DEPTH = 0.012, 0.01
+"""Surface position and depth of presses [m] until the session says its own."""
+DEEPEST = 1.2
+"""How far the handle goes below the surface, in press depths."""
+NO_GRIP, SMALLEST_SCALE = "none", 1e-3
+"""The grip of an operator whose hand the force does not move, and a bound on the position scale."""
+MOST_SPEAKERS = 16
+"""So many leaders and roles are told apart."""
+
+
+class Watched:
+    """The newest of everything, and of several leaders the one that the robot obeys.
+
+    One thread calls `take`, which costs some microseconds; others read what is there.
+
+    Attributes:
+        history: The last seconds of the leader that is shown.
+        leader: Its newest state.
+        telemetry: The newest of the robot's side.
+        model: The newest.
+        trouble: What the robot's side says of itself since it has its newest status, "" for nothing.
+        settings: What all have said of the session, by name.
+        heard: When anything was heard [s]; minus infinity before.
+    """
+
+    def __init__(self) -> None:
+        self.history = History()
+        self.leader: LeaderState | None = None
+        self.telemetry: Telemetry | None = None
+        self.model: ModelUpdate | None = None
+        self.trouble = ""
+        self.settings: Mapping[str, str] = MappingProxyType({})
+        self.heard = -math.inf
+        self._leader_heard = self._telemetry_heard = -math.inf
+        self._leaders: dict[int, float] = {}
+        self._recorder_heard = math.nan
+        self._hellos: dict[tuple[str, str], dict[str, str]] = {}
+
+    def take(self, message: Message, now: float) -> None:
+        """Take note of one message that has arrived now [s]."""
+        self.heard = now
+        if isinstance(message, LeaderState):
+            self._take_leader(message, now)
+        elif isinstance(message, Telemetry):
+            self._take_telemetry(message, now)
+        elif isinstance(message, ModelUpdate):
+            self.model = message
+        elif isinstance(message, Hello):
+            self._take_hello(message, now)
+
+    def leader_silence(self, now: float) -> float:
+        """Time since the leader that is shown was heard [s]; infinite before the first."""
+        return now - self._leader_heard
+
+    def robot_silence(self, now: float) -> float:
+        """Time since the robot's side was heard [s]; infinite before the first."""
+        return now - self._telemetry_heard
+
+    def recorder_silence(self, now: float) -> float:
+        """Time since the recorder was heard [s]; NaN before the first."""
+        return now - self._recorder_heard
+
+    def leaders(self, now: float) -> int:
+        """How many leaders speak."""
+        return sum(now - heard < SILENT for heard in tuple(self._leaders.values()))
+
+    @property
+    def stopped(self) -> bool:
+        """Whether the robot says that its emergency stop is latched."""
+        return self.telemetry is not None and self.telemetry.status == Status.STOPPED
+
+    @property
+    def shadowed(self) -> bool:
+        """Whether somebody else moves the robot."""
+        return self.telemetry is not None and self.telemetry.status == Status.SHADOW
+
+    @property
+    def surface(self) -> float:
+        """Position of the surface [m], as well as it is known."""
+        model = self.model
+        if model is not None and model.valid and math.isfinite(model.surface):
+            return model.surface
+        return self.setting("surface", SURFACE)
+
+    @property
+    def robot_position(self) -> float:
+        """Where the operator's side last saw the robot [m]; NaN before."""
+        if self.leader is not None:
+            position = self.history.follower_position(self.leader.telemetry_sequence)
+            if math.isfinite(position):
+                return position
+        return math.nan if self.telemetry is None else self.telemetry.position
+
+    @property
+    def probe_position(self) -> float:
+        """Of the operator's probe [m]: of the robot while hand and robot are apart, 0 before either is known."""
+        positions = (math.nan if self.leader is None else self.leader.position, self.robot_position)
+        return next((position for position in positions if math.isfinite(position)), 0.0)
+
+    @property
+    def operator(self) -> str:
+        """Who moves the leader's hand: a handle is of use to the operator ``browser`` alone."""
+        return self.settings.get("operator", "browser")
+
+    @property
+    def grip(self) -> str:
+        """How the hand holds the device that the force moves; empty where the force moves nothing."""
+        grip = self.settings.get("grip", NO_GRIP)
+        return "" if grip == NO_GRIP else grip
+
+    @property
+    def scale(self) -> float:
+        """Probe's motion for the hand's."""
+        return max(self.setting("position_scale", 1.0), SMALLEST_SCALE)
+
+    @property
+    def hand_ahead(self) -> float:
+        """How much further in the hand is than the probe, in the probe's lengths [m]; NaN where no force moves it."""
+        leader = self.leader
+        if leader is None or not self.grip:
+            return math.nan
+        return self.scale * leader.hand_position - leader.position
+
+    @property
+    def deepest(self) -> float:
+        """Bound of the handle [m]: a hand that the force moves has to want more than it gets."""
+        grip = GRIPS.get(self.grip)
+        more = 0.0 if grip is None else self.scale * INTENDED_FORCE / grip.stiffness
+        return self.surface + DEEPEST * (self.setting("press_depth", PRESS_DEPTH) + more)
+
+    def setting(self, name: str, otherwise: float) -> float:
+        """A number among the session's settings, or another where there is none.
+
+        Args:
+            name: Of the setting.
+            otherwise: The other number.
+        """
+        try:
+            value = float(self.settings.get(name, otherwise))
+        except ValueError:
+            return otherwise
+        return value if math.isfinite(value) else otherwise
+
+    def _take_leader(self, state: LeaderState, now: float) -> None:
+        if state.epoch not in self._leaders:
+            speaking = {epoch: heard for epoch, heard in self._leaders.items() if now - heard < GONE}
+            self._leaders = speaking if len(speaking) < MOST_SPEAKERS else {}
+        self._leaders[state.epoch] = now
+        if self.leader is not None and state.epoch != self.leader.epoch:
+            obeyed = self.telemetry is not None and self.telemetry.epoch == state.epoch
+            if not obeyed and self.leader_silence(now) < GONE:
+                return
+            self.history = History()  # each leader counts its commands from 1
+        self.history.add_leader(state)
+        self.leader, self._leader_heard = state, now
+
+    def _take_telemetry(self, telemetry: Telemetry, now: float) -> None:
+        before, shown = self.telemetry, self.leader
+        if before is not None and telemetry.status != before.status:
+            self.trouble = ""
+        self.history.add_telemetry(telemetry, applies=shown is None or telemetry.epoch in (0, shown.epoch))
+        self.telemetry, self._telemetry_heard = telemetry, now
+
+    def _take_hello(self, hello: Hello, now: float) -> None:
+        """Keep what each says; the newest counts, but of several leaders the one in control."""
+        texts = dict(zip(hello.names, hello.values, strict=False))
+        if hello.role == "follower":
+            self.trouble = texts.get("trouble", "")
+        elif hello.role == "recorder":
+            self._recorder_heard = now
+        who = (hello.role, texts.get("leader", ""))
+        self._hellos.pop(who, None)
+        if len(self._hellos) >= MOST_SPEAKERS:
+            self._hellos.pop(next(iter(self._hellos)))
+        self._hellos[who] = texts
+        in_control = self._hellos.get(("leader", self.settings.get("control", "")), {})
+        settings: dict[str, str] = {}
+        for said in (*self._hellos.values(), in_control):
+            settings |= said
+        self.settings = MappingProxyType(settings)

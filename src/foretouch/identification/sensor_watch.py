@@ -1,0 +1,297 @@
+"""Watches a force sensor and an encoder, and says at every sample whether they can be believed."""
+
+from __future__ import annotations
+
+import math
+from enum import IntEnum
+from typing import Final
+
+from foretouch.errors import SettingError
+from foretouch.identification.offset_step import LEAST_STEP, OffsetStep
+from foretouch.models.checks import require
+
+__all__ = ["QUIET_TIME", "SENSOR_SENTENCES", "TRANSIENT_STATES", "SensorState", "SensorWatch"]
+
+QUIET_TIME = 0.5
+"""A transient fault is over when nothing was found for so long [s]."""
+
+DROPOUT_TIME = 0.02
+"""Force and position that both repeat exactly for so long [s] are no new values."""
+
+STUCK_TIME = 0.1
+"""A force alone that repeats exactly for so long [s] is stuck."""
+
+REPEAT_FACTOR = 4.0
+"""Repeating is unusual from so many times the longest repetition so far: converters with few bits repeat too."""
+
+NOISY_SHARE = 0.2
+"""A force whose changes reverse in at least this share of samples has noise, and cannot stand; white noise has 2/3."""
+
+NOISE_SAMPLES = 50
+"""Noise is judged over about so many changes."""
+
+LEAST_SPIKE = 0.5
+"""Smaller spikes than this [N] are not looked for."""
+
+SPIKE_FACTOR = 10.0
+"""A spike is at least so many times the mean change between samples."""
+
+ACTIVITY_TIME = 0.02
+"""Time constant of that mean [s]."""
+
+LARGEST_IMPEDANCE = 600.0
+"""An impact at a speed v makes at most so many newtons for each m/s."""
+
+END_SHARE = 0.02
+"""An end of the range begins so much before it, as a share of it."""
+
+LONGEST_GAP = 0.1
+"""Behind a longer gap in time [s] samples are not compared with those before it."""
+
+LARGEST_VALUE = 1e6
+"""Numbers beyond this are none that a sensor means [m, N, s: times up to 1e12]."""
+
+
+class SensorState(IntEnum):
+    """What is wrong with the sensors; `SENSOR_SENTENCES` has the sentence."""
+
+    GOOD = 0
+    NOT_FINITE = 1
+    DROPOUT = 2
+    STUCK = 3
+    SATURATED = 4
+    OFFSET_STEP = 5
+    SPIKE = 6
+    ENCODER_JUMP = 7
+
+
+SENSOR_SENTENCES: Final[dict[SensorState, str]] = {
+    SensorState.GOOD: "the sensors are as they should be",
+    SensorState.NOT_FINITE: "force, position or time is no finite number: check the sensor's driver",
+    SensorState.DROPOUT: "force and position repeat exactly: no new values come; check the cable and the bus",
+    SensorState.STUCK: "the force stands although its noise should move it: the force sensor hangs",
+    SensorState.SATURATED: "the force is at the end of the sensor's range: the true force may be larger",
+    SensorState.OFFSET_STEP: "the force has stepped and nothing was touched: the sensor's zero is lost",
+    SensorState.SPIKE: "single force samples are far off their neighbours: check the sensor's cable",
+    SensorState.ENCODER_JUMP: "the position has jumped faster than the robot can move: the encoder is lost",
+}
+"""Sentence of each state."""
+
+TRANSIENT_STATES: Final = frozenset({SensorState.NOT_FINITE, SensorState.DROPOUT, SensorState.SPIKE})
+"""States that pass after `QUIET_TIME` without another finding; the others stay until `SensorWatch.reset`."""
+
+
+class SensorWatch:
+    r"""Finds faults of the sensors from what they show, sample by sample and causally.
+
+    ================  ================================================================================  ==============
+    state             found when                                                                        at the latest
+    ================  ================================================================================  ==============
+    `NOT_FINITE`      time, position or force is no finite number                                       at once
+    `DROPOUT`         force and position repeat exactly for 20 ms                                       20 ms
+    `STUCK`           the force repeats exactly for 0.1 s while the position changes                    0.1 s
+    `SATURATED`       two samples within 2 % of an end of the range                                     2 samples
+    `OFFSET_STEP`     the force changes and nothing is touched: see `OffsetStep`                        50 ms, still
+    `SPIKE`           a sample is far off both neighbours, and no impact explains it                    2 samples
+    `ENCODER_JUMP`    the position moves faster than the largest speed                                  1 sample
+    ================  ================================================================================  ==============
+
+    Repetitions count only once the force has shown noise, and from four times the longest repetition so far.
+    A spike is larger than 0.5 N and than ten times the mean change between samples (20 ms), and twice what the samples
+    around it differ by. A contact of one sample is none: the probe came fast enough for it (600 N s/m) and was slowed
+    as that impulse slows a mass,
+
+    .. math:: v \ge F / Z, \quad \Delta v \ge F T / (2 m)
+
+    The first lasting fault stays until `reset`; the transient ones pass 0.5 s after the last finding. `update` never
+    raises, costs the same at every sample, and holds a fixed number of numbers. A sample that is not later than the one
+    before is left out.
+
+    What it cannot see: an offset step below 0.3 N, one in contact before the probe comes back out, drift, and a
+    wrong scale.
+
+    Args:
+        force_range: Smallest and largest force that the sensor can show [N]; infinite for an end that is not known, or
+            at which the sensor may rest; None for both.
+        largest_speed: No motion is faster [m/s], positive; an encoder's count is allowed on top.
+        least_step: Smallest offset step that is looked for [N], positive.
+        least_spike: Smallest spike that is looked for [N], positive.
+        moving_mass: The most that an impact slows: carriage and tool [kg], positive.
+
+    Attributes:
+        state: The newest judgement.
+
+    Raises:
+        SettingError: A setting out of range.
+    """
+
+    __slots__ = (
+        "_activity",
+        "_bad_until",
+        "_both_repeat",
+        "_change",
+        "_ends",
+        "_force_repeats",
+        "_largest_speed",
+        "_least_spike",
+        "_longest_both",
+        "_longest_force",
+        "_mass",
+        "_near_end",
+        "_noisy",
+        "_older",
+        "_position",
+        "_seen",
+        "_step",
+        "_time",
+        "state",
+    )
+
+    def __init__(
+        self,
+        force_range: tuple[float, float] | None = None,
+        *,
+        largest_speed: float = 1.0,
+        least_step: float = LEAST_STEP,
+        least_spike: float = LEAST_SPIKE,
+        moving_mass: float = 1.0,
+    ) -> None:
+        low, high = (-math.inf, math.inf) if force_range is None else force_range
+        if not low < high:
+            raise SettingError("force_range", force_range, "the largest force must be above the smallest")
+        require("largest_speed", largest_speed, above=0.0)
+        require("least_step", least_step, above=0.0)
+        require("least_spike", least_spike, above=0.0)
+        require("moving_mass", moving_mass, above=0.0)
+        near = [0.0 if math.isinf(end) else END_SHARE * abs(end) for end in (low, high)]
+        self._ends = (low + near[0], high - near[1])
+        self._largest_speed = largest_speed
+        self._least_spike = least_spike
+        self._mass = moving_mass
+        self._step = OffsetStep(least_step)
+        self.reset()
+
+    def reset(self) -> None:
+        """Believe the sensors again, and forget all samples: say this when they have been looked after."""
+        self.state = SensorState.GOOD
+        self._time = self._bad_until = -math.inf
+        self._step = OffsetStep(self._step.least_step)
+        self._noisy, self._seen = 0.0, 0
+        self._longest_both = self._longest_force = 0.0
+        self._activity = 0.0
+        self._restart()
+
+    def _restart(self) -> None:
+        """Compare nothing with the samples so far."""
+        # Position, force and force less the tool's of the last three samples, the newest first.
+        self._older: tuple[tuple[float, float, float], ...] = ()
+        self._both_repeat = self._force_repeats = 0.0
+        self._change = 0.0
+        self._near_end = False
+        self._step.restart()
+
+    @property
+    def sentence(self) -> str:
+        """The newest judgement in words."""
+        return SENSOR_SENTENCES[self.state]
+
+    def update(self, time: float, position: float, force: float, tool_force: float = 0.0) -> SensorState:
+        """Take one sample and say what the sensors are worth now.
+
+        Args:
+            time: [s], of a monotonic clock.
+            position: [m].
+            force: As the sensor gives it [N]: what is computed from it no longer repeats when the sensor does.
+            tool_force: The part of it that the tool's weight and inertia make [N], where that is known: without it, a
+                jerked tool can look like a fault.
+        """
+        numbers = abs(position) < LARGEST_VALUE and abs(force) < LARGEST_VALUE and abs(tool_force) < LARGEST_VALUE
+        if not (abs(time) < 1e6 * LARGEST_VALUE and numbers):
+            self._restart()
+            return self._say(SensorState.NOT_FINITE, self._time)
+        period = time - self._time
+        if not period > 0.0:
+            return self.state
+        if period > LONGEST_GAP:
+            self._restart()
+            found = SensorState.GOOD
+        else:
+            found = self._look(position, force, force - tool_force, period)
+        self._time = time
+        self._older = ((position, force, force - tool_force), *self._older[:2])
+        return self._say(found, time)
+
+    def _say(self, found: SensorState, time: float) -> SensorState:
+        if self.state is not SensorState.GOOD and self.state not in TRANSIENT_STATES:
+            return self.state
+        if found is not SensorState.GOOD:
+            self.state, self._bad_until = found, time + QUIET_TIME
+        elif time >= self._bad_until:
+            self.state = SensorState.GOOD
+        return self.state
+
+    def _look(self, position: float, force: float, contact: float, period: float) -> SensorState:
+        """Compare a sample with those before it."""
+        if not self._older:
+            return SensorState.GOOD
+        since = period + self._both_repeat  # a value that is new
+        repeated = self._repeated(position, force, period)
+        stepped = self._step.update(position, contact, period)
+        was_near, self._near_end = self._near_end, not self._ends[0] < force < self._ends[1]
+        if self._near_end and was_near:
+            return SensorState.SATURATED
+        # 20 um: an encoder's count and noise, which at high rates are fast
+        if abs(position - self._older[0][0]) > self._largest_speed * since + 2e-5:
+            self._restart()
+            return SensorState.ENCODER_JUMP
+        if repeated is not SensorState.GOOD:
+            return repeated
+        if self._is_spike(position, contact, period):
+            return SensorState.SPIKE
+        return SensorState.OFFSET_STEP if stepped else SensorState.GOOD
+
+    def _repeated(self, position: float, force: float, period: float) -> SensorState:
+        """Whether nothing new comes, from sensors that have shown noise."""
+        before, last, _ = self._older[0]
+        change = force - last
+        if change != 0.0:
+            if self._force_repeats < STUCK_TIME:
+                self._longest_force = max(self._longest_force, self._force_repeats)
+            self._seen += 1
+            reverses = 1.0 if change * self._change < 0.0 else 0.0
+            self._noisy += (reverses - self._noisy) / min(self._seen, NOISE_SAMPLES)
+            self._change = change
+            self._force_repeats = 0.0
+        else:
+            self._force_repeats += period
+        if change != 0.0 or position != before:
+            if self._both_repeat < DROPOUT_TIME:
+                self._longest_both = max(self._longest_both, self._both_repeat)
+            self._both_repeat = 0.0
+        else:
+            self._both_repeat += period
+        if self._seen < NOISE_SAMPLES or self._noisy < NOISY_SHARE:
+            return SensorState.GOOD
+        slack = 0.5 * min(period, DROPOUT_TIME / 10.0)  # sums of periods are not exact
+        if self._both_repeat + slack > max(DROPOUT_TIME, REPEAT_FACTOR * self._longest_both):
+            return SensorState.DROPOUT
+        if self._force_repeats + slack > max(STUCK_TIME, REPEAT_FACTOR * self._longest_force):
+            return SensorState.STUCK
+        return SensorState.GOOD
+
+    def _is_spike(self, position: float, force: float, period: float) -> bool:
+        """Whether the sample before this one stands far out, and no impact explains it."""
+        if len(self._older) < 3:
+            return False
+        (near, _, peak), (further, _, before), (furthest, _, earlier) = self._older
+        up, down = peak - before, peak - force
+        size = min(abs(up), abs(down)) if up * down > 0.0 else 0.0
+        threshold = max(self._least_spike, SPIKE_FACTOR * self._activity)
+        found = size > threshold and abs(force - before) < 0.5 * size and abs(before - earlier) < 0.5 * size
+        if found and up > 0.0:
+            speed = (further - furthest) / period
+            slowed = speed - min(near - further, position - near) / period
+            found = speed * LARGEST_IMPEDANCE < size or slowed < 0.5 * size * period / self._mass
+        share = 1.0 - math.exp(-period / ACTIVITY_TIME)
+        self._activity += share * (min(abs(force - peak), 3.0 * threshold) - self._activity)
+        return found

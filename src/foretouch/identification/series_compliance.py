@@ -1,0 +1,220 @@
+"""What gives way between encoder and contact: arm, sensor and tip, from presses on a rigid block."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from foretouch.errors import RecordingError
+from foretouch.identification.conditioning import Conditioner
+from foretouch.identification.sensor_lag import LONGEST_LAG, SensorLag
+from foretouch.models.checks import require
+from foretouch.quantities import Recording, SensorCalibration
+
+__all__ = ["SeriesCompliance", "correct_recording", "find_sensor_lag", "fit_series_compliance"]
+
+FLOOR_SHARE = 0.1
+"""Forces below this share of the largest are left out: there the contact still seats itself."""
+
+SMOOTHING = 0.02
+"""Loading and unloading are told apart by the force's mean over this time [s]."""
+
+SLOWEST_SHARE = 0.05
+"""Where that changes slower than this share of its quickest change, it is neither."""
+
+FEWEST_SAMPLES = 50
+"""Loading and unloading have at least so many samples each."""
+
+LARGEST_ERROR = 0.1
+"""A stiffness with a larger standard error than this share of it is refused."""
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class SeriesCompliance:
+    """What presses on a rigid block tell.
+
+    Attributes:
+        stiffness: Of all that is in series [N/m].
+        stiffness_error: Standard error [N/m].
+        lost_motion: By which the position while unloading is deeper than while loading, at equal force [m].
+        lost_motion_error: Standard error [m].
+        position: Position at force zero of the line, amid loading and unloading [m].
+        contact_floor: Forces above this were taken [N].
+        force_offset: Force in free air [N].
+        force: Of the samples taken, less the offset [N], shape (n,).
+        deflection: Their positions less `position` [m], shape (n,).
+        loading: Which of them load, shape (n,).
+        residual: Of their positions [m], shape (n,).
+    """
+
+    stiffness: float
+    stiffness_error: float
+    lost_motion: float
+    lost_motion_error: float
+    position: float
+    contact_floor: float
+    force_offset: float
+    force: Array
+    deflection: Array
+    loading: NDArray[np.bool_]
+    residual: Array
+
+
+def fit_series_compliance(recording: Recording, *, sensor_lag: float = 0.0) -> SeriesCompliance:
+    r"""A line through loading and another through unloading, of one slope.
+
+    .. math:: x_i = x_0 + F_i / k \mp w / 2
+
+    minus while loading, w being the lost motion. Positions are fitted over forces and not the other way: on a rigid
+    block the encoder's count is the larger noise, and noise of what is fitted over flattens a slope. Standard errors
+    are of least squares, successive residuals that resemble each other counted as fewer: by (1 + r) / (1 - r), r their
+    correlation; that of k is k^2 times that of 1/k.
+
+    Args:
+        recording: Presses on a rigid block that also leave it, so that the force has a zero.
+        sensor_lag: How late forces are against positions [s], 0 to 0.05: what is late looks like lost motion.
+
+    Raises:
+        RecordingError: It never touches, neither loads nor unloads long enough, or its slope cannot be told from noise.
+    """
+    require("sensor_lag", sensor_lag, at_least=0.0, at_most=LONGEST_LAG)
+    recording = _in_time(recording, sensor_lag)
+    offset = _free_air(recording)
+    force = recording.force - offset
+    floor = max(recording.contact_floor, FLOOR_SHARE * float(np.quantile(force, 0.999)))
+    rate = _rate(recording.time, force)
+    moving = np.abs(rate) > SLOWEST_SHARE * float(np.quantile(np.abs(rate), 0.99))
+    taken = (force > floor) & moving
+    loading = rate > 0.0
+    for name, part in (("loading", taken & loading), ("unloading", taken & ~loading)):
+        if int(part.sum()) < FEWEST_SAMPLES:
+            raise RecordingError(
+                recording.name,
+                f"{int(part.sum())} samples while {name} above {floor:.3g} N, at least {FEWEST_SAMPLES} are needed: "
+                "press the block slowly, several times, and leave it in between",
+            )
+    return _fit(recording, force, taken, loading, floor, offset)
+
+
+def _fit(
+    recording: Recording,
+    force: Array,
+    taken: NDArray[np.bool_],
+    loading: NDArray[np.bool_],
+    floor: float,
+    offset: float,
+) -> SeriesCompliance:
+    felt, place, loads = force[taken], recording.position[taken], loading[taken]
+    design = np.column_stack((np.ones(felt.size), felt, np.where(loads, -0.5, 0.5)))
+    zero = float(place.mean())
+    solution: Array = np.linalg.lstsq(design, place - zero, rcond=None)[0]
+    residual = place - zero - design @ solution
+    variance = float(residual @ residual) / (felt.size - 3)
+    likeness = float(residual[1:] @ residual[:-1]) / max(float(residual @ residual), 1e-300)
+    likeness = min(max(likeness, 0.0), 0.999)
+    inverse = np.linalg.inv(design.T @ design)
+    errors = np.sqrt(variance * np.diag(inverse) * (1.0 + likeness) / (1.0 - likeness))
+    compliance, error = float(solution[1]), float(errors[1])
+    if not compliance > 0.0 or error > LARGEST_ERROR * compliance:
+        raise RecordingError(
+            recording.name,
+            f"position grows by {1e6 * compliance:.3g} +- {1e6 * error:.2g} um/N: that tells no stiffness to "
+            f"{100.0 * LARGEST_ERROR:g} %; press harder, or more often",
+        )
+    return SeriesCompliance(
+        1.0 / compliance,
+        error / compliance**2,
+        float(solution[2]),
+        float(errors[2]),
+        zero + float(solution[0]),
+        floor,
+        offset,
+        felt,
+        place - zero - float(solution[0]),
+        loads,
+        residual,
+    )
+
+
+def find_sensor_lag(recording: Recording) -> tuple[float, float]:
+    """Lag of the force sensor and its standard error [s], from motion in contact or from taps: see `SensorLag`.
+
+    A spring or a rigid block tells the lag itself; a material that damps, less, and so does lost motion: by half of it
+    over the speed, so press quickly.
+
+    Raises:
+        RecordingError: Less than 0.2 s of motion in contact.
+    """
+    conditioner, estimate = Conditioner(contact_floor=recording.contact_floor), SensorLag()
+    before = float(recording.time[0])
+    for time, position, force in zip(
+        recording.time.tolist(), recording.position.tolist(), recording.force.tolist(), strict=True
+    ):
+        sample = conditioner.update(time, position, force)
+        if sample.in_contact:
+            estimate.update(position, sample.velocity, force, time - before)
+        before = time
+    lag, error = estimate.lag, estimate.standard_error
+    if lag is None or error is None:
+        raise RecordingError(
+            recording.name,
+            f"{estimate.time:.2f} s of motion in contact tell no lag: press a spring or a block to and fro for a "
+            "second, or tap it until the taps last 0.2 s together",
+        )
+    return lag, error
+
+
+def correct_recording(
+    recording: Recording, calibration: SensorCalibration, *, force_offset: float | None = None
+) -> Recording:
+    r"""The recording at the contact instead of at the encoder.
+
+    .. math:: p(t) = x(t) - F(t + \delta) / k
+
+    x being the position, F the force less its offset, delta the sensor's lag and k the series stiffness, so that depth
+    is x - surface - F / k. The force itself and its lag stay: a learner takes offset and lag. Without a series
+    stiffness the recording is returned as it is. A measured velocity is dropped, for it is that of the encoder. This
+    looks delta ahead, and at the force itself: it is for identification, not for prediction.
+
+    Args:
+        recording: As measured.
+        calibration: Of the sensor that measured it.
+        force_offset: Force in free air [N]; None for that of the calibration, or else for what the recording shows. A
+            wrong one shifts all positions alike.
+    """
+    if calibration.series_stiffness is None:
+        return recording
+    offset = calibration.force_offset if force_offset is None else force_offset
+    ahead = recording.time + (calibration.sensor_lag or 0.0)
+    force = np.interp(ahead, recording.time, recording.force) - (_free_air(recording) if offset is None else offset)
+    return replace(recording, position=recording.position - force / calibration.series_stiffness, velocity=None)
+
+
+def _free_air(recording: Recording) -> float:
+    """Force in free air as the whole recording shows it [N]."""
+    conditioner = Conditioner(contact_floor=recording.contact_floor)
+    columns = (recording.time.tolist(), recording.position.tolist(), recording.force.tolist())
+    for time, position, force in zip(*columns, strict=True):
+        conditioner.update(time, position, force)
+    return conditioner.force_offset
+
+
+def _in_time(recording: Recording, lag: float) -> Recording:
+    """Positions as they were when the forces were felt."""
+    if lag == 0.0:
+        return recording
+    return replace(recording, position=np.interp(recording.time - lag, recording.time, recording.position))
+
+
+def _rate(time: Array, force: Array) -> Array:
+    """How quickly the force's mean over 20 ms changes [N/s], from both sides."""
+    half = 0.5 * SMOOTHING
+    sums = np.concatenate(([0.0], np.cumsum(0.5 * (force[1:] + force[:-1]) * np.diff(time))))
+    later, sooner = np.minimum(time + half, time[-1]), np.maximum(time - half, time[0])
+    means = (np.interp(later, time, sums) - np.interp(sooner, time, sums)) / (later - sooner)
+    rate: Array = np.gradient(means, time)
+    return rate

@@ -1,0 +1,70 @@
+"""What the sides say of themselves in `Hello` messages, heard over a whole session."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from foretouch.messages.schema import Hello
+
+__all__ = ["COUNT_PREFIX", "NEWS", "PROCESS", "Hellos", "split_texts"]
+
+COUNT_PREFIX = "count_"
+"""Begins the names of counters among the texts of a `Hello`."""
+
+PROCESS = "process"
+"""Name of the text that tells the processes of a side apart: the epoch of each."""
+
+NEWS = ("control", "trouble", "stopped")
+"""Texts that change while a session runs: who holds control, what is not as it should be, and why it was stopped."""
+
+MOST_PROCESSES, MOST_NEWS = 64, 64
+"""So many processes and so many different news are remembered: who says hello without end fills nothing."""
+
+
+def split_texts(texts: Mapping[str, str]) -> tuple[dict[str, str], dict[str, int]]:
+    """The settings and the counters among the texts of a `Hello`."""
+    counts = {
+        name.removeprefix(COUNT_PREFIX): int(value)
+        for name, value in texts.items()
+        if name.startswith(COUNT_PREFIX) and value.isascii() and value.isdigit() and len(value) < 20
+    }
+    others = (PROCESS, *NEWS)
+    return {
+        name: value for name, value in texts.items() if not name.startswith(COUNT_PREFIX) and name not in others
+    }, counts
+
+
+class Hellos:
+    """All that was said of settings, counters and news.
+
+    Attributes:
+        settings: By name, as said last.
+        news: By name of `NEWS`, what was said, in order, each text once.
+    """
+
+    def __init__(self) -> None:
+        self.settings: dict[str, str] = {}
+        self.news: dict[str, tuple[str, ...]] = {}
+        self._counts: dict[tuple[str, str], dict[str, int]] = {}
+
+    def take(self, hello: Hello) -> None:
+        """Hear one."""
+        texts = dict(zip(hello.names, hello.values, strict=False))
+        settings, counts = split_texts(texts)
+        self.settings |= settings
+        process = (hello.role, texts.get(PROCESS, ""))
+        if process in self._counts or len(self._counts) < MOST_PROCESSES:
+            self._counts.setdefault(process, {}).update(counts)
+        for name in NEWS:
+            said, known = texts.get(name), self.news.get(name, ())
+            if said and said not in known and len(known) < MOST_NEWS:
+                self.news[name] = (*known, said)
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """Counters by name: each process of a side counts from 0, and they are summed."""
+        total: dict[str, int] = {}
+        for counts in self._counts.values():
+            for name, count in counts.items():
+                total[name] = total.get(name, 0) + count
+        return total

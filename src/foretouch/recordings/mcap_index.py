@@ -1,0 +1,243 @@
+"""The index at the end of an MCAP file, made from the file itself: for one that ends, and for one that was cut.
+
+The library's own writer keeps an object for every block in memory until the end, a hundred megabytes in ten hours.
+"""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from io import BytesIO
+from typing import Any, Final
+
+from foretouch.recordings._extra import optional
+from foretouch.recordings.block_file import BlockFile
+from foretouch.recordings.topics import COUNTS
+
+__all__ = [
+    "ATTACHMENT",
+    "CHANNEL",
+    "CHUNK",
+    "DATA_END",
+    "FOOTER",
+    "MAGIC",
+    "MESSAGE",
+    "MESSAGE_INDEX",
+    "METADATA",
+    "RECORD",
+    "SCHEMA",
+    "append_index",
+    "counts_record",
+    "message_head",
+    "record_bytes",
+    "records_in",
+]
+
+MAGIC: Final = b"\x89MCAP0\r\n"
+FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, MESSAGE_INDEX = 0x02, 0x03, 0x04, 0x05, 0x06, 0x07
+CHUNK_INDEX, ATTACHMENT, ATTACHMENT_INDEX, STATISTICS = 0x08, 0x09, 0x0A, 0x0B
+METADATA, METADATA_INDEX, DATA_END = 0x0C, 0x0D, 0x0F
+RECORD = struct.Struct("<BQ")
+"""In front of each record: what it is, length of what follows."""
+LONGEST_STRUCTURE = 2**28
+"""Longer records [bytes] are damage: nobody writes such, and none is read into memory."""
+
+_chunk_head = struct.Struct("<QQQII")  # first and last log time, size, CRC, length of the compression's name
+message_head = struct.Struct("<HIQ")
+"""Begins the content of a message: channel, sequence, log time."""
+_index_head = struct.Struct("<HI")  # channel, bytes of entries
+_ENTRY = 16  # bytes of an entry of a message index
+
+
+def records_in(read_at: Callable[[int, int], bytes], position: int, end: int) -> Iterator[tuple[int, int, int]]:
+    """What each record is, where its content begins and where it ends; up to the first that is not there whole."""
+    while position + RECORD.size <= end:
+        code, length = RECORD.unpack(read_at(position, RECORD.size))
+        start = position + RECORD.size
+        position = start + length
+        if code == 0 or position > end or length > LONGEST_STRUCTURE:
+            return
+        yield code, start, position
+
+
+def record_bytes(record: Any) -> bytes:
+    """Bytes of one record of the library."""
+    builder = optional("mcap.data_stream").RecordBuilder()
+    record.write(builder)
+    data: bytes = builder.end()
+    return data
+
+
+def counts_record(counts: Mapping[str, int]) -> bytes:
+    """Bytes of the metadata record that holds a session's counters."""
+    said = {name: str(int(count)) for name, count in counts.items()}
+    return record_bytes(optional("mcap.records").Metadata(COUNTS, said))
+
+
+def append_index(file: BlockFile, schemas: list[Any], channels: list[Any]) -> None:
+    """End a file that holds data only: go through it once and write what stands where behind it.
+
+    The memory that this takes does not grow with the file.
+
+    Args:
+        file: All of its data flushed.
+        schemas: Schema records of the library, those of the file.
+        channels: Channel records, likewise.
+
+    Raises:
+        OSError: The file cannot be written; it is as it was.
+    """
+    end = file.tell()
+    try:
+        _append_index(file, end, schemas, channels)
+    except OSError:
+        file.truncate(end)
+        raise
+
+
+def _append_index(file: BlockFile, end: int, schemas: list[Any], channels: list[Any]) -> None:
+    records = optional("mcap.records")
+    file.write(record_bytes(records.DataEnd(0)))
+    summary = _Summary(file)
+    summary.group(SCHEMA, map(record_bytes, schemas))
+    summary.group(CHANNEL, map(record_bytes, channels))
+    found = _Found(schema_count=len(schemas), channel_count=len(channels))
+    summary.group(CHUNK_INDEX, _chunk_indexes(file, end, found))
+    summary.group(METADATA_INDEX, map(record_bytes, found.metadata))
+    summary.group(ATTACHMENT_INDEX, map(record_bytes, found.attachments))
+    summary.group(STATISTICS, [record_bytes(found.statistics())])
+    summary.end()
+
+
+@dataclass
+class _Found:
+    """What the data of a file add up to."""
+
+    schema_count: int
+    channel_count: int
+    chunks: int = 0
+    messages: Counter[int] = field(default_factory=Counter)  # by channel
+    first: int | None = None
+    last: int = 0
+    metadata: list[Any] = field(default_factory=list)
+    attachments: list[Any] = field(default_factory=list)
+
+    def span(self, first: int, last: int) -> None:
+        """Log times of messages."""
+        self.first = first if self.first is None else min(self.first, first)
+        self.last = max(self.last, last)
+
+    def statistics(self) -> Any:
+        return optional("mcap.records").Statistics(
+            attachment_count=len(self.attachments),
+            channel_count=self.channel_count,
+            channel_message_counts=dict(sorted(self.messages.items())),
+            chunk_count=self.chunks,
+            message_count=self.messages.total(),
+            message_end_time=self.last,
+            message_start_time=self.first or 0,
+            metadata_count=len(self.metadata),
+            schema_count=self.schema_count,
+        )
+
+
+def _chunk_indexes(file: BlockFile, end: int, found: _Found) -> Iterator[bytes]:
+    """Index record of each block; the rest of the file is added up on the way."""
+    chunk: Any = None
+    for code, start, stop in records_in(file.read_at, len(MAGIC), end):
+        if code == MESSAGE_INDEX:
+            channel, length = _index_head.unpack(file.read_at(start, _index_head.size))
+            found.messages[channel] += length // _ENTRY
+            chunk.message_index_offsets[channel] = start - RECORD.size
+            chunk.message_index_length += stop - start + RECORD.size
+            continue
+        if chunk is not None:
+            yield record_bytes(chunk)
+            chunk = None
+        if code == CHUNK:
+            chunk = _chunk_index(file, start, stop)
+            found.chunks += 1
+            found.span(chunk.message_start_time, chunk.message_end_time)
+        elif code == MESSAGE:
+            channel, _, log_time = message_head.unpack(file.read_at(start, message_head.size))
+            found.messages[channel] += 1
+            found.span(log_time, log_time)
+        elif code in (METADATA, ATTACHMENT):
+            _named(file, code, start, stop, found)
+    if chunk is not None:
+        yield record_bytes(chunk)
+
+
+def _chunk_index(file: BlockFile, start: int, stop: int) -> Any:
+    first, last, size, _, name_length = _chunk_head.unpack(file.read_at(start, _chunk_head.size))
+    name = file.read_at(start + _chunk_head.size, name_length)
+    return optional("mcap.records").ChunkIndex(
+        chunk_length=stop - start + RECORD.size,
+        chunk_start_offset=start - RECORD.size,
+        compression=name.decode(),
+        compressed_size=stop - start - _chunk_head.size - name_length - 8,
+        message_end_time=last,
+        message_index_length=0,
+        message_index_offsets={},
+        message_start_time=first,
+        uncompressed_size=size,
+    )
+
+
+def _named(file: BlockFile, code: int, start: int, stop: int, found: _Found) -> None:
+    """Index record of metadata or of an attachment."""
+    records, stream = optional("mcap.records"), optional("mcap.data_stream")
+    content = stream.ReadDataStream(BytesIO(file.read_at(start, stop - start)))
+    place = {"offset": start - RECORD.size, "length": stop - start + RECORD.size}
+    if code == METADATA:
+        found.metadata.append(records.MetadataIndex(name=records.Metadata.read(content).name, **place))
+        return
+    read = records.Attachment.read(content)
+    found.attachments.append(
+        records.AttachmentIndex(
+            create_time=read.create_time,
+            log_time=read.log_time,
+            name=read.name,
+            media_type=read.media_type,
+            data_size=len(read.data),
+            **place,
+        )
+    )
+
+
+class _Summary:
+    """Writes the summary section group by group, and its check sum on the way."""
+
+    def __init__(self, file: BlockFile) -> None:
+        self._file = file
+        self._start = file.tell()
+        self._crc = 0
+        self._offsets: list[Any] = []
+
+    def group(self, code: int, records: Any) -> None:
+        """Records of one kind."""
+        start = self._file.tell()
+        for number, data in enumerate(records):
+            self._put(data)
+            if number % 1000 == 999:
+                self._file.flush()
+        if self._file.tell() > start:
+            length = self._file.tell() - start
+            self._offsets.append(optional("mcap.records").SummaryOffset(code, start, length))
+
+    def end(self) -> None:
+        """Where the groups are, and the end of the file."""
+        offsets_start = self._file.tell()
+        for offset in self._offsets:
+            self._put(record_bytes(offset))
+        head = RECORD.pack(FOOTER, 20) + struct.pack("<QQ", self._start, offsets_start)
+        self._put(head)
+        self._file.write(struct.pack("<I", self._crc) + MAGIC)
+        self._file.flush()
+
+    def _put(self, data: bytes) -> None:
+        self._crc = zlib.crc32(data, self._crc)
+        self._file.write(data)

@@ -1,0 +1,290 @@
+"""Makes a recording whole whose writer was killed, whose disk was full, or that was damaged."""
+
+from __future__ import annotations
+
+import os
+import struct
+import zlib
+from collections import Counter, defaultdict, deque
+from collections.abc import Iterator
+from contextlib import closing
+from dataclasses import dataclass, field
+from io import BytesIO
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+from foretouch.errors import RecordingError
+from foretouch.recordings._extra import optional
+from foretouch.recordings.block_file import BlockFile, being_written
+from foretouch.recordings.mcap_index import (
+    ATTACHMENT,
+    CHANNEL,
+    CHUNK,
+    DATA_END,
+    FOOTER,
+    MAGIC,
+    MESSAGE,
+    MESSAGE_INDEX,
+    METADATA,
+    RECORD,
+    SCHEMA,
+    append_index,
+    counts_record,
+    message_head,
+    record_bytes,
+    records_in,
+)
+from foretouch.recordings.output import atomic_path
+from foretouch.recordings.topics import TRUNCATED
+
+__all__ = ["Repair", "is_whole", "repair_session"]
+
+_footer = struct.Struct("<QQI")  # where the index begins, where its own table does, check sum
+
+
+@dataclass(frozen=True)
+class Repair:
+    """What a recording was found to hold, and what was cut.
+
+    Attributes:
+        path: Where the whole recording is now.
+        was_whole: Whether nothing had to be done.
+        messages: By topic.
+        duration: From the first to the last message, by the recorder's clock [s].
+        bytes_kept: Of the file's data.
+        bytes_cut: Behind the last whole block.
+        damaged_blocks: Blocks before it that could not be read and were left out.
+    """
+
+    path: Path
+    was_whole: bool
+    messages: dict[str, int]
+    duration: float
+    bytes_kept: int
+    bytes_cut: int
+    damaged_blocks: int
+
+
+def is_whole(path: str | PathLike[str]) -> bool:
+    """Whether a recording was ended by its writer; not whether each of its blocks can be read.
+
+    Raises:
+        RecordingError: No such file.
+    """
+    tail = RECORD.size + _footer.size + len(MAGIC)
+    try:
+        with Path(path).open("rb") as file:
+            file.seek(0, 2)
+            if file.tell() < tail:
+                return False
+            file.seek(-tail, 2)
+            end = file.read(tail)
+    except OSError as error:
+        raise RecordingError(path, f"cannot be read: {error.strerror}") from None
+    return end.startswith(RECORD.pack(FOOTER, _footer.size)) and end.endswith(MAGIC)
+
+
+def repair_session(path: str | PathLike[str], output: str | PathLike[str] | None = None) -> Repair:
+    """Make a recording whole: keep every block that can be read, byte by byte, and write the index anew.
+
+    What ends before its index gets the counter ``truncated``. A recording that is whole stays as it is.
+
+    Args:
+        path: MCAP file, of any writer.
+        output: Where the whole recording goes; without it, it takes the place of the file. Neither is ever half there.
+
+    Returns:
+        What there is in it.
+
+    Raises:
+        RecordingError: No such file, no MCAP, still being written, nothing in it, or the output cannot be written.
+        MissingExtraError: The package ``mcap`` is not installed.
+    """
+    try:
+        if being_written(path):
+            raise RecordingError(path, "is still being written: end its recorder first")
+        with Path(path).open("rb") as file:
+            if file.read(len(MAGIC)) != MAGIC:
+                raise RecordingError(path, "is no MCAP file, or was cut before anything was flushed: nothing to keep")
+            data = _Data(file.fileno())
+            ended = is_whole(path) and _index_stands(data)
+            if ended and output is None:
+                scan = _Scan(data)
+                deque(scan.blocks(), maxlen=0)
+                if scan.ended and scan.indexed and not scan.damaged:
+                    return scan.result(Path(path), was_whole=True)
+            return _write(data, Path(path), Path(path if output is None else output), ended)
+    except OSError as error:
+        raise RecordingError(path, f"cannot be read: {error.strerror}") from None
+
+
+class _Data:
+    """The bytes of a file, read as they are asked for: mapped, a large file would count as memory of ours."""
+
+    def __init__(self, descriptor: int) -> None:
+        self._descriptor = descriptor
+        self.size = os.fstat(descriptor).st_size
+
+    def read_at(self, position: int, size: int) -> bytes:
+        return os.pread(self._descriptor, size, position)
+
+
+def _index_stands(data: _Data) -> bool:
+    """Whether the index of a file that has one is as it was written."""
+    end = data.size - len(MAGIC)
+    start, _, crc = _footer.unpack(data.read_at(end - _footer.size, _footer.size))
+    found, end = 0, end - 4  # the check sum is not part of what it is of
+    for position in range(start, end, 2**20):
+        found = zlib.crc32(data.read_at(position, min(2**20, end - position)), found)
+    return crc in (0, found)
+
+
+def _write(data: _Data, path: Path, target: Path, ended: bool) -> Repair:
+    """Copy what can be kept to a file of its own, end that, and put it in its place."""
+    scan = _Scan(data)
+    with atomic_path(target) as part, closing(BlockFile(part)) as file:
+        file.write(MAGIC)
+        for block in scan.blocks():
+            file.write(block)
+            file.flush()
+        if not scan.messages:
+            raise RecordingError(path, "holds no message that can be read: nothing to keep")
+        was_whole = ended and scan.ended and scan.indexed and not scan.damaged
+        if not scan.ended:
+            file.write(counts_record(TRUNCATED))
+            file.flush()
+        append_index(file, list(scan.schemas.values()), list(scan.channels.values()))
+    return scan.result(target, was_whole=was_whole)
+
+
+class _Scan:
+    """Goes through the data of a file once and gives what of it can be kept."""
+
+    def __init__(self, data: _Data) -> None:
+        self._data = data
+        self._records, self._stream = optional("mcap.records"), optional("mcap.stream_reader")
+        self.schemas: dict[int, Any] = {}
+        self.channels: dict[int, Any] = {}
+        self.messages: Counter[int] = Counter()  # by channel
+        self.damaged = 0
+        self.ended = False
+        self.indexed = True
+        self._kept = 0
+        self._end = len(MAGIC)
+        self._times: list[int] = []  # first and last
+
+    def blocks(self) -> Iterator[bytes]:
+        """Records of the data section, each chunk with its message indexes."""
+        chunk: _Chunk | None = None
+        for code, start, end in records_in(self._data.read_at, len(MAGIC), self._data.size):
+            record = self._data.read_at(start - RECORD.size, end - start + RECORD.size)
+            if code == MESSAGE_INDEX:
+                if chunk is not None:
+                    chunk.indexes.append(record)
+                    self._kept += len(record)
+            else:
+                if chunk is not None:
+                    yield self._whole(chunk)
+                chunk = None
+                if code == DATA_END:
+                    self.ended = True
+                    return
+                try:
+                    if code == CHUNK:
+                        chunk = self._chunk(record)
+                    else:
+                        self._look(code, record[RECORD.size :])
+                        yield record
+                    self._kept += len(record)
+                except Exception:  # mcap, struct and each compression library have their own errors
+                    self.damaged += 1
+            self._end = end
+        if chunk is not None:
+            yield self._whole(chunk)
+
+    def result(self, path: Path, *, was_whole: bool) -> Repair:
+        """What was found."""
+        return Repair(
+            path=path,
+            was_whole=was_whole,
+            messages={self.channels[channel].topic: count for channel, count in sorted(self.messages.items())},
+            duration=(self._times[-1] - self._times[0]) * 1e-9 if self._times else 0.0,
+            bytes_kept=self._kept,
+            bytes_cut=0 if self.ended else self._data.size - self._end,
+            damaged_blocks=self.damaged,
+        )
+
+    def _whole(self, chunk: _Chunk) -> bytes:
+        """A chunk with all of its message indexes."""
+        index = chunk.index()
+        self.indexed &= index == b"".join(chunk.indexes)
+        return chunk.record + index
+
+    def _chunk(self, record: bytes) -> _Chunk:
+        """A chunk whose messages can all be read; what it says itself is taken over."""
+        head = self._records.Chunk.read(self._stream.ReadDataStream(BytesIO(record[RECORD.size :])))
+        inside, length = self._stream.get_chunk_data_stream(head, validate_crc=True)
+        content = bytes(inside.read(length))
+        chunk, reached = _Chunk(), 0
+        found: list[tuple[int, bytes]] = []
+        for code, start, end in records_in(lambda at, size: content[at : at + size], 0, len(content)):
+            reached = end
+            if code == MESSAGE:
+                channel, _, time_ns = message_head.unpack_from(content, start)
+                chunk.entries[channel].append((time_ns, start - RECORD.size))
+            else:
+                found.append((code, content[start:end]))
+        if reached != len(content):
+            raise ValueError("a record goes beyond its chunk")
+        for code, part in found:
+            self._look(code, part)
+        if not chunk.entries.keys() <= self.channels.keys():
+            raise ValueError("nobody says what its messages are")
+        for channel, entries in chunk.entries.items():
+            self.messages[channel] += len(entries)
+        if chunk.entries:
+            times = [time_ns for entries in chunk.entries.values() for time_ns, _ in entries]
+            head.message_start_time, head.message_end_time = min(times), max(times)
+            self._span(head.message_start_time, head.message_end_time)
+        chunk.record = record_bytes(head)  # what it says of itself is true from here on
+        self.indexed &= chunk.record == record
+        return chunk
+
+    def _look(self, code: int, content: bytes) -> None:
+        """Read a record that is no chunk, to see that it can be read, and to know schemas and channels."""
+        stream = self._stream.ReadDataStream(BytesIO(content))
+        if code == SCHEMA:
+            schema = self._records.Schema.read(stream)
+            self.schemas[schema.id] = schema
+        elif code == CHANNEL:
+            channel = self._records.Channel.read(stream)
+            self.channels[channel.id] = channel
+        elif code == METADATA:
+            self._records.Metadata.read(stream)
+        elif code == ATTACHMENT:
+            self._records.Attachment.read(stream)
+        elif code == MESSAGE:
+            number, _, time_ns = message_head.unpack_from(content)
+            self.messages[self.channels[number].id] += 1
+            self._span(time_ns, time_ns)
+
+    def _span(self, first: int, last: int) -> None:
+        times = [*self._times, first, last]
+        self._times = [min(times), max(times)]
+
+
+@dataclass
+class _Chunk:
+    """A chunk and the message indexes behind it."""
+
+    record: bytes = b""
+    indexes: list[bytes] = field(default_factory=list)
+    entries: dict[int, list[tuple[int, int]]] = field(default_factory=lambda: defaultdict(list))
+
+    def index(self) -> bytes:
+        """Message indexes, made from the messages."""
+        return b"".join(
+            record_bytes(optional("mcap.records").MessageIndex(channel, entries))
+            for channel, entries in self.entries.items()
+        )

@@ -1,0 +1,89 @@
+"""What happened beside following, as plain text; nothing where nothing did."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from foretouch.messages import SessionLog
+from foretouch.messages.stretches import side_seconds
+from foretouch.report.numbers import number
+from foretouch.report.statuses import safety_figures, stretch_figures
+
+__all__ = ["left_out", "safety_lines", "safety_sentences", "stretch_sentence"]
+
+REFUSED = {"stale": "stale", "overtaken": "overtaken or copied", "future": "from the future", "of_others": "of others"}
+"""Commands that were refused, in words."""
+
+
+def stretch_sentence(report: Mapping[str, Any]) -> str:
+    """Which part of a session the figures are of, where a side ended and began again; else empty.
+
+    Args:
+        report: What `session_report` gave.
+    """
+    found = report["stretches"]
+    if found["count"] < 2:
+        return ""
+    began = _begun(found)
+    return f"{began[:1].upper()}{began[1:]}; figures are of the longest stretch, {number(report['duration_s'], 's')}."
+
+
+def left_out(log: SessionLog) -> list[str]:
+    """What those leave out who learn from a session or predict on it, one sentence each; none for most.
+
+    Args:
+        log: The whole session.
+    """
+    found, longest = stretch_figures(log), log.longest()
+    said = []
+    if found["count"] > 1:
+        length = number(max(side_seconds(longest.leader), side_seconds(longest.follower)), "s")
+        said.append(f"{_begun(found)}; used is the longest stretch, {length}")
+    faults = safety_figures(longest)["sensor_faults"]
+    if faults:
+        count = f"{int((longest.follower['validity'] > 0).sum()):,} samples are left out"
+        said.append(f"{count}: the sensors were not to be trusted ({', '.join(faults).replace('_', ' ')})")
+    return said
+
+
+def safety_sentences(report: Mapping[str, Any]) -> list[str]:
+    """Emergency stops and faults of the sensors, one sentence each."""
+    safety = report["safety"]
+    said = [f"Emergency stop: {reason.rstrip('.')}." for reason in safety["emergency_stops"]]
+    for fault in safety["sensor_faults"].values():
+        said.append(f"Faulty sensors for {number(fault['seconds'], 's')}: {fault['sentence']}.")
+    return said
+
+
+def safety_lines(report: Mapping[str, Any]) -> list[str]:
+    """The block of the report about all that was not following."""
+    safety, stretches = report["safety"], report["stretches"]
+    lines = [f"  {name.replace('_', ' '):<10} {_lasted(one)}" for name, one in safety["statuses"].items()]
+    if safety["sensor_faults"]:
+        lines = [line for line in lines if not line.startswith("  sensor fault")]  # said with its kind
+    lines += [f"  sensors    {name.replace('_', ' ')}: {_lasted(one)}" for name, one in safety["sensor_faults"].items()]
+    if safety["refused_commands"]:
+        counts = ", ".join(f"{count:,} {REFUSED[why]}" for why, count in safety["refused_commands"].items())
+        lines.append(f"  refused    commands: {counts}")
+    if len(safety["control"]) > 1 or "of_others" in safety["refused_commands"]:
+        lines.append(f"  control    was held by {', then '.join(safety['control']) or 'one whose name is not known'}")
+    if stretches["count"] > 1:
+        hand, robot = (number(stretches[f"max_{side}_force_N"], "N") for side in ("rendered", "follower"))
+        lines.append(
+            f"  forces     in all {stretches['count']} stretches at most {hand} rendered, {robot} at the robot"
+        )
+    return ["What the robot did beside following", *lines, ""] if lines else []
+
+
+def _begun(found: Mapping[str, Any]) -> str:
+    leader, follower = (_times(found[f"{side}_starts"]) for side in ("leader", "follower"))
+    return f"the leader began {leader}, the follower {follower}"
+
+
+def _lasted(one: Mapping[str, Any]) -> str:
+    return f"{_times(one['times'])}, {number(one['seconds'], 's')}: {one['sentence']}"
+
+
+def _times(count: int) -> str:
+    return "1 time" if count == 1 else f"{count:,} times"

@@ -1,0 +1,182 @@
+"""What a follower did beside following, what its sensors were worth, and who spoke: over a whole session."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from foretouch.identification import SENSOR_SENTENCES, SensorState
+from foretouch.messages import STATUS_SENTENCES, SessionLog, Status
+from foretouch.messages.session_log import believable
+from foretouch.report.guarded import runs_of, usual_period
+
+__all__ = ["Stretch", "away", "follower_away", "joining", "safety_figures", "stretch_figures", "trusted"]
+
+Flags = NDArray[np.bool_]
+Rows = NDArray[np.void]
+
+WITH_THE_COMMANDS = (Status.FOLLOWING, Status.GUARDED, Status.SHADOW)
+"""In these the robot is where a command says, or is said to be held back, or moves the command itself."""
+
+A_MOMENT_NS = 100_000_000
+"""A robot that joins the first command within so long [ns] is not said to have returned."""
+
+FOUND_WITHIN_NS = 100_000_000
+"""A fault of the sensors is found no later than so long after it began [ns], but for steps in contact."""
+
+REFUSALS = ("stale", "overtaken", "future", "of_others")
+"""Why commands were refused, as their counters are called."""
+
+
+class Stretch(NamedTuple):
+    """A stretch of time [s] in which the robot was not where the commands said."""
+
+    begin: float
+    end: float
+    failing: bool
+    """Whether its sensors could not be believed."""
+
+
+def away(follower: Rows) -> Flags:
+    """In which rows the robot was not where the commands said, guarded ones left out: they have figures of their own.
+
+    Args:
+        follower: Rows of `SessionLog.follower`.
+    """
+    return np.asarray(~np.isin(follower["status"], WITH_THE_COMMANDS))
+
+
+def trusted(follower: Rows, rows: Rows) -> Flags:
+    """Which rows hold a true force: the sensors are believed, then and in the 0.1 s that a fault may go unnoticed.
+
+    Args:
+        follower: All rows of one process of the follower, as in `SessionLog.follower`.
+        rows: Some of them.
+    """
+    good = believable(rows)
+    failing = follower["validity"] > 0
+    found = follower["time_ns"][failing & ~np.concatenate((np.zeros(min(1, failing.size), np.bool_), failing[:-1]))]
+    if found.size:
+        following = np.append(found, 2 * FOUND_WITHIN_NS + int(rows["time_ns"].max(initial=0)))
+        until = following[np.searchsorted(found, rows["time_ns"])] - rows["time_ns"]
+        good &= until > FOUND_WITHIN_NS
+    return good
+
+
+def follower_away(log: SessionLog, start_ns: int) -> list[Stretch]:
+    """Where one process of the follower was away, or its sensors failed, since a time of its clock [ns].
+
+    Args:
+        log: One stretch of a session.
+        start_ns: Time zero.
+    """
+    rows = _since_first_command(log.follower)
+    failing = rows["validity"] > 0
+    told = away(rows) & ~joining(rows)
+    found = []
+    for flags, kind in ((told & ~failing, False), (failing, True)):
+        for run in runs_of(rows, flags):
+            times = (rows["time_ns"][run] - start_ns) * 1e-9
+            found.append(Stretch(float(times[0]), float(times[-1]), kind))
+    return found
+
+
+def stretch_figures(log: SessionLog) -> dict[str, Any]:
+    """How often each side began, and which part of the session the figures are of.
+
+    Returns:
+        ``leader_starts``, ``follower_starts``: processes that were heard. ``count``: of `SessionLog.stretches`.
+        ``max_rendered_force_N``, ``max_follower_force_N``: over all of them.
+    """
+    exact, felt = log.follower["exact_force"], log.follower["force"]
+    return {
+        "leader_starts": int(np.unique(log.leader["epoch"]).size),
+        "follower_starts": int(np.unique(log.follower["run"]).size),
+        "count": len(log.stretches()),
+        "max_rendered_force_N": _largest(log.leader["rendered_force"]),
+        "max_follower_force_N": _largest(exact if np.isfinite(exact).any() else felt),
+    }
+
+
+def safety_figures(log: SessionLog) -> dict[str, Any]:
+    """What happened beside following, over all processes of the follower; what did not happen is not there.
+
+    From the first command on; a robot that joins that within 0.1 s is not said to have returned.
+
+    Args:
+        log: The whole session.
+
+    Returns:
+        ``statuses`` and ``sensor_faults``: by name the ``times``, the ``seconds`` and the ``sentence``; what is less
+        than 0.1 s apart is one time. ``refused_commands``: by reason, where there were any. ``control``: who held it,
+        in turn, as the follower said. ``emergency_stops``: their reasons.
+    """
+    parts = [_since_first_command(log.follower[log.follower["run"] == run]) for run in np.unique(log.follower["run"])]
+    refused = {reason: log.counts.get(f"commands_{reason}", 0) for reason in REFUSALS}
+    reasons = [*(stop.reason for stop in log.emergencies), *log.news.get("stopped", ())]
+    return {
+        "statuses": _summed(parts, "status", WITH_THE_COMMANDS, _status),
+        "sensor_faults": _summed(parts, "validity", (SensorState.GOOD,), _fault),
+        "refused_commands": {reason: count for reason, count in refused.items() if count},
+        "control": list(log.news.get("control", ())),
+        "emergency_stops": list(dict.fromkeys(reasons)),
+    }
+
+
+def _summed(parts: list[Rows], column: str, ordinary: tuple[int, ...], name_of: Any) -> dict[str, Any]:
+    """Times and seconds of each value of a column that is not ordinary, over the processes of the follower."""
+    found: dict[str, Any] = {}
+    for value in sorted({int(value) for rows in parts for value in np.unique(rows[column])} - set(map(int, ordinary))):
+        times = ticks = 0
+        seconds = 0.0
+        for rows in parts:
+            flags = rows[column] == value
+            if column == "status":
+                flags &= ~joining(rows)
+            ticks += int(flags.sum())
+            times += len(runs_of(rows, flags))
+            seconds += float(flags.sum()) * usual_period(rows)
+        if ticks:
+            name, sentence = name_of(value)
+            found[name] = {"times": times, "seconds": seconds, "sentence": sentence}
+    return found
+
+
+def _status(value: int) -> tuple[str, str]:
+    try:
+        return Status(value).name.lower(), STATUS_SENTENCES[Status(value)]
+    except ValueError:
+        return f"status {value}", "is not known to this version of foretouch"
+
+
+def _fault(value: int) -> tuple[str, str]:
+    try:
+        return SensorState(value).name.lower(), SENSOR_SENTENCES[SensorState(value)]
+    except ValueError:
+        return f"fault {value}", "is not known to this version of foretouch"
+
+
+def _since_first_command(follower: Rows) -> Rows:
+    begun = np.flatnonzero(follower["command_sequence"] > 0)
+    return follower[begun[0] :] if begun.size else follower[:0]
+
+
+def joining(rows: Rows) -> Flags:
+    """The way to the first command, where it takes no longer than a moment.
+
+    Args:
+        rows: Of `SessionLog.follower`, of one process, from the first command on.
+    """
+    returning = rows["status"] == Status.RETURNING
+    flags = np.zeros(rows.size, dtype=np.bool_)
+    if rows.size and returning[0]:
+        end = rows.size if returning.all() else int(np.argmin(returning))
+        flags[:end] = rows["time_ns"][end - 1] - rows["time_ns"][0] < A_MOMENT_NS
+    return flags
+
+
+def _largest(values: NDArray[np.float64]) -> float | None:
+    finite = values[np.isfinite(values)]
+    return float(finite.max()) if finite.size else None

@@ -1,0 +1,131 @@
+"""What a leader has heard of the follower: which process answers, whom it obeys, and what it does."""
+
+from __future__ import annotations
+
+import math
+
+from foretouch.link import SequenceCounter
+from foretouch.messages import ModelUpdate, Status, Telemetry
+
+__all__ = ["Heard"]
+
+AS_DEEP = 5e-4
+"""A robot that has been as deep as one before, but for so much [m], has felt what that had."""
+
+MOST_OF_FORMER = 200
+"""A process that is thought to be gone and says so much, while the one that is thought to be there says nothing, is not
+gone: its messages only came later."""
+
+TOUCHED_ENOUGH = 3000
+"""Ticks of contact from which on a process knows more than one that is gone: the material may be another."""
+
+
+class Heard:
+    """Tells what is meant for this leader from what is late, from a follower that is gone, or for another leader.
+
+    A follower's process counts its messages from 1. With another process, which its epoch shows, counting begins anew;
+    messages of a process that another has followed are left out, however late they come.
+
+    Args:
+        epoch: Of this leader.
+
+    Attributes:
+        run: Epoch of the follower's process, 0 before the first message.
+        models: Counts arriving models.
+        telemetry: Counts arriving telemetry.
+        in_control: Whether the follower obeys this leader, or nobody yet.
+        had_control: Whether it has ever obeyed this leader.
+        stopped: Whether its emergency stop is latched.
+        shadows: Whether it only watches a robot that somebody else moves: it commands nothing, and obeys nobody.
+        position: Where it was told to be, as the newest telemetry says [m]; NaN before the first.
+        force: That it felt then [N].
+        touching: Whether that was contact.
+        has_relearnt: Whether this process has felt what the one before had: its robot has been as deep, or has touched
+            for 3 s. True for the first process.
+    """
+
+    __slots__ = (
+        "_deepest",
+        "_epoch",
+        "_former",
+        "_of_former",
+        "_renewed",
+        "_to_relearn",
+        "_touched",
+        "force",
+        "had_control",
+        "has_relearnt",
+        "in_control",
+        "models",
+        "position",
+        "run",
+        "shadows",
+        "stopped",
+        "telemetry",
+        "touching",
+    )
+
+    def __init__(self, epoch: int) -> None:
+        self._epoch = epoch
+        self._former: set[int] = set()
+        self._renewed = False
+        self.run = 0
+        self.models = SequenceCounter()
+        self.telemetry = SequenceCounter()
+        self.in_control = True
+        self.had_control = False
+        self.stopped = False
+        self.shadows = False
+        self.position = math.nan
+        self.force = 0.0
+        self.touching = False
+        self.has_relearnt = True
+        self._deepest = self._to_relearn = -math.inf
+        self._touched = 0
+        self._of_former = 0
+
+    def take_telemetry(self, telemetry: Telemetry) -> None:
+        """Note what a telemetry says, if it is the newest."""
+        if not self._is_current(telemetry.run) or not self.telemetry.is_newest(telemetry.sequence):
+            return
+        self.in_control = telemetry.epoch in (0, self._epoch)
+        self.had_control = self.had_control or telemetry.epoch == self._epoch
+        self.stopped = telemetry.status == Status.STOPPED
+        self.shadows = telemetry.status == Status.SHADOW
+        self.position, self.force = telemetry.desired_position, telemetry.force
+        self.touching = telemetry.in_contact
+        self._deepest = max(self._deepest, telemetry.position)
+        self._touched += telemetry.in_contact
+        if self._deepest >= self._to_relearn - AS_DEEP or self._touched >= TOUCHED_ENOUGH:
+            self.has_relearnt = True
+
+    def is_for_us(self, model: ModelUpdate) -> bool:
+        """Whether a model is the newest, and its past is what this leader commanded, or nobody."""
+        newest = self._is_current(model.run) and self.models.is_newest(model.sequence)
+        return newest and model.epoch in (0, self._epoch)
+
+    def take_renewed(self) -> bool:
+        """Whether another process has taken the follower's place since this was asked last."""
+        renewed, self._renewed = self._renewed, False
+        return renewed
+
+    def _is_current(self, run: int) -> bool:
+        if run == self.run:
+            self._of_former = 0
+            return True
+        if run in self._former:
+            self._of_former += 1
+            if self._of_former < MOST_OF_FORMER:
+                return False
+        self._renewed = self.run != 0
+        self._to_relearn = max(self._to_relearn, self._deepest)
+        self._deepest, self._touched = -math.inf, 0
+        self.has_relearnt = self.run == 0
+        self._former.add(self.run)
+        self._former.discard(run)
+        self._of_former = 0
+        self.run = run
+        self.models.restart()
+        self.telemetry.restart()
+        self.position = math.nan
+        return True

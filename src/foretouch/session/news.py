@@ -1,0 +1,79 @@
+"""What the sides say to people: one sentence while something is not as it should be."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+
+from foretouch.identification import SENSOR_SENTENCES, SensorState
+from foretouch.messages import PROCESS, STATUS_SENTENCES, Status
+from foretouch.session import follower
+from foretouch.session.heard import Heard
+from foretouch.session.lease import LEASE
+
+__all__ = ["follower_news", "follower_says", "leader_news", "shadow_news"]
+
+LONGEST_SILENCE = 0.5
+"""An operator is told that nothing comes of the follower after so long [s]."""
+
+
+def follower_says(state: follower.State) -> dict[str, str]:
+    """What a follower's `Hello` says beside its settings: its process, who holds control, and what is amiss."""
+    return {
+        PROCESS: str(state.run),
+        "control": state.lease.holder,
+        "trouble": follower_news(state),
+        "stopped": state.safety.stop_reason,
+    }
+
+
+def follower_news(state: follower.State) -> str:
+    """One sentence about the robot while it does not follow the commands that there were; else ""."""
+    safety, watch = state.safety, state.watch
+    if safety.stop_reason and watch.state is not SensorState.GOOD:
+        why = f"it holds its place and may press, for {SENSOR_SENTENCES[watch.state]}"
+        return f"emergency stop ({safety.stop_reason}): {why}; once that is mended: kill -USR2 {os.getpid()}"
+    if safety.stop_reason:
+        left = "unloads" if safety.pressing else "is unloaded"
+        return f"emergency stop ({safety.stop_reason}): it {left}; to release it at rest: kill -USR2 {os.getpid()}"
+    if watch.state is not SensorState.GOOD:
+        again = f"; once that is mended: kill -USR2 {os.getpid()}"
+        return f"the robot holds its place and learns nothing: {SENSOR_SENTENCES[watch.state]}{again}"
+    if safety.status in (Status.HOLDING, Status.UNLOADING, Status.RETREATING) and state.lease.epoch:
+        return f"the robot {STATUS_SENTENCES[safety.status]}"
+    return ""
+
+
+def leader_news(heard: Heard, follower_texts: Mapping[str, str], silence: float = 0.0) -> str:
+    """One sentence for an operator whose commands are not obeyed, or who does not know whether they are; else "".
+
+    Args:
+        heard: Of the follower.
+        follower_texts: What its newest `Hello` says.
+        silence: Time since anything came of it [s].
+    """
+    if heard.run and silence > LONGEST_SILENCE:
+        return "nothing is heard of the follower: the hand feels the newest model, whatever the robot does"
+    if heard.shadows:
+        return f"the robot {STATUS_SENTENCES[Status.SHADOW]}"
+    if heard.in_control:
+        return follower_texts.get("trouble", "")
+    other = follower_texts.get("control") or "another leader"
+    if heard.had_control:
+        return f"lost control to {other}: start this leader again to have it back"
+    return f"{other} holds control: this leader has it after {LEASE:g} s of silence"
+
+
+def shadow_news(state: follower.State, asked: str) -> str:
+    """One sentence for who moves a robot that is only watched; else "".
+
+    Args:
+        state: Of the follower that watches.
+        asked: Why an emergency stop was asked for; empty while none was.
+    """
+    if asked:
+        return f"emergency stop ({asked}): nothing is commanded from here, so stop the robot where it is moved"
+    if state.watch.state is not SensorState.GOOD:
+        again = f"; once that is mended: kill -USR2 {os.getpid()}"
+        return f"nothing is learnt: {SENSOR_SENTENCES[state.watch.state]}{again}"
+    return ""

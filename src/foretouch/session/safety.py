@@ -1,0 +1,285 @@
+"""What stands between commands and robot: whatever the leader says, and whether it says anything."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from foretouch.messages import Status
+from foretouch.models.checks import require
+from foretouch.session.force_guard import PATIENCE, ForceGuard
+from foretouch.session.motion_limits import MotionLimits
+
+__all__ = ["REST_FORCE", "Safety", "SafetyLimits", "impact_speed"]
+
+STIFFEST, MOST_DAMPED = 1e5, 500.0
+"""What nobody has struck yet counts as so stiff [N/m], which is bone under a probe, and so damped [N s/m]."""
+
+AIMED = 0.95
+"""Share of the force ceiling that a press is brought to: a sensor errs, and a drive passes its aim by a little."""
+
+HIDDEN = 2.0
+"""A contact counts as so many times more damped than it was felt: what it damps, it ends before a sensor shows it."""
+
+IMPACT_SHARE, DAMPING_SHARE = 0.45, 0.75
+"""Shares of the force ceiling that mass and stiffness, and damping, may take in an impact by their formulas: drive and
+sensor are late beside the first; the second is there at once, and a robot that sets out overshoots its speed."""
+
+MARGIN = 2e-3
+"""It has braked so far before the surface [m]: a drive is late."""
+
+UNLOADED, REST_FORCE = 0.5, 1.0
+"""A robot that unloads goes back until it feels the first [N]; the second counts as unloaded [N]."""
+
+REST_SPEED, SEEN_AT_REST = 5e-3, 1e-2
+"""A robot is at rest whose path is slower than the first, and whose own velocity, as its encoder shows it, than the
+second [m/s]."""
+
+REJOINED_FOR = 0.3
+"""A robot that has kept up with the commands for so long [s] follows them again: longer than the playout takes to lead
+from where it was held to where they are."""
+
+CLEARANCE = 5e-3
+"""A robot that retreats goes so far out of the contact that it was in [m]."""
+
+
+@dataclass(frozen=True, slots=True)
+class SafetyLimits:
+    """What a follower never does, whatever it is told.
+
+    Args:
+        force: Ceiling of the contact force [N]; 15 is what the paper holds for a hand.
+        depth: Deepest below the surface that was felt [m].
+        workspace: Smallest and largest position [m].
+        speed: [m/s].
+        acceleration: [m/s^2].
+        jerk: [m/s^3].
+        mass: That moves with the probe [kg]: for `impact_speed`.
+        return_speed: Inwards, on the way back to the commands after it was held [m/s].
+        hold_after: Time without a fresh command until it holds [s].
+        unload_after: And until it unloads [s].
+        retreats: Whether it then goes out the way that it came.
+
+    Raises:
+        SettingError: A number out of range.
+    """
+
+    force: float = 15.0
+    depth: float = 0.05
+    workspace: tuple[float, float] = (-math.inf, math.inf)
+    speed: float = 0.25
+    acceleration: float = 40.0
+    jerk: float = 1e5
+    mass: float = 0.4
+    return_speed: float = 0.05
+    hold_after: float = 0.05
+    unload_after: float = 0.5
+    retreats: bool = False
+
+    def __post_init__(self) -> None:
+        for name in ("force", "depth", "speed", "acceleration", "jerk", "mass", "return_speed", "hold_after"):
+            require(name, getattr(self, name), above=0.0)
+        require("unload_after", self.unload_after, at_least=self.hold_after)
+
+
+def impact_speed(force: float, mass: float, stiffness: float) -> float:
+    r"""Speed at which a mass meets a spring so that the force of the impact peaks at this [m/s].
+
+    .. math:: v = \frac{F}{\sqrt{m K}}
+
+    by the energy of both; what a drive adds, which pushes on until it feels the contact, is not in it.
+
+    Args:
+        force: F [N].
+        mass: m [kg].
+        stiffness: K [N/m].
+    """
+    return force / math.sqrt(mass * stiffness)
+
+
+class Safety:
+    r"""The last stage before the robot.
+
+    In this order, each tick:
+
+    1. **What it does** (`Status`): after an emergency stop it unloads and stays so; with a fault of its sensors it
+       holds; without a fresh command it holds after 50 ms, and after 500 ms unloads, or retreats. Unloading is
+       compliant: the force is brought to 0.5 N as `ForceGuard` says.
+    2. **The way back** to the commands is inwards no faster than the return speed, until it has been with them for
+       0.3 s; outwards it is free.
+    3. **Force**: deeper no faster than `ForceGuard` allows for 95 % of the ceiling, and back where that is passed, also
+       while it holds.
+    4. **Impact**: towards what may be there no faster than
+
+       .. math:: v = \sqrt{v_0^2 + A\, d}, \quad v_0 = \min\left(\frac{0.45\, F}{\sqrt{m K}}, \frac{0.75\, F}{b}\right)
+
+       d being the way to 2 mm before the surface that was felt, 0 while there is none; K the stiffest contact so far,
+       at most 100 kN/m, and b twice the most damped, at most 500 N s/m. Both are that as long as no surface is known,
+       or no contact began at 10 mm/s or more. Clipping the force alone would come too late: an impact peaks at about
+       :math:`v \sqrt{m K}`, and what damps pushes with :math:`b v` at once.
+    5. **Depth and workspace.**
+    6. **Speed, acceleration, jerk** (`MotionLimits`).
+
+    It never raises; a command that is no number counts as none.
+
+    Args:
+        limits: What is never done.
+        sample_period: T [s], positive.
+
+    Attributes:
+        status: What it did in the newest tick.
+        stop_reason: Why it was stopped; empty while it is not.
+        pressing: Whether the robot feels more than 1 N, or nobody knows what it feels.
+    """
+
+    __slots__ = (
+        "_aim",
+        "_guard",
+        "_limits",
+        "_met",
+        "_motion",
+        "_new",
+        "_period",
+        "_returning",
+        "pressing",
+        "status",
+        "stop_reason",
+    )
+
+    def __init__(self, limits: SafetyLimits, sample_period: float) -> None:
+        self._limits = limits
+        self._period = sample_period
+        self._guard = ForceGuard()
+        self._motion = MotionLimits(limits.speed, limits.acceleration, limits.jerk, sample_period)
+        self._aim = math.nan
+        self._returning = False
+        self._met = 0
+        self._new = True  # it has not followed yet: nothing leads from anywhere
+        self.status = Status.FOLLOWING
+        self.stop_reason = ""
+        self.pressing = False
+
+    def stop(self, reason: str) -> None:
+        """Emergency stop: latches; the first reason stays."""
+        self.stop_reason = self.stop_reason or reason or "no reason given"
+
+    def release(self, velocity: float, force: float) -> bool:
+        """Let a stopped robot follow again, if it is at rest: whether it was.
+
+        Args:
+            velocity: Of the robot [m/s].
+            force: That it feels [N].
+        """
+        still = abs(self._motion.velocity) <= REST_SPEED and abs(velocity) <= SEEN_AT_REST
+        if not (still and abs(force) <= REST_FORCE):
+            return False
+        self.stop_reason = ""
+        return True
+
+    def update(
+        self,
+        desired: float,
+        position: float,
+        force: float,
+        in_contact: bool,
+        *,
+        surface: float,
+        silence: float,
+        faulty: bool,
+        guarded: bool = False,
+    ) -> float:
+        """One tick: the position for the robot [m].
+
+        Args:
+            desired: What the commands say [m].
+            position: Where the robot is [m].
+            force: That it feels [N].
+            in_contact: Whether that is contact.
+            surface: That was felt [m]; NaN while there is none.
+            silence: Time since the newest fresh command [s]; infinite before the first.
+            faulty: Whether the sensors are not to be trusted.
+            guarded: Whether `desired` was held back for a first touch.
+        """
+        if math.isnan(self._aim):
+            self._aim = position if math.isfinite(position) else desired
+        guard = self._guard
+        if faulty:
+            guard.observe(math.nan, math.nan, False)
+        else:
+            guard.observe(position, force, in_contact, self._motion.velocity)
+        self.pressing = faulty or not abs(force) <= REST_FORCE
+        self.status = self._decide(silence, faulty)
+        fastest = self._fastest(position, surface)
+        aim, shifted = self._ahead(fastest)
+        if self.status < Status.HOLDING:
+            if math.isfinite(desired):
+                self._met = 0 if desired > aim else self._met + 1
+                kept_up = self._met > 0 if self._new else self._met * self._period >= REJOINED_FOR
+                self._returning = self._returning and not kept_up
+                self._new = self._new and self._returning
+            aim = min(desired if math.isfinite(desired) else self._aim, aim)
+        if guarded and self.status is Status.FOLLOWING:
+            self.status = Status.GUARDED
+        self._aim = self._within(aim, surface)
+        return self._motion.update(self._aim, max(fastest, 0.0), shifted)
+
+    def _ahead(self, fastest: float) -> tuple[float, float]:
+        """The aim in the next tick, never further inside than the path soon is, for it would press on by itself.
+
+        Beside it, by how far it was set back for that. [m]
+        """
+        path = self._motion.position
+        shifted = 0.0 if math.isnan(path) else min(path + max(fastest, 0.0) * PATIENCE - self._aim, 0.0)
+        return self._aim + shifted + fastest * self._period, shifted
+
+    def _decide(self, silence: float, faulty: bool) -> Status:
+        limits = self._limits
+        if self.stop_reason:
+            status = Status.STOPPED
+        elif faulty:
+            status = Status.SENSOR_FAULT
+        elif silence >= limits.unload_after:
+            status = Status.RETREATING if limits.retreats else Status.UNLOADING
+        elif silence >= limits.hold_after:
+            status = Status.HOLDING
+        else:
+            return Status.RETURNING if self._returning else Status.FOLLOWING
+        self._returning, self._met = True, 0
+        return status
+
+    def _fastest(self, position: float, surface: float) -> float:
+        """How fast it may go deeper, negative where it has to go back [m/s]."""
+        limits, status = self._limits, self.status
+        stiffness, damping = self._worst(surface)
+        back = max(self._guard.speed(AIMED * limits.force, damping), -limits.speed)
+        if status < Status.HOLDING:
+            inwards = min(back, self._impact_speed(surface, stiffness, damping))
+            return min(inwards, limits.return_speed) if self._returning else inwards
+        if status is Status.RETREATING and math.isfinite(surface) and not position < surface - CLEARANCE:
+            return -limits.return_speed
+        if status in (Status.STOPPED, Status.UNLOADING, Status.RETREATING):
+            back = max(self._guard.speed(UNLOADED), -limits.speed)
+        return min(back, 0.0)
+
+    def _worst(self, surface: float) -> tuple[float, float]:
+        """Stiffness [N/m] and damping [N s/m] that are reckoned with."""
+        guard = self._guard
+        if math.isnan(surface) or math.isnan(guard.damping):
+            return STIFFEST, MOST_DAMPED
+        return min(guard.steepest or STIFFEST, STIFFEST), min(HIDDEN * guard.damping, MOST_DAMPED)
+
+    def _impact_speed(self, surface: float, stiffness: float, damping: float) -> float:
+        """How fast it may come to what may be there [m/s]."""
+        limits = self._limits
+        slow = impact_speed(IMPACT_SHARE * limits.force, limits.mass, stiffness)
+        if damping > 0.0:
+            slow = min(slow, DAMPING_SHARE * limits.force / damping)
+        way = 0.0 if math.isnan(surface) else max(surface - MARGIN - self._aim, 0.0)
+        return math.sqrt(slow * slow + limits.acceleration * way)
+
+    def _within(self, wanted: float, surface: float) -> float:
+        """Clip to depth and workspace."""
+        lowest, highest = self._limits.workspace
+        if math.isfinite(surface):
+            highest = min(highest, max(surface + self._limits.depth, lowest))
+        return min(max(wanted, lowest), highest)

@@ -1,0 +1,228 @@
+"""A follower that estimates and predicts and commands nothing: for a first day on a real robot.
+
+Somebody else moves the robot. Both steps of a session run in this one process: the leader's hand is the robot's own
+measured position, and the models reach it as late as the settings say. What would have been rendered is there to be
+seen, recorded and scored; what the follower would have done stays in here.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple
+
+import msgspec
+
+from foretouch.link import FaultStage, ZenohLink
+from foretouch.messages import PROCESS, LeaderState, ModelUpdate, Status, Telemetry
+from foretouch.robot import Robot, RobotSample, RobotSpecification
+from foretouch.session import follower, leader
+from foretouch.session.counting import as_texts, follower_counts, leader_counts, link_counts
+from foretouch.session.frames import framed_robot
+from foretouch.session.housekeeping import Housekeeper, StopFlag
+from foretouch.session.lease import own_epoch
+from foretouch.session.live import LONGEST_CATCH_UP
+from foretouch.session.loop_timer import LoopTimer, steady
+from foretouch.session.news import shadow_news
+from foretouch.session.settings import NO_GRIP, SAMPLE_PERIOD, SessionSettings
+from foretouch.session.shadow_score import ShadowScore
+from foretouch.session.warm_up import warm_up
+
+__all__ = ["SHADOW_CHANNELS", "Inputs", "Outputs", "State", "run_shadow", "shadow_settings", "start", "step"]
+
+SHADOW_CHANNELS = ("settings", "stop", "emergency", "hello")
+"""What the link of a shadow receives: no commands."""
+
+NAME = "shadow"
+"""Of the leader inside, and of the session's operator in what is recorded."""
+
+
+@dataclass(slots=True)
+class State:
+    """What a shadow remembers from tick to tick; updated in place.
+
+    Attributes:
+        following: The follower's step.
+        leading: The leader's, in an open loop.
+        returned: What is on its way from the first to the second.
+        score: How well the force was predicted so far.
+    """
+
+    following: follower.State
+    leading: leader.State
+    returned: FaultStage[ModelUpdate | Telemetry]
+    score: ShadowScore = field(default_factory=ShadowScore)
+
+
+class Inputs(NamedTuple):
+    """What a tick is given.
+
+    Attributes:
+        sample: What the robot's sensors show.
+        period_ns: Since the last tick began [ns].
+        compute_ns: That the last tick's computing took, of both sides [ns].
+        release: Whether somebody at the robot says that the sensors are mended.
+    """
+
+    sample: RobotSample
+    period_ns: int
+    compute_ns: int
+    release: bool = False
+
+
+class Outputs(NamedTuple):
+    """What a tick gives: all that a session's two sides say, and nothing for the robot."""
+
+    record: LeaderState
+    telemetry: Telemetry
+    model: ModelUpdate | None
+
+
+def shadow_settings(settings: SessionSettings) -> SessionSettings:
+    """The settings with nobody's hand in them: none commands, feels the force, or has a clutch, scales or a frame.
+
+    Args:
+        settings: Of the session.
+    """
+    return replace(
+        settings,
+        position_delay=0.0,
+        grip=NO_GRIP,
+        clutch="",
+        largest_stiffness=0.0,
+        position_scale=1.0,
+        force_scale=1.0,
+        leader_frame="0,1",
+        first_touch="follow",
+        baseline="none",
+    )
+
+
+def start(specification: RobotSpecification, settings: SessionSettings, *, epoch: int = 1, run: int = 1) -> State:
+    """State before the first tick.
+
+    Args:
+        specification: Of the robot.
+        settings: Of the session, as `shadow_settings` leaves them.
+        epoch: Of the leader inside (`foretouch.session.lease.own_epoch`).
+        run: Epoch of this process.
+    """
+    return State(
+        follower.start(specification, settings, run=run),
+        leader.start(settings, holder=NAME, epoch=epoch),
+        FaultStage(settings.return_faults),
+    )
+
+
+def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
+    """One tick: the leader at the robot's own position, then the follower, which applies that command at once.
+
+    At equal command both are at the same position, so that what is compared there is the force alone, and a predicted
+    force is as old as the model that it comes from.
+
+    Args:
+        state: Updated in place and returned.
+        inputs: Of this tick.
+        now_ns: Monotonic clock [ns].
+    """
+    sample, period_ns, compute_ns, release = inputs
+    arrived = state.returned.pop_due(now_ns)
+    models = [message for message in arrived if type(message) is ModelUpdate]
+    telemetry = [message for message in arrived if type(message) is Telemetry]
+    state.leading, led = leader.step(
+        state.leading, leader.Inputs(sample.position, models, telemetry, period_ns, compute_ns), now_ns
+    )
+    state.following, acted = follower.step(
+        state.following,
+        follower.Inputs([led.command], sample, period_ns, compute_ns, release=release),
+        now_ns,
+    )
+    # The robot was told nothing; and what the safety layer would have done about it is no news.
+    said = msgspec.structs.replace(acted.telemetry, desired_position=math.nan, status=Status.SHADOW)
+    state.returned.push(now_ns, said)
+    if acted.model is not None:
+        state.returned.push(now_ns, acted.model)
+    if not said.validity:
+        state.score.add(now_ns, said.force, led.record.predicted_force, led.record.delayed_force, said.in_contact)
+    return state, Outputs(led.record, said, acted.model)
+
+
+def run_shadow(
+    link: ZenohLink,
+    robot: Robot,
+    settings: SessionSettings,
+    *,
+    stop: StopFlag,
+    say: Callable[[str], None],
+    description: dict[str, str],
+    duration: float | None = None,
+    parent: int | None = None,
+) -> None:
+    """Watch a robot until a `Stop` arrives, `stop` is set, or `duration` [s] is over; then say how well it went.
+
+    An emergency stop stops nothing here, and who asks for one is told so. The console's force delay is taken, and
+    scoring begins anew with it.
+
+    Args:
+        link: With `SHADOW_CHANNELS`.
+        robot: That somebody else moves; it is given no position. It counts as the settings' follower frame says.
+        settings: Of the session; what is the hand's among them is left out.
+        stop: Looked at in every tick.
+        say: Prints one line for people.
+        description: Further texts for the `Hello` messages.
+        duration: [s], None for no end.
+        parent: Process whose end ends this one.
+    """
+    settings = shadow_settings(settings)
+    warm_up(settings)
+    robot = framed_robot(robot, settings.frames[1])
+    epoch = own_epoch()
+    state = start(robot.specification, settings, epoch=epoch, run=epoch)
+    texts = settings.as_text() | {"operator": NAME} | description
+    asked = ""
+
+    def news() -> str:
+        return shadow_news(state.following, asked)
+
+    def describe() -> dict[str, str]:
+        counts = leader_counts(state.leading) | follower_counts(state.following) | link_counts("follower", link)
+        return texts | {PROCESS: str(epoch), "control": "nobody", "trouble": news()} | as_texts(counts)
+
+    house = Housekeeper(link, "follower", describe, stop, say, parent, lambda _: news())
+    house.start()
+    timer = LoopTimer(SAMPLE_PERIOD)
+    sample = robot.read()
+    woke, compute = 0, 0
+    end = None if duration is None else time.monotonic_ns() + round(duration * 1e9)
+    with steady():
+        while not stop.reason:
+            now, periods = timer.wait()
+            for _ in range(min(periods, LONGEST_CATCH_UP)):
+                sample = robot.exchange(math.nan)
+            if link.inboxes["settings"]:
+                state.returned.delay = link.take("settings")[-1][1].force_delay
+                state.score = ShadowScore()
+            # Taken only where it is there: a signal may come at any moment, and is not to be lost.
+            if release := stop.release:
+                asked, stop.release = "", False
+            for _, message in link.take("emergency"):
+                asked = message.reason or "no reason given"
+            if stop.emergency:
+                asked, stop.emergency = stop.emergency, ""
+            if link.inboxes["stop"]:
+                stop.set(link.take("stop")[-1][1].reason)
+            if end is not None and now >= end:
+                stop.set("the duration is over")
+            inputs = Inputs(sample, timer.woke_ns - woke if woke else 0, compute, release)
+            woke = timer.woke_ns
+            began = time.perf_counter_ns()
+            state, outputs = step(state, inputs, now)
+            compute = time.perf_counter_ns() - began
+            link.publish(outputs.record)
+            link.publish(outputs.telemetry)
+            if outputs.model is not None:
+                link.publish(outputs.model)
+    house.close(stop.reason)
+    say(f"shadow: {state.score.sentence(state.returned.delay)}")

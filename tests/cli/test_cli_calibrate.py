@@ -1,0 +1,143 @@
+"""`foretouch calibrate` as a user types it, on the example files of the documentation, whose truth is known."""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner, Result
+
+from foretouch.cli.app import app
+from foretouch.errors import ForetouchError
+from foretouch.recordings import read_calibration
+
+DOCS = Path(__file__).resolve().parents[2] / "docs"
+POSES, BLOCK, SPRING = (DOCS / "examples" / f"{name}.csv" for name in ("poses", "block", "spring"))
+
+
+@pytest.fixture(scope="module")
+def truth() -> ModuleType:
+    spec = importlib.util.spec_from_file_location("examples", DOCS / "make_calibration_examples.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def run(*arguments: object) -> Result:
+    return CliRunner().invoke(app, [str(argument) for argument in arguments])
+
+
+def output_of(*arguments: object) -> dict[str, Any]:
+    result = run(*arguments, "--json")
+    assert result.exit_code == 0, result.exception
+    content = json.loads(result.stdout)
+    assert isinstance(content, dict)
+    return content
+
+
+def refusal_of(*arguments: object) -> str:
+    result = run(*arguments)
+    assert isinstance(result.exception, ForetouchError), result.output
+    assert "\n" not in str(result.exception)
+    return str(result.exception)
+
+
+def test_the_example_files_are_those_of_the_script(truth: ModuleType) -> None:
+    assert truth.poses() == POSES.read_text()
+
+
+def test_the_truth_lies_within_three_standard_errors(truth: ModuleType, tmp_path: Path) -> None:
+    content = output_of("calibrate", "sensor", POSES, "--output", tmp_path / "sensor.toml")
+    found = read_calibration(tmp_path / "sensor.toml")
+    for name, expected in (
+        ("force_bias", truth.FORCE_BIAS),
+        ("torque_bias", truth.TORQUE_BIAS),
+        ("tool_mass", truth.MASS),
+        ("centre_of_mass", truth.CENTRE),
+    ):
+        away = np.abs((np.array(getattr(found, name)) - expected) / np.array(getattr(found, f"{name}_error")))
+        assert np.all(away < 3.0), name
+    assert content["force_bias_N"] == list(found.force_bias or ())
+    assert content["free_air_force_N"] == pytest.approx(-truth.FORCE_BIAS[2] - truth.MASS * truth.GRAVITY, abs=0.03)
+    assert content["poses"] == 8
+    assert 0.005 < content["force_residual_rms_N"] < 0.03
+
+
+def test_both_commands_fill_one_file_and_identify_takes_it(truth: ModuleType, tmp_path: Path) -> None:
+    output = tmp_path / "sensor.toml"
+    lag = output_of("calibrate", "sensor", POSES, "--motion", SPRING, "--output", output)
+    assert lag["sensor_lag_s"] == pytest.approx(truth.LAG, abs=3e-4)
+    found = output_of("calibrate", "compliance", BLOCK, "--output", output)
+    series = 1.0 / (1.0 / truth.STIFFNESS + 1.0 / 400e3)  # the block gives way too
+    assert found["series_stiffness_N_per_m"] == pytest.approx(series, abs=3.0 * found["series_stiffness_error_N_per_m"])
+    assert found["lost_motion_m"] == pytest.approx(truth.LOST_MOTION, abs=1.5e-6)
+    both = read_calibration(output)
+    assert both.tool_mass is not None
+    assert both.series_stiffness == found["series_stiffness_N_per_m"]
+    again = output_of("calibrate", "sensor", POSES, "--output", output)  # without motion the lag stays
+    assert again["sensor_lag_s"] == lag["sensor_lag_s"]
+    assert read_calibration(output) == both
+    law = ("--model", "kelvin-voigt", "--estimator", "offline", "--surface", 0.01)
+    plain, mended = output_of("identify", SPRING, *law), output_of("identify", SPRING, *law, "--sensor", output)
+    assert plain.keys() == mended.keys()
+    assert abs(mended["parameters"]["stiffness"] - 3000.0) < 40.0 < 150.0 < abs(plain["parameters"]["stiffness"] - 3000)
+    assert mended["sensor_lag_s"] < 1e-4
+    assert mended["force_offset_N"] == both.force_offset
+
+
+def test_an_approach_along_another_axis(truth: ModuleType, tmp_path: Path) -> None:
+    content = output_of("calibrate", "sensor", POSES, "--axis", "0,-2,0", "--approach-gravity", 0)
+    assert content["free_air_force_N"] == pytest.approx(truth.FORCE_BIAS[1], abs=0.03)
+
+
+def test_pages_and_text(tmp_path: Path) -> None:
+    for arguments in (("sensor", POSES), ("compliance", BLOCK)):
+        result = run("calibrate", *arguments, "--report", tmp_path / arguments[0])
+        assert result.exit_code == 0, result.exception
+        assert "residual_rms" in result.stdout
+        page = (tmp_path / arguments[0] / "index.html").read_text()
+        assert page.count("data:image/svg+xml") == 1
+        assert arguments[1].name in page
+
+
+def test_refusals_leave_the_file_as_it_was(tmp_path: Path) -> None:
+    output = tmp_path / "sensor.toml"
+    output_of("calibrate", "compliance", BLOCK, "--output", output)
+    before = output.read_bytes()
+    lines = POSES.read_text().splitlines()
+    flat = tmp_path / "flat.csv"
+    flat.write_text("\n".join([lines[0], *lines[1:3], *lines[1:3]]) + "\n")
+    assert "add poses with the sensor tilted" in refusal_of("calibrate", "sensor", flat, "--output", output)
+    assert "samples while loading" in refusal_of("calibrate", "compliance", air(tmp_path), "--output", output)
+    assert "tell no lag" in refusal_of("calibrate", "sensor", POSES, "--motion", air(tmp_path), "--output", output)
+    assert output.read_bytes() == before
+    assert "is what is read" in refusal_of("calibrate", "compliance", output, "--output", output)
+    assert "must end with .toml" in refusal_of("calibrate", "sensor", POSES, "--output", tmp_path / "sensor.csv")
+    assert "axis = '1,2'" in refusal_of("calibrate", "sensor", POSES, "--axis", "1,2")
+    assert "no such file" in refusal_of("calibrate", "compliance", tmp_path / "no.csv")
+    assert "No such file" in refusal_of("calibrate", "sensor", tmp_path / "no.csv")
+    assert {path.name for path in tmp_path.iterdir()} == {"sensor.toml", "flat.csv", "air.csv"}
+
+
+def air(folder: Path) -> Path:
+    """A recording that never touches."""
+    path = folder / "air.csv"
+    noise = np.random.default_rng(0).normal(0.3, 0.01, 2000)
+    rows = "\n".join(f"{0.001 * tick:.3f},{1e-6 * tick:.6f},{force:.4f}" for tick, force in enumerate(noise))
+    path.write_text(f"time_s,position_m,force_N\n{rows}\n")
+    return path
+
+
+def test_what_is_given_twice_is_refused(tmp_path: Path) -> None:
+    output = tmp_path / "sensor.toml"
+    output_of("calibrate", "sensor", POSES, "--motion", SPRING, "--output", output)
+    for option in ("--force-offset", "--sensor-lag"):
+        assert "give one of them" in refusal_of("identify", SPRING, "--sensor", output, option, 0.001)
+    assert "cannot be read" in refusal_of("identify", SPRING, "--sensor", tmp_path / "none.toml")

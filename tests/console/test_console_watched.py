@@ -1,0 +1,196 @@
+"""What the console keeps of several speakers, and what it says of the robot."""
+
+from __future__ import annotations
+
+import itertools
+import threading
+import time
+from typing import Any
+
+import msgspec
+import pytest
+
+from foretouch.console.emergency import ASKING_PERIOD, LEAST_ASKED, EmergencyCall
+from foretouch.console.sentences import INSECURE, doing, robot_alerts, warnings
+from foretouch.console.watched import GONE, MOST_SPEAKERS, Watched
+from foretouch.identification import SENSOR_SENTENCES, SensorState
+from foretouch.messages import STATUS_SENTENCES, VERSION, Hello, LeaderState, Status, Telemetry
+
+NOW = 100.0
+STATE = LeaderState(VERSION, 1, 1_000_000, 0.01, 0.0, 1.0, 1.0, 0.5, 1, 1, 0.0, False, 1_000_000, 50_000, epoch=7)
+TELEMETRY = Telemetry(VERSION, 1, 1, 1, 0.01, 0.01, 0.0, 1.0, 1.0, 1.0, True, False, 1, 1_000_000, 50_000, epoch=7)
+
+
+def telemetry(**changes: Any) -> Telemetry:
+    return msgspec.structs.replace(TELEMETRY, **changes)
+
+
+def state(sequence: int = 1, epoch: int = 7) -> LeaderState:
+    return msgspec.structs.replace(STATE, sequence=sequence, time_ns=sequence * 1_000_000, epoch=epoch)
+
+
+def hello(role: str, **texts: str) -> Hello:
+    return Hello(VERSION, 1, 1, role, tuple(texts), tuple(texts.values()))
+
+
+def watched(*messages: Any, now: float = NOW) -> Watched:
+    heard = Watched()
+    for message in messages:
+        heard.take(message, now)
+    return heard
+
+
+def test_a_robot_that_follows_is_nothing_to_speak_of() -> None:
+    heard = watched(state(), telemetry())
+    assert doing(heard) == ()
+    assert robot_alerts(heard, NOW) == ()
+    assert warnings(heard, NOW) == ()
+
+
+@pytest.mark.parametrize("status", Status)
+def test_every_status_has_its_sentence_in_one_place(status: Status) -> None:
+    heard = watched(state(), telemetry(status=status))
+    told = [*doing(heard), *robot_alerts(heard, NOW)]
+    if status is Status.FOLLOWING:
+        assert told == []
+        return
+    assert len(told) == 1
+    assert STATUS_SENTENCES[status][1:] in told[0]
+    assert told[0][0].isupper()
+    calm = status in (Status.GUARDED, Status.RETURNING, Status.SHADOW)
+    assert doing(heard) == (tuple(told) if calm else ())
+
+
+def test_before_the_first_leader_a_robot_that_holds_still_alarms_nobody() -> None:
+    assert robot_alerts(watched(telemetry(epoch=0, status=Status.UNLOADING)), NOW) == ()
+    assert robot_alerts(watched(telemetry(epoch=0, status=Status.STOPPED)), NOW)
+
+
+def test_what_the_robots_side_says_of_itself_stands_until_its_status_changes() -> None:
+    trouble = "emergency stop (somebody): unloaded; to release it at rest: kill -USR2 4711"
+    heard = watched(state(), telemetry(status=Status.STOPPED), hello("follower", trouble=trouble))
+    (said,) = robot_alerts(heard, NOW)
+    assert said == f"E{trouble[1:]} on the follower's machine."
+    heard.take(telemetry(sequence=2, status=Status.RETURNING), NOW)
+    assert robot_alerts(heard, NOW) == ()
+    heard.take(telemetry(sequence=3, status=Status.HOLDING), NOW)
+    assert STATUS_SENTENCES[Status.HOLDING] in robot_alerts(heard, NOW)[0]
+
+
+def test_a_sensor_fault_is_told_even_while_the_robot_is_stopped() -> None:
+    heard = watched(state(), telemetry(status=Status.STOPPED, validity=SensorState.STUCK))
+    assert SENSOR_SENTENCES[SensorState.STUCK] in robot_alerts(heard, NOW)[1]
+
+
+def test_a_shadow_says_that_it_can_stop_nothing() -> None:
+    trouble = "emergency stop (pressed in the console): nothing is commanded from here"
+    heard = watched(state(), telemetry(status=Status.SHADOW), hello("follower", trouble=trouble))
+    assert robot_alerts(heard, NOW) == (f"E{trouble[1:]}.",)
+
+
+def test_a_sensor_fault_is_told_once() -> None:
+    sentence = SENSOR_SENTENCES[SensorState.STUCK]
+    fault = telemetry(status=Status.SENSOR_FAULT, validity=SensorState.STUCK)
+    heard = watched(state(), fault, hello("follower", trouble=f"nothing is learnt: {sentence}; then kill -USR2 4711"))
+    assert robot_alerts(heard, NOW) == (
+        f"Nothing is learnt: {sentence}; then kill -USR2 4711 on the follower's machine.",
+    )
+
+
+def test_a_status_and_a_sensor_state_of_another_version_are_no_error() -> None:
+    assert len(robot_alerts(watched(state(), telemetry(status=99, validity=99)), NOW)) == 2
+
+
+def test_each_side_that_falls_silent_alone_is_named() -> None:
+    heard = watched(state(), telemetry())
+    heard.take(state(2), NOW + 0.5)
+    (said,) = robot_alerts(heard, NOW + 0.5)
+    assert said.startswith("The robot's side has been silent for 0.5 s")
+    heard = watched(state(), telemetry())
+    heard.take(telemetry(sequence=2), NOW + 0.5)
+    (said,) = robot_alerts(heard, NOW + 0.5)
+    assert said.startswith("The leader has been silent for 0.5 s")
+    assert robot_alerts(heard, NOW + 5.0) == ()  # both: the session has gone silent, which the status line says
+    assert "from the beginning" in robot_alerts(watched(state()), NOW)[0]
+    assert robot_alerts(watched(telemetry()), NOW) == ()  # it waits for a leader
+
+
+def test_of_two_leaders_the_one_that_is_obeyed_is_shown() -> None:
+    heard = watched(state(1, epoch=8), telemetry(), hello("follower", control="ann"))
+    assert robot_alerts(heard, NOW) == ("ann holds control: the robot does not obey the leader that is shown here.",)
+    heard.take(state(500), NOW)
+    heard.take(state(2, epoch=8), NOW)
+    assert heard.leader == state(500)
+    assert len(heard.history.window().time) <= 1
+    assert robot_alerts(heard, NOW) == ("2 leaders speak: ann holds control and is shown here.",)
+
+
+def test_another_leader_is_shown_once_the_one_shown_is_gone() -> None:
+    heard = watched(state(500), telemetry())
+    heard.take(state(1, epoch=9), NOW + 0.9 * GONE)
+    assert heard.leader == state(500)
+    heard.take(state(2, epoch=9), NOW + 1.1 * GONE)
+    assert heard.leader == state(2, epoch=9)
+
+
+def test_commands_of_another_leader_are_not_drawn_as_this_ones() -> None:
+    """Both count from 1; a robot that obeys epoch 8 has measured nothing at the commands of epoch 7."""
+    heard = watched(*(state(i) for i in range(1, 60)))
+    heard.take(telemetry(command_sequence=40, epoch=8, force=9.0), NOW)
+    heard.take(telemetry(command_sequence=50, epoch=7, force=2.0), NOW)
+    true = heard.history.window().true
+    assert list(true[true == true]) == [2.0]
+
+
+def test_the_settings_are_those_of_the_leader_in_control() -> None:
+    ann, bob = hello("leader", leader="ann", operator="browser"), hello("leader", leader="bob", operator="scripted")
+    heard = watched(hello("follower", control="ann"), ann, bob)
+    assert heard.operator == "browser"
+    assert watched(hello("follower", control="bob"), bob, ann).operator == "scripted"
+
+
+def test_speakers_without_end_fill_nothing() -> None:
+    heard = watched(*(hello("leader", leader=f"leader {i}") for i in range(1000)))
+    for i in range(1000):
+        heard.take(state(1, epoch=i), NOW)
+    assert len(heard._hellos) <= MOST_SPEAKERS
+    assert len(heard._leaders) <= MOST_SPEAKERS
+    assert heard.settings["leader"] == "leader 999"
+
+
+def test_a_recording_that_is_not_all_there_is_said_and_so_is_a_recorder_that_is_gone() -> None:
+    heard = watched(hello("recorder", recorder_failed="session.mcap: the disk is full"), state())
+    assert warnings(heard, NOW) == ("The recording is not all there: session.mcap: the disk is full",)
+    heard = watched(hello("recorder"), hello("leader", insecure="yes"))
+    heard.take(state(), NOW + 4.0)
+    assert warnings(heard, NOW + 4.0)[0] == INSECURE
+    assert warnings(heard, NOW + 4.0)[1].startswith("The recorder has been silent for 4 s")
+
+
+def test_an_emergency_stop_is_asked_for_until_the_robot_has_stopped() -> None:
+    asked: list[float] = []
+    enough = threading.Event()
+
+    def ask() -> None:
+        asked.append(time.monotonic())
+        if len(asked) == 8:
+            enough.set()
+
+    call = EmergencyCall(ask)
+    try:
+        assert not call.asking
+        call.press()
+        call.answered()  # what was under way before the press counts for nothing
+        assert call.asking
+        assert enough.wait(10.0)
+        assert min(b - a for a, b in itertools.pairwise(asked)) > 0.8 * ASKING_PERIOD
+        call.answered()
+        assert not call.asking
+        time.sleep(3 * ASKING_PERIOD)
+        count = len(asked)
+        assert LEAST_ASKED <= count <= 9
+        time.sleep(3 * ASKING_PERIOD)
+        assert len(asked) == count
+    finally:
+        call.close()
+    assert not call._thread.is_alive()

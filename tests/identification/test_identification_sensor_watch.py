@@ -1,0 +1,235 @@
+"""The watch over the sensors: every fault is found in time, and nothing where there is none."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from foretouch.errors import SettingError
+from foretouch.identification import SENSOR_SENTENCES, SensorState, SensorWatch
+from foretouch.recordings import DATASETS, read_recording
+from foretouch.robot import MATERIALS, make_robot
+
+PERIOD = 1e-3
+Sample = tuple[float, float, float]
+
+
+def free_air(count: int = 2000, seed: int = 0, speed: float = 0.0) -> list[Sample]:
+    """A noisy sensor in free air, still or moving to and fro."""
+    random = np.random.default_rng(seed)
+    time = PERIOD * np.arange(count)
+    position = -0.02 + 0.005 * np.sin(speed / 0.005 * time) + random.normal(0.0, 2e-6, count)
+    return list(zip(time.tolist(), position.tolist(), (0.3 + random.normal(0.0, 0.02, count)).tolist(), strict=True))
+
+
+def states(samples: list[Sample], watch: SensorWatch | None = None) -> list[SensorState]:
+    watch = SensorWatch((-50.0, 50.0)) if watch is None else watch
+    return [watch.update(*sample) for sample in samples]
+
+
+def changed(samples: list[Sample], begin: int, end: int, change: Callable[[Sample], Sample]) -> list[Sample]:
+    return [change(one) if begin <= index < end else one for index, one in enumerate(samples)]
+
+
+def first(found: list[SensorState], state: SensorState) -> int:
+    return found.index(state)
+
+
+@pytest.mark.parametrize("speed", [0.0, 0.04])
+def test_good_sensors_are_good(speed: float) -> None:
+    assert set(states(free_air(speed=speed))) == {SensorState.GOOD}
+
+
+@pytest.mark.parametrize("late", [0.005, 0.03, 0.06, 0.09])
+def test_a_loop_that_is_held_up_is_no_dropout(late: float) -> None:
+    """Samples that come late are new all the same."""
+    held = [(time + late * (index // 100), *rest) for index, (time, *rest) in enumerate(free_air())]
+    assert set(states(held)) == {SensorState.GOOD}
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf, 1e300])
+@pytest.mark.parametrize("column", [0, 1, 2])
+def test_what_is_no_number_is_found_at_once_and_passes_in_half_a_second(bad: float, column: int) -> None:
+    samples = free_air()
+    samples[1000] = tuple(bad if place == column else value for place, value in enumerate(samples[1000]))  # type: ignore[assignment]
+    found = states(samples)
+    assert first(found, SensorState.NOT_FINITE) == 1000
+    assert set(found[1000:1490]) == {SensorState.NOT_FINITE}
+    assert set(found[1510:]) == {SensorState.GOOD}
+
+
+def test_a_spike_is_found_a_sample_later_and_passes() -> None:
+    for size in (1.0, -1.0, 30.0):
+        found = states(changed(free_air(), 1000, 1001, lambda one, size=size: (one[0], one[1], one[2] + size)))
+        assert first(found, SensorState.SPIKE) == 1001
+        assert found[1490] is SensorState.SPIKE
+        assert set(found[1510:]) == {SensorState.GOOD}
+
+
+def test_a_blow_that_slows_the_probe_is_no_spike() -> None:
+    """One sample of 20 N on 0.1 kg takes 0.2 m/s."""
+    samples = free_air(1000)
+    way = [
+        -0.1 + 0.3 * PERIOD * index if index < 500 else -0.1 + 0.15 + 0.1 * PERIOD * (index - 500)
+        for index in range(1000)
+    ]
+    samples = [(time, way[index], force) for index, (time, _, force) in enumerate(samples)]
+    blow = changed(samples, 500, 501, lambda one: (one[0], one[1], one[2] + 20.0))
+    assert set(states(blow)) == {SensorState.GOOD}
+    steady = [(time, -0.1 + 0.3 * PERIOD * index, force) for index, (time, _, force) in enumerate(samples)]
+    spike = changed(steady, 500, 501, lambda one: (one[0], one[1], one[2] + 20.0))
+    assert SensorState.SPIKE in states(spike)
+
+
+def test_a_sensor_that_hangs() -> None:
+    samples = free_air(speed=0.04)
+    found = states(changed(samples, 1000, 2000, lambda one: (one[0], one[1], samples[999][2])))
+    assert first(found, SensorState.STUCK) in (1098, 1099, 1100)
+    assert set(found[1100:]) == {SensorState.STUCK}  # stays
+    lost = states(changed(samples, 1000, 1200, lambda one: (one[0], *samples[999][1:])))
+    assert first(lost, SensorState.DROPOUT) in (1018, 1019, 1020)
+    assert lost[1690] is SensorState.DROPOUT
+    assert set(lost[1710:]) == {SensorState.GOOD}
+
+
+def test_repetition_alone_is_no_fault() -> None:
+    """Without noise a sensor may stand; one of few bits, or of a slower rate, repeats."""
+    silent = [(PERIOD * index, 0.0, 0.3) for index in range(2000)]
+    assert set(states(silent)) == {SensorState.GOOD}
+    smooth = [(PERIOD * index, 0.0, 0.3 + math.sin(min(index, 700) * PERIOD)) for index in range(2000)]
+    assert set(states(smooth)) == {SensorState.GOOD}
+    slow = free_air(5000)
+    slow = [(time, position, slow[index - index % 12][2]) for index, (time, position, _) in enumerate(slow)]
+    held = [(time, slow[index - index % 12][1], force) for index, (time, _, force) in enumerate(slow)]
+    assert set(states(slow)) == {SensorState.GOOD}
+    assert set(states(held)) == {SensorState.GOOD}
+    coarse = [(time, round(position, 5), round(force, 2)) for time, position, force in free_air(5000)]
+    assert set(states(coarse)) == {SensorState.GOOD}
+
+
+def test_the_end_of_the_range_is_found_from_two_samples_and_stays() -> None:
+    for end in (49.5, -49.5, 80.0):
+        found = states(changed(free_air(), 1000, 1100, lambda one, end=end: (one[0], one[1], end)))
+        assert first(found, SensorState.SATURATED) == 1001
+        assert set(found[1001:]) == {SensorState.SATURATED}
+
+
+def test_an_unknown_end_is_never_reached() -> None:
+    high = changed(free_air(), 1000, 1100, lambda one: (one[0], one[1], one[2] + 60.0))
+    assert SensorState.SATURATED not in states(high, SensorWatch((-50.0, math.inf)))
+    assert SensorState.SATURATED in states(high, SensorWatch((-math.inf, 50.0)))
+
+
+@pytest.mark.parametrize("step", [0.4, -0.4, 5.0, -5.0])
+def test_a_step_of_the_offset_of_a_still_probe(step: float) -> None:
+    found = states(changed(free_air(), 1000, 2000, lambda one: (one[0], one[1], one[2] + step)))
+    assert 1045 <= first(found, SensorState.OFFSET_STEP) <= 1055
+    assert found[-1] is SensorState.OFFSET_STEP
+
+
+@pytest.mark.parametrize("step", [1.0, 5.0, -1.0])
+@pytest.mark.parametrize("begin", [2100, 2300, 2500, 2700])
+def test_a_step_of_the_offset_of_a_moving_probe_shows_on_the_way_out(step: float, begin: int) -> None:
+    samples = free_air(4000, speed=0.04)
+    found = states(changed(samples, begin, 4000, lambda one: (one[0], one[1], one[2] + step)))
+    assert SensorState.OFFSET_STEP in found
+    assert first(found, SensorState.OFFSET_STEP) - begin < 1000
+    assert set(found[:begin]) == {SensorState.GOOD}
+
+
+def test_an_encoder_that_jumps() -> None:
+    found = states(changed(free_air(), 1000, 2000, lambda one: (one[0], one[1] + 2e-3, one[2])))
+    assert first(found, SensorState.ENCODER_JUMP) == 1000
+    assert found[-1] is SensorState.ENCODER_JUMP
+
+
+def test_reset_believes_again() -> None:
+    watch = SensorWatch()
+    found = states(changed(free_air(), 1000, 2000, lambda one: (one[0], one[1] + 2e-3, one[2])), watch)
+    assert found[-1] is SensorState.ENCODER_JUMP
+    assert watch.sentence == SENSOR_SENTENCES[SensorState.ENCODER_JUMP]
+    watch.reset()
+    assert watch.state is SensorState.GOOD
+    assert set(states(free_air(), watch)) == {SensorState.GOOD}
+
+
+def test_every_state_has_its_sentence() -> None:
+    assert set(SENSOR_SENTENCES) == set(SensorState)
+    assert len(set(SENSOR_SENTENCES.values())) == len(SensorState)
+
+
+NUMBERS = st.one_of(st.floats(), st.floats(-1.0, 1.0), st.sampled_from([0.0, 1e-3, 5e5, -5e5]))
+
+
+@given(st.lists(st.tuples(st.floats(0.0, 0.2) | st.floats(), NUMBERS, NUMBERS, NUMBERS), max_size=200))
+def test_nothing_makes_it_raise(values: list[tuple[float, float, float, float]]) -> None:
+    watch, time = SensorWatch((-10.0, 10.0)), 0.0
+    for step, position, force, tool_force in values:
+        time += step if math.isfinite(step) and abs(step) < 1.0 else 0.0
+        state = watch.update(time if math.isfinite(step) else step, position, force, tool_force)
+        assert state is watch.state
+
+
+def test_what_it_holds_does_not_grow() -> None:
+    watch = SensorWatch()
+
+    def size() -> int:
+        held = [getattr(watch, name) for name in SensorWatch.__slots__ if hasattr(watch, name)]
+        return sum(len(value) if isinstance(value, tuple) else 1 for value in held)
+
+    samples = free_air(5000, speed=0.04)
+    states(samples[:100], watch)
+    before = size()
+    states(samples[100:], watch)
+    assert size() == before < 40
+    assert not hasattr(watch, "__dict__")
+
+
+def test_bad_settings_are_refused() -> None:
+    for bad in ((5.0, -5.0), (math.nan, 5.0)):
+        with pytest.raises(SettingError, match="force_range"):
+            SensorWatch(bad)
+    with pytest.raises(SettingError, match="largest_speed"):
+        SensorWatch(largest_speed=0.0)
+
+
+# --- no false alarms --------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.data
+@pytest.mark.parametrize("channel", ["raw", "logged"])
+@pytest.mark.parametrize("name", DATASETS)
+def test_measured_sensors_are_good(name: str, channel: str, measured: Callable[[str], Path]) -> None:
+    if channel == "logged" and not name.startswith("tue/"):
+        pytest.skip("has one force channel")
+    recording = read_recording(measured(name), force_channel=channel)
+    columns = (recording.time.tolist(), recording.position.tolist(), recording.force.tolist())
+    assert set(states(list(zip(*columns, strict=True)), SensorWatch())) == {SensorState.GOOD}
+
+
+def motions(seed: int) -> Iterator[tuple[str, Callable[[int, float], float]]]:
+    """Presses, blows at full speed, chatter at the surface, random steps: position over tick and time."""
+    steps = np.random.default_rng(seed).uniform(-0.01, 0.02, 100)
+    yield "presses", lambda tick, time: 0.004 * math.sin(9.0 * time)
+    yield "blows", lambda tick, time: 0.01 if int(time * 5.0) % 2 else -0.01
+    yield "chatter", lambda tick, time: 0.001 * math.sin(2.0 * math.pi * 25.0 * time)
+    yield "steps", lambda tick, time: float(steps[tick // 150])
+
+
+@pytest.mark.parametrize("material", MATERIALS)
+def test_a_simulated_sensor_is_good_whatever_it_hits(material: str) -> None:
+    for seed, (name, motion) in enumerate(motions(7)):
+        robot = make_robot(material, seed=seed)
+        specification = robot.specification
+        watch = SensorWatch((-specification.sensor_range, specification.sensor_range))
+        for tick in range(2500):
+            sample = robot.exchange(robot.surface + motion(tick, tick * PERIOD))
+            tool_force = specification.tool_force(sample.acceleration)
+            state = watch.update(tick * PERIOD, sample.position, sample.sensor_force, tool_force)
+            assert state is SensorState.GOOD, f"{name}: {watch.sentence} at {tick * PERIOD:.3f} s"

@@ -1,0 +1,92 @@
+"""Peers that keep to no rule of ours: bare Zenoh sessions with any certificate, or none."""
+
+from __future__ import annotations
+
+import base64
+import json
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import msgspec
+
+from foretouch.link import ROLES, Identity
+from foretouch.messages import CHANNELS, VERSION, Message, encode
+
+MARK = 666_666
+"""Sequence number of everything that an intruder says."""
+
+
+@contextmanager
+def intruder(
+    *,
+    connect: str | None = None,
+    listen: str | None = None,
+    identity: Identity | None = None,
+    trusts: Identity | None = None,
+) -> Iterator[Any]:
+    """A Zenoh session that shows this certificate, trusts this authority, and has no access list."""
+    import zenoh
+
+    tls: dict[str, object] = {"verify_name_on_connect": False}
+    if trusts is not None:
+        tls["root_ca_certificate_base64"] = base64.b64encode(trusts.certificate).decode()
+    if identity is not None:
+        for end in ("connect", "listen"):
+            tls[f"{end}_certificate_base64"] = base64.b64encode(identity.certificate).decode()
+            tls[f"{end}_private_key_base64"] = base64.b64encode(identity.key).decode()
+        tls["enable_mtls"] = connect is not None
+    settings = {
+        "mode": "peer",
+        "connect/endpoints": [connect] if connect else [],
+        "listen/endpoints": [listen] if listen else [],
+        "connect/timeout_ms": -1,
+        "connect/exit_on_failure": False,
+        "connect/retry": {"period_init_ms": 50, "period_max_ms": 100, "period_increase_factor": 2},
+        "scouting/multicast/enabled": False,
+        "scouting/gossip/enabled": False,
+        "transport/unicast/lowlatency": True,
+        "transport/unicast/qos/enabled": False,
+        "transport/link/tls": tls,
+    }
+    config = zenoh.Config()
+    for key, value in settings.items():
+        config.insert_json5(key, json.dumps(value))
+    with zenoh.open(config) as session:
+        yield session
+
+
+def listen(session: Any, key: str, heard: list[str]) -> Any:
+    """Subscribe, and note the keys of what comes from elsewhere."""
+    import zenoh
+
+    return session.declare_subscriber(
+        key, lambda sample: heard.append(str(sample.key_expr)), allowed_origin=zenoh.Locality.REMOTE
+    )
+
+
+def sample(name: str) -> Message:
+    """A message of a channel, whole and correct, with the intruder's mark."""
+    kind = CHANNELS[name].kind
+    defaults: dict[type, object] = {
+        msgspec.inspect.IntType: 1,
+        msgspec.inspect.FloatType: 0.5,
+        msgspec.inspect.BoolType: True,
+        msgspec.inspect.StrType: "x",
+        msgspec.inspect.BytesType: b"",
+        msgspec.inspect.VarTupleType: (),
+    }
+    info = msgspec.inspect.type_info(kind)
+    assert isinstance(info, msgspec.inspect.StructType)
+    fields = {field.name: defaults[type(field.type)] for field in info.fields}
+    return kind(**fields | {"version": VERSION, "sequence": MARK})  # type: ignore[arg-type]
+
+
+def say_everything(session: Any) -> None:
+    """A message on every channel, and keys that are not ours."""
+    for name in CHANNELS:
+        session.put(f"foretouch/{name}", encode(sample(name)))
+    for role in ROLES:
+        session.put(f"foretouch/hello/{role}", encode(msgspec.structs.replace(sample("hello"), role=role)))
+    session.put("foretouch/command/more", b"x")
+    session.put("elsewhere", b"x")

@@ -1,0 +1,378 @@
+"""Strangers and peers in another's role, over TLS on loopback: what they get and what they give is nothing."""
+
+from __future__ import annotations
+
+import gc
+import os
+import socket
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import pytest
+from intruders import MARK, intruder, listen, sample, say_everything
+
+from foretouch.errors import LinkError
+from foretouch.link import ROLES, Credentials, Identity, KeyFolder, ZenohLink, access_list, free_endpoint, may_publish
+from foretouch.link import load_credentials as load
+from foretouch.link.access import may_claim
+from foretouch.messages import CHANNELS, VERSION, Command, EmergencyStop, Hello, encode
+
+pytest.importorskip("cryptography")
+NOW = datetime.now(UTC)
+TELEMETRY = msgspec.structs.replace(sample("telemetry"), sequence=1)
+
+
+@pytest.fixture(scope="module")
+def ours(tmp_path_factory: pytest.TempPathFactory) -> KeyFolder:
+    keys = KeyFolder(tmp_path_factory.mktemp("ours"))
+    keys.init(NOW)
+    for role in ROLES:
+        keys.issue(role, "", NOW)
+    return keys
+
+
+@pytest.fixture(scope="module")
+def theirs(tmp_path_factory: pytest.TempPathFactory) -> KeyFolder:
+    keys = KeyFolder(tmp_path_factory.mktemp("theirs"))
+    keys.init(NOW)
+    for role in ROLES:
+        keys.issue(role, "", NOW)
+    return keys
+
+
+@pytest.fixture(scope="module")
+def alice(tmp_path_factory: pytest.TempPathFactory, ours: KeyFolder) -> Identity:
+    """A leader of the right authority whose name nobody lists."""
+    elsewhere = KeyFolder(tmp_path_factory.mktemp("alice"))
+    for name in ("authority.key", "authority.crt", "allowed.txt"):
+        (elsewhere.path / name).write_bytes((ours.path / name).read_bytes())
+        (elsewhere.path / name).chmod(0o600)
+    elsewhere.path.chmod(0o700)
+    return elsewhere.issue("leader", "alice", NOW)
+
+
+def until(condition: Callable[[], object], seconds: float = 15.0) -> None:
+    end = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < end, "it did not happen in time"
+        time.sleep(0.02)
+
+
+def link(credentials: Credentials, **more: Any) -> ZenohLink:
+    return ZenohLink(credentials=credentials, **more)
+
+
+def marked(receiver: ZenohLink) -> set[str]:
+    """Channels on which something of the intruder's arrived."""
+    return {name for name in receiver.inboxes if any(m.sequence == MARK for _, m in receiver.take(name))}
+
+
+def test_the_access_list_denies_what_it_does_not_name() -> None:
+    made: Any = access_list(ROLES, ["command", "stop"])
+    assert (made["enabled"], made["default_permission"]) == (True, "deny")
+    ingress = {rule["id"]: rule["key_exprs"] for rule in made["rules"] if "put" in rule["messages"]}
+    assert ingress["leader"] == ["foretouch/command", "foretouch/stop"]
+    assert ingress["follower"] == ingress["watcher"] == ["foretouch/stop"]
+    assert all(rule["permission"] == "allow" for rule in made["rules"])
+    assert {message for rule in made["rules"] for message in rule["messages"]} == {"put", "declare_subscriber"}
+    wide = {key for rule in made["rules"] for key in rule["key_exprs"] if "*" in key}
+    assert wide == {"foretouch/hello/*"}
+    assert not any("*" in key for keys in ingress.values() for key in keys)
+
+
+def test_a_hello_between_machines_is_under_its_speaker_s_key() -> None:
+    made: Any = access_list(ROLES, ["hello"])
+    ingress = {rule["id"]: rule["key_exprs"] for rule in made["rules"] if rule["id"] in ROLES}
+    assert ingress == {role: [f"foretouch/hello/{role}"] for role in ROLES}
+    claims = {
+        ("foretouch/hello", "leader"): True,  # from this machine
+        ("foretouch/hello/leader", "leader"): True,
+        ("foretouch/hello/watcher", "recorder"): True,
+        ("foretouch/hello/watcher", "follower"): False,
+        ("foretouch/hello/leader", "follower"): False,
+        ("foretouch/hello/follower", "recorder"): False,
+    }
+    assert {claim: may_claim(*claim) for claim in claims} == claims
+
+
+@pytest.mark.live
+@pytest.mark.parametrize("role", ROLES)
+def test_no_peer_speaks_in_another_s_name(ours: KeyFolder, role: str) -> None:
+    authority, here, _ = ours.read()
+    endpoint = free_endpoint("tls")
+    with (
+        link(load("leader", ours.path), listen=[endpoint], subscribe=["hello"]) as receiver,
+        intruder(connect=endpoint, identity=here[role], trusts=authority) as session,
+    ):
+        said: set[str] = set()
+
+        def turn() -> set[str]:
+            say_everything(session)
+            said.update(hello.role for _, hello in receiver.take("hello"))
+            return said
+
+        until(turn)
+        for _ in range(20):
+            turn()
+            for claimed in ROLES:
+                forged = msgspec.structs.replace(sample("hello"), role=claimed)
+                session.put(f"foretouch/hello/{role}", encode(forged))
+            time.sleep(0.01)
+        assert said == {role}
+        assert receiver.undecodable > 0
+
+
+def test_who_may_say_what() -> None:
+    assert set(may_publish("follower")) >= {"telemetry", "model", "hello", "stop"}
+    assert set(may_publish("leader")) >= {"command", "leader", "hello", "settings", "stop"}
+    assert set(may_publish("watcher")) >= {"handle", "settings", "stop", "emergency", "hello"}
+    assert not set(may_publish("watcher")) & {"command", "leader", "model", "telemetry"}
+    assert not set(may_publish("follower")) & {"command", "leader", "handle", "settings"}
+    assert not set(may_publish("leader")) & {"model", "telemetry", "handle"}
+
+
+@pytest.fixture
+def lap(ours: KeyFolder) -> Iterator[tuple[str, Callable[[], int]]]:
+    """A follower and a leader that talk over TLS; what a call gives is how many commands have arrived so far."""
+    endpoint = free_endpoint("tls")
+    follower = link(load("follower", ours.path), listen=[endpoint], subscribe=list(CHANNELS))
+    leader = link(load("leader", ours.path), connect=[endpoint], subscribe=list(CHANNELS))
+    arrived = 0
+
+    def turn() -> int:
+        nonlocal arrived
+        leader.publish(Command(VERSION, 1, 1, 0.001, 0))
+        follower.publish(TELEMETRY)
+        arrived += len(follower.take("command"))
+        return arrived
+
+    with follower, leader:
+        until(lambda: turn() and leader.take("telemetry"))
+        turn.follower, turn.leader = follower, leader  # type: ignore[attr-defined]
+        yield endpoint, turn
+
+
+@pytest.mark.live
+@pytest.mark.parametrize("who", ["no certificate", "of another authority", "trusting another", "no TLS", "not listed"])
+def test_a_stranger_gets_nothing_and_gives_nothing(
+    lap: tuple[str, Any], who: str, ours: KeyFolder, theirs: KeyFolder, alice: Identity
+) -> None:
+    endpoint, turn = lap
+    authority, other = ours.read()[0], theirs.read()
+    shown: dict[str, Any] = {
+        "no certificate": {"trusts": authority},
+        "of another authority": {"trusts": authority, "identity": other[1]["leader"]},
+        "trusting another": {"trusts": other[0], "identity": other[1]["follower"]},
+        "no TLS": {},
+        "not listed": {"trusts": authority, "identity": alice},
+    }[who]
+    heard: list[str] = []
+    before = turn()
+    with intruder(connect=endpoint.replace("tls/", "tcp/") if who == "no TLS" else endpoint, **shown) as session:
+        keys = ("**", "foretouch/*", *(f"foretouch/{name}" for name in CHANNELS))
+        kept = [listen(session, key, heard) for key in keys]
+        end = time.monotonic() + 0.7
+        while time.monotonic() < end:
+            say_everything(session)
+            arrived = turn() - before
+            time.sleep(0.01)
+        assert len(kept) == len(keys)
+        assert not heard
+    assert arrived > 20, "the session itself goes on"
+    assert not marked(turn.follower)
+    assert not marked(turn.leader)
+    assert turn.follower.undecodable == turn.leader.undecodable == 0
+
+
+@pytest.mark.live
+@pytest.mark.parametrize("role", ROLES)
+def test_a_peer_is_heard_where_its_role_may_speak_and_nowhere_else(ours: KeyFolder, role: str) -> None:
+    authority, here, _ = ours.read()
+    endpoint = free_endpoint("tls")
+    receivers = {
+        "all": link(load("follower", ours.path), listen=[endpoint], subscribe=list(CHANNELS)),
+        "some": link(load("follower", ours.path), listen=[more := free_endpoint("tls")], subscribe=["command", "stop"]),
+    }
+    expected = {"all": set(may_publish(role)), "some": set(may_publish(role)) & {"command", "stop"}}
+    try:
+        for (name, receiver), place in zip(receivers.items(), (endpoint, more), strict=True):
+            heard: set[str] = set()
+            with intruder(connect=place, identity=here[role], trusts=authority) as session:
+
+                def turn(session: Any = session, receiver: ZenohLink = receiver, heard: set[str] = heard) -> set[str]:
+                    say_everything(session)
+                    heard |= marked(receiver)
+                    return heard
+
+                until(lambda turn=turn, name=name: turn() >= expected[name])
+                for _ in range(10):
+                    turn()
+                    time.sleep(0.02)
+            assert heard == expected[name]
+            assert receiver.undecodable == 0
+    finally:
+        for receiver in receivers.values():
+            receiver.close()
+
+
+@pytest.mark.live
+def test_a_watcher_hears_the_session_and_its_requests_get_no_answer(lap: tuple[str, Any], ours: KeyFolder) -> None:
+    endpoint, turn = lap
+    authority, here, _ = ours.read()
+    heard: list[str] = []
+    with intruder(connect=endpoint, identity=here["watcher"], trusts=authority) as session:
+        kept = listen(session, "foretouch/telemetry", heard)
+        until(lambda: turn() and heard)
+        wide: list[str] = []
+        everything = listen(session, "**", wide)
+        kept.undeclare()
+        time.sleep(0.2)
+        wide.clear()
+        for _ in range(10):
+            turn()
+            time.sleep(0.02)
+        assert not wide, "what is not named is not heard"
+        session.delete("foretouch/stop")
+        assert not list(session.get("**", timeout=0.5))
+        everything.undeclare()
+    assert turn.follower.undecodable == 0
+
+
+@pytest.mark.live
+def test_a_watcher_may_ask_for_an_emergency_stop_and_hears_that_it_was_heard(
+    lap: tuple[str, Any], ours: KeyFolder
+) -> None:
+    endpoint, turn = lap
+    turn.follower.take("emergency")
+    with link(load("watcher", ours.path), connect=[endpoint], subscribe=["telemetry"]) as watcher:
+        stop = EmergencyStop(VERSION, 1, 1, "a watcher shouted")
+        asked: list[str] = []
+
+        def ask() -> bool:
+            watcher.publish(stop)
+            turn()
+            asked.extend(message.reason for _, message in turn.follower.take("emergency"))
+            return bool(asked and watcher.take("telemetry"))
+
+        until(ask)
+    assert set(asked) == {"a watcher shouted"}
+    assert turn.follower.undecodable == 0
+
+
+@pytest.mark.live
+@pytest.mark.parametrize("who", ["of another authority", "in another role"])
+def test_a_leader_takes_nothing_from_a_false_follower(who: str, ours: KeyFolder, theirs: KeyFolder) -> None:
+    endpoint = free_endpoint("tls")
+    authority, here, _ = (theirs if who == "of another authority" else ours).read()
+    identity = here["follower" if who == "of another authority" else "watcher"]
+    heard: list[str] = []
+    with (
+        intruder(listen=endpoint, identity=identity, trusts=authority) as session,
+        link(load("leader", ours.path), connect=[endpoint], subscribe=["model", "telemetry", "leader"]) as leader,
+    ):
+        kept = listen(session, "foretouch/command", heard)
+        for _ in range(40):
+            for name in ("model", "telemetry", "leader"):
+                session.put(f"foretouch/{name}", b"x")
+            leader.publish(Command(VERSION, 1, 1, 0.001, 0))
+            time.sleep(0.02)
+        assert leader.undecodable == 0
+        assert not any(leader.take(name) for name in leader.inboxes)
+        assert who == "in another role" or not heard
+        kept.undeclare()
+
+
+@pytest.mark.live
+def test_what_is_on_this_machine_needs_no_keys_beside_what_is_not(ours: KeyFolder) -> None:
+    """A leader that connects to another machine by TLS listens here by TCP, for its console."""
+    tls, tcp = free_endpoint("tls"), free_endpoint()
+    names = ["telemetry", "hello", "command"]
+    with (
+        link(load("follower", ours.path), listen=[tls, tcp], subscribe=names) as follower,
+        ZenohLink(connect=[tcp], subscribe=["telemetry"]) as local,
+    ):
+        hello = Hello(VERSION, 1, 1, "recorder", (), ())
+        until(lambda: (local.publish(hello), follower.publish(TELEMETRY)) and follower.take("hello"))
+        until(lambda: follower.publish(TELEMETRY) or local.take("telemetry"))
+        assert not follower.insecure
+        assert not local.insecure
+
+
+def test_tls_without_keys_is_refused() -> None:
+    with pytest.raises(LinkError, match="needs keys: foretouch keys init"):
+        ZenohLink(listen=[free_endpoint("tls")])
+
+
+CLIENT = """
+import sys
+sys.path.insert(0, {tests!r})
+from intruders import intruder, sample
+from foretouch.link import KeyFolder
+from foretouch.messages import encode
+import time
+authority, here, _ = KeyFolder({keys!r}).read()
+hello, data = [], encode(sample("hello"))
+for _ in range({count}):
+    hello.clear()
+    with intruder(connect={endpoint!r}, identity=here["watcher"], trusts=authority) as session:
+        kept = session.declare_subscriber("foretouch/telemetry", lambda s: hello.append(1))
+        while not hello:
+            time.sleep(0.002)
+        session.put("foretouch/hello/watcher", data)
+"""
+
+
+def footprint() -> dict[str, int]:
+    """Resident memory [kB], threads, and file descriptors of this process."""
+    gc.collect()
+    status = dict(line.split(":", 1) for line in Path("/proc/self/status").read_text().splitlines())
+    return {
+        "memory_kB": int(status["VmRSS"].split()[0]),
+        "threads": int(status["Threads"]),
+        "files": len(os.listdir("/proc/self/fd")),
+    }
+
+
+@pytest.mark.live
+def test_a_hundred_connects_and_disconnects_leave_nothing_behind(ours: KeyFolder) -> None:
+    endpoint = free_endpoint("tls")
+    host, port = endpoint.removeprefix("tls/").split(":")
+    ended = threading.Event()
+    with link(load("follower", ours.path), listen=[endpoint], subscribe=["hello"]) as follower:
+
+        def speak() -> None:
+            while not ended.wait(0.002):
+                follower.publish(TELEMETRY)
+
+        speaker = threading.Thread(target=speak)
+        speaker.start()
+        first = footprint()
+
+        def connect(count: int) -> None:
+            text = CLIENT.format(tests=str(Path(__file__).parent), keys=str(ours.path), endpoint=endpoint, count=count)
+            subprocess.run([sys.executable, "-c", text], check=True, timeout=120)
+            for _ in range(count // 5):  # and some that say nothing that TLS knows
+                with socket.create_connection((host, int(port)), timeout=5) as stranger:
+                    stranger.sendall(b"GET / HTTP/1.0\r\n\r\n")
+            follower.take("hello")
+            time.sleep(0.5)
+            until(lambda: footprint()["files"] <= first["files"] + 1)  # the network takes strangers one by one
+
+        try:
+            connect(10)
+            before = footprint()
+            connect(100)
+            after = footprint()
+        finally:
+            ended.set()
+            speaker.join()
+    assert after["threads"] <= before["threads"] + 2  # of a pool that grows once
+    assert after["files"] <= before["files"] + 1
+    assert after["memory_kB"] <= before["memory_kB"] + 3000

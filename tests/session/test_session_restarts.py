@@ -1,0 +1,236 @@
+"""Sides that end and begin again, leaders that want the same robot, and the emergency stop: by steps alone."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import pytest
+from lap import Lap
+
+from foretouch.messages import Status, Telemetry
+
+GRIP_OR_NONE = pytest.mark.parametrize("grip", ["none", "normal"])
+
+
+def statuses(said: list[Telemetry]) -> list[Status]:
+    """What the follower did, each stretch once."""
+    return [Status(status) for status, _ in itertools.groupby(one.status for one in said)]
+
+
+def pressing(lap: Lap, name: str = "anna", epoch: int = 11, *, seconds: float = 6.0) -> None:
+    """A leader presses until the robot feels at least 1 N."""
+    lap.start_leader(name, epoch)
+    lap.run(seconds)
+    for _ in range(400):
+        if lap.run(0.01)[-1].force > 1.0:
+            return
+    raise AssertionError("nothing was pressed")
+
+
+@GRIP_OR_NONE
+def test_a_leader_that_dies_leaves_a_robot_that_holds_and_unloads(grip: str) -> None:
+    lap = Lap(grip=grip)
+    pressing(lap)
+    lap.leaders.clear()
+    said = lap.run(4.0)
+    assert [one for one in statuses(said) if one is not Status.GUARDED] == [
+        Status.FOLLOWING,
+        Status.HOLDING,
+        Status.UNLOADING,
+    ]
+    silent = [one.status for one in said].index(Status.HOLDING)
+    assert 50 <= silent <= 80  # what was on its way counts
+    assert max(lap.forces[-1000:]) < 1.0
+
+
+@GRIP_OR_NONE
+def test_its_next_start_has_control_and_a_model_within_a_second(grip: str) -> None:
+    lap = Lap(grip=grip)
+    pressing(lap)
+    lap.leaders.clear()
+    lap.run(1.5)
+    again = lap.start_leader("anna", 12)
+    lap.run(1.0)
+    assert lap.following.lease.epoch == 12
+    assert again.state.heard.in_control
+    assert again.state.renderer.predictor.model is not None
+    assert again.records[-1].engaged
+    before = len(lap.forces)
+    lap.run(8.0)
+    rendered = np.array([one.predicted_force for one in again.records[1000:]])
+    assert rendered.max() == pytest.approx(max(lap.forces[before:]), rel=0.25)
+    assert max(lap.forces) < 15.0
+
+
+@GRIP_OR_NONE
+def test_a_follower_that_begins_again_comes_slowly_and_the_leader_keeps_the_model(grip: str) -> None:
+    lap = Lap(grip=grip)
+    pressing(lap)
+    one = lap.leaders[0]
+    lap.run(0.1, follows=False)  # what is on its way still comes
+    model = one.state.renderer.predictor.model
+    lap.run(1.4, follows=False)
+    assert one.state.renderer.predictor.model is model  # nobody said that it is wrong
+    lap.start_follower(2, robot=True)
+    begun = len(lap.telemetry)
+    lap.run(0.05)
+    assert one.state.heard.run == 2
+    assert one.state.renderer.predictor.model is model
+    assert one.state.renderer.predictor.message == 0  # the new process must not believe that its models are known
+    lap.run(9.0)
+    positions = np.array([said.desired_position for said in lap.telemetry[begun:]])
+    returning = np.array([said.status == Status.RETURNING for said in lap.telemetry[begun:]])
+    assert np.diff(positions)[returning[1:]].max(initial=0.0) <= 0.05e-3 + 1e-9
+    assert one.state.renderer.predictor.message > 0
+    assert one.state.inherits is not one.state.heard.has_relearnt
+    assert one.state.heard.models.received > 50
+    assert max(lap.forces) < 15.0
+    felt = [record.rendered_force for record in one.records]
+    assert np.abs(np.diff(felt)).max() <= 0.2 + 1e-9
+
+
+def test_a_hand_that_presses_as_another_process_answers_feels_no_jump() -> None:
+    lap = Lap(grip="normal")
+    pressing(lap)
+    one = lap.leaders[0]
+    while one.records[-1].rendered_force < 1.5:
+        lap.run(0.01)
+    lap.start_follower(2, robot=True)
+    begun = len(one.records)
+    lap.run(0.2)
+    felt = [record.rendered_force for record in one.records[begun - 1 :]]
+    assert one.state.heard.run == 2
+    assert felt[0] > 1.0
+    assert min(felt) == 0.0  # it is elsewhere, in free air
+    assert np.abs(np.diff(felt)).max() <= 0.1
+
+
+def test_what_a_process_said_that_is_gone_is_left_out_however_late_it_comes() -> None:
+    lap = Lap()
+    pressing(lap)
+    one = lap.leaders[0]
+    old = lap.telemetry[-1]
+    lap.start_follower(2)
+    lap.run(0.2)
+    count = one.state.heard.telemetry.received
+    one.state.heard.take_telemetry(old)
+    assert one.state.heard.run == 2
+    assert one.state.heard.telemetry.received == count
+    assert not one.state.heard.take_renewed() or lap.now < 0
+
+
+@GRIP_OR_NONE
+def test_a_second_leader_is_not_obeyed_and_feels_nothing_until_the_first_is_silent(grip: str) -> None:
+    lap = Lap(grip=grip)
+    pressing(lap)
+    first, second = lap.leaders[0], lap.start_leader("bert", 7)
+    lap.run(3.0)
+    assert lap.following.lease.holder == "anna"
+    assert first.state.heard.in_control
+    assert not second.state.heard.in_control
+    assert not second.state.heard.had_control
+    assert max(one.rendered_force for one in second.records) == 0.0
+    assert lap.following.lease.refused > 2000
+    lap.leaders.remove(first)
+    lap.run(2.0)
+    assert lap.following.lease.holder == "bert"
+    assert second.state.heard.in_control
+    lap.leaders.append(first)  # it comes back as what it was
+    lap.run(0.5)
+    assert lap.following.lease.holder == "bert"
+    assert not first.state.heard.in_control
+    assert first.state.heard.had_control
+    lap.run(1.0)
+    assert first.records[-1].rendered_force == 0.0
+
+
+@GRIP_OR_NONE
+@pytest.mark.parametrize("at", ["leader", "follower"])
+def test_an_emergency_stop_latches_unloads_and_lets_the_hand_go(grip: str, at: str) -> None:
+    lap = Lap(grip=grip)
+    pressing(lap)
+    one = lap.leaders[0]
+    if at == "leader":
+        one.stopping = True
+        lap.run(0.02)
+    lap.stop = "somebody shouted"
+    said = lap.run(3.0)
+    one.stopping = False
+    assert statuses(said)[-1] is Status.STOPPED
+    assert lap.following.safety.stop_reason == "somebody shouted"
+    assert max(lap.forces[-1000:]) < 1.0
+    assert all(record.rendered_force == 0.0 for record in one.records[-2000:])
+    assert not one.records[-1].engaged
+    lap.run(2.0)
+    assert lap.telemetry[-1].status == Status.STOPPED  # nobody released it
+    lap.release = True
+    said = lap.run(6.0)
+    assert lap.following.safety.stop_reason == ""
+    assert Status.FOLLOWING in statuses(said) or Status.GUARDED in statuses(said)
+    assert one.records[-1].engaged
+    inwards = np.diff([telemetry.desired_position for telemetry in said])
+    returning = [telemetry.status == Status.RETURNING for telemetry in said[1:]]
+    assert inwards[returning].max(initial=0.0) <= 0.05e-3 + 1e-9
+    assert np.abs(np.diff([record.rendered_force for record in one.records])).max() <= 0.2 + 1e-9
+
+
+def test_a_moving_robot_is_not_released() -> None:
+    lap = Lap()
+    pressing(lap)
+    lap.stop = "now"
+    lap.run(0.01)
+    lap.release = True
+    lap.run(0.01)
+    assert lap.following.safety.stop_reason == "now"
+
+
+@pytest.mark.parametrize("kind", ["nan", "dropout", "stuck", "saturated", "offset-step", "spikes", "encoder-jump"])
+def test_a_sensor_that_fails_freezes_learning_and_holds_the_robot(kind: str) -> None:
+    from foretouch.robot import FaultySensor, SensorFault
+
+    lap = Lap()
+    arm = lap.robot
+    # In contact a step is no other than what is pressed, and of a moving probe it shows on the way out alone.
+    begins, lasts = (12.95, 3.0) if kind == "offset-step" else (8.0, 1.0)
+    fault = FaultySensor(arm, SensorFault(kind, begins, begins + lasts), seed=1)
+    lap.robot = fault
+    lap.start_leader("anna", 3)
+    lap.run(begins - 0.1)
+    learnt = lap.following.learner.learnt().model
+    said = lap.run(lasts + 0.1)
+    bad = [one for one in said if one.validity]
+    assert bad
+    assert all(one.status == Status.SENSOR_FAULT for one in bad)
+    assert learnt is not None
+    assert max(lap.forces) < 15.0
+    held = np.array([one.desired_position for one in bad])
+    assert np.ptp(held[50:]) < 1e-3  # it comes to rest and stays
+    lap.run(1.0)
+    lap.release = True
+    said = lap.run(3.0)
+    assert said[-1].validity == 0
+    assert said[-1].status in (Status.FOLLOWING, Status.RETURNING)
+
+
+def test_after_a_silence_the_way_back_is_slow_to_its_end() -> None:
+    """Also where the playout leads the way: nothing is followed quickly before it has been kept up with for a while."""
+    lap = Lap()
+    pressing(lap, seconds=8.0)
+    one = lap.leaders.pop()
+    lap.run(3.0)
+    begun = len(lap.telemetry)
+    lap.leaders.append(one)
+    said = lap.run(1.5)
+    inwards = np.diff([telemetry.desired_position for telemetry in lap.telemetry[begun - 1 : begun + 300]])
+    assert inwards.max() <= 0.05e-3 + 1e-9
+    assert Status.FOLLOWING in statuses(said)
+
+
+def test_this_side_s_own_guard_is_no_leader_s_to_lift() -> None:
+    lap = Lap(first_touch="guarded")
+    assert lap.following.guards
+    one = lap.start_leader("anna", 5)
+    one.state.guarded = False  # it asks for none
+    said = lap.run(3.0)
+    assert any(telemetry.guarded for telemetry in said)

@@ -1,0 +1,155 @@
+"""Whatever the leader says: the robot's motion keeps its limits, its force the ceiling, and silence ends softly."""
+
+from __future__ import annotations
+
+import math
+import random
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from pressed import ACCELERATION, JERK, SPEED, TICK, Pressed, kept
+
+from foretouch.errors import SettingError
+from foretouch.messages import STATUS_SENTENCES, Status
+from foretouch.session.motion_limits import MotionLimits
+from foretouch.session.safety import Safety, SafetyLimits, impact_speed
+
+places = st.floats(-0.05, 0.1) | st.sampled_from((math.nan, math.inf, -math.inf, 1e300))
+
+
+@settings(max_examples=60)
+@given(
+    st.lists(st.tuples(places, st.integers(1, 80), st.sampled_from(("step", "noise", "ramp"))), min_size=1, max_size=8)
+)
+def test_no_stream_breaks_a_limit_of_motion(parts: list[tuple[float, int, str]]) -> None:
+    limits, numbers = MotionLimits(SPEED, ACCELERATION, JERK, TICK), random.Random(1)
+    path = [limits.update(0.0)]
+    for place, ticks, kind in parts:
+        for tick in range(ticks):
+            wanted = {"step": place, "noise": place + numbers.gauss(0.0, 1e-3), "ramp": place * (tick + 1) / ticks}[
+                kind
+            ]
+            path.append(limits.update(wanted))
+    kept(path)
+
+
+def test_what_is_within_the_limits_passes_as_it_is_after_a_moment() -> None:
+    limits = MotionLimits(SPEED, ACCELERATION, JERK, TICK)
+    stream = [0.01 * (1.0 - math.cos(2.0 * math.pi * tick * TICK)) for tick in range(2000)]
+    path = [limits.update(place) for place in stream]
+    assert path[200:] == pytest.approx(stream[200:], abs=1e-9)
+
+
+def test_a_step_is_reached_without_overshoot() -> None:
+    limits = MotionLimits(SPEED, ACCELERATION, JERK, TICK)
+    path = [limits.update(0.0)] + [limits.update(0.02) for _ in range(400)]
+    kept(path)
+    assert max(path) <= 0.02 + 2e-6
+    assert path[200] == pytest.approx(0.02, abs=2e-6)
+
+
+def test_a_speed_for_one_way_brakes_what_is_faster() -> None:
+    limits = MotionLimits(SPEED, ACCELERATION, JERK, TICK)
+    path = [limits.update(0.0)] + [limits.update(1.0) for _ in range(60)]
+    path += [limits.update(1.0, 0.03) for _ in range(60)]
+    kept(path)
+    assert (path[-1] - path[-2]) / TICK == pytest.approx(0.03, rel=0.02)
+
+
+def test_silence_holds_then_unloads_and_the_way_back_is_slow() -> None:
+    pressed = Pressed("hunt-crossley")
+    deep = pressed.robot.surface + 0.012
+    pressed.run(deep, 2.0)
+    loaded = pressed.forces[-1]
+    assert loaded > 2.0
+    pressed.run(deep, 0.4, silent=True)
+    assert pressed.safety.status is Status.HOLDING
+    assert pressed.forces[-1] == pytest.approx(loaded, rel=0.1)
+    pressed.run(deep + 0.005, 1.5, silent=True)
+    assert pressed.safety.status is Status.UNLOADING
+    assert pressed.forces[-1] < 1.0
+    before = len(pressed.path)
+    pressed.run(deep, 2.0)
+    assert pressed.safety.status is Status.FOLLOWING
+    assert np.diff(pressed.path[before:]).max() / TICK <= 0.05 * 1.001
+    assert pressed.path[-1] == pytest.approx(deep, abs=1e-6)
+
+
+def test_who_asks_for_it_is_taken_out_the_way_in() -> None:
+    pressed = Pressed("sponge", retreats=True)
+    surface = pressed.robot.surface
+    pressed.run(surface + 0.01, 2.0)
+    pressed.run(surface + 0.01, 2.0, silent=True)
+    assert pressed.safety.status is Status.RETREATING
+    assert pressed.sample.position < surface - 0.004
+    assert pressed.forces[-1] == 0.0
+
+
+def test_an_emergency_stop_latches_until_it_is_released_at_rest() -> None:
+    pressed = Pressed("hunt-crossley")
+    deep = pressed.robot.surface + 0.012
+    pressed.run(deep, 2.0)
+    pressed.safety.stop("a person shouted")
+    pressed.safety.stop("later")
+    assert pressed.safety.stop_reason == "a person shouted"
+    assert not pressed.safety.release(0.0, pressed.felt), "it still presses"
+    pressed.run(deep + 0.01, 1.0)
+    assert pressed.safety.status is Status.STOPPED
+    assert pressed.forces[-1] < 1.0
+    assert not pressed.safety.release(0.02, 0.0), "it still moves"
+    assert pressed.safety.release(0.0, pressed.felt)
+    pressed.run(deep, 1.0)
+    assert pressed.safety.status is Status.FOLLOWING
+
+
+def test_sensors_that_are_not_trusted_hold_the_robot() -> None:
+    pressed = Pressed("sponge")
+    deep = pressed.robot.surface + 0.01
+    pressed.run(deep, 1.5)
+    place = pressed.path[-1]
+    pressed.run(deep + 0.02, 0.5, faulty=True)
+    assert pressed.safety.status is Status.SENSOR_FAULT
+    assert pressed.path[-1] == pytest.approx(place, abs=1e-6)
+
+
+@settings(max_examples=40)
+@given(
+    st.lists(
+        st.tuples(
+            places, places, places, st.booleans(), places, st.sampled_from((0.0, 0.1, 2.0, math.inf)), st.booleans()
+        ),
+        min_size=1,
+        max_size=40,
+    )
+)
+def test_nothing_raises_and_every_path_keeps_its_limits(ticks: list[tuple[float, ...]]) -> None:
+    safety = Safety(SafetyLimits(workspace=(-0.02, 0.06)), TICK)
+    path = []
+    for desired, position, force, touches, surface, silence, faulty in ticks:
+        told = safety.update(
+            desired, position, 100.0 * force, bool(touches), surface=surface, silence=silence, faulty=bool(faulty)
+        )
+        path.append(told)
+    finite = [place for place in path if math.isfinite(place)]
+    assert finite == path[len(path) - len(finite) :], "once it has a place it keeps one"
+    kept(finite)
+
+
+def test_the_speed_of_an_impact_is_that_of_a_mass_on_a_spring() -> None:
+    speed, mass, stiffness = impact_speed(15.0, 0.4, 1e5), 0.4, 1e5
+    assert mass * speed**2 / 2 == pytest.approx(15.0**2 / (2 * stiffness))
+
+
+def test_every_status_has_a_sentence() -> None:
+    assert set(STATUS_SENTENCES) == set(Status)
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [("force", 0.0), ("speed", -1.0), ("jerk", math.nan), ("hold_after", 0.0), ("unload_after", 0.01)],
+)
+def test_limits_that_are_none_are_refused(name: str, value: float) -> None:
+    with pytest.raises(SettingError, match=name):
+        SafetyLimits(**{name: value})

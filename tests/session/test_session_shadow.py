@@ -1,0 +1,256 @@
+"""A follower that watches a robot which somebody else moves: it learns and predicts, and commands nothing."""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from foretouch.link import ZenohLink, free_endpoint
+from foretouch.messages import VERSION, Command, EmergencyStop, SessionLog, Status, Telemetry
+from foretouch.report import session_report
+from foretouch.robot import MovedRobot, Robot, RobotSample, make_robot
+from foretouch.session import (
+    SHADOW_CHANNELS,
+    SessionSettings,
+    StopFlag,
+    framed_robot,
+    leader,
+    make_moved_robot,
+    make_operator,
+    run_shadow,
+    shadow,
+    simulate,
+)
+from foretouch.session.freshness import Arrival
+from foretouch.session.news import leader_news, shadow_news
+from foretouch.session.shadow_score import SCORED_AFTER, ShadowScore
+
+MS = 1_000_000
+SETTINGS = SessionSettings(material="hunt-crossley", force_delay=0.3)
+
+
+class Noting(Robot):
+    """Notes what a robot is told."""
+
+    def __init__(self, robot: Robot) -> None:
+        self.robot, self.specification = robot, robot.specification
+        self.told: list[float] = []
+
+    def read(self) -> RobotSample:
+        return self.robot.read()
+
+    def exchange(self, desired_position: float) -> RobotSample:
+        self.told.append(desired_position)
+        return self.robot.exchange(desired_position)
+
+
+def watched(settings: SessionSettings, seconds: float) -> tuple[SessionLog, shadow.State]:
+    """A shadow of an arm that the script moves, in simulated time: its log and its state."""
+    robot, material = make_moved_robot(settings, say=pytest.fail)
+    settings = shadow.shadow_settings(settings)
+    state = shadow.start(robot.specification, settings, epoch=5, run=5)
+    records, telemetry, models = [], [], []
+    sample = robot.read()
+    for tick in range(round(seconds * 1000)):
+        state, said = shadow.step(state, shadow.Inputs(sample, MS, 0), tick * MS)
+        records.append(said.record)
+        telemetry.append(said.telemetry)
+        models += [] if said.model is None else [said.model]
+        sample = robot.exchange(math.nan)
+    texts = settings.as_text() | {"surface": str(material.surface)}
+    return SessionLog.from_messages(records, telemetry, models, texts, {}), state
+
+
+@pytest.fixture(scope="module")
+def day() -> tuple[SessionLog, shadow.State]:
+    """Ten seconds of presses."""
+    return watched(SETTINGS, 10.0)
+
+
+def test_a_moved_robot_goes_its_own_way_and_leaves_out_what_it_is_told() -> None:
+    def motion(time: float) -> float:
+        return 0.004 * math.sin(2.0 * math.pi * time)
+
+    def moved(commands: Callable[[int], float]) -> list[RobotSample]:
+        robot = MovedRobot(make_robot("hunt-crossley", seed=2), motion)
+        return [robot.exchange(commands(tick)) for tick in range(500)]
+
+    nothing, nonsense = moved(lambda _: math.nan), moved(lambda tick: 0.05 * (-1) ** tick)
+    assert nothing == nonsense
+    expected = np.array([motion(tick * 1e-3) for tick in range(500)])
+    assert np.abs([one.position for one in nothing] - expected).max() < 1e-3  # a drive is late
+
+
+def test_what_is_said_is_a_session_at_equal_positions_with_nothing_commanded(day: tuple[SessionLog, object]) -> None:
+    log, _ = day
+    assert set(log.follower["status"]) == {Status.SHADOW}
+    assert np.isnan(log.follower["desired_position"]).all()
+    np.testing.assert_array_equal(log.follower["command_sequence"], log.leader["sequence"])
+    np.testing.assert_array_equal(log.leader["position"], log.follower["position"])
+    assert not log.follower["guarded"].any()
+    assert log.leader["engaged"].all()
+    assert len(log.models) > 400
+
+
+def test_models_and_forces_come_as_late_as_the_settings_say(day: tuple[SessionLog, object]) -> None:
+    leading = day[0].leader
+    behind = leading["sequence"] - leading["telemetry_sequence"]
+    assert set(behind[400:]) == {300}
+    heard = leading["telemetry_sequence"][400:] - 1
+    np.testing.assert_array_equal(leading["delayed_force"][400:], day[0].follower["force"][heard])
+    sent = {model.sequence: model.time_ns for model in day[0].models}
+    used = leading[leading["model_sequence"] > 0]
+    ages = used["time_ns"] - [sent[number] for number in used["model_sequence"].tolist()]
+    assert ages.min() >= 300 * MS
+    assert ages.max() <= 325 * MS
+
+
+def test_it_predicts_as_a_session_does(day: tuple[SessionLog, shadow.State]) -> None:
+    log, state = day
+    report = session_report(log)
+    assert report["status"] == "ok"
+    assert report["tracking_error"]["max_mm"] == 0.0
+    robot = make_robot("hunt-crossley", seed=0)
+    hand = make_operator(SETTINGS, surface=robot.surface, press_depth=robot.material.press_depth, say=pytest.fail)
+    session = session_report(simulate(SETTINGS, duration=10.0, operator=hand, robot=robot).log)
+    assert report["prediction_error_percent"] < 1.2 * session["equal_position"]["prediction_error_percent"] + 1.0
+    assert report["delayed_force_error_percent"] > 5.0 * report["prediction_error_percent"]
+    score = state.score
+    assert score.contact_force_rms == pytest.approx(report["contact_force_rms_N"], rel=0.1)
+    assert score.prediction_error_percent == pytest.approx(report["prediction_error_percent"], abs=2.0)
+    assert score.delayed_force_error_percent == pytest.approx(report["delayed_force_error_percent"], rel=0.1)
+    assert "s in contact at" in score.sentence(0.3)
+
+
+def test_all_its_commands_are_fresh_and_its_own(day: tuple[SessionLog, shadow.State]) -> None:
+    following = day[1].following
+    assert following.freshness.counts[Arrival.FRESH] == 10_000
+    assert following.lease.refused == 0
+    assert following.held_ticks == following.faulty_ticks == 0
+
+
+def test_the_hand_s_settings_have_no_part_in_it() -> None:
+    odd = replace(
+        SETTINGS, grip="soft", position_scale=0.5, force_scale=2.0, clutch="1:2", leader_frame="0.01,-1", seed=3
+    )
+    plain = replace(SETTINGS, seed=3)
+    ours, theirs = watched(odd, 2.5)[0], watched(plain, 2.5)[0]
+    for name in ("position", "predicted_force", "rendered_force"):
+        np.testing.assert_array_equal(ours.leader[name], theirs.leader[name])
+
+
+def test_a_robot_that_counts_outwards_is_watched_like_any_other() -> None:
+    settings = replace(SETTINGS, follower_frame="0.1,-1")
+    robot, material = make_moved_robot(settings, say=pytest.fail)
+    robot = framed_robot(robot, settings.frames[1])
+    deepest = max(robot.exchange(math.nan).position for _ in range(3000))
+    assert material.surface < deepest < material.surface + 1.2 * material.press_depth
+
+
+def test_a_failing_sensor_stops_the_learning_and_is_told() -> None:
+    log, state = watched(replace(SETTINGS, sensor_fault="stuck:4:5"), 6.0)
+    bad = log.follower["validity"] != 0
+    assert bad.any()
+    assert set(log.follower["status"]) == {Status.SHADOW}
+    assert "nothing is learnt: the force stands" in shadow_news(state.following, "")
+    assert "stop the robot where it is moved" in shadow_news(state.following, "somebody shouted")
+    assert shadow_news(watched(SETTINGS, 0.1)[1].following, "") == ""
+
+
+def test_a_leader_that_hears_a_shadow_is_told_and_lets_go() -> None:
+    telemetry: list[Telemetry] = []
+    robot, _ = make_moved_robot(SETTINGS, say=pytest.fail)
+    state = shadow.start(robot.specification, shadow.shadow_settings(SETTINGS), epoch=5, run=5)
+    other = leader.start(replace(SETTINGS, grip="normal"), holder="anna", epoch=6)
+    for tick in range(2000):
+        state, said = shadow.step(state, shadow.Inputs(robot.exchange(math.nan), MS, 0), tick * MS)
+        telemetry.append(said.telemetry)
+        models = [] if said.model is None else [said.model]
+        other, led = leader.step(other, leader.Inputs(0.02, models, [said.telemetry], MS, 0), tick * MS)
+        assert led.record.rendered_force == 0.0
+        assert not led.record.engaged
+        assert math.isnan(led.command.position)
+    assert other.heard.shadows
+    assert not other.heard.had_control
+    assert "commands nothing" in leader_news(other.heard, {})
+
+
+FORCES = st.floats(0.0, 20.0).map(lambda force: round(force, 4))
+TICKS = st.lists(st.tuples(FORCES, FORCES, FORCES, st.booleans()), min_size=1, max_size=60)
+
+
+@given(TICKS)
+def test_the_score_is_what_the_arrays_give(ticks: list[tuple[float, float, float, bool]]) -> None:
+    score, begin = ShadowScore(), round(SCORED_AFTER * 1e9)
+    score.add(0, 1.0, 2.0, 3.0, True)  # before scoring begins
+    for number, (force, predicted, delayed, touching) in enumerate(ticks):
+        score.add(begin + number * MS, force, predicted, delayed, touching)
+    force, predicted, delayed, touching = map(np.array, zip(*ticks, strict=True))
+    contact = touching.astype(bool)
+    if not contact.any() or not force[contact].any():
+        assert math.isnan(score.prediction_error_percent)
+        return
+    scored = contact | (predicted > 0.05)
+    rms = np.sqrt(np.mean(force[contact] ** 2))
+    assert score.contact_force_rms == pytest.approx(rms)
+    assert score.prediction_error_percent == pytest.approx(
+        100.0 * np.sqrt(np.mean((predicted - force)[scored] ** 2)) / rms
+    )
+    assert score.delayed_force_error_percent == pytest.approx(
+        100.0 * np.sqrt(np.mean((delayed - force)[scored] ** 2)) / rms
+    )
+
+
+def test_nothing_touched_is_nothing_to_compare() -> None:
+    score = ShadowScore()
+    for tick in range(3000):
+        score.add(tick * MS, 0.0, 0.0, math.nan, False)
+    assert "nothing was touched" in score.sentence(0.3)
+
+
+@pytest.mark.live
+def test_whatever_comes_over_the_network_the_robot_is_told_nothing() -> None:
+    robot = Noting(make_moved_robot(SETTINGS, say=pytest.fail)[0])
+    endpoint, said = free_endpoint(), list[str]()
+    with (
+        ZenohLink(listen=[endpoint], subscribe=SHADOW_CHANNELS) as link,
+        ZenohLink(connect=[endpoint], subscribe=["telemetry", "leader", "hello", "stop"]) as other,
+    ):
+        ended = threading.Event()
+
+        def insist() -> None:
+            number = 0
+            while not ended.wait(0.01):
+                number += 1
+                other.publish(Command(VERSION, number, number * MS, 0.03, 0, holder="anna", epoch=2**62))
+                other.publish(EmergencyStop(VERSION, number, number * MS, "anna shouted"))
+
+        insistent = threading.Thread(target=insist)
+        insistent.start()
+        try:
+            run_shadow(link, robot, SETTINGS, stop=StopFlag(), say=said.append, description={}, duration=2.5)
+        finally:
+            ended.set()
+            insistent.join()
+        time.sleep(0.2)
+        heard = [telemetry for _, telemetry in other.take("telemetry")]
+        hello = other.take("hello")[-1][1]
+        texts = dict(zip(hello.names, hello.values, strict=True))
+        assert other.take("leader")
+        assert other.take("stop")
+    assert len(robot.told) > 1500
+    assert all(math.isnan(told) for told in robot.told)
+    assert {telemetry.status for telemetry in heard} == {Status.SHADOW}
+    assert (texts["operator"], texts["control"]) == ("shadow", "nobody")
+    trouble = "emergency stop (anna shouted): nothing is commanded from here, so stop the robot where it is moved"
+    assert texts["trouble"] == trouble
+    assert said[0] == f"follower: {trouble}"
+    assert "s in contact at" in said[-1]
