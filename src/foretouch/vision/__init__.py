@@ -1,0 +1,37 @@
+"""The camera at the follower: where the fixture is, from images of its board and from touches."""
+
+from foretouch.vision.board import DICTIONARIES, Board, make_board_image
+from foretouch.vision.board_pose import BoardDetector, BoardPose, projection_derivative
+from foretouch.vision.camera import CameraModel
+from foretouch.vision.fusion import (
+    ContactSeen,
+    Fixture,
+    FixtureFilter,
+    FixtureState,
+    FusionSettings,
+    ImageSeen,
+    Verdict,
+)
+from foretouch.vision.image_faults import IMAGE_FAULTS, FaultyCamera, ImageFault
+from foretouch.vision.lens import Lens
+
+__all__ = [
+    "DICTIONARIES",
+    "IMAGE_FAULTS",
+    "Board",
+    "BoardDetector",
+    "BoardPose",
+    "CameraModel",
+    "ContactSeen",
+    "FaultyCamera",
+    "Fixture",
+    "FixtureFilter",
+    "FixtureState",
+    "FusionSettings",
+    "ImageFault",
+    "ImageSeen",
+    "Lens",
+    "Verdict",
+    "make_board_image",
+    "projection_derivative",
+]

@@ -1,0 +1,197 @@
+"""A pinhole camera with lens distortion, and its file."""
+
+from __future__ import annotations
+
+import math
+import os
+import tomllib
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from foretouch.errors import InputError, SettingError
+
+__all__ = ["CameraModel"]
+
+Array = NDArray[np.float64]
+LARGEST_IMAGE = 8192
+STEPS = 50
+"""Newton's method needs four or five; what has not settled after these never will."""
+
+
+@dataclass(frozen=True, slots=True)
+class CameraModel:
+    r"""Brown and Conrady's camera: x to the right, y down, z along the view, pixel centres at whole numbers.
+
+    With a = X/Z, b = Y/Z and r^2 = a^2 + b^2:
+
+    .. math::
+        a' = a\,(1 + k_1 r^2 + k_2 r^4 + k_3 r^6) + 2 p_1 a b + p_2 (r^2 + 2 a^2) \\
+        b' = b\,(1 + k_1 r^2 + k_2 r^4 + k_3 r^6) + p_1 (r^2 + 2 b^2) + 2 p_2 a b \\
+        u = f_x a' + c_x, \quad v = f_y b' + c_y
+
+    Args:
+        width: Of the image [pixel].
+        height: Of the image [pixel].
+        focal_x: f_x [pixel].
+        focal_y: f_y [pixel].
+        centre_x: c_x [pixel]; None is the middle, (width - 1) / 2.
+        centre_y: c_y [pixel]; None is the middle, (height - 1) / 2.
+        k1: Radial distortion, of r^2 [-].
+        k2: Of r^4 [-].
+        p1: Tangential distortion [-].
+        p2: Tangential distortion [-].
+        k3: Of r^6 [-].
+
+    Raises:
+        SettingError: A number out of its range.
+
+    References:
+        Brown (1966), Decentering distortion of lenses; the order k1, k2, p1, p2, k3 is OpenCV's.
+    """
+
+    width: int
+    height: int
+    focal_x: float
+    focal_y: float
+    centre_x: float | None = None
+    centre_y: float | None = None
+    k1: float = 0.0
+    k2: float = 0.0
+    p1: float = 0.0
+    p2: float = 0.0
+    k3: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name in ("width", "height"):
+            value = getattr(self, name)
+            if isinstance(value, bool) or not isinstance(value, int) or not 16 <= value <= LARGEST_IMAGE:
+                raise SettingError(name, value, f"must be a whole number from 16 to {LARGEST_IMAGE}")
+        for name, size in (("centre_x", self.width), ("centre_y", self.height)):
+            if getattr(self, name) is None:
+                object.__setattr__(self, name, (size - 1) / 2.0)
+            self._require(name, 0.0, size - 1.0, "must lie in the image")
+        for name in ("focal_x", "focal_y"):
+            self._require(name, 1.0, 1e6, "must be 1 to 1e6 pixels")
+        for name in ("k1", "k2", "p1", "p2", "k3"):
+            self._require(name, -10.0, 10.0, "must be -10 to 10")
+
+    def _require(self, name: str, least: float, most: float, rule: str) -> None:
+        value = getattr(self, name)
+        if isinstance(value, bool) or not isinstance(value, int | float) or not least <= value <= most:
+            raise SettingError(name, value, rule)
+
+    @classmethod
+    def from_field_of_view(cls, width: int, height: int, vertical: float) -> CameraModel:
+        """An ideal camera with square pixels: f = height / (2 tan(vertical / 2)).
+
+        Args:
+            width: [pixel].
+            height: [pixel].
+            vertical: Field of view from the upper to the lower edge [rad].
+
+        Raises:
+            SettingError: A number out of its range.
+        """
+        if not 0.01 <= vertical <= 3.0:
+            raise SettingError("vertical", vertical, "must be 0.01 to 3 rad")
+        focal = 0.5 * height / math.tan(0.5 * vertical)
+        return cls(width, height, focal, focal)
+
+    @property
+    def matrix(self) -> Array:
+        """K, (3, 3) [pixel]."""
+        return np.array([[self.focal_x, 0.0, self._centre[0]], [0.0, self.focal_y, self._centre[1]], [0.0, 0.0, 1.0]])
+
+    @property
+    def distortion(self) -> Array:
+        """k1, k2, p1, p2, k3, (5,)."""
+        return np.array([self.k1, self.k2, self.p1, self.p2, self.k3])
+
+    @property
+    def ideal(self) -> CameraModel:
+        """The same camera without distortion."""
+        return CameraModel(self.width, self.height, self.focal_x, self.focal_y, self.centre_x, self.centre_y)
+
+    @property
+    def _centre(self) -> tuple[float, float]:
+        return float(self.centre_x or 0.0), float(self.centre_y or 0.0)
+
+    def project(self, points: ArrayLike) -> Array:
+        """Pixels (n, 2) of points (n, 3) [m] in the camera's frame; NaN for what is not before the camera."""
+        points = np.asarray(points, float).reshape(-1, 3)
+        depth = np.where(points[:, 2] > 0.0, points[:, 2], np.nan)
+        return self._distort(points[:, :2] / depth[:, None]) * self._focal + self._centre
+
+    def unproject(self, pixels: ArrayLike) -> Array:
+        """Rays (n, 3) with z = 1 through pixels (n, 2); NaN where the distortion cannot be undone."""
+        target = (np.asarray(pixels, float).reshape(-1, 2) - self._centre) / self._focal
+        plane = target.copy()
+        with np.errstate(all="ignore"):
+            for _ in range(STEPS):
+                plane = plane - self._newton(plane, target)
+            missed = np.abs(self._distort(plane) - target).max(axis=1)
+        plane[~(missed < 1e-9)] = np.nan
+        return np.column_stack([plane, np.ones(len(plane))])
+
+    @property
+    def _focal(self) -> Array:
+        return np.array([self.focal_x, self.focal_y])
+
+    def _distort(self, plane: Array) -> Array:
+        a, b = plane.T
+        square = a * a + b * b
+        radial = 1.0 + square * (self.k1 + square * (self.k2 + square * self.k3))
+        return np.column_stack(
+            [
+                a * radial + 2.0 * self.p1 * a * b + self.p2 * (square + 2.0 * a * a),
+                b * radial + self.p1 * (square + 2.0 * b * b) + 2.0 * self.p2 * a * b,
+            ]
+        )
+
+    def _newton(self, plane: Array, target: Array) -> Array:
+        """One step of Newton's method on two equations with a symmetric derivative, in closed form."""
+        a, b = plane.T
+        square = a * a + b * b
+        radial = 1.0 + square * (self.k1 + square * (self.k2 + square * self.k3))
+        slope = 2.0 * (self.k1 + square * (2.0 * self.k2 + 3.0 * square * self.k3))
+        aa = radial + a * a * slope + 2.0 * self.p1 * b + 6.0 * self.p2 * a
+        bb = radial + b * b * slope + 6.0 * self.p1 * b + 2.0 * self.p2 * a
+        ab = a * b * slope + 2.0 * self.p1 * a + 2.0 * self.p2 * b
+        first, second = (self._distort(plane) - target).T
+        determinant = aa * bb - ab * ab
+        step: Array = np.column_stack([bb * first - ab * second, aa * second - ab * first]) / determinant[:, None]
+        return step
+
+    def write(self, path: Path) -> None:
+        """Write it as TOML, whole or not at all."""
+        lines = [f"{name} = {value!r}\n" for name, value in asdict(self).items()]
+        beside = path.with_name(f".{path.name}.{os.getpid()}")
+        try:
+            beside.write_text("".join(lines))
+            os.replace(beside, path)
+        finally:
+            beside.unlink(missing_ok=True)
+
+    @classmethod
+    def read(cls, path: Path) -> CameraModel:
+        """Read what `write` wrote.
+
+        Raises:
+            InputError: No such file, no TOML, a key that is missing or unknown, or a number out of its range.
+        """
+        known = set(cls.__dataclass_fields__)
+        try:
+            values = tomllib.loads(path.read_text())
+            unknown = sorted(set(values) - known)
+            missing = sorted({"width", "height", "focal_x", "focal_y"} - set(values))
+            if unknown or missing:
+                what = f"unknown key {unknown[0]!r}" if unknown else f"{missing[0]!r} is missing"
+                raise InputError(f"{path}: {what}: the keys are {', '.join(cls.__dataclass_fields__)}")
+            return cls(**values)
+        except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+            raise InputError(f"{path}: no camera can be read: {error}") from error
+        except SettingError as error:
+            raise InputError(f"{path}: {error}") from error

@@ -1,0 +1,368 @@
+"""Where the fixture is, from late images and from touches of its surface."""
+
+from __future__ import annotations
+
+import bisect
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from enum import Enum
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from foretouch.errors import SettingError
+from foretouch.quantities.pose import Pose, cross_matrix
+
+__all__ = ["ContactSeen", "Fixture", "FixtureFilter", "FixtureState", "FusionSettings", "ImageSeen", "Verdict"]
+
+Array = NDArray[np.float64]
+
+
+class Verdict(Enum):
+    """What became of one image or contact."""
+
+    USED = "used"
+    REFUSED = "refused: it does not fit what is known of the fixture"
+    REOPENED = "the fixture was moved: several agree on another pose, and the filter has opened for it"
+    NOT_FINITE = "refused: it is not finite, or its covariance is none"
+    TOO_LATE = "refused: it is older than the history that is kept"
+
+
+@dataclass(frozen=True, slots=True)
+class Fixture:
+    """The flat surface that is touched, in the fixture's own frame.
+
+    Attributes:
+        normal: Outward, of length 1.
+        offset: Of the surface from the origin along the normal [m].
+        radius: Contacts farther from the origin, along the surface, are no contacts of it [m].
+    """
+
+    normal: tuple[float, float, float] = (0.0, 0.0, 1.0)
+    offset: float = 0.0
+    radius: float = 0.1
+
+    def __post_init__(self) -> None:
+        if not abs(math.hypot(*self.normal) - 1.0) < 1e-6:
+            raise SettingError("normal", self.normal, "must have length 1")
+        if not (math.isfinite(self.offset) and 0.0 < self.radius < math.inf):
+            raise SettingError("radius", self.radius, "must be finite and above 0, and the offset finite")
+
+
+@dataclass(frozen=True, slots=True)
+class FusionSettings:
+    """What is believed of the fixture and of the camera before anything is seen.
+
+    Attributes:
+        start_position: Standard deviation of where the fixture stands at first [m].
+        start_angle: The same of how it is turned [rad].
+        drift_position: Random walk of the fixture, density [m/sqrt(s)].
+        drift_angle: The same [rad/sqrt(s)].
+        bias_position: Standard deviation of the error that all images share [m]; averaging does not take it away.
+        bias_angle: The same [rad].
+        bias_time: How long such an error keeps [s].
+        gate: Probability that a good image or contact passes the gate.
+        agreeing: How many that are refused, and agree among themselves, mean that the fixture was moved.
+        agreeing_within: They come within this time [s].
+        history: How late a measurement may be [s].
+    """
+
+    start_position: float = 0.02
+    start_angle: float = math.radians(10.0)
+    drift_position: float = 1e-4
+    drift_angle: float = math.radians(0.02)
+    bias_position: float = 5e-4
+    bias_angle: float = math.radians(0.1)
+    bias_time: float = 60.0
+    gate: float = 0.999
+    agreeing: int = 4
+    agreeing_within: float = 0.5
+    history: float = 2.0
+
+    def __post_init__(self) -> None:
+        for name in self.__dataclass_fields__:
+            value = getattr(self, name)
+            if not (math.isfinite(value) and value > 0.0):
+                raise SettingError(name, value, "must be finite and above 0")
+        if self.gate >= 1.0:
+            raise SettingError("gate", self.gate, "must be below 1")
+
+
+@dataclass(frozen=True, slots=True)
+class ImageSeen:
+    """The fixture's pose as one image gives it.
+
+    Attributes:
+        time: Of the exposure [s].
+        pose: Of the fixture in the world.
+        covariance: Of its error on the right, (6, 6).
+    """
+
+    time: float
+    pose: Pose
+    covariance: Array
+
+
+@dataclass(frozen=True, slots=True)
+class ContactSeen:
+    """A point of the surface that the probe has just touched.
+
+    Attributes:
+        time: Of the first contact [s].
+        point: Of the surface, in the world [m].
+        deviation: Standard deviation along the normal [m].
+    """
+
+    time: float
+    point: tuple[float, float, float]
+    deviation: float
+
+
+Seen: TypeAlias = ImageSeen | ContactSeen
+
+
+@dataclass(frozen=True, slots=True)
+class FixtureState:
+    """All that the filter knows at one time.
+
+    Attributes:
+        time: [s].
+        pose: Of the fixture in the world.
+        bias: Error that images share, on the right of the pose, (6,).
+        covariance: Of pose error and bias, (12, 12).
+        image_time: Exposure of the last image that was used [s]; -inf before it.
+        contact_time: The last contact that was used [s]; -inf before it.
+        refused: The last ones that were refused and agree with each other.
+    """
+
+    time: float
+    pose: Pose
+    bias: Array
+    covariance: Array
+    image_time: float = -math.inf
+    contact_time: float = -math.inf
+    refused: tuple[Seen, ...] = ()
+
+    @property
+    def pose_covariance(self) -> Array:
+        """Of the pose's error on the right, (6, 6)."""
+        return self.covariance[:6, :6]
+
+    def sentence(self, now: float) -> str:
+        """What is known, for the operator.
+
+        Args:
+            now: [s].
+        """
+        deviation = np.sqrt(np.diag(self.pose_covariance))
+        position = 1e3 * float(np.linalg.norm(deviation[:3]))
+        angle = math.degrees(float(np.linalg.norm(deviation[3:])))
+        doubt = f"within {position:.1f} mm and {angle:.1f} degrees (one standard deviation)"
+        if self.image_time == -math.inf:
+            return f"the fixture has not been seen yet: {doubt}"
+        return f"the fixture was last seen {max(0.0, now - self.image_time):.1f} s ago: {doubt}"
+
+
+LARGEST_POSITION, LARGEST_ANGLE = 0.5, math.pi / 2
+_LIMIT = np.array([LARGEST_POSITION] * 3 + [LARGEST_ANGLE] * 3)
+
+
+def _bounded(covariance: Array) -> Array:
+    """Symmetric, and no pose doubt above what still means anything; scaling both sides keeps it a covariance."""
+    scale = np.ones(12)
+    scale[:6] = np.minimum(1.0, _LIMIT / np.sqrt(np.maximum(np.diag(covariance)[:6], 1e-30)))
+    return 0.5 * (covariance + covariance.T) * np.outer(scale, scale)
+
+
+def _variances(position: float, angle: float) -> Array:
+    return np.array([position**2] * 3 + [angle**2] * 3)
+
+
+@dataclass(slots=True)
+class FixtureFilter:
+    r"""An error-state Kalman filter for a fixture that stands still until somebody bumps it.
+
+    The error of the pose and the error that all images share are one state of 12: an image gives
+    r = log(T^-1 Z) - b = delta + b' + noise, a contact n . q - offset with q = T^-1 p, whose derivative is
+    (-n, n x q). What is shared by all images keeps their average from being believed too far; contacts take
+    it away along the normal. The update has Joseph's form. A measurement that comes late takes its place in time,
+    and what came after it is worked through again: the order of arrival makes no difference.
+
+    Args:
+        fixture: The surface in its own frame.
+        pose: Where the fixture is believed to be.
+        time: [s].
+        settings: What is believed before.
+
+    References:
+        Sola (2017), Quaternion kinematics for the error-state Kalman filter; Bar-Shalom, Li & Kirubarajan (2001).
+    """
+
+    fixture: Fixture
+    pose: Pose
+    time: float = 0.0
+    settings: FusionSettings = field(default_factory=FusionSettings)
+    _times: list[float] = field(init=False, default_factory=list)
+    _seen: list[Seen] = field(init=False, default_factory=list)
+    _states: list[FixtureState] = field(init=False, default_factory=list)
+    _verdicts: list[Verdict] = field(init=False, default_factory=list)
+    _gates: tuple[float, float] = field(init=False, default=(0.0, 0.0))
+    _start: FixtureState = field(init=False)
+
+    def __post_init__(self) -> None:
+        from scipy.stats import chi2
+
+        s = self.settings
+        self._gates = float(chi2.ppf(s.gate, 1)), float(chi2.ppf(s.gate, 6))
+        variances = np.concatenate(
+            [_variances(s.start_position, s.start_angle), _variances(s.bias_position, s.bias_angle)]
+        )
+        self._start = FixtureState(self.time, self.pose, np.zeros(6), np.diag(variances))
+
+    def update(self, seen: Seen) -> Verdict:
+        """Take an image or a contact in, late or not; never raises for what it holds.
+
+        Args:
+            seen: The image or contact.
+
+        Returns:
+            What became of it; `state` has what is known now.
+        """
+        if not _finite(seen):
+            return Verdict.NOT_FINITE
+        newest = self._times[-1] if self._times else self._start.time
+        if seen.time < max(self._start.time, newest - self.settings.history):
+            return Verdict.TOO_LATE
+        place = bisect.bisect_right(self._times, seen.time)
+        self._times.insert(place, seen.time)
+        self._seen.insert(place, seen)
+        del self._states[place:], self._verdicts[place:]
+        state = self._states[-1] if self._states else self._start
+        for later in self._seen[place:]:
+            state, verdict = self._step(state, later)
+            self._states.append(state)
+            self._verdicts.append(verdict)
+        verdict = self._verdicts[place]
+        self._forget()
+        return verdict
+
+    def state(self, now: float) -> FixtureState:
+        """What is known at a time after the last measurement: the same pose, and more doubt.
+
+        Args:
+            now: [s].
+        """
+        return self._predict(self._states[-1] if self._states else self._start, now)
+
+    def _forget(self) -> None:
+        old = bisect.bisect_left(self._times, self._times[-1] - self.settings.history)
+        if old:
+            self._start = self._states[old - 1]
+            del self._times[:old], self._seen[:old], self._states[:old], self._verdicts[:old]
+
+    def _predict(self, state: FixtureState, time: float) -> FixtureState:
+        s, elapsed = self.settings, max(0.0, time - state.time)
+        keep = math.exp(-elapsed / s.bias_time)
+        transition = np.ones(12)
+        transition[6:] = keep
+        added = np.concatenate(
+            [
+                elapsed * _variances(s.drift_position, s.drift_angle),
+                (1.0 - keep**2) * _variances(s.bias_position, s.bias_angle),
+            ]
+        )
+        covariance = state.covariance * np.outer(transition, transition) + np.diag(added)
+        return replace(state, time=max(time, state.time), bias=keep * state.bias, covariance=_bounded(covariance))
+
+    def _step(self, state: FixtureState, seen: Seen) -> tuple[FixtureState, Verdict]:
+        state = self._predict(state, seen.time)
+        if self._fits(state, seen):
+            return self._correct(state, seen), Verdict.USED
+        agreeing = [
+            before
+            for before in state.refused
+            if seen.time - before.time <= self.settings.agreeing_within and self._agree(state, before, seen)
+        ]
+        state = replace(state, refused=(*agreeing, seen))
+        if len(state.refused) < self.settings.agreeing:
+            return state, Verdict.REFUSED
+        return self._reopen(state), Verdict.REOPENED
+
+    def _innovation(self, state: FixtureState, seen: Seen) -> tuple[Array, Array, Array]:
+        """Innovation (m,), its derivative by the state (m, 12), and the noise (m, m)."""
+        if isinstance(seen, ImageSeen):
+            innovation = (state.pose.inverse() @ seen.pose).log() - state.bias
+            return innovation, np.hstack([np.eye(6), np.eye(6)]), seen.covariance
+        normal = np.asarray(self.fixture.normal)
+        point = state.pose.inverse().apply(seen.point)
+        derivative = np.concatenate([-normal, cross_matrix(normal) @ point, np.zeros(6)])[None, :]
+        innovation = np.array([self.fixture.offset - normal @ point])
+        return innovation, derivative, np.array([[seen.deviation**2]])
+
+    def _fits(self, state: FixtureState, seen: Seen) -> bool:
+        innovation, derivative, noise = self._innovation(state, seen)
+        if isinstance(seen, ContactSeen):
+            normal = np.asarray(self.fixture.normal)
+            point = state.pose.inverse().apply(seen.point)
+            beside = float(np.linalg.norm(point - (normal @ point) * normal))
+            if beside > self.fixture.radius:
+                return False
+        spread = derivative @ state.covariance @ derivative.T + noise
+        gate = self._gates[0] if len(innovation) == 1 else self._gates[1]
+        return float(innovation @ np.linalg.solve(spread, innovation)) <= gate
+
+    def _agree(self, state: FixtureState, one: Seen, other: Seen) -> bool:
+        """Whether two that were refused tell the same."""
+        if type(one) is not type(other):
+            return False
+        first, _, noise = self._innovation(state, one)
+        second, _, more = self._innovation(state, other)
+        between = first - second
+        gate = self._gates[0] if len(between) == 1 else self._gates[1]
+        return float(between @ np.linalg.solve(noise + more, between)) <= gate
+
+    def _correct(self, state: FixtureState, seen: Seen) -> FixtureState:
+        innovation, derivative, noise = self._innovation(state, seen)
+        covariance = state.covariance
+        spread = derivative @ covariance @ derivative.T + noise
+        gain = np.linalg.solve(spread, derivative @ covariance).T
+        change = gain @ innovation
+        rest = np.eye(12) - gain @ derivative
+        covariance = rest @ covariance @ rest.T + gain @ noise @ gain.T
+        image = isinstance(seen, ImageSeen)
+        return FixtureState(
+            time=state.time,
+            pose=state.pose @ Pose.exp(change[:6]),
+            bias=state.bias + change[6:],
+            covariance=_bounded(covariance),
+            image_time=seen.time if image else state.image_time,
+            contact_time=state.contact_time if image else seen.time,
+        )
+
+    def _reopen(self, state: FixtureState) -> FixtureState:
+        """As little is known of the pose as at the start; those that agree are then taken in, oldest first."""
+        s, refused = self.settings, state.refused
+        covariance = state.covariance.copy()
+        covariance[:6, :6] += np.diag(_variances(s.start_position, s.start_angle))
+        state = replace(state, covariance=_bounded(covariance), refused=())
+        for seen in refused:
+            if self._fits(state, seen):
+                state = self._correct(state, seen)
+        return state
+
+
+def _finite(seen: Seen) -> bool:
+    if not math.isfinite(seen.time):
+        return False
+    if isinstance(seen, ContactSeen):
+        return _all_finite(seen.point) and math.isfinite(seen.deviation) and seen.deviation > 0.0
+    covariance = seen.covariance
+    if covariance.shape != (6, 6) or not np.isfinite(covariance).all():
+        return False
+    return bool(np.abs(covariance - covariance.T).max() < 1e-9 and np.linalg.eigvalsh(covariance)[0] > 0.0)
+
+
+def _all_finite(values: Sequence[float]) -> bool:
+    return len(values) == 3 and all(math.isfinite(value) for value in values)
