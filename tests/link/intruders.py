@@ -78,7 +78,7 @@ def sample(name: str) -> Message:
     }
     info = msgspec.inspect.type_info(kind)
     assert isinstance(info, msgspec.inspect.StructType)
-    fields = {field.name: defaults[type(field.type)] for field in info.fields}
+    fields = {field.name: defaults[type(field.type)] for field in info.fields if field.name != "record"}
     return kind(**fields | {"version": VERSION, "sequence": MARK})  # type: ignore[arg-type]
 
 

@@ -43,6 +43,8 @@ def field_strategy(field: msgspec.inspect.Field) -> st.SearchStrategy[Any]:
         return st.floats(low, high, allow_nan=False) if math.isfinite(low) else st.floats(allow_nan=False)
     if isinstance(kind, msgspec.inspect.BoolType):
         return st.booleans()
+    if isinstance(kind, msgspec.inspect.StrType) and kind.pattern is not None:
+        return st.from_regex(kind.pattern).filter(lambda text: len(text) <= (kind.max_length or len(text)))
     if isinstance(kind, msgspec.inspect.StrType):
         return st.text(max_size=20)
     if isinstance(kind, msgspec.inspect.BytesType):

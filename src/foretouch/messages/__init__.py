@@ -10,6 +10,7 @@ from foretouch.messages.hellos import COUNT_PREFIX, NEWS, PROCESS, Hellos, split
 from foretouch.messages.schema import (
     STATUS_SENTENCES,
     VERSION,
+    Choice,
     Command,
     EmergencyStop,
     Handle,
@@ -29,6 +30,7 @@ from foretouch.messages.session_log import (
     SessionRows,
     as_row,
 )
+from foretouch.messages.spatial import CameraImage, FieldUpdate, FollowerSpace, LeaderSpace
 
 __all__ = [
     "CHANNELS",
@@ -39,12 +41,17 @@ __all__ = [
     "PROCESS",
     "STATUS_SENTENCES",
     "VERSION",
+    "CameraImage",
     "Channel",
+    "Choice",
     "Command",
     "EmergencyStop",
+    "FieldUpdate",
+    "FollowerSpace",
     "Handle",
     "Hello",
     "Hellos",
+    "LeaderSpace",
     "LeaderState",
     "Message",
     "ModelUpdate",

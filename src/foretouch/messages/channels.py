@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from foretouch.messages.schema import (
+    Choice,
     Command,
     EmergencyStop,
     Handle,
@@ -16,6 +17,7 @@ from foretouch.messages.schema import (
     Stop,
     Telemetry,
 )
+from foretouch.messages.spatial import CameraImage, FieldUpdate, FollowerSpace, LeaderSpace
 
 __all__ = ["CHANNELS", "Channel"]
 
@@ -27,7 +29,7 @@ class Channel:
     Attributes:
         name: Last part of the network key.
         kind: The message class it carries.
-        sender: ``"leader"``, ``"follower"``, ``"console"`` or ``"any"``.
+        sender: ``"leader"``, ``"follower"``, ``"camera"``, ``"console"`` or ``"any"``.
         rate: Messages a second, 0 where they come on an event.
     """
 
@@ -44,8 +46,13 @@ CHANNELS: dict[str, Channel] = {
         Channel("model", ModelUpdate, "follower", 50.0),
         Channel("telemetry", Telemetry, "follower", 1000.0),
         Channel("leader", LeaderState, "leader", 1000.0),
+        Channel("follower-space", FollowerSpace, "follower", 1000.0),
+        Channel("leader-space", LeaderSpace, "leader", 1000.0),
+        Channel("field", FieldUpdate, "follower", 5.0),
+        Channel("image", CameraImage, "camera", 30.0),
         Channel("handle", Handle, "console", 0.0),
         Channel("settings", Settings, "console", 0.0),
+        Channel("choice", Choice, "console", 0.0),
         Channel("stop", Stop, "any", 0.0),
         Channel("emergency", EmergencyStop, "any", 0.0),
         Channel("hello", Hello, "any", 2.0),

@@ -15,6 +15,7 @@ import msgspec
 __all__ = [
     "STATUS_SENTENCES",
     "VERSION",
+    "Choice",
     "Command",
     "EmergencyStop",
     "Handle",
@@ -28,7 +29,7 @@ __all__ = [
     "Telemetry",
 ]
 
-VERSION = 4
+VERSION = 5
 """Version of the schema. It changes with every change of a field; peers must agree."""
 
 Count = Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)]
@@ -37,6 +38,11 @@ Numbers = Annotated[tuple[float, ...], msgspec.Meta(max_length=4096)]
 Content = Annotated[bytes, msgspec.Meta(max_length=4096)]
 Names = Annotated[tuple[str, ...], msgspec.Meta(max_length=128)]
 Name = Annotated[str, msgspec.Meta(max_length=64)]
+Pose = Annotated[tuple[float, ...], msgspec.Meta(max_length=6)]
+Place = Annotated[tuple[float, ...], msgspec.Meta(max_length=3)]
+"""Of a point in the world [m], or empty."""
+Chosen = Annotated[str, msgspec.Meta(max_length=64, pattern=r"^[A-Za-z0-9_.-]*\Z")]
+"""Name of a material, an operator or a grip, or "": nothing that is a path or an option."""
 
 
 class Status(IntEnum):
@@ -90,6 +96,7 @@ class Command(Message, frozen=True, array_like=True, gc=False):
         guarded: Whether the first touch of a surface that the leader does not know is to be guarded.
         holder: Name of the leader, for people.
         epoch: Of the leader's process: no other has the same, and who was started later has a larger one.
+        place: Desired place of the probe in three dimensions; empty in a session along a line.
     """
 
     position: float
@@ -97,6 +104,7 @@ class Command(Message, frozen=True, array_like=True, gc=False):
     guarded: bool = False
     holder: Name = ""
     epoch: Count = 0
+    place: Place = ()
 
 
 class ModelUpdate(Message, frozen=True, array_like=True, gc=False):
@@ -114,6 +122,12 @@ class ModelUpdate(Message, frozen=True, array_like=True, gc=False):
         map: What was learnt beside the parameters, as the law packs it; empty for laws that are their parameters.
         epoch: Of the leader whose command `command_sequence` is, 0 before the first.
         run: Epoch of the follower's own process: `sequence` counts from 1 in each.
+        fixture: In three dimensions, the pose of what is touched in the world, a place [m] and a rotation vector [rad];
+            `surface` is then how much deeper than its known shape the surface was felt [m]. Empty along a line.
+        fixture_deviation: Standard deviation of each of these numbers, of the error on the pose's right.
+        fixture_age: Since an image has shown it [s], infinite before the first.
+        friction: Coefficient of Coulomb friction and of viscous friction [N s/m], and the standard deviation of each;
+            empty while it is not known.
     """
 
     command_sequence: Count
@@ -127,6 +141,10 @@ class ModelUpdate(Message, frozen=True, array_like=True, gc=False):
     map: Content
     epoch: Count = 0
     run: Count = 0
+    fixture: Pose = ()
+    fixture_deviation: Pose = ()
+    fixture_age: float = math.inf
+    friction: Annotated[tuple[float, ...], msgspec.Meta(max_length=4)] = ()
 
 
 class Telemetry(Message, frozen=True, array_like=True, gc=False):
@@ -241,23 +259,51 @@ class Handle(Message, frozen=True, array_like=True, gc=False):
         position: Handle position [m], in the frame of the probe.
         held: True while the handle is dragged.
         clutched: True while the clutch is pressed: the hand moves and the follower stays.
+        place: Of the handle in the world, in a session in three dimensions; empty along a line.
     """
 
     position: float
     held: bool
     clutched: bool = False
+    place: Place = ()
 
 
 class Settings(Message, frozen=True, array_like=True, gc=False):
-    """Console to both sides, latest wins: the delays put on top of the network.
+    """Console to both sides, latest wins: what is done to messages on top of the network.
+
+    Jitter, loss and outage are done in either direction, as in `foretouch.link.Faults`.
 
     Attributes:
         position_delay: One-way delay of commands [s], 0 to 10.
         force_delay: One-way delay of models and telemetry [s], 0 to 10.
+        jitter: Largest change of either delay, to either side [s], 0 to 10.
+        loss: Share of messages lost, 0 to 0.9.
+        outage: Length of an outage in every 10 s [s], 0 to 10.
     """
 
     position_delay: Annotated[float, msgspec.Meta(ge=0, le=10)]
     force_delay: Annotated[float, msgspec.Meta(ge=0, le=10)]
+    jitter: Annotated[float, msgspec.Meta(ge=0, le=10)] = 0.0
+    loss: Annotated[float, msgspec.Meta(ge=0, le=0.9)] = 0.0
+    outage: Annotated[float, msgspec.Meta(ge=0, le=10)] = 0.0
+
+
+class Choice(Message, frozen=True, array_like=True, gc=False):
+    """Console to who supervises the processes: with what the session goes on, and whether it is recorded.
+
+    What is "" stays as it is. What cannot be had (an unknown name) is refused there and said in its `Hello`.
+
+    Attributes:
+        material: That the simulated robot presses from now on.
+        operator: Who moves the leader.
+        grip: How the hand holds the device.
+        record: ``"start"`` a new recording, ``"stop"`` the one that is written.
+    """
+
+    material: Chosen = ""
+    operator: Chosen = ""
+    grip: Chosen = ""
+    record: Annotated[str, msgspec.Meta(pattern=r"^(start|stop)?\Z")] = ""
 
 
 class Stop(Message, frozen=True, array_like=True, gc=False):

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from foretouch.messages import (
+    Choice,
     Command,
     EmergencyStop,
     Handle,
@@ -62,6 +63,7 @@ TOPICS: Final[dict[type[Message], Topic]] = {
         (ModelUpdate, "/follower/model", "ContactModel"),
         (Hello, "/session/hello", "Hello"),
         (Settings, "/session/settings", "Settings"),
+        (Choice, "/session/choice", "Choice"),
         (Stop, "/session/stop", "Stop"),
         (EmergencyStop, "/session/emergency", "EmergencyStop"),
         (Handle, "/console/handle", "Handle"),
