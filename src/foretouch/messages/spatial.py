@@ -1,0 +1,195 @@
+"""Messages that sessions in three dimensions have beside the others; a session along a line sends none of them.
+
+Vectors are in the world's frame, one field a component. A pose is a place [m] and a rotation vector [rad]. In such a
+session the positions and forces of `Telemetry`, `LeaderState` and `ModelUpdate` are those along the surface's normal.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated
+
+import msgspec
+
+from foretouch.messages.schema import Count, Message, Text
+
+__all__ = ["CameraImage", "FieldUpdate", "FollowerSpace", "LeaderSpace"]
+
+POSE_NUMBERS = 6
+CAMERA_NUMBERS = 15
+
+Field = Annotated[bytes, msgspec.Meta(max_length=32_768)]
+Jpeg = Annotated[bytes, msgspec.Meta(max_length=60_000)]
+Pose = Annotated[tuple[float, ...], msgspec.Meta(max_length=POSE_NUMBERS)]
+Covariance = Annotated[tuple[float, ...], msgspec.Meta(max_length=POSE_NUMBERS**2)]
+Camera = Annotated[tuple[float, ...], msgspec.Meta(max_length=CAMERA_NUMBERS)]
+
+
+class FollowerSpace(Message, frozen=True, array_like=True, gc=False):
+    """Follower to all that watch, every follower tick, beside the `Telemetry` of the same sequence.
+
+    Attributes:
+        place_x: Of the probe's tip, from the encoders [m].
+        place_y: [m].
+        place_z: [m].
+        desired_x: Where the robot was told to be [m].
+        desired_y: [m].
+        desired_z: [m].
+        force_x: Contact force on the probe: the sensor's less tool and offset [N].
+        force_y: [N].
+        force_z: [N].
+        normal_x: Outward normal of the believed surface under the probe.
+        normal_y: The same.
+        normal_z: The same.
+        depth: Of the probe in the believed surface [m], negative outside.
+        fixture_x: Where the follower believes the fixture [m].
+        fixture_y: [m].
+        fixture_z: [m].
+        fixture_rx: How it believes the fixture turned [rad].
+        fixture_ry: [rad].
+        fixture_rz: [rad].
+        exact_x: Where a simulated fixture is [m]; NaN on a robot.
+        exact_y: [m].
+        exact_z: [m].
+        exact_rx: How it is turned [rad].
+        exact_ry: [rad].
+        exact_rz: [rad].
+        images: Images that have been used for the fixture's pose so far.
+        contacts: Contacts that have been used for it.
+        refused: Images and contacts that did not fit.
+        run: Epoch of the follower's process.
+    """
+
+    place_x: float
+    place_y: float
+    place_z: float
+    desired_x: float
+    desired_y: float
+    desired_z: float
+    force_x: float
+    force_y: float
+    force_z: float
+    normal_x: float
+    normal_y: float
+    normal_z: float
+    depth: float
+    fixture_x: float
+    fixture_y: float
+    fixture_z: float
+    fixture_rx: float
+    fixture_ry: float
+    fixture_rz: float
+    exact_x: float = math.nan
+    exact_y: float = math.nan
+    exact_z: float = math.nan
+    exact_rx: float = math.nan
+    exact_ry: float = math.nan
+    exact_rz: float = math.nan
+    images: Count = 0
+    contacts: Count = 0
+    refused: Count = 0
+    run: Count = 0
+
+
+class LeaderSpace(Message, frozen=True, array_like=True, gc=False):
+    """Leader to all that watch, every leader tick, beside the `LeaderState` of the same sequence.
+
+    Attributes:
+        hand_x: Place of the hand, scaled and indexed into the world [m]; NaN before it is coupled.
+        hand_y: [m].
+        hand_z: [m].
+        place_x: Where the follower is told to be [m].
+        place_y: [m].
+        place_z: [m].
+        point_x: The proxy on the rendered surface [m].
+        point_y: [m].
+        point_z: [m].
+        normal_x: Outward normal there.
+        normal_y: The same.
+        normal_z: The same.
+        force_x: What the hand is given [N].
+        force_y: [N].
+        force_z: [N].
+        depth: Of the hand in the rendered surface [m], negative outside.
+        stiffness: Local stiffness that is rendered there [N/m]; NaN without a model.
+        fixture_x: Where the fixture is rendered [m].
+        fixture_y: [m].
+        fixture_z: [m].
+        fixture_rx: How it is turned [rad].
+        fixture_ry: [rad].
+        fixture_rz: [rad].
+        fixture_deviation: Standard deviation of its place [m]; NaN while nothing is known.
+        fixture_turn: Standard deviation of its turn [rad].
+        fixture_age: Since an image showed it, as the follower said, and the way of that message is not in it [s].
+        friction: Coefficient that is rendered.
+        energy: That the hand has put into the force in this contact, in all directions [J].
+        energy_bound: That it may have given out at most [J].
+        epoch: Of this leader's process.
+    """
+
+    hand_x: float
+    hand_y: float
+    hand_z: float
+    place_x: float
+    place_y: float
+    place_z: float
+    point_x: float
+    point_y: float
+    point_z: float
+    normal_x: float
+    normal_y: float
+    normal_z: float
+    force_x: float
+    force_y: float
+    force_z: float
+    depth: float
+    stiffness: float
+    fixture_x: float
+    fixture_y: float
+    fixture_z: float
+    fixture_rx: float
+    fixture_ry: float
+    fixture_rz: float
+    fixture_deviation: float
+    fixture_turn: float
+    fixture_age: float
+    friction: float
+    energy: float
+    energy_bound: float
+    epoch: Count = 0
+
+
+class FieldUpdate(Message, frozen=True, array_like=True, gc=False):
+    """Follower to leader, some times a second while it changes: the materials learnt over the surface.
+
+    Attributes:
+        content: A `foretouch.models.MaterialField` as it packs itself.
+        run: Epoch of the follower's process.
+    """
+
+    content: Field
+    run: Count = 0
+
+
+class CameraImage(Message, frozen=True, array_like=True, gc=False):
+    """Camera to all that watch, and to the follower: one image and what it says of the fixture.
+
+    Attributes:
+        tick: `Telemetry.sequence` of the follower's tick that it shows; by it and no clock the image has its time.
+        jpeg: The image, 60 kB at most; empty where the stream dropped it.
+        pose: Of the fixture in the world, 6 numbers; empty where the image shows no board.
+        covariance: Of that pose's error on the right (`foretouch.quantities.Pose`), 36 numbers, row by row; or empty.
+        markers: Of the board that were found.
+        reason: Why there is no pose, a sentence; empty where there is one.
+        camera: f_x, f_y, c_x, c_y [pixel], k1, k2, p1, p2, k3, and the camera's pose in the world.
+        run: Epoch of the follower's process whose tick it is.
+    """
+
+    tick: Count
+    jpeg: Jpeg
+    pose: Pose
+    covariance: Covariance
+    markers: Count
+    reason: Text
+    camera: Camera
+    run: Count = 0
