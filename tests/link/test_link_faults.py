@@ -84,6 +84,48 @@ def test_the_delay_may_change_on_the_way() -> None:
     assert stage.pop_due(100 * MS) == ["slow"]
 
 
+def changed(begins: Faults, at_ms: int, messages: int = 4000, **faults: float) -> list[tuple[int, int]]:
+    """Like `run`, with other faults from one message on."""
+    stage: FaultStage[int] = FaultStage(begins)
+    arrived = []
+    for tick in range(messages + 2000):
+        if tick == at_ms:
+            stage.change(**{"delay": 0.0, "jitter": 0.0, "loss": 0.0, "outage": 0.0, **faults})
+        if tick < messages:
+            stage.push(tick * MS, tick)
+        arrived += [(tick, message) for message in stage.pop_due(tick * MS)]
+    return arrived
+
+
+def test_faults_that_are_changed_on_the_way_are_those_from_then_on() -> None:
+    """What is drawn for a message depends on the seed and its number alone, whenever the faults came to be these."""
+    faults = {"delay": 0.05, "jitter": 0.02, "loss": 0.2}
+    whole = {message: tick for tick, message in run(Faults(**faults, seed=4), 4000)}
+    late = {message: tick for tick, message in changed(Faults(seed=4), 1000, **faults)}
+    assert all(late[message] == message for message in range(1000))
+    assert {n: tick for n, tick in late.items() if n > 1000} == {n: tick for n, tick in whole.items() if n > 1000}
+    ended = {message: tick for tick, message in changed(Faults(**faults, seed=4), 1000)}
+    assert all(ended[message] == message for message in range(1000, 4000))
+    assert {n for n in ended if n < 1000} == {n for n in whole if n < 1000}
+    assert changed(Faults(seed=4), 1000, **faults) == changed(Faults(seed=4), 1000, **faults)
+
+
+def test_an_outage_that_is_asked_for_on_the_way_is_that_of_the_whole_session() -> None:
+    whole = {message for _, message in run(Faults(outage=2.0, seed=3), 30_000)}
+    late = {message for _, message in changed(Faults(seed=3), 10_000, 30_000, outage=2.0)}
+    assert late == set(range(10_000)) | {message for message in whole if message >= 10_000}
+
+
+@given(st.lists(st.floats(allow_nan=True, allow_infinity=True), min_size=4, max_size=4), st.floats(1.0, 100.0))
+def test_no_change_of_faults_raises(values: list[float], burst: float) -> None:
+    stage: FaultStage[int] = FaultStage(Faults(burst=burst))
+    stage.change(**dict(zip(("delay", "jitter", "loss", "outage"), values, strict=True)))
+    for n in range(50):
+        stage.push(n * MS, n)
+    assert stage.dropped + len(stage.pop_due(100_000 * MS)) == 50
+    assert 0.0 <= stage.faults.loss <= stage.faults.most_loss
+
+
 def test_loss_jitter_and_outages_are_drawn_as_they_were_before_there_were_other_faults() -> None:
     """Recorded and published sessions repeat bit by bit; the digest was taken before bursts were possible."""
     arrived = [

@@ -26,7 +26,7 @@ class FaultStage(Generic[T]):
     own, made for every message whether they are needed or not, so that one setting does not shift another's.
 
     Args:
-        faults: What to do to them.
+        faults: What to do to them; `change` puts others in their place while it runs.
 
     Attributes:
         delay: One-way delay [s]; may be changed at any time, for messages that follow.
@@ -42,13 +42,38 @@ class FaultStage(Generic[T]):
         self._random = random.Random(faults.seed)
         self._reorder = _Extra("reorder", faults.reorder, HELD_BACK, faults.seed) if faults.reorder else None
         self._duplicate = _Extra("duplicate", faults.duplicate, COPY_LATER, faults.seed) if faults.duplicate else None
-        self._outage = _Spells("outage", faults.outage, faults.seed) if faults.outage else None
-        self._stall = _Spells("stall", faults.stall, faults.seed) if faults.stall else None
+        self._epoch_ns = 0  # from which outages and stalls count
+        self._outage = self._spells("outage", faults.outage)
+        self._stall = self._spells("stall", faults.stall)
         self._after_arrival, self._after_loss = faults.loss_transitions
         self._chance_of_loss = faults.loss
         self._waiting: list[tuple[int, int, T]] = []
         self._count = 0
         self._begun = False
+
+    def change(self, *, delay: float, jitter: float, loss: float, outage: float) -> None:
+        """Other faults from the next message on; what waits is due when it was.
+
+        The draws go on: the same changes before the same messages give the same arrivals. Where the delay becomes
+        shorter, later messages overtake those that wait. A value out of the range of `Faults` counts as the nearest
+        one within it, and so does more loss than bursts of the length at hand can make: nothing is raised.
+
+        Args:
+            delay: As in `Faults` [s].
+            jitter: [s].
+            loss: A share.
+            outage: [s].
+        """
+        faults = self.faults.changed(delay=delay, jitter=jitter, loss=loss, outage=outage)
+        if faults.outage != self.faults.outage:
+            self._outage = self._spells("outage", faults.outage)
+        if faults.loss != self.faults.loss:
+            self._after_arrival, self._after_loss = faults.loss_transitions
+            self._chance_of_loss = faults.loss
+        self.faults, self.delay = faults, faults.delay
+
+    def _spells(self, name: str, length: float) -> _Spells | None:
+        return _Spells(name, length, self.faults.seed, self._epoch_ns) if length else None
 
     def push(self, now_ns: int, message: T) -> None:
         """Take a message that was sent at `now_ns`, the receiver's clock."""
@@ -82,7 +107,7 @@ class FaultStage(Generic[T]):
 
     def _begin(self, now_ns: int) -> None:
         """Outages and stalls count their time from the first message that is not lost by chance."""
-        self._begun = True
+        self._begun, self._epoch_ns = True, now_ns
         for spells in (self._outage, self._stall):
             if spells is not None:
                 spells.epoch_ns = now_ns
@@ -118,8 +143,8 @@ class _Spells:
     A generator for each: when spells happen depends on the seed, not on how many messages were sent.
     """
 
-    def __init__(self, name: str, length: float, seed: int) -> None:
-        self.epoch_ns = 0
+    def __init__(self, name: str, length: float, seed: int, epoch_ns: int) -> None:
+        self.epoch_ns = epoch_ns
         self._name = f"{seed}/{name}"
         self._length = length
         self._window = -1

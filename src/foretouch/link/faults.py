@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from dataclasses import dataclass
 
@@ -82,8 +83,8 @@ class Faults:
                 raise SettingError(name, value, "is a share and must lie between 0 and 1")
         if not 1.0 <= self.burst <= LONGEST_BURST:
             raise SettingError("burst", self.burst, f"must lie between 1 and {LONGEST_BURST:g} messages")
-        most = self.burst / (1.0 + self.burst)
-        if self.burst > 1.0 and self.loss > most:
+        most = self.most_loss
+        if self.loss > most:
             # Rounded down, so that the value we name works.
             raise SettingError(
                 "loss",
@@ -93,8 +94,34 @@ class Faults:
             )
 
     @property
+    def most_loss(self) -> float:
+        """Largest share of losses that bursts of this length can make."""
+        return 1.0 if self.burst == 1.0 else self.burst / (1.0 + self.burst)
+
+    def changed(self, *, delay: float, jitter: float, loss: float, outage: float) -> Faults:
+        """These faults with four others in their place, each held within its range; one that is no number is 0.
+
+        Args:
+            delay: [s].
+            jitter: [s].
+            loss: A share.
+            outage: [s].
+        """
+        return dataclasses.replace(
+            self,
+            delay=_within(delay, LONGEST_DELAY),
+            jitter=_within(jitter, LONGEST_DELAY),
+            loss=_within(loss, self.most_loss),
+            outage=_within(outage, SPELL_SPACING),
+        )
+
+    @property
     def loss_transitions(self) -> tuple[float, float]:
         """Probabilities of losing a message after one that arrived, `p`, and after one that was lost, `1 - r`."""
         if self.burst == 1.0 or self.loss == 0.0:
             return self.loss, self.loss
         return min(1.0, self.loss / ((1.0 - self.loss) * self.burst)), 1.0 - 1.0 / self.burst
+
+
+def _within(value: float, largest: float) -> float:
+    return min(max(value, 0.0), largest) if math.isfinite(value) else 0.0

@@ -121,7 +121,8 @@ def run_follower(
             for arrival, command in link.take("command"):
                 stage.push(arrival, command)
             if link.inboxes["settings"]:
-                stage.delay = link.take("settings")[-1][1].position_delay
+                chosen = link.take("settings")[-1][1]
+                stage.change(delay=chosen.position_delay, jitter=chosen.jitter, loss=chosen.loss, outage=chosen.outage)
                 state.freshness.begin_way()
             for _, last_word in link.take("stop"):
                 if last_word.epoch in (0, state.lease.epoch):
@@ -225,7 +226,8 @@ def run_leader(
             if press and state.heard.stopped and state.heard.telemetry.received >= answered:
                 stop.emergency, press = "", 0
             if link.inboxes["settings"]:
-                stage.delay = link.take("settings")[-1][1].force_delay
+                chosen = link.take("settings")[-1][1]
+                stage.change(delay=chosen.force_delay, jitter=chosen.jitter, loss=chosen.loss, outage=chosen.outage)
             if link.inboxes["stop"]:
                 stop.set(link.take("stop")[-1][1].reason or "the session was ended")
             if link.inboxes["handle"]:

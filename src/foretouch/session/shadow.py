@@ -202,7 +202,10 @@ def run_shadow(
             for _ in range(min(periods, LONGEST_CATCH_UP)):
                 sample = robot.exchange(math.nan)
             if link.inboxes["settings"]:
-                state.returned.delay = link.take("settings")[-1][1].force_delay
+                chosen = link.take("settings")[-1][1]
+                state.returned.change(
+                    delay=chosen.force_delay, jitter=chosen.jitter, loss=chosen.loss, outage=chosen.outage
+                )
                 state.score = ShadowScore()
             # Taken only where it is there: a signal may come at any moment, and is not to be lost.
             if release := stop.release:
