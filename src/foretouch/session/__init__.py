@@ -11,12 +11,16 @@ from foretouch.session.operators import make_operator
 from foretouch.session.processes import run_processes
 from foretouch.session.recorder import RECORDER_CHANNELS, RECORDING_INCOMPLETE, Recorder, run_recorder
 from foretouch.session.replay import Replay, replay
+from foretouch.session.replay_settings import recorded_settings
+from foretouch.session.replay_under import CLOSED_LOOP, FIXED_MOTION, material_answers, replay_notes, replay_under
 from foretouch.session.robots import make_moved_robot, make_session_robot
 from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
 from foretouch.session.shadow import SHADOW_CHANNELS, run_shadow
 from foretouch.session.simulated import SimulatedSession, simulate
 
 __all__ = [
+    "CLOSED_LOOP",
+    "FIXED_MOTION",
     "FOLLOWER_CHANNELS",
     "LEADER_CHANNELS",
     "RECORDER_CHANNELS",
@@ -38,9 +42,13 @@ __all__ = [
     "make_moved_robot",
     "make_operator",
     "make_session_robot",
+    "material_answers",
     "mediate",
     "orphaned",
+    "recorded_settings",
     "replay",
+    "replay_notes",
+    "replay_under",
     "run_follower",
     "run_leader",
     "run_processes",
