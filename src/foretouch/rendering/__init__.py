@@ -6,6 +6,15 @@ from foretouch.rendering.mediation import LARGEST_STEP, Mediation
 from foretouch.rendering.proxy import Proxy
 from foretouch.rendering.renderer import Renderer, RenderingDevice
 from foretouch.rendering.share import rendered_share
+from foretouch.rendering.surfaces import (
+    HeightField,
+    Plane,
+    Surface,
+    SurfaceContact,
+    SurfaceProxy,
+    TriangleMesh,
+    read_mesh,
+)
 
 __all__ = [
     "LARGEST_FORCE",
@@ -13,9 +22,16 @@ __all__ = [
     "LARGEST_STEP",
     "EnergyAccount",
     "ForceLimiter",
+    "HeightField",
     "Mediation",
+    "Plane",
     "Proxy",
     "Renderer",
     "RenderingDevice",
+    "Surface",
+    "SurfaceContact",
+    "SurfaceProxy",
+    "TriangleMesh",
+    "read_mesh",
     "rendered_share",
 ]

@@ -1,0 +1,9 @@
+"""Surfaces in space: a plane, a field of heights, a mesh, and the proxy that slides on them."""
+
+from foretouch.rendering.surfaces.height_field import HeightField
+from foretouch.rendering.surfaces.mesh import TriangleMesh
+from foretouch.rendering.surfaces.mesh_reading import read_mesh
+from foretouch.rendering.surfaces.plane import Plane
+from foretouch.rendering.surfaces.surface import Point, Surface, SurfaceContact, SurfaceProxy
+
+__all__ = ["HeightField", "Plane", "Point", "Surface", "SurfaceContact", "SurfaceProxy", "TriangleMesh", "read_mesh"]

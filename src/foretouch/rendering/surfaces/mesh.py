@@ -1,0 +1,163 @@
+"""A surface of triangles."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from foretouch.errors import SettingError
+from foretouch.rendering.surfaces.surface import Array, Surface, SurfaceContact
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+__all__ = ["LARGEST_COORDINATE", "TriangleMesh"]
+
+LARGEST_COORDINATE = 100.0
+"""Coordinates beyond this [m] are refused: the file is in other units, and crossings are told to a nanometre."""
+
+Ints = NDArray[np.int32]
+
+
+class TriangleMesh(Surface):
+    """A surface of triangles, closed about a body or an open sheet, with the god object on it.
+
+    Corners run anticlockwise, seen from outside. A closed mesh is a body. An open one is a sheet that is felt from its
+    outward side only: what comes from behind or round its border passes, and contact ends where the probe goes beyond
+    the border. The proxy stays on the piece of mesh that it came in through; pieces that reach into each other are not
+    seen as one.
+
+    Args:
+        vertices: [m], of shape (n, 3).
+        faces: Indices of the corners, of shape (m, 3).
+
+    Attributes:
+        vertices: As given, those of no face too.
+        faces: As given.
+        closed: Whether every edge has two triangles.
+
+    Raises:
+        SettingError: Not a surface: shapes, numbers, faces without area, edges with more than two triangles or with two
+            that are wound against each other. `read_mesh` repairs what can be repaired.
+    """
+
+    def __init__(self, vertices: ArrayLike, faces: ArrayLike) -> None:
+        from foretouch.rendering.surfaces import god_object  # compiled code is loaded when it is needed
+        from foretouch.rendering.surfaces.boxes import build_boxes
+
+        self.vertices = np.array(vertices, dtype=np.float64)
+        self.faces = np.array(faces, dtype=np.int64)
+        _check(self.vertices, self.faces)
+        corners = self.vertices[self.faces]
+        normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        areas = np.linalg.norm(normals, axis=1)
+        if not areas.min() > 0.0:
+            raise SettingError("faces", int(np.argmin(areas)), "this face has no area: leave it out, or merge vertices")
+        normals /= areas[:, None]
+        neighbours = _neighbours(self.faces)
+        self.closed = bool((neighbours >= 0).all())
+        fan_starts, fans = _fans(self.faces, len(self.vertices))
+        self._kernel = (
+            _rows(corners, normals, neighbours, self.faces, len(self.vertices)),
+            _links(self.faces, neighbours, len(self.vertices)),
+            fan_starts,
+            fans,
+            *build_boxes(corners),
+            self.closed,
+        )
+        self._follow: Callable[..., None] = god_object.follow
+        self._size = god_object.MEMORY
+
+    def initial_memory(self) -> Array:
+        """See `Surface.initial_memory`."""
+        return np.zeros(self._size)
+
+    def follow(self, memory: Array, x: float, y: float, z: float) -> SurfaceContact:
+        """See `Surface.follow`."""
+        self._follow(*self._kernel, memory, x, y, z)
+        _, _, _, _, px, py, pz, triangle, nx, ny, nz, depth, _ = memory.tolist()
+        return SurfaceContact(depth, (nx, ny, nz), (px, py, pz), int(triangle))
+
+    def outline(self) -> tuple[Array, NDArray[np.int64]]:
+        """See `Surface.outline`."""
+        return self.vertices, self.faces
+
+
+def _check(vertices: Array, faces: NDArray[np.int64]) -> None:
+    """Refuse what is no list of points and triangles."""
+    if vertices.ndim != 2 or vertices.shape[1] != 3:
+        raise SettingError("vertices", vertices.shape, "must be of shape (n, 3)")
+    if faces.ndim != 2 or faces.shape[1] != 3 or len(faces) == 0:
+        raise SettingError("faces", faces.shape, "must be of shape (m, 3), one triangle at least")
+    if not (np.abs(vertices) <= LARGEST_COORDINATE).all():
+        raise SettingError(
+            "vertices", float(np.abs(vertices).max()), f"must be finite and within {LARGEST_COORDINATE:g} m: scale them"
+        )
+    if faces.min() < 0 or faces.max() >= len(vertices):
+        raise SettingError("faces", int(faces.max()), f"must be indices of the {len(vertices)} vertices")
+
+
+def _neighbours(faces: NDArray[np.int64]) -> NDArray[np.int64]:
+    """The triangle beyond each edge, of shape (m, 3); -1 where there is none."""
+    count = len(faces)
+    edges = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
+    key = edges.max(axis=1) + 1
+    width = int(key.max()) + 1
+    codes = edges.min(axis=1) * width + edges.max(axis=1)
+    order = np.argsort(codes, kind="stable")
+    same = codes[order][1:] == codes[order][:-1]
+    if (same[1:] & same[:-1]).any():
+        edge = edges[order[np.flatnonzero(same[1:] & same[:-1])[0]]]
+        raise SettingError("faces", tuple(edge.tolist()), "this edge has more than two triangles: split the vertices")
+    one, other = order[:-1][same], order[1:][same]
+    against = edges[one, 0] == edges[other, 0]
+    if against.any():
+        edge = edges[one[np.flatnonzero(against)[0]]]
+        raise SettingError(
+            "faces", tuple(edge.tolist()), "the two triangles of this edge are wound against each other: turn one"
+        )
+    found = np.full(3 * count, -1)
+    found[one], found[other] = other // 3, one // 3
+    return found.reshape(count, 3)
+
+
+def _fans(faces: NDArray[np.int64], vertices: int) -> tuple[Ints, Ints]:
+    """The triangles about each vertex, one after another, and where those of each begin."""
+    order = np.argsort(faces.ravel(), kind="stable")
+    starts = np.concatenate([[0], np.cumsum(np.bincount(faces.ravel(), minlength=vertices))])
+    return starts.astype(np.int32), (order // 3).astype(np.int32)
+
+
+def _links(faces: NDArray[np.int64], neighbours: NDArray[np.int64], vertices: int) -> Ints:
+    """Rows of `god_object.LINKS`."""
+    on_border = np.zeros(vertices, dtype=bool)
+    for edge in range(3):
+        alone = neighbours[:, edge] < 0
+        on_border[faces[alone, edge]] = True
+        on_border[faces[alone, (edge + 1) % 3]] = True
+    return np.concatenate([faces, neighbours, on_border[faces]], axis=1).astype(np.int32)
+
+
+def _rows(
+    corners: Array, normals: Array, neighbours: NDArray[np.int64], faces: NDArray[np.int64], vertices: int
+) -> Array:
+    """Rows of `triangle_kernel`: corners, normal, normals of the edges, and those of the corners weighted by angle."""
+    beyond = np.where((neighbours >= 0)[:, :, None], normals[neighbours], 0.0)
+    edges = _unit(normals[:, None, :] + beyond, normals)
+    sums = np.zeros((vertices, 3))
+    for corner in range(3):
+        one = corners[:, (corner + 1) % 3] - corners[:, corner]
+        other = corners[:, (corner + 2) % 3] - corners[:, corner]
+        angle = np.arctan2(np.linalg.norm(np.cross(one, other), axis=1), np.einsum("ij,ij->i", one, other))
+        np.add.at(sums, faces[:, corner], angle[:, None] * normals)
+    at_corners = _unit(sums[faces], normals)
+    flat = [part.reshape(len(faces), -1) for part in (corners, normals, edges, at_corners)]
+    return np.ascontiguousarray(np.concatenate(flat, axis=1))
+
+
+def _unit(sums: Array, normals: Array) -> Array:
+    """Of length 1; the face's own normal where the sum has no direction."""
+    lengths = np.linalg.norm(sums, axis=2, keepdims=True)
+    return np.where(lengths > 1e-9, sums / np.maximum(lengths, 1e-9), normals[:, None, :])

@@ -1,0 +1,99 @@
+"""Meshes from files: read, repaired, or refused in one line."""
+
+from __future__ import annotations
+
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from foretouch.errors import InputError, MissingExtraError, SettingError
+from foretouch.models.checks import require
+from foretouch.rendering.surfaces.mesh import TriangleMesh
+
+__all__ = ["FORMATS", "MOST_TRIANGLES", "read_mesh"]
+
+FORMATS = (".stl", ".obj", ".ply")
+"""Endings of the files that are read."""
+
+MOST_TRIANGLES = 1_000_000
+"""Meshes of more triangles are refused: reduce them first; a hand does not feel what they add."""
+
+
+def read_mesh(path: str | Path, *, scale: float = 1.0, closed: bool = False) -> TriangleMesh:
+    """Read a mesh and repair it.
+
+    Vertices at one place become one, faces without area and faces that are there twice go, triangles are wound alike
+    and outwards, and small holes (of three or four edges) are filled.
+
+    Args:
+        path: STL, OBJ or PLY.
+        scale: Metres in a unit of the file: 0.001 for millimetres.
+        closed: Refuse a mesh that still has a border.
+
+    Raises:
+        InputError: No such file, no mesh, or one that is still broken; the line says where and what to do.
+        MissingExtraError: trimesh is not installed.
+    """
+    require("scale", scale, above=0.0)
+    file = Path(path)
+    if file.suffix.lower() not in FORMATS:
+        raise InputError(f"{file}: meshes are read from {', '.join(FORMATS)}: convert it")
+    if not file.is_file():
+        raise InputError(f"{file}: no such file")
+    mesh = _repaired(_loaded(file), file)
+    try:
+        surface = TriangleMesh(np.asarray(mesh.vertices) * scale, np.asarray(mesh.faces))
+    except SettingError as error:
+        raise InputError(f"{file}: still no surface after repair: {error}") from None
+    if closed and not surface.closed:
+        raise InputError(f"{file}: the mesh has holes that are too large to fill: close it in a mesh editor")
+    return surface
+
+
+def _trimesh() -> Any:
+    try:
+        import_module("networkx")  # trimesh's repairs need it
+        return import_module("trimesh")
+    except ImportError as error:
+        raise MissingExtraError(error.name or "trimesh", "mesh") from None
+
+
+def _loaded(file: Path) -> Any:
+    """One mesh of all that the file holds."""
+    trimesh = _trimesh()
+    try:
+        mesh = trimesh.load(file, force="mesh", process=False, file_type=file.suffix.lower()[1:])
+    except Exception as error:  # a reader of foreign files fails in every way there is
+        raise InputError(f"{file}: no mesh could be read from it ({_short(error)})") from None
+    if not isinstance(mesh, trimesh.Trimesh) or len(mesh.faces) == 0:
+        raise InputError(f"{file}: there is no triangle in it")
+    if len(mesh.faces) > MOST_TRIANGLES:
+        raise InputError(f"{file}: {len(mesh.faces)} triangles, at most {MOST_TRIANGLES} are taken: reduce it")
+    if not np.isfinite(mesh.vertices).all():
+        raise InputError(f"{file}: some coordinates are no finite numbers: export it again")
+    return mesh
+
+
+def _repaired(mesh: Any, file: Path) -> Any:
+    """The same with what can be repaired repaired."""
+    try:
+        mesh.merge_vertices(merge_tex=True, merge_norm=True)
+        mesh.update_faces(mesh.nondegenerate_faces())
+        mesh.update_faces(mesh.unique_faces())
+        mesh.remove_unreferenced_vertices()
+        repair = _trimesh().repair
+        repair.fix_winding(mesh)
+        repair.fill_holes(mesh)
+        if mesh.is_watertight:
+            repair.fix_normals(mesh, multibody=True)
+    except Exception as error:
+        raise InputError(f"{file}: the mesh could not be repaired ({_short(error)}): export it again") from None
+    if len(mesh.faces) == 0:
+        raise InputError(f"{file}: no triangle in it has an area")
+    return mesh
+
+
+def _short(error: Exception) -> str:
+    return " ".join(str(error).split())[:120] or type(error).__name__

@@ -1,0 +1,115 @@
+"""What a surface is: a place in, the proxy on the surface out."""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from typing import NamedTuple, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["NO_TRIANGLE", "Point", "Surface", "SurfaceContact", "SurfaceProxy"]
+
+Array: TypeAlias = NDArray[np.float64]
+Point: TypeAlias = tuple[float, float, float]
+
+NO_TRIANGLE = -1
+"""Where a surface has none."""
+
+
+class SurfaceContact(NamedTuple):
+    """Where a probe is against a surface.
+
+    Attributes:
+        depth: Positive inside: from the probe to its proxy [m]. Outside, minus the distance to the nearest point of the
+            surface [m], 0 on it.
+        normal: Outward, of length 1; inside it is the direction from the probe to the proxy, so that a force along it
+            has a potential.
+        point: The proxy: on the surface [m].
+        triangle: That the proxy is on, -1 where the surface has none.
+    """
+
+    depth: float
+    normal: Point
+    point: Point
+    triangle: int
+
+
+class Surface(ABC):
+    """A surface in the frame of the fixture. Leaves do not change; what a contact remembers is the caller's.
+
+    A probe that has pressed past an edge, or through the middle of a thin plate, is nearest to a side that it never
+    came through. So contact has a history: the proxy (god object) stays on the surface and goes only where it can slide
+    towards the probe. `SurfaceProxy` keeps that history.
+
+    References:
+        Zilles and Salisbury (1995), A constraint-based god-object method for haptic display, IEEE/RSJ IROS.
+    """
+
+    @abstractmethod
+    def initial_memory(self) -> Array:
+        """What a contact that has not begun remembers."""
+
+    @abstractmethod
+    def follow(self, memory: Array, x: float, y: float, z: float) -> SurfaceContact:
+        """Move the probe on to a place and the proxy after it; never raises.
+
+        Args:
+            memory: Of this contact, from `initial_memory`; written in place.
+            x: Of the probe [m], finite.
+            y: [m], finite.
+            z: [m], finite.
+        """
+
+    @abstractmethod
+    def outline(self) -> tuple[Array, NDArray[np.int64]]:
+        """To draw it: vertices [m] of shape (n, 3), and triangles of shape (m, 3) of their indices."""
+
+    def contact(self, place: Sequence[float]) -> SurfaceContact:
+        """Contact of a probe that has no history: with the nearest point of the surface.
+
+        Args:
+            place: Of the probe [m], three numbers, finite.
+        """
+        x, y, z = (float(value) for value in place)
+        return self.follow(self.initial_memory(), x, y, z)
+
+
+_FAR = SurfaceContact(-math.inf, (0.0, 0.0, 1.0), (math.nan, math.nan, math.nan), NO_TRIANGLE)
+
+
+class SurfaceProxy:
+    """The god object of one probe on one surface.
+
+    Args:
+        surface: What it is on.
+
+    Attributes:
+        newest: The contact of the newest place; infinitely far outside before the first.
+    """
+
+    __slots__ = ("_memory", "newest", "surface")
+
+    def __init__(self, surface: Surface) -> None:
+        self.surface = surface
+        self.restart()
+
+    def restart(self) -> None:
+        """Forget the history: the next place is met by the nearest point of the surface."""
+        self._memory = self.surface.initial_memory()
+        self.newest = _FAR
+
+    def follow(self, place: Sequence[float]) -> SurfaceContact:
+        """Follow the probe to a place; one that is not finite changes nothing and gets the newest contact again.
+
+        Call it in every tick, outside the surface too: from which side the probe comes in is seen on the way.
+
+        Args:
+            place: Of the probe [m], three numbers.
+        """
+        x, y, z = place
+        if math.isfinite(x) and math.isfinite(y) and math.isfinite(z):
+            self.newest = self.surface.follow(self._memory, x, y, z)
+        return self.newest

@@ -1,0 +1,101 @@
+"""Meshes from files: every format, repaired, or refused in one line."""
+
+from __future__ import annotations
+
+import struct
+from pathlib import Path
+
+import numpy as np
+import pytest
+from solids import follow, straight
+
+trimesh = pytest.importorskip("trimesh")
+pytest.importorskip("networkx")
+
+from foretouch.errors import InputError, SettingError  # noqa: E402
+from foretouch.rendering.surfaces import TriangleMesh, read_mesh  # noqa: E402
+
+
+def pressed(mesh: TriangleMesh) -> float:
+    return follow(mesh, straight((0.01, 0.005, 0.06), (0.01, 0.005, 0.045)))[-1].depth
+
+
+@pytest.mark.parametrize("ending", [".stl", ".obj", ".ply", ".STL"])
+def test_a_box_in_millimetres_is_read(ending: str, tmp_path: Path) -> None:
+    file = tmp_path / f"box{ending}"
+    trimesh.creation.box((100.0, 100.0, 100.0)).export(file, file_type=ending.lower()[1:])
+    mesh = read_mesh(file, scale=1e-3, closed=True)
+    assert mesh.closed
+    assert len(mesh.vertices) == 8  # an STL has every corner once a triangle
+    assert pressed(mesh) == pytest.approx(0.005, abs=1e-9)
+
+
+def test_what_is_broken_is_repaired(tmp_path: Path) -> None:
+    """A face inside out, one missing, one twice, one without area, and a vertex of no face."""
+    box = trimesh.creation.box((0.1, 0.1, 0.1))
+    vertices = np.vstack([box.vertices, (0.0, 0.0, 0.3)])
+    faces = box.faces[:-1].copy()
+    faces[3] = faces[3][::-1]
+    faces = np.vstack([faces, faces[0], (0, 1, 1)])
+    file = tmp_path / "broken.ply"
+    trimesh.Trimesh(vertices, faces, process=False).export(file)
+    with pytest.raises(SettingError):
+        TriangleMesh(vertices, faces)
+    mesh = read_mesh(file, closed=True)
+    assert len(mesh.faces) == 12
+    assert len(mesh.vertices) == 8
+    assert pressed(mesh) == pytest.approx(0.005, abs=1e-7)
+
+
+def test_a_mesh_that_is_inside_out_is_turned(tmp_path: Path) -> None:
+    box = trimesh.creation.box((0.1, 0.1, 0.1))
+    box.invert()
+    file = tmp_path / "inside_out.stl"
+    box.export(file)
+    assert pressed(read_mesh(file)) == pytest.approx(0.005, abs=1e-7)
+
+
+def test_an_open_mesh_is_a_sheet_unless_a_body_is_asked_for(tmp_path: Path) -> None:
+    ball = trimesh.creation.icosphere(subdivisions=3, radius=0.05)
+    half = trimesh.Trimesh(ball.vertices, ball.faces[ball.triangles_center[:, 2] > 0.0], process=False)
+    file = tmp_path / "half.ply"
+    half.export(file)
+    mesh = read_mesh(file)
+    assert not mesh.closed
+    assert pressed(mesh) == pytest.approx(0.05 - float(np.linalg.norm((0.01, 0.005, 0.045))), abs=3e-4)
+    with pytest.raises(InputError, match=r"half.ply: the mesh has holes"):
+        read_mesh(file, closed=True)
+
+
+def write(path: Path, content: bytes) -> Path:
+    path.write_bytes(content)
+    return path
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "said"),
+    [
+        ("mesh.txt", b"", "are read from"),
+        ("empty.stl", b"", "mesh|triangle"),
+        ("noise.stl", bytes(range(256)) * 3, "mesh|triangle"),
+        ("noise.ply", b"ply\nformat ascii 1.0\nelement vertex 9\nend_header\nx", "mesh|triangle"),
+        ("text.obj", b"hello", "mesh|triangle"),
+        ("cut.stl", b" " * 80 + struct.pack("<I", 1000) + bytes(50), "mesh|triangle"),
+        ("nan.stl", b" " * 80 + struct.pack("<I12fH", 1, 0, 0, 1, 0, 0, 0, 1, 0, 0, np.nan, 1, 0, 0), "finite"),
+        ("flat.stl", b" " * 80 + struct.pack("<I12fH", 1, 0, 0, 1, 0, 0, 0, 1, 0, 0, 1, 0, 0, 0), "area"),
+        ("huge.stl", b" " * 80 + struct.pack("<I12fH", 1, 0, 0, 1, 0, 0, 0, 500, 0, 0, 0, 500, 0, 0), "scale"),
+        ("fin.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nv 0 -1 0\nf 1 2 3\nf 1 2 4\nf 1 2 5\n", "more than two"),
+    ],
+)
+def test_what_is_no_mesh_is_refused_in_one_line(name: str, content: bytes, said: str, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=said) as error:
+        read_mesh(write(tmp_path / name, content))
+    assert "\n" not in str(error.value)
+    assert name in str(error.value)
+
+
+def test_a_file_that_is_not_there_and_a_scale_that_is_none(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="no such file"):
+        read_mesh(tmp_path / "none.stl")
+    with pytest.raises(SettingError, match="scale"):
+        read_mesh(tmp_path / "none.stl", scale=0.0)
