@@ -12,6 +12,8 @@ from foretouch.report.page import write_page, write_prediction_page
 from foretouch.report.pairs import Pairs, force_at_follower, pair
 from foretouch.report.perception import LargestJump, largest_jump, rendered_jump, time_to_accuracy, update_jumps
 from foretouch.report.remarks import remarks
+from foretouch.report.replay import Contact, compare_replay, contacts, render_replay
+from foretouch.report.replay_page import replay_figure, write_replay_page
 from foretouch.report.safety_text import left_out
 from foretouch.report.scores import STATUSES, Scores, delayed, lowest_mean, score
 from foretouch.report.session import CONTACT_FLOOR, session_report
@@ -22,10 +24,13 @@ __all__ = [
     "COLOURS",
     "CONTACT_FLOOR",
     "STATUSES",
+    "Contact",
     "Forces",
     "LargestJump",
     "Pairs",
     "Scores",
+    "compare_replay",
+    "contacts",
     "delayed",
     "embedded",
     "energy_account",
@@ -48,8 +53,10 @@ __all__ = [
     "oscillation",
     "pair",
     "remarks",
+    "render_replay",
     "render_text",
     "rendered_jump",
+    "replay_figure",
     "score",
     "session_report",
     "swings",
@@ -61,4 +68,5 @@ __all__ = [
     "write_html",
     "write_page",
     "write_prediction_page",
+    "write_replay_page",
 ]

@@ -128,7 +128,7 @@ def number_of(settings: Mapping[str, str], name: str, otherwise: float) -> float
 def loop_sentence(settings: Mapping[str, str]) -> str:
     """Whether the force moves a hand, whose, and which device it holds."""
     grip = setting(settings, "grip", NO_GRIP)
-    if grip == NO_GRIP:
+    if grip == NO_GRIP or settings.get("replay") == "open loop":
         return OPEN_LOOP
     mass, damping, friction, resolution = (
         number_of(settings, f"device_{name}", 0.0) for name in ("mass", "damping", "friction", "resolution")

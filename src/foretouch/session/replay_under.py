@@ -100,6 +100,8 @@ def replay_notes(log: SessionLog, settings: SessionSettings, closed_loop: bool =
     notes = [CLOSED_LOOP if closed_loop else FIXED_MOTION]
     if closed_loop and not np.isfinite(leader["intended_position"]).any():
         notes.append("what the hand meant was not recorded: where it was is taken for that")
+    if not closed_loop and settings.grip != NO_GRIP:
+        notes.append("the hand is where it was; how far the robot is from it comes of the replay's own models")
     if material_answers(log):
         notes.append(f"the robot and its material ({settings.material}) are simulated again")
     else:
