@@ -39,13 +39,18 @@ from foretouch.models.linearisation import (
 from foretouch.models.linearised import LinearisedContinuousSwitching
 from foretouch.models.low_damping import LowDampingError, low_damping_error, low_damping_limit, low_damping_table
 from foretouch.models.map_summary import MapSummary, summarise_map
+from foretouch.models.material_field import FIELD_DEPTH, MOST_NODES, NODE_SPACING, MaterialField
 from foretouch.models.memoryless_law import MemorylessLaw
 from foretouch.models.motion import MotionFilter
 from foretouch.models.predictor import Predictor
+from foretouch.models.quadratic_contact import QuadraticContact
 from foretouch.models.threshold_switching import ThresholdSwitching
 
 __all__ = [
+    "FIELD_DEPTH",
     "LAWS",
+    "MOST_NODES",
+    "NODE_SPACING",
     "NO_STATE",
     "TABLE_1",
     "ContactMap",
@@ -59,10 +64,12 @@ __all__ = [
     "LinearisedContinuousSwitching",
     "LowDampingError",
     "MapSummary",
+    "MaterialField",
     "MemorylessLaw",
     "MotionFilter",
     "PolynomialFit",
     "Predictor",
+    "QuadraticContact",
     "ThresholdSwitching",
     "advance",
     "beta_of",

@@ -11,6 +11,7 @@ from foretouch.models.continuous_switching import ContinuousSwitching
 from foretouch.models.hunt_crossley import HuntCrossley
 from foretouch.models.kelvin_voigt import KelvinVoigt
 from foretouch.models.linearised import LinearisedContinuousSwitching
+from foretouch.models.quadratic_contact import QuadraticContact
 from foretouch.models.threshold_switching import ThresholdSwitching
 
 __all__ = ["LAWS", "make_model"]
@@ -27,6 +28,7 @@ LAWS: dict[str, type[ContactModel]] = {
         ContinuousSwitching,
         LinearisedContinuousSwitching,
         ContactMap,
+        QuadraticContact,
     )
 }
 """Every law that a model message may name."""

@@ -1,9 +1,9 @@
 """The god object on a triangle mesh, compiled.
 
-In contact the proxy is where the distance to the probe has a minimum, downhill on the surface from where it was: from the
-nearest point of its triangle, if that is on an edge or corner, it goes on to the triangle there that comes nearest, as
-long as one comes nearer. Distances to a triangle are convex, so every step is a way down within one triangle; none is
-seen twice. On a flat face one plane holds the proxy, in a concave edge two, in a concave corner three; over a convex
+In contact the proxy is where the distance to the probe has a minimum, downhill on the surface from where it was: from
+the nearest point of its triangle, if that is on an edge or corner, it goes on to the triangle there that comes nearest,
+as long as one comes nearer. Distances to a triangle are convex, so every step is a way down within one triangle; none
+is seen twice. On a flat face one plane holds the proxy, in a concave edge two, in a concave corner three; over a convex
 edge it slides. Contact ends where the probe is outside of what the proxy is on.
 
 References:

@@ -1,0 +1,107 @@
+"""The field of materials, compiled: which nodes are about a place, and their blend.
+
+A node's key (i, j, k) is packed into one whole number that sorts as the key does.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+__all__ = ["CORNERS", "HALF", "NUMBERS", "blend", "blend_many", "cell_of"]
+
+Array = NDArray[np.float64]
+Codes = NDArray[np.int64]
+
+CORNERS = 8
+"""Nodes about a place."""
+
+NUMBERS = 4
+"""Of a node: a, b, c of its law, and the standard deviation of its local stiffness."""
+
+HALF = 32768
+"""Keys go from minus this to this, less one."""
+
+
+def _cell_of(x: float, y: float, z: float, spacing: float, codes: Codes, weights: Array) -> None:
+    """The eight nodes about a place, and their trilinear weights, which sum to 1.
+
+    Args:
+        x: Of the place [m]; beyond the lattice it counts as at its end.
+        y: [m].
+        z: [m].
+        spacing: Of the nodes [m].
+        codes: Of shape (8,), written.
+        weights: Of shape (8,), written.
+    """
+    limit = HALF - 2.0
+    u, v, w = (
+        min(max(x / spacing, -limit), limit),
+        min(max(y / spacing, -limit), limit),
+        min(max(z / spacing, -limit), limit),
+    )
+    i, j, k = math.floor(u), math.floor(v), math.floor(w)
+    fu, fv, fw = u - i, v - j, w - k
+    first = ((int(i) + HALF) << 32) | ((int(j) + HALF) << 16) | (int(k) + HALF)
+    for corner in range(CORNERS):
+        di, dj, dk = corner >> 2, (corner >> 1) & 1, corner & 1
+        codes[corner] = first + (di << 32) + (dj << 16) + dk
+        weights[corner] = (fu if di else 1.0 - fu) * (fv if dj else 1.0 - fv) * (fw if dk else 1.0 - fw)
+
+
+cell_of: Callable[[float, float, float, float, Codes, Array], None] = njit(cache=True)(_cell_of)
+
+
+def _blend(
+    codes: Codes, values: Array, unknown: Array, spacing: float, x: float, y: float, z: float
+) -> tuple[float, float, float, float, float]:
+    """The law at a place: a, b, c, the standard deviation of its local stiffness, and the weight of what is known.
+
+    Args:
+        codes: Of the nodes, ascending, of shape (n,).
+        values: Of the nodes, of shape (n, 4).
+        unknown: What counts for a node that is not there, of shape (4,).
+        spacing: Of the nodes [m].
+        x: Of the place [m].
+        y: [m].
+        z: [m].
+    """
+    about, weights = np.empty(CORNERS, np.int64), np.empty(CORNERS)
+    cell_of(x, y, z, spacing, about, weights)
+    a = b = c = deviation = known = 0.0
+    for corner in range(CORNERS):
+        share = weights[corner]
+        if share <= 0.0:
+            continue
+        at = np.searchsorted(codes, about[corner])
+        if at < codes.shape[0] and codes[at] == about[corner]:
+            node = values[at]
+            known += share
+        else:
+            node = unknown
+        a += share * node[0]
+        b += share * node[1]
+        c += share * node[2]
+        deviation += share * node[3]
+    return a, b, c, deviation, known
+
+
+blend: Callable[[Codes, Array, Array, float, float, float, float], tuple[float, float, float, float, float]] = njit(
+    cache=True
+)(_blend)
+
+
+def _blend_many(codes: Codes, values: Array, unknown: Array, spacing: float, points: Array, out: Array) -> None:
+    """`blend` at many points of shape (n, 3), written into out of shape (n, 5)."""
+    for row in range(points.shape[0]):
+        a, b, c, deviation, known = blend(
+            codes, values, unknown, spacing, points[row, 0], points[row, 1], points[row, 2]
+        )
+        out[row, 0], out[row, 1], out[row, 2], out[row, 3], out[row, 4] = a, b, c, deviation, known
+
+
+blend_many: Callable[[Codes, Array, Array, float, Array, Array], None] = njit(cache=True)(_blend_many)
