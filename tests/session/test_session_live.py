@@ -20,6 +20,8 @@ import pytest
 from foretouch.link import ZenohLink, free_endpoint
 from foretouch.messages import VERSION, Hello, SessionLog, Status
 from foretouch.recordings import read_session
+from foretouch.report import session_report
+from foretouch.session import recorded_settings, replay_notes, replay_under
 
 pytestmark = pytest.mark.live
 
@@ -109,6 +111,19 @@ def test_ticks_keep_their_period_and_commands_their_delay(session: tuple[dict[st
     assert 80.0 <= transit.min() < 85.0  # on a busy machine the playout waits longer for the others
     assert log.settings["operator"] == "scripted"
     assert log.settings["material"] == "hunt-crossley"
+
+
+def test_its_recording_can_be_replayed(session: tuple[dict[str, Any], Path, str]) -> None:
+    log = read_session(session[1])
+    settings, notes = recorded_settings(log.settings)
+    assert notes == ()
+    again = replay_under(log, settings)
+    assert (np.diff(again.leader["time_ns"]) == 1_000_000).all()
+    own, found = (session_report(one) for one in (log, again))
+    assert found["duration_s"] == pytest.approx(own["duration_s"], abs=0.01)
+    assert found["contact_force_rms_N"] == pytest.approx(own["contact_force_rms_N"], rel=0.1)
+    assert found["prediction_error_percent"] < 2.0 * own["prediction_error_percent"] + 5.0
+    assert any("real time" in note for note in replay_notes(log, settings))
 
 
 def test_the_follower_feels_what_it_touches(session: tuple[dict[str, Any], Path, str]) -> None:

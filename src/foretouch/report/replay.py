@@ -89,7 +89,7 @@ def compare_replay(recorded: SessionLog, replayed: SessionLog, notes: Sequence[s
     return {
         "motion": notes[0],
         "notes": list(notes[1:]),
-        "loop": after.get("replay", ""),
+        "loop": after.get("replay", "open loop"),
         "settings": differ,
         "recorded": session_report(recorded),
         "replayed": session_report(replayed),

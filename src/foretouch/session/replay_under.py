@@ -165,17 +165,19 @@ def _felt_at(stretch: SessionLog, settings: SessionSettings) -> Times:
     if not rows.leader.size:
         raise RecordingError("session", "the robot applied no command: there is nothing to run again")
     shown = _usual(rows.follower["time_ns"] - rows.leader["time_ns"])
-    later = _usual_transit(settings, rows.leader.size) - shown
+    later = _usual_transit(settings, stretch.leader.size) - shown
     return np.asarray(stretch.follower["time_ns"] + later - stretch.leader["time_ns"][0])
 
 
 def _usual_transit(settings: SessionSettings, ticks: int) -> int:
     """How long commands usually take in a replay, until they are played [ns]."""
     stage: FaultStage[int] = FaultStage(settings.command_faults)
-    playout, taken, applied = Playout(), [], 0
+    playout, taken, applied, newest = Playout(), [], 0, 0
     for tick in range(ticks):
         for sequence in stage.pop_due(tick * _PERIOD_NS):
-            playout.push(sequence, 0.0)
+            if sequence > newest:  # what was overtaken is refused
+                newest = sequence
+                playout.push(sequence, 0.0)
         playout.advance()
         if playout.applied != applied:
             applied = playout.applied
