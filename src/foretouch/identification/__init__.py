@@ -13,6 +13,7 @@ from foretouch.identification.exact_recursive import (
     ExactRecursiveOptions,
 )
 from foretouch.identification.fprls import FPRLS, FPRLSOptions
+from foretouch.identification.friction import FrictionEstimator
 from foretouch.identification.hunt_crossley_log import HuntCrossleyLogOptions, HuntCrossleyLogRLS
 from foretouch.identification.hunt_crossley_two_stage import HuntCrossleyTwoStage, TwoStageOptions
 from foretouch.identification.identify import Identification, identify
@@ -68,6 +69,7 @@ __all__ = [
     "ExactRecursiveOptions",
     "FPRLSOptions",
     "ForgettingRLS",
+    "FrictionEstimator",
     "HuntCrossleyLogOptions",
     "HuntCrossleyLogRLS",
     "HuntCrossleyTwoStage",

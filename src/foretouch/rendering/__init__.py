@@ -1,6 +1,7 @@
 """Rendering: from models and the hand's motion to a force that neither jerks nor drives the hand."""
 
 from foretouch.rendering.energy import EnergyAccount
+from foretouch.rendering.friction import FrictionRenderer
 from foretouch.rendering.limits import LARGEST_FORCE, LARGEST_FORCE_RATE, ForceLimiter
 from foretouch.rendering.mediation import LARGEST_STEP, Mediation
 from foretouch.rendering.proxy import Proxy
@@ -22,6 +23,7 @@ __all__ = [
     "LARGEST_STEP",
     "EnergyAccount",
     "ForceLimiter",
+    "FrictionRenderer",
     "HeightField",
     "Mediation",
     "Plane",

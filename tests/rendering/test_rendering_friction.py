@@ -1,0 +1,114 @@
+"""Friction at the hand: sticks, slides, stays in the cone, and never gives out energy."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from foretouch.errors import SettingError
+from foretouch.rendering import FrictionRenderer
+
+T = 1e-3
+UP = (0.0, 0.0, 1.0)
+
+
+def test_it_sticks_as_a_spring_and_slides_at_the_cone() -> None:
+    friction = FrictionRenderer(2000.0)
+    forces = [friction.update((x, 0.0, 0.0), UP, 2.0, 0.4, 0.0, T)[0] for x in np.arange(0.0, 1e-3, 1e-5).tolist()]
+    np.testing.assert_allclose(forces, -np.minimum(2000.0 * np.arange(0.0, 1e-3, 1e-5), 0.8), atol=1e-12)
+    assert friction.sliding
+    back = [friction.update((1e-3 - x, 0.0, 0.0), UP, 2.0, 0.4, 0.0, T)[0] for x in (0.0, 4e-4, 8e-4, 1e-3)]
+    assert back == pytest.approx([-0.8, 0.0, 0.8, 0.8])  # Coulomb's loop, with the springs of Dahl at its ends
+
+
+def test_the_bristle_lets_go_where_it_is_pressed_less() -> None:
+    friction = FrictionRenderer(2000.0)
+    for x in (0.0, 4e-4):
+        friction.update((x, 0.0, 0.0), UP, 2.0, 0.4, 0.0, T)
+    assert friction.update((4e-4, 0.0, 0.0), UP, 1.0, 0.4, 0.0, T)[0] == pytest.approx(-0.4)
+    assert friction.update((4e-4, 0.0, 0.0), UP, 2.0, 0.4, 0.0, T)[0] == pytest.approx(-0.4)  # and stays let go
+    assert friction.update((4e-4, 0.0, 0.0), UP, 0.0, 0.4, 0.0, T) == (0.0, 0.0, 0.0)
+    assert friction.update((5e-4, 0.0, 0.0), UP, 2.0, 0.4, 0.0, T) == (0.0, 0.0, 0.0)  # a new contact
+
+
+def test_viscous_friction_acts_against_the_motion_inside_the_cone() -> None:
+    friction = FrictionRenderer(10.0)  # so soft that it hardly says anything
+    for step in range(200):
+        force = friction.update((0.05 * T * step, 0.0, 0.0), UP, 5.0, 0.5, 3.0, T)
+    assert force[0] == pytest.approx(-3.0 * 0.05 - 10.0 * 0.05 * T * 199, rel=1e-3)
+    for step in range(200):
+        force = friction.update((0.05 * T * step, 0.0, 0.0), UP, 0.1, 0.5, 3.0, T)
+    assert math.hypot(*force) <= 0.05 + 1e-12
+
+
+@given(
+    seed=st.integers(0, 10_000),
+    viscous=st.floats(0.0, 20.0),
+    stiffness=st.floats(10.0, 1e5),
+    damping=st.floats(0.1, 10.0),
+    speed=st.floats(1e-4, 2.0),
+)
+def test_device_and_friction_never_give_out_energy(
+    seed: int, viscous: float, stiffness: float, damping: float, speed: float
+) -> None:
+    """Forces are held for a tick while the hand moves on; normal force, mu and normal change as they like."""
+    random = np.random.default_rng(seed)
+    steps = 400
+    moves = np.cumsum(random.normal(0.0, 0.3, (steps, 3)), axis=0)
+    moves = speed * T * moves / np.abs(moves).max() + random.normal(0.0, 1e-6, (steps, 3))
+    place = np.cumsum(moves, axis=0)
+    normals = np.array(UP) + random.uniform(0.0, 0.5) * np.cumsum(random.normal(0.0, 0.05, (steps, 3)), axis=0)
+    normals /= np.linalg.norm(normals, axis=1)[:, None]
+    pressed = np.maximum(random.normal(2.0, 3.0, steps), -0.1) if seed % 2 else np.full(steps, 5.0)
+    mu = random.uniform(0.0, 1.5, steps)
+    friction = FrictionRenderer(stiffness, damping)
+    given_out = 0.0
+    for k in range(steps - 1):
+        force = friction.update(place[k].tolist(), normals[k].tolist(), pressed[k], mu[k], viscous, T)
+        assert given_out + friction.stored <= 1e-12 * (1.0 + abs(given_out))
+        size = math.hypot(*force)
+        assert size <= max(mu[k] * pressed[k], 0.0) + 1e-9
+        assert abs(np.dot(force, normals[k])) <= 1e-9 * max(size, 1.0)
+        given_out += float(np.dot(force, moves[k + 1])) - damping / T * float(moves[k + 1] @ moves[k + 1])
+
+
+def test_a_hand_at_rest_feels_no_chatter() -> None:
+    """An encoder of 10 um that flickers between two counts: the force flickers by the bristle's count and no more."""
+    friction = FrictionRenderer(1000.0, 2.0)
+    random = np.random.default_rng(2)
+    for step in range(300):
+        friction.update((0.05 * T * step, 0.0, 0.0), UP, 2.0, 0.5, 1.0, T)
+    rest = 0.05 * T * 299
+    forces = np.array(
+        [
+            friction.update((rest + 1e-5 * float(random.integers(2)), 0.0, 0.0), UP, 2.0, 0.5, 1.0, T)[0]
+            for _ in range(2000)
+        ]
+    )
+    assert np.abs(np.diff(forces[100:])).max() < 1000.0 * 1e-5 + 1.0 * 1e-5 / T
+    assert forces[100:].std() < 0.01
+    still = [friction.update((rest, 0.0, 0.0), UP, 2.0, 0.5, 1.0, T)[0] for _ in range(1000)]
+    assert still[-1] == pytest.approx(still[-2], abs=1e-9)
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
+@pytest.mark.parametrize("which", range(6))
+def test_numbers_that_are_none_give_no_force(bad: float, which: int) -> None:
+    friction = FrictionRenderer(1000.0, 2.0)
+    friction.update((0.0, 0.0, 0.0), UP, 2.0, 0.5, 1.0, T)
+    values: list[object] = [(1e-4, 0.0, 0.0), UP, 2.0, 0.5, 1.0, T]
+    values[which] = (bad, 0.0, 0.0) if which < 2 else bad
+    force = friction.update(*values)  # type: ignore[arg-type]
+    assert all(map(math.isfinite, force))
+    if which < 5:
+        assert force == (0.0, 0.0, 0.0)
+
+
+def test_settings_out_of_range_are_refused() -> None:
+    for stiffness, damping in ((0.0, 1.0), (-1.0, 1.0), (math.nan, 1.0), (1.0, -1.0), (1.0, math.nan)):
+        with pytest.raises(SettingError):
+            FrictionRenderer(stiffness, damping)
