@@ -15,9 +15,13 @@ from foretouch.errors import DecodeError, PeerVersionError
 from foretouch.messages import (
     CHANNELS,
     FOLLOWER_DTYPE,
+    FOLLOWER_SPACE_DTYPE,
     LEADER_DTYPE,
+    LEADER_SPACE_DTYPE,
     VERSION,
     Command,
+    FollowerSpace,
+    LeaderSpace,
     LeaderState,
     Message,
     ModelUpdate,
@@ -51,7 +55,7 @@ def field_strategy(field: msgspec.inspect.Field) -> st.SearchStrategy[Any]:
         return st.binary(max_size=20)
     assert isinstance(kind, msgspec.inspect.VarTupleType)
     inner = st.floats(allow_nan=False) if isinstance(kind.item_type, msgspec.inspect.FloatType) else st.text(max_size=5)
-    return st.lists(inner, max_size=5).map(tuple)
+    return st.lists(inner, max_size=min(kind.max_length or 5, 5)).map(tuple)
 
 
 def messages(kind: type[Message]) -> st.SearchStrategy[Message]:
@@ -98,7 +102,13 @@ def test_too_long_a_message_is_refused_unread() -> None:
 
 
 def test_tables_hold_the_fields_of_their_messages() -> None:
-    for dtype, kind in ((LEADER_DTYPE, LeaderState), (FOLLOWER_DTYPE, Telemetry)):
+    tables = {
+        LeaderState: LEADER_DTYPE,
+        Telemetry: FOLLOWER_DTYPE,
+        LeaderSpace: LEADER_SPACE_DTYPE,
+        FollowerSpace: FOLLOWER_SPACE_DTYPE,
+    }
+    for kind, dtype in tables.items():
         assert dtype.names == kind.__struct_fields__[1:]
 
 
@@ -118,4 +128,5 @@ def test_rows_pair_a_command_with_the_first_tick_that_applied_it() -> None:
 
 def test_a_row_is_the_message_without_its_version() -> None:
     model = ModelUpdate(VERSION, 3, 4, 5, "law", (1.0,), (), 0.0, True, "", "fprls", b"map", 6, 7)
-    assert as_row(model) == (3, 4, 5, "law", (1.0,), (), 0.0, True, "", "fprls", b"map", 6, 7)
+    along_a_line = ((), (), math.inf, ())  # no fixture, no friction
+    assert as_row(model) == (3, 4, 5, "law", (1.0,), (), 0.0, True, "", "fprls", b"map", 6, 7, *along_a_line)

@@ -11,6 +11,7 @@ from foretouch.devices.grips import GRIPS, INTENDED_FORCE, Grip
 from foretouch.devices.hand import Hand
 from foretouch.devices.recorded import RecordedOperator
 from foretouch.devices.scripted import ScriptedOperator
+from foretouch.devices.spatial import Keyframe, PalpatingOperator, SpatialBrowserOperator, SpatialDevice, SpatialHand
 from foretouch.devices.specification import DeviceSpecification
 
 __all__ = [
@@ -22,8 +23,13 @@ __all__ = [
     "DeviceSpecification",
     "Grip",
     "Hand",
+    "Keyframe",
+    "PalpatingOperator",
     "RecordedOperator",
     "ScriptedOperator",
+    "SpatialBrowserOperator",
+    "SpatialDevice",
+    "SpatialHand",
 ]
 
 OPERATORS = ("scripted", "recorded", "browser")

@@ -25,18 +25,22 @@ from foretouch.messages.schema import (
 )
 from foretouch.messages.session_log import (
     FOLLOWER_DTYPE,
+    FOLLOWER_SPACE_DTYPE,
     LEADER_DTYPE,
+    LEADER_SPACE_DTYPE,
     SessionLog,
     SessionRows,
     as_row,
 )
-from foretouch.messages.spatial import CameraImage, FieldUpdate, FollowerSpace, LeaderSpace
+from foretouch.messages.spatial import CameraImage, FieldUpdate, FixtureBelief, FollowerSpace, LeaderSpace
 
 __all__ = [
     "CHANNELS",
     "COUNT_PREFIX",
     "FOLLOWER_DTYPE",
+    "FOLLOWER_SPACE_DTYPE",
     "LEADER_DTYPE",
+    "LEADER_SPACE_DTYPE",
     "NEWS",
     "PROCESS",
     "STATUS_SENTENCES",
@@ -47,6 +51,7 @@ __all__ = [
     "Command",
     "EmergencyStop",
     "FieldUpdate",
+    "FixtureBelief",
     "FollowerSpace",
     "Handle",
     "Hello",

@@ -17,7 +17,7 @@ from foretouch.messages.schema import (
     Stop,
     Telemetry,
 )
-from foretouch.messages.spatial import CameraImage, FieldUpdate, FollowerSpace, LeaderSpace
+from foretouch.messages.spatial import CameraImage, FieldUpdate, FixtureBelief, FollowerSpace, LeaderSpace
 
 __all__ = ["CHANNELS", "Channel"]
 
@@ -49,6 +49,7 @@ CHANNELS: dict[str, Channel] = {
         Channel("follower-space", FollowerSpace, "follower", 1000.0),
         Channel("leader-space", LeaderSpace, "leader", 1000.0),
         Channel("field", FieldUpdate, "follower", 5.0),
+        Channel("fixture", FixtureBelief, "camera", 30.0),
         Channel("image", CameraImage, "camera", 30.0),
         Channel("handle", Handle, "console", 0.0),
         Channel("settings", Settings, "console", 0.0),

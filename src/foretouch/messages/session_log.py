@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import msgspec
@@ -9,21 +10,35 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foretouch.messages.schema import EmergencyStop, LeaderState, Message, ModelUpdate, Telemetry
+from foretouch.messages.spatial import CameraImage, FieldUpdate, FollowerSpace, LeaderSpace
 from foretouch.messages.stretches import side_seconds, split_session
 
-__all__ = ["FOLLOWER_DTYPE", "LEADER_DTYPE", "SessionLog", "SessionRows", "as_row", "believable", "in_order"]
+__all__ = [
+    "FOLLOWER_DTYPE",
+    "FOLLOWER_SPACE_DTYPE",
+    "LEADER_DTYPE",
+    "LEADER_SPACE_DTYPE",
+    "SessionLog",
+    "SessionRows",
+    "as_row",
+    "believable",
+    "in_order",
+]
 
 _NUMBERS = ("model_jump", "standard_deviation", "update_step", "energy", "energy_bound", "rendered_share")
+_COUNTS = ("sequence", "time_ns", "touch_tick", "run", "epoch")
 _TYPES = dict.fromkeys(_NUMBERS, "f8") | dict.fromkeys(("clipped", "in_contact", "guarded", "engaged"), "?")
 
 
-def _dtype(kind: type[Message]) -> np.dtype[np.void]:
+def _dtype(kind: type[Message], otherwise: str = "i8") -> np.dtype[np.void]:
     """Structured dtype with the fields of a message class, its version left out."""
 
     def column(name: str) -> str:
         if name in _TYPES:
             return _TYPES[name]
-        return "f8" if name.endswith(("force", "position", "velocity")) else "i8"
+        if name.endswith(("force", "position", "velocity")):
+            return "f8"
+        return "i8" if name in _COUNTS else otherwise
 
     return np.dtype([(name, column(name)) for name in kind.__struct_fields__ if name != "version"])
 
@@ -33,6 +48,12 @@ LEADER_DTYPE = _dtype(LeaderState)
 
 FOLLOWER_DTYPE = _dtype(Telemetry)
 """Columns of `SessionLog.follower`: the fields of `Telemetry`."""
+
+LEADER_SPACE_DTYPE = _dtype(LeaderSpace, "f8")
+"""Columns of `SessionLog.leader_space`: the fields of `LeaderSpace`."""
+
+FOLLOWER_SPACE_DTYPE = _dtype(FollowerSpace, "f8")
+"""Columns of `SessionLog.follower_space`: the fields of `FollowerSpace`."""
 
 
 def as_row(message: Message) -> tuple[object, ...]:
@@ -69,6 +90,10 @@ class SessionLog:
         counts: Counters of both sides at the end, for example ``"undecodable"``, summed over the processes of each.
         emergencies: Every `EmergencyStop`.
         news: What the sides said of themselves while it lasted, by name of `foretouch.messages.NEWS`: each text once.
+        leader_space: In three dimensions, one row per `LeaderSpace`; else empty.
+        follower_space: One row per `FollowerSpace`; else empty.
+        fields: Every `FieldUpdate`.
+        images: Every `CameraImage`.
     """
 
     leader: NDArray[np.void]
@@ -78,6 +103,10 @@ class SessionLog:
     counts: dict[str, int] = field(default_factory=dict)
     emergencies: tuple[EmergencyStop, ...] = ()
     news: dict[str, tuple[str, ...]] = field(default_factory=dict)
+    leader_space: NDArray[np.void] = field(default_factory=lambda: np.empty(0, LEADER_SPACE_DTYPE))
+    follower_space: NDArray[np.void] = field(default_factory=lambda: np.empty(0, FOLLOWER_SPACE_DTYPE))
+    fields: tuple[FieldUpdate, ...] = ()
+    images: tuple[CameraImage, ...] = ()
 
     @classmethod
     def from_messages(
@@ -87,6 +116,11 @@ class SessionLog:
         models: list[ModelUpdate],
         settings: dict[str, str],
         counts: dict[str, int],
+        *,
+        leader_space: Sequence[LeaderSpace] = (),
+        follower_space: Sequence[FollowerSpace] = (),
+        fields: Sequence[FieldUpdate] = (),
+        images: Sequence[CameraImage] = (),
     ) -> SessionLog:
         """Log from the messages themselves."""
         return cls(
@@ -95,6 +129,10 @@ class SessionLog:
             in_order(models),
             settings,
             counts,
+            leader_space=np.array([as_row(message) for message in leader_space], dtype=LEADER_SPACE_DTYPE),
+            follower_space=np.array([as_row(message) for message in follower_space], dtype=FOLLOWER_SPACE_DTYPE),
+            fields=tuple(fields),
+            images=tuple(images),
         )
 
     def stretches(self) -> tuple[SessionLog, ...]:

@@ -13,7 +13,7 @@ import msgspec
 
 from foretouch.messages.schema import Count, Message, Text
 
-__all__ = ["CameraImage", "FieldUpdate", "FollowerSpace", "LeaderSpace"]
+__all__ = ["CameraImage", "FieldUpdate", "FixtureBelief", "FollowerSpace", "LeaderSpace"]
 
 POSE_NUMBERS = 6
 CAMERA_NUMBERS = 15
@@ -54,9 +54,10 @@ class FollowerSpace(Message, frozen=True, array_like=True, gc=False):
         exact_rx: How it is turned [rad].
         exact_ry: [rad].
         exact_rz: [rad].
-        images: Images that have been used for the fixture's pose so far.
-        contacts: Contacts that have been used for it.
-        refused: Images and contacts that did not fit.
+        touch_x: Where the surface was felt at the beginning of the newest contact [m]; NaN before the first.
+        touch_y: [m].
+        touch_z: [m].
+        touch_tick: `sequence` of the tick in which that contact began, 0 before the first.
         run: Epoch of the follower's process.
     """
 
@@ -85,9 +86,10 @@ class FollowerSpace(Message, frozen=True, array_like=True, gc=False):
     exact_rx: float = math.nan
     exact_ry: float = math.nan
     exact_rz: float = math.nan
-    images: Count = 0
-    contacts: Count = 0
-    refused: Count = 0
+    touch_x: float = math.nan
+    touch_y: float = math.nan
+    touch_z: float = math.nan
+    touch_tick: Count = 0
     run: Count = 0
 
 
@@ -193,3 +195,25 @@ class CameraImage(Message, frozen=True, array_like=True, gc=False):
     reason: Text
     camera: Camera
     run: Count = 0
+
+
+class FixtureBelief(Message, frozen=True, array_like=True, gc=False):
+    """Tracker to the follower, after every image and contact: where the fixture is.
+
+    Attributes:
+        pose: Of the fixture in the world, a place [m] and a rotation vector [rad].
+        deviation: Standard deviation of each, of the error on the pose's right [m, rad].
+        image_age: Since an image showed it [s]; infinite before the first.
+        images: That were used so far.
+        contacts: That were used so far.
+        refused: Images and contacts that were refused so far.
+        reason: What is known, a sentence for people.
+    """
+
+    pose: Pose
+    deviation: Pose
+    image_age: float
+    images: Count
+    contacts: Count
+    refused: Count
+    reason: Text

@@ -2,6 +2,7 @@
 
 from foretouch.robot.arm_scene import REMOTE_CENTRE_HEIGHT, ROD_LENGTH, ROD_RADIUS, TIP_RADIUS
 from foretouch.robot.camera_scene import MESA_PACKAGES, CameraScene, MissingGraphicsError, graphics_library
+from foretouch.robot.gantry_arm import GantryArm, TouchedWorld
 from foretouch.robot.materials import (
     DEFAULT_MATERIAL,
     FOAM_DATASETS,
@@ -17,6 +18,7 @@ from foretouch.robot.rcm_arm import RcmArm
 from foretouch.robot.registry import make_robot
 from foretouch.robot.robot import Robot, RobotSample, RobotSpecification
 from foretouch.robot.sensor_faults import SENSOR_FAULTS, FaultySensor, SensorFault
+from foretouch.robot.spatial_robot import SpatialRobot, SpatialSample
 
 __all__ = [
     "DEFAULT_MATERIAL",
@@ -31,6 +33,7 @@ __all__ = [
     "CameraScene",
     "FaultySensor",
     "FoamFit",
+    "GantryArm",
     "Material",
     "MissingGraphicsError",
     "MovedRobot",
@@ -39,6 +42,9 @@ __all__ = [
     "RobotSample",
     "RobotSpecification",
     "SensorFault",
+    "SpatialRobot",
+    "SpatialSample",
+    "TouchedWorld",
     "fit_foam",
     "foam_fit_json",
     "graphics_library",

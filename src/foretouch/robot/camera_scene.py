@@ -18,6 +18,9 @@ __all__ = ["MESA_PACKAGES", "CameraScene", "MissingGraphicsError", "graphics_lib
 MESA_PACKAGES = "libegl1 libegl-mesa0 libgl1-mesa-dri"
 """Debian packages that let MuJoCo draw without a display."""
 
+THICKNESS = 2e-3
+"""Of a specimen that is drawn [m]."""
+
 NEAREST, FARTHEST = 0.02, 5.0
 """What is nearer to the camera or farther from it is not drawn [m]."""
 
@@ -78,6 +81,8 @@ class CameraScene:
         height: [pixel].
         vertical: Field of view from the upper to the lower edge [rad].
         light: Brightness of what lights the scene, 0 to 1.
+        specimen: Vertices (n, 3) [m] and triangles (m, 3) of what stands beside the board, in the fixture's frame; None
+            for nothing.
 
     Raises:
         SettingError: A number out of its range.
@@ -95,6 +100,7 @@ class CameraScene:
         height: int = 480,
         vertical: float = 0.75,
         light: float = 0.6,
+        specimen: tuple[NDArray[np.float64], NDArray[np.int64]] | None = None,
     ) -> None:
         if board_image.ndim != 2 or board_image.shape[0] != board_image.shape[1] or board_image.dtype != np.uint8:
             raise SettingError("board_image", board_image.shape, "must be square and grey, one byte a pixel")
@@ -115,7 +121,7 @@ class CameraScene:
         self.width, self.height = width, height
         self._context = _context(width, height)
         texture = np.repeat(board_image[:, :, None], 3, axis=2)
-        text = _scene_text(board_image.shape[0], board_size, camera, width, height, vertical, light)
+        text = _scene_text(board_image.shape[0], board_size, camera, width, height, vertical, light, specimen)
         self._model = mujoco.MjModel.from_xml_string(text)
         self._fill_texture(texture)
         self._data = mujoco.MjData(self._model)
@@ -160,9 +166,32 @@ class CameraScene:
         self._context.free()
 
 
+def _solid(specimen: tuple[NDArray[np.float64], NDArray[np.int64]]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """A sheet with its own back: MuJoCo wants meshes with a volume, and draws one side of a triangle alone."""
+    vertices, faces = specimen
+    below = vertices - (0.0, 0.0, THICKNESS)
+    return np.concatenate([vertices, below]), np.concatenate([faces, faces[:, ::-1] + len(vertices)])
+
+
 def _scene_text(
-    pixels: int, board_size: float, camera: Pose, width: int, height: int, vertical: float, light: float
+    pixels: int,
+    board_size: float,
+    camera: Pose,
+    width: int,
+    height: int,
+    vertical: float,
+    light: float,
+    specimen: tuple[NDArray[np.float64], NDArray[np.int64]] | None,
 ) -> str:
+    mesh = geom = ""
+    plate, middle = 0.5 * board_size + 0.03, 0.0
+    if specimen is not None:
+        points, faces = _solid(specimen)
+        # MuJoCo moves a mesh to its centre of mass; inertia="shell" and a position that undoes it keep it in place
+        mesh = f'<mesh name="specimen" inertia="shell" vertex="{_numbers(points)}" face="{" ".join(map(str, faces.ravel()))}"/>'
+        geom = '<geom name="specimen" type="mesh" mesh="specimen" rgba="0.35 0.7 0.9 1"/>'
+        right = float(points[:, 0].max())
+        plate, middle = 0.5 * (right + plate) + 0.005, 0.5 * (right - plate)
     x, y = camera.rotation[:, 0], -camera.rotation[:, 1]  # MuJoCo's camera looks along -z with y up
     half = 0.5 * board_size
     return f"""
@@ -177,6 +206,7 @@ def _scene_text(
   </visual>
   <asset>
     <texture name="board" type="2d" builtin="flat" width="{pixels}" height="{pixels}" rgb1="1 1 1"/>
+    {mesh}
     <material name="board" texture="board" texuniform="false" texrepeat="1 1" specular="0" shininess="0"/>
   </asset>
   <default><geom contype="0" conaffinity="0"/></default>
@@ -185,7 +215,8 @@ def _scene_text(
             fovy="{math.degrees(vertical):.9g}"/>
     <geom name="table" type="box" size="0.4 0.4 0.01" pos="0 0 -0.12" rgba="0.45 0.47 0.5 1"/>
     <body name="fixture" mocap="true">
-      <geom name="block" type="box" size="{half + 0.03} {half + 0.03} 0.01" pos="0 0 -0.0105" rgba="0.9 0.72 0.45 1"/>
+      <geom name="block" type="box" size="{plate} {half + 0.03} 0.01" pos="{middle} 0 -0.0125" rgba="0.9 0.72 0.45 1"/>
+      {geom}
       <geom name="board" type="plane" size="{half} {half} 0.01" material="board"/>
     </body>
     <body name="probe" mocap="true">

@@ -10,7 +10,6 @@ import numpy as np
 
 from foretouch.errors import MissingExtraError
 from foretouch.models.checks import require
-from foretouch.quantities.pose import Pose
 from foretouch.robot.arm_scene import CARRIAGE_MASS, GRAVITY, ROD_LENGTH, ROD_RADIUS, TIP_RADIUS, TOOL_MASS
 from foretouch.robot.insertion_servo import InsertionServo
 from foretouch.robot.robot import RobotSpecification
@@ -49,7 +48,8 @@ class GantryArm(SpatialRobot):
 
     Args:
         world: Gives the contact force.
-        fixture: Gives the true pose of what is touched, for those who score and draw; None where there is none.
+        fixture: Gives the true pose of what is touched (a place [m] and a rotation vector [rad]) for those who score and
+            draw; None where there is none.
         seed: Of sensor and encoder noise, not negative.
         start: Place of the tip at first [m].
         reach: Lowest and highest place [m].
@@ -69,7 +69,7 @@ class GantryArm(SpatialRobot):
     def __init__(
         self,
         world: TouchedWorld,
-        fixture: Callable[[], Pose] | None = None,
+        fixture: Callable[[], tuple[float, ...]] | None = None,
         *,
         seed: int,
         start: Vector = (0.0, 0.0, 0.05),
@@ -163,7 +163,9 @@ class GantryArm(SpatialRobot):
             for axis in AXES:
                 # A servo counts inwards, against the force that it meets; the third one's way in is down.
                 way = WAYS[axis]
-                effort = self._servos[axis].effort(way * place[axis], way * velocity[axis], -way * self._sensor[axis], h)
+                effort = self._servos[axis].effort(
+                    way * place[axis], way * velocity[axis], -way * self._sensor[axis], h
+                )
                 effort = max(effort, -self.specification.force_limit)
                 data.ctrl[axis] = way * effort + (MOVED_MASS * GRAVITY if axis == 2 else 0.0)
             self._applied[:] = self._contact
@@ -201,7 +203,7 @@ class GantryArm(SpatialRobot):
             (f, g, h),
             self._contact,
             (x, y, z),
-            None if self._fixture is None else self._fixture(),
+            () if self._fixture is None else self._fixture(),
             any(servo.clipped for servo in self._servos),
         )
 

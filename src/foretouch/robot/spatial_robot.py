@@ -5,7 +5,6 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from typing import NamedTuple, TypeAlias
 
-from foretouch.quantities.pose import Pose
 from foretouch.robot.robot import RobotSpecification
 
 __all__ = ["SpatialRobot", "SpatialSample", "Vector"]
@@ -23,7 +22,7 @@ class SpatialSample(NamedTuple):
             in it.
         exact_force: The simulator's own contact force on the probe [N]; NaN on hardware.
         exact_place: The simulator's own place [m]; NaN on hardware.
-        fixture: The simulator's own pose of what is touched; None on hardware.
+        fixture: The simulator's own pose of what is touched, a place [m] and a rotation vector [rad]; empty on hardware.
         clipped: Whether a force limit cut the command in this tick.
     """
 
@@ -31,7 +30,7 @@ class SpatialSample(NamedTuple):
     force: Vector
     exact_force: Vector
     exact_place: Vector
-    fixture: Pose | None
+    fixture: tuple[float, ...]
     clipped: bool
 
 

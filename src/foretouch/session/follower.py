@@ -216,7 +216,7 @@ def _take(state: State, command: Command, now_ns: int) -> None:
     if arrival is not Arrival.FRESH:
         return
     if math.isfinite(command.position):  # what has no position is never played
-        state.playout.push(command.sequence, command.position)
+        state.playout.push(command.sequence, command.position, command.place)
         state.sender.round_trip.commanded(command.sequence, command.acknowledged_model)
     state.guarded = state.guarded or command.guarded
 

@@ -37,9 +37,10 @@ class Playout:
     Attributes:
         applied: Sequence number of the newest command at or before the point that is played; 0 before the first.
         position: Played now [m]; NaN before the first command.
+        place: The same in three dimensions, where commands have places; empty otherwise.
     """
 
-    __slots__ = ("_commands", "_least", "_least_before", "_point", "_ticks", "applied", "position")
+    __slots__ = ("_commands", "_least", "_least_before", "_places", "_point", "_ticks", "applied", "place", "position")
 
     def __init__(self) -> None:
         self.restart()
@@ -47,24 +48,30 @@ class Playout:
     def restart(self) -> None:
         """Another leader, who counts from 1 again: nothing is left to play, and the position is no number."""
         self._commands: list[tuple[float, float]] = []  # (sequence, position), those still needed, in order
+        self._places: dict[float, tuple[float, ...]] = {}  # by sequence, of those still needed
         self._point = math.nan  # what is played, in sequence numbers
         self._least = self._least_before = math.inf
         self._ticks = 0
         self.applied = 0
         self.position = math.nan
+        self.place: tuple[float, ...] = ()
 
     def forget(self) -> None:
         """Leave out what has not been played; the position is no number until the next command comes."""
         self._commands.clear()
+        self._places.clear()
         self._point = self.position = math.nan
+        self.place = ()
 
-    def push(self, sequence: int, position: float) -> None:
+    def push(self, sequence: int, position: float, place: tuple[float, ...] = ()) -> None:
         """Take one command; one that comes after its turn, or is no position within a metre, is left out."""
         if not abs(position) <= LARGEST_POSITION or sequence <= self._point:
             return
-        place = bisect_left(self._commands, (sequence, -math.inf))
-        if place == len(self._commands) or self._commands[place][0] != sequence:
+        turn = bisect_left(self._commands, (sequence, -math.inf))
+        if turn == len(self._commands) or self._commands[turn][0] != sequence:
             insort(self._commands, (sequence, position))
+            if place:
+                self._places[sequence] = place
 
     def advance(self) -> float:
         """Play one tick and return the position [m]."""
@@ -94,6 +101,8 @@ class Playout:
         """Go from where the robot is to the newest command, in `LONGEST_BRIDGE` periods."""
         self._point = newest - LONGEST_BRIDGE
         self._commands[:-1] = [(self._point, self.position)]
+        if self.place:
+            self._places = {self._point: self.place, newest: self._places.get(newest, self.place)}
         self._least = self._least_before = math.inf
         self._ticks = 0
 
@@ -103,8 +112,18 @@ class Playout:
         after = bisect_right(commands, (self._point, math.inf))
         if after:
             sequence, self.position = commands[after - 1]
+            self.place = self._places.get(sequence, self.place)
             self.applied = max(self.applied, int(sequence))
             if after < len(commands):
                 to, there = commands[after]
-                self.position += (there - self.position) * ((self._point - sequence) / (to - sequence))
+                share = (self._point - sequence) / (to - sequence)
+                self.position += (there - self.position) * share
+                self._between(self._places.get(to, ()), share)
+            for old, _ in commands[: after - 1]:
+                self._places.pop(old, None)
             del commands[: after - 1]
+
+    def _between(self, there: tuple[float, ...], share: float) -> None:
+        """Interpolate the place."""
+        if len(there) == len(self.place):
+            self.place = tuple(a + (b - a) * share for a, b in zip(self.place, there, strict=True))

@@ -17,6 +17,7 @@ from foretouch.link.faults import LONGEST_DELAY
 from foretouch.models.checks import require
 from foretouch.quantities import Frame
 from foretouch.robot import SensorFault
+from foretouch.vision import ImageFault
 
 __all__ = ["BASELINES", "FIRST_TOUCHES", "NO_GRIP", "SAMPLE_PERIOD", "SessionSettings"]
 
@@ -37,6 +38,9 @@ BASELINES = ("none", "delayed", "delayed-tdpa")
 
 FIRST_TOUCHES = ("auto", "guarded", "follow")
 """What the follower does where it touches what the leader does not know yet; auto guards where there is a grip."""
+
+FUSIONS = ("full", "image", "contact", "none")
+"""Of what the pose of a scene's fixture is made: images and touches, one of them, or neither."""
 
 SCALES = (0.01, 100.0)
 """Smallest and largest of either scale."""
@@ -102,6 +106,16 @@ class SessionSettings:
         on_silence: ``"unload"``: go back until next to nothing is felt, and stay; ``"retreat"``: go out the way in.
         baseline: ``"none"``, or what is rendered for comparison: ``"delayed"``, ``"delayed-tdpa"``. It has no largest
             stiffness and guards nothing.
+        scene: What is touched in three dimensions: a name of `foretouch.session.spatial.SCENES`, or the file of a mesh;
+            empty for a session along a line. In a scene the default law is ``"quadratic"``, which is learnt as a field
+            over the surface, and the default material ``"hunt-crossley"``: what remembers a press would have to
+            remember each place.
+        fusion: Of what the pose of the scene's fixture is made: ``"full"``, ``"image"``, ``"contact"`` or ``"none"``.
+        displacement: A simulated fixture stands at most so far from where both sides believe it at first [m].
+        turn: And is turned by at most so much [rad].
+        bump: When it is bumped to somewhere else [s]; 0 for never.
+        camera_delay: From an image's exposure until it has been read [s].
+        image_fault: Fault of the camera's images, as ``KIND:BEGIN:END`` in seconds; empty for none.
 
     Raises:
         SettingError: A value out of range.
@@ -149,6 +163,13 @@ class SessionSettings:
     on_silence: str = "unload"
     sensor_fault: str = ""
     baseline: str = "none"
+    scene: str = ""
+    fusion: str = "full"
+    displacement: float = 0.02
+    turn: float = 0.175
+    bump: float = 0.0
+    camera_delay: float = 0.06
+    image_fault: str = ""
     command_faults: Faults = field(init=False, repr=False)
     return_faults: Faults = field(init=False, repr=False)
     device: DeviceSpecification = field(init=False, repr=False)
@@ -162,9 +183,12 @@ class SessionSettings:
             ("first_touch", FIRST_TOUCHES),
             ("baseline", BASELINES),
             ("on_silence", ON_SILENCE),
+            ("fusion", FUSIONS),
         ):
             if getattr(self, kind) not in choices:
                 raise UnknownNameError(kind.replace("_", " "), getattr(self, kind), choices)
+        if self.scene:
+            self._check_scene()
         if not self.estimator:
             object.__setattr__(self, "estimator", DEFAULT_ESTIMATORS.get(self.model, ""))
         make_estimator(self.model, self.estimator)
@@ -199,6 +223,29 @@ class SessionSettings:
         common = {name: getattr(self, name) for name in _FAULTS}
         object.__setattr__(self, "command_faults", Faults(self.position_delay, **common, seed=2 * self.seed))
         object.__setattr__(self, "return_faults", Faults(self.force_delay, **common, seed=2 * self.seed + 1))
+
+    def _check_scene(self) -> None:
+        """What a session in three dimensions cannot have; its own defaults."""
+        from foretouch.session.spatial.scenes import MESH_ENDINGS, SCENES
+
+        if self.scene not in SCENES and not self.scene.lower().endswith(MESH_ENDINGS):
+            raise UnknownNameError("scene", self.scene, (*SCENES, *(f"FILE{ending}" for ending in MESH_ENDINGS)))
+        for name, only in (("operator", ("scripted", "browser")), ("baseline", ("none",)), ("sensor_fault", ("",))):
+            if getattr(self, name) not in only:
+                rule = f"is for sessions along a line; with a scene it must be {' or '.join(map(repr, only))}"
+                raise SettingError(name, getattr(self, name), rule)
+        for name in ("leader_frame", "follower_frame"):
+            if getattr(self, name) != "0,1":
+                raise SettingError(name, getattr(self, name), "is of a line; in a scene both sides count in the world")
+        for name, (of_line, of_scene) in SCENE_DEFAULTS.items():
+            if getattr(self, name) == of_line:
+                object.__setattr__(self, name, of_scene)
+        require("displacement", self.displacement, at_least=0.0, at_most=0.05)
+        require("turn", self.turn, at_least=0.0, at_most=0.35)
+        require("bump", self.bump, at_least=0.0)
+        require("camera_delay", self.camera_delay, at_least=0.0, at_most=1.0)
+        if self.image_fault:
+            ImageFault.from_text("image_fault", self.image_fault)
 
     def make_estimator(self) -> Estimator:
         """A fresh estimator."""
@@ -265,6 +312,9 @@ class SessionSettings:
             raise SettingError("largest_stiffness", self.largest_stiffness, rule)
         return device
 
+
+SCENE_DEFAULTS = {"model": ("contact-map", "quadratic"), "material": ("foam-measured", "hunt-crossley")}
+"""What stands for the default of a session along a line where there is a scene."""
 
 SAFETY_LIMITS = {
     "force": "force_ceiling",

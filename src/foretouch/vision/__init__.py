@@ -10,6 +10,7 @@ from foretouch.vision.fusion import (
     FixtureState,
     FusionSettings,
     ImageSeen,
+    TouchedSurface,
     Verdict,
 )
 from foretouch.vision.image_faults import IMAGE_FAULTS, FaultyCamera, ImageFault
@@ -31,6 +32,7 @@ __all__ = [
     "ImageFault",
     "ImageSeen",
     "Lens",
+    "TouchedSurface",
     "Verdict",
     "make_board_image",
     "projection_derivative",

@@ -7,7 +7,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum
-from typing import TypeAlias
+from typing import Protocol, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +15,16 @@ from numpy.typing import NDArray
 from foretouch.errors import SettingError
 from foretouch.quantities.pose import Pose, cross_matrix
 
-__all__ = ["ContactSeen", "Fixture", "FixtureFilter", "FixtureState", "FusionSettings", "ImageSeen", "Verdict"]
+__all__ = [
+    "ContactSeen",
+    "Fixture",
+    "FixtureFilter",
+    "FixtureState",
+    "FusionSettings",
+    "ImageSeen",
+    "TouchedSurface",
+    "Verdict",
+]
 
 Array = NDArray[np.float64]
 
@@ -30,9 +39,19 @@ class Verdict(Enum):
     TOO_LATE = "refused: it is older than the history that is kept"
 
 
+class TouchedSurface(Protocol):
+    """What the filter has to know of the surface that is touched, in the fixture's own frame."""
+
+    def height(self, point: Array) -> tuple[float, Array]:
+        """Height of a point above the surface [m], negative inside, and the outward normal there, (3,)."""
+
+    def holds(self, point: Array) -> bool:
+        """Whether a touch there can be one of this surface."""
+
+
 @dataclass(frozen=True, slots=True)
 class Fixture:
-    """The flat surface that is touched, in the fixture's own frame.
+    """A flat surface that is touched, in the fixture's own frame.
 
     Attributes:
         normal: Outward, of length 1.
@@ -49,6 +68,16 @@ class Fixture:
             raise SettingError("normal", self.normal, "must have length 1")
         if not (math.isfinite(self.offset) and 0.0 < self.radius < math.inf):
             raise SettingError("radius", self.radius, "must be finite and above 0, and the offset finite")
+
+    def height(self, point: Array) -> tuple[float, Array]:
+        """See `TouchedSurface`: n . q - offset, and n."""
+        normal = np.asarray(self.normal)
+        return float(normal @ point) - self.offset, normal
+
+    def holds(self, point: Array) -> bool:
+        """See `TouchedSurface`: within the radius, along the surface."""
+        normal = np.asarray(self.normal)
+        return float(np.linalg.norm(point - (normal @ point) * normal)) <= self.radius
 
 
 @dataclass(frozen=True, slots=True)
@@ -185,8 +214,7 @@ class FixtureFilter:
     r"""An error-state Kalman filter for a fixture that stands still until somebody bumps it.
 
     The error of the pose and the error that all images share are one state of 12: an image gives
-    r = log(T^-1 Z) - b = delta + b' + noise, a contact n . q - offset with q = T^-1 p, whose derivative is
-    (-n, n x q). What is shared by all images keeps their average from being believed too far; contacts take
+    r = log(T^-1 Z) - b = delta + b' + noise, a contact the height of q = T^-1 p, whose derivative is (-n, n x q). What is shared by all images keeps their average from being believed too far; contacts take
     it away along the normal. The update has Joseph's form. A measurement that comes late takes its place in time,
     and what came after it is worked through again: the order of arrival makes no difference.
 
@@ -200,7 +228,7 @@ class FixtureFilter:
         Sola (2017), Quaternion kinematics for the error-state Kalman filter; Bar-Shalom, Li & Kirubarajan (2001).
     """
 
-    fixture: Fixture
+    fixture: TouchedSurface
     pose: Pose
     time: float = 0.0
     settings: FusionSettings = field(default_factory=FusionSettings)
@@ -295,20 +323,16 @@ class FixtureFilter:
         if isinstance(seen, ImageSeen):
             innovation = (state.pose.inverse() @ seen.pose).log() - state.bias
             return innovation, np.hstack([np.eye(6), np.eye(6)]), seen.covariance
-        normal = np.asarray(self.fixture.normal)
         point = state.pose.inverse().apply(seen.point)
+        height, normal = self.fixture.height(point)
         derivative = np.concatenate([-normal, cross_matrix(normal) @ point, np.zeros(6)])[None, :]
-        innovation = np.array([self.fixture.offset - normal @ point])
+        innovation = np.array([-height])
         return innovation, derivative, np.array([[seen.deviation**2]])
 
     def _fits(self, state: FixtureState, seen: Seen) -> bool:
         innovation, derivative, noise = self._innovation(state, seen)
-        if isinstance(seen, ContactSeen):
-            normal = np.asarray(self.fixture.normal)
-            point = state.pose.inverse().apply(seen.point)
-            beside = float(np.linalg.norm(point - (normal @ point) * normal))
-            if beside > self.fixture.radius:
-                return False
+        if isinstance(seen, ContactSeen) and not self.fixture.holds(state.pose.inverse().apply(seen.point)):
+            return False
         spread = derivative @ state.covariance @ derivative.T + noise
         gate = self._gates[0] if len(innovation) == 1 else self._gates[1]
         return float(innovation @ np.linalg.solve(spread, innovation)) <= gate

@@ -51,6 +51,20 @@ class ImageFault:
         if not 0.0 < self.size <= 3.0:
             raise SettingError("size", self.size, "must be above 0 and at most 3")
 
+    @classmethod
+    def from_text(cls, name: str, text: str) -> ImageFault:
+        """Of ``KIND:BEGIN:END``, seconds; an error names the setting.
+
+        Raises:
+            SettingError: Another form, or a number out of its range.
+            UnknownNameError: No such kind.
+        """
+        try:
+            kind, begin, end = text.split(":")
+            return cls(kind, float(begin), float(end))
+        except ValueError:
+            raise SettingError(name, text, "must be KIND:BEGIN:END in seconds, such as hand:5:8") from None
+
 
 @dataclass(slots=True)
 class FaultyCamera:
@@ -72,6 +86,7 @@ class FaultyCamera:
     seed: int = 0
     _random: np.random.Generator = field(init=False)
     _last: Image | None = field(init=False, default=None)
+    _jpeg: bytes = field(init=False, default=b"")
 
     def __post_init__(self) -> None:
         if not 0.0 <= self.noise <= 100.0:
@@ -103,11 +118,17 @@ class FaultyCamera:
         self._last = self._compressed(np.clip(np.rint(pixels), 0, 255).astype(np.uint8))
         return self._last.copy()
 
+    @property
+    def jpeg(self) -> bytes:
+        """The newest image that came out, compressed; empty before the first, or without compression."""
+        return self._jpeg
+
     def _compressed(self, image: Image) -> Image:
         if self.quality is None:
             return image
         cv2 = opencv()
         _, data = cv2.imencode(".jpg", image[:, :, ::-1], [cv2.IMWRITE_JPEG_QUALITY, self.quality])
+        self._jpeg = data.tobytes()
         return np.ascontiguousarray(cv2.imdecode(data, cv2.IMREAD_COLOR)[:, :, ::-1])
 
 

@@ -1,0 +1,314 @@
+"""Operators' handles that move in three dimensions."""
+
+from __future__ import annotations
+
+import bisect
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from typing import ClassVar
+
+import numpy as np
+
+from foretouch.devices.browser import BrowserOperator
+from foretouch.devices.device import Device
+from foretouch.devices.grips import Grip
+from foretouch.devices.hand import LONGEST_GAP
+from foretouch.devices.motion import minimum_jerk
+from foretouch.devices.specification import DeviceSpecification
+from foretouch.errors import SettingError
+from foretouch.quantities.rigid import RigidMotion, Vector
+
+__all__ = ["Keyframe", "PalpatingOperator", "SpatialBrowserOperator", "SpatialDevice", "SpatialHand"]
+
+Keyframe = tuple[float, Vector]
+"""A time [s] and a place in the fixture's frame [m]."""
+
+SEEING_TIME = 0.15
+"""Time constant with which an operator follows what the scene shows [s]."""
+
+HALF_REACH = 0.25
+"""No handle in the browser is further from the world's origin than this, along any axis [m]."""
+
+NOWHERE: Vector = (math.nan, math.nan, math.nan)
+
+
+class SpatialDevice(ABC):
+    """An operator's handle in three dimensions; as `Device`, it reads no clock.
+
+    Attributes:
+        name: Name of the operator.
+        closed_loop: Whether the rendered force moves the hand.
+    """
+
+    name: ClassVar[str]
+    closed_loop: ClassVar[bool] = False
+
+    @abstractmethod
+    def read(self, now_ns: int) -> Vector:
+        """Place of the hand in the world's frame [m]."""
+
+    def render(self, force: Vector) -> None:
+        """Give the hand a force [N]; who feels none does nothing."""
+        return None
+
+    def see(self, pose: Sequence[float]) -> None:
+        """See where the virtual scene shows the fixture: a place [m] and a rotation vector [rad]."""
+        return None
+
+    @property
+    def intention(self) -> Vector:
+        """Where the hand wants to be [m] at the newest `read`; NaN where nobody knows."""
+        return NOWHERE
+
+    @property
+    def exact_place(self) -> Vector:
+        """Where a simulated hand is [m], without the encoders' counts; NaN where nobody knows."""
+        return NOWHERE
+
+    @property
+    def clutched(self) -> bool:
+        """Whether the operator holds the clutch."""
+        return False
+
+
+class PalpatingOperator(SpatialDevice):
+    """Goes from keyframe to keyframe by minimum-jerk moves, on the fixture where the virtual scene shows it.
+
+    Who palpates looks at the scene and not at the world: what `see` is told moves the whole path, with the time that a
+    hand needs to follow an eye (0.15 s).
+
+    Args:
+        keyframes: Times, growing, and places in the fixture's frame; after the last one the path begins again with the
+            second. The first and last place should be alike.
+        pose: Of the fixture, as the scene shows it at first.
+
+    Raises:
+        SettingError: Fewer than two keyframes, or times that do not grow.
+    """
+
+    name = "scripted"
+
+    def __init__(self, keyframes: Sequence[Keyframe], pose: Sequence[float]) -> None:
+        times = [time for time, _ in keyframes]
+        if len(times) < 2 or not all(a < b for a, b in zip(times, times[1:], strict=False)):
+            raise SettingError("keyframes", len(times), "must be two or more with growing times")
+        self._times, self._places = times, [place for _, place in keyframes]
+        self._shown = self._aimed = tuple(pose)
+        self._start_ns: int | None = None
+        self._now_ns = 0
+        self._place: Vector = NOWHERE
+
+    def see(self, pose: Sequence[float]) -> None:
+        """Aim at the fixture where it is shown; a pose that is not six finite numbers is left out."""
+        if len(pose) == 6 and all(map(math.isfinite, pose)):
+            self._aimed = tuple(pose)
+
+    def read(self, now_ns: int) -> Vector:
+        """Place of the hand [m]."""
+        if self._start_ns is None:
+            self._start_ns = self._now_ns = now_ns
+        elapsed = max(now_ns - self._now_ns, 0) * 1e-9
+        self._now_ns = max(now_ns, self._now_ns)
+        if self._shown != self._aimed:
+            share = -math.expm1(-elapsed / SEEING_TIME)
+            self._shown = tuple(a + share * (b - a) for a, b in zip(self._shown, self._aimed, strict=True))
+        place = self._on_path((self._now_ns - self._start_ns) * 1e-9)
+        self._place = RigidMotion.from_numbers(self._shown).apply(place)
+        return self._place
+
+    @property
+    def intention(self) -> Vector:
+        """Where the hand is: nothing else moves it."""
+        return self._place
+
+    def _on_path(self, time: float) -> Vector:
+        times = self._times
+        if time > times[-1]:
+            time = times[1] + (time - times[1]) % (times[-1] - times[1])
+        after = min(max(bisect.bisect_right(times, time), 1), len(times) - 1)
+        share = minimum_jerk((time - times[after - 1]) / (times[after] - times[after - 1]))
+        (a, b, c), (d, e, f) = self._places[after - 1], self._places[after]
+        return a + share * (d - a), b + share * (e - b), c + share * (f - c)
+
+
+class _Axis(Device):
+    """One coordinate of a place, shifted so that it is positive: a script for `BrowserOperator`."""
+
+    name: ClassVar[str] = "axis"
+    closed_loop: ClassVar[bool] = False
+
+    def __init__(self) -> None:
+        self.value = 0.0
+
+    def read(self, now_ns: int) -> float:
+        return self.value + HALF_REACH
+
+    def render(self, force: float) -> float:
+        return 0.0
+
+
+class SpatialBrowserOperator(SpatialDevice):
+    """Palpates by script until somebody takes the handle in the browser: `BrowserOperator`, once an axis.
+
+    Args:
+        script: Moves while nobody holds the handle.
+    """
+
+    name = "browser"
+
+    def __init__(self, script: SpatialDevice) -> None:
+        self._script = script
+        self._scripts = [_Axis() for _ in range(3)]
+        self._axes = [BrowserOperator(axis, deepest=2.0 * HALF_REACH) for axis in self._scripts]
+        self._place: Vector = NOWHERE
+
+    @property
+    def held(self) -> bool:
+        """Whether somebody holds the handle."""
+        return self._axes[0].held
+
+    @property
+    def clutched(self) -> bool:
+        """Whether the clutch is pressed, as the newest handle message says."""
+        return self._axes[0].clutched
+
+    @property
+    def intention(self) -> Vector:
+        """Where the hand is: nothing else moves it."""
+        return self._place
+
+    def see(self, pose: Sequence[float]) -> None:
+        """The script aims at the fixture where it is shown; a mouse does so by itself."""
+        self._script.see(pose)
+
+    def take(self, place: Sequence[float], held: bool, now_ns: int, *, clutched: bool = False) -> None:
+        """One handle message.
+
+        Args:
+            place: Of the handle in the world [m]; one that is not three finite numbers is ignored.
+            held: Whether it is being dragged.
+            now_ns: When the message arrived [ns], by the clock that `read` gets.
+            clutched: Whether the clutch is pressed, from now on.
+        """
+        if len(place) != 3 or not all(map(math.isfinite, place)):
+            return
+        for axis, value in zip(self._axes, place, strict=True):
+            axis.take(value + HALF_REACH, held, now_ns, clutched=clutched)
+
+    def read(self, now_ns: int) -> Vector:
+        """Place of the hand [m]."""
+        for axis, value in zip(self._scripts, self._script.read(now_ns), strict=True):
+            axis.value = value
+        x, y, z = (axis.read(now_ns) - HALF_REACH for axis in self._axes)
+        self._place = (x, y, z)
+        return self._place
+
+
+class SpatialHand(SpatialDevice):
+    """A hand that holds a device of three axes; each axis moves as `foretouch.devices.Hand` does.
+
+    The axes do not know of each other: Coulomb friction acts on each by itself.
+
+    Args:
+        intention: What the hand wants, an operator that feels nothing itself.
+        grip: How the hand holds the device.
+        specification: The device, the same along each axis.
+        clutch: When the hand holds the clutch: (start, end) in seconds since the first `read`.
+
+    Raises:
+        SettingError: An intention that feels something itself.
+    """
+
+    closed_loop = True
+
+    def __init__(
+        self,
+        intention: SpatialDevice,
+        grip: Grip,
+        specification: DeviceSpecification,
+        clutch: Sequence[tuple[float, float]] = (),
+    ) -> None:
+        if intention.closed_loop:
+            raise SettingError("intention", intention.name, "must be an operator that feels nothing itself (open loop)")
+        from foretouch.devices.hand_kernel import move
+
+        self._move = move
+        self._intention = intention
+        self.specification = specification
+        self._clutch = tuple(clutch)
+        self._constants = np.array(
+            [
+                grip.mass + specification.mass,
+                grip.damping + specification.damping,
+                grip.damping,
+                grip.stiffness,
+                specification.friction,
+            ]
+        )
+        move(np.zeros(2), self._constants, 0.0, 0.0, 0.0, 1e-6)  # compiled here, not in the first tick
+        self._states = [np.zeros(2) for _ in range(3)]
+        self._aim: Vector = NOWHERE
+        self._force: Vector = (0.0, 0.0, 0.0)
+        self._start_ns: int | None = None
+        self._now_ns = 0
+
+    @property
+    def name(self) -> str:  # type: ignore[override]  # one hand for every operator
+        """Name of the intention."""
+        return self._intention.name
+
+    @property
+    def intention_device(self) -> SpatialDevice:
+        """The operator whose intention this hand has."""
+        return self._intention
+
+    @property
+    def intention(self) -> Vector:
+        """Where the hand wants to be [m]."""
+        return self._aim
+
+    @property
+    def exact_place(self) -> Vector:
+        """Where the hand is [m], not rounded."""
+        if self._start_ns is None:
+            return NOWHERE
+        x, y, z = (float(state[0]) for state in self._states)
+        return x, y, z
+
+    @property
+    def clutched(self) -> bool:
+        """Whether the hand holds the clutch at the newest `read`."""
+        time = 0.0 if self._start_ns is None else (self._now_ns - self._start_ns) * 1e-9
+        return any(start <= time < end for start, end in self._clutch) or self._intention.clutched
+
+    def see(self, pose: Sequence[float]) -> None:
+        """The intention aims at the fixture where it is shown."""
+        self._intention.see(pose)
+
+    def read(self, now_ns: int) -> Vector:
+        """Place of the hand [m] as the encoders show it, in whole counts."""
+        aim = self._intention.read(now_ns)
+        if self._start_ns is None:
+            self._start_ns = self._now_ns = now_ns
+            self._aim = aim
+            for state, wanted in zip(self._states, aim, strict=True):
+                state[0] = wanted
+        elif now_ns > self._now_ns:
+            period = min((now_ns - self._now_ns) * 1e-9, LONGEST_GAP)
+            for state, before, wanted, force in zip(self._states, self._aim, aim, self._force, strict=True):
+                self._move(state, self._constants, before, (wanted - before) / period, -force, period)
+            self._aim, self._now_ns = aim, now_ns
+        count = self.specification.resolution
+        places = (float(state[0]) for state in self._states)
+        x, y, z = (count * math.floor(value / count + 0.5) if count > 0.0 else value for value in places)
+        return x, y, z
+
+    def render(self, force: Vector) -> None:
+        """Hold a force [N] from now on, at most the device's limit; one that is not finite is none."""
+        size = math.sqrt(force[0] ** 2 + force[1] ** 2 + force[2] ** 2)
+        if not size < math.inf:
+            self._force = (0.0, 0.0, 0.0)
+            return
+        share = min(self.specification.force_limit / size, 1.0) if size > 0.0 else 1.0
+        self._force = (force[0] * share, force[1] * share, force[2] * share)

@@ -1,0 +1,1 @@
+"""Sessions in three dimensions: the steps along a line, with geometry about them, a tracker and a camera."""

@@ -1,0 +1,128 @@
+"""The simulated camera at the follower: images of the fixture with its board and of the probe."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from foretouch.messages import VERSION, CameraImage
+from foretouch.quantities import Pose
+from foretouch.quantities.rigid import Vector
+from foretouch.robot import CameraScene
+from foretouch.session.spatial.scenes import Scene
+from foretouch.vision import Board, BoardDetector, CameraModel, FaultyCamera, ImageFault, Lens, make_board_image
+
+__all__ = ["CAMERA", "CAMERA_POSE", "IMAGE_PERIOD", "SimulatedCamera"]
+
+CAMERA = CameraModel(640, 480, 610.0, 610.0, k1=-0.15, k2=0.03, p1=5e-4, p2=-5e-4)
+"""Intrinsics and distortion, as a calibration would give them."""
+
+IMAGE_PERIOD = 1.0 / 30.0
+"""[s]."""
+
+LARGEST_JPEG = 60_000
+"""[bytes]: a larger image is not shown, and still located."""
+
+
+def _looking(eye: tuple[float, float, float], at: tuple[float, float, float]) -> Pose:
+    """The pose of a camera that looks from a place to another: x to the right, y down, z along the view."""
+    view = np.subtract(at, eye)
+    view = view / np.linalg.norm(view)
+    right = np.cross(view, (0.0, 0.0, 1.0))
+    right /= np.linalg.norm(right)
+    return Pose(np.column_stack([right, np.cross(view, right), view]), np.array(eye))
+
+
+CAMERA_POSE = _looking((-0.035, -0.21, 0.205), (-0.035, 0.0, 0.0))
+"""Of the camera in the world: it sees board and specimen from 44 degrees above the plane, for a board that is seen
+straight from above has no sure tilt."""
+
+
+class SimulatedCamera:
+    """Draws, spoils and reads images: what a camera and the program beside it do.
+
+    Args:
+        scene: What stands on the fixture.
+        faults: Of the images.
+        seed: Of their noise, not negative.
+
+    Raises:
+        MissingExtraError: MuJoCo or OpenCV is not installed.
+        MissingGraphicsError: Nothing here draws without a display.
+    """
+
+    def __init__(self, scene: Scene, faults: Sequence[ImageFault] = (), *, seed: int = 0) -> None:
+        board = Board()
+        self._lens = Lens(CAMERA)
+        self._scene = CameraScene(
+            make_board_image(board),
+            board.size,
+            CAMERA_POSE,
+            vertical=self._lens.field_of_view,
+            specimen=scene.surface.outline(),
+        )
+        self._camera = FaultyCamera(faults=tuple(faults), seed=seed)
+        self._detector = BoardDetector(board, CAMERA)
+        pose = (*CAMERA_POSE.translation.tolist(), *CAMERA_POSE.rotation_vector().tolist())
+        self._numbers = (*CAMERA.matrix[[0, 1, 0, 1], [0, 1, 2, 2]].tolist(), *CAMERA.distortion.tolist(), *pose)
+        self._sequence = 0
+
+    def take(
+        self, fixture: Sequence[float], probe: Vector, tick: int, time: float, now_ns: int, run: int = 0
+    ) -> CameraImage:
+        """One image and what it says.
+
+        Args:
+            fixture: True pose of the fixture: a place [m] and a rotation vector [rad].
+            probe: Place of the probe's tip [m].
+            tick: Of the follower, whose moment it shows.
+            time: Since the start of the session, by which faults come and go [s].
+            now_ns: This side's clock [ns].
+            run: Epoch of the follower's process.
+        """
+        self._sequence += 1
+        true = Pose.from_rotation_vector(fixture[3:], fixture[:3])
+        image = self._camera.take(self._lens.distort(self._scene.render(true, probe)), time)
+        if image is None:
+            return self._message(tick, now_ns, run, b"", None, None, 0, "the stream has dropped the image")
+        found = self._detector.locate(image)
+        jpeg = self._camera.jpeg if len(self._camera.jpeg) <= LARGEST_JPEG else b""
+        if found.pose is None or found.covariance is None:
+            return self._message(tick, now_ns, run, jpeg, None, None, found.markers, found.reason)
+        return self._message(tick, now_ns, run, jpeg, CAMERA_POSE @ found.pose, found.covariance, found.markers, "")
+
+    def _message(
+        self,
+        tick: int,
+        now_ns: int,
+        run: int,
+        jpeg: bytes,
+        pose: Pose | None,
+        covariance: np.ndarray | None,
+        markers: int,
+        reason: str,
+    ) -> CameraImage:
+        numbers = () if pose is None else (*pose.translation.tolist(), *pose.rotation_vector().tolist())
+        spread = () if covariance is None else tuple(covariance.ravel().tolist())
+        return CameraImage(
+            VERSION, self._sequence, now_ns, tick, jpeg, numbers, spread, markers, reason, self._numbers, run
+        )
+
+    def close(self) -> None:
+        """Give back what the graphics library holds."""
+        self._scene.close()
+
+
+def pixels(camera: Sequence[float], points: np.ndarray) -> np.ndarray:
+    """Where points of the world are in an image, (n, 2) [pixel]; NaN for what is not before the camera.
+
+    Args:
+        camera: As `CameraImage.camera` has it.
+        points: (n, 3) [m].
+    """
+    fx, fy, cx, cy, k1, k2, p1, p2, k3 = camera[:9]
+    width, height = round(2 * cx) + 1, round(2 * cy) + 1
+    model = CameraModel(width, height, fx, fy, cx, cy, k1, k2, p1, p2, k3)
+    pose = Pose.from_rotation_vector(camera[12:15], camera[9:12])
+    return model.project(pose.inverse().apply(np.reshape(points, (-1, 3))))

@@ -1,0 +1,303 @@
+"""The follower's step in three dimensions: geometry about the step along a line.
+
+Commands, the probe and what it feels are brought onto the normal of the believed surface; there the follower along a
+line decides who commands, learns, guards and limits; and what it allows is brought back into space.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import msgspec
+
+from foretouch.identification import Estimator, FrictionEstimator, MaterialFieldLearner
+from foretouch.messages import (
+    VERSION,
+    Command,
+    FieldUpdate,
+    FixtureBelief,
+    FollowerSpace,
+    ModelUpdate,
+    Status,
+    Telemetry,
+)
+from foretouch.quantities.rigid import Vector, add, dot, norm, scaled, subtract
+from foretouch.rendering.surfaces import Surface
+from foretouch.robot import RobotSample, RobotSpecification, SpatialSample
+from foretouch.session import follower
+from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
+from foretouch.session.spatial.lateral import LateralMotion
+from foretouch.session.spatial.line import Footing, SurfaceLine
+
+__all__ = ["Inputs", "Outputs", "State", "start", "step"]
+
+BIAS_RATE = 0.005
+"""Share per tick in which the sensor's offset follows what is measured in free air."""
+
+SETTLED = 10
+"""A contact is told to the tracker so many ticks after it began, when its surface is known."""
+
+FIELD_PERIOD_NS = 100_000_000
+"""Between two fields of materials, at least [ns]."""
+
+FIELD_RATE = 30e3
+"""Fields take so many bytes a second at most."""
+
+NAN3 = (math.nan, math.nan, math.nan)
+POSE_NUMBERS = 6
+
+
+@dataclass(slots=True)
+class State:
+    """What the follower remembers from tick to tick; updated in place.
+
+    Attributes:
+        inner: Of the follower along the surface's normal.
+        line: Of the probe.
+        commanded: Of the newest command.
+        played: Of the command that is followed now.
+        lateral: Moves along the surface.
+        force_ceiling: Largest force [N].
+        approach_speed: Along a surface whose first touch is guarded [m/s].
+        friction: Learns it.
+        bias: The sensor's offset [N].
+        age: Since an image showed the fixture, as the newest belief says [s].
+        deviation: Of the newest belief.
+        contact_ticks: Since this contact began.
+        touch: Where the newest contact began [m].
+        touch_tick: And when.
+        point: Of the surface, in the fixture, in the tick before [m].
+        field_ns: Clock when the newest field was sent.
+        field_updates: Updates of the learner that it had.
+        fields: Sent so far.
+    """
+
+    inner: follower.State
+    line: SurfaceLine
+    commanded: SurfaceLine
+    played: SurfaceLine
+    lateral: LateralMotion
+    force_ceiling: float
+    approach_speed: float
+    friction: FrictionEstimator = field(default_factory=FrictionEstimator)
+    bias: Vector = (0.0, 0.0, 0.0)
+    age: float = math.inf
+    deviation: tuple[float, ...] = ()
+    contact_ticks: int = 0
+    touch: Vector = NAN3
+    touch_tick: int = 0
+    point: Vector = NAN3
+    field_ns: int = 0
+    field_updates: int = 0
+    fields: int = 0
+
+
+class Inputs(NamedTuple):
+    """What a tick is given: as `foretouch.session.follower.Inputs`, and what the tracker says.
+
+    Attributes:
+        commands: That have arrived since the last tick, with places.
+        sample: What the robot's sensors show.
+        period_ns: Since the last tick began [ns].
+        compute_ns: That the last tick's computing took [ns].
+        beliefs: Of the fixture's pose, that have come since the last tick.
+        stop: Why an emergency stop was asked for; empty while none was.
+        release: Whether somebody at the robot asks to end it.
+        ended: Whether the session is over.
+    """
+
+    commands: list[Command]
+    sample: SpatialSample
+    period_ns: int
+    compute_ns: int
+    beliefs: list[FixtureBelief]
+    stop: str = ""
+    release: bool = False
+    ended: bool = False
+
+
+class Outputs(NamedTuple):
+    """What a tick gives.
+
+    Attributes:
+        desired: Place for the robot [m].
+        telemetry: For all that watch, along the normal.
+        model: For the leader, when one is due.
+        space: For all that watch, in space.
+        field: For the leader, when one is due.
+    """
+
+    desired: Vector
+    telemetry: Telemetry
+    model: ModelUpdate | None
+    space: FollowerSpace
+    field: FieldUpdate | None
+
+
+def start(
+    specification: RobotSpecification,
+    settings: SessionSettings,
+    surface: Surface,
+    pose: tuple[float, ...],
+    estimator: Estimator | None = None,
+    *,
+    run: int = 1,
+) -> State:
+    """State before the first tick.
+
+    Args:
+        specification: Of the robot; its tool is weighed out already.
+        settings: Of the session.
+        surface: That is touched, in the fixture's frame.
+        pose: Of the fixture, as it is believed to be: a place [m] and a rotation vector [rad].
+        estimator: Fresh; None for the one that the settings name.
+        run: Epoch of this process.
+    """
+    inner = follower.start(specification, settings, estimator, run=run)
+    lateral = LateralMotion(settings.largest_speed, settings.largest_acceleration, settings.largest_jerk, SAMPLE_PERIOD)
+    lines = (SurfaceLine(surface, pose) for _ in range(3))
+    return State(inner, *lines, lateral, settings.force_ceiling, settings.approach_speed)
+
+
+def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
+    """One tick of the follower.
+
+    Args:
+        state: Updated in place and returned.
+        inputs: Of this tick.
+        now_ns: This side's monotonic clock [ns].
+    """
+    for belief in inputs.beliefs:
+        _believe(state, belief)
+    inner, sample, line = state.inner, inputs.sample, state.line
+    footing = line.follow(sample.place)
+    force = subtract(sample.force, state.bias)
+    commands = [_along(state, command) for command in inputs.commands]
+    estimator = inner.learner.estimator
+    if isinstance(estimator, MaterialFieldLearner):
+        estimator.touch_at(footing.inner_point)
+    felt = dot(force, footing.normal)
+    along = RobotSample(
+        position=footing.along,
+        sensor_force=felt,
+        acceleration=0.0,
+        exact_force=norm(sample.exact_force),
+        exact_position=math.nan,
+        commanded_position=footing.along,
+        clipped=sample.clipped,
+    )
+    told = follower.Inputs(
+        commands, along, inputs.period_ns, inputs.compute_ns, inputs.stop, inputs.release, inputs.ended
+    )
+    _, allowed = follower.step(inner, told, now_ns)
+    sideways = subtract(force, scaled(footing.normal, felt))
+    _learn_beside_the_law(state, footing, sample, sideways)
+    desired = _place(state, footing, sample.place, allowed.desired_position, sideways)
+    model = allowed.model
+    return state, Outputs(
+        desired,
+        allowed.telemetry,
+        None if model is None else _with_fixture(state, model),
+        _space(state, sample, footing, force, desired, now_ns),
+        _field_due(state, now_ns),
+    )
+
+
+def _believe(state: State, belief: FixtureBelief) -> None:
+    if state.line.believe(belief.pose):
+        for other in (state.commanded, state.played):
+            other.believe(belief.pose)
+            other.offset = state.line.offset  # one surface, one coordinate
+    state.age, state.deviation = belief.image_age, belief.deviation
+
+
+def _along(state: State, command: Command) -> Command:
+    """A command as a position along the normal; one without a place has none."""
+    if len(command.place) != 3 or not all(map(math.isfinite, command.place)):
+        return msgspec.structs.replace(command, position=math.nan)
+    x, y, z = command.place
+    return msgspec.structs.replace(command, position=state.commanded.follow((x, y, z)).along)
+
+
+def _learn_beside_the_law(state: State, footing: Footing, sample: SpatialSample, sideways: Vector) -> None:
+    """The sensor's offset in free air; in contact friction, and where the contact began."""
+    inner, point = state.inner, footing.inner_point
+    learnt_from, moved = inner.learner.sample, subtract(point, state.point)
+    state.point = point
+    if not learnt_from.in_contact:
+        state.contact_ticks = 0
+        if norm(sample.force) < inner.specification.largest_offset:
+            state.bias = add(state.bias, scaled(subtract(sample.force, state.bias), BIAS_RATE))
+        return
+    state.contact_ticks += 1
+    if math.isfinite(moved[0]):
+        sliding = state.line.motion.rotate(scaled(moved, 1.0 / SAMPLE_PERIOD))
+        state.friction.update(learnt_from.force, sideways, sliding, SAMPLE_PERIOD)
+    if state.contact_ticks == SETTLED and math.isfinite(learnt_from.depth):
+        state.touch = add(sample.place, scaled(footing.normal, learnt_from.depth))
+        state.touch_tick = inner.tick
+
+
+def _place(state: State, footing: Footing, sample_place: Vector, along: float, sideways: Vector) -> Vector:
+    """Where the robot is to go: along the surface as its limits say, and on the normal there as is allowed [m]."""
+    inner, target = state.inner, state.inner.playout.place
+    free = inner.safety.status < Status.HOLDING
+    place = state.lateral.update(
+        (target[0], target[1], target[2]) if free and len(target) == 3 else None,
+        sample_place,
+        sideways,
+        limit=state.force_ceiling,
+        speed=state.approach_speed if inner.first_touch.guarded else math.inf,
+    )
+    return state.played.follow(place).place_at(along if math.isfinite(along) else footing.along)
+
+
+def _with_fixture(state: State, model: ModelUpdate) -> ModelUpdate:
+    """A model with the fixture that it belongs to: its surface is how much deeper than believed it was felt."""
+    friction = state.friction
+    return msgspec.structs.replace(
+        model,
+        surface=model.surface - state.line.offset if model.valid else 0.0,
+        fixture=state.line.pose,
+        fixture_deviation=state.deviation,
+        fixture_age=state.age,
+        friction=(friction.coefficient, friction.viscous, *friction.deviations) if friction.known else (),
+    )
+
+
+def _field_due(state: State, now_ns: int) -> FieldUpdate | None:
+    """The materials over the surface, if they have changed and the last ones are some time ago."""
+    estimator = state.inner.learner.estimator
+    if not isinstance(estimator, MaterialFieldLearner) or estimator.updates == state.field_updates:
+        return None
+    if now_ns < state.field_ns:
+        return None
+    content = estimator.field.to_bytes()
+    state.field_ns = now_ns + max(FIELD_PERIOD_NS, round(1e9 * len(content) / FIELD_RATE))
+    state.field_updates = estimator.updates
+    state.fields += 1
+    return FieldUpdate(VERSION, state.fields, now_ns, content, state.inner.run)
+
+
+def _space(
+    state: State, sample: SpatialSample, footing: Footing, force: Vector, desired: Vector, now_ns: int
+) -> FollowerSpace:
+    inner = state.inner
+    exact = sample.fixture if len(sample.fixture) == POSE_NUMBERS else (math.nan,) * POSE_NUMBERS
+    return FollowerSpace(
+        VERSION,
+        inner.tick,
+        now_ns,
+        *sample.place,
+        *desired,
+        *force,
+        *footing.normal,
+        footing.depth,
+        *state.line.pose,
+        *exact,
+        *state.touch,
+        state.touch_tick,
+        inner.run,
+    )

@@ -1,0 +1,81 @@
+"""Robot, camera and operator of a session in three dimensions, as its settings say."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+from foretouch.devices import (
+    GRIPS,
+    INTENDED_FORCE,
+    PalpatingOperator,
+    SpatialBrowserOperator,
+    SpatialDevice,
+    SpatialHand,
+)
+from foretouch.errors import MissingExtraError
+from foretouch.robot import GantryArm, make_material
+from foretouch.session.settings import NO_GRIP, SessionSettings
+from foretouch.session.spatial.camera import SimulatedCamera
+from foretouch.session.spatial.scenes import Scene, palpation
+from foretouch.session.spatial.world import SpatialWorld
+from foretouch.vision import ImageFault
+
+__all__ = ["make_camera", "make_spatial_operator", "make_spatial_robot"]
+
+PRESS_DEPTH = 0.005
+"""Of a palpating hand [m]."""
+
+
+def make_spatial_robot(settings: SessionSettings, scene: Scene) -> GantryArm:
+    """The simulated arm over the scene's fixture, which stands elsewhere than believed.
+
+    Args:
+        settings: Of the session.
+        scene: What is touched.
+
+    Raises:
+        SettingError: A material that remembers.
+    """
+    world = SpatialWorld(
+        scene,
+        make_material(settings.material),
+        displacement=settings.displacement,
+        turn=settings.turn,
+        bump=settings.bump,
+        seed=settings.seed,
+    )
+    return GantryArm(world.touch, world.fixture, seed=settings.seed)
+
+
+def make_camera(settings: SessionSettings, scene: Scene, *, say: Callable[[str], None]) -> SimulatedCamera | None:
+    """The simulated camera; None, said in one line, where nothing here can draw or read its images.
+
+    Args:
+        settings: Of the session.
+        scene: What is seen.
+        say: Told in one line what to install.
+    """
+    faults = (ImageFault.from_text("image_fault", settings.image_fault),) if settings.image_fault else ()
+    try:
+        return SimulatedCamera(scene, faults, seed=settings.seed)
+    except MissingExtraError as error:  # no MuJoCo, no OpenCV, or no library that draws without a display
+        say(f"camera: {error}; the session goes on without it")
+        return None
+
+
+def make_spatial_operator(settings: SessionSettings, scene: Scene, pose: Sequence[float]) -> SpatialDevice:
+    """The operator of a session, fresh; with a grip, a hand that intends what that operator does.
+
+    Args:
+        settings: Of the session.
+        scene: What the operator sees.
+        pose: Of the fixture, as the scene shows it at first.
+    """
+    depth = PRESS_DEPTH
+    if settings.grip != NO_GRIP:
+        depth += min(INTENDED_FORCE / GRIPS[settings.grip].stiffness, 2.0 * PRESS_DEPTH)
+    script = PalpatingOperator(palpation(scene, depth, settings.seed), pose)
+    moved: SpatialDevice = SpatialBrowserOperator(script) if settings.operator == "browser" else script
+    if settings.grip == NO_GRIP:
+        return moved
+    return SpatialHand(moved, GRIPS[settings.grip], settings.device, settings.clutch_times)

@@ -1,0 +1,197 @@
+"""Scenes: the shape of what is touched, as both sides know it, and what a simulated one is made of."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from foretouch.devices import Keyframe
+from foretouch.errors import UnknownNameError
+from foretouch.quantities.rigid import Vector
+from foretouch.rendering.surfaces import HeightField, Plane, Surface, SurfaceProxy, read_mesh
+
+__all__ = ["MESH_ENDINGS", "SCENES", "Inclusion", "KnownSurface", "Scene", "make_scene", "palpation"]
+
+MIDDLE: Vector = (0.075, 0.0, 0.0)
+"""Of the specimen, in the fixture's frame [m]; the origin is in the middle of the board."""
+
+SIDE = 0.08
+"""Of the specimen [m]."""
+
+NOMINAL = (-0.075, 0.0, 0.0, 0.0, 0.0, 0.0)
+"""Pose of the fixture where nobody has moved it: the specimen is above the world's origin."""
+
+HILL_HEIGHT, HILL_WIDTH = 0.004, 0.018
+GRID = 2e-3
+MESH_ENDINGS = (".stl", ".obj", ".ply")
+
+HOVER, TALL = 0.010, 0.05
+"""Height of the hand above the surface between presses, and from which the first one begins [m]."""
+
+FROM_ABOVE = 0.2
+"""Where rays to the surface begin [m]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Inclusion:
+    r"""A stiff disc under a soft surface.
+
+    .. math:: s(r) = 1 + (s_0 - 1) \left(1 - S\left(\frac{r - R + w}{2 w}\right)\right), \quad w = R / 4
+
+    times the force of what is around it; S is the smooth step 3 u^2 - 2 u^3 of u within 0 and 1.
+
+    Attributes:
+        middle: In the fixture's frame [m].
+        radius: R [m].
+        ratio: s_0.
+    """
+
+    middle: Vector
+    radius: float
+    ratio: float
+
+    def factor(self, point: Vector) -> float:
+        """S at a point of the fixture's frame."""
+        width = 0.25 * self.radius
+        away = math.hypot(point[0] - self.middle[0], point[1] - self.middle[1])
+        u = min(max((away - self.radius + width) / (2.0 * width), 0.0), 1.0)
+        return 1.0 + (self.ratio - 1.0) * (1.0 - u * u * (3.0 - 2.0 * u))
+
+
+@dataclass(frozen=True, slots=True)
+class Scene:
+    """What is touched.
+
+    Attributes:
+        name: As it was asked for.
+        surface: Its shape, in the fixture's frame.
+        inclusion: What is stiffer in a simulated one; None where all is alike.
+        friction: Of a simulated one, Coulomb.
+        viscous: And viscous [N s/m].
+        nominal: Pose of the fixture as both sides believe it before anything is seen.
+    """
+
+    name: str
+    surface: Surface
+    inclusion: Inclusion | None = None
+    friction: float = 0.3
+    viscous: float = 0.5
+    nominal: tuple[float, ...] = NOMINAL
+
+
+class KnownSurface:
+    """A scene's surface as the fixture's filter asks for it.
+
+    Args:
+        surface: In the fixture's frame.
+    """
+
+    def __init__(self, surface: Surface) -> None:
+        self._surface = surface
+
+    def height(self, point: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
+        """Height of a point above the surface [m] and the outward normal there."""
+        contact = self._surface.contact(point.tolist())
+        return -contact.depth, np.array(contact.normal)
+
+    def holds(self, point: NDArray[np.float64]) -> bool:
+        """Whether a touch there can be one of the specimen: near enough to its middle."""
+        return math.hypot(point[0] - MIDDLE[0], point[1] - MIDDLE[1]) <= SIDE
+
+
+def _plane(name: str) -> Scene:
+    return Scene(name, Plane(MIDDLE, (0.0, 0.0, 1.0), SIDE))
+
+
+def _hill(name: str) -> Scene:
+    return Scene(name, _hilly())
+
+
+def _phantom(name: str) -> Scene:
+    x, y, z = MIDDLE
+    return Scene(name, _hilly(), Inclusion((x + 0.010, y - 0.008, z), 0.012, 4.0))
+
+
+def _hilly() -> HeightField:
+    count = round(SIDE / GRID) + 1
+    along = GRID * np.arange(count) - 0.5 * SIDE
+    x, y = np.meshgrid(along, along, indexing="ij")
+    heights = HILL_HEIGHT * np.exp(-(x**2 + y**2) / (2.0 * HILL_WIDTH**2))
+    return HeightField(heights, GRID, (MIDDLE[0] - 0.5 * SIDE, MIDDLE[1] - 0.5 * SIDE))
+
+
+SCENES = {"plane": _plane, "hill": _hill, "phantom": _phantom}
+"""Scenes of the package: a flat specimen, one with a hill, and that with a stiff inclusion under it."""
+
+
+def make_scene(name: str) -> Scene:
+    """A scene by name, or from the file of a mesh.
+
+    Args:
+        name: One of `SCENES`, or a path that ends as `MESH_ENDINGS` say: the mesh stands on the fixture as it is, in
+            metres, and should be within 4 cm of (0.075, 0, 0).
+
+    Raises:
+        UnknownNameError: Neither.
+        RecordingError: A file that cannot be read as a mesh.
+        MissingExtraError: What reads meshes is not installed.
+    """
+    if name in SCENES:
+        return SCENES[name](name)
+    if name.lower().endswith(MESH_ENDINGS):
+        return Scene(name, read_mesh(Path(name)))
+    raise UnknownNameError("scene", name, (*SCENES, *(f"FILE{ending}" for ending in MESH_ENDINGS)))
+
+
+def palpation(scene: Scene, depth: float, seed: int) -> list[Keyframe]:
+    """The path of a palpating hand over the specimen: presses at its corners, then rows of presses that slide on.
+
+    Args:
+        scene: Whose surface it goes over.
+        depth: Of the presses [m].
+        seed: Of small differences between presses.
+    """
+    random = np.random.default_rng(seed)
+    reach = 0.3 * SIDE
+    path: list[Keyframe] = [(0.0, _above(scene, 0.0, 0.0, TALL))]
+
+    def go(seconds: float, place: Vector) -> None:
+        path.append((path[-1][0] + seconds, place))
+
+    go(0.8, _above(scene, -reach, -reach, HOVER))
+    for x, y in ((-reach, -reach), (reach, -reach), (reach, reach), (-reach, reach)):
+        _press(path, scene, x, y, depth * random.uniform(0.7, 1.0))
+    rows = np.linspace(-reach, reach, 5)
+    for number, row in enumerate(rows):
+        ways = rows if number % 2 == 0 else rows[::-1]
+        deep = depth * random.uniform(0.6, 1.0)
+        go(0.5, _above(scene, ways[0], row, HOVER))
+        go(0.5, _above(scene, ways[0], row, -deep))
+        for before, way in zip(ways, ways[1:], strict=False):
+            for part in (0.25, 0.5, 0.75, 1.0):  # so that the hand follows the surface
+                go(0.12, _above(scene, before + part * (way - before), row, -deep))
+        go(0.4, _above(scene, ways[-1], row, HOVER))
+    go(0.8, _above(scene, -reach, -reach, HOVER))
+    return path
+
+
+def _press(path: list[Keyframe], scene: Scene, x: float, y: float, depth: float) -> None:
+    for seconds, height in ((0.5, HOVER), (0.5, -depth), (0.25, -depth * 0.98), (0.4, HOVER)):
+        path.append((path[-1][0] + seconds, _above(scene, x, y, height)))
+
+
+def _above(scene: Scene, x: float, y: float, height: float) -> Vector:
+    """A place above or, with a negative height, below the surface, straight over a place of the specimen."""
+    x, y = float(x) + MIDDLE[0], float(y) + MIDDLE[1]
+    proxy = SurfaceProxy(scene.surface)
+    high, low = FROM_ABOVE, -FROM_ABOVE
+    proxy.follow((x, y, high))
+    for _ in range(40):  # the surface is between: it is where a probe from above begins to be inside
+        middle = 0.5 * (high + low)
+        inside = scene.surface.contact((x, y, middle)).depth > 0.0
+        low, high = (middle, high) if inside else (low, middle)
+    return x, y, high + height

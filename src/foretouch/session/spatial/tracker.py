@@ -1,0 +1,148 @@
+"""The tracker's step: images and touches in; where the fixture is believed to be, out.
+
+It stands beside the camera, at the follower, in a process of its own: the filter takes longer than a tick of the loops.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import OrderedDict
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from foretouch.messages import VERSION, CameraImage, FixtureBelief, FollowerSpace
+from foretouch.quantities import Pose
+from foretouch.vision import ContactSeen, FixtureFilter, ImageSeen, TouchedSurface, Verdict
+
+__all__ = ["State", "start", "step"]
+
+TOUCH_DEVIATION = 1.5e-4
+"""Standard deviation of where a touch puts the surface along its normal [m]: encoders, sensor noise, softness."""
+
+REMEMBERED = 3000
+"""Ticks whose times are remembered: images come late."""
+
+SECOND = 1e-9
+TELLING_PERIOD = 0.03
+"""The belief is told again after so long, for its doubt grows [s]."""
+
+
+@dataclass(slots=True)
+class State:
+    """What the tracker remembers; updated in place.
+
+    Attributes:
+        filter: Of the fixture's pose.
+        uses_images: Whether images count.
+        uses_touches: Whether touches count.
+        times: The follower's clock by its ticks [ns].
+        touch_tick: Of the newest touch that was taken.
+        run: The follower's process that is heard.
+        sequence: Of the newest belief.
+        told: Time of the newest belief [s].
+        images: Used so far.
+        contacts: Used so far.
+        refused: So far.
+    """
+
+    filter: FixtureFilter
+    uses_images: bool
+    uses_touches: bool
+    times: OrderedDict[int, int] = field(default_factory=OrderedDict)
+    touch_tick: int = 0
+    run: int = 0
+    sequence: int = 0
+    told: float = -math.inf
+    images: int = 0
+    contacts: int = 0
+    refused: int = 0
+
+
+def start(touched: TouchedSurface, pose: Sequence[float], fusion: str = "full", *, time: float = 0.0) -> State:
+    """State before the first image.
+
+    Args:
+        touched: The surface in the fixture's frame.
+        pose: Where the fixture is believed to be at first: a place [m] and a rotation vector [rad].
+        fusion: As `SessionSettings.fusion`.
+        time: [s], by the follower's clock.
+    """
+    believed = Pose.from_rotation_vector(pose[3:], pose[:3])
+    return State(FixtureFilter(touched, believed, time), fusion in ("full", "image"), fusion in ("full", "contact"))
+
+
+def step(
+    state: State, spaces: Sequence[FollowerSpace], images: Sequence[CameraImage], now_ns: int
+) -> FixtureBelief | None:
+    """Take in what has come since the last call; a belief, where one is due.
+
+    Args:
+        state: Updated in place.
+        spaces: The follower's ticks.
+        images: With what they say of the fixture.
+        now_ns: The follower's clock at its newest tick [ns].
+    """
+    news = False
+    for space in spaces:
+        news = _take_tick(state, space) or news
+    for image in images:
+        news = _take_image(state, image) or news
+    now = now_ns * SECOND
+    if not news and now - state.told < TELLING_PERIOD:
+        return None
+    state.told = now
+    state.sequence += 1
+    known = state.filter.state(now)
+    deviation = np.sqrt(np.diag(known.pose_covariance))
+    return FixtureBelief(
+        VERSION,
+        state.sequence,
+        now_ns,
+        (*known.pose.translation.tolist(), *known.pose.rotation_vector().tolist()),
+        tuple(deviation.tolist()),
+        max(now - known.image_time, 0.0),
+        state.images,
+        state.contacts,
+        state.refused,
+        known.sentence(now),
+    )
+
+
+def _take_tick(state: State, space: FollowerSpace) -> bool:
+    """Remember when a tick was; take the touch that it tells of, if that is new."""
+    if space.run != state.run:
+        state.run, state.touch_tick = space.run, 0
+        state.times.clear()
+    state.times[space.sequence] = space.time_ns
+    while len(state.times) > REMEMBERED:
+        state.times.popitem(last=False)
+    if space.touch_tick <= state.touch_tick:
+        return False
+    state.touch_tick = space.touch_tick
+    if not state.uses_touches:
+        return False
+    seen = ContactSeen(
+        state.times.get(space.touch_tick, space.time_ns) * SECOND,
+        (space.touch_x, space.touch_y, space.touch_z),
+        TOUCH_DEVIATION,
+    )
+    return _count(state, state.filter.update(seen), image=False)
+
+
+def _take_image(state: State, image: CameraImage) -> bool:
+    time_ns = state.times.get(image.tick)
+    if not state.uses_images or time_ns is None or len(image.pose) != 6 or len(image.covariance) != 36:
+        return False
+    pose = Pose.from_rotation_vector(image.pose[3:], image.pose[:3])
+    seen = ImageSeen(time_ns * SECOND, pose, np.reshape(image.covariance, (6, 6)))
+    return _count(state, state.filter.update(seen), image=True)
+
+
+def _count(state: State, verdict: Verdict, *, image: bool) -> bool:
+    used = verdict in (Verdict.USED, Verdict.REOPENED)
+    state.refused += not used
+    state.images += used and image
+    state.contacts += used and not image
+    return used
