@@ -20,9 +20,12 @@ from foretouch.identification import (
     identify,
     make_estimator,
 )
-from foretouch.models import LAWS, ContactModel, KelvinVoigt, make_model
+from foretouch.models import LAWS, ContactModel, KelvinVoigt, QuadraticContact, make_model
 
-OWN_LAW: dict[str, ContactModel] = {"kelvin-voigt": KelvinVoigt(600.0, 2.0)}
+OWN_LAW: dict[str, ContactModel] = {
+    "kelvin-voigt": KelvinVoigt(600.0, 2.0),
+    "quadratic": QuadraticContact(300.0, 4e4, 300.0),
+}
 """What an estimator can learn whole, by the name of its model; a soft Hunt-Crossley press for all others."""
 
 NAMES = [(model, estimator) for model, estimators in ESTIMATORS.items() for estimator in estimators]

@@ -19,6 +19,7 @@ from foretouch.identification.hunt_crossley_two_stage import HuntCrossleyTwoStag
 from foretouch.identification.identify import Identification, identify
 from foretouch.identification.kelvin_voigt_rls import KelvinVoigtOptions, KelvinVoigtRLS
 from foretouch.identification.learner import Learner, LearntModel
+from foretouch.identification.material_field import MaterialFieldLearner
 from foretouch.identification.offline import (
     OfflineContinuousSwitching,
     OfflineFit,
@@ -78,6 +79,7 @@ __all__ = [
     "KelvinVoigtRLS",
     "Learner",
     "LearntModel",
+    "MaterialFieldLearner",
     "Motion",
     "OfflineContactMap",
     "OfflineContinuousSwitching",

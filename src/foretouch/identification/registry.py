@@ -10,6 +10,7 @@ from foretouch.identification.fprls import FPRLS
 from foretouch.identification.hunt_crossley_log import HuntCrossleyLogRLS
 from foretouch.identification.hunt_crossley_two_stage import HuntCrossleyTwoStage
 from foretouch.identification.kelvin_voigt_rls import KelvinVoigtRLS
+from foretouch.identification.material_field import MaterialFieldLearner
 from foretouch.identification.offline import OfflineContinuousSwitching, OfflineHuntCrossley, OfflineKelvinVoigt
 from foretouch.identification.offline_contact_map import OfflineContactMap
 from foretouch.identification.rls import RLS, ForgettingRLS, SelfPerturbingRLS
@@ -47,6 +48,7 @@ _KINDS: tuple[type[Estimator], ...] = (
     ExactHuntCrossley,
     ContactMapBank,
     OfflineContactMap,
+    MaterialFieldLearner,
 )
 
 for _kind in _KINDS:
@@ -59,6 +61,7 @@ DEFAULT_ESTIMATORS: dict[str, str] = {
     "hunt-crossley": "log-rls",
     "threshold-switching": "switching",
     "contact-map": "bank",
+    "quadratic": "material-field",
 }
 """The estimator that is taken for a law where none is named: the paper's, or the one it compares with."""
 

@@ -1,0 +1,293 @@
+"""The field of materials from samples that a probe takes as it goes over a surface."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from foretouch.identification.conditioning import ContactSample
+from foretouch.identification.estimator import Estimator, Status
+from foretouch.identification.material_field_kernel import UNKNOWNS, laws_of, learn
+from foretouch.models import FIELD_DEPTH, MOST_NODES, NODE_SPACING, MaterialField, QuadraticContact
+from foretouch.models.checks import require
+from foretouch.models.material_field import LARGEST_LAW
+from foretouch.models.material_field_kernel import CORNERS, HALF, NUMBERS, cell_of
+
+__all__ = ["MaterialFieldLearner"]
+
+Array = NDArray[np.float64]
+
+REFERENCE_DEPTH, REFERENCE_SPEED = 5e-3, 0.05
+"""Unknowns are forces [N] at this depth [m] and speed [m/s], so that all are of one size."""
+
+SCALES = np.array([1.0 / REFERENCE_DEPTH, 1.0 / REFERENCE_DEPTH**2, 1.0 / (REFERENCE_DEPTH * REFERENCE_SPEED)])
+"""What turns unknowns into a, b and c."""
+
+FIRST_DEVIATION = 300.0
+"""Of each unknown before the first sample [N]."""
+
+FORCE_NOISE, SHARE_NOISE = 0.05, 0.05
+"""Standard deviation of a force: constant [N], and share of it that the law misses. Errors of successive samples are
+alike, so both are larger than a sensor's noise."""
+
+FORGETTING, MEAN_FORGETTING = 2e-3, 5e-5
+"""Of what a node, and the mean law, know: share that one more sample there forgets."""
+
+SPREAD, FREEDOM = 1.0, 0.3
+"""Standard deviation of a place from the mean law, in shares of its force: of all of it alike, and of each unknown."""
+
+DEPTH_STEP, WAY_STEP = 2e-5, 1e-4
+"""A sample less than this deeper or shallower [m], and less than this aside [m], than the last says nothing new."""
+
+FEWEST_UPDATES = 20
+"""No force is rendered from fewer samples, and no node is made."""
+
+LEAST_WEIGHT = 1e-3
+"""A node with less weight is not made for it."""
+
+LARGEST_DEPTH, LARGEST_SPEED, LARGEST_FORCE = 0.1, 5.0, 1e4
+"""Samples beyond these [m], [m/s], [N] are left out."""
+
+LARGEST_UNKNOWN = 1e7
+"""An estimate beyond this [N] is none."""
+
+SURPRISING, SURPRISE_RATE, SURPRISE_LIMIT = 16.0, 0.05, 0.8
+"""Where so many of the last 20 samples are further off than four deviations, the material has changed."""
+
+
+class MaterialFieldLearner(Estimator):
+    r"""Learns the law of each place of a surface from what is felt there.
+
+    .. math::
+        F &= \sum_{n=1}^{8} w_n(p) \left(a_n x + b_n x^2 + c_n x \dot x\right) + e \\
+        K_n &= \frac{P_n h_n}{\sigma^2 + \sum_m h_m^T P_m h_m}, \quad
+        h_n = w_n \left(\frac{x}{x_0}, \frac{x^2}{x_0^2}, \frac{x \dot x}{x_0 v_0}\right)
+
+    the Kalman filter of the 24 unknowns of the eight nodes about the point p that is touched, with the trilinear
+    weights w. What it would know of two nodes together is dropped after each sample: each keeps a covariance of its
+    own, updated in the form of Joseph with the noise and the doubt of the other seven. Dropping it overstates the doubt
+    of a blend, for what is dropped says that if one node is stiffer, its neighbours are softer.
+
+    A new node begins as the **mean law**, which is learnt from all samples alike, with a standard deviation of 100 %
+    common to its numbers and 30 % of each by itself. A node that was hardly touched begins so again when the probe
+    comes back. Samples that are further off than three standard deviations weigh less; where most of 20 are further off
+    than four, the place has changed and the nodes about it become as doubtful as new ones. What is known of a node is
+    forgotten by samples taken there: by 1/e in 500. No covariance has more trace than at first.
+
+    Samples teach in contact only, and only where depth or place has changed since the last; a held position does not.
+    Of 1,024 nodes the one that was touched longest ago makes room for a new one.
+
+    Without `touch_at` all samples are of one place, at a node: the estimator of one quadratic law.
+
+    Args:
+        spacing: h of the nodes [m].
+
+    Raises:
+        SettingError: A spacing out of range.
+
+    References:
+        Bucy and Joseph (1968), Filtering for Stochastic Processes with Applications to Guidance: the form of Joseph.
+    """
+
+    name: ClassVar[str] = "material-field"
+    model_name: ClassVar[str] = "quadratic"
+
+    def __init__(self, spacing: float = NODE_SPACING) -> None:
+        require("spacing", spacing, at_least=1e-3, at_most=0.1)
+        self.spacing = spacing
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget all samples, and all places."""
+        self._places: dict[int, int] = {}
+        self._codes = np.zeros(MOST_NODES, np.int64)
+        self._theta = np.zeros((MOST_NODES, UNKNOWNS))
+        self._covariance = np.zeros((MOST_NODES, UNKNOWNS, UNKNOWNS))
+        self._limits = np.zeros(MOST_NODES)
+        self._touched = np.zeros(MOST_NODES, np.int64)
+        self._mean = np.zeros((1, UNKNOWNS))
+        self._mean_covariance = FIRST_DEVIATION**2 * np.eye(UNKNOWNS)[None]
+        self._mean_limit = np.array([UNKNOWNS * FIRST_DEVIATION**2])
+        self._about = np.zeros(CORNERS, np.int64)
+        self._weights = np.zeros(CORNERS)
+        self._at = np.full(CORNERS, -1, np.int64)
+        self._cell = -1
+        self._point = (0.0, 0.0, 0.0)
+        self._last = (math.inf, 0.0, 0.0, 0.0)  # depth and point of the newest sample that taught
+        self._surprise = 0.0
+        self._field: MaterialField | None = None
+        self.updates = 0
+        self.changes = 0
+
+    def touch_at(self, point: Sequence[float]) -> None:
+        """Told before `update` where the next sample is taken, in the fixture's frame [m]; ignored where not finite."""
+        x, y, z = point
+        if math.isfinite(x) and math.isfinite(y) and math.isfinite(z):
+            self._point = (x, y, z)
+
+    def update(self, sample: ContactSample) -> Status:
+        """One step; see `Estimator.update`."""
+        refusal = self._refuse(sample)
+        if refusal is not None:
+            return refusal
+        _, depth, velocity, force, _ = sample
+        self._last = (depth, *self._point)
+        share = depth / REFERENCE_DEPTH
+        regressor = (share, share * share, share * velocity / REFERENCE_SPEED)
+        noise = FORCE_NOISE**2 + (SHARE_NOISE * force) ** 2
+        learn(
+            self._mean, self._mean_covariance, self._mean_limit, _FIRST, _ALL, regressor, force, noise, MEAN_FORGETTING
+        )
+        self._field = None
+        self.updates += 1
+        if not abs(float(self._mean[0, 0])) + abs(float(self._mean[0, 1])) < LARGEST_UNKNOWN:
+            self.reset()
+            return Status.RESTARTED
+        if self.updates < FEWEST_UPDATES:
+            return Status.LEARNT
+        self._find_nodes()
+        ratio = learn(
+            self._theta,
+            self._covariance,
+            self._limits,
+            self._at,
+            self._weights,
+            regressor,
+            force,
+            noise,
+            FORGETTING,
+        )
+        self._touched[self._at[self._at >= 0]] = self.updates
+        return self._judge(ratio)
+
+    def _refuse(self, sample: ContactSample) -> Status | None:
+        """Why a sample is not learnt from, None where it is."""
+        _, depth, velocity, force, in_contact = sample
+        if not in_contact:
+            return Status.FREE_AIR
+        usable = 0.0 < depth <= LARGEST_DEPTH and abs(velocity) <= LARGEST_SPEED and abs(force) <= LARGEST_FORCE
+        if not usable:
+            return Status.UNUSABLE
+        last_depth, x, y, z = self._last
+        px, py, pz = self._point
+        aside = (px - x) ** 2 + (py - y) ** 2 + (pz - z) ** 2
+        return Status.HELD if abs(depth - last_depth) < DEPTH_STEP and aside < WAY_STEP**2 else None
+
+    def _find_nodes(self) -> None:
+        """The nodes about the point and their weights; those that are missing are made."""
+        cell_of(*self._point, self.spacing, self._about, self._weights)
+        cell = int(self._about[0])
+        entered, self._cell = cell != self._cell, cell
+        if not entered and not ((self._at < 0) & (self._weights > LEAST_WEIGHT)).any():
+            return
+        fresh, spread = self._fresh()
+        trace = float(np.trace(spread))
+        for corner, (code, weight) in enumerate(zip(self._about.tolist(), self._weights.tolist(), strict=True)):
+            node = self._places.get(code, -1)
+            if node < 0 and weight > LEAST_WEIGHT:
+                node = self._room_for(code)
+                self._begin(node, fresh, spread, trace)
+            elif node >= 0 and entered and float(np.trace(self._covariance[node])) > trace:
+                self._begin(node, fresh, spread, trace)
+            self._at[corner] = node
+
+    def _room_for(self, code: int) -> int:
+        """A row for a new node: a free one, or that of the node touched longest ago."""
+        node = len(self._places)
+        if node == MOST_NODES:
+            node = int(np.argmin(self._touched))
+            del self._places[int(self._codes[node])]
+        self._places[code] = node
+        self._codes[node] = code
+        self._touched[node] = self.updates
+        return node
+
+    def _begin(self, node: int, fresh: Array, spread: Array, trace: float) -> None:
+        self._theta[node], self._covariance[node], self._limits[node] = fresh, spread, trace
+
+    def _fresh(self) -> tuple[Array, Array]:
+        """What is believed of a place that has not been touched, and its covariance."""
+        mean = np.maximum(self._mean[0], 0.0)
+        force = max(float(mean[0] + mean[1]), FORCE_NOISE)
+        own = np.square(FREEDOM * force * np.array([1.0, 1.0, FREEDOM]))
+        return mean, self._mean_covariance[0] + SPREAD**2 * np.outer(mean, mean) + np.diag(own)
+
+    def _judge(self, ratio: float) -> Status:
+        """Whether the place is what it was."""
+        surprised = 1.0 if ratio > SURPRISING else 0.0
+        self._surprise += SURPRISE_RATE * (surprised - self._surprise)
+        if self._surprise < SURPRISE_LIMIT:
+            return Status.LEARNT
+        self._surprise = 0.0
+        self.changes += 1
+        _, spread = self._fresh()
+        for node in self._at[self._at >= 0].tolist():
+            self._covariance[node], self._limits[node] = spread, float(np.trace(spread))
+        return Status.CHANGED
+
+    def _laws(self, at: NDArray[np.int64]) -> Array:
+        """Laws of nodes, none negative, and their deviations, of shape (m, 4)."""
+        out = np.empty((len(at), NUMBERS))
+        laws_of(self._theta, self._covariance, at, SCALES, FIELD_DEPTH, _LARGEST, out)
+        return out
+
+    def _mean_law(self) -> Array:
+        """The mean law, none of it negative, and the doubt of a place that is not known, of shape (4,)."""
+        out = np.empty((1, NUMBERS))
+        laws_of(self._mean, self._mean_covariance, _FIRST, SCALES, FIELD_DEPTH, _LARGEST, out)
+        _, spread = self._fresh()
+        slope = np.array([SCALES[0], 2.0 * FIELD_DEPTH * SCALES[1], 0.0])
+        out[0, 3] = math.sqrt(float(slope @ spread @ slope))
+        row: Array = out[0]
+        return row
+
+    @property
+    def field(self) -> MaterialField:
+        """All that is known, place by place; without nodes before 20 samples."""
+        if self._field is None:
+            count = len(self._places)
+            codes = self._codes[:count]
+            keys = np.stack([codes >> 32, (codes >> 16) & 0xFFFF, codes & 0xFFFF], axis=1) - HALF
+            mean = self._mean_law()
+            self._field = MaterialField(
+                keys, self._laws(np.arange(count)), mean=mean[:3].tolist(), doubt=float(mean[3]), spacing=self.spacing
+            )
+        return self._field
+
+    @property
+    def model(self) -> QuadraticContact | None:
+        """The law at the point that is touched; None before 20 samples, and while no force follows from it."""
+        if self.updates < FEWEST_UPDATES:
+            return None
+        nodes, weights = self._here()
+        known = nodes >= 0
+        laws = self._laws(nodes[known])[:, :UNKNOWNS]
+        a, b, c = weights[known] @ laws + (1.0 - float(weights[known].sum())) * self._mean_law()[:UNKNOWNS]
+        return QuadraticContact(float(a), float(b), float(c)) if a + b > 0.0 else None
+
+    def _here(self) -> tuple[NDArray[np.int64], Array]:
+        """The nodes about the point, -1 for those that are not known, and their weights."""
+        about, weights = np.empty(CORNERS, np.int64), np.empty(CORNERS)
+        cell_of(*self._point, self.spacing, about, weights)
+        return np.array([self._places.get(code, -1) for code in about.tolist()]), weights
+
+    @property
+    def standard_errors(self) -> dict[str, float | None] | None:
+        """Of the law at the point, as if all nodes about it were off to the same side; None before there is one."""
+        if self.model is None:
+            return None
+        nodes, weights = self._here()
+        known = nodes >= 0
+        variances = np.einsum("nii->ni", self._covariance[nodes[known]])
+        errors = weights[known] @ np.sqrt(np.maximum(variances, 0.0))
+        errors += (1.0 - float(weights[known].sum())) * np.sqrt(np.diag(self._fresh()[1]))
+        return dict(zip(QuadraticContact.parameter_names, (errors * SCALES).tolist(), strict=True))
+
+
+_FIRST = np.zeros(1, np.int64)
+_ALL = np.ones(1)
+_LARGEST = np.array(LARGEST_LAW)
