@@ -1,8 +1,8 @@
 """Measure every figure of the documentation again and write it where it stands.
 
-`docs/results.md`, `docs/stability.md` and `README.md` hold blocks between `<!-- measured: NAME -->` and `<!-- end -->`.
-Each block names the command that prints its figures; this script runs those commands and puts what they print into the
-blocks.
+`docs/results.md`, `docs/stability.md`, `docs/replay.md` and `README.md` hold blocks between
+`<!-- measured: NAME -->` and `<!-- end -->`. Each block names the command that prints its figures; this script runs
+those commands and puts what they print into the blocks.
 
 Usage: `.venv/bin/python docs/measure_results.py [NAME ...]`, without names for all blocks. It needs the measured
 recordings (a network, or FORETOUCH_DATA_DIR). On two cores `reach` takes two minutes, `reach-simulated` five, and all
@@ -34,17 +34,17 @@ from foretouch.report import score
 from foretouch.session import mediate
 
 ROOT = Path(__file__).resolve().parents[1]
-PAGES = (ROOT / "README.md", ROOT / "docs" / "results.md", ROOT / "docs" / "stability.md")
+PAGES = (ROOT / "README.md", *(ROOT / "docs" / f"{page}.md" for page in ("results", "stability", "replay")))
 SUPERSCRIPTS = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
 
 Row = list[str]
 
 
-def foretouch(arguments: str) -> str:
-    """What a command prints."""
+def foretouch(arguments: str, folder: str | None = None) -> str:
+    """What a command prints, in a folder of its own or in this one."""
     command = [sys.executable, "-m", "foretouch", *shlex.split(arguments)]
-    with tempfile.TemporaryDirectory() as folder:
-        done = subprocess.run(command, capture_output=True, text=True, cwd=folder)
+    with tempfile.TemporaryDirectory() as empty:
+        done = subprocess.run(command, capture_output=True, text=True, cwd=folder or empty)
     if done.returncode:
         raise SystemExit(f"foretouch {arguments}: {done.stderr.strip()}")
     return done.stdout.strip()
@@ -345,9 +345,39 @@ def first_touch() -> str:
     return f"{said}\n\n" + table((*heads, "Time lost [s]", "Robot, follow [N]", "Hand, follow [N]"), rows)
 
 
-def console(arguments: str) -> str:
+def replay() -> str:
+    """A recorded session under another delay, as it is printed."""
+    with tempfile.TemporaryDirectory() as folder:
+        foretouch("simulate --duration 20 --recording session.mcap", folder)
+        return console("replay session.mcap --force-delay 0.6 --position-delay 0.2", folder)
+
+
+def replays() -> str:
+    """One session of a hand under several force delays: its motion fixed, and answering."""
+    names = (
+        "prediction_error_percent",
+        "rendered_error_percent",
+        "delayed_force_error_percent",
+        "max_rendered_force_N",
+    )
+    rows = []
+    with tempfile.TemporaryDirectory() as folder:
+        foretouch("simulate --duration 20 --grip normal --recording hand.mcap", folder)
+        for delay in (0.05, 0.3, 0.6, 1.0, 2.0):
+            row = [figure(delay)]
+            for loop in ("", "--closed-loop"):
+                found = json.loads(foretouch(f"replay hand.mcap --force-delay {delay} {loop} --json", folder))
+                row += [figure(found["replayed"][name]) for name in names]
+            rows.append(row)
+    heads = ["Force delay [s]"]
+    for loop in ("open", "closed"):
+        heads += [f"{loop}: predicted [%]", "felt [%]", "delayed [%]", "largest felt [N]"]
+    return table(tuple(heads), rows)
+
+
+def console(arguments: str, folder: str | None = None) -> str:
     """A command and what it prints, as a terminal shows them."""
-    return f"```console\n$ foretouch {arguments}\n{foretouch(arguments)}\n```\n"
+    return f"```console\n$ foretouch {arguments}\n{foretouch(arguments, folder)}\n```\n"
 
 
 def figure(value: float | None) -> str:
@@ -379,6 +409,8 @@ MEASURE: dict[str, Callable[[], str]] = {
     "session": session,
     "mediation": mediation,
     "first-touch": first_touch,
+    "replay": replay,
+    "replays": replays,
 }
 
 

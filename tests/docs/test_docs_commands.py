@@ -71,6 +71,7 @@ OFFLINE: dict[tuple[str, ...], Callable[[list[str]], list[str]]] = {
     ("identify",): as_it_is,
     ("predict",): as_it_is,
     ("report",): as_it_is,
+    ("replay",): as_it_is,
     ("calibrate", "sensor"): as_it_is,
     ("calibrate", "compliance"): as_it_is,
     ("datasets", "list"): as_it_is,

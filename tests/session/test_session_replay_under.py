@@ -252,6 +252,9 @@ def test_a_side_or_a_motion_that_is_missing_is_said(pressed: SessionLog) -> None
     leader["hand_position"] = leader["position"] = np.nan
     with pytest.raises(RecordingError, match="no position of the operator's hand"):
         again(replace(pressed, leader=leader))
+    scene = replace(pressed, settings=pressed.settings | {"scene": "torso"})
+    with pytest.raises(RecordingError, match="three dimensions"):
+        replay_under(scene, SessionSettings(material="hunt-crossley"))
     follower = on_a_real_robot(pressed).follower
     follower["command_sequence"] = 0
     with pytest.raises(RecordingError, match="applied no command"):

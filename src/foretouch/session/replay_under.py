@@ -54,9 +54,11 @@ def replay_under(log: SessionLog, settings: SessionSettings, closed_loop: bool =
         The session that comes of it. Its `settings` also say ``replay``, "open loop" or "closed loop".
 
     Raises:
-        RecordingError: A side is missing, or the motion of the hand.
+        RecordingError: A side is missing, or the motion of the hand; or the session is one in three dimensions.
         SettingError: A closed loop without a grip, or with a robot that does not answer.
     """
+    if log.settings.get("scene"):
+        raise RecordingError("session", "is one in three dimensions: only sessions along a line are run again")
     stretch = log.longest()
     leader = stretch.leader
     if not leader.size or not stretch.follower.size:
