@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from foretouch.console.description import describe
-from foretouch.console.panel import Numbers, _numbers_html
+from foretouch.console.force_panel import Numbers, numbers_html
 from foretouch.console.sentences import INSECURE
 from foretouch.identification import Learner, make_estimator
 from foretouch.messages import VERSION, ModelUpdate
@@ -58,9 +58,9 @@ def test_what_cannot_be_run_is_described_by_its_reason(message: ModelUpdate) -> 
 
 
 def test_the_predicted_force_stands_with_its_deviation() -> None:
-    numbers = Numbers(3.512, 3.0, 3.4, 0.1, 3.5, 0.006, 3.0, 20.0, "", "", 0.118, ())
-    assert "3.51 ± 0.12 N" in _numbers_html(numbers)
-    assert "±" not in _numbers_html(numbers._replace(deviation=float("nan")))
-    assert "over 1000 N" in _numbers_html(numbers._replace(predicted=1e6))
-    assert "INSECURE" not in _numbers_html(numbers)
-    assert f">{INSECURE}</b>" in _numbers_html(numbers._replace(warnings=(INSECURE,)))
+    numbers = Numbers(3.512, 3.0, 3.4, 0.1, 3.5, 0.006, 3.0, 20.0, "", "", 0.118)
+    assert "3.51 ± 0.12 N" in numbers_html(numbers)
+    assert "±" not in numbers_html(numbers._replace(deviation=float("nan")))
+    assert "over 1000000 N" in numbers_html(numbers._replace(predicted=1e7))
+    assert "INSECURE" not in numbers_html(numbers)
+    assert f">{INSECURE}</b>" in numbers_html(numbers._replace(warnings=(INSECURE,)))

@@ -10,7 +10,9 @@ import pytest
 from console_driver import PRESS_DEPTH, SURFACE
 
 from foretouch.console import Console
-from foretouch.console.panel import Numbers, _numbers_html, felt
+from foretouch.console.force_panel import Numbers, numbers_html
+from foretouch.console.hold import STROKE
+from foretouch.console.panel import felt
 from foretouch.console.scene import UNITS
 from foretouch.console.shapes import HANDLE_HEIGHT
 from foretouch.devices import GRIPS, INTENDED_FORCE
@@ -79,23 +81,45 @@ def test_before_hand_and_follower_have_met_it_draws_what_there_is(shown):
     console.watch(hello(grip="normal"))
     console.watch(leader(position=math.nan, hand=0.0, intended=0.0))
     console._draw_scene()
-    assert console._handle == 0.0
+    assert console._hold.position == 0.0
     console.watch(telemetry(guarded=False))
     console._draw_scene()
-    assert console._handle == pytest.approx(0.01)  # where the robot is
-    console._write(console._watched.history.window(), time.monotonic())
+    assert console._hold.position == pytest.approx(0.01)  # where the robot is
+    console._plot()
+    console._write(time.monotonic())
 
 
 def test_the_clutch_says_so_until_it_is_let_go(shown):
     console, published = shown
     console._toggle_clutch()
     assert [message.clutched for message in published] == [True]
-    console._keep_alive(time.monotonic() + 1.0)
+    console._hold.keep_alive(time.monotonic() + 1.0)
     assert [message.clutched for message in published] == [True, True]
     console._toggle_clutch()
-    console._keep_alive(time.monotonic() + 1.0)
+    console._hold.keep_alive(time.monotonic() + 1.0)
     assert [message.clutched for message in published] == [True, True, False]
     assert all(isinstance(message, Handle) and not message.held for message in published)
+
+
+def test_strokes_of_keys_move_the_hand_and_let_it_go_a_second_after_the_last(shown):
+    console, published = shown
+    console.watch(hello(operator="browser"))
+    console.watch(leader(position=0.010, hand=0.010, intended=0.010))
+    console._draw_scene()
+    console._step(5e-4)
+    console._step(5e-4)
+    assert [message.position for message in published] == pytest.approx([0.0105, 0.0110])
+    assert all(message.held for message in published)
+    console._hold.keep_alive(time.monotonic() + 0.5 * STROKE)
+    assert published[-1].held
+    console._hold.keep_alive(time.monotonic() + 1.1 * STROKE)
+    assert not published[-1].held
+    assert published[-1].position == pytest.approx(0.0110)
+    console.watch(hello(operator="scripted"))
+    sent = len(published)
+    console._step(5e-4)
+    console._toggle_clutch()
+    assert len(published) == sent  # nobody listens
 
 
 def test_a_robot_that_holds_back_is_said_to(shown):
@@ -109,14 +133,13 @@ def test_a_robot_that_holds_back_is_said_to(shown):
 
 def numbers(**changes: float) -> Numbers:
     known = dict.fromkeys(Numbers._fields[:8], 1.0)
-    return Numbers(**{**known, "status": "", "names": "", "deviation": 0.1, "model": (), **changes})
+    return Numbers(**{**known, "status": "", "names": "", "deviation": 0.1, **changes})
 
 
-def test_the_numbers_have_energy_and_hand_only_where_there_is_a_hand():
-    assert "Energy" not in _numbers_html(numbers())
-    assert "Hand" not in _numbers_html(numbers(hand_ahead=1e-5, energy=0.0))
-    text = _numbers_html(numbers(hand_ahead=-2.3e-3, energy=4.2e-3))
-    assert "4.20 mJ" in text
+def test_the_numbers_have_the_hand_only_where_it_is_apart():
+    assert "Hand (ring)" not in numbers_html(numbers())
+    assert "Hand (ring)" not in numbers_html(numbers(hand_ahead=1e-5))
+    text = numbers_html(numbers(hand_ahead=-2.3e-3))
     assert "Hand (ring), further out by" in text
     assert "2.3 mm" in text
 

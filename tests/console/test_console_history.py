@@ -11,7 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from foretouch.console.history import History
-from foretouch.console.panel import _drawable
+from foretouch.console.palette import INK
+from foretouch.console.plots import Curve, TimePlot
 from foretouch.messages import VERSION, LeaderState, Telemetry
 
 
@@ -156,7 +157,59 @@ def test_while_hand_and_robot_are_apart_nothing_is_predicted():
     assert window.prediction_error == pytest.approx(10.0)
 
 
+class Drawn:
+    """Stands where the viewer's interface stands, and keeps what it is given to draw."""
+
+    def __init__(self) -> None:
+        self.data = ()
+
+    def add_uplot(self, data, series, **looks):
+        assert len(data) == len(series)
+        return self
+
+
 def test_what_is_not_known_is_below_the_plot_and_what_is_not_known_yet_is_nothing():
-    nan = float("nan")
-    np.testing.assert_array_equal(_drawable(np.array([nan, 1.0, nan, 20.0, nan])), [-1.0, 1.0, -1.0, 15.0, nan])
-    np.testing.assert_array_equal(_drawable(np.full(3, nan)), [-1.0, nan, nan])
+    nan, gui = float("nan"), Drawn()
+    plot = TimePlot(gui, "", (Curve("a", INK), Curve("b", INK, band=True)))
+    known = np.array([nan, 1.0, nan, 20.0, nan])
+    plot.draw(np.arange(5.0), (known, np.full(5, nan)), (np.ones(5),), most=15.0)
+    time_axis, first, second, above, below = gui.data
+    assert list(time_axis) == [0.0, 1.0, 2.0, 3.0, 4.0]
+    np.testing.assert_array_equal(first, [-1.0, 1.0, -1.0, 15.0, nan])
+    for column in (second, above, below):
+        np.testing.assert_array_equal(column, [-1.0, nan, nan, nan, nan])
+    assert np.isnan(known[0])  # what is drawn is a copy
+
+
+def test_a_band_is_one_deviation_to_either_side_and_none_where_it_is_not_known():
+    gui = Drawn()
+    TimePlot(gui, "", (Curve("a", INK, band=True),), lowest=None).draw(
+        np.arange(3.0), (np.array([1.0, -2.0, 3.0]),), (np.array([0.5, np.nan, 1.0]),)
+    )
+    np.testing.assert_array_equal(gui.data[2], [1.5, -2.0, 4.0])
+    np.testing.assert_array_equal(gui.data[3], [0.5, -2.0, 2.0])
+
+
+def test_the_round_trip_is_the_age_of_the_motion_that_the_newest_answer_is_of():
+    """Commands take 80 ticks there, answers 300 back."""
+    history = History()
+    for i in range(1, 2001):
+        if i > 80:
+            history.add_telemetry(telemetry(i, i - 80, 1.0))
+        state = msgspec.structs.replace(leader(i, 1.0), telemetry_sequence=max(i - 300, 0))
+        history.add_leader(state)
+    window = history.window(points=3000)
+    sequence = np.rint(window.time * 1000).astype(int) + 2000
+    np.testing.assert_allclose(window.round_trip[sequence > 381], 0.38, atol=1e-9)
+    assert np.isnan(window.round_trip[sequence <= 380]).all()
+
+
+def test_energy_and_rendered_force_stand_at_their_ticks():
+    history = History()
+    for i in range(1, 500):
+        state = msgspec.structs.replace(leader(i, 2.0), rendered_force=1.5, energy=i * 1e-3, energy_bound=1e-6)
+        history.add_leader(state)
+    window = history.window(points=1000)
+    np.testing.assert_allclose(np.diff(window.energy), 1e-3)
+    assert (window.energy_bound == 1e-6).all()
+    assert (window.rendered == 1.5).all()

@@ -14,7 +14,17 @@ from foretouch.console.scene import height_on_axis
 
 
 @pytest.mark.parametrize(
-    "mesh", [shapes.probe(), shapes.probe(0.1), shapes.handle(), shapes.arrow(2.0), shapes.arrow(0.0)]
+    "mesh",
+    [
+        shapes.probe(),
+        shapes.probe(0.1),
+        shapes.handle(),
+        shapes.hint(),
+        shapes.doubt(0.5, 0.7),
+        shapes.doubt(0.0, 0.0),
+        shapes.arrow(2.0),
+        shapes.arrow(0.0),
+    ],
 )
 def test_bodies_are_closed(mesh):
     vertices, faces = mesh
@@ -43,10 +53,25 @@ def test_material_sinks_under_the_tip_and_nowhere_at_its_edge(depth):
     assert edge.any()
     assert top[edge, 2] == pytest.approx(0.0, abs=1e-6)
     # The cut's upper line is the top's edge, and its layers never cross.
-    levels = cut.reshape(-1, 7, 3)[..., 2]
-    assert levels[:, 0] == pytest.approx(top[np.isclose(top[:, 1], 0.0), 2], abs=1e-5)
+    layers = cut.reshape(-1, 7, 3)
+    levels = layers[..., 2]
+    rim = top[np.isclose(top[:, 1], 0.0, atol=1e-6)]
+    assert len(np.unique(rim[:, 0])) == len(layers)
+    assert rim[:, 2] == pytest.approx(np.interp(rim[:, 0], layers[:, 0, 0], levels[:, 0]), abs=1e-5)
     assert (np.diff(levels, axis=1) <= 1e-6).all()
     assert levels.min() >= -3.0 - 1e-6
+
+
+@pytest.mark.parametrize("depth", [0.0, 0.3, 1.4, 2.9])
+def test_each_part_of_the_surface_has_the_colour_of_how_far_it_has_sunk(depth):
+    material, steps = shapes.Material(), (0.1, 0.4, 0.9, 1.5)
+    parts = material.levels(depth, steps)
+    assert sum(map(len, parts)) == len(material.top_faces)
+    sunk = -material.top(depth)[:, 2]
+    for faces, low, high in zip(parts, (-1.0, *steps), (*steps, 9.0), strict=True):
+        mean = sunk[faces].mean(axis=1)
+        assert ((mean >= low) & (mean <= high)).all()
+    assert len(parts[-1]) > 0 or depth < 1.6
 
 
 @settings(derandomize=True, deadline=None, max_examples=60)

@@ -188,9 +188,10 @@ def console(
     *,
     endpoints: Endpoints,
     port: Annotated[int, typer.Option(help="On 127.0.0.1.")] = 8080,
+    recordings: Annotated[Path, typer.Option(help="Folder whose recordings can be looked at.")] = Path(),
     parent: Parent = None,
 ) -> None:
-    """Watch a session in the browser, and take its handle.
+    """Watch a session in the browser, take its handle, and look at recordings.
 
     Example: foretouch console --connect tcp/127.0.0.1:7447 --connect tcp/127.0.0.1:7448
     """
@@ -199,7 +200,7 @@ def console(
     from foretouch.session import StopFlag, orphaned
 
     stop = StopFlag().on_signals()
-    shown = Console(port, lambda message: link.publish(message))
+    shown = Console(port, lambda message: link.publish(message), recordings=recordings)
 
     def watch(message: Message) -> None:
         if isinstance(message, Stop):

@@ -8,16 +8,16 @@ from typing import Any
 
 from foretouch.console.palette import BLUE, GREY, INK, VERMILLION, css
 
-__all__ = ["ASKING", "KEY", "LATCHED", "READY", "UNABLE", "Alarm"]
+__all__ = ["ASKING", "KEYS", "LATCHED", "READY", "UNABLE", "Alarm"]
 
-READY, ASKING, LATCHED = "EMERGENCY STOP (Esc)", "Stopping the robot …", "Emergency stop is latched"
+READY, ASKING, LATCHED = "EMERGENCY STOP (Space)", "Stopping the robot …", "Emergency stop is latched"
 """What stands on the button: before it is pressed, until the robot has stopped, and until it is released there."""
 UNABLE = "No stop from here: a shadow"
 """And where somebody else moves the robot."""
 COLOURS = {READY: VERMILLION, UNABLE: GREY}
 """Of the button; else it is black."""
-KEY = "escape"
-"""It presses the button wherever the focus is, but in a field for text or numbers."""
+KEYS = ("space", "escape")
+"""Each presses the button wherever the focus is, but in a field for text or numbers."""
 
 _PLACE = "position:fixed;left:12px;z-index:100;"
 _BUTTON = "div:has(> .foretouch-alarm) + div > button"
@@ -41,7 +41,7 @@ class Alarm:
 
     Args:
         gui: The viewer's user interface.
-        on_press: Called when the button, or `KEY`, is pressed.
+        on_press: Called when the button, or one of `KEYS`, is pressed.
     """
 
     def __init__(self, gui: Any, on_press: Callable[[], None]) -> None:
@@ -50,8 +50,9 @@ class Alarm:
         self._button = gui.add_button(READY, color=VERMILLION)
         self._box = gui.add_html("")
         self._button.on_click(self._pressed)
-        command = gui.add_command("Emergency stop", description="The robot unloads and stays so", hotkey=KEY)
-        command.on_trigger(self._pressed)
+        for key in KEYS:
+            command = gui.add_command("Emergency stop", description="The robot unloads and stays so", hotkey=key)
+            command.on_trigger(self._pressed)
 
     def show(self, label: str, alerts: tuple[str, ...]) -> None:
         """Show how far the emergency stop is, and what is urgent.

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
 from foretouch.console import shapes
-from foretouch.console.palette import BLUE, CUT, SURFACE, VERMILLION
+from foretouch.console.material_view import MaterialView, add_body
+from foretouch.console.palette import BLUE, VERMILLION
 
 __all__ = ["CAMERA", "FIELD_OF_VIEW", "UNITS", "Scene", "height_on_axis"]
 
@@ -20,8 +22,10 @@ CAMERA = ((2.6, -20.5, 8.4), (0.0, 0.0, 2.6))
 """Where the camera is at first and what it looks at [scene units]."""
 FIELD_OF_VIEW = math.radians(34.0)
 """Vertical."""
-SMALLEST_CHANGE = 0.002
-"""Changes below this [scene units], 0.01 mm, are not drawn."""
+LONGEST_ARROW = 6.0
+"""[scene units]."""
+BOB = 0.25
+"""How far the hint goes up and down [scene units], once a second."""
 SMALLEST_APART, LARGEST_APART = 0.1, 5.0
 """Hand and probe are shown apart between these distances [scene units], 0.5 and 25 mm."""
 LOWEST_RAIL = 1.35
@@ -44,7 +48,6 @@ class Scene:
         self._on_drag = on_drag
         self._grab_offset = 0.0
         self._handle_z = 0.0
-        self._drawn_depth = 0.0
         self._travel = (0.0, 0.0)
         self.held = False
         scene = server.scene
@@ -58,25 +61,28 @@ class Scene:
         camera = server.initial_camera
         camera.fov = FIELD_OF_VIEW
         camera.position, camera.look_at = CAMERA
-        self._add_material(scene)
+        self._material = MaterialView(scene)
         self._add_ruler(scene)
-        self._probe = self._add_body(scene, "/probe", shapes.probe(), (92, 106, 120))
-        self._ghost = self._add_body(scene, "/robot", shapes.probe(growth=0.12), VERMILLION, opacity=0.38)
-        self._force = self._add_body(scene, "/probe_force", shapes.arrow(0.0), BLUE)
-        self._ghost_force = self._add_body(scene, "/robot_force", shapes.arrow(0.0), VERMILLION)
-        self._hand = self._add_body(scene, "/hand", shapes.ring(), BLUE, opacity=0.6)
+        self._probe = add_body(scene, "/probe", shapes.probe(), (92, 106, 120))
+        self._ghost = add_body(scene, "/robot", shapes.probe(growth=0.12), VERMILLION, opacity=0.38)
+        self._force = add_body(scene, "/probe_force", shapes.arrow(0.0), BLUE)
+        self._doubt = add_body(scene, "/probe_force_doubt", shapes.doubt(0.0, 1.0), BLUE, opacity=0.35)
+        self._doubt.visible = False
+        self._ghost_force = add_body(scene, "/robot_force", shapes.arrow(0.0), VERMILLION)
+        self._hand = add_body(scene, "/hand", shapes.ring(), BLUE, opacity=0.6)
         self._hand.visible = False
-        self._handle = self._add_body(scene, "/handle", shapes.handle(), BLUE)
-        self._rail = self._add_body(scene, "/rail", shapes.rail(0.0, 1.0), BLUE, opacity=0.1)
+        self._handle = add_body(scene, "/handle", shapes.handle(), BLUE)
+        self._hint = add_body(scene, "/hint", shapes.hint(), BLUE)
+        self._rail = add_body(scene, "/rail", shapes.rail(0.0, 1.0), BLUE, opacity=0.1)
         for node in (self._handle, self._rail, self._probe):  # a handle that moves is hard to catch; its rail stands
             node.on_drag("left")(self._dragged)
         self._handle_label = scene.add_label(
-            "/labels/handle", "Drag me down to press", anchor="bottom-center", font_screen_scale=1.25
+            "/labels/handle", "Drag me down to press", anchor="bottom-center", font_screen_scale=1.4
         )
         self._force_label = scene.add_label("/labels/force", "", anchor="center-right", font_screen_scale=1.1)
         self._ghost_label = scene.add_label("/labels/robot", "", anchor="center-left", font_screen_scale=1.1)
 
-    def draw(self, z: float, ghost_z: float, force: float, ghost_force: float) -> None:
+    def draw(self, z: float, ghost_z: float, force: float, ghost_force: float, deviation: float = math.nan) -> None:
         """Move everything.
 
         Args:
@@ -84,10 +90,12 @@ class Scene:
             ghost_z: Height of the robot's tip as last seen [scene units]; NaN hides it.
             force: What the operator feels [N].
             ghost_force: Delayed force [N].
+            deviation: Standard deviation of the predicted force [N]; NaN where none is told.
         """
         self._probe.position = (0.0, 0.0, z)
-        self._draw_material(-z)
+        self._material.draw(-z)
         self._draw_force(self._force, -1.15, z, force)
+        self._draw_doubt(z, force, deviation)
         self._force_label.position = (-1.6, 0.0, z + 0.5)
         seen = math.isfinite(ghost_z)
         for node in (self._ghost, self._ghost_force, self._ghost_label):
@@ -103,6 +111,9 @@ class Scene:
             self._handle_z = z
         self._handle.position = (0.0, 0.0, self._handle_z)
         self._handle_label.position = (0.0, 0.0, self._handle_z + 1.4)
+        if self._hint.visible:
+            bob = BOB * math.sin(2.0 * math.pi * time.monotonic())
+            self._hint.position = (1.75, -0.3, self._handle_z - 1.6 + bob)
 
     def draw_hand(self, z: float, ahead: float) -> None:
         """Show where the hand is while it and the probe are apart.
@@ -129,10 +140,16 @@ class Scene:
             ends = (max(bottom + shapes.HANDLE_HEIGHT, LOWEST_RAIL), top + shapes.HANDLE_HEIGHT)
             self._rail.vertices = shapes.rail(*ends)[0]
 
-    def offer_handle(self, offered: bool) -> None:
-        """Show the handle and its rail, or hide them where nobody listens to them."""
+    def offer_handle(self, offered: bool, *, hinted: bool) -> None:
+        """Show the handle and its rail, or hide them where nobody listens to them.
+
+        Args:
+            offered: Whether somebody listens.
+            hinted: Whether an arrow shows what to do: nobody has done it yet.
+        """
         for node in (self._handle, self._rail, self._handle_label):
             node.visible = offered
+        self._hint.visible = offered and hinted
 
     def hold_at(self, z: float) -> None:
         """Put the held handle at a height [scene units], after limits."""
@@ -147,21 +164,6 @@ class Scene:
         self.held = event.phase != "end"
         self._on_drag(self._handle_z if math.isnan(height) else height - self._grab_offset, self.held)
 
-    def _add_body(
-        self, scene: Any, name: str, mesh: shapes.Mesh, colour: tuple[int, int, int], opacity: float | None = None
-    ) -> Any:
-        return scene.add_mesh_simple(name, *mesh, color=colour, opacity=opacity, side="double", material="toon5")
-
-    def _add_material(self, scene: Any) -> None:
-        self._material = shapes.Material()
-        top, cut = self._material.top(0.0), self._material.cut(0.0)
-        self._top = self._add_body(scene, "/material/top", (top, self._material.top_faces), SURFACE)
-        self._cut = [
-            self._add_body(scene, f"/material/cut_{i}", (cut, faces), colour)
-            for i, (faces, colour) in enumerate(zip(self._material.layer_faces, CUT, strict=True))
-        ]
-        self._add_body(scene, "/material/sides", self._material.sides(), CUT[1])
-
     def _add_ruler(self, scene: Any) -> None:
         heights = [-depth_mm * 1e-3 * UNITS for depth_mm in (0, 5, 10)]
         y = -0.05
@@ -173,20 +175,21 @@ class Scene:
                 f"/ruler/{depth_mm}", f"{depth_mm} mm", position=(RULER_X - 0.25, y, z), anchor="center-right"
             )
 
-    def _draw_material(self, depth: float) -> None:
-        depth = min(max(depth, 0.0), 2.9)
-        if abs(depth - self._drawn_depth) < SMALLEST_CHANGE:
-            return
-        self._drawn_depth = depth
-        self._top.vertices = self._material.top(depth)
-        for node in self._cut:
-            node.vertices = self._material.cut(depth)
+    def _draw_doubt(self, z: float, force: float, deviation: float) -> None:
+        """A sleeve around the arrow's end, from one deviation less to one more."""
+        known = math.isfinite(force) and math.isfinite(deviation) and self._force.visible
+        self._doubt.visible = known
+        if known:
+            ends = (force - deviation, force + deviation)
+            low, high = (min(max(end * UNITS_PER_NEWTON, 0.0), LONGEST_ARROW) for end in ends)
+            self._doubt.vertices = shapes.doubt(low, high)[0]
+            self._doubt.position = (-1.15, -0.3, z)
 
     def _draw_force(self, node: Any, x: float, z: float, force: float) -> None:
         length = force * UNITS_PER_NEWTON if math.isfinite(force) else 0.0
         node.visible = length > 0.01
         if node.visible:
-            node.vertices = shapes.arrow(min(length, 6.0))[0]
+            node.vertices = shapes.arrow(min(length, LONGEST_ARROW))[0]
             node.position = (x, -0.3, z)
 
 

@@ -8,7 +8,7 @@ from foretouch.console.watched import GONE, SILENT, Watched
 from foretouch.identification import SENSOR_SENTENCES, SensorState
 from foretouch.messages import STATUS_SENTENCES, Status, Telemetry
 
-__all__ = ["doing", "robot_alerts", "warnings"]
+__all__ = ["doing", "robot_alerts", "session_status", "warnings"]
 
 INSECURE = "INSECURE: nothing is encrypted and nobody is checked; anybody on this network may command."
 """What stands above the numbers where one of the sides says so."""
@@ -29,6 +29,34 @@ def doing(watched: Watched) -> tuple[str, ...]:
     if telemetry is None or telemetry.status == Status.FOLLOWING or telemetry.status not in CALM:
         return ()
     return (_of_status(telemetry.status),)
+
+
+def session_status(watched: Watched, now: float, *, held: bool, clutched: bool) -> str:
+    """One line: what the session is doing.
+
+    Args:
+        watched: What has been heard.
+        now: By the clock that it was heard by [s].
+        held: Whether somebody holds the handle.
+        clutched: Whether the clutch is pressed.
+    """
+    if watched.heard == -math.inf:
+        return "Waiting for the session."
+    if now - watched.heard > GONE:
+        return "The session has gone silent."
+    if watched.stopped:
+        said = "The robot is stopped: nobody moves it."
+    elif clutched:
+        said = "The clutch is pressed: the hand moves alone, the robot stays."
+    elif watched.operator != "browser":
+        said = f"The {watched.operator} operator presses."
+    else:
+        said = "You press." if held else "A script presses until you take the handle."
+    model = watched.model
+    if model is None or not model.valid:
+        reason = model.reason if model and model.reason else "no model has arrived."
+        return " ".join((said, *doing(watched), f"No force yet: {reason}"))
+    return " ".join((said, *doing(watched)))
 
 
 def robot_alerts(watched: Watched, now: float) -> tuple[str, ...]:
@@ -60,6 +88,8 @@ def _recording(watched: Watched, now: float) -> str:
     problem, silence = watched.settings.get("recorder_failed", ""), watched.recorder_silence(now)
     if problem:
         return f"The recording is not all there: {problem}"
+    if watched.supervised(now) and not watched.settings.get("recording"):
+        return ""  # nobody was told to record
     if silence > RECORDER_SILENT and watched.leader_silence(now) < SILENT:
         return f"The recorder has been silent for {silence:.0f} s: nobody here knows whether anything is recorded."
     return ""

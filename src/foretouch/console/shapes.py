@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["HANDLE_HEIGHT", "TIP_RADIUS", "Material", "arrow", "handle", "probe", "rail", "ring"]
+__all__ = ["HANDLE_HEIGHT", "TIP_RADIUS", "Material", "arrow", "doubt", "handle", "hint", "probe", "rail", "ring"]
 
 Mesh = tuple[NDArray[np.float32], NDArray[np.uint32]]
 """Vertices (V, 3) [scene units] and triangles (F, 3)."""
@@ -71,6 +71,19 @@ def arrow(length: float) -> Mesh:
     return lathe([(0.0, 0.0), (shaft, 0.0), (shaft, length - head), (width, length - head), (0.0, length)], 16)
 
 
+def doubt(low: float, high: float) -> Mesh:
+    """A sleeve around an arrow's end, between two heights [scene units]: where the end may as well be."""
+    low, high = max(low, 0.0), max(high, low + 1e-3, 1e-3)
+    radius = 0.36
+    return lathe([(0.0, low), (radius, low), (radius, high), (0.0, high)], 20)
+
+
+def hint() -> Mesh:
+    """An arrow downwards, its end at the origin: which way to pull."""
+    neck, width, cone, length = 0.2, 0.5, 0.7, 1.9
+    return lathe([(0.0, 0.0), (width, cone), (neck, cone), (neck, length), (0.0, length)], 20)
+
+
 def rail(bottom: float, top: float) -> Mesh:
     """Flat strip behind the handle, between two heights of its middle [scene units]."""
     x, y, low, high = 1.15, 0.0, bottom - 1.3, top + 1.3
@@ -96,13 +109,14 @@ class Material:
     """
 
     def __init__(self, width: float = 4.0, depth: float = 4.0, height: float = 3.0, layers: int = 6) -> None:
-        fine = np.sinh(np.linspace(-2.2, 2.2, 33)) / math.sinh(2.2)
-        self._x = width * fine
-        y = depth * np.sinh(np.linspace(0.0, 2.0, 11)) / math.sinh(2.0)
+        radii = width * np.sinh(np.linspace(0.0, 2.2, 25)) / math.sinh(2.2)
+        self._x = np.concatenate([-radii[:0:-1], radii])
+        self._size = (width, depth, height)
         self._height = height
-        self._top = np.stack([a.ravel() for a in np.meshgrid(self._x, y, indexing="ij")], axis=1)
+        angles = np.linspace(0.0, math.pi, 33)
+        self._top = _rings(radii, angles, width, depth)
         self._levels = np.linspace(0.0, -height, layers + 1)
-        self.top_faces = _grid(len(self._x), len(y))
+        self.top_faces = _grid(len(radii), len(angles))
         cut = _grid(len(self._x), layers + 1).reshape(len(self._x) - 1, layers, 2, 3)
         self.layer_faces = (cut[:, 0::2].reshape(-1, 3), cut[:, 1::2].reshape(-1, 3))
         """Triangles of every other layer of the cut, both over the vertices of `cut`."""
@@ -111,6 +125,17 @@ class Material:
         """Vertices of the upper surface with the tip at `depth` [scene units]."""
         x, y = self._top.T
         return np.stack([x, y, -_sinking(np.hypot(x, y), depth)], axis=1).astype(np.float32)
+
+    def levels(self, depth: float, steps: tuple[float, ...]) -> list[NDArray[np.uint32]]:
+        """Triangles of the upper surface by how far they have sunk: less than the first step, the second, and so on.
+
+        Args:
+            depth: Of the tip [scene units].
+            steps: Increasing [scene units].
+        """
+        sunk = -self.top(depth)[:, 2][self.top_faces].mean(axis=1)
+        level = np.searchsorted(np.array(steps), sunk, side="right")
+        return [self.top_faces[level == index] for index in range(len(steps) + 1)]
 
     def cut(self, depth: float) -> NDArray[np.float32]:
         """Vertices of the cut face with the tip at `depth` [scene units]."""
@@ -121,7 +146,7 @@ class Material:
 
     def sides(self) -> Mesh:
         """The block's other faces, which do not move."""
-        w, d, h = float(self._x[-1]), float(self._top[-1, 1]), self._height
+        w, d, h = self._size
         vertices = np.array([(x, y, z) for x in (-w, w) for y in (0.0, d) for z in (0.0, -h)], np.float32)
         quads = ((0, 1, 3, 2), (4, 6, 7, 5), (2, 3, 7, 6), (1, 5, 7, 3))
         faces = [triangle for a, b, c, e in quads for triangle in ((a, b, c), (a, c, e))]
@@ -135,6 +160,15 @@ def _sinking(radius: NDArray[np.float64], depth: float) -> NDArray[np.float64]:
     edge = np.maximum(1.0 - (radius / EDGE) ** 2, 0.0) ** 2
     sinking: NDArray[np.float64] = depth * edge * (1.0 + radius**2 / width_squared) ** -1.5
     return sinking
+
+
+def _rings(radii: NDArray[np.float64], angles: NDArray[np.float64], width: float, depth: float) -> NDArray[np.float64]:
+    """Half rings about the axis, shape (radii * angles, 2): what sinks alike lies on one; the outermost is the edge."""
+    x = radii[:, None] * np.cos(angles)
+    y = radii[:, None] * np.sin(angles)
+    reach = np.minimum(width / np.maximum(np.abs(np.cos(angles)), 1e-9), depth / np.maximum(np.sin(angles), 1e-9))
+    x[-1], y[-1] = reach * np.cos(angles), reach * np.sin(angles)
+    return np.stack([x.ravel(), y.ravel()], axis=1)
 
 
 def _grid(rows: int, columns: int) -> NDArray[np.uint32]:

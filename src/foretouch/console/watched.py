@@ -7,6 +7,9 @@ from collections.abc import Mapping
 from types import MappingProxyType
 
 from foretouch.console.history import History
+from foretouch.console.losses import Losses, LossTrace
+from foretouch.console.models_seen import ModelsSeen, ModelTrace
+from foretouch.console.window import Window
 from foretouch.devices import GRIPS, INTENDED_FORCE
 from foretouch.messages import Hello, LeaderState, Message, ModelUpdate, Status, Telemetry
 
@@ -22,6 +25,12 @@ DEEPEST = 1.2
 """How far the handle goes below the surface, in press depths."""
 NO_GRIP, SMALLEST_SCALE = "none", 1e-3
 """The grip of an operator whose hand the force does not move, and a bound on the position scale."""
+SUPERVISOR = "supervisor"
+"""The role of who can start the sides again with another choice."""
+SUPERVISOR_SILENT = 3.0
+"""It speaks twice a second; it is gone when nothing has come for so long [s]."""
+MODEL_SHARE = 0.5
+"""At this share of the press depth models are compared."""
 MOST_SPEAKERS = 16
 """So many leaders and roles are told apart."""
 
@@ -49,6 +58,9 @@ class Watched:
         self.trouble = ""
         self.settings: Mapping[str, str] = MappingProxyType({})
         self.heard = -math.inf
+        self._models = ModelsSeen()
+        self._losses = Losses()
+        self._supervisor_heard = -math.inf
         self._leader_heard = self._telemetry_heard = -math.inf
         self._leaders: dict[int, float] = {}
         self._recorder_heard = math.nan
@@ -63,6 +75,7 @@ class Watched:
             self._take_telemetry(message, now)
         elif isinstance(message, ModelUpdate):
             self.model = message
+            self._models.add(message)
         elif isinstance(message, Hello):
             self._take_hello(message, now)
 
@@ -81,6 +94,30 @@ class Watched:
     def leaders(self, now: float) -> int:
         """How many leaders speak."""
         return sum(now - heard < SILENT for heard in tuple(self._leaders.values()))
+
+    def supervised(self, now: float) -> bool:
+        """Whether somebody is there who starts the sides again with another choice."""
+        return now - self._supervisor_heard < SUPERVISOR_SILENT
+
+    # What is drawn over time; a recording that is played has the same.
+
+    def window(self, seconds: float) -> Window:
+        """Forces, energy and delay of the last seconds."""
+        return self.history.window(seconds)
+
+    def model_trace(self, seconds: float) -> ModelTrace:
+        """Models of the last seconds, compared at `model_depth`."""
+        now = 0.0 if self.leader is None else self.leader.time_ns * 1e-9
+        return self._models.trace(self.model_depth, seconds, now)
+
+    def loss_trace(self, seconds: float, now: float) -> LossTrace:
+        """Losses of the last seconds before a moment [s]."""
+        return self._losses.trace(now, seconds)
+
+    @property
+    def model_depth(self) -> float:
+        """Depth [m] at which models are compared: half the press depth."""
+        return MODEL_SHARE * max(self.setting("press_depth", PRESS_DEPTH), 1e-4)
 
     @property
     def stopped(self) -> bool:
@@ -170,6 +207,7 @@ class Watched:
                 return
             self.history = History()  # each leader counts its commands from 1
         self.history.add_leader(state)
+        self._models.adopt(state.time_ns * 1e-9, state.model_sequence)
         self.leader, self._leader_heard = state, now
 
     def _take_telemetry(self, telemetry: Telemetry, now: float) -> None:
@@ -186,6 +224,9 @@ class Watched:
             self.trouble = texts.get("trouble", "")
         elif hello.role == "recorder":
             self._recorder_heard = now
+        elif hello.role == SUPERVISOR:
+            self._supervisor_heard = now
+        self._losses.take(hello.role, texts, now)
         who = (hello.role, texts.get("leader", ""))
         self._hellos.pop(who, None)
         if len(self._hellos) >= MOST_SPEAKERS:

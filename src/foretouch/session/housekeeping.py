@@ -35,29 +35,34 @@ class StopFlag:
         reason: Why the process should end (Ctrl-C, SIGTERM, the end of its parent); "" while it should not.
         emergency: Why the robot should stop at once (SIGUSR1); "" while it should not.
         release: Whether somebody lets it go on (SIGUSR2); only a follower listens.
+        quiet: Whether the process should end alone (SIGHUP): the session goes on, so it says no `Stop`.
     """
 
     def __init__(self) -> None:
         self.reason = ""
         self.emergency = ""
         self.release = False
+        self.quiet = False
 
     def set(self, reason: str) -> None:
         """Ask for the end; the first reason stays."""
         self.reason = self.reason or reason
 
     def on_signals(self) -> StopFlag:
-        """Set on SIGINT, SIGTERM, SIGUSR1 and SIGUSR2 from now on (main thread only)."""
+        """Set on SIGINT, SIGTERM, SIGHUP, SIGUSR1 and SIGUSR2 from now on (main thread only)."""
 
         def handle(number: int, frame: FrameType | None) -> None:
             if number == signal.SIGUSR1:
                 self.emergency = "asked for by signal"
             elif number == signal.SIGUSR2:
                 self.release = True
+            elif number == signal.SIGHUP:
+                self.quiet = True
+                self.set("begins anew")
             else:
                 self.set("interrupted" if number == signal.SIGINT else "terminated")
 
-        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGUSR1, signal.SIGUSR2):
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGUSR1, signal.SIGUSR2):
             signal.signal(number, handle)
         return self
 
@@ -123,11 +128,12 @@ class Housekeeper(threading.Thread):
         )
 
     def close(self, reason: str, epoch: int = 0) -> None:
-        """Publish the last `Hello` and a `Stop`, a leader's with its epoch, and end the thread."""
+        """Publish the last `Hello` and, unless it ends quietly, a `Stop`, a leader's with its epoch; end the thread."""
         self._ended.set()
         self.join()
         self.say_hello()
-        self._link.publish(Stop(VERSION, 1, time.monotonic_ns(), reason[:400], epoch))
+        if not self._stop_flag.quiet:
+            self._link.publish(Stop(VERSION, 1, time.monotonic_ns(), reason[:400], epoch))
         self._report_undecodable()
 
     def _tell_news(self) -> None:

@@ -4,33 +4,28 @@ from __future__ import annotations
 
 import os
 import signal
-import subprocess
-import sys
 import time
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable
 from pathlib import Path
 
-from foretouch.link import free_endpoint
+from foretouch.errors import ForetouchError
+from foretouch.link import ZenohLink, free_endpoint
+from foretouch.messages import Choice
+from foretouch.session.children import POLL_PERIOD, Child, end_session, retire, start
+from foretouch.session.choices import CHOICE_CHANNELS, Desk, choose, with_faults
 from foretouch.session.housekeeping import StopFlag
 from foretouch.session.recorder import RECORDING_INCOMPLETE
 from foretouch.session.settings import SessionSettings
 
 __all__ = ["run_processes"]
 
-PATIENCE = 8.0
-"""Once a session ends, each process has so long [s] to end by itself; then it is told to, then it is killed."""
-
-POLL_PERIOD = 0.05
-
 WATCHERS = {"console": "console", "record": "recorder"}
 """Processes that the session goes on without, unless what they were told to do is refused (exit code 2)."""
 
+SETTLING = 15.0
+"""A side that fails within so long [s] after a choice is started again as it was before it."""
 
-@dataclass
-class _Child:
-    role: str
-    process: subprocess.Popen[bytes]
+LATCHED = "the emergency stop is latched: release it first, for a robot that begins anew would have forgotten it"
 
 
 def run_processes(
@@ -44,6 +39,9 @@ def run_processes(
 ) -> int:
     """Start the processes of a session, wait for its end, and see that none stays behind.
 
+    While it runs, a console may choose another material, operator or grip, with which the sides begin anew, and end or
+    begin a recording: a further one stands beside the first, with a number behind its name.
+
     Args:
         settings: Of the session.
         recording: The MCAP file to write.
@@ -55,90 +53,217 @@ def run_processes(
     Returns:
         0, or the exit code of the process that failed, or `RECORDING_INCOMPLETE`.
     """
-    follower, leader = free_endpoint(), free_endpoint()
-    common = ["--parent", str(os.getpid())]
-    watching = ["--connect", follower, "--connect", leader, *common]
-    chosen = _options(settings)
-    recorder = _start("record", [str(recording), *watching])
-    children = [_start("follower", ["--listen", follower, *chosen, *common]), recorder]
-    if console_port is not None:
-        children.append(_start("console", ["--port", str(console_port), *watching]))
-    length = [] if duration is None else ["--duration", str(duration)]
-    wait = ["--wait-for-recorder"]
-    children.append(_start("leader", ["--listen", leader, "--connect", follower, *wait, *length, *chosen, *common]))
+    supervisor = _Supervisor(settings, recording, duration, stop, say)
     try:
-        code = _watch(children, stop, say)
+        supervisor.start(console_port)
+        code = supervisor.watch()
     finally:
-        _end(children)
-    return code or (RECORDING_INCOMPLETE if recorder.process.returncode else 0)
+        supervisor.end()
+    return code or (RECORDING_INCOMPLETE if supervisor.incomplete else 0)
 
 
-def _options(settings: SessionSettings) -> list[str]:
-    """The settings as options of `foretouch leader` and `foretouch follower`."""
-    return [part for name, value in settings.as_text().items() for part in (f"--{name.replace('_', '-')}", value)]
+class _Supervisor:
+    """Starts the processes, watches them, and starts some of them again with what a console chooses."""
+
+    def __init__(
+        self,
+        settings: SessionSettings,
+        recording: Path,
+        duration: float | None,
+        stop: StopFlag,
+        say: Callable[[str], None],
+    ) -> None:
+        self._settings = self._before = settings
+        self._recording = recording
+        self._duration = duration
+        self._stop, self._say = stop, say
+        self._children: list[Child] = []
+        self._recorders: list[Child] = []
+        self._desk: Desk | None = None
+        self._common = ["--parent", str(os.getpid())]
+        self._follower, self._leader, self._console = free_endpoint(), free_endpoint(), free_endpoint()
+        self._watching = ["--connect", self._follower, "--connect", self._leader]
+        self._begun: float | None = None
+
+    @property
+    def incomplete(self) -> bool:
+        """Whether a recording is not all there."""
+        return any(recorder.process.returncode for recorder in self._recorders)
+
+    def start(self, console_port: int | None) -> None:
+        """Start everything; the leader last, and its time counts from then on."""
+        self._start_follower()
+        if console_port is not None:
+            folder = str(self._recording.parent)
+            options = ["--port", str(console_port), "--listen", self._console, "--recordings", folder]
+            self._children.append(start("console", [*options, *self._watching, *self._common]))
+            self._watching += ["--connect", self._console]
+        self._record(self._recording)
+        self._start_leader()
+        if console_port is not None:
+            self._desk = Desk(ZenohLink(connect=[self._follower, self._console], subscribe=CHOICE_CHANNELS))
+            self._tell_recording(self._recording)
+
+    def watch(self) -> int:
+        """Wait until the leader has ended, or a process has failed, or the stop is set; return the exit code."""
+        while not self._stop.reason:
+            for child in tuple(self._children):
+                code = self._judge(child)
+                if code is not None:
+                    return code
+            self._pass_on()
+            if self._desk is not None:
+                for choice in self._desk.hear():
+                    self._follow(choice)
+                self._desk.say()
+            time.sleep(POLL_PERIOD)
+        return 0
+
+    def end(self) -> None:
+        """End all processes."""
+        end_session(self._children)
+        if self._desk is not None:
+            self._desk.close()
+
+    def _judge(self, child: Child) -> int | None:
+        """The exit code of the session where this process has ended it, None where it goes on."""
+        code = child.process.poll()
+        if code is None:
+            return None
+        if child.role in WATCHERS and code != 2:
+            if code:
+                who = WATCHERS[child.role]
+                self._say(f"the {who} ended with exit code {code}; the session goes on without it")
+            self._children.remove(child)
+            self._tell_recording()
+            return None
+        if code != 0 and self._goes_back(child):
+            return None
+        if code != 0:
+            self._say(f"the {child.role} process ended with exit code {code}")
+            return code if code > 0 else 1
+        return 0 if child.role in ("leader", "follower") else None
+
+    def _goes_back(self, child: Child) -> bool:
+        """Whether a side that failed soon after a choice was started again as it was before."""
+        late = time.monotonic() - child.started > SETTLING
+        if late or self._settings == self._before or child.role in WATCHERS:
+            return False
+        self._refuse(f"the {child.role} could not go on so: it is as it was before")
+        self._begin_anew(self._before, whole=True)
+        self._before = self._settings
+        return True
+
+    def _pass_on(self) -> None:
+        """An emergency stop, and its release, are the follower's."""
+        followers = [child.process for child in self._children if child.role == "follower"]
+        if self._stop.emergency:
+            self._stop.emergency = ""
+            for process in followers:
+                process.send_signal(signal.SIGUSR1)
+        if self._stop.release:
+            self._stop.release = False
+            for process in followers:
+                process.send_signal(signal.SIGUSR2)
+
+    # What a console chooses.
+
+    def _follow(self, choice: Choice) -> None:
+        """Do what was chosen, or say why not."""
+        if self._desk is None:
+            return
+        self._desk.refused = ""
+        self._follow_record(choice.record)
+        try:
+            chosen = choose(self._settings, choice)
+        except ForetouchError as error:
+            self._refuse(str(error))
+            return
+        pressed = chosen.material != self._settings.material
+        if chosen != self._settings and pressed and self._desk.latched:
+            self._refuse(LATCHED)
+        elif chosen != self._settings:
+            self._begin_anew(chosen, whole=pressed)
+        self._desk.say_now()
+
+    def _begin_anew(self, settings: SessionSettings, *, whole: bool) -> None:
+        """Start the leader again, or both sides where the material is another: what was learnt is of that material."""
+        roles = ("leader", "follower") if whole else ("leader",)
+        leaving = [child for child in self._children if child.role in roles]
+        self._children = [child for child in self._children if child not in leaving]
+        for role in roles:  # the leader first: a robot without commands is at rest when it ends
+            retire([child for child in leaving if child.role == role], meanwhile=self._meanwhile)
+        faults = self._desk.faults if self._desk is not None else None
+        self._before, self._settings = self._settings, settings
+        if faults is not None:
+            self._settings = with_faults(settings, faults)
+        if whole:
+            self._start_follower()
+        self._start_leader()
+
+    def _meanwhile(self) -> None:
+        """What does not wait for a process that ends."""
+        self._pass_on()
+        if self._desk is not None:
+            self._desk.say()
+
+    def _follow_record(self, record: str) -> None:
+        recording = [child for child in self._children if child.role == "record"]
+        if record == "stop":
+            for child in recording:
+                child.process.terminate()  # it ends its file; the session goes on
+        elif record == "start" and not recording:
+            self._record(_next_name(self._recording))
+
+    def _refuse(self, reason: str) -> None:
+        self._say(f"not chosen: {reason}")
+        if self._desk is not None:
+            self._desk.refused = reason
+            self._desk.say_now()
+
+    # Processes.
+
+    def _record(self, path: Path) -> None:
+        recorder = start("record", [str(path), *self._watching, *self._common])
+        self._children.append(recorder)
+        self._recorders.append(recorder)
+        self._tell_recording(path)
+
+    def _tell_recording(self, path: Path | None = None) -> None:
+        """Say which file is written; without one, none where no recorder runs."""
+        if self._desk is None:
+            return
+        if path is not None:
+            self._desk.recording = str(path)
+        elif not any(child.role == "record" for child in self._children):
+            self._desk.recording = ""
+        self._desk.say_now()
+
+    def _start_follower(self) -> None:
+        self._children.append(start("follower", ["--listen", self._follower, *self._chosen(), *self._common]))
+
+    def _start_leader(self) -> None:
+        ends = ["--listen", self._leader, "--connect", self._follower]
+        recorded = any(child.role == "record" for child in self._children)
+        wait = ["--wait-for-recorder"] if recorded else []
+        self._children.append(start("leader", [*ends, *wait, *self._time_left(), *self._chosen(), *self._common]))
+
+    def _time_left(self) -> list[str]:
+        if self._duration is None:
+            return []
+        self._begun = time.monotonic() if self._begun is None else self._begun
+        left = self._duration - (time.monotonic() - self._begun)
+        return ["--duration", str(max(left, 0.1))]
+
+    def _chosen(self) -> list[str]:
+        """The settings as options of `foretouch leader` and `foretouch follower`."""
+        texts = self._settings.as_text().items()
+        return [part for name, value in texts for part in (f"--{name.replace('_', '-')}", value)]
 
 
-def _start(role: str, arguments: Sequence[str]) -> _Child:
-    """Start one process of ours; Ctrl-C reaches only this one, which then ends the others in order."""
-    command = [sys.executable, "-m", "foretouch", role, *arguments]
-    return _Child(
-        role,
-        subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, start_new_session=True),
-    )
-
-
-def _watch(children: list[_Child], stop: StopFlag, say: Callable[[str], None]) -> int:
-    """Wait until the leader has ended, or a process has failed, or `stop` is set; return the exit code."""
-    while True:
-        for child in children:
-            code = child.process.poll()
-            if code is None:
-                continue
-            if child.role in WATCHERS and code != 2:
-                if code:
-                    who = WATCHERS[child.role]
-                    say(f"the {who} ended with exit code {code}; the session goes on without it")
-                children.remove(child)
-                break
-            if code != 0:
-                say(f"the {child.role} process ended with exit code {code}")
-                return code if code > 0 else 1
-            if child.role in ("leader", "follower"):
-                return 0
-        if stop.reason:
-            return 0
-        _pass_on(children, stop)
-        time.sleep(POLL_PERIOD)
-
-
-def _pass_on(children: list[_Child], stop: StopFlag) -> None:
-    """An emergency stop, and its release, are the follower's."""
-    followers = [child.process for child in children if child.role == "follower"]
-    if stop.emergency:
-        stop.emergency = ""
-        for process in followers:
-            process.send_signal(signal.SIGUSR1)
-    if stop.release:
-        stop.release = False
-        for process in followers:
-            process.send_signal(signal.SIGUSR2)
-
-
-def _end(children: list[_Child]) -> None:
-    """End all processes: the leader first, whose last word ends the others; then, or if it has none, by signal."""
-    leading = next((child for child in children if child.role == "leader" and child.process.poll() is None), None)
-    if leading is not None:
-        leading.process.terminate()
-    if leading is not None or all(child.process.poll() in (None, 0) for child in children):
-        _wait(children)
-    for insist in (subprocess.Popen.terminate, subprocess.Popen.kill):
-        for child in children:
-            if child.process.poll() is None:
-                insist(child.process)
-        _wait(children)
-
-
-def _wait(children: list[_Child]) -> None:
-    end = time.monotonic() + PATIENCE
-    while time.monotonic() < end and any(child.process.poll() is None for child in children):
-        time.sleep(POLL_PERIOD)
+def _next_name(path: Path) -> Path:
+    """The first name of a further recording that no file has."""
+    number = 2
+    while (name := path.with_stem(f"{path.stem}-{number}")).exists():
+        number += 1
+    return name

@@ -1,0 +1,130 @@
+"""The plot of forces and the numbers beside it."""
+
+from __future__ import annotations
+
+import html
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from foretouch.console.palette import BLUE, GREEN, INK, ORANGE, SKY, VERMILLION, css
+from foretouch.console.plots import SECONDS, Curve, Row, TimePlot, number, table
+from foretouch.console.window import NAN, Window
+
+__all__ = ["ForcePanel", "Numbers"]
+
+LARGEST_DRAWN = 15.0
+"""Forces beyond it [N], the robot's own limit, are drawn there: a model that has diverged would hide the others."""
+SMALLEST_APART = 1e-4
+"""Hand and probe are said to be apart from here on [m]."""
+
+TRUE = Curve("True force (robot's sensor)", INK, 3.0)
+PREDICTED = Curve("Predicted force now", BLUE, 2.0, band=True)
+DELAYED = Curve("Delayed force now", VERMILLION, 2.0, "dashed")
+RENDERED = Curve("Rendered to the hand", GREEN, 2.0, "dotted")
+PREDICTED_AGAIN = Curve("Predicted, run again", SKY, 2.0)
+DELAYED_AGAIN = Curve("Delayed, run again", ORANGE, 2.0, "dashed")
+
+
+class Numbers(NamedTuple):
+    """What stands beside the plot; NaN where it is not known.
+
+    Attributes:
+        predicted: Force of the newest model at the hand's motion [N].
+        delayed: Force of the newest telemetry that had arrived [N].
+        true: Newest true force that is known [N].
+        true_age: How long ago the hand was there [s].
+        rendered: What the hand is given after the clamps [N].
+        depth: Of the operator's tip below the surface [m].
+        prediction_error: Over the plotted time [%].
+        delayed_error: Over the plotted time [%].
+        status: One line: what the session is doing.
+        names: One line: what is pressed, and what learns it.
+        deviation: Standard deviation of `predicted` [N].
+        hand_ahead: How much further in the hand is than the probe [m].
+        warnings: Lines in vermillion above all.
+        again: Predicted and delayed force of a second run [N], None where there is none.
+        again_errors: Their errors over the plotted time [%].
+    """
+
+    predicted: float
+    delayed: float
+    true: float
+    true_age: float
+    rendered: float
+    depth: float
+    prediction_error: float
+    delayed_error: float
+    status: str
+    names: str
+    deviation: float
+    hand_ahead: float = math.nan
+    warnings: tuple[str, ...] = ()
+    again: tuple[float, float] | None = None
+    again_errors: tuple[float, float] = (NAN, NAN)
+
+
+class ForcePanel:
+    """Forces over time, and as numbers.
+
+    Args:
+        gui: The viewer's user interface.
+    """
+
+    def __init__(self, gui: Any) -> None:
+        curves = (TRUE, PREDICTED, DELAYED, RENDERED, PREDICTED_AGAIN, DELAYED_AGAIN)
+        title = f"Contact force [N], drawn up to {LARGEST_DRAWN:.0f} N"
+        self._plot = TimePlot(gui, title, curves, height=200, time="time of your motion before now [s]")
+        self._text = gui.add_html("")
+
+    def plot(self, window: Window, other: Window | None = None) -> None:
+        """Draw the forces.
+
+        Args:
+            window: Of the session.
+            other: Of a second run at the same time.
+        """
+        unknown = np.full(len(window.time), NAN)
+        again = [unknown, unknown]
+        if other is not None and len(other.time):
+            again = [np.interp(window.time, other.time, force) for force in (other.predicted, other.delayed)]
+        values = (window.true, window.predicted, window.delayed, window.rendered, *again)
+        self._plot.draw(window.time, values, (window.deviation,), LARGEST_DRAWN)
+
+    def write(self, numbers: Numbers) -> None:
+        """Write the numbers."""
+        text = numbers_html(numbers)
+        if self._text.content != text:
+            self._text.content = text
+
+
+def numbers_html(n: Numbers) -> str:
+    """The table of numbers, and the lines around it."""
+    age = f", {n.true_age:.2f} s ago" if math.isfinite(n.true_age) else ""
+    doubt = f"{n.predicted:.2f} ± " if math.isfinite(n.deviation) and abs(n.predicted) < 1000.0 else ""
+    predicted = doubt + number(n.deviation if doubt else n.predicted, "N")
+    rows = [
+        Row(PREDICTED.name, predicted, PREDICTED, number(n.prediction_error, "%", 1)),
+        Row(DELAYED.name, number(n.delayed, "N"), DELAYED, number(n.delayed_error, "%", 1)),
+        Row(f"True force{age}", number(n.true, "N"), TRUE),
+        Row(RENDERED.name, number(n.rendered, "N"), RENDERED),
+    ]
+    if n.again is not None:
+        curves = (PREDICTED_AGAIN, DELAYED_AGAIN)
+        again = zip(curves, n.again, n.again_errors, strict=True)
+        rows += [Row(curve.name, number(force, "N"), curve, number(error, "%", 1)) for curve, force, error in again]
+    rows.append(Row("Depth of the probe", number(max(n.depth, 0.0) * 1e3, "mm", 1)))
+    if abs(n.hand_ahead) >= SMALLEST_APART:
+        where = "further in" if n.hand_ahead > 0.0 else "further out"
+        rows.append(Row(f"Hand (ring), {where} by", number(abs(n.hand_ahead) * 1e3, "mm", 1)))
+    warnings = "".join(
+        f'<div style="color:{css(VERMILLION)};overflow-wrap:anywhere;padding-bottom:4px">'
+        f"<b>{html.escape(warning)}</b></div>"
+        for warning in n.warnings
+    )
+    return (
+        f'<div style="padding:0 12px">{warnings}{table(rows, ("value", f"error, last {SECONDS:.0f} s"))}'
+        f'<div style="color:#555;padding-top:4px">{html.escape(n.status)}'
+        f'<br><span style="font-size:0.85em">{html.escape(n.names)}</span></div></div>'
+    )

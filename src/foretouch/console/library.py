@@ -1,0 +1,129 @@
+"""The recordings in a folder, and the one that is looked at: read and run again on threads of their own."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from foretouch.console.playback import Playback
+from foretouch.errors import ForetouchError
+from foretouch.messages import SessionLog
+
+__all__ = ["Library"]
+
+PATTERN = "*.mcap"
+MOST = 50
+"""So many of the newest are listed."""
+
+
+class Library:
+    """What can be looked at, and what is.
+
+    Reading a recording takes as long as it takes, on a thread of its own; meanwhile and afterwards `note` says in one
+    line how it went. What cannot be read is a line, no error.
+
+    Args:
+        folder: Of the recordings.
+
+    Attributes:
+        playback: The recording that is looked at, None for none.
+        note: What there is to say in one line; "" for nothing.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self._job: threading.Thread | None = None
+        self.playback: Playback | None = None
+        self.note = ""
+
+    def names(self) -> tuple[str, ...]:
+        """Of the recordings, the newest first."""
+        try:
+            found = [(path.stat().st_mtime, path.name) for path in self._folder.glob(PATTERN)]
+        except OSError:  # one was removed meanwhile
+            return ()
+        return tuple(name for _, name in sorted(found, reverse=True)[:MOST])
+
+    @property
+    def busy(self) -> bool:
+        """Whether a recording is being read or run again."""
+        return self._job is not None and self._job.is_alive()
+
+    def open(self, name: str) -> None:
+        """Look at a recording from its beginning; it is paused."""
+
+        def read() -> str:
+            from foretouch.recordings import read_session
+
+            log = read_session(self._folder / name)
+            self.playback = Playback(log, name=name)
+            return "It ends before its session did." if log.counts.get("truncated") else ""
+
+        self._start(read, f"Reading {name} …", "This recording cannot be looked at")
+
+    def run_again(self, position_delay: float, force_delay: float, *, closed_loop: bool) -> None:
+        """Run the recorded session again under other delays, beside what was recorded.
+
+        Args:
+            position_delay: One-way delay of commands [s].
+            force_delay: Of models and telemetry [s].
+            closed_loop: Whether the force that is rendered then moves the hand.
+        """
+        shown = self.playback
+        if shown is None:
+            return
+
+        def run() -> str:
+            log = shown.log.longest()
+            other = _again(log, closed_loop, position_delay=position_delay, force_delay=force_delay)
+            again = Playback(log, other, name=shown.name)
+            again.go_to(shown.now)
+            if self.playback is shown:
+                self.playback = again
+            loop = "the force moves the hand" if closed_loop else "the hand's motion is the recorded one"
+            return f"Run again under {position_delay:g} s there and {force_delay:g} s back; {loop}."
+
+        self._start(run, "Running it again …", "It cannot be run again")
+
+    def close(self) -> None:
+        """Look at none: back to the session that runs."""
+        self.playback, self.note = None, ""
+
+    def wait(self, timeout: float = 60.0) -> None:
+        """Wait until nothing is read any more, for at most so long [s]."""
+        if self._job is not None:
+            self._job.join(timeout)
+
+    def _start(self, work: Callable[[], str], meanwhile: str, failed: str) -> None:
+        if self.busy:
+            self.note = "Another recording is still being read."
+            return
+
+        def job() -> None:
+            begun = time.monotonic()
+            try:
+                self.note = work() or f"Read in {time.monotonic() - begun:.1f} s."
+            except ForetouchError as error:
+                self.note = f"{failed}: {_one_line(error)}"
+            except Exception as error:  # whatever a file holds, the console goes on
+                self.note = f"{failed}: {type(error).__name__}: {_one_line(error)}"
+
+        self.note = meanwhile
+        self._job = threading.Thread(target=job, name="recording", daemon=True)
+        self._job.start()
+
+
+def _again(log: SessionLog, closed_loop: bool, **changes: Any) -> SessionLog:
+    """The session under other settings."""
+    from foretouch.session import replay_under
+    from foretouch.session.replay_settings import recorded_settings
+
+    settings, _ = recorded_settings(log.settings, changes)
+    return replay_under(log, settings, closed_loop)
+
+
+def _one_line(error: Exception) -> str:
+    return " ".join(str(error).split())[:300]

@@ -1,0 +1,71 @@
+"""What has been learnt: how stiff the material is, with its doubt, and the law's numbers."""
+
+from __future__ import annotations
+
+import html
+from typing import Any
+
+import numpy as np
+
+from foretouch.console.description import SYMBOLS
+from foretouch.console.models_seen import ModelTrace
+from foretouch.console.palette import BLUE, GREEN, INK, PURPLE, VERMILLION
+from foretouch.console.plots import Curve, Row, TimePlot, table
+from foretouch.console.window import NAN
+
+__all__ = ["ModelPanel"]
+
+STIFFNESS = Curve("Local stiffness", BLUE, 2.0, band=True)
+LOOKS = ((INK, "solid"), (VERMILLION, "dashed"), (GREEN, "dotted"), (PURPLE, "solid"))
+"""Of the law's parameters, in its order."""
+LARGEST_RATIO = 3.0
+
+
+class ModelPanel:
+    """The newest model's stiffness and parameters over time.
+
+    Args:
+        gui: The viewer's user interface.
+    """
+
+    def __init__(self, gui: Any) -> None:
+        self._stiffness = TimePlot(gui, "Local stiffness dF/dx [N/mm] and one deviation", (STIFFNESS,), height=130)
+        curves = [Curve(f"parameter {n}", colour, 2.0, dash) for n, (colour, dash) in enumerate(LOOKS, 1)]
+        self._curves = curves
+        self._parameters = TimePlot(gui, "The law's numbers, each over its newest value", curves, height=130)
+        self._text = gui.add_html("")
+
+    def draw(self, trace: ModelTrace, depth: float, lines: tuple[str, ...]) -> None:
+        """Draw and write the models.
+
+        Args:
+            trace: Of the last seconds.
+            depth: At which stiffnesses are compared [m].
+            lines: What there is to say of the newest.
+        """
+        rows: list[Row] = []
+        if len(trace.time) > 1:
+            self._stiffness.draw(trace.time, (trace.stiffness * 1e-3,), (trace.deviation * 1e-3,))
+            self._parameters.draw(trace.time, self._ratios(trace), most=LARGEST_RATIO)
+            deviation = trace.deviation[-1] * 1e-3
+            doubt = f" ± {deviation:.2f}" if np.isfinite(deviation) else ", no doubt is told"
+            value = f"{trace.stiffness[-1] * 1e-3:.2f}{doubt} N/mm"
+            rows.append(Row(f"Local stiffness at {depth * 1e3:.1f} mm, at rest", value, STIFFNESS))
+            for curve, name, parameter in zip(self._curves, trace.names, trace.parameters[-1], strict=False):
+                rows.append(Row(f"{SYMBOLS.get(name, '')} {name}".strip(), f"{parameter:.4g}", curve))
+        text = "<br>".join(map(html.escape, lines))
+        content = (
+            f'<div style="padding:0 12px">{table(rows)}<div style="font-size:0.85em;line-height:1.4;color:#555">{text}'
+            "</div></div>"
+        )
+        if self._text.content != content:
+            self._text.content = content
+
+    def _ratios(self, trace: ModelTrace) -> list[np.ndarray]:
+        """Each parameter over its newest value; NaN for those that the law has not, and where that value is 0."""
+        unknown = np.full(len(trace.time), NAN)
+        ratios = []
+        for index in range(len(self._curves)):
+            known = index < len(trace.names) and trace.parameters[-1, index] != 0.0
+            ratios.append(trace.parameters[:, index] / trace.parameters[-1, index] if known else unknown)
+        return ratios

@@ -1,0 +1,167 @@
+"""What the models were over the last seconds: the law's numbers, and how stiff the material is at one depth."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Iterable
+from typing import NamedTuple
+
+import numpy as np
+
+from foretouch.console.window import NAN, Array
+from foretouch.errors import InputError
+from foretouch.messages import ModelUpdate
+from foretouch.models import ContactModel, advance, make_model
+
+__all__ = ["ModelFigures", "ModelTrace", "ModelsSeen", "figures_of", "trace_of"]
+
+STEP = 0.1
+"""Half the distance over which a local stiffness is taken, as a share of the depth."""
+PERIOD = 1e-3
+MOST = 512
+"""Models whose figures are remembered."""
+SPACING = 0.1
+"""Between two models that are drawn [s]."""
+
+
+class ModelFigures(NamedTuple):
+    """A model in numbers that can be drawn over time.
+
+    Attributes:
+        names: Of the law's parameters.
+        parameters: Their values.
+        stiffness: Local stiffness dF/dx at the depth asked for, at rest [N/m].
+        deviation: Its standard deviation [N/m]; NaN where the model carries no doubt.
+    """
+
+    names: tuple[str, ...]
+    parameters: tuple[float, ...]
+    stiffness: float
+    deviation: float
+
+
+class ModelTrace(NamedTuple):
+    """Models over time.
+
+    Attributes:
+        time: Seconds before now, increasing, shape (n,).
+        stiffness: Local stiffness [N/m], shape (n,).
+        deviation: Its standard deviation [N/m], NaN where none is known, shape (n,).
+        names: Of the parameters of the newest law.
+        parameters: Their values, NaN under another law, shape (n, number of names).
+    """
+
+    time: Array
+    stiffness: Array
+    deviation: Array
+    names: tuple[str, ...]
+    parameters: Array
+
+
+def figures_of(update: ModelUpdate, depth: float) -> ModelFigures | None:
+    r"""The numbers of one model; None of one that cannot be run.
+
+    .. math:: K = \frac{F(x + h) - F(x - h)}{2 h}, \quad \sigma_K = |K| \frac{\sigma_F(x)}{F(x)}
+
+    with the probe at rest, h a tenth of x. What the model says of its doubt is of the force; that of the stiffness is
+    taken in the same proportion, as if all forces were too large or too small by one factor.
+
+    Args:
+        update: As it came.
+        depth: x, below the model's surface [m].
+    """
+    if not update.valid:
+        return None
+    try:
+        model = make_model(update.law, update.parameters, update.map)
+    except InputError:
+        return None
+    stiffness, deviation = _stiffness(model, depth)
+    return ModelFigures(model.parameter_names, model.parameters, stiffness, deviation)
+
+
+def _stiffness(model: ContactModel, depth: float) -> tuple[float, float]:
+    """Local stiffness and its standard deviation [N/m]."""
+    step = STEP * depth
+    (_, force, doubt), (_, more, _), (_, less, _) = (
+        advance(model, model.initial_state(), x, 0.0, PERIOD) for x in (depth, depth + step, depth - step)
+    )
+    stiffness = (more - less) / (2.0 * step)
+    return stiffness, abs(stiffness) * doubt / force if force > 0.0 else NAN
+
+
+def trace_of(
+    adopted: Iterable[tuple[float, int]], figures: Callable[[int], ModelFigures | None], now: float, seconds: float
+) -> ModelTrace:
+    """The models of the last seconds, one every `SPACING`.
+
+    Args:
+        adopted: When the leader began to render from which model: time [s] and sequence, in order.
+        figures: Of a model by its sequence.
+        now: The moment, on the same time [s].
+        seconds: How far back.
+    """
+    times: list[float] = []
+    found: list[ModelFigures] = []
+    for time, sequence in adopted:
+        if not now - seconds <= time <= now or (times and time - times[-1] < SPACING):
+            continue
+        one = figures(sequence)
+        if one is not None:
+            times.append(time)
+            found.append(one)
+    names = found[-1].names if found else ()
+    unknown = (NAN,) * len(names)
+    return ModelTrace(
+        np.array(times) - now,
+        np.array([one.stiffness for one in found]),
+        np.array([one.deviation for one in found]),
+        names,
+        np.array([one.parameters if one.names == names else unknown for one in found]).reshape(len(found), len(names)),
+    )
+
+
+class ModelsSeen:
+    """The models of a session that runs: stored in a step, read as a trace.
+
+    One thread stores, another reads.
+    """
+
+    def __init__(self) -> None:
+        self._adopted: deque[tuple[float, int]] = deque(maxlen=MOST)
+        self._updates: dict[int, ModelUpdate] = {}
+        self._figures: dict[tuple[int, float], ModelFigures | None] = {}
+        self._newest = self._run = 0
+
+    def add(self, update: ModelUpdate) -> None:
+        """A model has arrived here."""
+        if update.run != self._run:  # a process that began anew counts from 1 again
+            self._run = update.run
+            self._updates, self._figures = {}, {}
+        updates = self._updates
+        updates[update.sequence] = update
+        if len(updates) > MOST:
+            updates.pop(next(iter(updates)))
+
+    def adopt(self, time: float, sequence: int) -> None:
+        """The leader says which model is its newest, at a time [s]."""
+        if sequence != self._newest:
+            self._newest = sequence
+            self._adopted.append((time, sequence))
+
+    def trace(self, depth: float, seconds: float, now: float) -> ModelTrace:
+        """The last seconds before a moment [s] at a depth [m]; those that the leader rendered from."""
+        adopted = tuple(self._adopted)
+
+        def figures(sequence: int) -> ModelFigures | None:
+            key = (sequence, depth)
+            if key not in self._figures:
+                update = self._updates.get(sequence)
+                if update is None:
+                    return None
+                if len(self._figures) > MOST:
+                    self._figures.clear()
+                self._figures[key] = figures_of(update, depth)
+            return self._figures[key]
+
+        return trace_of(adopted, figures, now, seconds)

@@ -1,0 +1,97 @@
+"""The network: sliders for delays and faults, and what is measured of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from foretouch.console.losses import LossTrace
+from foretouch.console.palette import BLUE, INK, VERMILLION
+from foretouch.console.plots import Curve, Row, TimePlot, number, table
+from foretouch.console.window import Window
+
+__all__ = ["LONGEST_DELAY", "NetworkFaults", "NetworkPanel"]
+
+LONGEST_DELAY = 2.0
+"""End of the sliders of delays [s]."""
+TRIP = Curve("Round trip: age of the answer", INK, 2.0)
+THERE = Curve("Lost on the way there", BLUE, 2.0)
+BACK = Curve("Lost on the way back", VERMILLION, 2.0, "dashed")
+
+
+class NetworkFaults(NamedTuple):
+    """What the sliders say.
+
+    Attributes:
+        position_delay: One-way delay of commands [s].
+        force_delay: One-way delay of models and telemetry [s].
+        jitter: Largest change of either delay [s].
+        loss: Share of messages lost.
+        outage: Length of an outage in every 10 s [s].
+    """
+
+    position_delay: float = 0.0
+    force_delay: float = 0.0
+    jitter: float = 0.0
+    loss: float = 0.0
+    outage: float = 0.0
+
+
+SLIDERS = {
+    "position_delay": ("Delay there [s]", LONGEST_DELAY, 0.01, "One-way delay of your positions to the robot"),
+    "force_delay": ("Delay back [s]", LONGEST_DELAY, 0.01, "One-way delay of models and measured forces"),
+    "jitter": ("Jitter ± [s]", 0.5, 0.005, "Largest change of either delay, drawn for each message"),
+    "loss": ("Loss [share]", 0.9, 0.01, "Share of messages that are lost, either way"),
+    "outage": ("Outage [s]", 5.0, 0.1, "In every 10 s all messages are lost for so long"),
+}
+"""Of each fault: the label, the end of its slider, its step and what it is."""
+
+
+class NetworkPanel:
+    """Sliders, and below them delay and loss as they are measured.
+
+    Args:
+        gui: The viewer's user interface.
+        on_faults: Called with all of them when a user moves a slider.
+    """
+
+    def __init__(self, gui: Any, on_faults: Callable[[NetworkFaults], None]) -> None:
+        self._on_faults = on_faults
+        self._sliders = {
+            name: gui.add_slider(label, 0.0, end, step, 0.0, hint=hint)
+            for name, (label, end, step, hint) in SLIDERS.items()
+        }
+        for slider in self._sliders.values():
+            slider.on_update(self._slid)
+        self._trip = TimePlot(gui, "Round trip as measured [ms]", (TRIP,), height=120)
+        self._text = gui.add_html("")
+        self._loss = TimePlot(gui, "Messages lost [%]", (THERE, BACK), height=120)
+
+    def put(self, faults: NetworkFaults) -> None:
+        """Put the sliders where the session is, without telling the session."""
+        for name, value in faults._asdict().items():
+            self._sliders[name].value = min(max(value, 0.0), SLIDERS[name][1])
+
+    def offer(self, offered: bool) -> None:
+        """Let the sliders be moved, or not, as while a recording is played."""
+        for slider in self._sliders.values():
+            slider.disabled = not offered
+
+    def draw(self, window: Window, losses: LossTrace) -> None:
+        """Draw and write what is measured."""
+        trips = window.round_trip * 1e3
+        self._trip.draw(window.time, (trips,))
+        self._loss.draw(losses.time, (losses.there, losses.back), most=100.0)
+        known = trips[np.isfinite(trips)]
+        rows = [Row(TRIP.name, number(float(known[-1]) if len(known) else np.nan, "ms", 0), TRIP)]
+        for curve, shares in ((THERE, losses.there), (BACK, losses.back)):
+            rows.append(Row(curve.name, number(float(shares[-1]) if len(shares) else np.nan, "%", 1), curve))
+        content = f'<div style="padding:0 12px">{table(rows)}</div>'
+        if self._text.content != content:
+            self._text.content = content
+
+    async def _slid(self, event: Any) -> None:
+        if event.client is not None:  # None: the program set it
+            self._on_faults(NetworkFaults(**{name: float(slider.value) for name, slider in self._sliders.items()}))

@@ -1,0 +1,192 @@
+"""A recorded session at a moment of one's choice: the same that a session that runs shows, and no more."""
+
+from __future__ import annotations
+
+import bisect
+import math
+from typing import TypeVar
+
+import numpy as np
+
+from foretouch.console.losses import LossTrace
+from foretouch.console.models_seen import ModelFigures, ModelTrace, figures_of, trace_of
+from foretouch.console.watched import Watched
+from foretouch.console.window import NAN, Array, Window, empty_window, window_of
+from foretouch.errors import RecordingError
+from foretouch.messages import VERSION, LeaderState, SessionLog, Telemetry
+
+__all__ = ["Playback", "RecordedWatch"]
+
+M = TypeVar("M", LeaderState, Telemetry)
+
+
+class RecordedWatch(Watched):
+    """What was heard of a recorded session at `now`; see `Watched`.
+
+    Of a session in which a side began again, the longest stretch.
+
+    Args:
+        log: The session.
+
+    Attributes:
+        duration: From the leader's first tick to its last [s].
+
+    Raises:
+        RecordingError: Nothing was recorded of the leader.
+    """
+
+    def __init__(self, log: SessionLog) -> None:
+        super().__init__()
+        stretch = log.longest()
+        if not stretch.leader.size:
+            raise RecordingError("the recording", "holds nothing of a leader: there is nothing to show over time")
+        self._leader, self._follower = stretch.leader, stretch.follower
+        self._seconds: Array = (self._leader["time_ns"] - self._leader["time_ns"][0]) * 1e-9
+        self.duration = float(self._seconds[-1])
+        self.settings = log.settings
+        self._row_of = _rows_of(self._leader["telemetry_sequence"], self._follower["sequence"])
+        self._columns = self._all_columns(stretch)
+        run = int(self._follower["run"][-1]) if self._follower.size else 0
+        self._by_sequence = {model.sequence: model for model in log.models if run in (0, model.run)}
+        self._known: dict[tuple[int, float], ModelFigures | None] = {}
+        changes = np.flatnonzero(np.diff(self._leader["model_sequence"], prepend=0) > 0)
+        self._adoptions = [(float(self._seconds[row]), int(self._leader["model_sequence"][row])) for row in changes]
+        self.now = 0.0
+        self.go_to(0.0)
+
+    def go_to(self, now: float) -> None:
+        """Show another moment.
+
+        Args:
+            now: Since the leader's first tick [s]; held within the recording.
+        """
+        self.now = min(max(now, 0.0), self.duration) if math.isfinite(now) else 0.0
+        row = int(np.searchsorted(self._seconds, self.now, side="right")) - 1
+        self.leader = _message(LeaderState, self._leader[row])
+        telemetry = int(self._row_of[row])
+        self.telemetry = _message(Telemetry, self._follower[telemetry]) if telemetry >= 0 else None
+        self.model = self._by_sequence.get(int(self._leader["model_sequence"][row]))
+
+    @property
+    def robot_position(self) -> float:
+        """Where the operator's side last saw the robot [m]; NaN before."""
+        return NAN if self.telemetry is None else self.telemetry.position
+
+    def window(self, seconds: float) -> Window:
+        """Forces, energy and delay of the seconds before `now`."""
+        first, last = np.searchsorted(self._seconds, (self.now - seconds, self.now), side="right")
+        part = slice(int(first), int(last))
+        if part.stop <= part.start:
+            return empty_window()
+        return window_of(self._leader["sequence"][part], self._columns[part], self.now, seconds, 400)
+
+    def model_trace(self, seconds: float) -> ModelTrace:
+        """Models of the seconds before `now`, compared at `model_depth`."""
+        first = bisect.bisect_left(self._adoptions, (self.now - seconds, 0))
+        last = bisect.bisect_right(self._adoptions, (self.now, 1 << 63))
+        return trace_of(self._adoptions[first:last], self._figures, self.now, seconds)
+
+    def loss_trace(self, seconds: float, now: float) -> LossTrace:
+        """Nothing: a recording has its losses in all, and not over time."""
+        none = np.empty(0)
+        return LossTrace(none, none, none)
+
+    def _figures(self, sequence: int) -> ModelFigures | None:
+        key = (sequence, self.model_depth)
+        if key not in self._known:
+            update = self._by_sequence.get(sequence)
+            self._known[key] = None if update is None else figures_of(update, self.model_depth)
+        return self._known[key]
+
+    def _all_columns(self, stretch: SessionLog) -> Array:
+        """The columns of `window_of`, over the whole recording."""
+        leader, follower = self._leader, self._follower
+        predicted = np.where(np.isfinite(leader["position"]), leader["predicted_force"], NAN)
+        true, trips = np.full(leader.size, NAN), np.full(leader.size, NAN)
+        rows = stretch.rows()
+        force = rows.follower["exact_force"] if self._exact(rows.follower) else rows.follower["force"]
+        true[np.searchsorted(leader["sequence"], rows.leader["sequence"])] = force
+        if follower.size:
+            answered = follower["command_sequence"][np.maximum(self._row_of, 0)]
+            at = np.minimum(np.searchsorted(leader["sequence"], answered), leader.size - 1)
+            here = (self._row_of >= 0) & (leader["sequence"][at] == answered)
+            trips[here] = (self._seconds - self._seconds[at])[here]
+        names = ("delayed_force", "standard_deviation", "rendered_force", "energy", "energy_bound")
+        columns: Array = np.column_stack([self._seconds, predicted, *(leader[name] for name in names), trips, true])
+        return columns
+
+    def _exact(self, follower: np.ndarray) -> bool:
+        """Whether the simulator's own force stands in the recording."""
+        return bool(follower.size) and bool(np.isfinite(follower["exact_force"]).all())
+
+
+class Playback:
+    """A recording that is played, and perhaps a second run of it beside it.
+
+    Args:
+        log: The session.
+        other: The same session run again under other settings.
+        name: Of the recording, for people.
+
+    Attributes:
+        shown: What was heard at this moment.
+        other: The same of the second run, None where there is none.
+        log: The session.
+        name: Of the recording.
+        playing: Whether time goes on.
+
+    Raises:
+        RecordingError: Nothing was recorded of a leader.
+    """
+
+    def __init__(self, log: SessionLog, other: SessionLog | None = None, *, name: str = "") -> None:
+        self.log, self.name = log, name
+        self.shown = RecordedWatch(log)
+        self.other = None if other is None else RecordedWatch(other)
+        self.playing = False
+        self._clock = math.nan
+
+    @property
+    def now(self) -> float:
+        """The moment that is shown, since the leader's first tick [s]."""
+        return self.shown.now
+
+    @property
+    def duration(self) -> float:
+        """Of the recording [s]."""
+        return self.shown.duration
+
+    def play(self, playing: bool) -> None:
+        """Go on, or pause; at the end, go on from the beginning."""
+        if playing and self.now >= self.duration:
+            self.go_to(0.0)
+        self.playing, self._clock = playing, math.nan
+
+    def go_to(self, now: float) -> None:
+        """Show another moment [s]."""
+        self.shown.go_to(now)
+        if self.other is not None:
+            self.other.go_to(now)
+        self._clock = math.nan
+
+    def tick(self, clock: float) -> None:
+        """Let the recording's time go on as the clock [s] did since the last tick."""
+        if not self.playing:
+            return
+        since, now = clock - self._clock, self.now
+        if math.isfinite(since):
+            self.go_to(now + since)
+        self._clock = clock
+        if self.now >= self.duration:
+            self.playing = False
+
+
+def _message(kind: type[M], row: np.void) -> M:
+    """A message from its row."""
+    return kind(VERSION, *row.tolist())
+
+
+def _rows_of(heard: np.ndarray, sequences: np.ndarray) -> np.ndarray:
+    """The follower's row of the telemetry that each leader tick had heard last; -1 before the first."""
+    rows: np.ndarray = np.searchsorted(sequences, heard, side="right") - 1
+    return np.where(heard > 0, rows, -1)

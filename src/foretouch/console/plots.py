@@ -1,0 +1,199 @@
+"""Plots over time, and the tables of numbers beside them: one look for all."""
+
+from __future__ import annotations
+
+import html
+import math
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from foretouch.console.palette import Colour, css, faint
+from foretouch.console.window import NAN, Array
+
+__all__ = ["SECONDS", "Curve", "Row", "TimePlot", "number", "style", "table"]
+
+SECONDS = 6.0
+"""Length of all plots [s]."""
+
+DASHES = {"solid": (), "dashed": (6.0, 4.0), "dotted": (2.0, 3.0)}
+
+
+class Curve(NamedTuple):
+    """How a curve looks; in a plot and in its table.
+
+    Attributes:
+        name: In the page's own words.
+        colour: Of the line.
+        width: [pixel].
+        dash: One of `DASHES`.
+        band: Whether a band goes around it.
+    """
+
+    name: str
+    colour: Colour
+    width: float = 2.0
+    dash: str = "solid"
+    band: bool = False
+
+
+class Row(NamedTuple):
+    """One line of a table of numbers.
+
+    Attributes:
+        name: What it is.
+        value: As text, with its unit.
+        curve: That shows it in the plot, None for none.
+        more: In a third column.
+    """
+
+    name: str
+    value: str
+    curve: Curve | None = None
+    more: str = ""
+
+
+class TimePlot:
+    """A plot of the last seconds.
+
+    Args:
+        gui: The viewer's user interface.
+        title: With the unit.
+        curves: From the back to the front.
+        below: Where a curve is that is not known: below what is drawn, in the plot's unit.
+        height: [pixel].
+        lowest: Lower end of the drawn range, None to fit it to the curves.
+        time: What stands below the time axis.
+    """
+
+    def __init__(
+        self,
+        gui: Any,
+        title: str,
+        curves: Sequence[Curve],
+        *,
+        height: int = 150,
+        lowest: float | None = 0.0,
+        time: str = "time before now [s]",
+    ) -> None:
+        self._curves = tuple(curves)
+        self._lowest = lowest
+        banded = [index for index, curve in enumerate(curves) if curve.band]
+        self._banded = tuple(banded)
+        series: list[dict[str, Any]] = [{"label": "time [s]"}]
+        series += [_series(curve.name, css(curve.colour), curve.width, DASHES[curve.dash]) for curve in curves]
+        bands = []
+        for index in banded:
+            colour = faint(curves[index].colour)
+            bands.append({"series": (len(series), len(series) + 1), "fill": colour})
+            series += [_series(f"{curves[index].name}, {word}", colour, 1.0, ()) for word in ("more", "less")]
+        self._columns = len(series) - 1
+        start = np.array([-SECONDS, 0.0])
+        self._plot = gui.add_uplot(
+            (start, np.zeros(2), *(np.full(2, NAN),) * (self._columns - 1)),
+            tuple(series),
+            bands=tuple(bands),
+            title=title,
+            scales={
+                "x": {"time": False, "range": (-SECONDS, 0.0)},
+                "y": {"time": False, "range": (lowest, None)} if lowest is not None else {"time": False},
+            },
+            axes=({"label": time, "labelSize": 18.0, "size": 30.0}, {"size": 50.0}),
+            legend={"show": False},
+            cursor={"show": False},
+            height=height,
+            padding=(10, 16, 0, 4),
+        )
+
+    def draw(
+        self, time: Array, values: Sequence[Array], deviations: Sequence[Array] = (), most: float = math.inf
+    ) -> None:
+        """Draw the curves.
+
+        Args:
+            time: Seconds before now, increasing, shape (n,).
+            values: Of each curve, shape (n,); NaN where it is not known.
+            deviations: Of each curve that has a band; NaN counts as 0.
+            most: What is more is drawn there.
+        """
+        if not len(time):
+            return
+        columns = list(values)
+        for index, deviation in zip(self._banded, deviations, strict=True):
+            spread = np.where(np.isfinite(deviation), deviation, 0.0)
+            columns += [values[index] + spread, values[index] - spread]
+        self._plot.data = (time, *(self._drawable(column, most) for column in columns))
+
+    def _drawable(self, values: Array, most: float) -> Array:
+        """Within what is drawn; a curve drops out of the plot where it is not known, and ends with the last that is.
+
+        The plot joins over what is no number, and finds no scale for a curve that begins with that. Where the range is
+        fitted to the curves there is no place below it, and the plot has to join.
+        """
+        if self._lowest is None:
+            return np.where(np.isfinite(values), np.clip(values, -most, most), NAN)
+        drawn: Array = np.clip(values, self._lowest, most)
+        known = np.flatnonzero(np.isfinite(drawn))
+        before_end = drawn[: known[-1] + 1 if len(known) else 1]
+        before_end[np.isnan(before_end)] = self._lowest - 1.0
+        return drawn
+
+
+def _series(label: str, stroke: str, width: float, dash: tuple[float, ...]) -> dict[str, Any]:
+    return {"label": label, "stroke": stroke, "width": width, "points": {"show": False}} | (
+        {"dash": dash} if dash else {}
+    )
+
+
+def number(value: float, unit: str, digits: int = 2) -> str:
+    """A number with its unit; a dash where it is not known.
+
+    Args:
+        value: That is to be written.
+        unit: Behind it.
+        digits: Behind the point.
+    """
+    if not math.isfinite(value):
+        return "–"
+    return f"{value:.{digits}f} {unit}" if abs(value) < 1e6 else f"over {math.copysign(1e6, value):.0f} {unit}"
+
+
+def style(text: str, css_text: str) -> str:
+    """A piece of text, escaped, in a style."""
+    return f'<span style="{css_text}">{html.escape(text)}</span>'
+
+
+def table(rows: Sequence[Row], heads: tuple[str, str] = ("", "")) -> str:
+    """A table of numbers, with the curves' own lines before their names: it is the plot's legend too.
+
+    Args:
+        rows: From above.
+        heads: Of the second and the third column.
+    """
+    right = "text-align:right;white-space:nowrap"
+    head = ""
+    if any(heads):
+        cells = "".join(f'<td style="{right}">{text}</td>' for text in heads)
+        head = f'<tr style="color:#555"><td></td>{cells}</tr>'
+    body = "".join(
+        f"<tr><td>{_line(row.curve)} {html.escape(row.name)}</td>"
+        f'<td style="{right}"><b>{html.escape(row.value)}</b></td><td style="{right}">{html.escape(row.more)}</td></tr>'
+        for row in rows
+    )
+    return (
+        '<table style="width:100%;font-variant-numeric:tabular-nums;border-spacing:0 1px;line-height:1.35">'
+        f"{head}{body}</table>"
+    )
+
+
+def _line(curve: Curve | None) -> str:
+    """A piece of a curve."""
+    if curve is None:
+        return '<svg width="26" height="8"></svg>'
+    dash = f' stroke-dasharray="{" ".join(f"{part:g}" for part in DASHES[curve.dash])}"' if DASHES[curve.dash] else ""
+    band = f'<rect width="26" height="8" fill="{faint(curve.colour)}"/>' if curve.band else ""
+    return (
+        f'<svg width="26" height="8">{band}<line x1="0" y1="4" x2="26" y2="4" stroke="{css(curve.colour)}" '
+        f'stroke-width="{curve.width + 1.0:g}"{dash}/></svg>'
+    )

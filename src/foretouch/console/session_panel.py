@@ -1,0 +1,121 @@
+"""What the session is made of: material, operator and grip to choose, its recording, and its end."""
+
+from __future__ import annotations
+
+import html
+import time
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from foretouch.console.palette import BLUE, GREY, VERMILLION, css
+from foretouch.devices import GRIPS, OPERATORS
+from foretouch.robot import MATERIALS
+
+__all__ = ["END", "NO_GRIP", "START_RECORDING", "STOP_RECORDING", "SessionPanel"]
+
+END = "End the session"
+START_RECORDING, STOP_RECORDING = "Start a recording (R)", "Stop the recording (R)"
+NO_GRIP = "none"
+"""The grip of an operator whose hand the force does not move."""
+BY_HAND = (
+    "Material, operator, grip and recording are chosen where the two sides were started: nobody supervises them here."
+)
+CHOICES: dict[str, tuple[str, Sequence[str], str]] = {
+    "material": ("Material", sorted(MATERIALS), "What the robot presses: both sides begin anew"),
+    "operator": ("Operator", OPERATORS, "Who moves the hand: the leader begins anew"),
+    "grip": ("Grip", (NO_GRIP, *GRIPS), "How a hand holds the device that the force moves"),
+}
+"""Of each choice: the label, what there is, and what comes of it."""
+BEGINNING = 20.0
+"""A choice is shown for so long [s] before the session has said that it runs so."""
+
+
+class SessionPanel:
+    """Dropdowns, the recording's button, and the end.
+
+    Args:
+        gui: The viewer's user interface.
+        on_choice: Called with a choice's name and what was chosen.
+        on_record: Called when a recording is to begin or to end.
+        on_end: Called when the session is to end.
+    """
+
+    def __init__(
+        self,
+        gui: Any,
+        on_choice: Callable[[str, str], None],
+        on_record: Callable[[], None],
+        on_end: Callable[[], None],
+    ) -> None:
+        self._on_choice, self._on_record, self._on_end = on_choice, on_record, on_end
+        self._waiting: dict[str, tuple[str, float]] = {}  # what was chosen, until when it is shown [s]
+        self._dropdowns = {
+            name: gui.add_dropdown(label, tuple(options), hint=hint, disabled=True)
+            for name, (label, options, hint) in CHOICES.items()
+        }
+        for name, dropdown in self._dropdowns.items():
+            dropdown.on_update(self._chooser(name))
+        self._record = gui.add_button(START_RECORDING, color=GREY, disabled=True)
+        self._note = gui.add_html("")
+        self._end = gui.add_button(END, color=GREY)
+        self._record.on_click(self._record_clicked)
+        self._end.on_click(self._end_clicked)
+
+    def show(self, runs: dict[str, str], *, offered: bool, recording: str, refused: str) -> None:
+        """Show what runs.
+
+        Args:
+            runs: Material, operator and grip by name, those that are known.
+            offered: Whether somebody follows a choice.
+            recording: File that is written; "" for none.
+            refused: Why the newest choice was not followed; "" where it was.
+        """
+        for name, (chosen, until) in tuple(self._waiting.items()):
+            if refused or runs.get(name) == chosen or time.monotonic() > until:
+                self._waiting.pop(name, None)
+        for name, dropdown in self._dropdowns.items():
+            value = "" if name in self._waiting else runs.get(name, "")
+            if value and value not in dropdown.options:  # of a robot that is no simulation, for example
+                dropdown.options = (*dropdown.options, value)
+            if value and dropdown.value != value:
+                dropdown.value = value
+            if dropdown.disabled == offered:
+                dropdown.disabled = not offered
+        label = STOP_RECORDING if recording else START_RECORDING
+        if self._record.label != label:
+            self._record.label, self._record.color = label, BLUE if recording else GREY
+        if self._record.disabled == offered:
+            self._record.disabled = not offered
+        self._write(offered, recording, refused)
+
+    def ending(self) -> None:
+        """Show that the session ends."""
+        self._end.label = "The session ends"
+        self._end.disabled = True
+
+    def _write(self, offered: bool, recording: str, refused: str) -> None:
+        lines = [] if offered else [f'<span style="color:#555">{BY_HAND}</span>']
+        if offered:
+            what = f"Recording: {html.escape(recording)}" if recording else "Nothing is recorded."
+            lines.append(f'<span style="color:#555">{what}</span>')
+            lines += [f"<b>Begins anew with {html.escape(chosen)} …</b>" for chosen, _ in self._waiting.values()]
+        if refused:
+            lines.append(f'<b style="color:{css(VERMILLION)}">Not chosen: {html.escape(refused)}</b>')
+        text = f'<div style="padding:2px 12px;overflow-wrap:anywhere">{"<br>".join(lines)}</div>'
+        if self._note.content != text:
+            self._note.content = text
+
+    def _chooser(self, name: str) -> Callable[[Any], Any]:
+        async def chosen(event: Any) -> None:
+            if event.client is not None:  # None: the program set it
+                value = str(event.target.value)
+                self._waiting[name] = (value, time.monotonic() + BEGINNING)
+                self._on_choice(name, value)
+
+        return chosen
+
+    async def _record_clicked(self, event: Any) -> None:
+        self._on_record()
+
+    async def _end_clicked(self, event: Any) -> None:
+        self._on_end()

@@ -1,0 +1,104 @@
+"""The time that a plot shows: forces, energy and delay of the last seconds, in as many points as can be seen."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["CONTACT_FLOOR", "Array", "Window", "empty_window", "window_of"]
+
+Array = NDArray[np.float64]
+NAN = math.nan
+CONTACT_FLOOR = 0.05
+"""True force [N] above which a sample counts for the errors shown."""
+LARGEST_GAP = 50
+"""Commands in a row without a true force that a line may bridge."""
+
+
+class Window(NamedTuple):
+    """What happened on the leader's time; all arrays have one length.
+
+    Attributes:
+        time: Seconds before the newest leader tick, not positive, increasing.
+        predicted: Force of the model at the hand's motion [N]; NaN while hand and robot are apart.
+        delayed: Force of the newest telemetry that had arrived [N].
+        true: Force that the follower's sensor measured when it applied this very command [N]; NaN where not yet known.
+        prediction_error: RMSE of `predicted` over the samples in contact, in % of the RMS of the true force there; NaN
+            with none. It is taken over all ticks, not over the points returned.
+        delayed_error: The same of `delayed`.
+        deviation: Standard deviation of `predicted` [N]; NaN where the model carries no doubt.
+        rendered: What the hand was given after the clamps [N].
+        energy: That the hand has put into the rendered force in this contact [J].
+        energy_bound: That it may have given out at most [J].
+        round_trip: How old the hand's motion is that the newest telemetry answers [s]; NaN before the first.
+    """
+
+    time: Array
+    predicted: Array
+    delayed: Array
+    true: Array
+    prediction_error: float
+    delayed_error: float
+    deviation: Array
+    rendered: Array
+    energy: Array
+    energy_bound: Array
+    round_trip: Array
+
+
+def empty_window() -> Window:
+    """Of a session that has said nothing."""
+    none = np.empty(0)
+    return Window(none, none, none, none, NAN, NAN, none, none, none, none, none)
+
+
+def window_of(sequence: NDArray[np.int64], columns: Array, now: float, seconds: float, points: int) -> Window:
+    """The seconds before a moment, thinned to what can be drawn.
+
+    Args:
+        sequence: Of the leader's ticks, increasing, shape (n,).
+        columns: Leader time [s], predicted, delayed force, deviation, rendered force [N], energy, its bound [J], round
+            trip [s] and true force [N], shape (n, 9).
+        now: The moment, on the leader's time [s].
+        seconds: How far back.
+        points: At most so many.
+    """
+    time = columns[:, 0] - now
+    inside = (time >= -seconds) & (time <= 0.0)
+    sequence, columns, time = sequence[inside], columns[inside], time[inside]
+    if len(sequence) == 0:
+        return empty_window()
+    true = columns[:, 8]
+    contact = (true > CONTACT_FLOOR) & np.isfinite(columns[:, 1])
+    prediction_error, delayed_error = (_error(columns[contact, column], true[contact]) for column in (1, 2))
+    stride = 1 << max(0, math.ceil(math.log2(len(sequence) / points)))  # a power of two: it seldom changes
+    shown = sequence % stride == 0
+    true = _bridged(sequence, true)[shown]
+    drawn = columns[shown].T
+    return Window(
+        time[shown], drawn[1], drawn[2], true, prediction_error, delayed_error, drawn[3], drawn[4], drawn[5], drawn[6],
+        drawn[7],
+    )  # fmt: skip
+
+
+def _error(force: Array, true: Array) -> float:
+    """RMSE in % of the true force's RMS; NaN without samples."""
+    if len(true) == 0:
+        return NAN
+    return float(100.0 * np.sqrt(np.mean((force - true) ** 2) / np.mean(true**2)))
+
+
+def _bridged(sequence: NDArray[np.int64], true: Array) -> Array:
+    """The true force with straight lines over commands that were never applied, where only a few are missing."""
+    known = np.flatnonzero(np.isfinite(true))
+    if len(known) == 0:
+        return true
+    after = np.searchsorted(known, np.arange(len(true)))
+    here = known[np.minimum(after, len(known) - 1)]
+    before = known[np.maximum(after - 1, 0)]
+    between = (after > 0) & (after < len(known)) & (sequence[here] - sequence[before] <= LARGEST_GAP)
+    bridged: Array = np.interp(sequence, sequence[known], true[known])
+    return np.where(np.isfinite(true), true, np.where(between, bridged, NAN))
