@@ -69,6 +69,11 @@ def open_page(url: str, width: int = 1000, height: int = 720) -> Iterator[tuple[
             browser.close()
 
 
+def open_tab(page: Any, name: str) -> None:
+    """Show one of the panel's tabs."""
+    page.get_by_role("tab", name=name).click()
+
+
 def on_screen(page: Any, point: tuple[float, float, float]) -> tuple[float, float]:
     """Where a point of the scene is on the page [pixels], seen by the camera that nobody has moved yet."""
     box = _scene_box(page)
@@ -131,6 +136,17 @@ def kill_tab(page: Any) -> None:
     for process in processes:
         if process["type"] == "renderer":
             os.kill(process["id"], signal.SIGKILL)
+
+
+def plot_columns(page: Any, label: str) -> list[np.ndarray]:
+    """The columns of the plot that has a curve of this label, as the browser holds them; NaN where there is none."""
+    columns = page.evaluate(
+        "label => Array.from(Object.values(window.__viserTestpoints.uplots).map(one => one.chart)"
+        ".find(chart => chart.series.some(series => series.label === label)).data,"
+        " column => Array.from(column, value => Number.isFinite(value) ? value : null))",
+        label,
+    )
+    return [np.array([np.nan if value is None else value for value in column]) for column in columns]
 
 
 def plot_data(page: Any) -> list[np.ndarray]:

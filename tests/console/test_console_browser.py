@@ -18,6 +18,7 @@ from console_driver import (
     drag_handle,
     held_handle,
     open_page,
+    open_tab,
     plot_data,
 )
 
@@ -74,7 +75,8 @@ def test_page_comes_up_and_says_what_to_do(bench):
         "Contact force [N], drawn up to 15 N",
         "Delay there [s]",
         "Delay back [s]",
-        "End the session",
+        "Round trip as measured [ms]",
+        "emergency stop",
         "error, last 6 s",
     ):
         assert bench.page.get_by_text(text).first.is_visible(), text
@@ -154,7 +156,7 @@ def test_dragging_up_lifts_and_begins_where_the_hand_is(bench):
 def test_the_clutch_is_pressed_and_let_go_by_keyboard(bench):
     sent = len(bench.session.of(Handle))
     clutch = bench.page.get_by_role("button", name="Clutch")
-    assert clutch.inner_text() == "Clutch"
+    assert clutch.inner_text() == "Clutch (C)"
     clutch.focus()
     bench.page.keyboard.press("Enter")
     bench.wait_for(lambda: bench.session.clutched)
@@ -163,10 +165,9 @@ def test_the_clutch_is_pressed_and_let_go_by_keyboard(bench):
     bench.page.wait_for_timeout(1500)
     assert bench.session.clutched  # it goes on saying so: silence would let the clutch go
     assert len(bench.session.of(Handle)) > sent + 3
-    clutch.focus()
-    bench.page.keyboard.press("Space")
+    bench.page.keyboard.press("c")
     bench.wait_for(lambda: not bench.session.clutched)
-    bench.wait_for(lambda: clutch.inner_text() == "Clutch")
+    bench.wait_for(lambda: clutch.inner_text() == "Clutch (C)")
     messages = bench.session.of(Handle)[sent:]
     assert not any(message.held for message in messages)
     assert not messages[-1].clutched
@@ -193,12 +194,16 @@ def test_the_emergency_stop_asks_until_the_robot_has_stopped_and_shows_its_relea
     assert bench.session.of(Stop) == []
 
 
-@pytest.mark.parametrize("way", ["Escape", "Tab and Enter"])
+@pytest.mark.parametrize("way", ["Escape", "Space", "Space on another button", "Tab and Enter"])
 def test_the_keyboard_reaches_the_emergency_stop(bench, way):
     asked = len(bench.session.of(EmergencyStop))
     bench.page.evaluate("document.body.tabIndex = -1; document.body.focus()")
-    if way == "Escape":
-        bench.page.keyboard.press("Escape")
+    handles = len(bench.session.of(Handle))
+    if way in ("Escape", "Space"):
+        bench.page.keyboard.press(way)
+    elif way == "Space on another button":
+        bench.page.get_by_role("button", name="Clutch").focus()
+        bench.page.keyboard.press("Space")
     else:
         for _ in range(4):  # the viewer's own buttons come before
             bench.page.keyboard.press("Tab")
@@ -210,6 +215,7 @@ def test_the_keyboard_reaches_the_emergency_stop(bench, way):
     bench.page.get_by_role("button", name=LATCHED).wait_for()
     bench.session.status = Status.FOLLOWING
     bench.page.get_by_role("button", name=READY).wait_for()
+    assert len(bench.session.of(Handle)) == handles  # the other button was not pressed
 
 
 def test_the_emergency_stop_is_the_largest_button_and_never_out_of_sight(bench):
@@ -221,6 +227,7 @@ def test_the_emergency_stop_is_the_largest_button_and_never_out_of_sight(bench):
         if (box := button.bounding_box())
     }
     assert max(area, key=area.__getitem__) == READY
+    open_tab(page, "Session")
     end = page.get_by_role("button", name="End the session")
     for down in (True, False):  # the panel scrolls, to the end and back
         page.evaluate(
@@ -236,15 +243,23 @@ def test_the_emergency_stop_is_the_largest_button_and_never_out_of_sight(bench):
     assert page.locator("[data-dock-region-collapse]:visible, [data-dock-minimize]:visible").count() == 0
 
 
-def test_a_slider_sets_a_delay_and_leaves_the_other(bench):
-    boxes = bench.page.locator("input[type=text]").all()
+def test_a_slider_sets_a_delay_or_a_fault_and_leaves_the_others(bench):
+    open_tab(bench.page, "Network")
+    boxes = bench.page.locator("input[type=text]:visible").all()
     values = [box.input_value() for box in boxes]
-    assert values[:2] == ["0.08", "0.3"]  # where the session began
+    assert values[:5] == ["0.08", "0.3", "0", "0", "0"]  # where the session began
     assert bench.session.of(Settings) == []
-    boxes[1].fill("0.75")
-    boxes[1].press("Enter")
-    bench.wait_for(lambda: bench.session.of(Settings) and bench.session.of(Settings)[-1].force_delay == 0.75)
-    assert bench.session.of(Settings)[-1].position_delay == pytest.approx(0.08)
+    for number, text in ((1, "0.75"), (3, "0.2"), (2, "0.01")):
+        boxes[number].fill(text)
+        boxes[number].press("Enter")
+        bench.wait_for(lambda: bench.session.of(Settings))
+    wanted = (0.08, 0.75, 0.01, 0.2, 0.0)
+
+    def said() -> tuple[float, ...]:
+        newest = bench.session.of(Settings)[-1]
+        return (newest.position_delay, newest.force_delay, newest.jitter, newest.loss, newest.outage)
+
+    bench.wait_for(lambda: said() == pytest.approx(wanted))
 
 
 def test_no_request_leaves_the_machine(bench):
@@ -254,6 +269,7 @@ def test_no_request_leaves_the_machine(bench):
 
 def test_the_end_button_ends(bench):
     assert bench.session.of(Stop) == []
+    open_tab(bench.page, "Session")
     bench.page.get_by_role("button", name="End the session").click()
     bench.wait_for(lambda: len(bench.session.of(Stop)) == 1)
     assert bench.session.of(Stop)[0].reason

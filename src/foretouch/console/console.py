@@ -88,7 +88,7 @@ class Console:
         self._speech = Speech(publish)
         self._hold = Hold(self._watched, self._speech)
         self._library = Library(Path(recordings))
-        self._said: tuple[str, ...] = ()  # what the panel was introduced with
+        self._said: dict[str, str] = {}  # what the panel was introduced with
         port = port or free_port(host)
         with contextlib.redirect_stdout(io.StringIO()):  # viser greets on stdout, which belongs to the report
             self._server: Any = viser.ViserServer(host=host, port=port, verbose=False)
@@ -289,13 +289,12 @@ class Console:
             refused=settings.get("refused", ""),
         )
         self._panel.network.offer(live)
-        said = tuple(settings.get(name, "") for name in SAID)
+        said = {name: settings.get(name, "") for name in SAID}
         if said == self._said or not settings.keys() >= INTRODUCTION:
             return
-        moved = said[: len(NetworkFaults._fields)] != self._said[: len(NetworkFaults._fields)]
+        new = [name for name in NetworkFaults._fields if said[name] != self._said.get(name)]
         self._said = said
-        if moved:
-            self._panel.network.put(NetworkFaults(*(watched.setting(name, 0.0) for name in NetworkFaults._fields)))
+        self._panel.network.put({name: watched.setting(name, 0.0) for name in new})
         self._panel.offer_clutch(self._by_mouse)
         instruction = INSTRUCTION if self._by_mouse else f"Watch the {watched.operator} operator press."
         self._panel.instruct(instruction, felt(watched.grip, self._by_mouse))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -69,9 +69,13 @@ class NetworkPanel:
         self._text = gui.add_html("")
         self._loss = TimePlot(gui, "Messages lost [%]", (THERE, BACK), height=120)
 
-    def put(self, faults: NetworkFaults) -> None:
-        """Put the sliders where the session is, without telling the session."""
-        for name, value in faults._asdict().items():
+    def put(self, faults: Mapping[str, float]) -> None:
+        """Put sliders where the session is, without telling the session.
+
+        Args:
+            faults: By name, as in `NetworkFaults`.
+        """
+        for name, value in faults.items():
             self._sliders[name].value = min(max(value, 0.0), SLIDERS[name][1])
 
     def offer(self, offered: bool) -> None:
