@@ -56,6 +56,19 @@ def test_both_reports_and_what_differs(logs: tuple[SessionLog, SessionLog]) -> N
     for name, log in zip(("recorded", "replayed"), logs, strict=True):
         assert content[name] == session_report(log)
     assert content["replayed"]["loop"].startswith("open loop")
+
+
+def test_what_the_recording_does_not_say_differs_where_it_has_no_default(logs: tuple[SessionLog, SessionLog]) -> None:
+    recorded, replayed = logs
+    replayed = replace(replayed, settings=replayed.settings | {"loss": "0.0", "jitter": "0.01"})
+    assert compare_replay(recorded, replayed, NOTES)["settings"] == {
+        "force_delay": {"recorded": "0.3", "replayed": "0.6"},
+        "jitter": {"recorded": None, "replayed": "0.01"},
+    }
+
+
+def test_both_reports_can_be_written_as_json(logs: tuple[SessionLog, SessionLog]) -> None:
+    content = compare_replay(*logs, NOTES)
     assert json.loads(json.dumps(content))["contacts"]["replayed"][1]["predicted"] == pytest.approx(10.0, abs=1.0)
 
 

@@ -14,6 +14,7 @@ from foretouch.report.numbers import number
 from foretouch.report.pairs import Pairs, not_scored, pair
 from foretouch.report.scores import score
 from foretouch.report.session import CONTACT_FLOOR, session_report
+from foretouch.session import SessionSettings
 
 __all__ = ["Contact", "compare_replay", "contacts", "hand_begins_ns", "render_replay", "table_rows"]
 
@@ -81,10 +82,11 @@ def compare_replay(recorded: SessionLog, replayed: SessionLog, notes: Sequence[s
         ``recorded`` and ``replayed``, the reports; ``contacts`` of each, as lists of the fields of `Contact`.
     """
     before, after = recorded.settings, replayed.settings
+    defaults = SessionSettings().as_text()  # what the recording does not say is none of the changes if it has these
     differ = {
         name: {"recorded": before.get(name), "replayed": text}
         for name, text in after.items()
-        if before.get(name) != text and name not in _LEFT_OUT
+        if before.get(name, defaults.get(name)) != text and name not in _LEFT_OUT
     }
     return {
         "motion": notes[0],
