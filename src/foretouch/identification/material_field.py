@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from foretouch.identification.conditioning import ContactSample
 from foretouch.identification.estimator import Estimator, Status
-from foretouch.identification.material_field_kernel import UNKNOWNS, laws_of, learn
+from foretouch.identification.material_field_kernel import UNKNOWNS, carry_over, laws_of, learn
 from foretouch.models import FIELD_DEPTH, MOST_NODES, NODE_SPACING, MaterialField, QuadraticContact
 from foretouch.models.checks import require
-from foretouch.models.material_field import LARGEST_LAW
+from foretouch.models.material_field import LARGEST_DEVIATION, LARGEST_LAW
 from foretouch.models.material_field_kernel import CORNERS, HALF, NUMBERS, cell_of
 
 __all__ = ["MaterialFieldLearner"]
@@ -40,11 +40,21 @@ FORGETTING, MEAN_FORGETTING = 2e-3, 5e-5
 SPREAD, FREEDOM = 1.0, 0.3
 """Standard deviation of a place from the mean law, in shares of its force: of all of it alike, and of each unknown."""
 
+TOGETHER = 0.8
+"""Correlation of what nodes that begin together have in common."""
+
+CHANGED_SPREAD = 4.0
+"""A place that has changed is so many times as doubtful as a new one."""
+
 DEPTH_STEP, WAY_STEP = 2e-5, 1e-4
 """A sample less than this deeper or shallower [m], and less than this aside [m], than the last says nothing new."""
 
 FEWEST_UPDATES = 20
-"""No force is rendered from fewer samples, and no node is made."""
+"""No force is rendered from fewer samples."""
+
+MEAN_UPDATES = 300
+"""Nodes are made once the mean law is surer than they will be, or after so many samples: what it does not know of its
+own numbers would else be taken for differences of places."""
 
 LEAST_WEIGHT = 1e-3
 """A node with less weight is not made for it."""
@@ -55,8 +65,11 @@ LARGEST_DEPTH, LARGEST_SPEED, LARGEST_FORCE = 0.1, 5.0, 1e4
 LARGEST_UNKNOWN = 1e7
 """An estimate beyond this [N] is none."""
 
-SURPRISING, SURPRISE_RATE, SURPRISE_LIMIT = 16.0, 0.05, 0.8
-"""Where so many of the last 20 samples are further off than four deviations, the material has changed."""
+MISFIT_RATE, LARGEST_RATIO = 0.02, 9.0
+"""Of the running mean of squared innovations over what was expected of them, by which the noise is larger."""
+
+SURPRISING, SURPRISE_RATE, SURPRISE_LIMIT = 36.0, 0.05, 0.8
+"""Where so many of the last 20 samples are further off than six deviations, the material has changed."""
 
 
 class MaterialFieldLearner(Estimator):
@@ -68,15 +81,18 @@ class MaterialFieldLearner(Estimator):
         h_n = w_n \left(\frac{x}{x_0}, \frac{x^2}{x_0^2}, \frac{x \dot x}{x_0 v_0}\right)
 
     the Kalman filter of the 24 unknowns of the eight nodes about the point p that is touched, with the trilinear
-    weights w. What it would know of two nodes together is dropped after each sample: each keeps a covariance of its
-    own, updated in the form of Joseph with the noise and the doubt of the other seven. Dropping it overstates the doubt
-    of a blend, for what is dropped says that if one node is stiffer, its neighbours are softer.
+    weights w, with their joint covariance in the form of Joseph. Of a pair of nodes it is kept while both are about
+    the probe; of those that it leaves each keeps the covariance of its own three unknowns. Dropping the rest overstates
+    the doubt of a blend, for what is dropped says that if one node is stiffer, its neighbour is softer; dropping it at
+    every sample would take what one sample says of eight nodes together for news of each.
 
     A new node begins as the **mean law**, which is learnt from all samples alike, with a standard deviation of 100 %
-    common to its numbers and 30 % of each by itself. A node that was hardly touched begins so again when the probe
-    comes back. Samples that are further off than three standard deviations weigh less; where most of 20 are further off
-    than four, the place has changed and the nodes about it become as doubtful as new ones. What is known of a node is
-    forgotten by samples taken there: by 1/e in 500. No covariance has more trace than at first.
+    common to its numbers, correlated by 0.8 with those of nodes that begin with it, and 30 % of each by itself. A node
+    that was hardly touched begins so again when the probe comes back. Samples that are further off than three standard
+    deviations weigh less; where most of 20 are further off than six, the place has changed and the nodes about it begin
+    anew, four times as doubtful. Where innovations are larger than expected for longer, as at the edge of an inclusion
+    that no blend can follow, the noise counts as that much larger. What is known of a node is forgotten by samples
+    taken there: by 1/e in 500. No covariance has more trace than at first.
 
     Samples teach in contact only, and only where depth or place has changed since the last; a held position does not.
     Of 1,024 nodes the one that was touched longest ago makes room for a new one.
@@ -118,7 +134,9 @@ class MaterialFieldLearner(Estimator):
         self._cell = -1
         self._point = (0.0, 0.0, 0.0)
         self._last = (math.inf, 0.0, 0.0, 0.0)  # depth and point of the newest sample that taught
+        self._joint = np.zeros((CORNERS * UNKNOWNS, CORNERS * UNKNOWNS))
         self._surprise = 0.0
+        self._misfit = 1.0
         self._field: MaterialField | None = None
         self.updates = 0
         self.changes = 0
@@ -140,14 +158,23 @@ class MaterialFieldLearner(Estimator):
         regressor = (share, share * share, share * velocity / REFERENCE_SPEED)
         noise = FORCE_NOISE**2 + (SHARE_NOISE * force) ** 2
         learn(
-            self._mean, self._mean_covariance, self._mean_limit, _FIRST, _ALL, regressor, force, noise, MEAN_FORGETTING
+            self._mean,
+            self._mean_covariance,
+            self._mean_limit,
+            _FIRST,
+            _ALL,
+            self._mean_covariance[0],
+            regressor,
+            force,
+            noise,
+            MEAN_FORGETTING,
         )
         self._field = None
         self.updates += 1
         if not abs(float(self._mean[0, 0])) + abs(float(self._mean[0, 1])) < LARGEST_UNKNOWN:
             self.reset()
             return Status.RESTARTED
-        if self.updates < FEWEST_UPDATES:
+        if not (self._places or self._mean_is_known()):
             return Status.LEARNT
         self._find_nodes()
         ratio = learn(
@@ -156,9 +183,10 @@ class MaterialFieldLearner(Estimator):
             self._limits,
             self._at,
             self._weights,
+            self._joint,
             regressor,
             force,
-            noise,
+            noise * max(self._misfit, 1.0),
             FORGETTING,
         )
         self._touched[self._at[self._at >= 0]] = self.updates
@@ -184,16 +212,22 @@ class MaterialFieldLearner(Estimator):
         entered, self._cell = cell != self._cell, cell
         if not entered and not ((self._at < 0) & (self._weights > LEAST_WEIGHT)).any():
             return
+        before = self._at.copy()
         fresh, spread = self._fresh()
         trace = float(np.trace(spread))
+        begun = []
         for corner, (code, weight) in enumerate(zip(self._about.tolist(), self._weights.tolist(), strict=True)):
             node = self._places.get(code, -1)
             if node < 0 and weight > LEAST_WEIGHT:
                 node = self._room_for(code)
                 self._begin(node, fresh, spread, trace)
-            elif node >= 0 and entered and float(np.trace(self._covariance[node])) > trace:
+                begun.append(corner)
+            elif node >= 0 and node not in before and float(np.trace(self._covariance[node])) > trace:
                 self._begin(node, fresh, spread, trace)
+                begun.append(corner)
             self._at[corner] = node
+        self._joint = carry_over(self._covariance, before, self._at, self._joint)
+        self._tie(begun, fresh, 1.0)
 
     def _room_for(self, code: int) -> int:
         """A row for a new node: a free one, or that of the node touched longest ago."""
@@ -209,24 +243,48 @@ class MaterialFieldLearner(Estimator):
     def _begin(self, node: int, fresh: Array, spread: Array, trace: float) -> None:
         self._theta[node], self._covariance[node], self._limits[node] = fresh, spread, trace
 
+    def _tie(self, corners: list[int], fresh: Array, factor: float) -> None:
+        """Nodes that begin together are likely to be stiffer than the mean, or softer, together."""
+        common = TOGETHER * (factor * SPREAD) ** 2 * np.outer(fresh, fresh)
+        for one in corners:
+            for other in corners:
+                if one != other:
+                    rows, columns = UNKNOWNS * one, UNKNOWNS * other
+                    self._joint[rows : rows + UNKNOWNS, columns : columns + UNKNOWNS] = common
+
     def _fresh(self) -> tuple[Array, Array]:
         """What is believed of a place that has not been touched, and its covariance."""
         mean = np.maximum(self._mean[0], 0.0)
         force = max(float(mean[0] + mean[1]), FORCE_NOISE)
         own = np.square(FREEDOM * force * np.array([1.0, 1.0, FREEDOM]))
-        return mean, self._mean_covariance[0] + SPREAD**2 * np.outer(mean, mean) + np.diag(own)
+        return mean, SPREAD**2 * np.outer(mean, mean) + np.diag(own)
+
+    def _mean_is_known(self) -> bool:
+        """Whether the mean law is good enough to begin with nodes."""
+        if self.updates < FEWEST_UPDATES:
+            return False
+        return self.updates >= MEAN_UPDATES or bool(
+            np.trace(self._mean_covariance[0]) < FREEDOM**2 * np.trace(self._fresh()[1])
+        )
 
     def _judge(self, ratio: float) -> Status:
         """Whether the place is what it was."""
-        surprised = 1.0 if ratio > SURPRISING else 0.0
+        before = self._misfit
+        self._misfit += MISFIT_RATE * (min(ratio, LARGEST_RATIO) * max(before, 1.0) - before)
+        surprised = 1.0 if ratio * max(before, 1.0) > SURPRISING else 0.0
         self._surprise += SURPRISE_RATE * (surprised - self._surprise)
         if self._surprise < SURPRISE_LIMIT:
             return Status.LEARNT
         self._surprise = 0.0
         self.changes += 1
-        _, spread = self._fresh()
-        for node in self._at[self._at >= 0].tolist():
-            self._covariance[node], self._limits[node] = spread, float(np.trace(spread))
+        self._misfit = 1.0
+        fresh, spread = self._fresh()
+        spread *= CHANGED_SPREAD**2
+        corners = np.flatnonzero(self._at >= 0).tolist()
+        for corner in corners:
+            self._begin(int(self._at[corner]), fresh, spread, float(np.trace(spread)))
+        self._joint = carry_over(self._covariance, _NONE, self._at, self._joint)
+        self._tie(corners, fresh, CHANGED_SPREAD)
         return Status.CHANGED
 
     def _laws(self, at: NDArray[np.int64]) -> Array:
@@ -241,7 +299,7 @@ class MaterialFieldLearner(Estimator):
         laws_of(self._mean, self._mean_covariance, _FIRST, SCALES, FIELD_DEPTH, _LARGEST, out)
         _, spread = self._fresh()
         slope = np.array([SCALES[0], 2.0 * FIELD_DEPTH * SCALES[1], 0.0])
-        out[0, 3] = math.sqrt(float(slope @ spread @ slope))
+        out[0, 3] = min(math.sqrt(float(slope @ (spread + self._mean_covariance[0]) @ slope)), LARGEST_DEVIATION)
         row: Array = out[0]
         return row
 
@@ -267,7 +325,7 @@ class MaterialFieldLearner(Estimator):
         known = nodes >= 0
         laws = self._laws(nodes[known])[:, :UNKNOWNS]
         a, b, c = weights[known] @ laws + (1.0 - float(weights[known].sum())) * self._mean_law()[:UNKNOWNS]
-        return QuadraticContact(float(a), float(b), float(c)) if a + b > 0.0 else None
+        return QuadraticContact(*(max(float(value), 0.0) for value in (a, b, c))) if a + b > 0.0 else None
 
     def _here(self) -> tuple[NDArray[np.int64], Array]:
         """The nodes about the point, -1 for those that are not known, and their weights."""
@@ -277,17 +335,20 @@ class MaterialFieldLearner(Estimator):
 
     @property
     def standard_errors(self) -> dict[str, float | None] | None:
-        """Of the law at the point, as if all nodes about it were off to the same side; None before there is one."""
+        """Of the law at the point, with nodes that err independently; None before there is one."""
         if self.model is None:
             return None
         nodes, weights = self._here()
         known = nodes >= 0
         variances = np.einsum("nii->ni", self._covariance[nodes[known]])
-        errors = weights[known] @ np.sqrt(np.maximum(variances, 0.0))
-        errors += (1.0 - float(weights[known].sum())) * np.sqrt(np.diag(self._fresh()[1]))
+        missing = 1.0 - float(weights[known].sum())
+        errors = np.sqrt(
+            np.maximum(np.square(weights[known]) @ variances + missing**2 * np.diag(self._fresh()[1]), 0.0)
+        )
         return dict(zip(QuadraticContact.parameter_names, (errors * SCALES).tolist(), strict=True))
 
 
 _FIRST = np.zeros(1, np.int64)
+_NONE = np.zeros(0, np.int64)
 _ALL = np.ones(1)
 _LARGEST = np.array(LARGEST_LAW)

@@ -11,7 +11,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-__all__ = ["UNKNOWNS", "laws_of", "learn"]
+__all__ = ["UNKNOWNS", "carry_over", "laws_of", "learn"]
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -23,45 +23,76 @@ OUTLIER = 9.0
 """Squared innovations beyond this many variances weigh less."""
 
 
-def _expected(covariance: Array, h: Array, gain: Array) -> float:
-    """P h, written, and h' P h."""
-    total = 0.0
-    for i in range(UNKNOWNS):
-        value = 0.0
-        for j in range(UNKNOWNS):
-            value += covariance[i, j] * h[j]
-        gain[i] = value
-        total += h[i] * value
-    return total
+def _carry_over(covariance: Array, before: Ints, after: Ints, joint: Array) -> Array:
+    """Joint covariance of the nodes about a new place: what is known of each, and of two that were together before.
 
-
-_spread: Callable[[Array, Array, Array], float] = njit(cache=True)(_expected)
-
-
-def _joseph(covariance: Array, h: Array, gain: Array, rest: float, limit: float) -> None:
-    """P <- (I - K h') P (I - K h')' + r K K', kept symmetric and its trace below a limit."""
-    left = np.empty((UNKNOWNS, UNKNOWNS))
-    for i in range(UNKNOWNS):
-        for j in range(UNKNOWNS):
-            left[i, j] = covariance[i, j]
-            for k in range(UNKNOWNS):
-                left[i, j] -= gain[i] * h[k] * covariance[k, j]
-    trace = 0.0
-    for i in range(UNKNOWNS):
-        for j in range(i + 1):
-            value = left[i, j] + rest * gain[i] * gain[j]
-            for k in range(UNKNOWNS):
-                value -= left[i, k] * h[k] * gain[j]
-            covariance[i, j] = covariance[j, i] = value
-        trace += covariance[i, i]
-    if trace > limit:
-        scale = limit / trace
+    Args:
+        covariance: Of all nodes, of shape (n, 3, 3).
+        before: Nodes that `joint` is of; below zero none.
+        after: Nodes that it is to be of.
+        joint: Of shape (3 m, 3 m).
+    """
+    count = after.shape[0]
+    out = np.zeros((UNKNOWNS * count, UNKNOWNS * count))
+    old = np.full(count, -1, np.int64)
+    for n in range(count):
+        if after[n] < 0:
+            continue
+        for m in range(before.shape[0]):
+            if before[m] == after[n]:
+                old[n] = m
         for i in range(UNKNOWNS):
             for j in range(UNKNOWNS):
-                covariance[i, j] *= scale
+                out[UNKNOWNS * n + i, UNKNOWNS * n + j] = covariance[after[n], i, j]
+    for n in range(count):
+        for m in range(count):
+            if n == m or old[n] < 0 or old[m] < 0:
+                continue
+            for i in range(UNKNOWNS):
+                for j in range(UNKNOWNS):
+                    out[UNKNOWNS * n + i, UNKNOWNS * m + j] = joint[UNKNOWNS * old[n] + i, UNKNOWNS * old[m] + j]
+    return out
 
 
-_update_covariance: Callable[[Array, Array, Array, float, float], None] = njit(cache=True)(_joseph)
+carry_over: Callable[[Array, Ints, Ints, Array], Array] = njit(cache=True)(_carry_over)
+"""See `_carry_over`."""
+
+
+def _forget(joint: Array, at: Ints, weights: Array, limits: Array, share: float) -> None:
+    """Enlarge what is doubted of each node by its weight in a share, as far as its limit goes."""
+    for n in range(at.shape[0]):
+        k = UNKNOWNS * n
+        if at[n] < 0 or joint[k, k] + joint[k + 1, k + 1] + joint[k + 2, k + 2] >= limits[at[n]]:
+            continue
+        growth = 1.0 + 0.5 * share * weights[n]
+        for i in range(k, k + UNKNOWNS):
+            for j in range(joint.shape[0]):
+                joint[i, j] *= growth
+                joint[j, i] *= growth
+
+
+_grow: Callable[[Array, Ints, Array, Array, float], None] = njit(cache=True)(_forget)
+
+
+def _joseph(joint: Array, h: Array, gain: Array, noise: float) -> None:
+    """P <- (I - K h') P (I - K h')' + r K K', in products of a matrix and a vector; kept symmetric."""
+    size = h.shape[0]
+    left = np.empty((size, size))
+    along = np.zeros(size)  # of the left product, h
+    for j in range(size):
+        ph = 0.0
+        for k in range(size):
+            ph += h[k] * joint[k, j]
+        for i in range(size):
+            left[i, j] = joint[i, j] - gain[i] * ph
+            along[i] += left[i, j] * h[j]
+    for i in range(size):
+        for j in range(i + 1):
+            value = left[i, j] + gain[j] * (noise * gain[i] - along[i])
+            joint[i, j] = joint[j, i] = value
+
+
+_update_covariance: Callable[[Array, Array, Array, float], None] = njit(cache=True)(_joseph)
 
 
 def _learn(
@@ -70,6 +101,7 @@ def _learn(
     limits: Array,
     at: Ints,
     weights: Array,
+    joint: Array,
     regressor: tuple[float, float, float],
     force: float,
     noise: float,
@@ -79,10 +111,11 @@ def _learn(
 
     Args:
         theta: Of all nodes, of shape (n, 3); written.
-        covariance: Of shape (n, 3, 3); written.
-        limits: Of the traces, of shape (n,).
-        at: Which nodes are about the sample; below zero none.
+        covariance: Of each by itself, of shape (n, 3, 3); written.
+        limits: Of their traces, of shape (n,).
+        at: Which nodes are about the sample, of shape (m,); below zero none.
         weights: Of these.
+        joint: Covariance of these, of shape (3 m, 3 m); written.
         regressor: Of one node of weight 1.
         force: Felt [N].
         noise: Its variance [N^2].
@@ -91,44 +124,41 @@ def _learn(
     Returns:
         The innovation's square over its variance.
     """
-    count = at.shape[0]
-    gains = np.empty((count, UNKNOWNS))
-    own = np.empty(count)
-    h = np.empty(UNKNOWNS)
+    size = joint.shape[0]
+    _grow(joint, at, weights, limits, forgetting)
+    h, gain = np.zeros(size), np.zeros(size)
     predicted, expected = 0.0, noise
-    for n in range(count):
-        node = at[n]
-        if node < 0:
+    for n in range(at.shape[0]):
+        if at[n] < 0:
             continue
-        trace = covariance[node, 0, 0] + covariance[node, 1, 1] + covariance[node, 2, 2]
-        growth = 1.0 + forgetting * weights[n]
         for i in range(UNKNOWNS):
-            h[i] = weights[n] * regressor[i]
-            predicted += h[i] * theta[node, i]
-            if trace * growth < limits[node]:
-                for j in range(UNKNOWNS):
-                    covariance[node, i, j] *= growth
-        own[n] = _spread(covariance[node], h, gains[n])
-        expected += own[n]
+            h[UNKNOWNS * n + i] = weights[n] * regressor[i]
+            predicted += weights[n] * regressor[i] * theta[at[n], i]
+    for i in range(size):
+        for j in range(size):
+            gain[i] += joint[i, j] * h[j]
+        expected += h[i] * gain[i]
     error = force - predicted
     ratio = error * error / expected
     if ratio > OUTLIER:
+        noise += error * error / OUTLIER - expected
         expected = error * error / OUTLIER
-    for n in range(count):
-        node = at[n]
-        if node < 0:
+    for i in range(size):
+        gain[i] /= expected
+    _update_covariance(joint, h, gain, noise)
+    for n in range(at.shape[0]):
+        if at[n] < 0:
             continue
         for i in range(UNKNOWNS):
-            h[i] = weights[n] * regressor[i]
-            gains[n, i] /= expected
-            theta[node, i] += gains[n, i] * error
-        _update_covariance(covariance[node], h, gains[n], expected - own[n], limits[node])
+            theta[at[n], i] += gain[UNKNOWNS * n + i] * error
+            for j in range(UNKNOWNS):
+                covariance[at[n], i, j] = joint[UNKNOWNS * n + i, UNKNOWNS * n + j]
     return ratio
 
 
-learn: Callable[[Array, Array, Array, Ints, Array, tuple[float, float, float], float, float, float], float] = njit(
-    cache=True
-)(_learn)
+learn: Callable[[Array, Array, Array, Ints, Array, Array, tuple[float, float, float], float, float, float], float] = (
+    njit(cache=True)(_learn)
+)
 """See `_learn`."""
 
 

@@ -17,7 +17,7 @@ from foretouch.models.quadratic_contact import QuadraticContact
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-__all__ = ["FIELD_DEPTH", "LARGEST_LAW", "MOST_NODES", "NODE_SPACING", "MaterialField"]
+__all__ = ["FIELD_DEPTH", "LARGEST_DEVIATION", "LARGEST_LAW", "MOST_NODES", "NODE_SPACING", "MaterialField"]
 
 NODE_SPACING = 6e-3
 """Between two nodes [m]."""
@@ -131,8 +131,8 @@ class MaterialField:
             point: In the fixture's frame [m], three numbers; one that is not finite is known to be nowhere.
 
         Returns:
-            The law; the standard deviation of its local stiffness at 2 mm [N/m], in which nodes count as all wrong to
-            the same side; and whether any node about the place is known.
+            The law; the standard deviation of its local stiffness at 2 mm [N/m], in which the errors of nodes count as
+            independent and those of unknown ones as one; and whether any node about the place is known.
         """
         x, y, z = point
         if not (math.isfinite(x) and math.isfinite(y) and math.isfinite(z)):

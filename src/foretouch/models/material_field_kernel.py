@@ -72,22 +72,25 @@ def _blend(
     """
     about, weights = np.empty(CORNERS, np.int64), np.empty(CORNERS)
     cell_of(x, y, z, spacing, about, weights)
-    a = b = c = deviation = known = 0.0
+    a = b = c = variance = known = 0.0
     for corner in range(CORNERS):
         share = weights[corner]
         if share <= 0.0:
             continue
         at = np.searchsorted(codes, about[corner])
-        if at < codes.shape[0] and codes[at] == about[corner]:
-            node = values[at]
-            known += share
-        else:
-            node = unknown
+        if at == codes.shape[0] or codes[at] != about[corner]:
+            continue
+        node = values[at]
+        known += share
         a += share * node[0]
         b += share * node[1]
         c += share * node[2]
-        deviation += share * node[3]
-    return a, b, c, deviation, known
+        variance += (share * node[3]) ** 2
+    missing = 1.0 - known if known < 1.0 else 0.0
+    a += missing * unknown[0]
+    b += missing * unknown[1]
+    c += missing * unknown[2]
+    return a, b, c, math.sqrt(variance + (missing * unknown[3]) ** 2), known
 
 
 blend: Callable[[Codes, Array, Array, float, float, float, float], tuple[float, float, float, float, float]] = njit(
