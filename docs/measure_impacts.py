@@ -33,6 +33,10 @@ from foretouch.robot.materials.relaxing_contact import RelaxingContact
 from foretouch.session import SessionSettings, simulate
 from foretouch.session.safety import Safety, SafetyLimits
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "session"))  # as the tests press
+
+from pressed import safe_position
+
 PAGE = Path(__file__).parent / "safety.md"
 IMAGE = Path(__file__).parent / "images" / "safety-impacts.png"
 TICK = 1e-3
@@ -79,20 +83,11 @@ class Guarded:
 
     def tick(self, wanted: float, *, silent: bool = False) -> float:
         """One tick; the force after it [N]."""
-        sample, self.ticks = self.sample, self.ticks + 1
+        self.ticks += 1
         self.silence = self.silence + TICK if silent else 0.0
         if not self.raw:
-            force = sample.sensor_force - self.arm.specification.tool_force(sample.acceleration)
-            felt = self.conditioner.update(TICK * self.ticks, sample.position, force)
-            wanted = self.safety.update(
-                wanted,
-                sample.position,
-                felt.force,
-                felt.in_contact,
-                surface=self.conditioner.surface,
-                silence=self.silence,
-                faulty=False,
-            )
+            layers, now = (self.conditioner, self.safety), TICK * self.ticks
+            wanted, _ = safe_position(self.arm, self.sample, layers, wanted, now, silence=self.silence)
         self.sample = self.arm.exchange(wanted)
         return self.sample.exact_force
 

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from foretouch.cli.options import Connect, Insecure, KeysFolder, Listen, say
+from foretouch.cli.signatures import with_parameters
 from foretouch.errors import LinkError
 
 if TYPE_CHECKING:
@@ -62,9 +63,7 @@ def with_endpoints(command: Callable[..., None]) -> Callable[..., None]:
         for one in own
         for parameter in (options if one.name == "endpoints" else (one,))
     ]
-    run.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
-    run.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
-    return run
+    return with_parameters(run, parameters)
 
 
 def open_link(

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 from os import PathLike
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from foretouch.comparison.simulated import SIMULATED, simulate
 from foretouch.comparison.truth import Truth
@@ -60,7 +60,7 @@ class Loaded(NamedTuple):
     log: SessionLog | None = None
 
 
-def file_case(path: str | PathLike[str], **units: object) -> Case:
+def file_case(path: str | PathLike[str], **units: Any) -> Case:
     """A recording in a file.
 
     Args:
@@ -72,7 +72,7 @@ def file_case(path: str | PathLike[str], **units: object) -> Case:
     """
     file = Path(path)
     changed = file.stat().st_mtime_ns if file.is_file() else 0
-    return Case(str(path), changed_ns=changed, **units)  # type: ignore[arg-type]
+    return Case(str(path), changed_ns=changed, **units)
 
 
 def simulated_case(name: str) -> Case:

@@ -83,7 +83,7 @@ class Hand(Device):
         self._now_ns = 0
 
     @property
-    def name(self) -> str:  # type: ignore[override]  # one hand for every operator
+    def name(self) -> str:  # type: ignore[override]  # of the class elsewhere; a hand has its operator's
         """Name of the intention."""
         return self._intention.name
 

@@ -58,16 +58,16 @@ class Estimator(ABC):
     def trust_surface(self, trusted: bool) -> None:  # noqa: B027 - most estimators take the surface as given
         """Told by the learner, before the first sample, whether somebody has stated where the surface is."""
 
-    def move_surface(self, change: float) -> None:  # noqa: B027
+    def move_surface(self, change: float) -> None:  # noqa: B027 - who keeps no depths has none to move
         """Told by the learner that depths count from a surface that is deeper by `change` [m] from now on."""
 
     def finish(self) -> None:  # noqa: B027 - most have learnt all that there is
         """Told that no more samples come: `model` is to be that of all samples."""
 
-    def expect_delay(self, delay: float) -> None:  # noqa: B027
+    def expect_delay(self, delay: float) -> None:  # noqa: B027 - most learn alike for every delay
         """Told by those who predict how late the model is used [s], where they know."""
 
-    def move_offset(self, change: float) -> None:  # noqa: B027
+    def move_offset(self, change: float) -> None:  # noqa: B027 - who keeps no forces has none to move
         """Told by the learner that forces count from an offset that is larger by `change` [N] from now on."""
 
     @property

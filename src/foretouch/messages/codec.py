@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import msgspec
 
@@ -14,7 +14,7 @@ __all__ = ["decode", "encode"]
 M = TypeVar("M", bound=Message)
 
 _encoder = msgspec.msgpack.Encoder()
-_decoders: dict[type[Message], msgspec.msgpack.Decoder[Message]] = {}
+_decoders: dict[type[Message], msgspec.msgpack.Decoder[Any]] = {}
 LARGEST_MESSAGE = 65_536
 """Longer byte strings [bytes] are refused unread."""
 
@@ -41,7 +41,7 @@ def decode(data: bytes, kind: type[M]) -> M:
     if decoder is None:
         decoder = _decoders[kind] = msgspec.msgpack.Decoder(kind)
     try:
-        message = decoder.decode(data)
+        message: M = decoder.decode(data)
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
         theirs = _version_of(data)
         if theirs is not None and theirs != VERSION:
@@ -49,7 +49,7 @@ def decode(data: bytes, kind: type[M]) -> M:
         raise DecodeError(f"not a {kind.__name__}: {error}") from None
     if message.version != VERSION:
         raise PeerVersionError(message.version, VERSION)
-    return message  # type: ignore[return-value]
+    return message
 
 
 def _version_of(data: bytes) -> int | None:

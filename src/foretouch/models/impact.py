@@ -154,8 +154,7 @@ def integrate_impact(
         return 0.5 * (1.0 - _LEFT) - float(state[2]) if allow_tension else 1.0
 
     for event, ends in ((surface, True), (turning, False), (pulling, False), (stuck, True)):
-        event.terminal = ends  # type: ignore[attr-defined]  # how SciPy wants to be told
-        event.direction = -1.0  # type: ignore[attr-defined]
+        vars(event).update(terminal=ends, direction=-1.0)  # attributes of a function: how SciPy wants to be told
     solution: Any = solve_ivp(
         rates,
         (0.0, _LONGEST),
