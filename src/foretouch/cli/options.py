@@ -13,6 +13,7 @@ from typing import Annotated, Any
 
 import typer
 
+from foretouch.cli.signatures import with_parameters
 from foretouch.errors import SettingError
 
 __all__ = [
@@ -240,9 +241,7 @@ def with_session_settings(**defaults: object) -> Callable[[Callable[..., None]],
             for name in names
         ]
         parameters = [parameter.replace(kind=inspect.Parameter.KEYWORD_ONLY) for parameter in own] + shared
-        run.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
-        run.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
-        return run
+        return with_parameters(run, parameters)
 
     return decorate
 
@@ -250,5 +249,6 @@ def with_session_settings(**defaults: object) -> Callable[[Callable[..., None]],
 def _option(name: str, panel: str, default: object) -> inspect.Parameter:
     """One of `SESSION_OPTIONS` as an argument of a command."""
     kind, _, text = SESSION_OPTIONS[name]
+    # The type is a value of the table: no checker can follow it, Typer does.
     option = Annotated[kind, typer.Option(help=text, rich_help_panel=panel)]  # type: ignore[valid-type]
     return inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=option)
