@@ -170,6 +170,13 @@ SESSION_OPTIONS: dict[str, tuple[type, object, str]] = {
     "unload_after": (float, 0.5, "And after which it does what --on-silence says [s]."),
     "on_silence": (str, "unload", "unload: go back until next to nothing is felt; retreat: go out the way in."),
     "sensor_fault": (str, "", "KIND:BEGIN:END [s]: the robot's sensors fail meanwhile, such as stuck:5:8."),
+    "scene": (str, "", "In three dimensions: plane, hill, phantom, or the file of a mesh (.stl, .obj, .ply)."),
+    "fusion": (str, "full", "Of what the fixture's pose is made: full, image, contact or none."),
+    "displacement": (float, 0.02, "A simulated fixture stands at most so far from where it is believed [m]."),
+    "turn": (float, 0.175, "And is turned by at most so much [rad]."),
+    "bump": (float, 0.0, "When the fixture is bumped [s]; 0 for never."),
+    "camera_delay": (float, 0.06, "From an image's exposure until it has been read [s]."),
+    "image_fault": (str, "", "KIND:BEGIN:END [s]: hand, glare, frozen or dropped images meanwhile."),
     "baseline": (str, "none", "Render the delayed force instead, for comparison: delayed or delayed-tdpa."),
 }
 """Type, default and help of every option that becomes a field of `foretouch.session.SessionSettings`."""
@@ -188,6 +195,7 @@ SESSION_PANELS: dict[str, tuple[str, ...]] = {
     ),
     "What the hand is given": ("position_scale", "force_scale", "largest_stiffness", "baseline"),
     "Robot": ("first_touch", "approach_speed", "guarded_force", "follower_frame", "sensor_fault"),
+    "In three dimensions": ("scene", "fusion", "displacement", "turn", "bump", "camera_delay", "image_fault"),
     "Safety at the robot": (
         "force_ceiling",
         "largest_depth",

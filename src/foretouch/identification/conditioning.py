@@ -135,6 +135,13 @@ class Conditioner:
             self.surface = math.nan
         self._peak = 0.0
 
+    def shift(self, change: float) -> None:
+        """What is pressed has moved by so much [m], deeper where positive: the surface goes with it, unless given."""
+        if self._given_surface is None and math.isfinite(change):
+            self.surface += change
+            self._free_position += change
+            self._last_onset += change
+
     def update(self, time: float, position: float, force: float, velocity: float | None = None) -> ContactSample:
         """Take one sample; a sample that is not finite is answered with "no contact" and changes nothing."""
         if not (math.isfinite(time) and math.isfinite(position) and math.isfinite(force)):

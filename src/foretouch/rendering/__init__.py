@@ -7,6 +7,7 @@ from foretouch.rendering.mediation import LARGEST_STEP, Mediation
 from foretouch.rendering.proxy import Proxy
 from foretouch.rendering.renderer import Renderer, RenderingDevice
 from foretouch.rendering.share import rendered_share
+from foretouch.rendering.spatial_energy import SpatialEnergyAccount
 from foretouch.rendering.surfaces import (
     HeightField,
     Plane,
@@ -30,6 +31,7 @@ __all__ = [
     "Proxy",
     "Renderer",
     "RenderingDevice",
+    "SpatialEnergyAccount",
     "Surface",
     "SurfaceContact",
     "SurfaceProxy",

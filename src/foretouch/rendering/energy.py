@@ -98,6 +98,11 @@ class EnergyAccount:
                 self.largest_step = max(self.largest_step, self._newest_step)
         self._position = position
 
+    def pay(self, work: float) -> None:
+        """Book work of the hand [J] in directions that this line does not see; what is no number is left out."""
+        if math.isfinite(work):
+            self.energy += work
+
     def hold(self, force: float) -> None:
         """From now on this force acts [N], 0 or more."""
         self.force = force

@@ -187,8 +187,8 @@ def _scene_text(
     plate, middle = 0.5 * board_size + 0.03, 0.0
     if specimen is not None:
         points, faces = _solid(specimen)
-        # MuJoCo moves a mesh to its centre of mass; inertia="shell" and a position that undoes it keep it in place
-        mesh = f'<mesh name="specimen" inertia="shell" vertex="{_numbers(points)}" face="{" ".join(map(str, faces.ravel()))}"/>'
+        corners = " ".join(map(str, faces.ravel()))
+        mesh = f'<mesh name="specimen" inertia="shell" vertex="{_numbers(points)}" face="{corners}"/>'
         geom = '<geom name="specimen" type="mesh" mesh="specimen" rgba="0.35 0.7 0.9 1"/>'
         right = float(points[:, 0].max())
         plate, middle = 0.5 * (right + plate) + 0.005, 0.5 * (right - plate)

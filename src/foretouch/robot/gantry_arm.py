@@ -48,8 +48,8 @@ class GantryArm(SpatialRobot):
 
     Args:
         world: Gives the contact force.
-        fixture: Gives the true pose of what is touched (a place [m] and a rotation vector [rad]) for those who score and
-            draw; None where there is none.
+        fixture: Gives the true pose of what is touched (a place [m] and a rotation vector [rad]) for those who score
+            and draw; None where there is none.
         seed: Of sensor and encoder noise, not negative.
         start: Place of the tip at first [m].
         reach: Lowest and highest place [m].

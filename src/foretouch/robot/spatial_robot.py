@@ -22,7 +22,8 @@ class SpatialSample(NamedTuple):
             in it.
         exact_force: The simulator's own contact force on the probe [N]; NaN on hardware.
         exact_place: The simulator's own place [m]; NaN on hardware.
-        fixture: The simulator's own pose of what is touched, a place [m] and a rotation vector [rad]; empty on hardware.
+        fixture: The simulator's own pose of what is touched, a place [m] and a rotation vector [rad]; empty on
+            hardware.
         clipped: Whether a force limit cut the command in this tick.
     """
 

@@ -90,6 +90,10 @@ class FusionSettings:
         drift_position: Random walk of the fixture, density [m/sqrt(s)].
         drift_angle: The same [rad/sqrt(s)].
         bias_position: Standard deviation of the error that all images share [m]; averaging does not take it away.
+        bias_across: The same across the view [m]: a camera errs most in how far away a board is, and a touch that shows
+            that error along the surface's normal mends it along the view.
+        view: Direction in which the camera looks, in the world; of no length where it is not known, and then
+            `bias_position` holds in all directions.
         bias_angle: The same [rad].
         bias_time: How long such an error keeps [s].
         gate: Probability that a good image or contact passes the gate.
@@ -102,7 +106,9 @@ class FusionSettings:
     start_angle: float = math.radians(10.0)
     drift_position: float = 1e-4
     drift_angle: float = math.radians(0.02)
-    bias_position: float = 5e-4
+    bias_position: float = 8e-4
+    bias_across: float = 1.5e-4
+    view: tuple[float, float, float] = (0.0, 0.0, 0.0)
     bias_angle: float = math.radians(0.1)
     bias_time: float = 60.0
     gate: float = 0.999
@@ -111,7 +117,9 @@ class FusionSettings:
     history: float = 2.0
 
     def __post_init__(self) -> None:
-        for name in self.__dataclass_fields__:
+        if not all(map(math.isfinite, self.view)):
+            raise SettingError("view", self.view, "must be three finite numbers")
+        for name in self.__dataclass_fields__.keys() - {"view"}:
             value = getattr(self, name)
             if not (math.isfinite(value) and value > 0.0):
                 raise SettingError(name, value, "must be finite and above 0")
@@ -214,8 +222,8 @@ class FixtureFilter:
     r"""An error-state Kalman filter for a fixture that stands still until somebody bumps it.
 
     The error of the pose and the error that all images share are one state of 12: an image gives
-    r = log(T^-1 Z) - b = delta + b' + noise, a contact the height of q = T^-1 p, whose derivative is (-n, n x q). What is shared by all images keeps their average from being believed too far; contacts take
-    it away along the normal. The update has Joseph's form. A measurement that comes late takes its place in time,
+    r = log(T^-1 Z) - b = delta + b' + noise, a contact the height of q = T^-1 p, whose derivative is (-n, n x q). What
+    all images share keeps their average from being believed too far; contacts take it away along the normal. The update has Joseph's form. A measurement that comes late takes its place in time,
     and what came after it is worked through again: the order of arrival makes no difference.
 
     Args:
@@ -238,16 +246,28 @@ class FixtureFilter:
     _verdicts: list[Verdict] = field(init=False, default_factory=list)
     _gates: tuple[float, float] = field(init=False, default=(0.0, 0.0))
     _start: FixtureState = field(init=False)
+    _bias: Array = field(init=False)
 
     def __post_init__(self) -> None:
         from scipy.stats import chi2
 
         s = self.settings
         self._gates = float(chi2.ppf(s.gate, 1)), float(chi2.ppf(s.gate, 6))
-        variances = np.concatenate(
-            [_variances(s.start_position, s.start_angle), _variances(s.bias_position, s.bias_angle)]
-        )
-        self._start = FixtureState(self.time, self.pose, np.zeros(6), np.diag(variances))
+        covariance = np.zeros((12, 12))
+        covariance[:6, :6] = np.diag(_variances(s.start_position, s.start_angle))
+        self._bias = covariance[6:, 6:] = self._bias_covariance()
+        self._start = FixtureState(self.time, self.pose, np.zeros(6), covariance)
+
+    def _bias_covariance(self) -> Array:
+        """Of the error that images share, (6, 6); the view is that of the fixture where it is believed at first."""
+        s = self.settings
+        covariance = np.diag(_variances(s.bias_position, s.bias_angle))
+        length = float(np.linalg.norm(s.view))
+        if length > 0.0:
+            view = self.pose.rotation.T @ (np.asarray(s.view) / length)
+            across = s.bias_across**2
+            covariance[:3, :3] = across * np.eye(3) + (s.bias_position**2 - across) * np.outer(view, view)
+        return covariance
 
     def update(self, seen: Seen) -> Verdict:
         """Take an image or a contact in, late or not; never raises for what it holds.
@@ -295,13 +315,9 @@ class FixtureFilter:
         keep = math.exp(-elapsed / s.bias_time)
         transition = np.ones(12)
         transition[6:] = keep
-        added = np.concatenate(
-            [
-                elapsed * _variances(s.drift_position, s.drift_angle),
-                (1.0 - keep**2) * _variances(s.bias_position, s.bias_angle),
-            ]
-        )
-        covariance = state.covariance * np.outer(transition, transition) + np.diag(added)
+        covariance = state.covariance * np.outer(transition, transition)
+        covariance[:6, :6] += elapsed * np.diag(_variances(s.drift_position, s.drift_angle))
+        covariance[6:, 6:] += (1.0 - keep**2) * self._bias
         return replace(state, time=max(time, state.time), bias=keep * state.bias, covariance=_bounded(covariance))
 
     def _step(self, state: FixtureState, seen: Seen) -> tuple[FixtureState, Verdict]:

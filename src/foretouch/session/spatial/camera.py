@@ -13,7 +13,7 @@ from foretouch.robot import CameraScene
 from foretouch.session.spatial.scenes import Scene
 from foretouch.vision import Board, BoardDetector, CameraModel, FaultyCamera, ImageFault, Lens, make_board_image
 
-__all__ = ["CAMERA", "CAMERA_POSE", "IMAGE_PERIOD", "SimulatedCamera"]
+__all__ = ["CAMERA", "CAMERA_POSE", "IMAGE_PERIOD", "VIEW", "SimulatedCamera", "pixels"]
 
 CAMERA = CameraModel(640, 480, 610.0, 610.0, k1=-0.15, k2=0.03, p1=5e-4, p2=-5e-4)
 """Intrinsics and distortion, as a calibration would give them."""
@@ -37,6 +37,10 @@ def _looking(eye: tuple[float, float, float], at: tuple[float, float, float]) ->
 CAMERA_POSE = _looking((-0.035, -0.21, 0.205), (-0.035, 0.0, 0.0))
 """Of the camera in the world: it sees board and specimen from 44 degrees above the plane, for a board that is seen
 straight from above has no sure tilt."""
+
+
+VIEW = (float(CAMERA_POSE.rotation[0, 2]), float(CAMERA_POSE.rotation[1, 2]), float(CAMERA_POSE.rotation[2, 2]))
+"""Direction in which it looks."""
 
 
 class SimulatedCamera:

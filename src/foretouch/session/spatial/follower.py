@@ -33,11 +33,20 @@ from foretouch.session.spatial.line import Footing, SurfaceLine
 
 __all__ = ["Inputs", "Outputs", "State", "start", "step"]
 
-BIAS_RATE = 0.005
-"""Share per tick in which the sensor's offset follows what is measured in free air."""
+BIAS_RATE = 2e-4
+"""Share per tick in which the sensor's offset follows what is measured in free air, once it is known from 5 s."""
 
-SETTLED = 10
-"""A contact is told to the tracker so many ticks after it began, when its surface is known."""
+AFTER_CONTACT = 500
+"""Free air begins so many ticks after a contact: who leaves slowly still feels a little, and thinks it is none."""
+
+SMOOTHED = -math.expm1(-2.0 * math.pi * 20.0 * SAMPLE_PERIOD)
+
+SLIDING = 0.01
+"""Slower than this nobody knows in which direction it slides [m/s]: the encoders' noise turns it, and friction seems to
+be less."""
+
+FELT_WAY, TOUCH_EXPONENT = 1e-3, 1.15
+"""The surface is known from how the force grows over this way [m], with this exponent of depth."""
 
 FIELD_PERIOD_NS = 100_000_000
 """Between two fields of materials, at least [ns]."""
@@ -62,9 +71,15 @@ class State:
         force_ceiling: Largest force [N].
         approach_speed: Along a surface whose first touch is guarded [m/s].
         friction: Learns it.
+        rubbed: From what.
         bias: The sensor's offset [N].
+        bias_ticks: That it is known from.
+        free_ticks: Since free air began; negative for a while after a contact.
         age: Since an image showed the fixture, as the newest belief says [s].
         deviation: Of the newest belief.
+        contacts_believed: Touches that the newest belief is made of.
+        onset: Force at which this contact began [N], and the position along the normal then [m].
+        told: Whether it has been told.
         contact_ticks: Since this contact began.
         touch: Where the newest contact began [m].
         touch_tick: And when.
@@ -82,9 +97,15 @@ class State:
     force_ceiling: float
     approach_speed: float
     friction: FrictionEstimator = field(default_factory=FrictionEstimator)
+    rubbed: Rubbed = field(default_factory=lambda: Rubbed())
     bias: Vector = (0.0, 0.0, 0.0)
+    bias_ticks: int = 0
+    free_ticks: int = 0
     age: float = math.inf
     deviation: tuple[float, ...] = ()
+    contacts_believed: int = 0
+    onset: tuple[float, float] = (0.0, 0.0)
+    told: bool = False
     contact_ticks: int = 0
     touch: Vector = NAN3
     touch_tick: int = 0
@@ -92,6 +113,27 @@ class State:
     field_ns: int = 0
     field_updates: int = 0
     fields: int = 0
+
+
+@dataclass(slots=True)
+class Rubbed:
+    """What friction is learnt from, through one low-pass of 20 Hz: the speed of one tick is mostly the encoders' noise.
+
+    Attributes:
+        pressed: Along the normal [N].
+        sideways: Along the surface [N].
+        sliding: Velocity along the surface [m/s].
+    """
+
+    pressed: float = 0.0
+    sideways: Vector = (0.0, 0.0, 0.0)
+    sliding: Vector = (0.0, 0.0, 0.0)
+
+    def update(self, pressed: float, sideways: Vector, sliding: Vector) -> None:
+        """One tick."""
+        self.pressed += SMOOTHED * (pressed - self.pressed)
+        self.sideways = add(self.sideways, scaled(subtract(sideways, self.sideways), SMOOTHED))
+        self.sliding = add(self.sliding, scaled(subtract(sliding, self.sliding), SMOOTHED))
 
 
 class Inputs(NamedTuple):
@@ -206,11 +248,16 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
 
 
 def _believe(state: State, belief: FixtureBelief) -> None:
+    before = state.line.offset
     if state.line.believe(belief.pose):
+        if belief.contacts == state.contacts_believed:
+            # The image shows that the fixture is elsewhere: what was felt of it is, too. A touch shows where it was all
+            # the time.
+            state.inner.learner.conditioner.shift(state.line.offset - before)
         for other in (state.commanded, state.played):
             other.believe(belief.pose)
             other.offset = state.line.offset  # one surface, one coordinate
-    state.age, state.deviation = belief.image_age, belief.deviation
+    state.age, state.deviation, state.contacts_believed = belief.image_age, belief.deviation, belief.contacts
 
 
 def _along(state: State, command: Command) -> Command:
@@ -228,16 +275,43 @@ def _learn_beside_the_law(state: State, footing: Footing, sample: SpatialSample,
     state.point = point
     if not learnt_from.in_contact:
         state.contact_ticks = 0
-        if norm(sample.force) < inner.specification.largest_offset:
-            state.bias = add(state.bias, scaled(subtract(sample.force, state.bias), BIAS_RATE))
+        state.free_ticks += 1
+        if state.free_ticks > 0 and norm(sample.force) < inner.specification.largest_offset:
+            state.bias_ticks += 1
+            rate = max(1.0 / state.bias_ticks, BIAS_RATE)
+            state.bias = add(state.bias, scaled(subtract(sample.force, state.bias), rate))
         return
-    state.contact_ticks += 1
+    state.contact_ticks, state.free_ticks = state.contact_ticks + 1, -AFTER_CONTACT
     if math.isfinite(moved[0]):
-        sliding = state.line.motion.rotate(scaled(moved, 1.0 / SAMPLE_PERIOD))
-        state.friction.update(learnt_from.force, sideways, sliding, SAMPLE_PERIOD)
-    if state.contact_ticks == SETTLED and math.isfinite(learnt_from.depth):
-        state.touch = add(sample.place, scaled(footing.normal, learnt_from.depth))
-        state.touch_tick = inner.tick
+        rubbed = state.rubbed
+        rubbed.update(learnt_from.force, sideways, state.line.motion.rotate(scaled(moved, 1.0 / SAMPLE_PERIOD)))
+        if norm(rubbed.sliding) > SLIDING:
+            state.friction.update(rubbed.pressed, rubbed.sideways, rubbed.sliding, SAMPLE_PERIOD)
+    _feel_surface(state, footing, sample)
+
+
+def _feel_surface(state: State, footing: Footing, sample: SpatialSample) -> None:
+    r"""Where the surface is that this contact began at, once it is 1 mm deep.
+
+    A contact is noticed late, at a force F_1 that the surface gives at a depth d. With F_2 after h more,
+
+    .. math:: d = rac{r h}{1 - r}, \quad r = (F_1 / F_2)^{1 / n}
+
+    for a law of exponent n, here 1.15: a spring has 1, and Hertz's ball 1.5.
+    """
+    force = state.inner.learner.sample.force
+    if state.contact_ticks == 1:
+        state.onset, state.told = (force, footing.along), False
+    began, at = state.onset
+    way = footing.along - at
+    if state.told or way < FELT_WAY:
+        return
+    state.told = True
+    if not 0.0 < began < force:
+        return
+    ratio = (began / force) ** (1.0 / TOUCH_EXPONENT)
+    state.touch = add(sample.place, scaled(footing.normal, way / (1.0 - ratio)))
+    state.touch_tick = state.inner.tick
 
 
 def _place(state: State, footing: Footing, sample_place: Vector, along: float, sideways: Vector) -> Vector:

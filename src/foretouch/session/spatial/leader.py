@@ -69,6 +69,7 @@ class State:
         coefficient: Of Coulomb friction.
         viscous: Of viscous friction [N s/m].
         follower_at: Where the follower was told to be [m].
+        along: Position of the hand along the normal in the tick before [m].
         refused: Fields that could not be used.
     """
 
@@ -91,6 +92,7 @@ class State:
     coefficient: float = 0.0
     viscous: float = 0.0
     follower_at: Vector = NOWHERE
+    along: float = math.nan
     refused: int = 0
 
 
@@ -185,13 +187,14 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
         _take_field(state, update)
     models = [_take_model(state, model) for model in inputs.models]
     hand, telemetry = _couple(state, inputs)
-    state.account.observe(scaled(hand, 1.0 / state.position_scale))
     footing = state.line.follow(hand)
+    _pay_beside(state, hand)
     models = [_local(state, model, footing) for model in models]
     if not models:
         _go_on(state, footing)
+    state.along = footing.along / state.position_scale if math.isfinite(hand[0]) else math.nan
     told = leader.Inputs(
-        footing.along / state.position_scale if math.isfinite(hand[0]) else math.nan,
+        state.along,
         models,
         telemetry,
         inputs.period_ns,
@@ -259,6 +262,22 @@ def _couple(state: State, inputs: Inputs) -> tuple[Vector, list[Telemetry]]:
     return meet, [msgspec.structs.replace(one, desired_position=along) for one in inputs.telemetry]
 
 
+def _pay_beside(state: State, hand: Vector) -> None:
+    """Book the work of the hand; what of it the account along the normal will not see is paid there.
+
+    So friction pays for a stiffer material that the hand slides onto, as along a line pressing does.
+    """
+    inner, whole = state.inner.renderer.account, state.account
+    before = whole.energy
+    whole.observe(scaled(hand, 1.0 / state.position_scale))
+    footing = state.line.footing
+    if footing is None or not math.isfinite(state.along):
+        return
+    along = inner.force * (footing.along / state.position_scale - state.along)
+    if inner.force > 0.0 and whole.force != (0.0, 0.0, 0.0):
+        inner.pay(whole.energy - before - along)
+
+
 def _local(state: State, model: ModelUpdate, footing: Footing) -> ModelUpdate:
     """A model with the law of the place where the hand is, where the field knows it."""
     if not model.valid:
@@ -298,7 +317,7 @@ def _depth_of(state: State, place: Vector) -> float:
 
 
 def _force(state: State, footing: Footing, rendered: float, period: float) -> Vector:
-    """What the hand is given: along the normal as rendered, friction beside it, within the device and the energy [N]."""
+    """For the hand: along the normal as rendered, friction beside it, within the device and the energy [N]."""
     pressed = rendered / state.force_scale
     friction = state.friction.update(
         footing.point, footing.normal, pressed, state.coefficient, state.viscous, min(period, SAMPLE_PERIOD)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from dataclasses import dataclass
 from pathlib import Path
@@ -162,18 +163,21 @@ def palpation(scene: Scene, depth: float, seed: int) -> list[Keyframe]:
     def go(seconds: float, place: Vector) -> None:
         path.append((path[-1][0] + seconds, place))
 
-    go(0.8, _above(scene, -reach, -reach, HOVER))
+    go(2.5, _above(scene, -reach, -reach, HOVER))  # a robot that knows no surface comes slowly
+    go(1.0, _above(scene, -reach, -reach, HOVER))
+    go(1.5, _above(scene, -reach, -reach, -0.5 * depth))
+    go(0.5, _above(scene, -reach, -reach, HOVER))
     for x, y in ((-reach, -reach), (reach, -reach), (reach, reach), (-reach, reach)):
         _press(path, scene, x, y, depth * random.uniform(0.7, 1.0))
-    rows = np.linspace(-reach, reach, 5)
+    rows = np.linspace(-reach, reach, 7)
     for number, row in enumerate(rows):
         ways = rows if number % 2 == 0 else rows[::-1]
         deep = depth * random.uniform(0.6, 1.0)
         go(0.5, _above(scene, ways[0], row, HOVER))
         go(0.5, _above(scene, ways[0], row, -deep))
-        for before, way in zip(ways, ways[1:], strict=False):
-            for part in (0.25, 0.5, 0.75, 1.0):  # so that the hand follows the surface
-                go(0.12, _above(scene, before + part * (way - before), row, -deep))
+        for before, way in itertools.pairwise(ways):
+            for part in (0.5, 1.0):  # so that the hand follows the surface
+                go(0.14, _above(scene, before + part * (way - before), row, -deep))
         go(0.4, _above(scene, ways[-1], row, HOVER))
     go(0.8, _above(scene, -reach, -reach, HOVER))
     return path

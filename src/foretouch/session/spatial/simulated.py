@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections import deque
 from collections.abc import Callable, Mapping
+from typing import Any
 
 import numpy as np
 
@@ -28,7 +29,7 @@ from foretouch.session.counting import follower_counts, leader_counts
 from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
 from foretouch.session.simulated import SimulatedSession
 from foretouch.session.spatial import follower, leader, tracker
-from foretouch.session.spatial.camera import IMAGE_PERIOD, SimulatedCamera
+from foretouch.session.spatial.camera import IMAGE_PERIOD, VIEW, SimulatedCamera
 from foretouch.session.spatial.scenes import KnownSurface, Scene
 from foretouch.session.warm_up import warm_up
 
@@ -69,12 +70,11 @@ def simulate_scene(
     returned: FaultStage[Message] = FaultStage(settings.return_faults)
     leading = leader.start(settings, scene.surface, scene.nominal)
     following = follower.start(robot.specification, settings, scene.surface, scene.nominal)
-    tracking = tracker.start(KnownSurface(scene.surface), scene.nominal, settings.fusion)
+    tracking = tracker.start(KnownSurface(scene.surface), scene.nominal, settings.fusion, view=VIEW)
     ticks = round(duration / SAMPLE_PERIOD)
     compute = np.zeros((2, ticks), dtype=np.int64)
-    logs: dict[str, list] = {
-        name: [] for name in ("leader", "follower", "models", "leads", "follows", "fields", "seen")
-    }
+    kept = ("leader", "follower", "models", "leads", "follows", "fields", "seen")
+    logs: dict[str, list[Any]] = {name: [] for name in kept}
     texts = settings.as_text() | {"operator": operator.name} | dict(description or {})
     images: deque[tuple[int, CameraImage]] = deque()
     beliefs: list[FixtureBelief] = []

@@ -14,11 +14,11 @@ import numpy as np
 
 from foretouch.messages import VERSION, CameraImage, FixtureBelief, FollowerSpace
 from foretouch.quantities import Pose
-from foretouch.vision import ContactSeen, FixtureFilter, ImageSeen, TouchedSurface, Verdict
+from foretouch.vision import ContactSeen, FixtureFilter, FusionSettings, ImageSeen, TouchedSurface, Verdict
 
 __all__ = ["State", "start", "step"]
 
-TOUCH_DEVIATION = 1.5e-4
+TOUCH_DEVIATION = 2e-4
 """Standard deviation of where a touch puts the surface along its normal [m]: encoders, sensor noise, softness."""
 
 REMEMBERED = 3000
@@ -60,17 +60,29 @@ class State:
     refused: int = 0
 
 
-def start(touched: TouchedSurface, pose: Sequence[float], fusion: str = "full", *, time: float = 0.0) -> State:
+def start(
+    touched: TouchedSurface,
+    pose: Sequence[float],
+    fusion: str = "full",
+    *,
+    view: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    time: float = 0.0,
+) -> State:
     """State before the first image.
 
     Args:
         touched: The surface in the fixture's frame.
         pose: Where the fixture is believed to be at first: a place [m] and a rotation vector [rad].
         fusion: As `SessionSettings.fusion`.
+        view: Direction in which the camera looks, in the world; of no length where it is not known.
         time: [s], by the follower's clock.
     """
     believed = Pose.from_rotation_vector(pose[3:], pose[:3])
-    return State(FixtureFilter(touched, believed, time), fusion in ("full", "image"), fusion in ("full", "contact"))
+    return State(
+        FixtureFilter(touched, believed, time, FusionSettings(view=view)),
+        fusion in ("full", "image"),
+        fusion in ("full", "contact"),
+    )
 
 
 def step(
