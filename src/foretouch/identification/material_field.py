@@ -30,17 +30,17 @@ SCALES = np.array([1.0 / REFERENCE_DEPTH, 1.0 / REFERENCE_DEPTH**2, 1.0 / (REFER
 FIRST_DEVIATION = 300.0
 """Of each unknown before the first sample [N]."""
 
-FORCE_NOISE, SHARE_NOISE = 0.05, 0.05
+FORCE_NOISE, SHARE_NOISE = 0.05, 0.15
 """Standard deviation of a force: constant [N], and share of it that the law misses. Errors of successive samples are
-alike, so both are larger than a sensor's noise."""
+alike, at edges that the lattice cannot follow above all, so both are larger than a sensor's noise."""
 
 FORGETTING, MEAN_FORGETTING = 2e-3, 5e-5
 """Of what a node, and the mean law, know: share that one more sample there forgets."""
 
-SPREAD, FREEDOM = 1.0, 0.3
+SPREAD, FREEDOM = 1.0, 0.2
 """Standard deviation of a place from the mean law, in shares of its force: of all of it alike, and of each unknown."""
 
-TOGETHER = 0.8
+TOGETHER = 0.9
 """Correlation of what nodes that begin together have in common."""
 
 CHANGED_SPREAD = 4.0
@@ -68,8 +68,8 @@ LARGEST_UNKNOWN = 1e7
 MISFIT_RATE, LARGEST_RATIO = 0.02, 9.0
 """Of the running mean of squared innovations over what was expected of them, by which the noise is larger."""
 
-SURPRISING, SURPRISE_RATE, SURPRISE_LIMIT = 36.0, 0.05, 0.8
-"""Where so many of the last 20 samples are further off than six deviations, the material has changed."""
+SURPRISING, SURPRISE_RATE, SURPRISE_LIMIT = 16.0, 0.05, 0.8
+"""Where so many of the last 20 samples are further off than four deviations, the material has changed."""
 
 
 class MaterialFieldLearner(Estimator):
@@ -87,12 +87,12 @@ class MaterialFieldLearner(Estimator):
     every sample would take what one sample says of eight nodes together for news of each.
 
     A new node begins as the **mean law**, which is learnt from all samples alike, with a standard deviation of 100 %
-    common to its numbers, correlated by 0.8 with those of nodes that begin with it, and 30 % of each by itself. A node
+    common to its numbers, correlated by 0.9 with those of nodes that begin with it, and 20 % of each by itself. A node
     that was hardly touched begins so again when the probe comes back. Samples that are further off than three standard
-    deviations weigh less; where most of 20 are further off than six, the place has changed and the nodes about it begin
-    anew, four times as doubtful. Where innovations are larger than expected for longer, as at the edge of an inclusion
-    that no blend can follow, the noise counts as that much larger. What is known of a node is forgotten by samples
-    taken there: by 1/e in 500. No covariance has more trace than at first.
+    deviations weigh less; where most of 20 are further off than four, the place has changed and the nodes about it
+    begin anew, four times as doubtful. Where innovations are larger than expected for longer, as at the edge of an
+    inclusion that no blend can follow, the noise counts as that much larger. What is known of a node is forgotten by
+    samples taken there: by 1/e in 500. No covariance has more trace than at first.
 
     Samples teach in contact only, and only where depth or place has changed since the last; a held position does not.
     Of 1,024 nodes the one that was touched longest ago makes room for a new one.

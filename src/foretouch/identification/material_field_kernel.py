@@ -77,19 +77,21 @@ _grow: Callable[[Array, Ints, Array, Array, float], None] = njit(cache=True)(_fo
 def _joseph(joint: Array, h: Array, gain: Array, noise: float) -> None:
     """P <- (I - K h') P (I - K h')' + r K K', in products of a matrix and a vector; kept symmetric."""
     size = h.shape[0]
-    left = np.empty((size, size))
-    along = np.zeros(size)  # of the left product, h
-    for j in range(size):
-        ph = 0.0
-        for k in range(size):
-            ph += h[k] * joint[k, j]
-        for i in range(size):
-            left[i, j] = joint[i, j] - gain[i] * ph
-            along[i] += left[i, j] * h[j]
+    ph = np.zeros(size)
+    for k in range(size):
+        for j in range(size):
+            ph[j] += h[k] * joint[k, j]
     for i in range(size):
-        for j in range(i + 1):
-            value = left[i, j] + gain[j] * (noise * gain[i] - along[i])
-            joint[i, j] = joint[j, i] = value
+        along = 0.0
+        for j in range(size):
+            joint[i, j] -= gain[i] * ph[j]
+            along += joint[i, j] * h[j]
+        rest = noise * gain[i] - along
+        for j in range(size):
+            joint[i, j] += rest * gain[j]
+    for i in range(size):
+        for j in range(i):
+            joint[j, i] = joint[i, j]
 
 
 _update_covariance: Callable[[Array, Array, Array, float], None] = njit(cache=True)(_joseph)
