@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import functools
 import heapq
 import os
 import shutil
@@ -18,8 +19,22 @@ import numpy as np
 from foretouch.console.scene import CAMERA, FIELD_OF_VIEW, UNITS
 from foretouch.console.shapes import HANDLE_HEIGHT
 from foretouch.devices import BrowserOperator, ScriptedOperator
-from foretouch.messages import VERSION, Handle, Hello, LeaderState, Message, ModelUpdate, Settings, Status, Telemetry
+from foretouch.messages import (
+    VERSION,
+    Choice,
+    Handle,
+    Hello,
+    LeaderState,
+    Message,
+    ModelUpdate,
+    SessionLog,
+    Settings,
+    Status,
+    Telemetry,
+)
 from foretouch.models import HuntCrossley, advance
+from foretouch.recordings import SessionWriter
+from foretouch.session import SessionSettings, make_operator, make_session_robot, simulate
 
 SURFACE, PRESS_DEPTH = 0.012, 0.009
 
@@ -159,6 +174,28 @@ def plot_data(page: Any) -> list[np.ndarray]:
     return [time_axis, *(np.where(force < 0.0, np.nan, force) for force in forces)]
 
 
+def choose(page: Any, label: str, option: str) -> None:
+    """Choose an option of a dropdown by its label."""
+    page.get_by_label(label, exact=True).and_(page.locator("input")).click()
+    page.get_by_role("option", name=option, exact=True).click()
+
+
+# --- a recording ------------------------------------------------------------------------------------------------------
+
+
+def simulated_session(path: Path, seconds: float = 5.0) -> SessionLog:
+    """A simulated session, and the file that it is written to."""
+    chosen = SessionSettings(material="hunt-crossley", seed=3)
+    robot, reach = make_session_robot(chosen)
+    operator = make_operator(chosen, surface=reach.surface, press_depth=reach.press_depth, say=lambda line: None)
+    texts = {"surface": str(reach.surface), "press_depth": str(reach.press_depth)}
+    run = functools.partial(simulate, chosen, duration=seconds, operator=operator, robot=robot, description=texts)
+    with SessionWriter(path) as writer:
+        log = run(record=writer.write).log
+        writer.close(log.counts)
+    return log
+
+
 # --- the session ------------------------------------------------------------------------------------------------------
 
 
@@ -177,6 +214,9 @@ class Session:
         self.positions: list[float] = []
         self.status = Status.FOLLOWING  # what the robot is to say of itself
         self.clutched = False  # what the operator at the mouse is known to do
+        self.supervised = True  # whether somebody follows a choice
+        self.runs = {"material": "hunt-crossley", "grip": "none"}
+        self.recording = ""
         self.jumps: list[float] = []  # from hand to handle [m] whenever somebody takes it
         self._watch = watch
         self._delays = (position_delay, force_delay)
@@ -190,6 +230,10 @@ class Session:
         self.published.append(message)
         if isinstance(message, Settings):
             self._delays = (message.position_delay, message.force_delay)
+        if isinstance(message, Choice):
+            named = {"material": message.material, "grip": message.grip}
+            self.runs |= {name: value for name, value in named.items() if value}
+            self.recording = {"start": "another.mcap", "stop": ""}.get(message.record, self.recording)
 
     def of(self, kind: type[Message]) -> list[Any]:
         return [message for message in self.published if isinstance(message, kind)]
@@ -243,21 +287,41 @@ class Session:
 
     def _leader(self, tick: int, now_ns: int, x: float, v: float, arrived: Telemetry | None) -> LeaderState:
         force = advance(self._model, (), x - SURFACE, v, 1e-3)[1]
+        if tick % 20 == 1:
+            self._say_model(tick, now_ns)
         delayed, sequence = (arrived.force, arrived.sequence) if arrived else (0.0, 0)
         return LeaderState(
-            VERSION, tick, now_ns, x, v, force, min(force, 10.0), delayed, sequence, 1, 0.0, False, 1_000_000, 50_000
+            VERSION,
+            tick,
+            now_ns,
+            x,
+            v,
+            force,
+            min(force, 10.0),
+            delayed,
+            sequence,
+            tick - (tick - 1) % 20,
+            0.0,
+            False,
+            1_000_000,
+            50_000,
         )
 
     def _say_hello(self, tick: int, now_ns: int) -> None:
         values = {
             "operator": "browser",
-            "material": "hunt-crossley",
+            **self.runs,
             "position_delay": str(self._delays[0]),
             "force_delay": str(self._delays[1]),
             "surface": str(SURFACE),
             "press_depth": str(PRESS_DEPTH),
         }
         self._watch(Hello(VERSION, tick, now_ns, "leader", tuple(values), tuple(values.values())))
+        if self.supervised:
+            names, texts = ("supervised", "recording"), ("yes", self.recording)
+            self._watch(Hello(VERSION, tick, now_ns, "supervisor", names, texts))
+
+    def _say_model(self, tick: int, now_ns: int) -> None:
         self._watch(
             ModelUpdate(
                 VERSION,

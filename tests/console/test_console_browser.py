@@ -14,17 +14,22 @@ from console_driver import (
     PRESS_DEPTH,
     SURFACE,
     Session,
+    choose,
     chromium,
     drag_handle,
     held_handle,
     open_page,
     open_tab,
+    plot_columns,
     plot_data,
+    simulated_session,
 )
 
 from foretouch.console import Console
 from foretouch.console.alarm import ASKING, LATCHED, READY
-from foretouch.messages import EmergencyStop, Handle, Settings, Status, Stop
+from foretouch.console.banner import NOT_LIVE
+from foretouch.console.session_panel import BY_HAND
+from foretouch.messages import Choice, EmergencyStop, Handle, Settings, Status, Stop
 
 pytest.importorskip("viser")
 pytest.importorskip("playwright")
@@ -50,9 +55,12 @@ class Bench:
 
 
 @pytest.fixture(scope="module")
-def bench() -> Iterator[Bench]:
+def bench(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bench]:
     sessions: list[Session] = []
-    console = Console(0, lambda message: sessions[0].publish(message))
+    folder = tmp_path_factory.mktemp("recordings")
+    simulated_session(folder / "pressed.mcap")
+    (folder / "broken.mcap").write_bytes(b"no recording")
+    console = Console(0, lambda message: sessions[0].publish(message), recordings=folder)
     sessions.append(Session(console.watch))
     stop = threading.Event()
     drawing = threading.Thread(target=console.run, args=(stop.is_set,))
@@ -176,6 +184,93 @@ def test_the_clutch_is_pressed_and_let_go_by_keyboard(bench):
     assert len(bench.session.of(Handle)) == sent
 
 
+def test_strokes_of_keys_press_deeper_and_let_go(bench):
+    before = len(bench.session.of(Handle))
+    bench.page.evaluate("document.body.tabIndex = -1; document.body.focus()")
+    for _ in range(5):
+        bench.page.keyboard.press("d")
+    bench.wait_for(lambda: len(bench.session.of(Handle)) >= before + 5)
+    moved = [message.position for message in bench.session.of(Handle)[before:]]
+    assert moved[4] - moved[0] == pytest.approx(4 * 5e-4) or moved[4] == pytest.approx(DEEPEST)
+    bench.page.keyboard.press("u")
+    bench.wait_for(lambda: not bench.session.of(Handle)[-1].held)
+    bench.session.jumps.clear()
+
+
+def test_every_plot_moves(bench):
+    for tab, label in (
+        ("Network", "Round trip: age of the answer"),
+        ("Model", "Local stiffness"),
+        ("Energy", "Put in by the hand, this contact"),
+    ):
+        open_tab(bench.page, tab)
+        bench.wait_for(lambda label=label: len(plot_columns(bench.page, label)[0]) > 3)
+        first = plot_columns(bench.page, label)
+        bench.wait_for(lambda label=label, first=first: plot_columns(bench.page, label)[0][0] != first[0][0])
+    trip = plot_columns(bench.page, "Round trip: age of the answer")[1]
+    assert np.nanmedian(trip[trip > 0]) == pytest.approx(380.0, abs=30.0)
+
+
+def test_a_choice_is_said_and_shown(bench):
+    open_tab(bench.page, "Session")
+    bench.page.get_by_text("Nothing is recorded.").wait_for()
+    choose(bench.page, "Material", "sponge")
+    bench.wait_for(lambda: [choice.material for choice in bench.session.of(Choice)] == ["sponge"])
+    bench.page.get_by_text("sponge · ").or_(bench.page.get_by_text("sponge", exact=True)).first.wait_for()
+    bench.page.keyboard.press("r")  # the focus is in no field any more
+    bench.page.get_by_text("Recording: another.mcap").wait_for()
+    bench.page.get_by_role("button", name="Stop the recording (R)").press("Enter")
+    bench.page.get_by_text("Nothing is recorded.").wait_for()
+    assert [choice.record for choice in bench.session.of(Choice)] == ["", "start", "stop"]
+
+
+def test_where_nobody_supervises_a_sentence_says_so(bench):
+    bench.session.supervised = False
+    open_tab(bench.page, "Session")
+    bench.page.get_by_text(BY_HAND).wait_for()
+    assert bench.page.get_by_label("Material", exact=True).and_(bench.page.locator("input")).is_disabled()
+    sent = len(bench.session.of(Choice))
+    bench.page.evaluate("document.body.tabIndex = -1; document.body.focus()")
+    bench.page.keyboard.press("r")
+    bench.page.wait_for_timeout(200)
+    assert len(bench.session.of(Choice)) == sent
+    bench.session.supervised = True
+
+
+def test_a_recording_is_played_and_its_bar_is_dragged_while_the_stop_stays_the_robots(bench):
+    page = bench.page
+    open_tab(page, "Recordings")
+    choose(page, "Recording", "broken.mcap")
+    page.get_by_text("This recording cannot be looked at: ").wait_for()
+    assert page.get_by_text(NOT_LIVE).count() == 0
+    bench.wait_for(lambda: page.get_by_label("Recording", exact=True).and_(page.locator("input")).is_enabled())
+    choose(page, "Recording", "pressed.mcap")
+    page.get_by_text(f"{NOT_LIVE}: pressed.mcap, 0.0 of 5.0 s").wait_for()
+    page.keyboard.press("p")
+    bench.wait_for(lambda: len(plot_data(page)[0]) > 100)
+    page.get_by_role("button", name="Pause (P)").press("Enter")
+    page.get_by_role("button", name="Play (P)").wait_for()
+    bar = page.locator("input[type=text]:visible").first
+    bar.fill("4")
+    bar.press("Enter")
+    page.get_by_text("4.0 of 5.0 s").wait_for()
+    bench.wait_for(lambda: len(plot_data(page)[0]) > 200)
+    time_axis, true, predicted, _ = plot_data(page)[:4]
+    assert time_axis[0] == pytest.approx(-4.0, abs=0.1)
+    assert np.nanmax(true) > 1.0
+    assert np.nanmax(predicted) > 1.0
+    # The session goes on below, and so does its emergency stop; the handle is not there to be dragged.
+    asked = len(bench.session.of(EmergencyStop))
+    page.get_by_role("button", name=READY).press("Enter")
+    bench.wait_for(lambda: len(bench.session.of(EmergencyStop)) > asked + 3)
+    bench.session.status = Status.STOPPED
+    page.get_by_role("button", name=LATCHED).wait_for()
+    bench.session.status = Status.FOLLOWING
+    page.get_by_role("button", name=READY).wait_for()
+    page.get_by_role("button", name="Back to live").click()
+    bench.wait_for(lambda: page.get_by_text(NOT_LIVE).count() == 0)
+
+
 def test_the_emergency_stop_asks_until_the_robot_has_stopped_and_shows_its_release(bench):
     button = bench.page.get_by_role("button", name=READY)
     button.click()
@@ -249,17 +344,17 @@ def test_a_slider_sets_a_delay_or_a_fault_and_leaves_the_others(bench):
     values = [box.input_value() for box in boxes]
     assert values[:5] == ["0.08", "0.3", "0", "0", "0"]  # where the session began
     assert bench.session.of(Settings) == []
-    for number, text in ((1, "0.75"), (3, "0.2"), (2, "0.01")):
-        boxes[number].fill(text)
+    wanted = {"position_delay": 0.08, "force_delay": 0.3, "jitter": 0.0, "loss": 0.0, "outage": 0.0}
+
+    def said() -> dict[str, float]:
+        settings = bench.session.of(Settings)
+        return {name: getattr(settings[-1], name) for name in wanted} if settings else {}
+
+    for number, name, value in ((1, "force_delay", 0.75), (3, "loss", 0.2), (2, "jitter", 0.01)):
+        boxes[number].fill(str(value))
         boxes[number].press("Enter")
-        bench.wait_for(lambda: bench.session.of(Settings))
-    wanted = (0.08, 0.75, 0.01, 0.2, 0.0)
-
-    def said() -> tuple[float, ...]:
-        newest = bench.session.of(Settings)[-1]
-        return (newest.position_delay, newest.force_delay, newest.jitter, newest.loss, newest.outage)
-
-    bench.wait_for(lambda: said() == pytest.approx(wanted))
+        wanted[name] = value
+        bench.wait_for(lambda: said() == pytest.approx(wanted))
 
 
 def test_no_request_leaves_the_machine(bench):

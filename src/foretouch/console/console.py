@@ -17,7 +17,7 @@ from foretouch.console.hold import Hold
 from foretouch.console.library import Library
 from foretouch.console.network_panel import NetworkFaults
 from foretouch.console.numbers import numbers_of
-from foretouch.console.panel import INSTRUCTION, Actions, Panel, felt
+from foretouch.console.panel import INSTRUCTION, WATCH_RECORDING, Actions, Panel, felt
 from foretouch.console.plots import SECONDS
 from foretouch.console.ports import free_port, require_free_port
 from foretouch.console.scene import UNITS, Scene
@@ -37,8 +37,6 @@ ANSWERS = (Status.STOPPED, Status.SHADOW)
 """After these nobody has to ask for an emergency stop any more: it is there, or not to be had."""
 INTRODUCTION = {"position_delay", "force_delay", "operator"}
 """Settings that both sides must have said before the panel speaks of the session."""
-SAID = (*NetworkFaults._fields, "operator", "grip")
-"""Settings whose change puts sliders and texts where the session is."""
 CHOICES = ("material", "operator", "grip")
 
 
@@ -278,7 +276,7 @@ class Console:
         )
 
     def _show_session(self, now: float) -> None:
-        """What runs; and, whenever both sides have said something new, where sliders and texts are."""
+        """What runs; and, whenever both sides have said something new, where the sliders are."""
         watched, settings = self._watched, self._watched.settings
         live = self._library.playback is None
         supervised = watched.supervised(now)
@@ -289,15 +287,21 @@ class Console:
             refused=settings.get("refused", ""),
         )
         self._panel.network.offer(live)
-        said = {name: settings.get(name, "") for name in SAID}
+        self._instruct(live)
+        said = {name: settings.get(name, "") for name in NetworkFaults._fields}
         if said == self._said or not settings.keys() >= INTRODUCTION:
             return
-        new = [name for name in NetworkFaults._fields if said[name] != self._said.get(name)]
+        new = [name for name in said if said[name] != self._said.get(name)]
         self._said = said
         self._panel.network.put({name: watched.setting(name, 0.0) for name in new})
-        self._panel.offer_clutch(self._by_mouse)
-        instruction = INSTRUCTION if self._by_mouse else f"Watch the {watched.operator} operator press."
-        self._panel.instruct(instruction, felt(watched.grip, self._by_mouse))
+
+    def _instruct(self, live: bool) -> None:
+        """What there is to do, and whom the force moves."""
+        watched = self._shown
+        by_mouse = watched.operator == "browser"
+        self._panel.offer_clutch(self._by_mouse and live)
+        instruction = INSTRUCTION if by_mouse else f"Watch the {watched.operator} operator press."
+        self._panel.instruct(instruction if live else WATCH_RECORDING, felt(watched.grip, by_mouse))
 
     def _show_alarm(self, now: float) -> None:
         """How far an emergency stop is, and what is urgent."""

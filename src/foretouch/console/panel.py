@@ -18,9 +18,10 @@ from foretouch.console.palette import BLUE, GREY, css
 from foretouch.console.recordings_panel import RecordingsPanel
 from foretouch.console.session_panel import SessionPanel
 
-__all__ = ["INSTRUCTION", "Actions", "Panel", "felt"]
+__all__ = ["INSTRUCTION", "WATCH_RECORDING", "Actions", "Panel", "felt"]
 
 INSTRUCTION = "Drag the blue handle down to press."
+WATCH_RECORDING = "A recording: play it, or drag its time bar."
 PRESS_CLUTCH, RELEASE_CLUTCH = "Clutch (C)", "Clutch is pressed: let it go (C)"
 WIDTH = 460
 """[pixel]."""

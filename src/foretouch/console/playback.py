@@ -17,6 +17,9 @@ from foretouch.messages import VERSION, LeaderState, SessionLog, Telemetry
 
 __all__ = ["Playback", "RecordedWatch"]
 
+TOLERANCE = 1e-6
+"""A tick counts as being at a moment that is no more than so much before it [s]."""
+
 M = TypeVar("M", LeaderState, Telemetry)
 
 
@@ -61,7 +64,7 @@ class RecordedWatch(Watched):
             now: Since the leader's first tick [s]; held within the recording.
         """
         self.now = min(max(now, 0.0), self.duration) if math.isfinite(now) else 0.0
-        row = int(np.searchsorted(self._seconds, self.now, side="right")) - 1
+        row = int(np.searchsorted(self._seconds, self.now + TOLERANCE, side="right")) - 1
         self.leader = _message(LeaderState, self._leader[row])
         telemetry = int(self._row_of[row])
         self.telemetry = _message(Telemetry, self._follower[telemetry]) if telemetry >= 0 else None
@@ -74,11 +77,12 @@ class RecordedWatch(Watched):
 
     def window(self, seconds: float) -> Window:
         """Forces, energy and delay of the seconds before `now`."""
-        first, last = np.searchsorted(self._seconds, (self.now - seconds, self.now), side="right")
+        first, last = np.searchsorted(self._seconds, (self.now - seconds, self.now + TOLERANCE), side="right")
         part = slice(int(first), int(last))
         if part.stop <= part.start:
             return empty_window()
-        return window_of(self._leader["sequence"][part], self._columns[part], self.now, seconds, 400)
+        now = float(self._seconds[part.stop - 1])
+        return window_of(self._leader["sequence"][part], self._columns[part], now, seconds, 400)
 
     def model_trace(self, seconds: float) -> ModelTrace:
         """Models of the seconds before `now`, compared at `model_depth`."""

@@ -48,7 +48,9 @@ class RecordingsPanel:
         self._note = gui.add_html("")
         self._position_delay = gui.add_slider("Delay there [s]", 0.0, LONGEST_DELAY, 0.01, 0.0, disabled=True)
         self._force_delay = gui.add_slider("Delay back [s]", 0.0, LONGEST_DELAY, 0.01, 0.0, disabled=True)
-        self._closed = gui.add_checkbox("Force moves hand", False, hint="Needs a grip", disabled=True)
+        self._closed = gui.add_checkbox(
+            "Closed loop", False, hint="The force moves the hand; needs a grip", disabled=True
+        )
         self._again = gui.add_button(RUN_AGAIN, color=GREY, disabled=True)
         self._shown: Playback | None = None
         self._list.on_update(self._chosen)
@@ -82,7 +84,8 @@ class RecordingsPanel:
             self._shown = playback
         here = playback is not None
         controls = (self._bar, self._play, self._live, self._position_delay, self._force_delay, self._closed)
-        for control, offered in (*((control, here) for control in controls), (self._again, here and not busy)):
+        offers = [(control, here) for control in controls]
+        for control, offered in (*offers, (self._again, here and not busy), (self._list, not busy)):
             if control.disabled == offered:
                 control.disabled = not offered
         if playback is not None:
@@ -103,6 +106,7 @@ class RecordingsPanel:
 
     async def _chosen(self, event: Any) -> None:
         if event.client is not None and self._list.value != CHOOSE:
+            self._list.disabled = True  # it lets go of the focus too, in which no key would stop the robot
             self._on_open(str(self._list.value))
 
     async def _dragged(self, event: Any) -> None:

@@ -79,8 +79,9 @@ class SessionPanel:
                 dropdown.options = (*dropdown.options, value)
             if value and dropdown.value != value:
                 dropdown.value = value
-            if dropdown.disabled == offered:
-                dropdown.disabled = not offered
+            open_to_all = offered and not self._waiting
+            if dropdown.disabled == open_to_all:
+                dropdown.disabled = not open_to_all
         label = STOP_RECORDING if recording else START_RECORDING
         if self._record.label != label:
             self._record.label, self._record.color = label, BLUE if recording else GREY
@@ -109,6 +110,7 @@ class SessionPanel:
         async def chosen(event: Any) -> None:
             if event.client is not None:  # None: the program set it
                 value = str(event.target.value)
+                event.target.disabled = True  # it lets go of the focus too, in which no key would stop the robot
                 self._waiting[name] = (value, time.monotonic() + BEGINNING)
                 self._on_choice(name, value)
 
