@@ -23,9 +23,11 @@ from foretouch.cli.sessions import reach_texts
 from foretouch.errors import LinkError, SettingError
 
 if TYPE_CHECKING:
+    from foretouch.devices import Device, SpatialDevice
     from foretouch.messages import Message
+    from foretouch.session import StopFlag
 
-__all__ = ["COMMANDS", "console", "follower", "leader", "record", "stop"]
+__all__ = ["COMMANDS", "camera", "console", "follower", "leader", "record", "stop"]
 
 LONGEST_NAME = 64
 """Characters of a leader's name that a command carries."""
@@ -87,6 +89,9 @@ def follower(
 
     require_duration(duration)
     stop = StopFlag().on_signals()
+    if settings.scene:
+        _follow_in_a_scene(settings, endpoints, shadow, stop, duration, parent)
+        return
     robot, material = make_moved_robot(settings, say=say) if shadow else make_session_robot(settings)
     # A shadow says by itself which settings have a part in it.
     said = {} if shadow else {name: text for name, text in settings.as_text().items() if name not in LEADER_SAYS}
@@ -128,23 +133,22 @@ def leader(
     """
     from foretouch.session import (
         LEADER_CHANNELS,
+        SPACE_LEADER_CHANNELS,
         StopFlag,
-        make_operator,
         run_leader,
         wait_for_hello,
     )
 
     require_duration(duration)
     stop = StopFlag().on_signals()
-    with open_link("leader", endpoints, LEADER_CHANNELS) as link:
+    channels = (*LEADER_CHANNELS, *SPACE_LEADER_CHANNELS) if settings.scene else LEADER_CHANNELS
+    with open_link("leader", endpoints, channels) as link:
         if parent is None:
             say("leader: waiting for a follower")
         hello = wait_for_hello(link, {"follower"}, stop, parent=parent).get("follower", {})
         if stop.reason:
             return
-        moved_by = make_operator(
-            settings, surface=_reach(hello, "surface"), press_depth=_reach(hello, "press_depth"), say=say
-        )
+        moved_by = _operator(settings, hello)
         run_leader(
             link,
             moved_by,
@@ -181,6 +185,36 @@ def record(
         problem = run_recorder(link, path, stop=StopFlag().on_signals(), say=say, parent=parent)
     if problem:
         raise typer.Exit(RECORDING_INCOMPLETE)
+
+
+@with_session_settings()
+@with_endpoints
+def camera(*, settings: Any, endpoints: Endpoints, parent: Parent = None) -> None:
+    """The camera at the follower of a scene: simulated images, and where they and the touches show the fixture.
+
+    It stands beside the follower, on the same machine, in a process of its own.
+
+    Example: foretouch camera --scene hill --listen tcp/127.0.0.1:7449 --connect tcp/127.0.0.1:7447
+    """
+    from foretouch.session import StopFlag
+    from foretouch.session.spatial import CAMERA_CHANNELS, make_camera, make_scene, run_camera
+
+    if not settings.scene:
+        raise SettingError("scene", settings.scene, "is needed for a camera: plane, hill, phantom, or a mesh")
+    scene = make_scene(settings.scene)
+    sees = settings.fusion in ("full", "image") or parent is not None
+    drawn = make_camera(settings, scene, say=say) if sees else None
+    with open_link("camera", endpoints, CAMERA_CHANNELS) as link:
+        texts = {"camera": "there is none" if drawn is None else "there is one"}
+        run_camera(
+            link,
+            scene,
+            drawn,
+            settings,
+            stop=StopFlag().on_signals(),
+            parent=parent,
+            description=lambda: texts | insecurity(link),
+        )
 
 
 @with_endpoints
@@ -238,10 +272,46 @@ def stop(*, endpoints: Endpoints) -> None:
     raise typer.Exit(1)
 
 
-COMMANDS = (leader, follower, stop, record, console)
+COMMANDS = (leader, follower, camera, stop, record, console)
 
 WATCHED_CHANNELS = ("telemetry", "leader", "model", "hello", "stop")
 """What the console's link receives."""
+
+
+def _follow_in_a_scene(
+    settings: Any, endpoints: Endpoints, shadow: bool, stop: StopFlag, duration: float | None, parent: int | None
+) -> None:
+    """The follower's side of a session in three dimensions."""
+    from foretouch.session import FOLLOWER_CHANNELS, SPACE_FOLLOWER_CHANNELS, run_follower
+    from foretouch.session.spatial import make_scene, make_spatial_robot
+
+    if shadow:
+        raise SettingError("scene", settings.scene, "is not watched: --shadow is for a robot along a line")
+    robot = make_spatial_robot(settings, make_scene(settings.scene))
+    said = {name: text for name, text in settings.as_text().items() if name not in LEADER_SAYS}
+    with open_link("follower", endpoints, (*FOLLOWER_CHANNELS, *SPACE_FOLLOWER_CHANNELS)) as link:
+        if parent is None:
+            say(f"follower: pressing {settings.material} on the scene {settings.scene}, {WAITS}")
+        description = said | insecurity(link)
+        run_follower(
+            link, robot, settings, stop=stop, say=say, description=description, duration=duration, parent=parent
+        )
+
+
+def _operator(settings: Any, hello: dict[str, str]) -> Device | SpatialDevice:
+    """Who moves the leader, over what the follower says that it reaches."""
+    from foretouch.session import make_operator
+    from foretouch.session.spatial import make_scene, make_spatial_operator
+
+    if settings.scene:
+        if hello.get("scene") != settings.scene:
+            theirs = hello.get("scene") or "a session along a line"
+            raise LinkError(f"the follower has {theirs} and not scene = {settings.scene!r}: give both sides the same")
+        scene = make_scene(settings.scene)
+        return make_spatial_operator(settings, scene, scene.nominal)
+    if hello.get("scene"):
+        raise LinkError(f"the follower is in a scene: give this side --scene {hello['scene']} too")
+    return make_operator(settings, surface=_reach(hello, "surface"), press_depth=_reach(hello, "press_depth"), say=say)
 
 
 def _own_name() -> str:

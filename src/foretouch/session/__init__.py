@@ -5,7 +5,15 @@ This is the only room with time, threads, processes and policy.
 
 from foretouch.session.frames import FramedDevice, FramedRobot, framed_device, framed_robot, inverse
 from foretouch.session.housekeeping import Housekeeper, StopFlag, orphaned
-from foretouch.session.live import FOLLOWER_CHANNELS, LEADER_CHANNELS, run_follower, run_leader, wait_for_hello
+from foretouch.session.live import (
+    FOLLOWER_CHANNELS,
+    LEADER_CHANNELS,
+    SPACE_FOLLOWER_CHANNELS,
+    SPACE_LEADER_CHANNELS,
+    run_follower,
+    run_leader,
+    wait_for_hello,
+)
 from foretouch.session.mediated import MediatedForce, mediate
 from foretouch.session.operators import make_operator
 from foretouch.session.processes import run_processes
@@ -27,6 +35,8 @@ __all__ = [
     "RECORDING_INCOMPLETE",
     "SAMPLE_PERIOD",
     "SHADOW_CHANNELS",
+    "SPACE_FOLLOWER_CHANNELS",
+    "SPACE_LEADER_CHANNELS",
     "FramedDevice",
     "FramedRobot",
     "Housekeeper",

@@ -6,13 +6,12 @@ import time
 from collections import deque
 from collections.abc import Callable, Mapping
 
-from foretouch.devices import Device
+from foretouch.devices import Device, SpatialDevice
 from foretouch.link import ASKING_PERIOD_NS, FaultStage, ZenohLink, new_press
-from foretouch.messages import PROCESS, VERSION, Command, EmergencyStop, ModelUpdate, Telemetry
-from foretouch.robot import Robot
-from foretouch.session import follower, leader
+from foretouch.messages import PROCESS, VERSION, Command, EmergencyStop, Message
+from foretouch.robot import Robot, SpatialRobot
 from foretouch.session.counting import as_texts, follower_counts, leader_counts, link_counts
-from foretouch.session.frames import browser_operator, framed_device, framed_robot
+from foretouch.session.driven import DrivenFollower, drive_follower, drive_leader
 from foretouch.session.housekeeping import ORPHANED, Housekeeper, StopFlag, orphaned
 from foretouch.session.lease import own_epoch
 from foretouch.session.loop_timer import LoopTimer, steady
@@ -20,16 +19,27 @@ from foretouch.session.news import follower_news, follower_says, leader_news
 from foretouch.session.operator_clock import OperatorClock
 from foretouch.session.safety import REST_FORCE
 from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
-from foretouch.session.sides import leading_side
 from foretouch.session.warm_up import warm_up
 
-__all__ = ["FOLLOWER_CHANNELS", "LEADER_CHANNELS", "run_follower", "run_leader", "wait_for_hello"]
+__all__ = [
+    "FOLLOWER_CHANNELS",
+    "LEADER_CHANNELS",
+    "SPACE_FOLLOWER_CHANNELS",
+    "SPACE_LEADER_CHANNELS",
+    "run_follower",
+    "run_leader",
+    "wait_for_hello",
+]
 
 FOLLOWER_CHANNELS = ("command", "settings", "stop", "emergency", "hello")
 """What the follower's link receives."""
 
 LEADER_CHANNELS = ("model", "telemetry", "handle", "settings", "stop", "hello")
 """What the leader's link receives."""
+
+SPACE_FOLLOWER_CHANNELS = ("fixture",)
+SPACE_LEADER_CHANNELS = ("follower-space", "field")
+"""What the links receive beside these in three dimensions."""
 
 LONGEST_CATCH_UP = 50
 """A simulated robot that was held up lets at most so many sample periods pass at once."""
@@ -75,7 +85,7 @@ def wait_for_hello(
 
 def run_follower(
     link: ZenohLink,
-    robot: Robot,
+    robot: Robot | SpatialRobot,
     settings: SessionSettings,
     *,
     stop: StopFlag,
@@ -87,8 +97,8 @@ def run_follower(
     """Run the follower's loop until a `Stop` arrives, `stop` is set, or `duration` [s] is over.
 
     Args:
-        link: With `FOLLOWER_CHANNELS`.
-        robot: To command; counts as the settings' follower frame says.
+        link: With `FOLLOWER_CHANNELS`, and in three dimensions `SPACE_FOLLOWER_CHANNELS`.
+        robot: To command; along a line it counts as the settings' follower frame says.
         settings: Of the session.
         stop: Looked at in every tick.
         say: Prints one line for people.
@@ -97,10 +107,10 @@ def run_follower(
         parent: Process whose end ends this one.
     """
     warm_up(settings)
-    robot = framed_robot(robot, settings.frames[1])
     stage: FaultStage[Command] = FaultStage(settings.command_faults)
     presses: deque[int] = deque(maxlen=MOST_PRESSES)
-    state = follower.start(robot.specification, settings, run=own_epoch())
+    driven = drive_follower(robot, settings, own_epoch())
+    state = driven.state
 
     def describe() -> dict[str, str]:
         told = follower_says(state) | as_texts(follower_counts(state) | link_counts("follower", link))
@@ -109,15 +119,13 @@ def run_follower(
     house = Housekeeper(link, "follower", describe, stop, say, parent, lambda _: follower_news(state))
     house.start()
     timer = LoopTimer(SAMPLE_PERIOD)
-    sample = robot.read()
-    desired_position = sample.commanded_position
     woke, compute = 0, 0
     end = None if duration is None else time.monotonic_ns() + round(duration * 1e9)
     with steady():
         while not stop.reason:
             now, periods = timer.wait()
             for _ in range(min(periods, LONGEST_CATCH_UP)):
-                sample = robot.exchange(desired_position)
+                driven.exchange()
             for arrival, command in link.take("command"):
                 stage.push(arrival, command)
             if link.inboxes["settings"]:
@@ -140,34 +148,31 @@ def run_follower(
                     emergency = emergency or asked.reason or "no reason given"
                     if asked.press:
                         presses.append(asked.press)
-            inputs = follower.Inputs(
-                stage.pop_due(now), sample, timer.woke_ns - woke if woke else 0, compute, emergency, release
-            )
+            driven.listen(link)
+            due, period = stage.pop_due(now), timer.woke_ns - woke if woke else 0
             woke = timer.woke_ns
             start = time.perf_counter_ns()
-            state, outputs = follower.step(state, inputs, now)
+            said = driven.tick(due, period, compute, now, stop=emergency, release=release)
             compute = time.perf_counter_ns() - start
-            link.publish(outputs.telemetry)
-            if outputs.model is not None:
-                link.publish(outputs.model)
-            desired_position = outputs.desired_position
+            for message in said:
+                link.publish(message)
         house.close(stop.reason)
-        _leave(robot, state, desired_position, timer)
+        _leave(driven, timer)
 
 
-def _leave(robot: Robot, state: follower.State, desired_position: float, timer: LoopTimer) -> None:
+def _leave(driven: DrivenFollower, timer: LoopTimer) -> None:
     """Leave no robot pressing: as after a long silence, until it feels next to nothing, for at most `LEAVING`."""
     end = time.monotonic() + LEAVING
-    while state.learner.sample.in_contact and state.learner.sample.force >= REST_FORCE and time.monotonic() < end:
+    learner = driven.state.learner
+    while learner.sample.in_contact and learner.sample.force >= REST_FORCE and time.monotonic() < end:
         now, _ = timer.wait()
-        inputs = follower.Inputs([], robot.exchange(desired_position), 0, 0, ended=True)
-        state, outputs = follower.step(state, inputs, now)
-        desired_position = outputs.desired_position
+        driven.exchange()
+        driven.tick([], 0, 0, now, ended=True)
 
 
 def run_leader(
     link: ZenohLink,
-    operator: Device,
+    operator: Device | SpatialDevice,
     settings: SessionSettings,
     *,
     stop: StopFlag,
@@ -180,17 +185,16 @@ def run_leader(
 ) -> None:
     """Run the leader's loop until a `Stop` arrives, `stop` is set, or `duration` [s] is over.
 
-    Arguments as for `run_follower`; `link` has `LEADER_CHANNELS`, `operator` moves the handle and counts as the
-    settings' leader frame says, and with `wait_for_recorder` the loop begins once a recorder listens, or after
-    `RECORDER_PATIENCE`. Other leaders are told the `name` of this one.
+    Arguments as for `run_follower`; `link` has `LEADER_CHANNELS`, and in three dimensions `SPACE_LEADER_CHANNELS`;
+    `operator` moves the handle, and along a line counts as the settings' leader frame says; with `wait_for_recorder`
+    the loop begins once a recorder listens, or after `RECORDER_PATIENCE`. Other leaders are told the `name` of this
+    one.
     """
     warm_up(settings)
-    stage: FaultStage[ModelUpdate | Telemetry] = FaultStage(settings.return_faults)
-    side = leading_side(settings)
-    state = side.start(settings, holder=name, epoch=own_epoch())
-    operator = framed_device(operator, settings.frames[0])
+    stage: FaultStage[Message] = FaultStage(settings.return_faults)
+    driven = drive_leader(operator, settings, name, own_epoch())
+    state = driven.state
     clock = OperatorClock(operator)
-    mouse = browser_operator(operator)
 
     def describe() -> dict[str, str]:
         own = {"leader": name, PROCESS: str(state.epoch)}
@@ -213,7 +217,7 @@ def run_leader(
         while not stop.reason:
             now, _ = timer.wait()
             operator_ns = clock.read(now, coupled=state.heard.run > 0)
-            for channel in ("model", "telemetry"):
+            for channel in ("model", "telemetry", *driven.channels):
                 for arrival, message in link.take(channel):
                     stage.push(arrival, message)
                     heard_ns = arrival
@@ -231,28 +235,14 @@ def run_leader(
             if link.inboxes["stop"]:
                 stop.set(link.take("stop")[-1][1].reason or "the session was ended")
             if link.inboxes["handle"]:
-                handle = link.take("handle")[-1][1]
-                if mouse is not None:
-                    mouse.take(handle.position, handle.held, operator_ns, clutched=handle.clutched)
+                driven.take(link.take("handle")[-1][1], operator_ns)
             if end is not None and now >= end:
                 stop.set("the duration is over")
-            due = stage.pop_due(now)
-            start = time.perf_counter_ns()
-            inputs = leader.Inputs(
-                operator.read(operator_ns),
-                [message for message in due if type(message) is ModelUpdate],
-                [message for message in due if type(message) is Telemetry],
-                timer.woke_ns - woke if woke else 0,
-                compute,
-                operator.clutched,
-                operator.exact_position,
-                operator.intention,
-                bool(stop.emergency),
-            )
+            due, period = stage.pop_due(now), timer.woke_ns - woke if woke else 0
             woke = timer.woke_ns
-            state, outputs = side.step(state, inputs, now)
+            start = time.perf_counter_ns()
+            said = driven.tick(due, operator_ns, period, compute, now, stop=bool(stop.emergency))
             compute = time.perf_counter_ns() - start
-            link.publish(outputs.command)
-            operator.render(outputs.record.rendered_force)
-            link.publish(outputs.record)
+            for message in said:
+                link.publish(message)
     house.close(stop.reason, state.epoch)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from foretouch.devices import Device
+from foretouch.devices import Device, SpatialDevice
 
 __all__ = ["OperatorClock"]
 
@@ -19,7 +19,7 @@ class OperatorClock:
 
     __slots__ = ("_begun_ns", "_waits")
 
-    def __init__(self, operator: Device) -> None:
+    def __init__(self, operator: Device | SpatialDevice) -> None:
         self._waits = operator.closed_loop
         self._begun_ns = 0
 

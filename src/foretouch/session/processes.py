@@ -1,4 +1,4 @@
-"""The whole lap on one machine: follower, leader, recorder and console as four processes, and their supervision."""
+"""The whole lap on one machine: each part a process of its own, and their supervision."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from foretouch.session.settings import SessionSettings
 
 __all__ = ["run_processes"]
 
-WATCHERS = {"console": "console", "record": "recorder"}
+WATCHERS = {"console": "console", "record": "recorder", "camera": "camera"}
 """Processes that the session goes on without, unless what they were told to do is refused (exit code 2)."""
 
 SETTLING = 15.0
@@ -83,6 +83,9 @@ class _Supervisor:
         self._common = ["--parent", str(os.getpid())]
         self._follower, self._leader, self._console = free_endpoint(), free_endpoint(), free_endpoint()
         self._watching = ["--connect", self._follower, "--connect", self._leader]
+        self._camera = free_endpoint() if settings.scene else ""
+        if self._camera:
+            self._watching += ["--connect", self._camera]
         self._begun: float | None = None
 
     @property
@@ -93,6 +96,9 @@ class _Supervisor:
     def start(self, console_port: int | None) -> None:
         """Start everything; the leader last, and its time counts from then on."""
         self._start_follower()
+        if self._camera:
+            ends = ["--listen", self._camera, "--connect", self._follower]
+            self._children.append(start("camera", [*ends, *self._chosen(), *self._common]))
         if console_port is not None:
             folder = str(self._recording.parent)
             options = ["--port", str(console_port), "--listen", self._console, "--recordings", folder]

@@ -20,6 +20,10 @@ def warm_up(settings: SessionSettings) -> None:
     Args:
         settings: Of the session that is to begin.
     """
+    if settings.scene:
+        from foretouch.session.spatial.warm_up import warm_up_scene
+
+        warm_up_scene(settings)
     learner = Learner(settings.make_estimator(), surface=SURFACE, force_offset=0.0)
     renderer = leader.start(settings).renderer
     renderer.engage(0.0, SURFACE - DEPTH)

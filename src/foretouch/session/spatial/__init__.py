@@ -1,1 +1,20 @@
 """Sessions in three dimensions: the steps along a line, with geometry about them, a tracker and a camera."""
+
+from foretouch.session.spatial.camera import SimulatedCamera
+from foretouch.session.spatial.camera_process import CAMERA_CHANNELS, run_camera
+from foretouch.session.spatial.making import make_camera, make_spatial_operator, make_spatial_robot
+from foretouch.session.spatial.scenes import SCENES, Scene, make_scene
+from foretouch.session.spatial.simulated import simulate_scene
+
+__all__ = [
+    "CAMERA_CHANNELS",
+    "SCENES",
+    "Scene",
+    "SimulatedCamera",
+    "make_camera",
+    "make_scene",
+    "make_spatial_operator",
+    "make_spatial_robot",
+    "run_camera",
+    "simulate_scene",
+]

@@ -199,8 +199,8 @@ def start(
     """
     inner = follower.start(specification, settings, estimator, run=run)
     lateral = LateralMotion(settings.largest_speed, settings.largest_acceleration, settings.largest_jerk, SAMPLE_PERIOD)
-    lines = (SurfaceLine(surface, pose) for _ in range(3))
-    return State(inner, *lines, lateral, settings.force_ceiling, settings.approach_speed)
+    probe, commanded, played = (SurfaceLine(surface, pose) for _ in range(3))
+    return State(inner, probe, commanded, played, lateral, settings.force_ceiling, settings.approach_speed)
 
 
 def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
@@ -359,7 +359,7 @@ def _space(
     state: State, sample: SpatialSample, footing: Footing, force: Vector, desired: Vector, now_ns: int
 ) -> FollowerSpace:
     inner = state.inner
-    exact = sample.fixture if len(sample.fixture) == POSE_NUMBERS else (math.nan,) * POSE_NUMBERS
+    x, y, z, rx, ry, rz = sample.fixture if len(sample.fixture) == POSE_NUMBERS else (math.nan,) * POSE_NUMBERS
     return FollowerSpace(
         VERSION,
         inner.tick,
@@ -370,7 +370,7 @@ def _space(
         *footing.normal,
         footing.depth,
         *state.line.pose,
-        *exact,
+        *(x, y, z, rx, ry, rz),
         *state.touch,
         state.touch_tick,
         inner.run,

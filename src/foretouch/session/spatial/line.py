@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 from foretouch.quantities.rigid import RigidMotion, Vector, add, scaled, subtract, unit
 from foretouch.rendering.surfaces import Surface, SurfaceProxy
 
-__all__ = ["Footing", "SurfaceLine"]
+__all__ = ["Footing", "Numbers6", "SurfaceLine"]
+
+Numbers6: TypeAlias = tuple[float, float, float, float, float, float]
+"""A place [m] and a rotation vector [rad]."""
 
 
 class Footing(NamedTuple):
@@ -60,7 +63,7 @@ class SurfaceLine:
     def __init__(self, surface: Surface, pose: Sequence[float]) -> None:
         self._proxy = SurfaceProxy(surface)
         self._place: Vector | None = None
-        self.pose = tuple(pose)
+        self.pose: Numbers6 = _six(pose)
         self.motion = RigidMotion.from_numbers(pose)
         self.offset = 0.0
         self.footing: Footing | None = None
@@ -70,11 +73,10 @@ class SurfaceLine:
 
         A pose that is not six finite numbers is left out.
         """
-        pose = tuple(pose)
-        if pose == self.pose or len(pose) != 6 or not all(map(math.isfinite, pose)):
+        if len(pose) != 6 or not all(map(math.isfinite, pose)) or _six(pose) == self.pose:
             return False
         before = self.footing
-        self.pose, self.motion = pose, RigidMotion.from_numbers(pose)
+        self.pose, self.motion = _six(pose), RigidMotion.from_numbers(pose)
         if before is not None and self._place is not None:
             after = self.follow(self._place)
             self.offset += before.depth - after.depth
@@ -103,3 +105,8 @@ class SurfaceLine:
     def outside(self, inner: Vector) -> Vector:
         """A point of the fixture's frame in the world's [m]."""
         return add(self.motion.rotate(inner), self.motion.translation)
+
+
+def _six(pose: Sequence[float]) -> Numbers6:
+    x, y, z, a, b, c = (float(number) for number in pose)
+    return x, y, z, a, b, c

@@ -1,0 +1,88 @@
+"""Camera and tracker in real time: a process of its own beside the follower, whose loop has no time for them."""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from collections.abc import Callable, Mapping
+
+from foretouch.link import ZenohLink
+from foretouch.messages import VERSION, CameraImage, FollowerSpace, Hello
+from foretouch.session.housekeeping import ORPHANED, StopFlag, orphaned
+from foretouch.session.settings import SessionSettings
+from foretouch.session.spatial import tracker
+from foretouch.session.spatial.camera import IMAGE_PERIOD, VIEW, SimulatedCamera
+from foretouch.session.spatial.scenes import KnownSurface, Scene
+
+__all__ = ["CAMERA_CHANNELS", "run_camera"]
+
+CAMERA_CHANNELS = ("follower-space", "stop")
+"""What the camera's link receives: a simulated camera sees what the follower's simulation says."""
+
+POLL_PERIOD = 0.005
+HELLO_PERIOD = 0.5
+GRACE = 1.0
+"""Whoever is told that the session ends goes on for so long [s]."""
+
+
+def run_camera(
+    link: ZenohLink,
+    scene: Scene,
+    camera: SimulatedCamera | None,
+    settings: SessionSettings,
+    *,
+    stop: StopFlag,
+    parent: int | None = None,
+    description: Callable[[], Mapping[str, str]] = dict,
+) -> None:
+    """Take images, track the fixture, and publish both, until a `Stop` has arrived or `stop` is set.
+
+    Args:
+        link: With `CAMERA_CHANNELS`.
+        scene: What stands on the fixture.
+        camera: None where there is none: then touches alone are tracked.
+        settings: Of the session.
+        stop: Looked at in every round.
+        parent: Process whose end ends this one.
+        description: Gives the texts of the `Hello` messages.
+    """
+    state = tracker.start(KnownSurface(scene.surface), scene.nominal, settings.fusion, view=VIEW)
+    images: deque[tuple[float, CameraImage]] = deque()
+    newest: FollowerSpace | None = None
+    begun = exposed = spoken = time.monotonic()
+    end, hellos = float("inf"), 0
+    while not stop.reason and (now := time.monotonic()) <= end:
+        spaces = [space for _, space in link.take("follower-space")]
+        if spaces:
+            if newest is not None and spaces[-1].run != newest.run:  # another process, and a world that begins anew
+                state = tracker.start(KnownSurface(scene.surface), scene.nominal, settings.fusion, view=VIEW)
+                images.clear()
+                begun = now
+            newest = spaces[-1]
+        if camera is not None and newest is not None and now - exposed >= IMAGE_PERIOD:
+            exposed = max(exposed + IMAGE_PERIOD, now - IMAGE_PERIOD)
+            images.append((now + settings.camera_delay, _take(camera, newest, now - begun)))
+        due = []
+        while images and images[0][0] <= now:
+            due.append(images.popleft()[1])
+            link.publish(due[-1])
+        if newest is not None:
+            belief = tracker.step(state, spaces, due, newest.time_ns)
+            if belief is not None:
+                link.publish(belief)
+        if link.take("stop"):
+            end = min(end, now + GRACE)
+        if now - spoken >= HELLO_PERIOD:
+            spoken, hellos = now, hellos + 1
+            texts = dict(description())
+            link.publish(Hello(VERSION, hellos, time.monotonic_ns(), "camera", tuple(texts), tuple(texts.values())))
+            if orphaned(parent):
+                stop.set(ORPHANED)
+        time.sleep(POLL_PERIOD)
+
+
+def _take(camera: SimulatedCamera, space: FollowerSpace, seconds: float) -> CameraImage:
+    """An image of the follower's newest tick."""
+    fixture = (space.exact_x, space.exact_y, space.exact_z, space.exact_rx, space.exact_ry, space.exact_rz)
+    probe = (space.place_x, space.place_y, space.place_z)
+    return camera.take(fixture, probe, space.sequence, seconds, time.monotonic_ns(), space.run)
