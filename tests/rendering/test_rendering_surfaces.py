@@ -228,7 +228,7 @@ def test_a_place_that_is_no_number_changes_nothing() -> None:
     assert proxy.follow((math.nan, 0.0, 0.0)).depth == -math.inf
     proxy.follow((0.0, 0.0, 0.06))
     before = proxy.follow((0.0, 0.0, 0.04))
-    for bad in (math.nan, math.inf, -math.inf):
+    for bad in (math.nan, math.inf, -math.inf, 1e200):
         assert proxy.follow((0.0, bad, 0.0)) == before
     assert proxy.follow((0.0, 0.0, -0.04)).normal == pytest.approx((0.0, 0.0, 1.0))
     proxy.restart()

@@ -15,6 +15,9 @@ __all__ = ["NO_TRIANGLE", "Point", "Surface", "SurfaceContact", "SurfaceProxy"]
 Array: TypeAlias = NDArray[np.float64]
 Point: TypeAlias = tuple[float, float, float]
 
+FARTHEST = 1e3
+"""No probe is further away [m]."""
+
 NO_TRIANGLE = -1
 """Where a surface has none."""
 
@@ -102,14 +105,15 @@ class SurfaceProxy:
         self.newest = _FAR
 
     def follow(self, place: Sequence[float]) -> SurfaceContact:
-        """Follow the probe to a place; one that is not finite changes nothing and gets the newest contact again.
+        """Follow the probe to a place.
 
-        Call it in every tick, outside the surface too: from which side the probe comes in is seen on the way.
+        One that is not finite, or beyond 1 km, changes nothing and gets the newest contact again. Call it in every
+        tick, outside the surface too: from which side the probe comes in is seen on the way.
 
         Args:
             place: Of the probe [m], three numbers.
         """
         x, y, z = place
-        if math.isfinite(x) and math.isfinite(y) and math.isfinite(z):
+        if -FARTHEST <= x <= FARTHEST and -FARTHEST <= y <= FARTHEST and -FARTHEST <= z <= FARTHEST:
             self.newest = self.surface.follow(self._memory, x, y, z)
         return self.newest
