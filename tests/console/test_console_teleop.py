@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import importlib.util
 import re
 import signal
 import subprocess
@@ -16,7 +17,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from console_driver import chromium, held_handle, kill_tab, open_page, plot_data, take_handle
+from console_driver import choose, chromium, held_handle, kill_tab, open_page, open_tab, plot_data, take_handle
 
 from foretouch.console.alarm import LATCHED, READY
 from foretouch.devices.browser import HOLD_TIME
@@ -32,6 +33,16 @@ pytestmark = [
 ]
 
 
+def docs_script(name: str) -> Any:
+    """One of the documentation's scripts as a module."""
+    spec = importlib.util.spec_from_file_location(name, Path(__file__).parents[2] / "docs" / f"{name}.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
 def wait_for_page(url: str, seconds: float = 40.0) -> None:
     end = time.monotonic() + seconds
     while True:
@@ -42,6 +53,14 @@ def wait_for_page(url: str, seconds: float = 40.0) -> None:
             time.sleep(0.2)
         else:
             return
+
+
+def wait_for_bytes(page: Any, path: Path, size: int, seconds: float = 30.0) -> None:
+    """Wait until a recording has grown to so many bytes: about 400 a tick of either side."""
+    end = time.monotonic() + seconds
+    while not path.exists() or path.stat().st_size < size:
+        assert time.monotonic() < end, f"{path.name} does not grow"
+        page.wait_for_timeout(100)
 
 
 @contextlib.contextmanager
@@ -63,6 +82,7 @@ def teleop_page(
             with open_page(url) as (page, requests):
                 yield page, requests, teleop
                 if click:
+                    open_tab(page, "Session")
                     page.get_by_text("End the session").click()
                 _, err = teleop.communicate(timeout=40)
         finally:
@@ -103,7 +123,6 @@ def test_the_clutch_lets_a_hand_go_alone(tmp_path: Path) -> None:
     path = tmp_path / "live.mcap"
     with teleop_page(path, "--grip", "normal", "--force-delay", "0.05") as (page, _, _teleop):
         page.get_by_text("It moves a hand that follows your mouse (normal grip).").wait_for()
-        page.get_by_text("Energy put in").wait_for()
         page.wait_for_timeout(3000)
         with held_handle(page, press_mm=16.0, seconds=1.0):
             page.wait_for_timeout(1500)
@@ -112,7 +131,7 @@ def test_the_clutch_lets_a_hand_go_alone(tmp_path: Path) -> None:
         page.get_by_text("Clutch is pressed: let it go").wait_for(timeout=30_000)
         page.wait_for_timeout(1000)
         clutch.press("Enter")
-        page.get_by_text("Clutch", exact=True).wait_for(timeout=30_000)
+        page.get_by_text("Clutch (C)", exact=True).wait_for(timeout=30_000)
         page.wait_for_timeout(1000)
     leader = read_session(path).leader
     met = int(np.argmax(leader["engaged"]))
@@ -128,6 +147,48 @@ def test_the_clutch_lets_a_hand_go_alone(tmp_path: Path) -> None:
         moved = leader["position"][tick] - leader["position"][tick - 1]
         assert abs(moved) <= abs(leader["hand_position"][tick] - leader["hand_position"][tick - 1]) + 1e-9
     assert (leader["energy"] >= -leader["energy_bound"] - 1e-12).all()
+
+
+def test_what_is_chosen_while_it_runs_is_what_runs_and_each_recording_can_be_read(tmp_path: Path) -> None:
+    path = tmp_path / "live.mcap"
+    with teleop_page(path, "--force-delay", "0.1") as (page, _, _teleop):
+        open_tab(page, "Session")
+        page.get_by_text("Recording: ").wait_for()
+        choose(page, "Material", "kelvin-voigt")
+        page.get_by_text("Begins anew with kelvin-voigt").wait_for()
+        page.get_by_text("kelvin-voigt · contact-map · bank").wait_for(timeout=40_000)
+        wait_for_bytes(page, path, path.stat().st_size + 1_000_000)
+        page.keyboard.press("r")
+        page.get_by_text("Nothing is recorded.").wait_for()
+        page.wait_for_timeout(500)
+        page.keyboard.press("r")
+        page.get_by_text("live-2.mcap").wait_for()
+        wait_for_bytes(page, tmp_path / "live-2.mcap", 1_000_000)
+        open_tab(page, "Recordings")
+        choose(page, "Recording", "live.mcap")
+        page.get_by_text("RECORDING, NOT LIVE: live.mcap").wait_for(timeout=20_000)
+    first, second = read_session(path), read_session(tmp_path / "live-2.mcap")
+    assert "truncated" not in first.counts | second.counts
+    assert second.settings["material"] == "kelvin-voigt"
+    before, after = (len(np.unique(column)) for column in (first.leader["epoch"], first.follower["run"]))
+    assert (before, after) == (2, 2)  # both sides began anew, and the recording went on
+    new = first.leader[first.leader["epoch"] == first.leader["epoch"][-1]]
+    assert min(new.size, second.leader.size) > 500
+    assert second.leader["epoch"][0] == new["epoch"][0]  # a recording that begins starts nobody again
+    assert np.unique(second.leader["epoch"]).size == 1
+
+
+@pytest.mark.long
+def test_no_browser_that_stalls_or_leaves_is_felt_by_the_loops() -> None:
+    """A busy machine is late by itself; a loop that waited for a browser would stand still for as long as it does."""
+    measure_console = docs_script("measure_console")
+    alone = {row[1]: row for row in measure_console.run("alone", measure_console.nobody, 6.0)}
+    for behave in (measure_console.one_that_stands_still, measure_console.one_that_is_closed):
+        for row in measure_console.run("", behave, 6.0):
+            _, side, median, most, late, *_ = row
+            assert median == pytest.approx(1.0, abs=0.01)
+            assert most < 3.0 * alone[side][3] + 5.0
+            assert late < alone[side][4] + 15.0
 
 
 def test_an_emergency_stop_is_released_at_the_follower_and_a_killed_tab_lets_go(tmp_path: Path) -> None:

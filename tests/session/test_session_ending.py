@@ -26,6 +26,7 @@ from foretouch.session import (
     run_follower,
     run_leader,
 )
+from foretouch.session.driven import LineFollower
 from foretouch.session.heard import MOST_OF_FORMER, Heard
 from foretouch.session.safety import REST_FORCE
 
@@ -73,10 +74,17 @@ def pressing() -> Lap:
     raise AssertionError("nothing was pressed")
 
 
+def driven(lap: Lap, robot: Any) -> LineFollower:
+    """The follower of a lap as a loop in real time drives it."""
+    made = LineFollower(robot, SessionSettings(), 1)
+    made.state = lap.following
+    return made
+
+
 def test_a_robot_that_a_session_leaves_in_contact_unloads() -> None:
     lap = pressing()
     timer: Any = Ticks(lap.now)
-    live._leave(lap.robot, lap.following, lap.telemetry[-1].desired_position, timer)
+    live._leave(driven(lap, lap.robot), timer)
     assert lap.following.learner.sample.force < REST_FORCE
     assert lap.robot.read().exact_force < REST_FORCE + 0.1
     assert 5 < timer.count < 1000
@@ -88,7 +96,7 @@ def test_one_in_free_air_is_left_at_once() -> None:
     lap.start_leader("anna", 11)
     lap.run(0.5)
     timer: Any = Ticks(lap.now)
-    live._leave(lap.robot, lap.following, lap.telemetry[-1].desired_position, timer)
+    live._leave(driven(lap, lap.robot), timer)
     assert timer.count == 0
 
 
@@ -98,7 +106,7 @@ def test_one_that_does_not_come_out_keeps_nobody_for_longer_than_that(monkeypatc
     lap = pressing()
     timer: Any = Ticks(lap.now)
     begun = time.monotonic()
-    live._leave(Deaf(lap.robot), lap.following, lap.telemetry[-1].desired_position, timer)
+    live._leave(driven(lap, Deaf(lap.robot)), timer)
     assert 0.2 <= time.monotonic() - begun < 1.0
     assert lap.following.learner.sample.force > REST_FORCE
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foretouch.messages.schema import EmergencyStop, LeaderState, Message, ModelUpdate, Telemetry
-from foretouch.messages.spatial import CameraImage, FieldUpdate, FollowerSpace, LeaderSpace
+from foretouch.messages.spatial import CameraImage, FieldUpdate, FixtureBelief, FollowerSpace, LeaderSpace
 from foretouch.messages.stretches import side_seconds, split_session
 
 __all__ = [
@@ -94,6 +94,7 @@ class SessionLog:
         follower_space: One row per `FollowerSpace`; else empty.
         fields: Every `FieldUpdate`.
         images: Every `CameraImage`.
+        beliefs: Every `FixtureBelief`.
     """
 
     leader: NDArray[np.void]
@@ -107,6 +108,7 @@ class SessionLog:
     follower_space: NDArray[np.void] = field(default_factory=lambda: np.empty(0, FOLLOWER_SPACE_DTYPE))
     fields: tuple[FieldUpdate, ...] = ()
     images: tuple[CameraImage, ...] = ()
+    beliefs: tuple[FixtureBelief, ...] = ()
 
     @classmethod
     def from_messages(
@@ -121,6 +123,7 @@ class SessionLog:
         follower_space: Sequence[FollowerSpace] = (),
         fields: Sequence[FieldUpdate] = (),
         images: Sequence[CameraImage] = (),
+        beliefs: Sequence[FixtureBelief] = (),
     ) -> SessionLog:
         """Log from the messages themselves."""
         return cls(
@@ -133,6 +136,7 @@ class SessionLog:
             follower_space=np.array([as_row(message) for message in follower_space], dtype=FOLLOWER_SPACE_DTYPE),
             fields=tuple(fields),
             images=tuple(images),
+            beliefs=tuple(beliefs),
         )
 
     def stretches(self) -> tuple[SessionLog, ...]:

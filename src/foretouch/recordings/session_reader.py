@@ -15,10 +15,17 @@ from numpy.typing import NDArray
 from foretouch.errors import RecordingError
 from foretouch.messages import (
     FOLLOWER_DTYPE,
+    FOLLOWER_SPACE_DTYPE,
     LEADER_DTYPE,
+    LEADER_SPACE_DTYPE,
+    CameraImage,
     EmergencyStop,
+    FieldUpdate,
+    FixtureBelief,
+    FollowerSpace,
     Hello,
     Hellos,
+    LeaderSpace,
     LeaderState,
     Message,
     ModelUpdate,
@@ -39,10 +46,14 @@ _MESSAGE_HEADER = 22  # channel 2, sequence 4, log time 8, publish time 8 bytes
 
 NOTHING: Final = "was cut off before anything was flushed"
 
-_COLUMNS: dict[type[Message], np.dtype[np.void]] = {LeaderState: LEADER_DTYPE, Telemetry: FOLLOWER_DTYPE}
-_KINDS: dict[str, type[Message]] = {
-    TOPICS[kind].name: kind for kind in (LeaderState, Telemetry, ModelUpdate, Hello, EmergencyStop)
+_COLUMNS: dict[type[Message], np.dtype[np.void]] = {
+    LeaderState: LEADER_DTYPE,
+    Telemetry: FOLLOWER_DTYPE,
+    LeaderSpace: LEADER_SPACE_DTYPE,
+    FollowerSpace: FOLLOWER_SPACE_DTYPE,
 }
+_KEPT = (ModelUpdate, EmergencyStop, FieldUpdate, FixtureBelief, CameraImage)
+_KINDS: dict[str, type[Message]] = {TOPICS[kind].name: kind for kind in (*_COLUMNS, *_KEPT, Hello)}
 
 
 def read_session(path: str | PathLike[str]) -> SessionLog:
@@ -108,8 +119,7 @@ class _Scan:
         self._layouts: dict[type[Message], Layout] = {}
         self._topics: set[str] = set()
         self._parts: dict[type[Message], list[NDArray[np.void]]] = {kind: [] for kind in _COLUMNS}
-        self._models: list[ModelUpdate] = []
-        self._emergencies: list[EmergencyStop] = []
+        self._kept: dict[type[Message], list[Any]] = {kind: [] for kind in _KEPT}
         self._hellos = Hellos()
         self._counts: dict[str, int] = {}  # those of the end
 
@@ -129,11 +139,16 @@ class _Scan:
         return SessionLog(
             columns[LeaderState],
             columns[Telemetry],
-            in_order(self._models),
+            in_order(self._kept[ModelUpdate]),
             self._hellos.settings,
             self._hellos.counts | self._counts,
-            tuple(self._emergencies),
+            tuple(self._kept[EmergencyStop]),
             self._hellos.news,
+            leader_space=columns[LeaderSpace],
+            follower_space=columns[FollowerSpace],
+            fields=tuple(self._kept[FieldUpdate]),
+            images=tuple(self._kept[CameraImage]),
+            beliefs=tuple(self._kept[FixtureBelief]),
         )
 
     def _records_of(self, data: bytes | mmap.mmap, position: int) -> bool:
@@ -203,12 +218,10 @@ class _Scan:
                 return
             for start, end in spans:
                 message = layout.unpack(data[start:end])
-                if isinstance(message, ModelUpdate):
-                    self._models.append(message)
-                elif isinstance(message, EmergencyStop):
-                    self._emergencies.append(message)
-                elif isinstance(message, Hello):
+                if isinstance(message, Hello):
                     self._hellos.take(message)
+                else:
+                    self._kept[kind].append(message)
         except ValueError as error:
             raise RecordingError(self._path, f"{TOPICS[kind].name}: {_one_line(error)}") from None
 

@@ -9,20 +9,12 @@ from types import TracebackType
 from typing import Any
 
 from foretouch.errors import RecordingError
-from foretouch.messages import LeaderState, Message, Telemetry
+from foretouch.messages import Message
 from foretouch.recordings._extra import optional
 from foretouch.recordings.block_file import BlockFile
 from foretouch.recordings.mcap_index import append_index, counts_record
-from foretouch.recordings.topics import (
-    FOLLOWER_JOINTS,
-    LEADER_JOINTS,
-    STANDARD,
-    TOPICS,
-    TRUNCATED,
-    WRENCH,
-    joint_state,
-    wrench,
-)
+from foretouch.recordings.standard_topics import BESIDE, STANDARD
+from foretouch.recordings.topics import TOPICS, TRUNCATED
 
 __all__ = ["SessionWriter"]
 
@@ -61,9 +53,7 @@ class SessionWriter:
         self._own: dict[type[Message], tuple[int, Callable[[Message], bytes]]] = {
             kind: (numbers[topic.name], topic.layout.pack) for kind, topic in TOPICS.items()
         }
-        self._wrench = numbers[WRENCH.name]
-        self._follower_joints = numbers[FOLLOWER_JOINTS.name]
-        self._leader_joints = numbers[LEADER_JOINTS.name]
+        self._standard = {topic: numbers[topic.name] for topic in STANDARD}
         try:
             self._file = BlockFile(path)
         except OSError as error:
@@ -82,7 +72,7 @@ class SessionWriter:
         return self._file.path
 
     def write(self, message: Message, log_time_ns: int) -> None:
-        """Record one message, and beside telemetry and leader state the standard types that say the same.
+        """Record one message, and beside it the standard types that say the same, where there are such.
 
         Args:
             message: Any message of `foretouch.messages`.
@@ -95,13 +85,10 @@ class SessionWriter:
         channel, pack = self._own[type(message)]
         add, sequence, time_ns = self._block.add_message, message.sequence & 0xFFFF_FFFF, message.time_ns
         add(channel, log_time_ns, pack(message), time_ns, sequence)
-        if isinstance(message, Telemetry):
-            add(self._wrench, log_time_ns, wrench(time_ns, message.force), time_ns, sequence)
-            joints = joint_state(time_ns, message.position, message.velocity, message.force)
-            add(self._follower_joints, log_time_ns, joints, time_ns, sequence)
-        elif isinstance(message, LeaderState):
-            joints = joint_state(time_ns, message.position, message.velocity, message.rendered_force)
-            add(self._leader_joints, log_time_ns, joints, time_ns, sequence)
+        beside = BESIDE.get(type(message))
+        if beside is not None:
+            for topic, data in beside(message):
+                add(self._standard[topic], log_time_ns, data, time_ns, sequence)
         self._first = log_time_ns if self._first is None else self._first
         self._last = log_time_ns
         self._messages += 1

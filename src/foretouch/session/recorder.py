@@ -24,7 +24,20 @@ from foretouch.session.housekeeping import ORPHANED, StopFlag, orphaned
 
 __all__ = ["RECORDER_CHANNELS", "RECORDING_INCOMPLETE", "Recorder", "run_recorder"]
 
-RECORDER_CHANNELS = ("telemetry", "leader", "model", "hello", "settings", "stop", "emergency")
+RECORDER_CHANNELS = (
+    "telemetry",
+    "leader",
+    "model",
+    "hello",
+    "settings",
+    "stop",
+    "emergency",
+    "follower-space",
+    "leader-space",
+    "field",
+    "fixture",
+    "image",
+)
 """What the recorder's link receives and the recording holds."""
 
 RECORDING_INCOMPLETE = 3

@@ -73,7 +73,7 @@ def simulate_scene(
     tracking = tracker.start(KnownSurface(scene.surface), scene.nominal, settings.fusion, view=VIEW)
     ticks = round(duration / SAMPLE_PERIOD)
     compute = np.zeros((2, ticks), dtype=np.int64)
-    kept = ("leader", "follower", "models", "leads", "follows", "fields", "seen")
+    kept = ("leader", "follower", "models", "leads", "follows", "fields", "seen", "beliefs")
     logs: dict[str, list[Any]] = {name: [] for name in kept}
     texts = settings.as_text() | {"operator": operator.name} | dict(description or {})
     images: deque[tuple[int, CameraImage]] = deque()
@@ -121,6 +121,9 @@ def simulate_scene(
             belief = tracker.step(tracking, spaces, due, now_ns)
             spaces = []
             beliefs = [] if belief is None else [belief]
+            if belief is not None:
+                logs["beliefs"].append(belief)
+                keep(belief, now_ns)
 
         arrived = returned.pop_due(now_ns)
         operator.see(leading.line.pose)
@@ -168,6 +171,7 @@ def simulate_scene(
         follower_space=logs["follows"],
         fields=logs["fields"],
         images=logs["seen"],
+        beliefs=logs["beliefs"],
     )
     log.leader["compute_ns"], log.follower["compute_ns"] = compute
     return SimulatedSession(log, duration, elapsed)
