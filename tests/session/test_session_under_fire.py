@@ -38,7 +38,8 @@ def test_a_session_goes_on(fire: Fire, name: str) -> None:
 
 
 def test_no_process_has_grown(fire: Fire) -> None:
-    largest = {"memory_kB": 8_000, "threads": 0, "pooled threads": 32, "files": 2}
+    # A process that kept what it has for a peer, some 0.5 MB, would have grown by 50 MB; an allocator keeps some 5.
+    largest = {"memory_kB": 25_000, "threads": 0, "pooled threads": 32, "files": 2}
     grown = fire.grown()
     assert len(grown) == 2 * len(largest)
     for name, more in grown.items():
