@@ -149,6 +149,7 @@ def test_the_clutch_lets_a_hand_go_alone(tmp_path: Path) -> None:
     assert (leader["energy"] >= -leader["energy_bound"] - 1e-12).all()
 
 
+@pytest.mark.long
 def test_what_is_chosen_while_it_runs_is_what_runs_and_each_recording_can_be_read(tmp_path: Path) -> None:
     path = tmp_path / "live.mcap"
     with teleop_page(path, "--force-delay", "0.1") as (page, _, _teleop):
