@@ -52,8 +52,9 @@ _COLUMNS: dict[type[Message], np.dtype[np.void]] = {
     LeaderSpace: LEADER_SPACE_DTYPE,
     FollowerSpace: FOLLOWER_SPACE_DTYPE,
 }
-_KEPT = (ModelUpdate, EmergencyStop, FieldUpdate, FixtureBelief, CameraImage)
-_KINDS: dict[str, type[Message]] = {TOPICS[kind].name: kind for kind in (*_COLUMNS, *_KEPT, Hello)}
+_KEPT: tuple[type[Message], ...] = (ModelUpdate, EmergencyStop, FieldUpdate, FixtureBelief, CameraImage)
+_READ: tuple[type[Message], ...] = (*_COLUMNS, *_KEPT, Hello)
+_KINDS: dict[str, type[Message]] = {TOPICS[kind].name: kind for kind in _READ}
 
 
 def read_session(path: str | PathLike[str]) -> SessionLog:

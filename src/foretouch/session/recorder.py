@@ -12,8 +12,11 @@ from foretouch.link import SequenceCounter, ZenohLink
 from foretouch.messages import (
     COUNT_PREFIX,
     VERSION,
+    FieldUpdate,
+    FollowerSpace,
     Hello,
     Hellos,
+    LeaderSpace,
     LeaderState,
     Message,
     ModelUpdate,
@@ -86,9 +89,9 @@ class Recorder:
     def take(self, name: str, arrivals: list[tuple[int, Message]]) -> None:
         """Record the messages of one channel with the times [ns] at which they arrived."""
         for arrival, message in arrivals:
-            if isinstance(message, Telemetry | ModelUpdate):
+            if isinstance(message, Telemetry | ModelUpdate | FollowerSpace | FieldUpdate):
                 self._count(name, message.run, message.sequence)
-            elif isinstance(message, LeaderState):
+            elif isinstance(message, LeaderState | LeaderSpace):
                 self._count(name, message.epoch, message.sequence)
             elif isinstance(message, Hello):
                 self.heard.add(message.role)

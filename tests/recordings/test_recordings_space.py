@@ -1,0 +1,160 @@
+"""Recordings of sessions in three dimensions: what is written is read back, by us and by others."""
+
+import io
+from collections import defaultdict
+
+import cv2
+import msgspec
+import numpy as np
+import pytest
+import session_messages as made
+from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
+from scipy.spatial.transform import Rotation
+
+from foretouch.messages import (
+    FOLLOWER_SPACE_DTYPE,
+    LEADER_SPACE_DTYPE,
+    VERSION,
+    CameraImage,
+    FieldUpdate,
+    FixtureBelief,
+    FollowerSpace,
+    LeaderSpace,
+    as_row,
+)
+from foretouch.models import MaterialField
+from foretouch.recordings import SessionWriter, read_session, repair_session
+from foretouch.recordings.standard_topics import quaternion
+from foretouch.recordings.topics import TOPICS
+
+TICKS = 300
+KINDS = (FollowerSpace, LeaderSpace, FieldUpdate, FixtureBelief, CameraImage)
+
+
+def odd(tick, count):
+    return [made.ODD[(tick + shift) % len(made.ODD)] for shift in range(count)]
+
+
+def picture(tick):
+    """A JPEG as a camera makes it; empty where the stream dropped it."""
+    if tick % 90 == 0:
+        return b""
+    pixels = np.random.default_rng(tick).integers(0, 256, (24, 32, 3), np.uint8)
+    return cv2.imencode(".jpg", pixels)[1].tobytes()
+
+
+def session():
+    """Messages of both sides and of the camera, with the times at which they were recorded [ns]."""
+    field = MaterialField([(0, 0, 0), (1, 0, -3)], [(300.0, 4e4, 20.0, 9.0)] * 2, mean=(250.0, 0.0, 0.0), doubt=1e3)
+    for tick in range(1, TICKS + 1):
+        now = tick * 1_000_000
+        yield made.leader_state(tick), now
+        yield made.telemetry(tick), now
+        yield FollowerSpace(VERSION, tick, now, *odd(tick, 28), tick // 7, 2**62 + 1), now
+        yield LeaderSpace(VERSION, tick, now + 7, *odd(tick, 29), 2**53 + 1), now
+        if tick % 30 == 0:
+            pose = (0.1 * np.sin(tick), -0.02, 0.3, 0.002 * tick, -1.1, 0.0)
+            found = pose if tick % 60 else ()
+            spread = tuple(odd(tick, 36)) if found else ()
+            reason = "" if found else "no board: ü"
+            yield CameraImage(VERSION, tick // 30, now, tick, picture(tick), found, spread, 4, reason, (1.0,) * 15), now
+            told = (*pose[:5], 0.0), (1e-4,) * 6, float("inf"), tick, 2, 1, "seen"
+            yield FixtureBelief(VERSION, tick // 30, now, *told), now
+            yield FieldUpdate(VERSION, tick // 30, now, field.to_bytes(), 3), now
+
+
+@pytest.fixture
+def path(tmp_path):
+    file = tmp_path / "scene.mcap"
+    with SessionWriter(file) as writer:
+        for number, (message, now) in enumerate(session()):
+            writer.write(message, now)
+            if number % 100 == 0:
+                writer.flush()
+    return file
+
+
+def of(kind):
+    return [message for message, _ in session() if type(message) is kind]
+
+
+def bits(value):
+    if isinstance(value, float):
+        return np.float64(value).tobytes()
+    if isinstance(value, (list, tuple)) or hasattr(value, "typecode"):
+        return tuple(bits(item) for item in value)
+    return value
+
+
+def whole(messages):
+    return [bits(msgspec.structs.astuple(message)) for message in messages]
+
+
+def table(kind, dtype):
+    return np.array([as_row(message) for message in of(kind)], dtype)
+
+
+def test_a_scene_reads_back_bit_by_bit(path):
+    log = read_session(path)
+    assert log.follower_space.tobytes() == table(FollowerSpace, FOLLOWER_SPACE_DTYPE).tobytes()
+    assert log.leader_space.tobytes() == table(LeaderSpace, LEADER_SPACE_DTYPE).tobytes()
+    for kept, kind in ((log.fields, FieldUpdate), (log.images, CameraImage), (log.beliefs, FixtureBelief)):
+        assert whole(kept) == whole(of(kind))
+    assert (log.follower.size, log.leader.size) == (TICKS, TICKS)
+
+
+def test_a_file_that_was_cut_holds_what_was_flushed_and_is_mended(path):
+    whole_file, log = path.read_bytes(), read_session(path)
+    path.write_bytes(whole_file[: int(0.6 * len(whole_file))])
+    cut = read_session(path)
+    assert cut.counts == {"truncated": 1}
+    assert 0.4 * TICKS < cut.follower_space.size < 0.7 * TICKS
+    assert cut.follower_space.tobytes() == log.follower_space[: cut.follower_space.size].tobytes()
+    assert whole(cut.images) == whole(log.images[: len(cut.images)])
+    found = repair_session(path)
+    mended = read_session(path)
+    assert found.messages["/follower/space"] == mended.follower_space.size == cut.follower_space.size
+    assert found.messages["/camera/image/compressed"] == sum(bool(image.jpeg) for image in mended.images)
+    assert mended.leader_space.tobytes() == cut.leader_space.tobytes()
+    assert whole(mended.beliefs) == whole(cut.beliefs)
+
+
+def test_another_reader_gets_every_value_and_the_standard_types_say_the_same(path):
+    reader = make_reader(io.BytesIO(path.read_bytes()), decoder_factories=[DecoderFactory()])
+    read = defaultdict(list)
+    for _, channel, _, message in reader.iter_decoded_messages(log_time_order=False):
+        read[channel.topic].append(message)
+    for kind in KINDS:
+        names = kind.__struct_fields__
+        got = [bits([getattr(one, name) for name in names]) for one in read[TOPICS[kind].name]]
+        assert [tuple(values) for values in got] == whole(of(kind))
+    for got, sent in zip(read["/follower/probe"], of(FollowerSpace), strict=True):
+        place = got.pose.position
+        assert bits([place.x, place.y, place.z]) == bits([sent.place_x, sent.place_y, sent.place_z])
+        assert got.header.stamp.sec * 10**9 + got.header.stamp.nanosec == sent.time_ns
+        assert (got.header.frame_id, got.pose.orientation.w) == ("world", 1.0)
+    for got, sent in zip(read["/camera/fixture/pose"], of(FixtureBelief), strict=True):
+        turn = got.pose.orientation
+        turned = Rotation.from_quat([turn.x, turn.y, turn.z, turn.w])
+        assert turned.as_rotvec() == pytest.approx(sent.pose[3:], abs=1e-12)
+        assert got.pose.position.x == sent.pose[0]
+    shown = [image for image in of(CameraImage) if image.jpeg]
+    assert 0 < len(shown) < len(of(CameraImage))
+    for got, sent in zip(read["/camera/image/compressed"], shown, strict=True):
+        assert (got.format, got.header.frame_id) == ("jpeg", "camera")
+        assert bytes(got.data) == sent.jpeg
+        assert cv2.imdecode(np.frombuffer(bytes(got.data), np.uint8), cv2.IMREAD_COLOR).shape == (24, 32, 3)
+
+
+def test_a_session_along_a_line_has_nothing_of_a_scene(tmp_path):
+    made.write_session(tmp_path / "line.mcap", 60)
+    log = read_session(tmp_path / "line.mcap")
+    assert (log.follower_space.size, log.leader_space.size) == (0, 0)
+    assert (log.fields, log.images, log.beliefs) == ((), (), ())
+
+
+@pytest.mark.parametrize("turn", [(0.0, 0.0, 0.0), (1e-9, 0.0, 0.0), (0.3, -2.0, 1.1), (0.0, 3.14159, 0.0)])
+def test_quaternions_are_those_of_another_implementation(turn):
+    ours, theirs = np.array(quaternion(turn)), Rotation.from_rotvec(turn).as_quat()
+    assert min(np.abs(ours - theirs).max(), np.abs(ours + theirs).max()) < 1e-14
