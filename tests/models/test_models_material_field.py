@@ -31,6 +31,7 @@ def test_the_law_is_its_equation() -> None:
     assert advance(LAW, (), x, -10.0, 1e-3)[1] == 0.0  # it never pulls
 
 
+@settings(deadline=None)
 @given(st.floats(-0.02, 0.05), st.floats(-5.0, 5.0), st.floats(1e-6, 1e-3))
 def test_its_slopes_are_finite_differences(depth: float, velocity: float, reach: float) -> None:
     expected = ContactModel.local_slopes(LAW, (), depth, velocity, reach)
@@ -63,6 +64,7 @@ def test_where_nothing_is_known_it_is_the_mean_with_its_doubt(place: tuple[float
     assert FIELD.law_at(place) == (FIELD.mean, 500.0, False)
 
 
+@settings(deadline=None)
 @given(st.tuples(*[st.floats(-0.04, 0.04)] * 3), st.tuples(*[st.floats(-1e-5, 1e-5)] * 3))
 def test_the_law_has_no_steps(place: tuple[float, ...], way: tuple[float, ...]) -> None:
     """Into the unknown too: a probe that slides feels no edge."""
@@ -83,6 +85,7 @@ def test_it_survives_the_wire() -> None:
     assert MaterialField.from_bytes(nothing.to_bytes()) == nothing
 
 
+@settings(deadline=None)
 @given(st.binary(max_size=200))
 def test_noise_is_no_field(content: bytes) -> None:
     with pytest.raises(DecodeError):
@@ -90,7 +93,7 @@ def test_noise_is_no_field(content: bytes) -> None:
 
 
 @given(st.data())
-@settings(max_examples=500)
+@settings(max_examples=500, deadline=None)
 def test_a_field_that_was_tampered_with_is_refused_or_a_field(data: st.DataObject) -> None:
     content = bytearray(FIELD.to_bytes())
     for _ in range(data.draw(st.integers(1, 4))):
