@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from foretouch.errors import SettingError
@@ -45,7 +45,6 @@ def test_viscous_friction_acts_against_the_motion_inside_the_cone() -> None:
     assert math.hypot(*force) <= 0.05 + 1e-12
 
 
-@settings(deadline=None)
 @given(
     seed=st.integers(0, 10_000),
     viscous=st.floats(0.0, 20.0),

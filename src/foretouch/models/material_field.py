@@ -90,7 +90,8 @@ class MaterialField:
 
         require("spacing", spacing, at_least=SPACINGS[0], at_most=SPACINGS[1])
         wide = np.array(keys, dtype=np.int64).reshape(-1, 3)
-        numbers = np.array(values, dtype=np.float64).reshape(-1, kernel.NUMBERS)
+        with np.errstate(invalid="ignore"):  # bytes from the network may hold NaN that signal
+            numbers = np.array(values, dtype=np.float64).reshape(-1, kernel.NUMBERS)
         if len(wide) != len(numbers) or len(wide) > MOST_NODES:
             raise SettingError("keys", len(wide), f"must be as many as values ({len(numbers)}), {MOST_NODES} at most")
         if len(wide) and (wide.min() < -kernel.HALF or wide.max() >= kernel.HALF):
