@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -21,11 +22,13 @@ from foretouch.cli.options import (
     with_session_settings,
 )
 from foretouch.cli.recordings import say_if_cut
+from foretouch.cli.scenes import scene_session
 from foretouch.errors import RecordingError, SettingError
 
 if TYPE_CHECKING:
-    from foretouch.messages import SessionLog
+    from foretouch.messages import Message, SessionLog
     from foretouch.robot import Material
+    from foretouch.session import SessionSettings, SimulatedSession
 
 __all__ = ["COMMANDS", "print_report", "reach_texts", "simulate", "teleop"]
 
@@ -84,11 +87,11 @@ def simulate(
 ) -> None:
     """The same session in simulated time: one process, seeded network, the same result every time.
 
+    With --scene it runs in three dimensions: a fixture that a camera sees, and what it is made of, place by place.
+
     Example: foretouch simulate --duration 20 --material hunt-crossley --report out
     """
     from foretouch.recordings import SessionWriter
-    from foretouch.session import make_operator, make_session_robot
-    from foretouch.session import simulate as run
 
     require_duration(duration)
     if settings.operator == "browser":
@@ -97,26 +100,32 @@ def simulate(
         )
     if report is not None:
         make_folder(report)
-    robot, reach = make_session_robot(settings)
-    start = functools.partial(
-        run,
-        settings,
-        duration=duration,
-        operator=make_operator(settings, surface=reach.surface, press_depth=reach.press_depth, say=say),
-        robot=robot,
-        description=reach_texts(reach),
-    )
+    start = scene_session(settings, duration) if settings.scene else _line_session(settings, duration)
     if recording is None:
-        session = start()
+        session = start(None)
     else:
         require_recording(recording)
         with SessionWriter(recording) as writer:
-            session = start(record=writer.write)
+            session = start(writer.write)
             writer.close(session.log.counts)
     print_report(session.log, recording, report, json_output, elapsed=session.elapsed)
 
 
 COMMANDS = (teleop, simulate)
+
+
+def _line_session(
+    settings: SessionSettings, duration: float
+) -> Callable[[Callable[[Message, int], None] | None], SimulatedSession]:
+    """Make what a simulated session along a line needs; what is returned runs it, and takes what records."""
+    from foretouch.session import make_operator, make_session_robot, simulate
+
+    robot, reach = make_session_robot(settings)
+    operator = make_operator(settings, surface=reach.surface, press_depth=reach.press_depth, say=say)
+    run = functools.partial(
+        simulate, settings, duration=duration, operator=operator, robot=robot, description=reach_texts(reach)
+    )
+    return lambda record: run(record=record)
 
 
 def reach_texts(material: Material) -> dict[str, str]:
