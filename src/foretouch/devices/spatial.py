@@ -85,11 +85,11 @@ class PalpatingOperator(SpatialDevice):
 
     Args:
         keyframes: Times, growing, and places in the fixture's frame; after the last one the path begins again with the
-            second. The first and last place should be alike.
+            second, so these two are at one place.
         pose: Of the fixture, as the scene shows it at first.
 
     Raises:
-        SettingError: Fewer than two keyframes, or times that do not grow.
+        SettingError: Fewer than two keyframes, times that do not grow, or an end that is elsewhere than the second.
     """
 
     name = "scripted"
@@ -98,6 +98,8 @@ class PalpatingOperator(SpatialDevice):
         times = [time for time, _ in keyframes]
         if len(times) < 2 or not all(a < b for a, b in itertools.pairwise(times)):
             raise SettingError("keyframes", len(times), "must be two or more with growing times")
+        if math.dist(keyframes[1][1], keyframes[-1][1]) > 1e-6:
+            raise SettingError("keyframes", keyframes[-1], f"must end where the second is, at {keyframes[1][1]}")
         from scipy.interpolate import PchipInterpolator
 
         self._first, self._last = times[1], times[-1]
