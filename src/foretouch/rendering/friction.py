@@ -22,16 +22,15 @@ VISCOUS_SHARE = 0.5
 
 
 class FrictionRenderer:
-    r"""Coulomb friction that sticks, and viscous friction inside the same cone.
+    r"""Coulomb friction that sticks, and viscous friction beside it.
 
     .. math::
         z &\leftarrow P (z + \Delta p), \quad P = I - n n^T, \quad |k z| \le \mu f_n \\
-        f &= -k z - \tau c\, v, \quad \tau = \max \{\tau \in [0, 1] : |k z + \tau c\, v| \le \mu f_n\}
+        f &= -k z - c\, v
 
     z is how far the bristle is bent, p the point that is touched, n the normal, v the low-passed velocity along the
     surface. What the cone leaves of z is forgotten (it slides, or lets go where f_n falls), and a bend that turns with
-    the normal only grows shorter: so the bristle stores :math:`k |z|^2 / 2` and never gives back more. Where it slides
-    straight on, the bristle is at the cone and leaves viscous friction no room: that acts where it does not.
+    the normal only grows shorter: so the bristle stores :math:`k |z|^2 / 2` and never gives back more.
 
     **Passive.** The force of a tick, held while the hand moves by :math:`\Delta p`, gives out at most
     :math:`k |\Delta p|^2 / 2` more than the bristle loses and, over a motion, :math:`c |\Delta p|^2 / T` more than
@@ -98,7 +97,7 @@ class FrictionRenderer:
             period: T, since the tick before [s].
 
         Returns:
-            The force on the hand [N]: along the surface, against the motion, of length mu f_n at most.
+            The force on the hand [N]: along the surface, of length mu f_n + c |v| at most.
         """
         x, y, z = point
         nx, ny, nz = normal
@@ -115,9 +114,7 @@ class FrictionRenderer:
         bx, by, bz = self._bent(moved, nx, ny, nz, k, cone)
         ux, uy, uz = self._moving(moved, nx, ny, nz, period)
         fx, fy, fz = k * bx, k * by, k * bz
-        ux, uy, uz = c * ux, c * uy, c * uz
-        share = _room((fx, fy, fz), (ux, uy, uz), cone)
-        return -fx - share * ux, -fy - share * uy, -fz - share * uz
+        return -fx - c * ux, -fy - c * uy, -fz - c * uz
 
     def _bent(self, moved: Vector, nx: float, ny: float, nz: float, k: float, cone: float) -> Vector:
         """Bend the bristle by what the point has moved, and let it slide where it is at the cone."""
@@ -148,14 +145,3 @@ def _along(vector: Vector, nx: float, ny: float, nz: float) -> Vector:
     x, y, z = vector
     out = x * nx + y * ny + z * nz
     return x - out * nx, y - out * ny, z - out * nz
-
-
-def _room(bristle: Vector, viscous: Vector, cone: float) -> float:
-    """The largest share of the viscous force, up to 1, that stays in the cone beside the bristle's, which is in it."""
-    vv = viscous[0] * viscous[0] + viscous[1] * viscous[1] + viscous[2] * viscous[2]
-    if vv <= 0.0:
-        return 0.0
-    bv = bristle[0] * viscous[0] + bristle[1] * viscous[1] + bristle[2] * viscous[2]
-    bb = bristle[0] * bristle[0] + bristle[1] * bristle[1] + bristle[2] * bristle[2]
-    root = math.sqrt(max(bv * bv + vv * (cone * cone - bb), 0.0))
-    return min(max((root - bv) / vv, 0.0), 1.0)
