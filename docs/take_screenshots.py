@@ -1,7 +1,8 @@
 """Take the pictures of the documentation again, from a real session in a real browser.
 
-Starts `foretouch teleop`, opens its console in Chromium, takes the handle with the mouse, presses, and writes
-`docs/images/console.png`; then presses the emergency stop for `docs/images/console-stopped.png`.
+Starts `foretouch teleop`, opens its console in Chromium, and writes to `docs/images`: `console.png`, the mouse
+pressing; `console-model.png`, what was learnt; `console-recording.png`, a recording beside a second run under a longer
+delay; and `console-stopped.png`, after the emergency stop.
 
 Usage: `make screenshots`, or `.venv/bin/python docs/take_screenshots.py [PORT]`.
 """
@@ -20,42 +21,62 @@ from typing import Any
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT / "tests" / "console"))  # the mouse and the browser are the tests' own
 
-from console_driver import held_handle, open_page  # noqa: E402
+from console_driver import choose, held_handle, open_page, open_tab  # noqa: E402
 
 from foretouch.console.alarm import LATCHED, READY  # noqa: E402
 
 IMAGES = ROOT / "docs" / "images"
-PRESSED, STOPPED = IMAGES / "console.png", IMAGES / "console-stopped.png"
+PRESSED, MODEL, RECORDING, STOPPED = (
+    IMAGES / f"{name}.png" for name in ("console", "console-model", "console-recording", "console-stopped")
+)
 PRESS_MM = 9.0
 WATCHED = 12.0
 """So long the script presses before the picture is taken [s]: the plot is full then."""
-
-
+LONGER, MOMENT = "0.6", "9"
+"""The delay back of the second run, and the moment of the recording that is shown [s]."""
 SETTLED = 1.5
-"""So long after the emergency stop the second picture is taken [s]: the robot has unloaded."""
+"""So long after the emergency stop the last picture is taken [s]: the robot has unloaded."""
 
 
 def main(port: int) -> None:
     """Take the pictures."""
     with tempfile.TemporaryDirectory() as folder:
-        command = [sys.executable, "-m", "foretouch", "teleop", "--duration", "60", "--port", str(port)]
+        command = [
+            sys.executable,
+            "-m",
+            "foretouch",
+            "teleop",
+            "--duration",
+            "180",
+            "--port",
+            str(port),
+            "--recording",
+            "pressed.mcap",
+        ]
         session = subprocess.Popen(command, cwd=folder, stdout=subprocess.DEVNULL)
         try:
             _take(f"http://127.0.0.1:{port}")
         finally:
             session.terminate()
             session.wait(30)
-    for image in (PRESSED, STOPPED):
+    for image in (PRESSED, MODEL, RECORDING, STOPPED):
         _shrink(image)
         print(f"{image.relative_to(ROOT)}: {image.stat().st_size / 1000:.0f} kB")
 
 
 def _take(url: str) -> None:
-    """Watch for a while, then press with the mouse and take a picture while the robot is still behind; then stop it."""
+    """Watch for a while, look at what was recorded, press while the robot is still behind; then stop it."""
     _wait_for(url)
-    with open_page(url, 1280, 800) as (page, _):
+    with open_page(url, 1280, 900) as (page, _):
         page.wait_for_timeout(1000 * WATCHED)
         _close_notices(page)
+        open_tab(page, "Model")
+        page.get_by_text("at rest").wait_for()
+        _scroll(page, to_end=True)
+        page.screenshot(path=MODEL)
+        _scroll(page, to_end=False)
+        _look_at_recording(page)
+        open_tab(page, "Network")
         with held_handle(page, PRESS_MM, seconds=1.0, steps=20):
             page.screenshot(path=PRESSED)
             page.get_by_role("button", name=READY).press("Enter")
@@ -63,6 +84,37 @@ def _take(url: str) -> None:
             page.get_by_text("kill -USR2").wait_for()
             page.wait_for_timeout(1000 * SETTLED)
             page.screenshot(path=STOPPED)
+
+
+def _look_at_recording(page: Any) -> None:
+    """End the recording, open it, run it again under a longer delay, and go to a moment of it."""
+    page.keyboard.press("r")
+    open_tab(page, "Session")
+    page.get_by_text("Nothing is recorded.").wait_for()
+    open_tab(page, "Recordings")
+    choose(page, "Recording", "pressed.mcap")
+    page.get_by_text("RECORDING, NOT LIVE").wait_for()
+    numbers = page.locator("input[type=text]:visible")
+    for field, text in ((numbers.nth(2), LONGER), (numbers.nth(0), MOMENT)):
+        field.fill(text)
+        field.press("Enter")
+        page.wait_for_timeout(500)
+    page.get_by_role("button", name="Run it again").click()
+    page.get_by_text("Run again under").wait_for(timeout=120_000)
+    page.get_by_text(f"{float(MOMENT):.1f} of").wait_for()
+    page.wait_for_timeout(1000)
+    page.screenshot(path=RECORDING)
+    page.get_by_role("button", name="Back to live").click()
+
+
+def _scroll(page: Any, *, to_end: bool) -> None:
+    """Scroll the panel to its end, or back."""
+    page.evaluate(
+        "down => document.querySelectorAll('.mantine-ScrollArea-viewport')"
+        ".forEach(area => area.scrollTop = down ? area.scrollHeight : 0)",
+        to_end,
+    )
+    page.wait_for_timeout(500)
 
 
 def _close_notices(page: Any) -> None:

@@ -133,8 +133,8 @@ class Material:
             depth: Of the tip [scene units].
             steps: Increasing [scene units].
         """
-        sunk = -self.top(depth)[:, 2][self.top_faces].mean(axis=1)
-        level = np.searchsorted(np.array(steps), sunk, side="right")
+        corners = -self.top(depth)[:, 2][self.top_faces].reshape(-1, 6)  # the two triangles of a quad have one colour
+        level = np.repeat(np.searchsorted(np.array(steps), corners.mean(axis=1), side="right"), 2)
         return [self.top_faces[level == index] for index in range(len(steps) + 1)]
 
     def cut(self, depth: float) -> NDArray[np.float32]:
