@@ -71,7 +71,7 @@ def test_readme_begins_with_the_two_commands_and_a_picture() -> None:
 def test_the_picture_is_a_small_png() -> None:
     data = (ROOT / "docs" / "images" / "console.png").read_bytes()
     assert data[:8] == b"\x89PNG\r\n\x1a\n"
-    assert struct.unpack(">II", data[16:24]) == (1280, 800)
+    assert struct.unpack(">II", data[16:24]) == (1280, 900)
     assert len(data) < 300_000
 
 

@@ -61,9 +61,8 @@ class TimePlot:
         gui: The viewer's user interface.
         title: With the unit.
         curves: From the back to the front.
-        below: Where a curve is that is not known: below what is drawn, in the plot's unit.
         height: [pixel].
-        lowest: Lower end of the drawn range, None to fit it to the curves.
+        lowest: Lower end of the drawn range, below which a curve is that is not known; None to fit it to the curves.
         time: What stands below the time axis.
     """
 
