@@ -3,12 +3,13 @@
 from foretouch.session.spatial.camera import SimulatedCamera
 from foretouch.session.spatial.camera_process import CAMERA_CHANNELS, run_camera
 from foretouch.session.spatial.making import make_camera, make_spatial_operator, make_spatial_robot
-from foretouch.session.spatial.scenes import SCENES, Scene, make_scene
+from foretouch.session.spatial.scenes import SCENES, Inclusion, Scene, make_scene
 from foretouch.session.spatial.simulated import simulate_scene
 
 __all__ = [
     "CAMERA_CHANNELS",
     "SCENES",
+    "Inclusion",
     "Scene",
     "SimulatedCamera",
     "make_camera",

@@ -322,6 +322,7 @@ def _place(state: State, footing: Footing, sample_place: Vector, along: float, s
         (target[0], target[1], target[2]) if free and len(target) == 3 else None,
         sample_place,
         sideways,
+        inner.learner.sample.force,
         limit=state.force_ceiling,
         speed=state.approach_speed if inner.first_touch.guarded else math.inf,
     )

@@ -1,0 +1,355 @@
+"""Sessions in three dimensions, in simulated time."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from foretouch.errors import MissingExtraError, SettingError, UnknownNameError
+from foretouch.messages import VERSION, CameraImage, Command, FollowerSpace, SessionLog, Status
+from foretouch.quantities import Pose
+from foretouch.rendering.surfaces import Plane
+from foretouch.robot import MATERIALS, GantryArm, MissingGraphicsError, graphics_library, make_material
+from foretouch.session import SessionSettings
+from foretouch.session.spatial import (
+    follower,
+    make_camera,
+    make_scene,
+    make_spatial_operator,
+    make_spatial_robot,
+    simulate_scene,
+    tracker,
+)
+from foretouch.session.spatial.line import SurfaceLine
+from foretouch.session.spatial.scenes import NOMINAL, KnownSurface
+
+MS = 1_000_000
+BUMP = 11.5
+
+
+def draws() -> bool:
+    try:
+        graphics_library()
+    except MissingGraphicsError:
+        return False
+    return True
+
+
+sees = pytest.mark.skipif(not draws(), reason="no library here draws without a display")
+
+
+def run(duration: float, *, camera: bool = True, **changes: Any) -> SessionLog:
+    settings = SessionSettings(**({"scene": "hill"} | changes))
+    scene = make_scene(settings.scene)
+    drawn = make_camera(settings, scene, say=print) if camera and settings.fusion in ("full", "image") else None
+    return simulate_scene(
+        settings,
+        scene,
+        duration=duration,
+        operator=make_spatial_operator(settings, scene, scene.nominal),
+        robot=make_spatial_robot(settings, scene),
+        camera=drawn,
+    ).log
+
+
+def pose(row: np.void, prefix: str) -> Pose:
+    x, y, z, a, b, c = (float(row[f"{prefix}_{name}"]) for name in ("x", "y", "z", "rx", "ry", "rz"))
+    return Pose.from_rotation_vector((a, b, c), (x, y, z))
+
+
+def errors(log: SessionLog, time: float) -> tuple[float, float]:
+    """Of the pose that the leader renders [mm, degrees]."""
+    row = round(time * 1e3)
+    far, turned = pose(log.follower_space[row], "exact").distance(pose(log.leader_space[row], "fixture"))
+    return 1e3 * far, math.degrees(turned)
+
+
+@pytest.fixture(scope="module")
+def seen() -> SessionLog:
+    return run(14.0, bump=BUMP)
+
+
+@sees
+def test_after_the_first_touches_and_after_a_bump_the_fixture_is_where_it_is_rendered(seen: SessionLog) -> None:
+    assert errors(seen, 0.01)[0] > 10.0  # it stands elsewhere than both sides believed
+    for time in (10.5, 11.4, 12.7, 13.9):
+        far, turned = errors(seen, time)
+        assert far < 0.5, time
+        assert turned < 0.5, time
+    moved = pose(seen.follower_space[11_400], "exact").distance(pose(seen.follower_space[13_000], "exact"))
+    assert moved[0] > 2e-3
+
+
+@sees
+def test_forces_are_predicted_where_the_delayed_ones_are_wrong(seen: SessionLog) -> None:
+    rows = seen.rows()
+    pressed = rows.follower["in_contact"] & (rows.follower["time_ns"] > 8e9)
+    true = rows.follower["exact_force"][pressed]
+
+    def error(name: str) -> float:
+        return float(np.sqrt(((rows.leader[name][pressed] - true) ** 2).mean() / (true**2).mean()))
+
+    assert error("predicted_force") < 0.5 * error("delayed_force")
+
+
+@sees
+def test_no_more_energy_comes_out_than_the_bound_and_no_update_jerks(seen: SessionLog) -> None:
+    held = run(12.0, grip="normal", camera=False, displacement=0.004, turn=0.03, scene="phantom")
+    for log in (seen, held):
+        assert (log.leader_space["energy"] >= -log.leader_space["energy_bound"] - 1e-12).all()
+        assert np.abs(log.leader["update_step"]).max() < 0.1
+    assert held.leader["rendered_force"].max() > 0.5
+    force = np.stack([held.leader_space[f"force_{axis}"] for axis in "xyz"])
+    assert np.linalg.norm(force, axis=0).max() < 10.0
+
+
+def test_it_repeats_to_the_last_bit() -> None:
+    first, second = (run(5.0, camera=False, seed=4, loss=0.05, jitter=0.01) for _ in range(2))
+    for table in ("leader_space", "follower_space"):
+        one, other = getattr(first, table), getattr(second, table)
+        for name in one.dtype.names:
+            np.testing.assert_array_equal(one[name], other[name], err_msg=name)
+    assert first.models == second.models
+    assert first.fields == second.fields
+
+
+@sees
+def test_a_hidden_board_ages_and_nothing_jumps() -> None:
+    log = run(5.0, image_fault="hand:1.5:4")
+    age = log.leader_space["fixture_age"]
+    assert age[1400] < 0.3
+    assert age[4200] > 2.2
+    assert age[4900] < 0.5
+    doubt = log.leader_space["fixture_deviation"]
+    assert doubt[4200] > doubt[1700]
+    steps = [
+        pose(a, "fixture").distance(pose(b, "fixture"))
+        for a, b in zip(log.leader_space[1400:], log.leader_space[1401:], strict=False)
+    ]
+    assert max(far for far, _ in steps) < 1e-3
+    assert any("hidden" in image.reason or image.markers < 4 for image in log.images)
+
+
+def test_a_stiff_world_that_is_nearer_than_believed_is_met_below_the_ceiling() -> None:
+    for seed in (1, 2, 3):
+        log = run(6.0, camera=False, fusion="none", material="kelvin-voigt", seed=seed, turn=0.1, scene="plane")
+        assert log.follower["exact_force"].max() < 15.0
+
+
+# --- the follower's step ----------------------------------------------------------------------------------------------
+
+
+class Bench:
+    """A follower over a plane at the world's z = 0, with a robot in a world of the test's own."""
+
+    def __init__(self, world: Any, start: tuple = (0.0, 0.0, 0.01)) -> None:
+        self.robot = GantryArm(world, seed=0, start=start)
+        settings = SessionSettings(scene="plane", approach_speed=0.1)
+        self.state = follower.start(self.robot.specification, settings, Plane(), (0.0,) * 6)
+        self.tick, self.spaces, self.said = 0, [], []
+        self.sample = self.robot.read()
+
+    def go(self, path: np.ndarray, **asked: Any) -> None:
+        """Follow commands, one a tick; rows of NaN are ticks without one."""
+        for place in path:
+            self.tick += 1
+            now = self.tick * MS
+            command = Command(VERSION, self.tick, now, 0.0, 0, holder="test", epoch=1, place=tuple(place.tolist()))
+            commands = [command] if np.isfinite(place).all() else []
+            inputs = follower.Inputs(commands, self.sample, MS, 0, [], **asked)
+            _, acted = follower.step(self.state, inputs, now)
+            self.sample = self.robot.exchange(acted.desired)
+            self.spaces.append(acted.space)
+            self.said.append(acted.telemetry)
+
+    def column(self, name: str) -> np.ndarray:
+        return np.array([getattr(space, name) for space in self.spaces])
+
+
+def line(start: tuple, end: tuple, ticks: int) -> np.ndarray:
+    return np.linspace(start, end, ticks)
+
+
+NOTHING = np.full((1, 3), math.nan)
+
+
+def test_in_free_air_the_robot_goes_where_the_commands_go() -> None:
+    bench = Bench(lambda *_: (0.0, 0.0, 0.0), start=(0.0, 0.0, 0.05))
+    bench.go(line((0.0, 0.0, 0.05), (0.02, -0.01, 0.04), 800))
+    bench.go(line((0.02, -0.01, 0.04), (0.02, -0.01, 0.04), 200))
+    np.testing.assert_allclose(bench.sample.exact_place, (0.02, -0.01, 0.04), atol=1e-4)
+
+
+def test_a_wall_that_nobody_knew_is_met_no_harder_sideways() -> None:
+    def wall(place: tuple, velocity: tuple, elapsed: float) -> tuple:
+        return -2e4 * max(place[0] - 0.01, 0.0), 0.0, 0.0
+
+    bench = Bench(wall, start=(0.0, 0.0, 0.02))
+    bench.go(line((0.0, 0.0, 0.02), (0.06, 0.0, 0.02), 1000))
+    bench.go(line((0.06, 0.0, 0.02), (0.06, 0.0, 0.02), 500))
+    assert bench.column("force_x").min() > -15.0
+    assert abs(bench.sample.exact_force[0]) < 14.5
+
+
+def floor(place: tuple, velocity: tuple, elapsed: float) -> tuple:
+    return 0.0, 0.0, 400.0 * max(-place[2], 0.0)
+
+
+def test_silence_holds_in_all_directions_and_then_unloads() -> None:
+    bench = Bench(floor)
+    bench.go(line((0.0, 0.0, 0.01), (0.0, 0.0, -0.006), 1500))
+    bench.go(line((0.0, 0.0, -0.006), (0.01, 0.0, -0.006), 300))
+    before = bench.sample.exact_place
+    bench.go(np.repeat(NOTHING, 400, axis=0))
+    assert bench.said[-1].status == Status.HOLDING
+    assert math.dist(before[:2], bench.sample.exact_place[:2]) < 1e-3
+    bench.go(np.repeat(NOTHING, 1500, axis=0))
+    assert bench.said[-1].status == Status.UNLOADING
+    assert bench.sample.exact_force[2] < 1.0
+
+
+def test_an_emergency_stop_unloads_and_stays() -> None:
+    bench = Bench(floor)
+    bench.go(line((0.0, 0.0, 0.01), (0.0, 0.0, -0.006), 1500))
+    assert bench.sample.exact_force[2] > 1.5
+    bench.go(line((0.0, 0.0, -0.006), (0.0, 0.0, -0.006), 1), stop="pressed")
+    bench.go(line((0.0, 0.0, -0.006), (0.02, 0.0, -0.006), 1500))
+    assert bench.said[-1].status == Status.STOPPED
+    assert bench.sample.exact_force[2] < 1.0
+    assert abs(bench.sample.exact_place[0]) < 2e-3
+
+
+@pytest.mark.parametrize("wrong", [(), (1.0,), (math.nan, 0.0, 0.0), (math.inf, 0.0, 0.0), (1e9, 0.0, 0.0)])
+def test_a_command_whose_place_is_none_moves_nothing(wrong: tuple) -> None:
+    bench = Bench(floor)
+    for tick in range(1, 30):
+        command = Command(VERSION, tick, tick * MS, 0.0, 0, holder="test", epoch=1, place=wrong)
+        inputs = follower.Inputs([command], bench.sample, MS, 0, [])
+        _, acted = follower.step(bench.state, inputs, tick * MS)
+        bench.sample = bench.robot.exchange(acted.desired)
+    np.testing.assert_allclose(bench.sample.exact_place, (0.0, 0.0, 0.01), atol=1e-5)
+
+
+# --- the line and the tracker -----------------------------------------------------------------------------------------
+
+small = st.floats(-0.02, 0.02)
+poses = st.tuples(small, small, small, *(st.floats(-0.2, 0.2) for _ in range(3)))
+
+
+@given(st.lists(poses, min_size=1, max_size=8), st.tuples(small, small, small))
+def test_a_belief_moves_no_coordinate_and_a_place_comes_back(beliefs: list, place: tuple) -> None:
+    along = SurfaceLine(Plane(), (0.0,) * 6)
+    first = along.follow(place)
+    for belief in beliefs:
+        along.believe(belief)
+        footing = along.follow(place)
+        assert footing.along == pytest.approx(first.along, abs=1e-12)
+        np.testing.assert_allclose(footing.place_at(footing.along), place, atol=1e-12)
+        exact = Pose.from_rotation_vector(belief[3:], belief[:3]).inverse().apply(place)[2]
+        assert footing.depth == pytest.approx(-exact, abs=1e-12)
+        deeper = along.follow(footing.place_at(footing.along + 1e-3))
+        assert deeper.depth == pytest.approx(footing.depth + 1e-3, abs=1e-9)
+        along.follow(place)
+
+
+@pytest.mark.parametrize("wrong", [(), (0.0,) * 5, (math.nan, *(0.0,) * 5)])
+def test_a_belief_that_is_none_is_left_out(wrong: tuple) -> None:
+    along = SurfaceLine(Plane(), (0.0,) * 6)
+    assert not along.believe(wrong)
+    assert not along.believe((0.0,) * 6)  # no news
+    assert along.believe((0.0, 0.0, 1e-3, 0.0, 0.0, 0.0))
+
+
+def space(tick: int, run: int = 1, **changes: float) -> FollowerSpace:
+    made = FollowerSpace(VERSION, tick, tick * MS, *(0.0,) * 19, run=run)
+    return FollowerSpace(**({name: getattr(made, name) for name in made.__struct_fields__} | changes))
+
+
+def image(tick: int, place: tuple, run: int = 1) -> CameraImage:
+    spread = tuple(np.diag([1e-8] * 6).ravel().tolist())
+    return CameraImage(VERSION, tick, tick * MS, tick, b"", (*place, 0.0, 0.0, 0.0), spread, 4, "", (), run)
+
+
+@pytest.mark.parametrize(
+    ("fusion", "images", "contacts"), [("full", 9, 1), ("image", 9, 0), ("contact", 0, 1), ("none", 0, 0)]
+)
+def test_the_tracker_uses_what_it_is_told_to(fusion: str, images: int, contacts: int) -> None:
+    state = tracker.start(KnownSurface(make_scene("plane").surface), NOMINAL, fusion)
+    there = (-0.073, 0.001, 0.0)
+    for tick in range(1, 10):
+        tracker.step(state, [space(tick)], [image(tick, there)], tick * MS)
+    belief = tracker.step(state, [space(10, touch_x=0.0, touch_y=0.0, touch_z=0.0, touch_tick=5)], [], 60 * MS)
+    assert belief is not None
+    assert (belief.images, belief.contacts) == (images, contacts)
+    np.testing.assert_allclose(belief.pose[:2], there[:2] if images else NOMINAL[:2], atol=2e-3)
+    assert math.isinf(belief.image_age) is not bool(images)
+
+
+def test_an_image_of_another_process_or_of_no_known_tick_is_left_out() -> None:
+    state = tracker.start(KnownSurface(make_scene("plane").surface), NOMINAL)
+    tracker.step(state, [space(1)], [image(77, (0.0, 0.0, 0.0))], MS)
+    assert state.images == state.refused == 0
+
+
+# --- what is refused, and what is missing -----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"scene": "moon"}, "unknown scene 'moon'"),
+        ({"operator": "recorded"}, "operator = 'recorded': is for sessions along a line"),
+        ({"baseline": "delayed"}, "baseline"),
+        ({"sensor_fault": "stuck:1:2"}, "sensor_fault"),
+        ({"follower_frame": "0.1,-1"}, "follower_frame"),
+        ({"fusion": "magic"}, "unknown fusion"),
+        ({"displacement": 1.0}, "displacement = 1.0"),
+        ({"image_fault": "hand"}, "KIND:BEGIN:END"),
+        ({"image_fault": "dirt:1:2"}, "unknown image fault 'dirt'"),
+    ],
+)
+def test_what_a_scene_cannot_have_is_refused_in_one_line(changes: dict, message: str) -> None:
+    with pytest.raises((SettingError, UnknownNameError), match=message) as caught:
+        SessionSettings(**({"scene": "hill"} | changes))
+    assert "\n" not in str(caught.value)
+
+
+def test_a_material_that_remembers_is_refused() -> None:
+    remembering = [name for name in MATERIALS if make_material(name).model.initial_state()]
+    assert remembering
+    for name in remembering:
+        settings = SessionSettings(scene="hill", material=name, displacement=0.01)
+        if settings.material != name:  # the default of a session along a line gives way to a scene's own
+            continue
+        with pytest.raises(SettingError, match="remembers"):
+            make_spatial_robot(settings, make_scene("hill"))
+
+
+def test_a_scene_has_defaults_of_its_own() -> None:
+    settings = SessionSettings(scene="hill")
+    assert (settings.model, settings.estimator, settings.material) == ("quadratic", "material-field", "hunt-crossley")
+    assert SessionSettings().model == "contact-map"
+
+
+@pytest.mark.parametrize(
+    "error", [MissingGraphicsError("neither EGL nor OSMesa is installed"), MissingExtraError("cv2", "vision")]
+)
+def test_without_graphics_the_session_runs_without_the_camera_and_says_so_once(
+    error: Exception, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fails(*_: object, **__: object) -> None:
+        raise error
+
+    said: list[str] = []
+    monkeypatch.setattr("foretouch.session.spatial.making.SimulatedCamera", fails)
+    settings = SessionSettings(scene="plane")
+    assert make_camera(settings, make_scene("plane"), say=said.append) is None
+    assert len(said) == 1
+    assert "install" in said[0]
+    assert "\n" not in said[0]
+    assert run(1.0).follower_space.size == 1000
