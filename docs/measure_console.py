@@ -83,7 +83,9 @@ def nobody(url: str, seconds: float) -> None:
 
 def one_that_presses(url: str, seconds: float) -> None:
     """A browser that draws, and a mouse on the handle."""
+    begun = time.monotonic()
     with open_page(url) as (page, _):
+        print(f"browser started and page up after {time.monotonic() - begun:.1f} s")
         give_way(page)
         with held_handle(page, 8.0):
             page.wait_for_timeout(1000 * seconds)

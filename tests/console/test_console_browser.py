@@ -90,6 +90,18 @@ def test_page_comes_up_and_says_what_to_do(bench):
         assert bench.page.get_by_text(text).first.is_visible(), text
 
 
+def test_within_ten_seconds_the_predicted_and_the_delayed_force_are_seen_to_differ(bench):
+    """Nobody has touched anything: a script presses until somebody does."""
+
+    def differ() -> bool:
+        _, _, predicted, delayed = plot_data(bench.page)[:4]
+        return bool(np.nanmax(np.abs(predicted - delayed)) > 0.5)
+
+    bench.wait_for(differ, 10.0)
+    rows = [bench.page.locator("tr", has_text=f"{kind} force now") for kind in ("Predicted", "Delayed")]
+    bench.wait_for(lambda: len({row.locator("b").inner_text().split()[0] for row in rows}) == 2)
+
+
 def test_plot_shows_three_forces_that_rise_and_fall(bench):
     def pressed() -> bool:
         data = plot_data(bench.page)
