@@ -27,8 +27,12 @@ from foretouch.report.hand_drawing import energy_figure, hand_figure
 from foretouch.report.hand_text import baseline_sentence, stability_word
 from foretouch.report.html import embedded, named_values, write_html
 from foretouch.report.numbers import number
-from foretouch.report.pairs import not_scored, pair
+from foretouch.report.pairs import Pairs, not_scored, pair
 from foretouch.report.safety_text import stretch_sentence
+from foretouch.report.scene import SceneFindings, look_at_scene
+from foretouch.report.scene_drawing import contact_figure, map_figure, pose_figure
+from foretouch.report.scene_map import map_figures
+from foretouch.report.scene_rows import has_scene
 from foretouch.report.scores import lowest_mean
 from foretouch.report.statuses import follower_away
 from foretouch.report.text import Finding, findings, render_text, scoring_findings
@@ -111,7 +115,8 @@ def _sentences(said: list[Finding]) -> list[str]:
 
 def _summary(report: dict[str, Any]) -> str:
     chosen = report["settings"]
-    words = [f"{report['duration_s']:.1f} s", *(chosen[key] for key in ("material", "operator") if key in chosen)]
+    names = ("scene", "material", "operator")
+    words = [f"{report['duration_s']:.1f} s", *(chosen[key] for key in names if chosen.get(key))]
     return f"{', '.join(words)}; {report['loop']}. Status: {report['status']}."
 
 
@@ -152,7 +157,10 @@ def _session_figures(log: SessionLog, report: dict[str, Any]) -> list[str]:
         columns = (pairs.leader[f"{kind}_force"] for kind in ("predicted", "delayed", "rendered"))
         forces = force_figure(pairs.time, true_force, *columns, scored=scored, wanted=wanted, stretches=away)
         drawn.append(embedded(forces, "True, predicted, delayed and rendered force over time, and the errors"))
-    if pairs.time.size and pairs.follower["in_contact"].any():
+    scene = look_at_scene(log, pairs) if has_scene(log) else None
+    if scene is not None:
+        drawn += _scene_figures(log, pairs, scene, start)
+    if scene is None and pairs.time.size and pairs.follower["in_contact"].any():
         surfaces = [model.surface for model in log.models if model.valid and np.isfinite(model.surface)]
         loop = loop_figure(pairs, true_force, surfaces[-1] if surfaces else None, wanted)
         drawn.append(embedded(loop, "Force against depth, true and predicted"))
@@ -161,12 +169,35 @@ def _session_figures(log: SessionLog, report: dict[str, Any]) -> list[str]:
         hand = hand_figure(log, pairs, swings["largest_burst_at_s"] if swings["oscillates"] else None)
         drawn.append(embedded(hand, "The hand: what it meant, what it did, and what it was given"))
     if (log.leader["energy_bound"] > 0.0).any():
-        account = energy_account(log.leader, encoder_count(log.settings))
-        drawn.append(embedded(energy_figure(log.leader, account), "Energy account of each contact, and its bound"))
+        leader = log.leader if scene is None else scene.rows.leader
+        account = energy_account(leader, encoder_count(log.settings)) if scene is None else scene.account
+        drawn.append(embedded(energy_figure(leader, account), "Energy account of each contact, and its bound"))
     if any(model.law in LAWS for model in log.models):
         drawn.append(embedded(model_figure(log.models, start, away), "Identified parameters over time"))
-    if pairs.time.size:
+    if scene is None and pairs.time.size:
         drawn.append(embedded(tracking_figure(pairs, away), "Position of the robot, and its tracking error"))
     if log.leader.size or log.follower.size:
         drawn.append(embedded(timing_figure(log), "Loop periods and compute times of leader and follower"))
+    return drawn
+
+
+def _scene_figures(log: SessionLog, pairs: Pairs, scene: SceneFindings, start_ns: int) -> list[str]:
+    """What there is to show of a session in three dimensions alone."""
+    drawn = []
+    if np.isfinite(scene.pose.place).any():
+        said = "Error of the fixture's pose as the leader shows it, place and turn"
+        drawn.append(embedded(pose_figure(scene.pose), said))
+    if scene.wrong is not None and pairs.time.size:
+        friction = None if scene.scene is None else scene.scene.friction
+        contacts = contact_figure(log, pairs, scene.wrong, friction, start_ns)
+        drawn.append(embedded(contacts, "False and missed contacts at equal command, and the friction that was learnt"))
+    if scene.map is not None and scene.map.touched.any() and scene.field is not None and scene.scene is not None:
+        found = map_figures(scene.map, scene.field, scene.scene)["inclusion"]
+        centre = () if found is None else found["centre_mm"]
+        drawn.append(
+            embedded(
+                map_figure(scene.map, scene.scene.inclusion if found else None, centre=centre),
+                "Local stiffness over the surface: true, learnt, and its doubt",
+            )
+        )
     return drawn

@@ -22,6 +22,8 @@ from foretouch.report.hand import (
 )
 from foretouch.report.pairs import Pairs, force_at_follower, model_of, not_scored, pair
 from foretouch.report.perception import time_to_accuracy, update_jumps
+from foretouch.report.scene import in_scene, look_at_scene, scene_figures
+from foretouch.report.scene_rows import has_scene
 from foretouch.report.scores import Scores, score
 from foretouch.report.statuses import away, joining, safety_figures, stretch_figures
 
@@ -58,6 +60,9 @@ def session_report(
     Where a side ended and began again, all figures are of the longest stretch (`SessionLog.longest`), but for
     ``stretches``, ``safety``, ``messages`` and ``counts``, which are of the whole session.
 
+    A session in three dimensions has these figures along the normal of the surface, and ``scene`` beside them
+    (`foretouch.report.scene.scene_figures`).
+
     Args:
         log: What was said in the session.
         score_from: Start of the scoring window [s] after the first row.
@@ -86,7 +91,7 @@ def session_report(
     exact = None
     if np.isfinite(follower["exact_force"]).all():  # the simulator's force has no offset to take off
         exact = score(pairs.time, follower["exact_force"], predicted, known, offset=0.0, **window)
-    return {
+    report = {
         "status": main.status,
         "recording": recording,
         "stretches": stretch_figures(whole),
@@ -144,6 +149,10 @@ def session_report(
         "baseline": setting(log.settings, "baseline", NO_BASELINE),
         "settings": dict(log.settings),
     }
+    if not has_scene(log):
+        return report
+    found = look_at_scene(log, pairs)
+    return in_scene(report, scene_figures(log, pairs, found), found)
 
 
 def _errors(scores: Scores | None) -> dict[str, float | None]:

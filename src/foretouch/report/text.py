@@ -17,6 +17,7 @@ from foretouch.report.hand_text import (
 )
 from foretouch.report.numbers import figure, number
 from foretouch.report.safety_text import safety_lines, safety_sentences, stretch_sentence
+from foretouch.report.scene_text import scene_lines, scene_sentences
 from foretouch.report.scores import STATUSES
 
 __all__ = ["Finding", "findings", "map_lines", "number", "render_text", "scoring_findings"]
@@ -43,6 +44,7 @@ def render_text(report: Mapping[str, Any]) -> str:
         "",
         *hand_lines(report),
         "",
+        *scene_lines(report),
         *safety_lines(report),
         *_learnt(report),
         *_motion(report),
@@ -70,6 +72,7 @@ def findings(report: Mapping[str, Any]) -> list[Finding]:
         Finding(instability(report), False),
         Finding(stability(report), True),
         *(Finding(sentence(report), False) for sentence in (guard_sentence, phantom_sentence, device_sentence)),
+        *(Finding(text, False) for text in scene_sentences(report)),
     ]
     said = [finding for finding in said if finding.text] + scoring_findings(report)
     for side, what in (("leader", "rendered force"), ("follower", "robot's command")):
@@ -116,7 +119,7 @@ def _heading(report: Mapping[str, Any]) -> str:
     return "\n".join(line for line in lines if line)
 
 
-_SHOWN = {"material": "", "operator": "", "estimator": "", "position_delay": " s", "force_delay": " s"}
+_SHOWN = {"scene": "", "material": "", "operator": "", "estimator": "", "position_delay": " s", "force_delay": " s"}
 
 
 def _forces(report: Mapping[str, Any]) -> list[str]:
@@ -148,13 +151,16 @@ def _forces(report: Mapping[str, Any]) -> list[str]:
             report["delayed_force_error_percent"],
             report["delayed_force_rmse_N"],
         ),
-        _row(
-            "predicted at follower's position",
-            equal["prediction_error_percent"],
-            equal["prediction_rmse_N"],
-            equal["within_jnd_percent"],
-        ),
     ]
+    if "scene" not in report:  # what is compared at one position is of a line
+        lines.append(
+            _row(
+                "predicted at follower's position",
+                equal["prediction_error_percent"],
+                equal["prediction_rmse_N"],
+                equal["within_jnd_percent"],
+            )
+        )
     if exact["contact_force_rms_N"] is not None:
         lines.append(
             _row(

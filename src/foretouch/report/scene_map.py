@@ -1,0 +1,206 @@
+"""The map of a scene's local stiffness as it was learnt, beside what a simulated scene is made of."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from foretouch.errors import ForetouchError
+from foretouch.messages import SessionLog
+from foretouch.models import FIELD_DEPTH, MaterialField
+from foretouch.quantities.rigid import RigidMotion
+from foretouch.report.scene_rows import SceneRows
+from foretouch.robot import make_material
+from foretouch.session.spatial import Scene
+
+__all__ = ["StiffnessMap", "learnt_field", "map_figures", "stiffness_map"]
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+CELL = 1e-3
+"""Of the map [m]."""
+
+NEAR = 3e-3
+"""A place was touched if the probe was so near, half of what two nodes are apart [m]."""
+
+PRESSED = 0.05
+"""Force of a touch [N]."""
+
+REACH = 0.03
+"""Half the side of the map [m]."""
+
+MIDDLE = (0.075, 0.0)
+"""Of the map, in the fixture's frame [m]."""
+
+HIGH, CLOSE, STEPS = 0.2, 1e-6, 30
+"""Rays to the surface begin so far above it, end so near to it [m], and take at most so many steps."""
+
+SMALL = 1e-6
+"""Difference of depths over which a slope is taken [m]."""
+
+
+@dataclass(frozen=True, eq=False)
+class StiffnessMap:
+    """Local stiffness at rest over a scene's surface, seen from above; fields of shape (rows, columns).
+
+    Attributes:
+        x: Of the columns, in the fixture's frame [m].
+        y: Of the rows [m].
+        learnt: Local stiffness at `depth` [N/m].
+        doubt: Its standard deviation [N/m].
+        true: What the simulated material has; None where nobody knows.
+        touched: Whether the probe was within 3 mm of the place.
+        depth: [m].
+    """
+
+    x: Array
+    y: Array
+    learnt: Array
+    doubt: Array
+    true: Array | None
+    touched: Flags
+    depth: float = FIELD_DEPTH
+
+
+def learnt_field(log: SessionLog) -> MaterialField | None:
+    """The newest field of materials in a log; None where there is none that can be read."""
+    for update in reversed(log.fields):
+        try:
+            return MaterialField.from_bytes(update.content)
+        except ForetouchError:
+            continue
+    return None
+
+
+def stiffness_map(rows: SceneRows, field: MaterialField, scene: Scene, material: str | None) -> StiffnessMap:
+    r"""What was learnt over the surface, and what is there.
+
+    .. math:: K(p) = s(p)\, \frac{\partial f}{\partial d}(d, 0)
+
+    with the material's law f at rest and the inclusion's factor s. Where the probe was is taken from the true pose of
+    the fixture, else from the one that the follower believed.
+
+    Args:
+        rows: Of the session.
+        field: The newest one.
+        scene: What was touched.
+        material: Name of the simulated one; None where nobody knows what it was.
+    """
+    x = MIDDLE[0] + np.arange(-REACH, REACH + 0.5 * CELL, CELL)
+    y = MIDDLE[1] + np.arange(-REACH, REACH + 0.5 * CELL, CELL)
+    points = _surface_points(scene, x, y)
+    learnt, doubt = field.stiffness_at(points)
+    shape = (y.size, x.size)
+    touched = _touched(points, _touched_places(rows))
+    true = None if material is None else _true_stiffness(scene, material, points).reshape(shape)
+    return StiffnessMap(x, y, learnt.reshape(shape), doubt.reshape(shape), true, touched.reshape(shape))
+
+
+def map_figures(found: StiffnessMap, field: MaterialField, scene: Scene) -> dict[str, Any]:
+    """The map in numbers.
+
+    Returns:
+        ``depth_mm``; ``touched_cm2``; ``nodes``; ``median_error_percent`` and ``p95_error_percent`` of the local
+        stiffness where it was touched; ``within_two_deviations_percent`` of these places; ``learnt_N_per_m``: the
+        least, median and largest local stiffness there. ``inclusion``: ``centre_mm`` and ``radius_mm`` of what is
+        stiffer than half way between the median and the stiffest, ``ratio`` of the stiffest to the median, the same
+        with ``true_``, and ``centre_error_mm``; None where the scene has none. What needs the truth is None where
+        nobody knows it.
+    """
+    inside, learnt = found.touched, found.learnt[found.touched]
+    figures: dict[str, Any] = {
+        "depth_mm": 1e3 * found.depth,
+        "touched_cm2": float(inside.sum()) * (1e2 * CELL) ** 2,
+        "nodes": len(field),
+        "median_error_percent": None,
+        "p95_error_percent": None,
+        "within_two_deviations_percent": None,
+        "learnt_N_per_m": None,
+        "inclusion": None,
+    }
+    if not inside.any():
+        return figures
+    figures["learnt_N_per_m"] = [float(value) for value in (learnt.min(), np.median(learnt), learnt.max())]
+    if found.true is None:
+        return figures
+    true = found.true[inside]
+    error = 100.0 * np.abs(learnt - true) / true
+    figures["median_error_percent"] = float(np.median(error))
+    figures["p95_error_percent"] = float(np.percentile(error, 95.0))
+    within = np.abs(learnt - true) <= 2.0 * found.doubt[inside]
+    figures["within_two_deviations_percent"] = 100.0 * float(within.mean())
+    if scene.inclusion is not None:
+        figures["inclusion"] = _inclusion(found, scene)
+    return figures
+
+
+def _inclusion(found: StiffnessMap, scene: Scene) -> dict[str, Any]:
+    assert scene.inclusion is not None
+    learnt = found.learnt[found.touched]
+    median, most = float(np.median(learnt)), float(learnt.max())
+    stiff = found.touched & (found.learnt > 0.5 * (median + most))
+    row, column = np.nonzero(stiff)
+    centre = np.array([found.x[column].mean(), found.y[row].mean()])
+    true = np.array(scene.inclusion.middle[:2])
+    return {
+        "centre_mm": (1e3 * centre).tolist(),
+        "radius_mm": 1e3 * float(np.sqrt(stiff.sum() / np.pi)) * CELL,
+        "ratio": most / median,
+        "true_centre_mm": (1e3 * true).tolist(),
+        "true_radius_mm": 1e3 * scene.inclusion.radius,
+        "true_ratio": scene.inclusion.ratio,
+        "centre_error_mm": 1e3 * float(np.linalg.norm(centre - true)),
+    }
+
+
+def _surface_points(scene: Scene, x: Array, y: Array) -> Array:
+    """Points of the surface under a grid, row by row, shape (n, 3)."""
+    return np.array([(column, row, _height(scene, column, row)) for row in y.tolist() for column in x.tolist()])
+
+
+def _height(scene: Scene, x: float, y: float) -> float:
+    """Of the surface at a place: from above down by as much as is free, again and again [m]."""
+    height = HIGH
+    for _ in range(STEPS):
+        free = -scene.surface.contact((x, y, height)).depth
+        if not free > CLOSE:
+            break
+        height -= free
+    return height
+
+
+def _touched(points: Array, places: Array) -> Flags:
+    """Which points have a touched place near them, seen from above."""
+    if not len(places):
+        return np.zeros(len(points), dtype=np.bool_)
+    return np.asarray(cKDTree(places).query(points[:, :2])[0] < NEAR)
+
+
+def _touched_places(rows: SceneRows) -> Array:
+    """Where the probe pressed, in the fixture's frame, seen from above, a hundredth of a second apart, shape (n, 2)."""
+    probe = rows.probe
+    known = np.isfinite(probe["exact_x"])
+    pressed = np.flatnonzero(rows.follower["in_contact"] & (rows.follower["force"] > PRESSED))[::10]
+    places = []
+    for row in pressed:
+        frame = "exact" if known[row] else "fixture"
+        pose = [float(probe[f"{frame}_{axis}"][row]) for axis in ("x", "y", "z", "rx", "ry", "rz")]
+        x, y, z = (float(probe[f"place_{axis}"][row]) for axis in "xyz")
+        places.append(RigidMotion.from_numbers(pose).apply_back((x, y, z))[:2])
+    return np.reshape(np.array(places), (-1, 2))
+
+
+def _true_stiffness(scene: Scene, material: str, points: Array) -> Array:
+    """Slope of the material's force at rest over depth, times the inclusion's factor [N/m]."""
+    model = make_material(material).model
+    state = model.initial_state()
+    below, above = (model.advance(state, FIELD_DEPTH + step, 0.0, 1e-3)[1] for step in (-SMALL, SMALL))
+    slope = (above - below) / (2.0 * SMALL)
+    if scene.inclusion is None:
+        return np.full(len(points), slope)
+    return np.array([slope * scene.inclusion.factor((x, y, z)) for x, y, z in points.tolist()])
