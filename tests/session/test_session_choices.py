@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import signal
 import subprocess
 import sys
@@ -12,7 +13,7 @@ import pytest
 
 from foretouch.errors import SettingError, UnknownNameError
 from foretouch.link import ZenohLink, free_endpoint
-from foretouch.messages import VERSION, Choice, EmergencyStop, Hello, Settings
+from foretouch.messages import VERSION, Choice, EmergencyStop, Hello, Settings, Stop
 from foretouch.session import SessionSettings, StopFlag
 from foretouch.session.children import Child, end_session, retire
 from foretouch.session.choices import CHOICE_CHANNELS, LATCHING, SUPERVISOR, Desk, choose, with_faults
@@ -88,6 +89,19 @@ def test_the_desk_hears_choices_and_says_what_runs(desk: tuple[Desk, ZenohLink])
     texts = dict(zip(said[-1].names, said[-1].values, strict=True))
     assert said[-1].role == SUPERVISOR
     assert (texts["recording"], texts["refused"], texts["supervised"]) == ("a.mcap", "no such thing", "yes")
+
+
+def test_the_desk_hears_of_the_end_while_no_leader_does(desk: tuple[Desk, ZenohLink]) -> None:
+    there, console = desk
+    there.hear()
+    assert there.ended == math.inf
+    console.publish(Stop(VERSION, 1, 1, "ended in the console"))
+    until(lambda: (there.hear(), there.ended < math.inf)[1])
+    first = there.ended
+    console.publish(Stop(VERSION, 2, 1, "again"))
+    time.sleep(0.2)
+    there.hear()
+    assert there.ended == first
 
 
 def test_an_emergency_stop_latches_at_once_and_until_the_follower_says_otherwise(desk: tuple[Desk, ZenohLink]) -> None:

@@ -14,7 +14,7 @@ from foretouch.session.settings import SessionSettings
 
 __all__ = ["CHOICE_CHANNELS", "SUPERVISOR", "Desk", "choose", "with_faults"]
 
-CHOICE_CHANNELS = ("choice", "settings", "emergency", "hello")
+CHOICE_CHANNELS = ("choice", "settings", "stop", "emergency", "hello")
 """What the supervisor's link receives."""
 
 SUPERVISOR = "supervisor"
@@ -68,6 +68,7 @@ class Desk:
         refused: Why the newest choice was not followed; "" where it was.
         recording: File that is being written; "" for none.
         faults: Delays and faults that a console has set, None before the first.
+        ended: When somebody asked for the session's end [s], infinite before.
     """
 
     def __init__(self, link: ZenohLink) -> None:
@@ -79,6 +80,7 @@ class Desk:
         self.refused = ""
         self.recording = ""
         self.faults: Settings | None = None
+        self.ended = math.inf
 
     def hear(self) -> list[Choice]:
         """Take what has arrived; what was chosen, oldest first."""
@@ -88,6 +90,8 @@ class Desk:
         for _, hello in self._link.take("hello"):
             if hello.role == "follower":
                 self._stop_said = dict(zip(hello.names, hello.values, strict=False)).get("stopped", "")
+        if self._link.take("stop"):
+            self.ended = min(self.ended, time.monotonic())
         if faults := self._link.take("settings"):
             self.faults = faults[-1][1]
         return [choice for _, choice in self._link.take("choice")]

@@ -25,6 +25,9 @@ WATCHERS = {"console": "console", "record": "recorder", "camera": "camera"}
 SETTLING = 15.0
 """A side that fails within so long [s] after a choice is started again as it was before it."""
 
+ENDING = 3.0
+"""A session that somebody ended ends so long [s] afterwards, though no leader was there then to hear of it."""
+
 LATCHED = "the emergency stop is latched: release it first, for a robot that begins anew would have forgotten it"
 
 
@@ -122,6 +125,8 @@ class _Supervisor:
                 for choice in self._desk.hear():
                     self._follow(choice)
                 self._desk.say()
+                if time.monotonic() - self._desk.ended > ENDING:
+                    return 0
             time.sleep(POLL_PERIOD)
         return 0
 
