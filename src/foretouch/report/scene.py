@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -67,7 +68,9 @@ def look_at_scene(log: SessionLog, pairs: Pairs) -> SceneFindings:
     scene, field = _scene(log.settings), learnt_field(log)
     found = None
     if scene is not None and field is not None:
-        found = stiffness_map(rows, field, scene, _material(log.settings) if _is_simulated(rows) else None)
+        felt = next((model.surface for model in reversed(log.models) if model.valid), 0.0)
+        material = _material(log.settings) if _is_simulated(rows) else None
+        found = stiffness_map(rows, field, scene, material, felt if math.isfinite(felt) else 0.0)
     return SceneFindings(rows, pose_error(rows), wrong_contacts(log, pairs), account, scene, field, found)
 
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
+from scipy.spatial import Delaunay, cKDTree
 
 from foretouch.errors import ForetouchError
 from foretouch.messages import SessionLog
@@ -39,6 +39,9 @@ MIDDLE = (0.075, 0.0)
 
 HIGH, CLOSE, STEPS = 0.2, 1e-6, 30
 """Rays to the surface begin so far above it, end so near to it [m], and take at most so many steps."""
+
+STIFFEST = 98.0
+"""Percentile of the stiffest places: a single one may overshoot."""
 
 SMALL = 1e-6
 """Difference of depths over which a slope is taken [m]."""
@@ -77,24 +80,28 @@ def learnt_field(log: SessionLog) -> MaterialField | None:
     return None
 
 
-def stiffness_map(rows: SceneRows, field: MaterialField, scene: Scene, material: str | None) -> StiffnessMap:
+def stiffness_map(
+    rows: SceneRows, field: MaterialField, scene: Scene, material: str | None, felt_deeper: float = 0.0
+) -> StiffnessMap:
     r"""What was learnt over the surface, and what is there.
 
     .. math:: K(p) = s(p)\, \frac{\partial f}{\partial d}(d, 0)
 
-    with the material's law f at rest and the inclusion's factor s. Where the probe was is taken from the true pose of
-    the fixture, else from the one that the follower believed.
+    with the material's law f at rest and the inclusion's factor s. Depths count from the shape of the scene. A soft
+    beginning is felt late, and the laws of the field begin where something was felt: that is taken off. Where the probe
+    was is taken from the true pose of the fixture, else from the one that the follower believed.
 
     Args:
         rows: Of the session.
         field: The newest one.
         scene: What was touched.
         material: Name of the simulated one; None where nobody knows what it was.
+        felt_deeper: How much deeper than the shape the surface was felt, as the newest model says [m].
     """
     x = MIDDLE[0] + np.arange(-REACH, REACH + 0.5 * CELL, CELL)
     y = MIDDLE[1] + np.arange(-REACH, REACH + 0.5 * CELL, CELL)
     points = _surface_points(scene, x, y)
-    learnt, doubt = field.stiffness_at(points)
+    learnt, doubt = field.stiffness_at(points, max(FIELD_DEPTH - felt_deeper, 0.0))
     shape = (y.size, x.size)
     touched = _touched(points, _touched_places(rows))
     true = None if material is None else _true_stiffness(scene, material, points).reshape(shape)
@@ -108,9 +115,10 @@ def map_figures(found: StiffnessMap, field: MaterialField, scene: Scene) -> dict
         ``depth_mm``; ``touched_cm2``; ``nodes``; ``median_error_percent`` and ``p95_error_percent`` of the local
         stiffness where it was touched; ``within_two_deviations_percent`` of these places; ``learnt_N_per_m``: the
         least, median and largest local stiffness there. ``inclusion``: ``centre_mm`` and ``radius_mm`` of what is
-        stiffer than half way between the median and the stiffest, ``ratio`` of the stiffest to the median, the same
-        with ``true_``, and ``centre_error_mm``; None where the scene has none. What needs the truth is None where
-        nobody knows it.
+        stiffer than half way between the median and the stiffest (98 %), among places touched on all sides, ``ratio``
+        of the stiffest to the median, the same with ``true_``, and ``centre_error_mm``; None where the scene has none.
+        What needs the truth is None
+        where nobody knows it.
     """
     inside, learnt = found.touched, found.learnt[found.touched]
     figures: dict[str, Any] = {
@@ -142,8 +150,8 @@ def map_figures(found: StiffnessMap, field: MaterialField, scene: Scene) -> dict
 def _inclusion(found: StiffnessMap, scene: Scene) -> dict[str, Any]:
     assert scene.inclusion is not None
     learnt = found.learnt[found.touched]
-    median, most = float(np.median(learnt)), float(learnt.max())
-    stiff = found.touched & (found.learnt > 0.5 * (median + most))
+    median, most = (float(value) for value in np.percentile(learnt, [50.0, STIFFEST]))
+    stiff = _among_touched(found) & (found.learnt > 0.5 * (median + most))
     row, column = np.nonzero(stiff)
     centre = np.array([found.x[column].mean(), found.y[row].mean()])
     true = np.array(scene.inclusion.middle[:2])
@@ -156,6 +164,16 @@ def _inclusion(found: StiffnessMap, scene: Scene) -> dict[str, Any]:
         "true_ratio": scene.inclusion.ratio,
         "centre_error_mm": 1e3 * float(np.linalg.norm(centre - true)),
     }
+
+
+def _among_touched(found: StiffnessMap) -> Flags:
+    """Places that have touched ones on all sides: between two rows of presses the field joins them."""
+    x, y = np.meshgrid(found.x, found.y)
+    places = np.stack([x.ravel(), y.ravel()], axis=1)
+    touched = places[found.touched.ravel()]
+    if len(touched) < 3 or min(np.ptp(touched, axis=0)) < CELL:
+        return found.touched
+    return np.asarray(Delaunay(touched).find_simplex(places) >= 0).reshape(x.shape)
 
 
 def _surface_points(scene: Scene, x: Array, y: Array) -> Array:
