@@ -33,8 +33,8 @@ MESH_ENDINGS = (".stl", ".obj", ".ply")
 HOVER, TALL = 0.010, 0.05
 """Height of the hand above the surface between presses, and from which the first one begins [m]."""
 
-FROM_ABOVE = 0.2
-"""Where rays to the surface begin [m]."""
+FROM_ABOVE, STEP_DOWN = 0.1, 5e-4
+"""A probe that looks for the surface comes down from here, by so much at a time [m]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -157,45 +157,52 @@ def palpation(scene: Scene, depth: float, seed: int) -> list[Keyframe]:
         seed: Of small differences between presses.
     """
     random = np.random.default_rng(seed)
-    reach = 0.3 * SIDE
-    path: list[Keyframe] = [(0.0, _above(scene, 0.0, 0.0, TALL))]
+    x, y, reach = _middle(scene.surface)
+
+    def above(right: float, back: float, height: float) -> Vector:
+        return _above(scene, x + right, y + back, height)
+
+    path: list[Keyframe] = [(0.0, above(0.0, 0.0, TALL))]
 
     def go(seconds: float, place: Vector) -> None:
         path.append((path[-1][0] + seconds, place))
 
-    go(2.5, _above(scene, -reach, -reach, HOVER))  # a robot that knows no surface comes slowly
-    go(1.0, _above(scene, -reach, -reach, HOVER))
-    go(1.5, _above(scene, -reach, -reach, -0.5 * depth))
-    go(0.5, _above(scene, -reach, -reach, HOVER))
-    for x, y in ((-reach, -reach), (reach, -reach), (reach, reach), (-reach, reach)):
-        _press(path, scene, x, y, depth * random.uniform(0.7, 1.0))
-    rows = np.linspace(-reach, reach, 7)
-    for number, row in enumerate(rows):
+    go(2.5, above(-reach, -reach, HOVER))  # a robot that knows no surface comes slowly
+    go(1.0, above(-reach, -reach, HOVER))
+    go(1.5, above(-reach, -reach, -0.5 * depth))
+    go(0.5, above(-reach, -reach, HOVER))
+    for right, back in ((-reach, -reach), (reach, -reach), (reach, reach), (-reach, reach)):
+        deep = depth * random.uniform(0.7, 1.0)
+        for seconds, height in ((0.5, HOVER), (0.5, -deep), (0.25, -deep * 0.98), (0.4, HOVER)):
+            go(seconds, above(right, back, height))
+    rows = np.linspace(-reach, reach, 7).tolist()
+    for number, back in enumerate(rows):
         ways = rows if number % 2 == 0 else rows[::-1]
         deep = depth * random.uniform(0.6, 1.0)
-        go(0.5, _above(scene, ways[0], row, HOVER))
-        go(0.5, _above(scene, ways[0], row, -deep))
+        go(0.5, above(ways[0], back, HOVER))
+        go(0.5, above(ways[0], back, -deep))
         for before, way in itertools.pairwise(ways):
             for part in (0.5, 1.0):  # so that the hand follows the surface
-                go(0.14, _above(scene, before + part * (way - before), row, -deep))
-        go(0.4, _above(scene, ways[-1], row, HOVER))
-    go(0.8, _above(scene, -reach, -reach, HOVER))
+                go(0.14, above(before + part * (way - before), back, -deep))
+        go(0.4, above(ways[-1], back, HOVER))
+    go(0.8, above(-reach, -reach, HOVER))
     return path
 
 
-def _press(path: list[Keyframe], scene: Scene, x: float, y: float, depth: float) -> None:
-    for seconds, height in ((0.5, HOVER), (0.5, -depth), (0.25, -depth * 0.98), (0.4, HOVER)):
-        path.append((path[-1][0] + seconds, _above(scene, x, y, height)))
+def _middle(surface: Surface) -> tuple[float, float, float]:
+    """Middle of what is drawn of a surface, and how far from it palpation goes, 30 % of its shorter side [m]."""
+    vertices, _ = surface.outline()
+    low, high = vertices.min(axis=0), vertices.max(axis=0)
+    x, y, _ = (0.5 * (low + high)).tolist()
+    return x, y, 0.3 * float((high - low)[:2].min())
 
 
 def _above(scene: Scene, x: float, y: float, height: float) -> Vector:
-    """A place above or, with a negative height, below the surface, straight over a place of the specimen."""
-    x, y = float(x) + MIDDLE[0], float(y) + MIDDLE[1]
+    """A place above or, with a negative height, below the surface, straight over a place of the fixture."""
     proxy = SurfaceProxy(scene.surface)
-    high, low = FROM_ABOVE, -FROM_ABOVE
-    proxy.follow((x, y, high))
-    for _ in range(40):  # the surface is between: it is where a probe from above begins to be inside
-        middle = 0.5 * (high + low)
-        inside = scene.surface.contact((x, y, middle)).depth > 0.0
-        low, high = (middle, high) if inside else (low, middle)
-    return x, y, high + height
+    for step in range(round(2.0 * FROM_ABOVE / STEP_DOWN)):  # a probe that comes down, until it is inside
+        z = FROM_ABOVE - STEP_DOWN * step
+        depth = proxy.follow((x, y, z)).depth
+        if depth > 0.0:
+            return x, y, proxy.newest.point[2] + height
+    return x, y, MIDDLE[2] + height  # nothing is below: as if the specimen were flat
