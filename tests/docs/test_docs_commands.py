@@ -89,7 +89,7 @@ OFFLINE: dict[tuple[str, ...], Callable[[list[str]], list[str]]] = {
 }
 """Commands that end by themselves, and their short forms."""
 
-LIVE = ("teleop", "follower", "leader", "record", "console", "stop")
+LIVE = ("teleop", "follower", "leader", "record", "console", "stop", "camera")
 """Commands of a session in real time."""
 
 SHADOW = "--shadow"
@@ -269,7 +269,7 @@ def test_a_session_runs_in_its_short_form(text: str, tmp_path: Path, running: li
 
 def laps() -> Iterator[dict[str, str]]:
     """The commands of single sides, combined so that each is in at least one lap; robots are stopped in the first."""
-    sides = {name: sorted(of(name), key=lambda text: SHADOW in text) for name in LIVE if name not in ("teleop", "stop")}
+    sides = {name: sorted(of(name), key=lambda text: SHADOW in text) for name in LIVE if name not in ("teleop", "stop", "camera")}
     stops = of("stop")
     for lap in range(max(map(len, sides.values()))):
         one = {name: texts[lap % len(texts)] for name, texts in sides.items()}
@@ -287,6 +287,8 @@ def on_this_machine(text: str, kind: str, ports: tuple[int, int]) -> list[str]:
         ("record", "--connect"): [0, 1],
         ("console", "--connect"): [0, 1],
         ("stop", "--connect"): [0],
+        ("camera", "--connect"): [0],
+        ("camera", "--listen"): [1],
     }
     for option in ("--listen", "--connect"):
         places = [i + 1 for i, word in enumerate(words) if word == option]
@@ -331,6 +333,18 @@ def test_the_sides_run_one_by_one(
     for process in reversed(running):
         finish(process)
     assert (tmp_path / recorder[1]).stat().st_size > 10_000
+
+
+@pytest.mark.live
+@pytest.mark.parametrize("text", of("camera"), ids=str)
+def test_a_camera_sees_beside_a_follower(text: str, tmp_path: Path, running: list[subprocess.Popen[str]]) -> None:
+    ports = (free_port(), free_port())
+    arguments = on_this_machine(text, "tcp", ports)
+    scene = arguments[arguments.index("--scene") + 1]
+    beside = ["follower", "--scene", scene, "--listen", f"tcp/127.0.0.1:{ports[0]}", "--duration", "3"]
+    running += [start(one, tmp_path) for one in (beside, arguments)]
+    for process in running:
+        finish(process)
 
 
 # --- Python -----------------------------------------------------------------------------------------------------------

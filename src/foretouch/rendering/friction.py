@@ -86,7 +86,7 @@ class FrictionRenderer:
         viscous: float,
         period: float,
     ) -> Vector:
-        """One tick; never raises, and gives no force for numbers that are none.
+        r"""One tick; never raises, and gives no force for numbers that are none.
 
         Args:
             point: That is touched: the proxy on the surface [m].
@@ -97,7 +97,7 @@ class FrictionRenderer:
             period: T, since the tick before [s].
 
         Returns:
-            The force on the hand [N]: along the surface, of length mu f_n + c |v| at most.
+            The force on the hand [N]: along the surface, of length :math:`\mu f_n + c |v|` at most.
         """
         x, y, z = point
         nx, ny, nz = normal

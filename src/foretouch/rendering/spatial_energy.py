@@ -21,10 +21,10 @@ class SpatialEnergyAccount:
         |f_k| &\le \max(\epsilon F,\; F + E_k / (D - \Delta / 2)) \quad \text{while } E_k < 0 \\
         E_k &\ge -F D \quad \text{always}
 
-    As `EnergyAccount`, whose proof holds for vectors too: a tick takes |f| |dx| at most. F is the largest force of this
-    contact, D its longest step and one count of the encoders, Delta, in all three directions. A force along the normal
-    of a curved surface, held for a tick, turns late: in a hollow it gives out |f| |dx|^2 / 2R a tick more than it takes.
-    The account along the normal cannot see that; this one does.
+    As `EnergyAccount`, whose proof holds for vectors too: a tick takes the force times its step at most. F is the
+    largest force of this contact, D its longest step and one count of the encoders, Delta, in all three directions. A
+    force along the normal of a curved surface, held for a tick, turns late: in a hollow of radius R it gives out
+    :math:`|f|\,|\Delta x|^2 / 2 R` a tick more than it takes. The account along the normal cannot see that; this does.
 
     Args:
         resolution: One count of each encoder [m], not negative; less than a micrometre counts as one.

@@ -38,8 +38,10 @@ LEADER_CHANNELS = ("model", "telemetry", "handle", "settings", "stop", "hello")
 """What the leader's link receives."""
 
 SPACE_FOLLOWER_CHANNELS = ("fixture",)
+"""What a follower's link receives beside these in three dimensions."""
+
 SPACE_LEADER_CHANNELS = ("follower-space", "field")
-"""What the links receive beside these in three dimensions."""
+"""What a leader's link receives beside these in three dimensions."""
 
 LONGEST_CATCH_UP = 50
 """A simulated robot that was held up lets at most so many sample periods pass at once."""
