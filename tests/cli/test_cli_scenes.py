@@ -10,7 +10,8 @@ from typer.testing import CliRunner, Result
 
 from foretouch.cli.app import app
 from foretouch.errors import InputError
-from foretouch.recordings import read_session
+from foretouch.messages import VERSION, Hello, LeaderSpace, LeaderState, Telemetry
+from foretouch.recordings import SessionWriter, read_session
 
 TOUCHES = ("--fusion", "contact", "--displacement", 0.003, "--turn", 0.02)
 
@@ -19,18 +20,24 @@ def run(*arguments: object) -> Result:
     return CliRunner().invoke(app, [str(argument) for argument in arguments])
 
 
-def test_a_scene_is_simulated_recorded_and_reported_again_and_repeats(tmp_path: Path) -> None:
-    options = ("simulate", "--scene", "hill", *TOUCHES, "--duration", 5.5, "--seed", 3, "--json")
-    first = run(*options, "--recording", tmp_path / "a.mcap")
-    assert first.exit_code == 0, first.output
-    report = json.loads(first.stdout)
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """One touch of a hill; the report of it is beside it."""
+    path = tmp_path_factory.mktemp("scene") / "scene.mcap"
+    options = ("--duration", 5.2, "--seed", 3, "--json")
+    result = run("simulate", "--scene", "hill", *TOUCHES, *options, "--recording", path)
+    assert result.exit_code == 0, result.output
+    path.with_suffix(".json").write_text(result.stdout)
+    return path
+
+
+def test_a_scene_is_simulated_recorded_and_reported_again(recorded: Path, tmp_path: Path) -> None:
+    report = json.loads(recorded.with_suffix(".json").read_text())
     assert report["scene"]["pose"]["touches"] == 1
-    again = run("report", tmp_path / "a.mcap", "--json", "--report", tmp_path / "page")
+    again = run("report", recorded, "--json", "--report", tmp_path / "page")
     assert json.loads(again.stdout)["scene"] == report["scene"]
     assert (tmp_path / "page" / "index.html").stat().st_size > 50_000
-    run(*options, "--recording", tmp_path / "b.mcap")
-    assert (tmp_path / "a.mcap").read_bytes() == (tmp_path / "b.mcap").read_bytes()
-    assert read_session(tmp_path / "a.mcap").beliefs
+    assert read_session(recorded).beliefs
 
 
 def test_a_mesh_is_a_scene(tmp_path: Path) -> None:
@@ -38,7 +45,7 @@ def test_a_mesh_is_a_scene(tmp_path: Path) -> None:
     block = trimesh.creation.box((0.08, 0.08, 0.02))
     block.apply_translation((0.075, 0.0, -0.01))
     block.export(tmp_path / "block.stl")
-    result = run("simulate", "--scene", tmp_path / "block.stl", *TOUCHES, "--duration", 5.2, "--json")
+    result = run("simulate", "--scene", tmp_path / "block.stl", *TOUCHES, "--duration", 4.8, "--json")
     assert result.exit_code == 0, result.output
     assert json.loads(result.stdout)["max_follower_force_N"] > 0.05
 
@@ -83,8 +90,48 @@ def test_bad_input_is_refused_before_anything_is_written(
     assert not list(tmp_path.iterdir())
 
 
-def test_a_scene_is_not_replayed_and_one_line_says_so(tmp_path: Path) -> None:
-    run("simulate", "--scene", "plane", *TOUCHES, "--duration", 0.3, "--recording", tmp_path / "s.mcap")
-    result = run("replay", tmp_path / "s.mcap", "--force-delay", 0.6)
-    with pytest.raises(InputError, match="three dimensions"):
-        raise result.exception or AssertionError
+def columns(path: Path) -> list[bytes]:
+    """Everything that was said, but for settings and what the computing took."""
+    log = read_session(path)
+    log.leader["compute_ns"] = log.follower["compute_ns"] = 0
+    tables = (log.leader, log.follower, log.leader_space, log.follower_space)
+    return [*(table.tobytes() for table in tables), repr((log.models, log.fields, log.beliefs)).encode()]
+
+
+def test_a_scene_is_run_again_bit_by_bit_and_under_another_delay(recorded: Path) -> None:
+    again, later = recorded.with_name("again.mcap"), recorded.with_name("later.mcap")
+    result = run("replay", recorded, "--recording", again)
+    assert result.exit_code == 0, result.output
+    assert columns(again) == columns(recorded)
+    assert "its fixture, camera and tracker are simulated again" in result.stdout
+    assert run("replay", recorded, "--force-delay", 0.6, "--recording", later).exit_code == 0
+    log, before = read_session(later), read_session(recorded)
+    assert log.settings["force_delay"] == "0.6"
+    assert log.leader_space["hand_z"].tobytes() == before.leader_space["hand_z"].tobytes()
+    assert log.leader_space["fixture_x"].tobytes() != before.leader_space["fixture_x"].tobytes()
+
+
+def test_a_held_scene_is_run_again_in_a_closed_loop(tmp_path: Path) -> None:
+    path, again = tmp_path / "held.mcap", tmp_path / "again.mcap"
+    run("simulate", "--scene", "plane", *TOUCHES, "--grip", "normal", "--duration", 2, "--recording", path)
+    with pytest.raises(InputError, match="--closed-loop alone"):
+        raise run("replay", path).exception or AssertionError
+    assert run("replay", path, "--closed-loop", "--recording", again).exit_code == 0
+    assert columns(again) == columns(path)
+
+
+def test_what_cannot_be_run_again_is_one_line(recorded: Path) -> None:
+    with pytest.raises(InputError, match="in a closed loop the force moves a hand"):
+        raise run("replay", recorded, "--closed-loop").exception or AssertionError
+    log, path = read_session(recorded), recorded.with_name("real.mcap")
+    with SessionWriter(path) as writer:
+        texts = log.settings
+        writer.write(Hello(VERSION, 1, 0, "leader", tuple(texts), tuple(texts.values())), 0)
+        for row in log.leader.tolist():
+            writer.write(LeaderState(VERSION, *row), row[1])
+        for row in log.follower.tolist():
+            writer.write(Telemetry(VERSION, *row), row[1])
+        for row in log.leader_space.tolist():
+            writer.write(LeaderSpace(VERSION, *row), row[1])
+    with pytest.raises(InputError, match="a real robot in three dimensions"):
+        raise run("replay", path).exception or AssertionError

@@ -124,13 +124,15 @@ def _session(path: Path) -> SessionLog:
 
 def _write(path: Path, log: SessionLog) -> None:
     """The replay as a recording of its own, message by message as in simulated time."""
-    from foretouch.messages import VERSION, Hello, LeaderState, Message, Telemetry
+    from foretouch.messages import VERSION, FollowerSpace, Hello, LeaderSpace, LeaderState, Message, Telemetry
     from foretouch.recordings import SessionWriter
 
     texts = log.settings
     said: list[Message] = [Telemetry(VERSION, *row) for row in log.follower.tolist()]
-    said += log.models
+    said += [FollowerSpace(VERSION, *row) for row in log.follower_space.tolist()]
+    said += [*log.models, *log.fields, *log.images, *log.beliefs]
     said += [LeaderState(VERSION, *row) for row in log.leader.tolist()]
+    said += [LeaderSpace(VERSION, *row) for row in log.leader_space.tolist()]
     said.sort(key=lambda message: message.time_ns)  # of those of one tick, the follower's first
     with SessionWriter(path) as writer:
         writer.write(Hello(VERSION, 1, 0, "simulation", tuple(texts), tuple(texts.values())), 0)

@@ -18,6 +18,7 @@ from foretouch.session.replay_machines import PlayedOperator, PlayedRobot
 from foretouch.session.robots import make_session_robot
 from foretouch.session.settings import NO_GRIP, SAMPLE_PERIOD, SessionSettings
 from foretouch.session.simulated import simulate
+from foretouch.session.spatial.replayed import replay_scene
 
 __all__ = ["CLOSED_LOOP", "FIXED_MOTION", "material_answers", "replay_notes", "replay_under"]
 
@@ -54,15 +55,17 @@ def replay_under(log: SessionLog, settings: SessionSettings, closed_loop: bool =
         The session that comes of it. Its `settings` also say ``replay``, "open loop" or "closed loop".
 
     Raises:
-        RecordingError: A side is missing, or the motion of the hand; or the session is one in three dimensions.
+        RecordingError: A side is missing, or the motion of the hand; of one in three dimensions, what cannot be
+            simulated again.
         SettingError: A closed loop without a grip, or with a robot that does not answer.
     """
-    if log.settings.get("scene"):
-        raise RecordingError("session", "is one in three dimensions: only sessions along a line are run again")
     stretch = log.longest()
     leader = stretch.leader
     if not leader.size or not stretch.follower.size:
         raise RecordingError("session", "a side is missing: there is nothing to run again")
+    if settings.scene:
+        _require_grip(settings, closed_loop)
+        return replay_scene(stretch, settings, closed_loop, _told(log, settings, closed_loop))
     operator = _operator(log, leader, settings, closed_loop)
     ticks = round(int(leader["time_ns"][-1] - leader["time_ns"][0]) / _PERIOD_NS) + 1
     if material_answers(log):
@@ -105,7 +108,8 @@ def replay_notes(log: SessionLog, settings: SessionSettings, closed_loop: bool =
     if not closed_loop and settings.grip != NO_GRIP:
         notes.append("the hand is where it was; how far the robot is from it comes of the replay's own models")
     if material_answers(log):
-        notes.append(f"the robot and its material ({settings.material}) are simulated again")
+        beside = ", its fixture, camera and tracker" if settings.scene else ""
+        notes.append(f"the robot and its material ({settings.material}){beside} are simulated again")
     else:
         notes.append("the robot's motion is fixed too: its measured force comes as late as its commands do")
     if len(stretches) > 1:
@@ -131,10 +135,21 @@ def _operator(log: SessionLog, leader: Rows, settings: SessionSettings, closed_l
         raise RecordingError("session", "holds no position of the operator's hand: there is no motion to run again")
     if not closed_loop:
         return played
-    if settings.grip == NO_GRIP:
+    _require_grip(settings, closed_loop)
+    return Hand(played, GRIPS[settings.grip], settings.device, settings.clutch_times)
+
+
+def _require_grip(settings: SessionSettings, closed_loop: bool) -> None:
+    if closed_loop and settings.grip == NO_GRIP:
         grips = ", ".join(sorted(GRIPS))
         raise SettingError("grip", settings.grip, f"in a closed loop the force moves a hand: choose a grip of {grips}")
-    return Hand(played, GRIPS[settings.grip], settings.device, settings.clutch_times)
+
+
+def _told(log: SessionLog, settings: SessionSettings, closed_loop: bool) -> dict[str, str]:
+    """What the recording said beside its settings, and what this is."""
+    chosen = settings.as_text()
+    told = {name: text for name, text in log.settings.items() if name not in chosen}
+    return told | {"replay": "closed loop" if closed_loop else "open loop"}
 
 
 def _run(
@@ -146,14 +161,13 @@ def _run(
     framed = dataclasses.replace(settings, leader_frame=SessionSettings.leader_frame)
     if isinstance(robot, PlayedRobot):
         framed = dataclasses.replace(framed, follower_frame=SessionSettings.follower_frame)
-    told = {name: text for name, text in log.settings.items() if name not in chosen}
-    told |= {name: chosen[name] for name in ("leader_frame", "follower_frame")}
+    told = {name: chosen[name] for name in ("leader_frame", "follower_frame")}
     session = simulate(
         framed,
         duration=ticks * SAMPLE_PERIOD,
         operator=operator,
         robot=robot,
-        description=told | {"replay": "closed loop" if closed_loop else "open loop"},
+        description=_told(log, settings, closed_loop) | told,
     )
     return session.log
 
