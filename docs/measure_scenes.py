@@ -39,8 +39,8 @@ SEEDS = range(8)
 BUMP, LENGTH = 13.0, 20.0
 """Behind the four presses at the corners; while the hand slides along the first rows [s]."""
 
-FAULT = (8.0, 11.0)
-"""From here to there images fail [s]."""
+FAULT, UNSEEN = (8.0, 11.0), 9.0
+"""From here to there images fail, and when the fixture is bumped meanwhile [s]."""
 
 PALPATED = 72.0
 """Twice over the whole specimen [s]."""
@@ -76,6 +76,11 @@ def median(values: Iterable[float | None]) -> float:
 
 def most(values: Iterable[float | None]) -> float:
     return max((value for value in values if value is not None), default=float("nan"))
+
+
+def shown(value: float | None) -> str:
+    """A percentage; a dash where there is nothing to measure it on."""
+    return "-" if value is None else f"{value:.0f}"
 
 
 def both(poses: Sequence[dict[str, Any]], name: str) -> str:
@@ -138,48 +143,49 @@ def fusion() -> str:
 # --- images that fail -------------------------------------------------------------------------------------------------
 
 
-def spoilt(fault: str) -> dict[str, Any]:
-    settings = {"scene": "hill", "seed": 2}
+def spoilt(fault: str, bump: float) -> dict[str, Any]:
+    settings = {"scene": "hill", "seed": 2, "bump": bump}
     if fault != "none":
         settings["image_fault"] = f"{fault}:{FAULT[0]:g}:{FAULT[1]:g}"
     log = run(16.0, **settings)
-    pairs = pair(log)
-    pose = look_at_scene(log, pairs).pose
-    report = session_report(log)
+    pose = look_at_scene(log, pair(log)).pose
     inside = (pose.time >= FAULT[0]) & (pose.time < FAULT[1])
     after = pose.time >= FAULT[1] + 0.5
-    steps = np.abs(log.leader["update_step"])
+    jumps = log.leader["model_jump"]
     return {
         "during": (pose.place[inside].max(), pose.turn[inside].max()),
         "after": (pose.place[after].max(), pose.turn[after].max()),
-        "step": float(steps.max()),
-        "jump": float(np.abs(log.leader["model_jump"][np.isfinite(log.leader["model_jump"])]).max()),
-        "refused": report["scene"]["pose"]["refused"],
-        "images": report["scene"]["pose"]["images_used"],
-        "false": report["scene"]["contacts"]["false"],
+        "step": float(np.abs(log.leader["update_step"]).max()),
+        "jump": float(np.abs(jumps[np.isfinite(jumps)]).max()),
+        "report": session_report(log)["scene"],
     }
 
 
 def images() -> str:
-    """The same session with images that are good, hidden, blinded, stuck, and gone."""
-    faults = ("none", "hand", "glare", "frozen", "dropped")
-    found = Parallel(n_jobs=JOBS)(delayed(spoilt)(fault) for fault in faults)
-    rows = [
-        (
-            name,
-            f"{one['during'][0]:.2f} / {one['during'][1]:.2f}",
-            f"{one['after'][0]:.2f} / {one['after'][1]:.2f}",
-            f"{one['images']:,} / {one['refused']:,}",
-            f"{one['jump']:.2f}",
-            f"{one['step']:.3f}",
-            f"{one['false']['percent']:.2f} ({one['false']['episodes']})",
+    """The same session with images that are good, hidden, blinded, stuck, and gone; and once more with a bump then."""
+    cases = [(fault, bump) for bump in (0.0, UNSEEN) for fault in ("none", "hand", "glare", "frozen", "dropped")]
+    found = Parallel(n_jobs=JOBS)(delayed(spoilt)(*case) for case in cases)
+    rows = []
+    for (name, bump), one in zip(cases, found, strict=True):
+        pose, false = one["report"]["pose"], one["report"]["contacts"]["false"]
+        back = [found["recovered_s"] for found in pose["bumps"]]
+        rows.append(
+            (
+                name + (", bumped meanwhile" if bump else ""),
+                f"{one['during'][0]:.2f} / {one['during'][1]:.2f}",
+                f"{one['after'][0]:.2f} / {one['after'][1]:.2f}",
+                "-" if not back else "never" if back[0] is None else f"{back[0]:.2f}",
+                f"{pose['images_used']:,} / {pose['refused']:,}",
+                f"{one['jump']:.2f}",
+                f"{one['step']:.3f}",
+                f"{false['percent']:.2f} ({false['episodes']})",
+            )
         )
-        for name, one in zip(faults, found, strict=True)
-    ]
     head = (
         "Images",
         "Largest error meanwhile [mm / degrees]",
         "From 0.5 s after [mm / degrees]",
+        "After the bump, right again in [s]",
         "Used / refused",
         "Largest jump of the model's force [N]",
         "Of it let in, in one tick [N]",
@@ -257,7 +263,7 @@ def hand() -> str:
                 f"{swings['swings']} / {swings['free_swings']}",
                 "YES" if swings["oscillates"] else "no",
                 f"{report['scene']['forces']['total_hand_N']:.1f} / {report['scene']['forces']['total_robot_N']:.1f}",
-                f"{report['prediction_error_percent']:.0f}",
+                shown(report["prediction_error_percent"]),
             )
         )
     head = (

@@ -105,7 +105,7 @@ def map_figure(found: StiffnessMap, inclusion: Inclusion | None = None, *, centr
     panels = [("learnt", found.learnt, "stiffness"), ("standard deviation", found.doubt, "doubt")]
     if found.true is not None:
         panels.insert(0, ("true", found.true, "stiffness"))
-    figure = new_figure(1.3 + 9.0 / len(panels) * 0.85)
+    figure = new_figure(0.9 + 7.6 / len(panels))
     seen = found.learnt[found.touched]
     scales = {
         "stiffness": _scale(seen if found.true is None else np.append(seen, found.true[found.touched])),

@@ -63,6 +63,10 @@ def replay_under(log: SessionLog, settings: SessionSettings, closed_loop: bool =
     leader = stretch.leader
     if not leader.size or not stretch.follower.size:
         raise RecordingError("session", "a side is missing: there is nothing to run again")
+    if settings.scene != log.settings.get("scene", ""):
+        there, here = (name or "a line" for name in (log.settings.get("scene", ""), settings.scene))
+        problem = f"is one in three dimensions or along a line, and its settings are not: {there}, and {here}"
+        raise RecordingError("session", problem)
     if settings.scene:
         _require_grip(settings, closed_loop)
         return replay_scene(stretch, settings, closed_loop, _told(log, settings, closed_loop))
