@@ -5,19 +5,32 @@ from __future__ import annotations
 import math
 from typing import Any
 
+import msgspec
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from foretouch.errors import MissingExtraError, SettingError, UnknownNameError
-from foretouch.messages import VERSION, CameraImage, Command, FollowerSpace, SessionLog, Status
+from foretouch.messages import (
+    VERSION,
+    CameraImage,
+    Command,
+    FieldUpdate,
+    FixtureBelief,
+    FollowerSpace,
+    ModelUpdate,
+    SessionLog,
+    Status,
+    Telemetry,
+)
 from foretouch.quantities import Pose
 from foretouch.rendering.surfaces import Plane
 from foretouch.robot import MATERIALS, GantryArm, MissingGraphicsError, graphics_library, make_material
 from foretouch.session import SessionSettings
 from foretouch.session.spatial import (
     follower,
+    leader,
     make_camera,
     make_scene,
     make_spatial_operator,
@@ -353,3 +366,109 @@ def test_without_graphics_the_session_runs_without_the_camera_and_says_so_once(
     assert "install" in said[0]
     assert "\n" not in said[0]
     assert run(1.0).follower_space.size == 1000
+
+
+# --- what comes over the network --------------------------------------------------------------------------------------
+
+
+def said(run: int, sequence: int, fixture: tuple, **changes: Any) -> ModelUpdate:
+    made = ModelUpdate(VERSION, sequence, 0, 0, "quadratic", (300.0, 0.0, 0.0), (), 0.0, True, "", "x", b"", 0, run)
+    return msgspec.structs.replace(made, fixture=fixture, **changes)
+
+
+def told(leading: leader.State, tick: int, *models: ModelUpdate, telemetry: tuple = ()) -> leader.Outputs:
+    inputs = leader.Inputs((0.0, 0.0, 0.02 - 1e-5 * tick), list(models), list(telemetry), [], [], MS, 0)
+    return leader.step(leading, inputs, tick * MS)[1]
+
+
+HERE, THERE = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.005, 0.0, 0.0, 0.0)
+
+
+def fresh_leader(**changes: Any) -> leader.State:
+    return leader.start(SessionSettings(**({"scene": "plane"} | changes)), Plane(), HERE)
+
+
+def test_a_late_message_of_a_process_that_is_gone_moves_no_fixture() -> None:
+    leading = fresh_leader()
+    told(leading, 1, said(1, 1, HERE), telemetry=(Telemetry(VERSION, 1, 0, *(0,) * 7, False, False, 0, 1, 1, run=1),))
+    told(leading, 2, telemetry=(Telemetry(VERSION, 1, 0, *(0,) * 7, False, False, 0, 1, 1, run=2),))
+    told(leading, 3, said(2, 1, THERE))
+    assert leading.line.pose == THERE
+    told(leading, 4, said(1, 900, HERE))
+    assert leading.line.pose == THERE
+
+
+@pytest.mark.parametrize(
+    "wrong", [(), (1.0,) * 5, (math.nan,) * 6, (1e9, *(0.0,) * 5), (0.0, 0.0, 0.0, 1e300, 0.0, 0.0)]
+)
+def test_a_fixture_that_is_none_moves_nothing_and_raises_nothing(wrong: tuple) -> None:
+    leading = fresh_leader(grip="normal")
+    for tick in range(1, 20):
+        outputs = told(leading, tick, said(0, tick, wrong, friction=(1e300, 1e300, 0.0, 0.0)))
+        assert all(map(math.isfinite, outputs.force))
+    assert leading.line.pose == HERE
+
+
+@given(st.binary(max_size=200))
+def test_a_field_that_is_none_is_counted_and_raises_nothing(content: bytes) -> None:
+    leading = fresh_leader()
+    inputs = leader.Inputs((0.0, 0.0, -1e-3), [], [], [], [FieldUpdate(VERSION, 1, 0, content)], MS, 0)
+    leader.step(leading, inputs, MS)
+    assert leading.refused == 1
+
+
+def test_a_fixture_that_turns_up_nearer_does_not_jerk_the_hand_that_is_in_it() -> None:
+    leading = fresh_leader(grip="normal", force_delay=0.0)
+    forces = []
+    for tick in range(1, 3000):
+        model = said(0, tick, THERE if tick > 2500 else HERE)
+        if tick < 3:  # it is told where the follower is, and meets it there
+            at = Telemetry(VERSION, tick, 0, 0, *(0.0,) * 6, False, False, 0, 1, 1)
+            told = leader.Inputs((0.0, 0.0, 2e-3), [], [at], [space(tick, run=0, desired_z=2e-3)], [], MS, 0)
+            leader.step(leading, told, tick * MS)
+            continue
+        inputs = leader.Inputs((0.0, 0.0, 2e-3 - 2e-6 * min(tick, 2000)), [model], [], [space(tick, run=0)], [], MS, 0)
+        _, outputs = leader.step(leading, inputs, tick * MS)
+        forces.append(outputs.space.force_z)
+    assert forces[2400] > 0.3
+    assert np.abs(np.diff(forces[2400:])).max() < 0.1
+    assert leading.account.energy >= -leading.account.bound
+
+
+@pytest.mark.parametrize("changes", [{"position_scale": 2.0}, {"force_scale": 0.5}, {"clutch": "6:7,8:9"}])
+def test_scales_and_clutch_work_in_space(changes: dict) -> None:
+    log = run(10.0, camera=False, fusion="none", displacement=0.0, turn=0.0, grip="normal", **changes)
+    place = np.stack([log.leader_space[f"place_{axis}"] for axis in "xyz"], axis=1)
+    place = place[np.isfinite(place).all(axis=1)]
+    assert np.linalg.norm(np.diff(place, axis=0), axis=1).max() < 1e-3  # no jump
+    assert (log.leader_space["energy"] >= -log.leader_space["energy_bound"] - 1e-12).all()
+    if "clutch" in changes:
+        clutched = ~log.leader["engaged"]
+        assert 1500 < clutched[5000:].sum() < 2500
+    else:
+        assert log.follower["exact_force"].max() > 0.3
+
+
+@sees
+def test_a_stream_that_stands_still_is_noticed() -> None:
+    log = run(2.0, image_fault="frozen:0.8:1.6")
+    still = [image for image in log.images if "stands still" in image.reason]
+    assert len(still) >= 20
+    assert not any(image.pose for image in still)
+    assert log.leader_space["fixture_age"].max() > 0.7
+
+
+def test_a_tracker_that_says_no_more_lets_the_pose_age() -> None:
+    bench = Bench(floor)
+    state = bench.state
+    belief = FixtureBelief(VERSION, 1, 0, HERE, (1e-3,) * 6, 0.1, 1, 0, 0, "")
+    ages = []
+    for tick in range(1, 1000):
+        command = Command(VERSION, tick, tick * MS, 0.0, 0, holder="test", epoch=1, place=(0.0, 0.0, 0.01))
+        _, acted = follower.step(
+            state, follower.Inputs([command], bench.sample, MS, 0, [belief] if tick == 1 else []), tick * MS
+        )
+        if acted.model is not None:
+            ages.append(acted.model.fixture_age)
+    assert ages[0] == pytest.approx(0.1, abs=0.01)
+    assert ages[-1] == pytest.approx(1.07, abs=0.05)

@@ -87,6 +87,7 @@ class PalpatingOperator(SpatialDevice):
         keyframes: Times, growing, and places in the fixture's frame; after the last one the path begins again with the
             second, so these two are at one place.
         pose: Of the fixture, as the scene shows it at first.
+        scale: Follower's motion for the hand's: the hand does so much less.
 
     Raises:
         SettingError: Fewer than two keyframes, times that do not grow, or an end that is elsewhere than the second.
@@ -94,7 +95,8 @@ class PalpatingOperator(SpatialDevice):
 
     name = "scripted"
 
-    def __init__(self, keyframes: Sequence[Keyframe], pose: Sequence[float]) -> None:
+    def __init__(self, keyframes: Sequence[Keyframe], pose: Sequence[float], scale: float = 1.0) -> None:
+        self._scale = scale
         times = [time for time, _ in keyframes]
         if len(times) < 2 or not all(a < b for a, b in itertools.pairwise(times)):
             raise SettingError("keyframes", len(times), "must be two or more with growing times")
@@ -126,7 +128,8 @@ class PalpatingOperator(SpatialDevice):
             share = -math.expm1(-elapsed / SEEING_TIME)
             self._shown = tuple(a + share * (b - a) for a, b in zip(self._shown, self._aimed, strict=True))
         place = self._on_path((self._now_ns - self._start_ns) * 1e-9)
-        self._place = RigidMotion.from_numbers(self._shown).apply(place)
+        x, y, z = RigidMotion.from_numbers(self._shown).apply(place)
+        self._place = (x / self._scale, y / self._scale, z / self._scale)
         return self._place
 
     @property
@@ -164,12 +167,14 @@ class SpatialBrowserOperator(SpatialDevice):
 
     Args:
         script: Moves while nobody holds the handle.
+        scale: Follower's motion for the hand's; the handle in the browser is where the follower is to be.
     """
 
     name = "browser"
 
-    def __init__(self, script: SpatialDevice) -> None:
+    def __init__(self, script: SpatialDevice, scale: float = 1.0) -> None:
         self._script = script
+        self._scale = scale
         self._scripts = [_Axis() for _ in range(3)]
         self._axes = [BrowserOperator(axis, deepest=2.0 * HALF_REACH) for axis in self._scripts]
         self._place: Vector = NOWHERE
@@ -205,7 +210,7 @@ class SpatialBrowserOperator(SpatialDevice):
         if len(place) != 3 or not all(map(math.isfinite, place)):
             return
         for axis, value in zip(self._axes, place, strict=True):
-            axis.take(value + HALF_REACH, held, now_ns, clutched=clutched)
+            axis.take(value / self._scale + HALF_REACH, held, now_ns, clutched=clutched)
 
     def read(self, now_ns: int) -> Vector:
         """Place of the hand [m]."""

@@ -87,9 +87,14 @@ class SimulatedCamera:
         """
         self._sequence += 1
         true = Pose.from_rotation_vector(fixture[3:], fixture[:3])
+        before = self._camera.jpeg
         image = self._camera.take(self._lens.distort(self._scene.render(true, probe)), time)
         if image is None:
             return self._message(tick, now_ns, run, b"", None, None, 0, "the stream has dropped the image")
+        if before and self._camera.jpeg == before:  # no two images of a sensor with noise are alike
+            return self._message(
+                tick, now_ns, run, before, None, None, 0, "the stream stands still: the same image again"
+            )
         found = self._detector.locate(image)
         jpeg = self._camera.jpeg if len(self._camera.jpeg) <= LARGEST_JPEG else b""
         if found.pose is None or found.covariance is None:

@@ -16,6 +16,7 @@ from foretouch.messages import (
     ModelUpdate,
     Telemetry,
 )
+from foretouch.quantities.rigid import Vector, add, scaled
 from foretouch.robot import SpatialRobot
 from foretouch.session.settings import SessionSettings
 from foretouch.session.spatial import follower, leader
@@ -91,11 +92,20 @@ class SpaceLeader:
         self.state = self._whole.inner
         moved = operator.intention_device if isinstance(operator, SpatialHand) else operator
         self._mouse = moved if isinstance(moved, SpatialBrowserOperator) else None
+        self._apart: Vector = (0.0, 0.0, 0.0)  # of hand and world, when the handle was taken
 
     def take(self, handle: Handle, now_ns: int) -> None:
-        """Take what the browser says of its handle."""
-        if self._mouse is not None:
-            self._mouse.take(handle.place, handle.held, now_ns, clutched=handle.clutched)
+        """Take what the browser says of its handle: a place in the world, which may be apart from the hand's own."""
+        mouse = self._mouse
+        if mouse is None:
+            return
+        if not mouse.held:
+            self._apart = self._whole.apart
+        place: Sequence[float] = handle.place
+        if len(place) == 3:
+            here = add((place[0], place[1], place[2]), self._apart)
+            place = scaled(here, 1.0 / self._whole.position_scale)
+        mouse.take(place, handle.held, now_ns, clutched=handle.clutched)
 
     def tick(
         self, arrived: Sequence[Message], operator_ns: int, period_ns: int, compute_ns: int, now_ns: int, *, stop: bool

@@ -76,6 +76,7 @@ class State:
         bias_ticks: That it is known from.
         free_ticks: Since free air began; negative for a while after a contact.
         age: Since an image showed the fixture, as the newest belief says [s].
+        believed_ns: Clock when that came: whoever tells no more lets it age [ns].
         deviation: Of the newest belief.
         contacts_believed: Touches that the newest belief is made of.
         onset: Force at which this contact began [N], and the position along the normal then [m].
@@ -102,6 +103,7 @@ class State:
     bias_ticks: int = 0
     free_ticks: int = 0
     age: float = math.inf
+    believed_ns: int = 0
     deviation: tuple[float, ...] = ()
     contacts_believed: int = 0
     onset: tuple[float, float] = (0.0, 0.0)
@@ -199,7 +201,7 @@ def start(
     """
     inner = follower.start(specification, settings, estimator, run=run)
     lateral = LateralMotion(settings.largest_speed, settings.largest_acceleration, settings.largest_jerk, SAMPLE_PERIOD)
-    probe, commanded, played = (SurfaceLine(surface, pose) for _ in range(3))
+    probe, commanded, played = (SurfaceLine(surface, pose, leads=leads) for leads in (True, False, False))
     return State(inner, probe, commanded, played, lateral, settings.force_ceiling, settings.approach_speed)
 
 
@@ -213,8 +215,11 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
     """
     for belief in inputs.beliefs:
         _believe(state, belief)
+        state.believed_ns = now_ns
     inner, sample, line = state.inner, inputs.sample, state.line
+    before = line.offset
     footing = line.follow(sample.place)
+    _share_offset(state, before)
     force = subtract(sample.force, state.bias)
     commands = [_along(state, command) for command in inputs.commands]
     estimator = inner.learner.estimator
@@ -241,7 +246,7 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
     return state, Outputs(
         desired,
         allowed.telemetry,
-        None if model is None else _with_fixture(state, model),
+        None if model is None else _with_fixture(state, model, now_ns),
         _space(state, sample, footing, force, desired, now_ns),
         _field_due(state, now_ns),
     )
@@ -255,9 +260,16 @@ def _believe(state: State, belief: FixtureBelief) -> None:
             # the time.
             state.inner.learner.conditioner.shift(state.line.offset - before)
         for other in (state.commanded, state.played):
+            other.offset = state.line.offset
             other.believe(belief.pose)
-            other.offset = state.line.offset  # one surface, one coordinate
     state.age, state.deviation, state.contacts_believed = belief.image_age, belief.deviation, belief.contacts
+
+
+def _share_offset(state: State, before: float) -> None:
+    """Where the proxy has let go the coordinate went on and the surface is elsewhere: for all, and what was felt."""
+    if state.line.offset != before:
+        state.inner.learner.conditioner.shift(state.line.offset - before)
+        state.commanded.offset = state.played.offset = state.line.offset
 
 
 def _along(state: State, command: Command) -> Command:
@@ -329,7 +341,7 @@ def _place(state: State, footing: Footing, sample_place: Vector, along: float, s
     return state.played.follow(place).place_at(along if math.isfinite(along) else footing.along)
 
 
-def _with_fixture(state: State, model: ModelUpdate) -> ModelUpdate:
+def _with_fixture(state: State, model: ModelUpdate, now_ns: int) -> ModelUpdate:
     """A model with the fixture that it belongs to: its surface is how much deeper than believed it was felt."""
     friction = state.friction
     return msgspec.structs.replace(
@@ -337,7 +349,7 @@ def _with_fixture(state: State, model: ModelUpdate) -> ModelUpdate:
         surface=model.surface - state.line.offset if model.valid else 0.0,
         fixture=state.line.pose,
         fixture_deviation=state.deviation,
-        fixture_age=state.age,
+        fixture_age=state.age + (now_ns - state.believed_ns) * 1e-9,
         friction=(friction.coefficient, friction.viscous, *friction.deviations) if friction.known else (),
     )
 

@@ -41,6 +41,9 @@ FAR_FROM_LAW = 1e-3
 NEAR = 5e-3
 """Materials are taken from the field within this way of the surface [m]."""
 
+MOST_FRICTION, MOST_VISCOUS = 2.0, 20.0
+"""Whatever a follower says, no more friction is rendered [-, N s/m]."""
+
 REACH = 1e-4
 """Way over which the local stiffness is told [m]."""
 
@@ -70,6 +73,7 @@ class State:
         viscous: Of viscous friction [N s/m].
         follower_at: Where the follower was told to be [m].
         along: Position of the hand along the normal in the tick before [m].
+        offset: Of the line then [m].
         refused: Fields that could not be used.
     """
 
@@ -93,6 +97,7 @@ class State:
     viscous: float = 0.0
     follower_at: Vector = NOWHERE
     along: float = math.nan
+    offset: float = 0.0
     refused: int = 0
 
 
@@ -192,6 +197,7 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
     models = [_local(state, model, footing) for model in models]
     if not models:
         _go_on(state, footing)
+    state.offset = state.line.offset
     state.along = footing.along / state.position_scale if math.isfinite(hand[0]) else math.nan
     told = leader.Inputs(
         state.along,
@@ -214,7 +220,14 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
     return state, Outputs(command, led.record, _space(state, footing, force, now_ns))
 
 
+def _is_current(state: State, run: int) -> bool:
+    """Whether this follower's process is the one that is heard; none is, before the first."""
+    return state.inner.heard.run in (0, run)
+
+
 def _take_field(state: State, update: FieldUpdate) -> None:
+    if not _is_current(state, update.run):
+        return
     if update.run == state.field_run and update.sequence <= state.field_sequence:
         return
     state.field_sequence, state.field_run = update.sequence, update.run
@@ -227,12 +240,14 @@ def _take_field(state: State, update: FieldUpdate) -> None:
 def _take_model(state: State, model: ModelUpdate) -> ModelUpdate:
     """Believe what a model says of fixture and friction, if it is the newest; its surface comes onto the line."""
     newest = state.model
-    if newest is None or model.run != newest.run or model.sequence > newest.sequence:
+    is_newest = newest is None or model.run != newest.run or model.sequence > newest.sequence
+    if is_newest and _is_current(state, model.run):
         state.model = model
         if model.fixture:
             state.line.believe(model.fixture)
         if len(model.friction) >= 2 and all(0.0 <= value < math.inf for value in model.friction[:2]):
-            state.coefficient, state.viscous = model.friction[:2]
+            state.coefficient = min(model.friction[0], MOST_FRICTION)
+            state.viscous = min(model.friction[1], MOST_VISCOUS)
         if model.valid and math.isfinite(model.surface):
             state.felt_deeper = model.surface
     return msgspec.structs.replace(model, surface=state.line.offset + model.surface)
@@ -299,10 +314,11 @@ def _law(state: State, footing: Footing) -> QuadraticContact | None:
 def _go_on(state: State, footing: Footing) -> None:
     """Take the law of another place, where no model came: the hand goes over the surface meanwhile."""
     predictor = state.inner.renderer.predictor
-    if predictor.model is None or not norm(subtract(footing.inner_point, state.law_at)) > FAR_FROM_LAW:
+    elsewhere = not norm(subtract(footing.inner_point, state.law_at)) <= FAR_FROM_LAW
+    if predictor.model is None or not (elsewhere or state.offset != state.line.offset):
         return
-    law = _law(state, footing)
-    if law is not None:
+    law = _law(state, footing) or predictor.model
+    if law is not predictor.model or state.offset != state.line.offset:
         surface = state.line.offset + state.felt_deeper
         state.inner.renderer.adopt(law, surface, message=predictor.message)
 

@@ -15,6 +15,13 @@ Numbers6: TypeAlias = tuple[float, float, float, float, float, float]
 """A place [m] and a rotation vector [rad]."""
 
 
+ROUNDING = 1e-9
+"""[m]."""
+
+FARTHEST = 10.0
+"""No fixture is believed further away than this [m], or turned by more [rad]."""
+
+
 class Footing(NamedTuple):
     """Where a place is against the surface, in the world's frame.
 
@@ -45,11 +52,13 @@ class SurfaceLine:
     d is the depth in the surface, o what keeps q where it was when the belief moves: a fixture that is seen elsewhere
     is no motion of the place. So q is as continuous as the place's own motion, grows into the material as positions
     along a line do, and in it the surface stands at o. All that is made for a line (identification, mediation, safety)
-    takes q for the position and o for the surface; a surface that moves is to it what it is along a line.
+    takes q for the position and o for the surface; a surface that moves is to it what it is along a line. The same is
+    done where the proxy lets go, over an edge: then the depth changes by more than the place has moved.
 
     Args:
         surface: In the fixture's frame.
         pose: Of the fixture: a place [m] and a rotation vector [rad].
+        leads: Whether it has an offset of its own; otherwise it is that of another line, set by the caller.
 
     Attributes:
         pose: That is believed.
@@ -58,9 +67,10 @@ class SurfaceLine:
         footing: Of the newest place; None before it.
     """
 
-    __slots__ = ("_place", "_proxy", "footing", "motion", "offset", "pose")
+    __slots__ = ("_leads", "_place", "_proxy", "footing", "motion", "offset", "pose")
 
-    def __init__(self, surface: Surface, pose: Sequence[float]) -> None:
+    def __init__(self, surface: Surface, pose: Sequence[float], *, leads: bool = True) -> None:
+        self._leads = leads
         self._proxy = SurfaceProxy(surface)
         self._place: Vector | None = None
         self.pose: Numbers6 = _six(pose)
@@ -71,16 +81,14 @@ class SurfaceLine:
     def believe(self, pose: Sequence[float]) -> bool:
         """Believe the fixture elsewhere; the coordinate of the newest place stays. Whether that was any news.
 
-        A pose that is not six finite numbers is left out.
+        A pose that is not six finite numbers within 10 m and 10 rad is left out.
         """
-        if len(pose) != 6 or not all(map(math.isfinite, pose)) or _six(pose) == self.pose:
+        if len(pose) != 6 or not all(abs(number) <= FARTHEST for number in pose) or _six(pose) == self.pose:
             return False
         before = self.footing
         self.pose, self.motion = _six(pose), RigidMotion.from_numbers(pose)
         if before is not None and self._place is not None:
-            after = self.follow(self._place)
-            self.offset += before.depth - after.depth
-            self.footing = after._replace(along=before.along)
+            self.follow(self._place)
         return True
 
     def follow(self, place: Vector) -> Footing:
@@ -89,12 +97,15 @@ class SurfaceLine:
             if self.footing is not None:
                 return self.footing
             place = self.motion.apply((0.0, 0.0, 0.1))
+        before, moved = self.footing, math.inf if self._place is None else math.dist(place, self._place)
         self._place = place
         motion = self.motion
         contact = self._proxy.follow(motion.apply_back(place))
         point, normal = motion.apply(contact.point), motion.rotate(contact.normal)
         if contact.depth < 0.0:
             normal = unit(subtract(place, point), normal)
+        if self._leads and before is not None and abs(contact.depth - before.depth) > moved + ROUNDING:
+            self.offset += before.depth - contact.depth
         self.footing = Footing(contact.depth, contact.depth + self.offset, normal, point, contact.point)
         return self.footing
 

@@ -74,8 +74,9 @@ def make_spatial_operator(settings: SessionSettings, scene: Scene, pose: Sequenc
     depth = PRESS_DEPTH
     if settings.grip != NO_GRIP:
         depth += min(INTENDED_FORCE / GRIPS[settings.grip].stiffness, 2.0 * PRESS_DEPTH)
-    script = PalpatingOperator(palpation(scene, depth, settings.seed), pose)
-    moved: SpatialDevice = SpatialBrowserOperator(script) if settings.operator == "browser" else script
+    scale = settings.position_scale
+    script = PalpatingOperator(palpation(scene, depth, settings.seed), pose, scale)
+    moved: SpatialDevice = SpatialBrowserOperator(script, scale) if settings.operator == "browser" else script
     if settings.grip == NO_GRIP:
         return moved
     return SpatialHand(moved, GRIPS[settings.grip], settings.device, settings.clutch_times)
