@@ -274,7 +274,9 @@ def stop(*, endpoints: Endpoints) -> None:
 
 COMMANDS = (leader, follower, camera, stop, record, console)
 
-WATCHED_CHANNELS = ("telemetry", "leader", "model", "hello", "stop")
+WATCHED_CHANNELS = (
+    "telemetry", "leader", "model", "hello", "stop", "follower-space", "leader-space", "field", "fixture", "image"
+)  # fmt: skip
 """What the console's link receives."""
 
 

@@ -23,6 +23,8 @@ from foretouch.console.ports import free_port, require_free_port
 from foretouch.console.scene import UNITS, Scene
 from foretouch.console.sentences import robot_alerts, session_status, warnings
 from foretouch.console.shapes import HANDLE_HEIGHT
+from foretouch.console.space import SPACE_INSTRUCTION, SpaceView
+from foretouch.console.space_hold import SpaceHold
 from foretouch.console.speech import Speech
 from foretouch.console.watched import Watched
 from foretouch.errors import LinkError, MissingExtraError
@@ -98,6 +100,8 @@ class Console:
         self._emergency = EmergencyCall(lambda: self._speech.emergency(self._press))
         self._scene = Scene(self._server, self._take_handle, self._dragged)
         self._panel = Panel(self._server, self._actions())
+        space_hold = SpaceHold(self._watched, self._speech)
+        self._space = SpaceView(self._server, self._panel.image, self._panel.tabs, space_hold)
         self._server.on_client_disconnect(self._browser_gone)
 
     def watch(self, message: Message) -> None:
@@ -115,7 +119,7 @@ class Console:
         next_scene = next_plot = next_text = next_list = time.monotonic()
         while not should_stop():
             now = time.monotonic()
-            self._hold.keep_alive(now)
+            self._holding.keep_alive(now)
             if self._library.playback is not None:
                 self._library.playback.tick(now)
             names = None
@@ -171,17 +175,21 @@ class Console:
 
     def _step(self, way: float) -> None:
         """A stroke of a key moves the hand in by a way [m]; there is none in a recording."""
-        if self._library.playback is None and self._by_mouse:
+        if self._library.playback is not None or not self._by_mouse:
+            return
+        if self._watched.in_space:
+            self._space.hold.stroke((0.0, 0.0, -way))
+        else:
             self._hold.step(way)
 
     def _toggle_clutch(self, browser: int | None = None) -> None:
         if self._by_mouse:
-            self._hold.toggle_clutch(browser)
-            self._panel.show_clutch(self._hold.clutched)
+            self._holding.toggle_clutch(browser)
+            self._panel.show_clutch(self._holding.clutched)
 
     async def _browser_gone(self, client: Any) -> None:
-        if self._hold.browser_gone(client.client_id):
-            self._panel.show_clutch(self._hold.clutched)
+        if self._holding.browser_gone(client.client_id):
+            self._panel.show_clutch(self._holding.clutched)
 
     def _toggle_recording(self) -> None:
         if self._watched.supervised(time.monotonic()):
@@ -216,6 +224,11 @@ class Console:
         return self._watched if playback is None else playback.shown
 
     @property
+    def _holding(self) -> Hold:
+        """The handle along a line, or that in space."""
+        return self._space.hold if self._watched.in_space else self._hold
+
+    @property
     def _by_mouse(self) -> bool:
         return self._watched.operator == "browser"
 
@@ -225,6 +238,10 @@ class Console:
 
     def _draw_scene(self) -> None:
         shown, leader = self._shown, self._shown.leader
+        in_space = self._space.draw(shown, live=shown is self._watched)
+        self._scene.show(not in_space)
+        if in_space:
+            return
         self._hold.follow()
         surface, position = shown.surface, shown.probe_position
         z = (surface - position) * UNITS
@@ -243,6 +260,7 @@ class Console:
         playback = self._library.playback
         other = None if playback is None or playback.other is None else playback.other.window(SECONDS)
         self._panel.forces.plot(self._shown.window(SECONDS), other)
+        self._space.draw_image(self._shown)
 
     def _write(self, now: float) -> None:
         """Numbers, labels, the other plots, and where the sliders begin."""
@@ -261,6 +279,7 @@ class Console:
         self._show_session(now)
         self._show_alarm(now)
         self._label(shown)
+        self._space.write(shown, now, live=playback is None)
 
     def _label(self, shown: Watched) -> None:
         leader = shown.leader
@@ -300,7 +319,10 @@ class Console:
         watched = self._shown
         by_mouse = watched.operator == "browser"
         self._panel.offer_clutch(self._by_mouse and live)
-        instruction = INSTRUCTION if by_mouse else f"Watch the {watched.operator} operator press."
+        by_hand = SPACE_INSTRUCTION if watched.in_space else INSTRUCTION
+        if watched.in_space:
+            self._panel.explain_space_keys()
+        instruction = by_hand if by_mouse else f"Watch the {watched.operator} operator press."
         self._panel.instruct(instruction if live else WATCH_RECORDING, felt(watched.grip, by_mouse))
 
     def _show_alarm(self, now: float) -> None:
@@ -313,4 +335,4 @@ class Console:
         """One line: what the session is doing."""
         if self._stopped:
             return "The session ends."
-        return session_status(self._watched, now, held=self._hold.held, clutched=self._hold.clutched)
+        return session_status(self._watched, now, held=self._holding.held, clutched=self._holding.clutched)

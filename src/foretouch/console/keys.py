@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-__all__ = ["HELP", "STEP", "add_keys"]
+__all__ = ["HELP", "SPACE_HELP", "STEP", "add_keys", "add_space_keys"]
 
 STEP = 0.0005
 """How far one stroke moves the hand [m]."""
@@ -15,6 +15,9 @@ HELP = (
     "<b>R</b> record · <b>P</b> play, pause · <b>Tab</b>, <b>Enter</b> reach everything."
 )
 """Letters and no arrows: those belong to sliders, tabs and lists."""
+
+SPACE_HELP = "<b>J</b>, <b>L</b> left, right · <b>I</b>, <b>K</b> away, nearer · "
+"""In a session in three dimensions."""
 
 
 def add_keys(
@@ -58,3 +61,28 @@ def add_keys(
         ("Play or pause the recording", "P", play),
     ):
         gui.add_command(label, hotkey=key).on_trigger(action)
+
+
+def add_space_keys(gui: Any, on_stroke: Callable[[tuple[float, float, float]], None]) -> None:
+    """Register the keys that a session in three dimensions has beside the others.
+
+    Args:
+        gui: The viewer's user interface.
+        on_stroke: Called with the way that the hand is to go [m].
+    """
+    for label, key, way in (
+        ("Hand to the left", "J", (-STEP, 0.0, 0.0)),
+        ("Hand to the right", "L", (STEP, 0.0, 0.0)),
+        ("Hand away", "I", (0.0, STEP, 0.0)),
+        ("Hand nearer", "K", (0.0, -STEP, 0.0)),
+    ):
+        gui.add_command(label, hotkey=key).on_trigger(_stroke(on_stroke, way))
+
+
+def _stroke(
+    on_stroke: Callable[[tuple[float, float, float]], None], way: tuple[float, float, float]
+) -> Callable[[Any], Any]:
+    async def stroke(event: Any) -> None:
+        on_stroke(way)
+
+    return stroke

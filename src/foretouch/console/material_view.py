@@ -44,16 +44,16 @@ class MaterialView:
         self._drawn_depth = 0.0
         top, cut = self._material.top(0.0), self._material.cut(0.0)
         self._tops = [
-            add_body(scene, f"/material/top_{i}", (top, self._material.top_faces), colour)
+            add_body(scene, f"/line/material/top_{i}", (top, self._material.top_faces), colour)
             for i, colour in enumerate(DENT)
         ]
         for node in self._tops[1:]:
             node.visible = False
         self._cut = [
-            add_body(scene, f"/material/cut_{i}", (cut, faces), colour)
+            add_body(scene, f"/line/material/cut_{i}", (cut, faces), colour)
             for i, (faces, colour) in enumerate(zip(self._material.layer_faces, CUT, strict=True))
         ]
-        add_body(scene, "/material/sides", self._material.sides(), CUT[1])
+        add_body(scene, "/line/material/sides", self._material.sides(), CUT[1])
 
     def draw(self, depth: float) -> None:
         """Sink under the tip at a depth [scene units]."""

@@ -43,7 +43,7 @@ def numbers_of(
         true=float(true),
         true_age=float(age),
         rendered=NAN if leader is None else leader.rendered_force,
-        depth=0.0 if leader is None else leader.position - shown.surface,
+        depth=shown.depth,
         prediction_error=window.prediction_error,
         delayed_error=window.delayed_error,
         status=status,

@@ -11,7 +11,8 @@ from foretouch.console.alarm import Alarm
 from foretouch.console.banner import Banner
 from foretouch.console.energy_panel import EnergyPanel
 from foretouch.console.force_panel import ForcePanel
-from foretouch.console.keys import HELP, add_keys
+from foretouch.console.image_panel import ImagePanel
+from foretouch.console.keys import HELP, SPACE_HELP, add_keys
 from foretouch.console.model_panel import ModelPanel
 from foretouch.console.network_panel import NetworkFaults, NetworkPanel
 from foretouch.console.palette import BLUE, GREY, css
@@ -61,7 +62,7 @@ class Actions:
 
 
 class Panel:
-    """The viewer's panel. Each part is a class of its own; a camera's image would be one more, beside `forces`.
+    """The viewer's panel. Each part is a class of its own.
 
     Args:
         server: The viewer's server.
@@ -71,6 +72,8 @@ class Panel:
         alarm: The emergency stop and what is urgent.
         banner: That a recording is shown.
         forces: Plot and numbers.
+        image: Of the camera at the robot, in a session in three dimensions.
+        tabs: All the rest.
         network: Delays, faults, losses.
         models: What was learnt.
         energy: Its account.
@@ -89,9 +92,10 @@ class Panel:
         self.banner = Banner(gui)
         self._head = gui.add_html(_head_html(INSTRUCTION, felt("", True)))
         self.forces = ForcePanel(gui)
+        self.image = ImagePanel(gui)
         self._clutch = gui.add_button(PRESS_CLUTCH, color=GREY, hint=_CLUTCH)
         self._clutch.on_click(self._clutch_clicked)
-        tabs = gui.add_tab_group()
+        self.tabs = tabs = gui.add_tab_group()
         with tabs.add_tab("Network"):
             self.network = NetworkPanel(gui, actions.faults)
         with tabs.add_tab("Model"):
@@ -104,8 +108,14 @@ class Panel:
             self.recordings = RecordingsPanel(
                 gui, actions.open, actions.play, actions.seek, actions.live, actions.again
             )
-        gui.add_html(f'<div style="padding:4px 12px;font-size:0.85em;line-height:1.5;color:#555">{HELP}</div>')
+        self._help = gui.add_html(_help_html(HELP))
         add_keys(gui, on_step=actions.step, on_clutch=actions.clutch, on_record=actions.record, on_play=actions.play)
+
+    def explain_space_keys(self) -> None:
+        """Name the keys that a session in three dimensions has too."""
+        content = _help_html(HELP.replace("Keys: ", f"Keys: {SPACE_HELP}"))
+        if self._help.content != content:
+            self._help.content = content
 
     def instruct(self, instruction: str, note: str) -> None:
         """Say what to do, in one line, and whom the force moves."""
@@ -138,6 +148,10 @@ def felt(grip: str, by_mouse: bool) -> str:
         return "A mouse cannot push back: see the blue arrow." if by_mouse else "It moves nobody's hand."
     leads = "that follows your mouse" if by_mouse else "of the operator"
     return f"It moves a hand {leads} ({grip} grip)."
+
+
+def _help_html(text: str) -> str:
+    return f'<div style="padding:4px 12px;font-size:0.85em;line-height:1.5;color:#555">{text}</div>'
 
 
 def _head_html(instruction: str, note: str) -> str:

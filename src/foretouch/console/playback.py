@@ -10,6 +10,7 @@ import numpy as np
 
 from foretouch.console.losses import LossTrace
 from foretouch.console.models_seen import ModelFigures, ModelTrace, figures_of, trace_of
+from foretouch.console.space_playback import RecordedSpace
 from foretouch.console.watched import Watched
 from foretouch.console.window import NAN, Array, Window, empty_window, window_of
 from foretouch.errors import RecordingError
@@ -47,6 +48,7 @@ class RecordedWatch(Watched):
         self._seconds: Array = (self._leader["time_ns"] - self._leader["time_ns"][0]) * 1e-9
         self.duration = float(self._seconds[-1])
         self.settings = log.settings
+        self.space = self._recorded_space = RecordedSpace(stretch)
         self._row_of = _rows_of(self._leader["telemetry_sequence"], self._follower["sequence"])
         self._columns = self._all_columns(stretch)
         run = int(self._follower["run"][-1]) if self._follower.size else 0
@@ -69,6 +71,7 @@ class RecordedWatch(Watched):
         telemetry = int(self._row_of[row])
         self.telemetry = _message(Telemetry, self._follower[telemetry]) if telemetry >= 0 else None
         self.model = self._by_sequence.get(int(self._leader["model_sequence"][row]))
+        self._recorded_space.go_to(self.leader.sequence, self.leader.telemetry_sequence)
 
     @property
     def robot_position(self) -> float:

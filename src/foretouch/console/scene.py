@@ -61,26 +61,32 @@ class Scene:
         camera = server.initial_camera
         camera.fov = FIELD_OF_VIEW
         camera.position, camera.look_at = CAMERA
+        self._root = scene.add_frame("/line", show_axes=False)
         self._material = MaterialView(scene)
         self._add_ruler(scene)
-        self._probe = add_body(scene, "/probe", shapes.probe(), (92, 106, 120))
-        self._ghost = add_body(scene, "/robot", shapes.probe(growth=0.12), VERMILLION, opacity=0.38)
-        self._force = add_body(scene, "/probe_force", shapes.arrow(0.0), BLUE)
-        self._doubt = add_body(scene, "/probe_force_doubt", shapes.doubt(0.0, 1.0), BLUE, opacity=0.35)
+        self._probe = add_body(scene, "/line/probe", shapes.probe(), (92, 106, 120))
+        self._ghost = add_body(scene, "/line/robot", shapes.probe(growth=0.12), VERMILLION, opacity=0.38)
+        self._force = add_body(scene, "/line/probe_force", shapes.arrow(0.0), BLUE)
+        self._doubt = add_body(scene, "/line/probe_force_doubt", shapes.doubt(0.0, 1.0), BLUE, opacity=0.35)
         self._doubt.visible = False
-        self._ghost_force = add_body(scene, "/robot_force", shapes.arrow(0.0), VERMILLION)
-        self._hand = add_body(scene, "/hand", shapes.ring(), BLUE, opacity=0.6)
+        self._ghost_force = add_body(scene, "/line/robot_force", shapes.arrow(0.0), VERMILLION)
+        self._hand = add_body(scene, "/line/hand", shapes.ring(), BLUE, opacity=0.6)
         self._hand.visible = False
-        self._handle = add_body(scene, "/handle", shapes.handle(), BLUE)
-        self._hint = add_body(scene, "/hint", shapes.hint(), BLUE)
-        self._rail = add_body(scene, "/rail", shapes.rail(0.0, 1.0), BLUE, opacity=0.1)
+        self._handle = add_body(scene, "/line/handle", shapes.handle(), BLUE)
+        self._hint = add_body(scene, "/line/hint", shapes.hint(), BLUE)
+        self._rail = add_body(scene, "/line/rail", shapes.rail(0.0, 1.0), BLUE, opacity=0.1)
         for node in (self._handle, self._rail, self._probe):  # a handle that moves is hard to catch; its rail stands
             node.on_drag("left")(self._dragged)
         self._handle_label = scene.add_label(
-            "/labels/handle", "Drag me down to press", anchor="bottom-center", font_screen_scale=1.4
+            "/line/labels/handle", "Drag me down to press", anchor="bottom-center", font_screen_scale=1.4
         )
-        self._force_label = scene.add_label("/labels/force", "", anchor="center-right", font_screen_scale=1.1)
-        self._ghost_label = scene.add_label("/labels/robot", "", anchor="center-left", font_screen_scale=1.1)
+        self._force_label = scene.add_label("/line/labels/force", "", anchor="center-right", font_screen_scale=1.1)
+        self._ghost_label = scene.add_label("/line/labels/robot", "", anchor="center-left", font_screen_scale=1.1)
+
+    def show(self, shown: bool) -> None:
+        """Show it all, or hide it: a session in three dimensions has a picture of its own."""
+        if self._root.visible != shown:
+            self._root.visible = shown
 
     def draw(self, z: float, ghost_z: float, force: float, ghost_force: float, deviation: float = math.nan) -> None:
         """Move everything.
@@ -169,10 +175,10 @@ class Scene:
         y = -0.05
         ticks = [[(RULER_X - 0.15, y, z), (RULER_X + 0.15, y, z)] for z in heights]
         points = np.array([*ticks, [(RULER_X, y, heights[0]), (RULER_X, y, heights[-1])]], np.float32)
-        scene.add_line_segments("/ruler", points, (60, 60, 60))
+        scene.add_line_segments("/line/ruler", points, (60, 60, 60))
         for depth_mm, z in zip((0, 5, 10), heights, strict=True):
             scene.add_label(
-                f"/ruler/{depth_mm}", f"{depth_mm} mm", position=(RULER_X - 0.25, y, z), anchor="center-right"
+                f"/line/ruler/{depth_mm}", f"{depth_mm} mm", position=(RULER_X - 0.25, y, z), anchor="center-right"
             )
 
     def _draw_doubt(self, z: float, force: float, deviation: float) -> None:

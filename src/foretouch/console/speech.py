@@ -24,10 +24,10 @@ class Speech:
         self._lock = threading.Lock()
         self._sequences: dict[type[Message], int] = {}
 
-    def handle(self, position: float, *, held: bool, clutched: bool) -> None:
+    def handle(self, position: float, *, held: bool, clutched: bool, place: tuple[float, ...] = ()) -> None:
         """Where the handle asks the hand to be [m], and whether somebody holds it or presses the clutch."""
         with self._lock:
-            self._publish(Handle(*self._stamp(Handle), position=position, held=held, clutched=clutched))
+            self._publish(Handle(*self._stamp(Handle), position=position, held=held, clutched=clutched, place=place))
 
     def settings(self, faults: NetworkFaults) -> None:
         """Which delays and faults there are to be."""

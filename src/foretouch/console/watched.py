@@ -9,6 +9,7 @@ from types import MappingProxyType
 from foretouch.console.history import History
 from foretouch.console.losses import Losses, LossTrace
 from foretouch.console.models_seen import ModelsSeen, ModelTrace
+from foretouch.console.space_heard import SpaceHeard
 from foretouch.console.window import Window
 from foretouch.devices import GRIPS, INTENDED_FORCE
 from foretouch.messages import Hello, LeaderState, Message, ModelUpdate, Status, Telemetry
@@ -45,6 +46,7 @@ class Watched:
         leader: Its newest state.
         telemetry: The newest of the robot's side.
         model: The newest.
+        space: What was heard of a session in three dimensions.
         trouble: What the robot's side says of itself since it has its newest status, "" for nothing.
         settings: What all have said of the session, by name.
         heard: When anything was heard [s]; minus infinity before.
@@ -55,6 +57,7 @@ class Watched:
         self.leader: LeaderState | None = None
         self.telemetry: Telemetry | None = None
         self.model: ModelUpdate | None = None
+        self.space = SpaceHeard()
         self.trouble = ""
         self.settings: Mapping[str, str] = MappingProxyType({})
         self.heard = -math.inf
@@ -78,6 +81,8 @@ class Watched:
             self._models.add(message)
         elif isinstance(message, Hello):
             self._take_hello(message, now)
+        else:
+            self.space.take(message, now, 0 if self.leader is None else self.leader.epoch)
 
     def leader_silence(self, now: float) -> float:
         """Time since the leader that is shown was heard [s]; infinite before the first."""
@@ -151,6 +156,23 @@ class Watched:
         """Of the operator's probe [m]: of the robot while hand and robot are apart, 0 before either is known."""
         positions = (math.nan if self.leader is None else self.leader.position, self.robot_position)
         return next((position for position in positions if math.isfinite(position)), 0.0)
+
+    @property
+    def in_space(self) -> bool:
+        """Whether the session is one in three dimensions."""
+        return self.space.leader is not None
+
+    @property
+    def depth(self) -> float:
+        """Of the operator's probe in the surface [m], negative outside."""
+        if self.space.leader is not None:
+            return self.space.leader.depth
+        return 0.0 if self.leader is None else self.leader.position - self.surface
+
+    @property
+    def heard_sequence(self) -> int:
+        """Of the newest telemetry that the leader had; 0 before the first."""
+        return 0 if self.leader is None else self.leader.telemetry_sequence
 
     @property
     def operator(self) -> str:

@@ -1,0 +1,116 @@
+"""The camera at the robot: its newest image, as late as the network is, and what it shows of the fixture."""
+
+from __future__ import annotations
+
+import html
+import math
+from typing import Any
+
+import numpy as np
+
+from foretouch.console.fixture_view import footprint
+from foretouch.console.overlay import can_draw, draw_over
+from foretouch.console.palette import VERMILLION, css
+from foretouch.console.space_heard import fixture_of
+from foretouch.console.watched import Watched
+from foretouch.console.window import Array
+from foretouch.messages import CameraImage, LeaderSpace
+
+__all__ = ["DRAW_PROBE", "NO_IMAGE", "ImagePanel"]
+
+DRAW_PROBE = "Draw the virtual probe over the delayed image"
+NO_OPENCV = "OpenCV is not installed: the probe cannot be drawn over images. Install foretouch[vision]."
+NO_CAMERA = (
+    "There is no camera: MuJoCo, OpenCV or a graphics library is missing at the robot, or images are not used "
+    "(--fusion). Touches alone show where the fixture is."
+)
+NO_IMAGE = "No image has come yet."
+CAMERA_DELAY = 0.05
+"""From exposure to reading [s] until the session says its own."""
+MARKERS = 4
+"""Of the board."""
+BLANK = np.full((480, 640, 3), 96, np.uint8)
+
+
+class ImagePanel:
+    """The camera's image, hidden in sessions along a line.
+
+    What it shows goes to the browser as it came, as a JPEG; only with the probe drawn over it is it read here.
+
+    Args:
+        gui: The viewer's user interface.
+    """
+
+    def __init__(self, gui: Any) -> None:
+        self._image = gui.add_image(BLANK, label="Camera at the robot, delayed", format="jpeg", visible=False)
+        self._text = gui.add_html("", visible=False)
+        self._over = gui.add_checkbox(
+            DRAW_PROBE, False, hint="Blue: the probe now. Green: the fixture as rendered.", visible=False
+        )
+        self._can_draw = can_draw()
+        self._over.disabled = not self._can_draw
+        self._shown = False
+        self._sent: CameraImage | None = None
+        self._drawn_over = False
+
+    def show(self, shown: bool) -> None:
+        """Show the panel, or hide it."""
+        if shown != self._shown:
+            self._shown = shown
+            self._text.visible = self._over.visible = shown
+            self._image.visible = shown and self._sent is not None
+
+    def draw(self, watched: Watched, vertices: Array) -> None:
+        """Draw the newest image that has come over the network.
+
+        Args:
+            watched: The session, or a recording.
+            vertices: Of the touched surface in the fixture's frame [m], shape (n, 3).
+        """
+        image = watched.space.image(watched.heard_sequence, watched.setting("camera_delay", CAMERA_DELAY))
+        leader = watched.space.leader
+        self._write(watched, image)
+        if self._image.visible != (image is not None):
+            self._image.visible = image is not None
+        if image is None or leader is None or not image.jpeg:
+            return
+        over = bool(self._over.value) and self._can_draw
+        if image is self._sent and not over and not self._drawn_over:
+            return
+        jpeg = _over(image, leader, vertices) if over else image.jpeg
+        self._sent, self._drawn_over = image, over
+        if jpeg is not None:
+            self._image._data = jpeg  # as it came: the viewer would read and write it once more
+
+    def _write(self, watched: Watched, image: CameraImage | None) -> None:
+        lines = []
+        if watched.settings.get("camera") == "there is none":
+            lines.append(NO_CAMERA)
+        elif image is None:
+            lines.append(NO_IMAGE)
+        else:
+            lines.append(f"{_age(watched, image)}; {image.markers} of {MARKERS} markers found.")
+            if image.reason:
+                lines.append(f"No pose from it: {image.reason}.")
+        if not self._can_draw:
+            lines.append(NO_OPENCV)
+        wrong = image is None or bool(image.reason)
+        colour = css(VERMILLION) if wrong else "#555"
+        text = (
+            f'<div style="padding:0 12px;color:{colour};line-height:1.35">{"<br>".join(map(html.escape, lines))}</div>'
+        )
+        if self._text.content != text:
+            self._text.content = text
+
+
+def _over(image: CameraImage, leader: LeaderSpace, vertices: Array) -> bytes | None:
+    probe = (leader.place_x, leader.place_y, leader.place_z)
+    return draw_over(image.jpeg, image.camera, probe, fixture_of(leader), footprint(vertices))
+
+
+def _age(watched: Watched, image: CameraImage) -> str:
+    """How old the image is, in words: the ticks of the robot since then, and the network's delay."""
+    there = (watched.heard_sequence - image.tick) * 1e-3
+    back = watched.setting("force_delay", math.nan)
+    age = there + (back if math.isfinite(back) else 0.0)
+    return f"Shows the robot of {age:.1f} s ago"

@@ -1,0 +1,187 @@
+"""A session in three dimensions in the console: its picture, its panels and its handle."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from foretouch.console.image_panel import ImagePanel
+from foretouch.console.keys import add_space_keys
+from foretouch.console.plots import SECONDS
+from foretouch.console.space_heard import fixture_of
+from foretouch.console.space_hold import SpaceHold
+from foretouch.console.space_panel import SpacePanel
+from foretouch.console.space_scene import SpaceScene
+from foretouch.console.stiffness_colours import legend_html
+from foretouch.console.watched import Watched
+from foretouch.errors import ForetouchError
+from foretouch.messages import FieldUpdate, LeaderSpace
+from foretouch.models import MaterialField
+from foretouch.quantities.rigid import Vector
+from foretouch.rendering import Surface
+
+__all__ = ["SPACE_INSTRUCTION", "SpaceView"]
+
+SPACE_INSTRUCTION = "Drag the arrows of the handle: down to press, along to slide."
+NEAR = 0.006
+"""The normal is shown from here on [m]."""
+
+
+class SpaceView:
+    """What a console shows of a session in three dimensions; made when the first such session is looked at.
+
+    Args:
+        server: The viewer's server.
+        image: The camera's panel.
+        tabs: Of the panel; one more is added.
+        hold: The handle in space.
+    """
+
+    def __init__(self, server: Any, image: ImagePanel, tabs: Any, hold: SpaceHold) -> None:
+        self._server, self._image, self._tabs = server, image, tabs
+        self.hold = hold
+        self._scene: SpaceScene | None = None
+        self._panel: SpacePanel | None = None
+        self._name = ""
+        self._surface: Surface | None = None
+        self._field: tuple[FieldUpdate | None, MaterialField | None] = (None, None)
+        self._legend = server.gui.add_html("")
+
+    def draw(self, watched: Watched, *, live: bool) -> bool:
+        """Draw the scene; False, and nothing is shown, where it is one along a line.
+
+        Args:
+            watched: The session, or a recording.
+            live: Whether a person can move the hand in it.
+        """
+        leader = watched.space.leader
+        scene = None if leader is None else self._scene_of(watched)
+        self._image.show(scene is not None)
+        if scene is None or leader is None:
+            if self._scene is not None:
+                self._scene.show(False)
+            self._write_legend("")
+            return False
+        scene.show(True)
+        self._draw_fixture(scene, watched, leader)
+        self._draw_probes(scene, watched, leader)
+        self.hold.follow()
+        offered = live and watched.operator == "browser"
+        probe = leader.place_x, leader.place_y, leader.place_z
+        scene.draw_handle(
+            self.hold.place,
+            probe,
+            offered=offered,
+            held=self.hold.dragged,
+            hinted=not self.hold.used,
+        )
+        return True
+
+    def draw_image(self, watched: Watched) -> None:
+        """Draw the camera's image."""
+        if watched.in_space and self._surface is not None:
+            self._image.draw(watched, self._surface.outline()[0])
+
+    def write(self, watched: Watched, now: float, *, live: bool) -> None:
+        """Numbers, labels, plots and legend.
+
+        Args:
+            watched: The session, or a recording.
+            now: By the clock that it was heard by [s].
+            live: Whether a person can move the hand in it.
+        """
+        leader, scene = watched.space.leader, self._scene
+        if leader is None or scene is None or self._panel is None:
+            return
+        self._panel.draw(watched, SECONDS, now, self.hold.hand if live and watched.operator == "browser" else None)
+        self._write_legend(legend_html(scene.fixture.scale.edges))
+        state = watched.leader
+        if state is None:
+            return
+        doubt = f" ± {state.standard_deviation:.2f}" if math.isfinite(state.standard_deviation) else ""
+        size = math.sqrt(leader.force_x**2 + leader.force_y**2 + leader.force_z**2)
+        scene.label(f"rendered now: {size:.2f}{doubt} N", f"delayed robot: {state.delayed_force:.2f} N")
+
+    def _scene_of(self, watched: Watched) -> SpaceScene | None:
+        """The picture of this scene; another scene has another. None where it is not known here."""
+        name = watched.settings.get("scene", "")
+        if not name or name == self._name:
+            return self._scene
+        from foretouch.session.spatial import make_scene
+
+        self._name = name
+        try:
+            self._surface = make_scene(name).surface
+        except (ForetouchError, OSError):  # a mesh that only the other machine has
+            self._surface = None
+            return self._scene
+        self._server.scene.remove_by_name("/space")
+        self._scene = SpaceScene(self._server, self._surface, self._dragged)
+        self._scene.look()
+        if self._panel is None:
+            with self._tabs.add_tab("Fixture"):
+                self._panel = SpacePanel(self._server.gui, self._slide)
+            add_space_keys(self._server.gui, self._stroke)
+        return self._scene
+
+    def _draw_fixture(self, scene: SpaceScene, watched: Watched, leader: LeaderSpace) -> None:
+        fixture, pose = scene.fixture, fixture_of(leader)
+        fixture.place(pose)
+        fixture.learn(self._learnt(watched))
+        point, normal = _point(leader), (leader.normal_x, leader.normal_y, leader.normal_z)
+        fixture.sink(pose, point, normal, leader.depth)
+        follower, belief = watched.space.follower, watched.space.belief
+        deviation = math.nan if belief is None else math.sqrt(sum(value**2 for value in belief.deviation[:3]))
+        fixture.believe(None if follower is None else fixture_of(follower), deviation)
+        scene.draw_normal(point, normal, leader.depth > -NEAR)
+
+    def _draw_probes(self, scene: SpaceScene, watched: Watched, leader: LeaderSpace) -> None:
+        state = watched.leader
+        force = (leader.force_x, leader.force_y, leader.force_z)
+        deviation = math.nan if state is None else state.standard_deviation
+        scene.draw_probe((leader.place_x, leader.place_y, leader.place_z), force, deviation)
+        robot = watched.space.heard(watched.heard_sequence)
+        if robot is None:
+            scene.draw_robot(None, (0.0, 0.0, 0.0))
+        else:
+            felt = (robot.force_x, robot.force_y, robot.force_z)
+            scene.draw_robot((robot.place_x, robot.place_y, robot.place_z), felt)
+
+    def _learnt(self, watched: Watched) -> MaterialField | None:
+        """The field as the operator's side has it; each is read once."""
+        update = watched.space.field(watched.heard_sequence)
+        if update is not self._field[0]:
+            field = None
+            if update is not None:
+                try:
+                    field = MaterialField.from_bytes(update.content)
+                except ForetouchError:  # of another version
+                    field = None
+            self._field = (update, field)
+        return self._field[1]
+
+    def _write_legend(self, content: str) -> None:
+        html_text = _LEGEND.format(content) if content else ""
+        if self._legend.content != html_text:
+            self._legend.content = html_text
+
+    def _dragged(self, place: Vector, phase: str) -> None:
+        self.hold.drag_to(place, phase)
+
+    def _slide(self, axis: int, value: float) -> None:
+        way = [0.0, 0.0, 0.0]
+        way[axis] = value - self.hold.hand[axis]
+        self._stroke((way[0], way[1], way[2]))
+
+    def _stroke(self, way: Vector) -> None:
+        self.hold.stroke(way)
+
+
+def _point(leader: LeaderSpace) -> Vector:
+    return leader.point_x, leader.point_y, leader.point_z
+
+
+_LEGEND = (
+    '<div style="position:fixed;left:12px;top:84px;z-index:50;pointer-events:none;background:rgba(255,255,255,0.9);'
+    'color:#000;border:1px solid #999;border-radius:6px;padding:6px 10px;font-size:13px">{}</div>'
+)

@@ -1,0 +1,184 @@
+"""What was heard of a session in three dimensions: places, images, fields and beliefs, each as late as it is shown."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from foretouch.console.window import Array
+from foretouch.messages import CameraImage, FieldUpdate, FixtureBelief, FollowerSpace, LeaderSpace, Message
+
+__all__ = ["PoseTrace", "SpaceHeard", "fixture_of", "newest_field", "newest_image"]
+
+TICKS_PER_SECOND = 1000
+LENGTH = 16_384
+"""Ticks of the follower that are kept: as long as a delay may be."""
+MOST_IMAGES, MOST_FIELDS = 360, 128
+"""At 30 and at 10 a second: 12 s."""
+TRACE_PERIOD_NS = 50_000_000
+TRACE_LENGTH = 400
+
+
+class PoseTrace(NamedTuple):
+    """What was known of the fixture's pose over time; all arrays have one length.
+
+    Attributes:
+        time: Seconds before the newest, not positive, increasing.
+        deviation: Standard deviation of its place [m].
+        turn: Of its turn [rad].
+        age: Since an image showed it [s].
+    """
+
+    time: Array
+    deviation: Array
+    turn: Array
+    age: Array
+
+    @classmethod
+    def of(cls, rows: Sequence[tuple[float, float, float, float]], now: float, seconds: float) -> PoseTrace:
+        """The last seconds before a moment.
+
+        Args:
+            rows: Time [s], deviation [m], turn [rad] and age [s].
+            now: The moment [s].
+            seconds: How far back.
+        """
+        table = np.array(rows, dtype=np.float64).reshape(-1, 4)
+        time = table[:, 0] - now
+        inside = (time >= -seconds) & (time <= 0.0)
+        return cls(time[inside], *(table[inside, column] for column in (1, 2, 3)))
+
+
+class SpaceHeard:
+    """The newest of everything in space, and what of the robot's side the operator's had heard by then.
+
+    Images and fields come to a console as soon as they are made, and to an operator over a slow network. Which of them
+    are shown is told by the tick of the follower that the leader has heard last, and by no clock.
+
+    One thread calls `take`; others read.
+
+    Attributes:
+        leader: The newest of the leader that is shown; None in a session along a line.
+        follower: The newest of the robot's side.
+        belief: The newest of who tracks the fixture.
+        belief_heard: When that was [s]; minus infinity before.
+    """
+
+    def __init__(self) -> None:
+        self.leader: LeaderSpace | None = None
+        self.follower: FollowerSpace | None = None
+        self.belief: FixtureBelief | None = None
+        self.belief_heard = -math.inf
+        self._ticks: list[FollowerSpace | None] = [None] * LENGTH
+        self._images: deque[CameraImage] = deque(maxlen=MOST_IMAGES)
+        self._fields: deque[FieldUpdate] = deque(maxlen=MOST_FIELDS)
+        self._trace: deque[tuple[float, float, float, float]] = deque(maxlen=TRACE_LENGTH)
+        self._traced_ns = 0
+
+    def take(self, message: Message, now: float, epoch: int) -> None:
+        """Take note of one message; those along a line are left out.
+
+        Args:
+            message: As it came.
+            now: When [s].
+            epoch: Of the leader that is shown, 0 before it is known.
+        """
+        if isinstance(message, LeaderSpace):
+            if epoch in (0, message.epoch):
+                self._take_leader(message)
+        elif isinstance(message, FollowerSpace):
+            self.follower = message
+            self._ticks[message.sequence % LENGTH] = message
+        elif isinstance(message, CameraImage):
+            self._images.append(message)
+        elif isinstance(message, FieldUpdate):
+            self._fields.append(message)
+        elif isinstance(message, FixtureBelief):
+            self.belief, self.belief_heard = message, now
+
+    def heard(self, sequence: int) -> FollowerSpace | None:
+        """The robot as the operator's side last heard of it.
+
+        Args:
+            sequence: Of the newest telemetry that the leader had.
+        """
+        tick, newest = self._ticks[sequence % LENGTH], self.follower
+        known = tick is not None and newest is not None and tick.sequence == sequence and tick.run == newest.run
+        return tick if known else None
+
+    def image(self, sequence: int, camera_delay: float) -> CameraImage | None:
+        """The image that has come over the network; None before the first.
+
+        Args:
+            sequence: Of the newest telemetry that the leader had.
+            camera_delay: From the moment that an image shows to when it is read [s].
+        """
+        run = 0 if self.follower is None else self.follower.run
+        return newest_image(tuple(self._images), sequence, camera_delay, run)
+
+    def field(self, sequence: int) -> FieldUpdate | None:
+        """The materials that have come over the network; None before the first.
+
+        Args:
+            sequence: Of the newest telemetry that the leader had.
+        """
+        tick = self.heard(sequence)
+        return None if tick is None else newest_field(tuple(self._fields), tick)
+
+    def camera_silence(self, now: float) -> float:
+        """Time since who tracks the fixture was heard [s]; infinite before."""
+        return now - self.belief_heard
+
+    def pose_trace(self, seconds: float) -> PoseTrace:
+        """What was known of the fixture's pose in the last seconds."""
+        rows = tuple(self._trace)
+        return PoseTrace.of(rows, rows[-1][0] if rows else 0.0, seconds)
+
+    def _take_leader(self, space: LeaderSpace) -> None:
+        if self.leader is not None and space.epoch != self.leader.epoch:
+            self._trace.clear()  # another clock
+            self._traced_ns = 0
+        self.leader = space
+        if space.time_ns - self._traced_ns >= TRACE_PERIOD_NS:
+            self._traced_ns = space.time_ns
+            self._trace.append((space.time_ns * 1e-9, space.fixture_deviation, space.fixture_turn, space.fixture_age))
+
+
+def newest_image(images: Sequence[CameraImage], sequence: int, camera_delay: float, run: int = 0) -> CameraImage | None:
+    """The newest image that had come by a tick of the follower.
+
+    Args:
+        images: In the order in which they came.
+        sequence: Of the tick.
+        camera_delay: From the moment that an image shows to when it is read [s].
+        run: Of the follower's process; 0 for any.
+    """
+    latest = sequence - round(camera_delay * TICKS_PER_SECOND)
+    for image in reversed(images):
+        if image.tick <= latest and run in (0, image.run):
+            return image
+    return None
+
+
+def newest_field(fields: Sequence[FieldUpdate], tick: FollowerSpace) -> FieldUpdate | None:
+    """The newest field that was sent by a tick of the follower.
+
+    Args:
+        fields: In the order in which they came.
+        tick: By the clock of the same process.
+    """
+    for field in reversed(fields):
+        if field.time_ns <= tick.time_ns and field.run == tick.run:
+            return field
+    return None
+
+
+def fixture_of(space: LeaderSpace | FollowerSpace) -> tuple[float, ...]:
+    """Where one side has the fixture: a place [m] and a rotation vector [rad]."""
+    return (
+        space.fixture_x, space.fixture_y, space.fixture_z, space.fixture_rx, space.fixture_ry, space.fixture_rz
+    )  # fmt: skip
