@@ -26,6 +26,7 @@ from foretouch.messages import (
 )
 from foretouch.robot import SpatialRobot
 from foretouch.session.counting import follower_counts, leader_counts
+from foretouch.session.operator_clock import OperatorClock
 from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
 from foretouch.session.simulated import SimulatedSession
 from foretouch.session.spatial import follower, leader, tracker
@@ -86,7 +87,7 @@ def simulate_scene(
             record(message, now_ns)
 
     keep(Hello(VERSION, 1, 0, "simulation", tuple(texts), tuple(texts.values())), 0)
-    sample = robot.read()
+    sample, clock = robot.read(), OperatorClock(operator)
     began = time.perf_counter()
     for tick in range(ticks):
         now_ns = tick * _PERIOD_NS
@@ -131,7 +132,7 @@ def simulate_scene(
         leading, led = leader.step(
             leading,
             leader.Inputs(
-                operator.read(now_ns),
+                operator.read(clock.read(now_ns, coupled=leading.inner.heard.run > 0)),
                 [message for message in arrived if type(message) is ModelUpdate],
                 [message for message in arrived if type(message) is Telemetry],
                 [message for message in arrived if type(message) is FollowerSpace],
