@@ -162,7 +162,7 @@ def palpation(scene: Scene, depth: float, seed: int) -> list[Keyframe]:
     def above(right: float, back: float, height: float) -> Vector:
         return _above(scene, x + right, y + back, height)
 
-    path: list[Keyframe] = [(0.0, above(0.0, 0.0, TALL))]
+    path: list[Keyframe] = [(0.0, (MIDDLE[0], MIDDLE[1], TALL))]  # where the simulated arm is, too
 
     def go(seconds: float, place: Vector) -> None:
         path.append((path[-1][0] + seconds, place))
