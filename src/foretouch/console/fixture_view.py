@@ -62,7 +62,7 @@ class FixtureView:
         self._believed = scene.add_frame("/space/believed", show_axes=False)
         nothing = (np.zeros((3, 3), np.float32), np.array([(0, 1, 2)], np.uint32))
         self._nodes = [
-            add_body(scene, f"/space/fixture/surface_{i}", nothing, colour)
+            scene.add_mesh_simple(f"/space/fixture/surface_{i}", *nothing, color=colour, side="double")
             for i, colour in enumerate((UNKNOWN, *COLOURS))
         ]
         bottom = float(self._vertices[:, 2].min()) - THICKNESS

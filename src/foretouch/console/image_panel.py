@@ -18,7 +18,8 @@ from foretouch.messages import CameraImage, LeaderSpace
 
 __all__ = ["DRAW_PROBE", "NO_IMAGE", "ImagePanel"]
 
-DRAW_PROBE = "Draw the virtual probe over the delayed image"
+DRAW_PROBE = "Probe over image"
+WHAT_IS_DRAWN = "Draw the virtual probe (blue) and the fixture as rendered (green) over the delayed image"
 NO_OPENCV = "OpenCV is not installed: the probe cannot be drawn over images. Install foretouch[vision]."
 NO_CAMERA = (
     "There is no camera: MuJoCo, OpenCV or a graphics library is missing at the robot, or images are not used "
@@ -29,6 +30,16 @@ CAMERA_DELAY = 0.05
 """From exposure to reading [s] until the session says its own."""
 MARKERS = 4
 """Of the board."""
+TITLE = "Camera at the robot, delayed"
+_STYLE = (
+    '<div class="foretouch-camera"><style>'
+    "div:has(> .foretouch-camera) + div{position:fixed !important;z-index:40;bottom:12px;right:472px;"
+    "width:clamp(200px, calc(100vw - 900px), 400px);background:#fff;border:1px solid #999;border-radius:6px;"
+    "padding:2px 6px 6px 6px !important;margin:0 !important}"
+    "@media (max-width:1100px){div:has(> .foretouch-camera) + div{bottom:92px}}"
+    "</style></div>"
+)
+"""The image comes next: it stands in the corner of the picture while the panel scrolls."""
 BLANK = np.full((480, 640, 3), 96, np.uint8)
 
 
@@ -42,11 +53,10 @@ class ImagePanel:
     """
 
     def __init__(self, gui: Any) -> None:
-        self._image = gui.add_image(BLANK, label="Camera at the robot, delayed", format="jpeg", visible=False)
+        self._style = gui.add_html(_STYLE, visible=False)
+        self._image = gui.add_image(BLANK, label=TITLE, format="jpeg", visible=False)
         self._text = gui.add_html("", visible=False)
-        self._over = gui.add_checkbox(
-            DRAW_PROBE, False, hint="Blue: the probe now. Green: the fixture as rendered.", visible=False
-        )
+        self._over = gui.add_checkbox(DRAW_PROBE, False, hint=WHAT_IS_DRAWN, visible=False)
         self._can_draw = can_draw()
         self._over.disabled = not self._can_draw
         self._shown = False
@@ -57,7 +67,7 @@ class ImagePanel:
         """Show the panel, or hide it."""
         if shown != self._shown:
             self._shown = shown
-            self._text.visible = self._over.visible = shown
+            self._style.visible = self._text.visible = self._over.visible = shown
             self._image.visible = shown and self._sent is not None
 
     def draw(self, watched: Watched, vertices: Array) -> None:

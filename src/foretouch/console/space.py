@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import html
 import math
 from typing import Any
 
 from foretouch.console.image_panel import ImagePanel
 from foretouch.console.keys import add_space_keys
+from foretouch.console.palette import BLUE, GREEN, GREY, VERMILLION, css
 from foretouch.console.plots import SECONDS
 from foretouch.console.space_heard import fixture_of
 from foretouch.console.space_hold import SpaceHold
@@ -94,7 +96,7 @@ class SpaceView:
         if leader is None or scene is None or self._panel is None:
             return
         self._panel.draw(watched, SECONDS, now, self.hold.hand if live and watched.operator == "browser" else None)
-        self._write_legend(legend_html(scene.fixture.scale.edges))
+        self._write_legend(legend_html(scene.fixture.scale.edges) + _KEY)
         state = watched.leader
         if state is None:
             return
@@ -181,6 +183,21 @@ def _point(leader: LeaderSpace) -> Vector:
     return leader.point_x, leader.point_y, leader.point_z
 
 
+def _key() -> str:
+    """What the lines and arrows of the picture are."""
+    rows = (
+        (GREY, "Probe, now: where your hand is"),
+        (VERMILLION, "Robot, delayed; outline: where it believes all"),
+        (BLUE, "Force on the hand, and its doubt"),
+        (GREEN, "Normal of the surface"),
+    )
+    lines = (
+        f'<div><span style="color:{css(colour)}">&#9632;</span> {html.escape(text)}</div>' for colour, text in rows
+    )
+    return f'<div style="padding-top:5px;line-height:1.3">{"".join(lines)}</div>'
+
+
+_KEY = _key()
 _LEGEND = (
     '<div style="position:fixed;left:12px;top:84px;z-index:50;pointer-events:none;background:rgba(255,255,255,0.9);'
     'color:#000;border:1px solid #999;border-radius:6px;padding:6px 10px;font-size:13px">{}</div>'

@@ -13,7 +13,7 @@ from foretouch.quantities.rigid import Vector, add, scaled, subtract
 
 __all__ = ["HOME", "REACH", "SpaceHold"]
 
-HOME: Vector = (0.0, 0.0, 0.05)
+HOME: Vector = (0.0, 0.0, 0.042)
 """Where the handle stands while a script moves the hand [m]: one that moves along is hard to catch."""
 REACH = 0.1
 """The hand goes no further from the world's origin, along any axis [m]."""
@@ -59,6 +59,7 @@ class SpaceHold(Hold):
             if phase == "start":
                 self.follow()
             self.held, self.used = phase != "end", True
+            self._released = time.monotonic()
             self._let_go = math.inf
             self._move(subtract((x, y, z), self.place))
 

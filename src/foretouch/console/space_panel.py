@@ -114,10 +114,10 @@ def pose_sentence(watched: Watched, now: float) -> str:
     if belief is None:
         return "Nobody tracks the fixture yet: it is believed where it was expected."
     if watched.settings.get("camera") == "there is none":
-        return f"No camera: {belief.reason}"
+        return f"No camera: {belief.reason}."
     if leader.fixture_age > AGED and math.isfinite(leader.fixture_age):
         return f"The board was last seen {leader.fixture_age:.1f} s before that was told: the pose gets less sure."
-    return belief.reason
+    return f"{belief.reason[:1].upper()}{belief.reason[1:].rstrip('.')}."
 
 
 def _rows(leader: LeaderSpace, belief: FixtureBelief | None) -> list[Row]:

@@ -20,7 +20,7 @@ __all__ = ["SPACE_CAMERA", "SPACE_UNITS", "SpaceScene"]
 
 SPACE_UNITS = 200.0
 """Scene units per metre: one unit is 5 mm."""
-SPACE_CAMERA = ((-3.5, -37.0, 23.0), (-3.5, 0.0, 2.2))
+SPACE_CAMERA = ((-4.0, -50.0, 31.0), (-4.0, 0.0, 0.0))
 """Where the camera is at first and what it looks at [scene units]."""
 UNITS_PER_NEWTON = 1.0
 LONGEST_ARROW = 8.0
@@ -28,7 +28,7 @@ NORMAL_LENGTH = 2.6
 """[scene units]."""
 BESIDE = 1.2
 """Arrows stand so far beside the probe that they belong to [scene units]."""
-HANDLE_SIZE = 3.6
+HANDLE_SIZE = 4.0
 FORCE_SHOWN = 0.02
 """Smaller forces have no arrow [N]."""
 HINT = "Drag the arrows: the hand goes along"
@@ -58,9 +58,8 @@ class SpaceScene:
         self._doubt = add_body(scene, "/space/doubt", shapes.doubt(0.0, 1.0), BLUE, opacity=0.35)
         self._ghost_force = add_body(scene, "/space/robot_force", shapes.arrow(0.0), VERMILLION)
         self._normal = add_body(scene, "/space/normal", shapes.arrow(NORMAL_LENGTH), GREEN)
-        self._tether = scene.add_line_segments(
-            "/space/tether", np.zeros((1, 2, 3), np.float32), BLUE, thickness=1.5, thickness_units="screen"
-        )
+        up = np.array([[(0.0, 0.0, 0.0), (0.0, 0.0, 1.0)]], np.float32)
+        self._tether = scene.add_line_segments("/space/tether", up, BLUE, thickness=1.5, thickness_units="screen")
         self._handle = scene.add_transform_controls(
             "/space/handle", scale=HANDLE_SIZE, line_width=5.0, disable_rotations=True, depth_test=False
         )
@@ -162,10 +161,11 @@ class SpaceScene:
             return
         if not held and not np.allclose(self._handle.position, here, atol=1e-4):
             self._handle.position = here
-        self._hint.position = (here[0], here[1], here[2] + 1.3 * HANDLE_SIZE)
+        self._hint.position = (here[0], here[1], here[2] + 1.15 * HANDLE_SIZE)
         if end is not None:
-            top = (end[0], end[1], end[2] + shapes.HANDLE_HEIGHT)
-            self._tether.points = np.array([[here, top]], np.float32)
+            way = (end[0] - here[0], end[1] - here[1], end[2] + shapes.HANDLE_HEIGHT - here[2])
+            self._tether.position, self._tether.wxyz = here, along(way)
+            self._tether.scale = (1.0, 1.0, max(math.hypot(*way), 1e-3))
 
     def label(self, force: str, ghost: str) -> None:
         """Write beside the probe and the robot."""

@@ -23,16 +23,16 @@ UNKNOWN: Colour = (190, 190, 190)
 """Where nothing was learnt."""
 LEAST_KNOWN = 0.5
 """A place counts as known where learnt nodes have this share of its law."""
-NICE = (1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0)
-"""A scale begins and ends at one of these times a power of ten."""
-SMALLEST, LARGEST = 1.0, 1e6
-"""Scales stay within these [N/m]."""
+STEPS = (1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0)
+"""A step is one of these times a power of ten."""
+SMALLEST, LARGEST = 1.0, 1e7
+"""Steps stay within these [N/m]."""
 CORNERS = np.array(list(itertools.product((0, 1), repeat=3)))
 WIDE = np.int64(1 << 20)
 
 
 class StiffnessScale:
-    """Steps between two round numbers. It grows when more is learnt and does not shrink, so that colours keep.
+    """Round numbers at equal steps. It grows when more is learnt and does not shrink, so that colours keep.
 
     Attributes:
         edges: Between the steps [N/m], one more than there are colours; empty before anything was learnt.
@@ -48,10 +48,10 @@ class StiffnessScale:
         low, high = (float(value) for value in np.percentile(stiffness, (2.0, 98.0)))
         if len(self.edges):
             low, high = min(low, float(self.edges[0])), max(high, float(self.edges[-1]))
-        low, high = _nice(low, up=False), _nice(max(high, 1.2 * low), up=True)
-        if len(self.edges) and (low, high) == (self.edges[0], self.edges[-1]):
+        edges = _round_edges(low, high)
+        if np.array_equal(edges, self.edges):
             return False
-        self.edges = np.linspace(low, high, len(COLOURS) + 1)
+        self.edges = edges
         return True
 
     def forget(self) -> None:
@@ -103,8 +103,9 @@ def legend_html(edges: Array) -> str:
     rows = [f"<tr>{grey}</tr>"]
     for colour, (low, high) in zip(COLOURS, itertools.pairwise(edges.tolist()), strict=False):
         rows.append(f'<tr>{_swatch(css(colour))}<td style="padding-left:6px">{low:,.0f} to {high:,.0f}</td></tr>')
+    rows.reverse()
     title = html.escape(f"Local stiffness at {FIELD_DEPTH * 1e3:.0f} mm [N/m]")
-    return f'<b>{title}</b><table style="border-spacing:0;line-height:1.25">{"".join(reversed(rows))}</table>'
+    return f'<b>{title}</b><table style="border-spacing:0;line-height:1.25">{"".join(rows)}</table>'
 
 
 def _swatch(colour: str) -> str:
@@ -115,11 +116,13 @@ def _codes(keys: NDArray[np.int64]) -> NDArray[np.int64]:
     return (keys[:, 0] * WIDE + keys[:, 1]) * WIDE + keys[:, 2]
 
 
-def _nice(value: float, *, up: bool) -> float:
-    """The next round number, up or down."""
-    value = min(max(value, SMALLEST), LARGEST)
-    power = 10.0 ** math.floor(math.log10(value) + 1e-9)
-    ladder = [power * step for step in (*NICE, 10.0)]
-    if up:
-        return next((step for step in ladder if step >= value * (1.0 - 1e-9)), ladder[-1])
-    return next(step for step in reversed(ladder) if step <= value * (1.0 + 1e-9))
+def _round_edges(low: float, high: float) -> Array:
+    """Round numbers at equal steps, the smallest that reach from one stiffness to another."""
+    count = len(COLOURS)
+    least = min(max((high - low) / count, SMALLEST), LARGEST)
+    power = 10.0 ** math.floor(math.log10(least))
+    for step in (power * factor for factor in (*STEPS, *(10.0 * factor for factor in STEPS))):
+        first = step * math.floor(low / step)
+        if first + count * step >= high:
+            break
+    return np.asarray(first + step * np.arange(count + 1), dtype=np.float64)

@@ -14,7 +14,7 @@ __all__ = ["Faces", "boundary", "compacted", "refined", "skirt", "sunk"]
 
 Faces = NDArray[np.int64]
 
-LONGEST_EDGE = 3e-3
+LONGEST_EDGE = 4e-3
 """Triangles are divided until no edge is longer [m]."""
 MOST_TRIANGLES = 6000
 """Or until there are so many."""
