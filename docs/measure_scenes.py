@@ -18,9 +18,7 @@ from joblib import Parallel, delayed
 from measured_blocks import chosen, fill
 
 from foretouch.messages import SessionLog
-from foretouch.report import pair, session_report
-from foretouch.report.scene import look_at_scene
-from foretouch.report.scene_drawing import map_figure, pose_figure
+from foretouch.report import look_at_scene, map_figure, pair, pose_figure, session_report
 from foretouch.session import SessionSettings
 from foretouch.session.spatial import (
     make_camera,

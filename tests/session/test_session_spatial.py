@@ -438,9 +438,9 @@ def test_a_fixture_that_turns_up_nearer_does_not_jerk_the_hand_that_is_in_it() -
 @pytest.mark.parametrize("changes", [{"position_scale": 2.0}, {"force_scale": 0.5}, {"clutch": "6:7,8:9"}])
 def test_scales_and_clutch_work_in_space(changes: dict) -> None:
     log = run(10.0, camera=False, fusion="none", displacement=0.0, turn=0.0, grip="normal", **changes)
-    place = np.stack([log.leader_space[f"place_{axis}"] for axis in "xyz"], axis=1)
-    place = place[np.isfinite(place).all(axis=1)]
-    assert np.linalg.norm(np.diff(place, axis=0), axis=1).max() < 1e-3  # no jump
+    # The command may jump where a surface turns up that the hand is beyond; what the robot is told does not.
+    place = np.stack([log.follower_space[f"desired_{axis}"] for axis in "xyz"], axis=1)
+    assert np.linalg.norm(np.diff(place, axis=0), axis=1).max() < 1e-3
     assert (log.leader_space["energy"] >= -log.leader_space["energy_bound"] - 1e-12).all()
     if "clutch" in changes:
         clutched = ~log.leader["engaged"]

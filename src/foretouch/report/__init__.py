@@ -15,6 +15,8 @@ from foretouch.report.remarks import remarks
 from foretouch.report.replay import Contact, compare_replay, contacts, render_replay
 from foretouch.report.replay_page import replay_figure, write_replay_page
 from foretouch.report.safety_text import left_out
+from foretouch.report.scene import SceneFindings, look_at_scene, scene_figures
+from foretouch.report.scene_drawing import map_figure, pose_figure
 from foretouch.report.scores import STATUSES, Scores, delayed, lowest_mean, score
 from foretouch.report.session import CONTACT_FLOOR, session_report
 from foretouch.report.swings import oscillation, swings, turning_points
@@ -28,6 +30,7 @@ __all__ = [
     "Forces",
     "LargestJump",
     "Pairs",
+    "SceneFindings",
     "Scores",
     "compare_replay",
     "contacts",
@@ -46,17 +49,21 @@ __all__ = [
     "largest_jump",
     "left_out",
     "legend",
+    "look_at_scene",
     "lowest_mean",
+    "map_figure",
     "map_lines",
     "named_values",
     "new_figure",
     "oscillation",
     "pair",
+    "pose_figure",
     "remarks",
     "render_replay",
     "render_text",
     "rendered_jump",
     "replay_figure",
+    "scene_figures",
     "score",
     "session_report",
     "swings",

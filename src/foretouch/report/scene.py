@@ -58,7 +58,12 @@ class SceneFindings:
 
 
 def look_at_scene(log: SessionLog, pairs: Pairs) -> SceneFindings:
-    """Everything about one stretch of a session in three dimensions (`foretouch.report.scene_rows.has_scene`)."""
+    """Everything that figures and drawings of a session in three dimensions are made of.
+
+    Args:
+        log: One stretch, with something said in space.
+        pairs: Its rows at equal command.
+    """
     rows = scene_rows(log, pairs)
     account = spatial_account(
         rows,
