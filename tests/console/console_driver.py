@@ -18,6 +18,8 @@ import numpy as np
 
 from foretouch.console.scene import CAMERA, FIELD_OF_VIEW, UNITS
 from foretouch.console.shapes import HANDLE_HEIGHT
+from foretouch.console.space_hold import HOME
+from foretouch.console.space_scene import HANDLE_SIZE, SPACE_CAMERA, SPACE_UNITS
 from foretouch.devices import BrowserOperator, ScriptedOperator
 from foretouch.messages import (
     VERSION,
@@ -37,6 +39,8 @@ from foretouch.recordings import SessionWriter
 from foretouch.session import SessionSettings, make_operator, make_session_robot, simulate
 
 SURFACE, PRESS_DEPTH = 0.012, 0.009
+ARROW_SHARE = 0.7
+"""Of the handle in space, at which its arrow is taken."""
 
 # --- the browser ------------------------------------------------------------------------------------------------------
 
@@ -63,7 +67,9 @@ def chromium() -> str | None:
 
 
 @contextlib.contextmanager
-def open_page(url: str, width: int = 1000, height: int = 720) -> Iterator[tuple[Any, list[str]]]:
+def open_page(
+    url: str, width: int = 1000, height: int = 720, says: str = "Drag the blue handle down to press"
+) -> Iterator[tuple[Any, list[str]]]:
     """A page that shows the console, and the list of all addresses that it asked for."""
     from playwright.sync_api import sync_playwright
 
@@ -75,7 +81,7 @@ def open_page(url: str, width: int = 1000, height: int = 720) -> Iterator[tuple[
         page.on("websocket", lambda socket: requests.append(socket.url))
         page.goto(url)
         page.locator("canvas").first.wait_for(timeout=30_000)
-        page.get_by_text("Drag the blue handle down to press").wait_for(timeout=30_000)
+        page.get_by_text(says).wait_for(timeout=30_000)
         for close in page.locator(".mantine-Notification-closeButton").all():  # the advice on software rendering
             close.click()
         try:
@@ -89,10 +95,12 @@ def open_tab(page: Any, name: str) -> None:
     page.get_by_role("tab", name=name).click()
 
 
-def on_screen(page: Any, point: tuple[float, float, float]) -> tuple[float, float]:
+def on_screen(
+    page: Any, point: tuple[float, float, float], camera: tuple[tuple[float, ...], tuple[float, ...]] = CAMERA
+) -> tuple[float, float]:
     """Where a point of the scene is on the page [pixels], seen by the camera that nobody has moved yet."""
     box = _scene_box(page)
-    eye, target = (np.array(v) for v in CAMERA)
+    eye, target = (np.array(v) for v in camera)
     ahead = (target - eye) / np.linalg.norm(target - eye)
     right = np.cross(ahead, (0.0, 0.0, 1.0))
     right /= np.linalg.norm(right)
@@ -142,6 +150,27 @@ def take_handle(page: Any, press_mm: float, seconds: float = 1.0, steps: int = 1
     # A slow renderer answers late: go on when the console has heard of the drag and the last move has been drawn.
     page.get_by_text("You press.").wait_for(timeout=30_000)
     page.evaluate("new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))")
+
+
+@contextlib.contextmanager
+def held_in_space(page: Any, down_mm: float, seconds: float = 1.5, steps: int = 10) -> Iterator[None]:
+    """Take the upward arrow of the handle in space with the mouse and push it down by `down_mm` [mm]; let go behind."""
+    x, y, z = (SPACE_UNITS * value for value in HOME)
+    grip = z + ARROW_SHARE * HANDLE_SIZE
+    start = on_screen(page, (x, y, grip), SPACE_CAMERA)
+    end = on_screen(page, (x, y, grip - down_mm * 1e-3 * SPACE_UNITS), SPACE_CAMERA)
+    page.mouse.move(*start)
+    page.wait_for_timeout(500)
+    page.mouse.down()
+    try:
+        for step in range(1, steps + 1):
+            share = step / steps
+            page.mouse.move(start[0] + share * (end[0] - start[0]), start[1] + share * (end[1] - start[1]))
+            page.wait_for_timeout(1000 * seconds / steps)
+        page.get_by_text("You press.").wait_for(timeout=30_000)
+        yield
+    finally:
+        page.mouse.up()
 
 
 def kill_tab(page: Any) -> None:

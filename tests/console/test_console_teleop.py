@@ -17,9 +17,22 @@ from typing import Any
 
 import numpy as np
 import pytest
-from console_driver import choose, chromium, held_handle, kill_tab, open_page, open_tab, plot_data, take_handle
+from console_driver import (
+    choose,
+    chromium,
+    held_handle,
+    held_in_space,
+    kill_tab,
+    open_page,
+    open_tab,
+    plot_data,
+    take_handle,
+)
 
 from foretouch.console.alarm import LATCHED, READY
+from foretouch.console.image_panel import DRAW_PROBE
+from foretouch.console.palette import BLUE
+from foretouch.console.space import SPACE_INSTRUCTION
 from foretouch.devices.browser import HOLD_TIME
 from foretouch.link import free_endpoint
 from foretouch.messages import Status
@@ -65,7 +78,7 @@ def wait_for_bytes(page: Any, path: Path, size: int, seconds: float = 30.0) -> N
 
 @contextlib.contextmanager
 def teleop_page(
-    path: Path, *options: str, click: bool = True
+    path: Path, *options: str, click: bool = True, says: str = "Drag the blue handle down to press"
 ) -> Iterator[tuple[Any, list[str], subprocess.Popen[str]]]:
     """A live session with its console on a page; it must end well once it was ended: by `click`, or by the block."""
     port = int(free_endpoint().rpartition(":")[2])
@@ -79,7 +92,7 @@ def teleop_page(
     ) as teleop:
         try:
             wait_for_page(url)
-            with open_page(url) as (page, requests):
+            with open_page(url, says=says) as (page, requests):
                 yield page, requests, teleop
                 if click:
                     open_tab(page, "Session")
@@ -230,3 +243,57 @@ def test_an_emergency_stop_is_released_at_the_follower_and_a_killed_tab_lets_go(
     engaged = leader["engaged"][np.flatnonzero(knows)[-1] :].astype(int)
     assert np.count_nonzero(np.diff(engaged) == 1) == 2
     assert engaged[-1] == 1
+
+
+def test_a_scene_is_seen_and_pressed_in_three_dimensions(tmp_path: Path) -> None:
+    """The mouse takes the handle's arrow and pushes it down; the camera's image changes, and the probe over it too."""
+    pytest.importorskip("cv2")
+    path = tmp_path / "scene.mcap"
+    options = ("--scene", "hill", "--force-delay", "0.1", "--position-delay", "0.02")
+    with teleop_page(path, *options, says=SPACE_INSTRUCTION) as (page, requests, _):
+        page.get_by_text("Local stiffness at 2 mm [N/m]").wait_for()
+        page.get_by_text("of 4 markers found").wait_for(timeout=20_000)
+        image = page.locator(".foretouch-camera").locator("xpath=../following-sibling::div[1]//img")
+        first = pixels_of(page, image)
+        with held_in_space(page, down_mm=45.0):
+            page.wait_for_timeout(1500)
+            forces = plot_data(page)
+            pressed = pixels_of(page, image)
+            page.keyboard.press("o")  # the mouse is busy
+            page.wait_for_timeout(700)
+            over = pixels_of(page, image)
+            assert page.get_by_label(DRAW_PROBE).is_checked()
+        assert changed(first, pressed) > 0.005  # the robot came down
+        assert blue(over) > 5 * blue(pressed) + 100  # and the probe is drawn
+        assert np.nanmax(forces[2]) > 0.5
+        assert all(address.split("//")[1].startswith("127.0.0.1") for address in requests if "//" in address)
+        open_tab(page, "Fixture")
+        page.get_by_text("Images / touches used").wait_for()
+    log = read_session(path)
+    assert log.leader_space["depth"].max() > 0.002
+    assert log.leader_space["force_z"].max() > 0.5
+    assert log.follower["exact_force"].max() > 0.5
+    # The hand rested where the mouse held it, which the script never does, and pressed there.
+    resting = np.ptp(np.lib.stride_tricks.sliding_window_view(log.leader_space["hand_z"], 400), axis=1) < 1e-5
+    assert resting.any()
+    assert log.leader_space["depth"][:-399][resting].max() > 0.002
+
+
+def pixels_of(page: Any, image: Any) -> np.ndarray:
+    """What an image of the page shows, red, green and blue."""
+    address = image.evaluate(
+        "image => {const c = document.createElement('canvas'); c.width = 640; c.height = 480;"
+        " c.getContext('2d').drawImage(image, 0, 0, 640, 480); return Array.from("
+        "c.getContext('2d').getImageData(0, 0, 640, 480).data)}"
+    )
+    return np.array(address, dtype=int).reshape(480, 640, 4)[..., :3]
+
+
+def changed(one: np.ndarray, other: np.ndarray) -> float:
+    """Share of pixels that differ by more than noise."""
+    return float((np.abs(one - other).max(axis=2) > 40).mean())
+
+
+def blue(pixels: np.ndarray) -> int:
+    """Pixels of the virtual probe's colour."""
+    return int((np.abs(pixels - np.array(BLUE)).max(axis=2) < 45).sum())

@@ -70,6 +70,11 @@ class ImagePanel:
             self._style.visible = self._text.visible = self._over.visible = shown
             self._image.visible = shown and self._sent is not None
 
+    def toggle_overlay(self) -> None:
+        """Draw the virtual probe over the image, or no more."""
+        if self._can_draw:
+            self._over.value = not self._over.value
+
     def draw(self, watched: Watched, vertices: Array) -> None:
         """Draw the newest image that has come over the network.
 

@@ -16,7 +16,7 @@ HELP = (
 )
 """Letters and no arrows: those belong to sliders, tabs and lists."""
 
-SPACE_HELP = "<b>J</b>, <b>L</b> left, right · <b>I</b>, <b>K</b> away, nearer · "
+SPACE_HELP = "<b>J</b>, <b>L</b> left, right · <b>I</b>, <b>K</b> away, nearer · <b>O</b> probe over image · "
 """In a session in three dimensions."""
 
 
@@ -63,12 +63,15 @@ def add_keys(
         gui.add_command(label, hotkey=key).on_trigger(action)
 
 
-def add_space_keys(gui: Any, on_stroke: Callable[[tuple[float, float, float]], None]) -> None:
+def add_space_keys(
+    gui: Any, on_stroke: Callable[[tuple[float, float, float]], None], on_overlay: Callable[[], None]
+) -> None:
     """Register the keys that a session in three dimensions has beside the others.
 
     Args:
         gui: The viewer's user interface.
         on_stroke: Called with the way that the hand is to go [m].
+        on_overlay: Called when the virtual probe is to be drawn over the image, or no more.
     """
     for label, key, way in (
         ("Hand to the left", "J", (-STEP, 0.0, 0.0)),
@@ -77,6 +80,11 @@ def add_space_keys(gui: Any, on_stroke: Callable[[tuple[float, float, float]], N
         ("Hand nearer", "K", (0.0, -STEP, 0.0)),
     ):
         gui.add_command(label, hotkey=key).on_trigger(_stroke(on_stroke, way))
+
+    async def overlay(event: Any) -> None:
+        on_overlay()
+
+    gui.add_command("Probe over image", hotkey="O").on_trigger(overlay)
 
 
 def _stroke(

@@ -46,6 +46,7 @@ class SpaceView:
         self._panel: SpacePanel | None = None
         self._name = ""
         self._surface: Surface | None = None
+        self._offered = False  # whether anybody listens to the handle
         self._field: tuple[FieldUpdate | None, MaterialField | None] = (None, None)
         self._legend = server.gui.add_html("")
 
@@ -68,7 +69,7 @@ class SpaceView:
         self._draw_fixture(scene, watched, leader)
         self._draw_probes(scene, watched, leader)
         self.hold.follow()
-        offered = live and watched.operator == "browser"
+        self._offered = offered = live and watched.operator == "browser"
         probe = leader.place_x, leader.place_y, leader.place_z
         scene.draw_handle(
             self.hold.place,
@@ -123,7 +124,7 @@ class SpaceView:
         if self._panel is None:
             with self._tabs.add_tab("Fixture"):
                 self._panel = SpacePanel(self._server.gui, self._slide)
-            add_space_keys(self._server.gui, self._stroke)
+            add_space_keys(self._server.gui, self._key_stroke, self._image.toggle_overlay)
         return self._scene
 
     def _draw_fixture(self, scene: SpaceScene, watched: Watched, leader: LeaderSpace) -> None:
@@ -174,6 +175,10 @@ class SpaceView:
         way = [0.0, 0.0, 0.0]
         way[axis] = value - self.hold.hand[axis]
         self._stroke((way[0], way[1], way[2]))
+
+    def _key_stroke(self, way: Vector) -> None:
+        if self._offered:
+            self._stroke(way)
 
     def _stroke(self, way: Vector) -> None:
         self.hold.stroke(way)

@@ -155,11 +155,11 @@ def newest_image(images: Sequence[CameraImage], sequence: int, camera_delay: flo
         images: In the order in which they came.
         sequence: Of the tick.
         camera_delay: From the moment that an image shows to when it is read [s].
-        run: Of the follower's process; 0 for any.
+        run: Of the follower's process; 0 for any, and so has an image that does not say.
     """
     latest = sequence - round(camera_delay * TICKS_PER_SECOND)
     for image in reversed(images):
-        if image.tick <= latest and run in (0, image.run):
+        if image.tick <= latest and (image.run == run or 0 in (run, image.run)):
             return image
     return None
 

@@ -34,7 +34,7 @@ class RecordedSpace(SpaceHeard):
         if stretch.follower.size:
             self._follows = self._follows[self._follows["run"] == stretch.follower["run"][-1]]
         run = int(self._follows["run"][-1]) if self._follows.size else 0
-        self._pictures = tuple(image for image in stretch.images if run in (0, image.run))
+        self._pictures = tuple(image for image in stretch.images if image.run == run or 0 in (run, image.run))
         self._maps = tuple(field for field in stretch.fields if run in (0, field.run))
         self._beliefs = sorted(stretch.beliefs, key=lambda belief: belief.time_ns)
         self._belief_times = [belief.time_ns for belief in self._beliefs]

@@ -16,7 +16,7 @@ from foretouch.console.turning import along
 from foretouch.quantities.rigid import Vector
 from foretouch.rendering import Surface
 
-__all__ = ["SPACE_CAMERA", "SPACE_UNITS", "SpaceScene"]
+__all__ = ["HANDLE_SIZE", "SPACE_CAMERA", "SPACE_UNITS", "SpaceScene"]
 
 SPACE_UNITS = 200.0
 """Scene units per metre: one unit is 5 mm."""
@@ -29,6 +29,7 @@ NORMAL_LENGTH = 2.6
 BESIDE = 1.2
 """Arrows stand so far beside the probe that they belong to [scene units]."""
 HANDLE_SIZE = 4.0
+"""Length of its arrows [scene units]."""
 FORCE_SHOWN = 0.02
 """Smaller forces have no arrow [N]."""
 HINT = "Drag the arrows: the hand goes along"
