@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import contextlib
 import importlib.util
 import re
@@ -281,12 +282,14 @@ def test_a_scene_is_seen_and_pressed_in_three_dimensions(tmp_path: Path) -> None
 
 def pixels_of(page: Any, image: Any) -> np.ndarray:
     """What an image of the page shows, red, green and blue."""
+    import cv2
+
     address = image.evaluate(
         "image => {const c = document.createElement('canvas'); c.width = 640; c.height = 480;"
-        " c.getContext('2d').drawImage(image, 0, 0, 640, 480); return Array.from("
-        "c.getContext('2d').getImageData(0, 0, 640, 480).data)}"
+        " c.getContext('2d').drawImage(image, 0, 0, 640, 480); return c.toDataURL('image/png')}"
     )
-    return np.array(address, dtype=int).reshape(480, 640, 4)[..., :3]
+    picture = cv2.imdecode(np.frombuffer(base64.b64decode(address.partition(",")[2]), np.uint8), cv2.IMREAD_COLOR)
+    return picture[..., ::-1].astype(int)
 
 
 def changed(one: np.ndarray, other: np.ndarray) -> float:
