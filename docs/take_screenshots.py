@@ -2,9 +2,11 @@
 
 Starts `foretouch teleop`, opens its console in Chromium, and writes to `docs/images`: `console.png`, the mouse
 pressing; `console-model.png`, what was learnt; `console-recording.png`, a recording beside a second run under a longer
-delay; and `console-stopped.png`, after the emergency stop.
+delay; and `console-stopped.png`, after the emergency stop. A second session, over the phantom, gives
+`console-scene.png`, the script palpating with the virtual probe drawn over the image, and `console-scene-pressed.png`,
+the mouse pressing beside what is known of the fixture.
 
-Usage: `make screenshots`, or `.venv/bin/python docs/take_screenshots.py [PORT]`.
+Usage: `make screenshots`, or `.venv/bin/python docs/take_screenshots.py [PORT [line|scene]]`; both without a word.
 """
 
 from __future__ import annotations
@@ -15,20 +17,27 @@ import tempfile
 import time
 import urllib.error
 import urllib.request
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT / "tests" / "console"))  # the mouse and the browser are the tests' own
 
-from console_driver import choose, held_handle, open_page, open_tab  # noqa: E402
+from console_driver import choose, held_handle, held_in_space, open_page, open_tab  # noqa: E402
 
 from foretouch.console.alarm import LATCHED, READY  # noqa: E402
+from foretouch.console.space import SPACE_INSTRUCTION  # noqa: E402
 
 IMAGES = ROOT / "docs" / "images"
 PRESSED, MODEL, RECORDING, STOPPED = (
     IMAGES / f"{name}.png" for name in ("console", "console-model", "console-recording", "console-stopped")
 )
+SCENE, SCENE_PRESSED = (IMAGES / f"{name}.png" for name in ("console-scene", "console-scene-pressed"))
+PALPATED = 24.0
+"""So long the script palpates before the picture is taken [s]: the stiff inclusion is found then."""
+DOWN_MM = 44.0
+"""The handle in space is pushed down by this from where it stands."""
 PRESS_MM = 9.0
 WATCHED = 12.0
 """So long the script presses before the picture is taken [s]: the plot is full then."""
@@ -38,8 +47,16 @@ SETTLED = 1.5
 """So long after the emergency stop the last picture is taken [s]: the robot has unloaded."""
 
 
-def main(port: int) -> None:
-    """Take the pictures."""
+def main(port: int, which: str = "") -> None:
+    """Take the pictures of a session along a line, of one in three dimensions, or of both."""
+    if which in ("", "line"):
+        _session(port, (), _take, (PRESSED, MODEL, RECORDING, STOPPED))
+    if which in ("", "scene"):
+        _session(port, ("--scene", "phantom", "--seed", "2"), _take_scene, (SCENE, SCENE_PRESSED))
+
+
+def _session(port: int, options: tuple[str, ...], take: Callable[[str], None], images: tuple[Path, ...]) -> None:
+    """Run a session while its pictures are taken."""
     with tempfile.TemporaryDirectory() as folder:
         command = [
             sys.executable,
@@ -52,14 +69,15 @@ def main(port: int) -> None:
             str(port),
             "--recording",
             "pressed.mcap",
+            *options,
         ]
         session = subprocess.Popen(command, cwd=folder, stdout=subprocess.DEVNULL)
         try:
-            _take(f"http://127.0.0.1:{port}")
+            take(f"http://127.0.0.1:{port}")
         finally:
             session.terminate()
-            session.wait(30)
-    for image in (PRESSED, MODEL, RECORDING, STOPPED):
+            session.wait(120)  # it writes its report
+    for image in images:
         _shrink(image)
         print(f"{image.relative_to(ROOT)}: {image.stat().st_size / 1000:.0f} kB")
 
@@ -84,6 +102,21 @@ def _take(url: str) -> None:
             page.get_by_text("kill -USR2").wait_for()
             page.wait_for_timeout(1000 * SETTLED)
             page.screenshot(path=STOPPED)
+
+
+def _take_scene(url: str) -> None:
+    """Watch the script palpate, then press with the mouse."""
+    _wait_for(url)
+    with open_page(url, 1440, 900, SPACE_INSTRUCTION) as (page, _):
+        page.keyboard.press("o")
+        page.wait_for_timeout(1000 * PALPATED)
+        _close_notices(page)
+        page.screenshot(path=SCENE)
+        open_tab(page, "Fixture")
+        with held_in_space(page, DOWN_MM):
+            _scroll(page, to_end=True)
+            page.wait_for_timeout(1500)
+            page.screenshot(path=SCENE_PRESSED)
 
 
 def _look_at_recording(page: Any) -> None:
@@ -144,4 +177,4 @@ def _shrink(path: Path) -> None:
 
 
 if __name__ == "__main__":
-    main(int(sys.argv[1]) if len(sys.argv) > 1 else 8091)
+    main(int(sys.argv[1]) if len(sys.argv) > 1 else 8091, sys.argv[2] if len(sys.argv) > 2 else "")
