@@ -52,7 +52,7 @@ def main(port: int, which: str = "") -> None:
     if which in ("", "line"):
         _session(port, (), _take, (PRESSED, MODEL, RECORDING, STOPPED))
     if which in ("", "scene"):
-        _session(port, ("--scene", "phantom", "--seed", "1"), _take_scene, (SCENE, SCENE_PRESSED))
+        _session(port, ("--scene", "phantom"), _take_scene, (SCENE, SCENE_PRESSED))
 
 
 def _session(port: int, options: tuple[str, ...], take: Callable[[str], None], images: tuple[Path, ...]) -> None:
