@@ -113,7 +113,7 @@ def fusion() -> str:
             (
                 f"`{way}`",
                 *(both(poses, name) for name in ("place_mm", "turn_degrees")),
-                "-" if None in back else f"{most(back):.2f}",
+                "never" if None in back else f"{most(back):.2f}",
                 *(
                     f"{median(scene['contacts'][name]['percent'] for scene in scenes):.2f} "
                     f"({sum(scene['contacts'][name]['episodes'] for scene in scenes)})"
