@@ -208,6 +208,8 @@ class FixtureBelief(Message, frozen=True, array_like=True, gc=False):
         contacts: That were used so far.
         refused: Images and contacts that were refused so far.
         reason: What is known, a sentence for people.
+        run: Epoch of the follower's process whose ticks it is made of.
+        epoch: Of the tracker's own process: its `sequence` counts from 1 in each.
     """
 
     pose: Pose
@@ -217,3 +219,5 @@ class FixtureBelief(Message, frozen=True, array_like=True, gc=False):
     contacts: Count
     refused: Count
     reason: Text
+    run: Count = 0
+    epoch: Count = 1

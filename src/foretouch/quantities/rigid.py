@@ -59,7 +59,7 @@ class RigidMotion(NamedTuple):
 
     @classmethod
     def from_numbers(cls, numbers: Sequence[float]) -> RigidMotion:
-        r"""Of a place [m] and a rotation vector [rad], six finite numbers, by Rodrigues' formula.
+        r"""Of a place [m] and a rotation vector [rad], six numbers below 1e100, by Rodrigues' formula.
 
         .. math:: R = I + \frac{\sin\theta}{\theta} [\phi] + \frac{1 - \cos\theta}{\theta^2} [\phi]^2
         """

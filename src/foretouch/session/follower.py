@@ -48,6 +48,7 @@ class State:
         faulty_ticks: Ticks whose sensors were not believed.
         guards: Whether this side's settings guard first touches.
         guarded: Whether they are: by these, or because a command of this leader asks for it.
+        surface_doubt: The surface may be nearer than where it was felt by so much [m]; on a line it is not.
     """
 
     specification: RobotSpecification
@@ -67,6 +68,7 @@ class State:
     faulty_ticks: int = 0
     guards: bool = False
     guarded: bool = False
+    surface_doubt: float = 0.0
 
 
 class Inputs(NamedTuple):
@@ -254,6 +256,7 @@ def _allowed(
         silence=math.inf if heard_ns is None or inputs.ended else (now_ns - heard_ns) * 1e-9,
         faulty=faulty,
         guarded=state.first_touch.guarded,
+        surface_doubt=state.surface_doubt,
     )
     state.faulty_ticks += faulty
     state.held_ticks += heard_ns is not None and safety.status in (

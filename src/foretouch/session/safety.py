@@ -134,6 +134,7 @@ class Safety:
 
     __slots__ = (
         "_aim",
+        "_doubt",
         "_guard",
         "_limits",
         "_met",
@@ -152,6 +153,7 @@ class Safety:
         self._guard = ForceGuard()
         self._motion = MotionLimits(limits.speed, limits.acceleration, limits.jerk, sample_period)
         self._aim = math.nan
+        self._doubt = 0.0
         self._returning = False
         self._met = 0
         self._new = True  # it has not followed yet: nothing leads from anywhere
@@ -187,6 +189,7 @@ class Safety:
         silence: float,
         faulty: bool,
         guarded: bool = False,
+        surface_doubt: float = 0.0,
     ) -> float:
         """One tick: the position for the robot [m].
 
@@ -199,7 +202,9 @@ class Safety:
             silence: Time since the newest fresh command [s]; infinite before the first.
             faulty: Whether the sensors are not to be trusted.
             guarded: Whether `desired` was held back for a first touch.
+            surface_doubt: The surface may be nearer than it was felt by so much [m]: it was felt elsewhere.
         """
+        self._doubt = surface_doubt
         if math.isnan(self._aim):
             self._aim = position if math.isfinite(position) else desired
         guard = self._guard
@@ -274,7 +279,7 @@ class Safety:
         slow = impact_speed(IMPACT_SHARE * limits.force, limits.mass, stiffness)
         if damping > 0.0:
             slow = min(slow, DAMPING_SHARE * limits.force / damping)
-        way = 0.0 if math.isnan(surface) else max(surface - MARGIN - self._aim, 0.0)
+        way = 0.0 if math.isnan(surface) else max(surface - MARGIN - self._doubt - self._aim, 0.0)
         return math.sqrt(slow * slow + limits.acceleration * way)
 
     def _within(self, wanted: float, surface: float) -> float:

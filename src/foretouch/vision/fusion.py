@@ -100,6 +100,7 @@ class FusionSettings:
         agreeing: How many that are refused, and agree among themselves, mean that the fixture was moved.
         agreeing_within: They come within this time [s].
         history: How late a measurement may be [s].
+        blind: After so long without an image one touch that does not fit means that the fixture was moved [s].
     """
 
     start_position: float = 0.02
@@ -115,6 +116,7 @@ class FusionSettings:
     agreeing: int = 4
     agreeing_within: float = 0.5
     history: float = 2.0
+    blind: float = 1.0
 
     def __post_init__(self) -> None:
         if not all(map(math.isfinite, self.view)):
@@ -223,8 +225,9 @@ class FixtureFilter:
 
     The error of the pose and the error that all images share are one state of 12: an image gives
     r = log(T^-1 Z) - b = delta + b' + noise, a contact the height of q = T^-1 p, whose derivative is (-n, n x q). What
-    all images share keeps their average from being believed too far; contacts take it away along the normal. The update has Joseph's form. A measurement that comes late takes its place in time,
-    and what came after it is worked through again: the order of arrival makes no difference.
+    all images share keeps their average from being believed too far; contacts take it away along the normal. The update
+    has Joseph's form. A measurement that comes late takes its place in time, and what came after it is worked through
+    again: the order of arrival makes no difference.
 
     Args:
         fixture: The surface in its own frame.
@@ -324,6 +327,9 @@ class FixtureFilter:
         state = self._predict(state, seen.time)
         if self._fits(state, seen):
             return self._correct(state, seen), Verdict.USED
+        if isinstance(seen, ContactSeen) and seen.time - state.image_time > self.settings.blind:
+            # Nothing is seen, and a touch is elsewhere: the fixture was moved, and touches are all that tells of it.
+            return self._reopen(replace(state, refused=(seen,))), Verdict.REOPENED
         agreeing = [
             before
             for before in state.refused

@@ -92,9 +92,9 @@ class SimulatedCamera:
         if image is None:
             return self._message(tick, now_ns, run, b"", None, None, 0, "the stream has dropped the image")
         if before and self._camera.jpeg == before:  # no two images of a sensor with noise are alike
-            return self._message(
-                tick, now_ns, run, before, None, None, 0, "the stream stands still: the same image again"
-            )
+            still = before if len(before) <= LARGEST_JPEG else b""
+            why = "the stream stands still: the same image again"
+            return self._message(tick, now_ns, run, still, None, None, 0, why)
         found = self._detector.locate(image)
         jpeg = self._camera.jpeg if len(self._camera.jpeg) <= LARGEST_JPEG else b""
         if found.pose is None or found.covariance is None:

@@ -9,6 +9,7 @@ from collections.abc import Callable, Mapping
 from foretouch.link import ZenohLink
 from foretouch.messages import VERSION, CameraImage, FollowerSpace, Hello
 from foretouch.session.housekeeping import ORPHANED, StopFlag, orphaned
+from foretouch.session.lease import own_epoch
 from foretouch.session.settings import SessionSettings
 from foretouch.session.spatial import tracker
 from foretouch.session.spatial.camera import IMAGE_PERIOD, VIEW, SimulatedCamera
@@ -46,7 +47,8 @@ def run_camera(
         parent: Process whose end ends this one.
         description: Gives the texts of the `Hello` messages.
     """
-    state = tracker.start(KnownSurface(scene.surface), scene.nominal, settings.fusion, view=VIEW)
+    state: tracker.State | None = None
+    epoch = own_epoch()
     images: deque[tuple[float, CameraImage]] = deque()
     newest: FollowerSpace | None = None
     begun = exposed = spoken = time.monotonic()
@@ -54,8 +56,9 @@ def run_camera(
     while not stop.reason and (now := time.monotonic()) <= end:
         spaces = [space for _, space in link.take("follower-space")]
         if spaces:
-            if newest is not None and spaces[-1].run != newest.run:  # another process, and a world that begins anew
-                state = tracker.start(KnownSurface(scene.surface), scene.nominal, settings.fusion, view=VIEW)
+            if newest is None or spaces[-1].run > newest.run:  # another process, and a world that begins anew
+                epoch += 1
+                state = _begin(scene, settings, spaces[-1], epoch)
                 images.clear()
                 begun = now
             newest = spaces[-1]
@@ -66,7 +69,7 @@ def run_camera(
         while images and images[0][0] <= now:
             due.append(images.popleft()[1])
             link.publish(due[-1])
-        if newest is not None:
+        if newest is not None and state is not None:
             belief = tracker.step(state, spaces, due, newest.time_ns)
             if belief is not None:
                 link.publish(belief)
@@ -79,6 +82,20 @@ def run_camera(
             if orphaned(parent):
                 stop.set(ORPHANED)
         time.sleep(POLL_PERIOD)
+
+
+def _begin(scene: Scene, settings: SessionSettings, space: FollowerSpace, epoch: int) -> tracker.State:
+    """A tracker from where the follower believes the fixture, at its clock."""
+    believed = (
+        space.fixture_x,
+        space.fixture_y,
+        space.fixture_z,
+        space.fixture_rx,
+        space.fixture_ry,
+        space.fixture_rz,
+    )
+    known, time_ns = KnownSurface(scene.surface), space.time_ns
+    return tracker.start(known, believed, settings.fusion, view=VIEW, time=time_ns * 1e-9, epoch=epoch)
 
 
 def _take(camera: SimulatedCamera, space: FollowerSpace, seconds: float) -> CameraImage:

@@ -28,6 +28,7 @@ from foretouch.rendering.surfaces import Surface
 from foretouch.robot import RobotSample, RobotSpecification, SpatialSample
 from foretouch.session import follower
 from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
+from foretouch.session.spatial.force_cap import ForceCap
 from foretouch.session.spatial.lateral import LateralMotion
 from foretouch.session.spatial.line import Footing, SurfaceLine
 
@@ -35,6 +36,12 @@ __all__ = ["Inputs", "Outputs", "State", "start", "step"]
 
 BIAS_RATE = 2e-4
 """Share per tick in which the sensor's offset follows what is measured in free air, once it is known from 5 s."""
+
+QUIET, SETTLING = 0.3, 50
+"""Free air shows no more than this beside the offset [N], once that is known from so many ticks."""
+
+LARGEST_PULL, PULL_SHARE = 0.5, 0.02
+"""Of what pulls more than this [N] so much is seen: enough that a sensor does not seem to be stuck."""
 
 AFTER_CONTACT = 500
 """Free air begins so many ticks after a contact: who leaves slowly still feels a little, and thinks it is none."""
@@ -44,6 +51,13 @@ SMOOTHED = -math.expm1(-2.0 * math.pi * 20.0 * SAMPLE_PERIOD)
 SLIDING = 0.01
 """Slower than this nobody knows in which direction it slides [m/s]: the encoders' noise turns it, and friction seems to
 be less."""
+
+DOUBT_FACTOR, LEVER, LARGEST_DOUBT = 3.0, 0.1, 0.1
+"""A surface that was felt at one place may be nearer at another, by so many standard deviations of the pose, at
+a lever of so much [m]; at most so much [m]."""
+
+LATEST = 2e-3
+"""A contact that would have been noticed later than this depth tells no surface [m]."""
 
 FELT_WAY, TOUCH_EXPONENT = 1e-3, 1.15
 """The surface is known from how the force grows over this way [m], with this exponent of depth."""
@@ -68,14 +82,17 @@ class State:
         commanded: Of the newest command.
         played: Of the command that is followed now.
         lateral: Moves along the surface.
+        cap: Keeps the force below its ceiling, whichever way it points.
         force_ceiling: Largest force [N].
         approach_speed: Along a surface whose first touch is guarded [m/s].
+        largest_speed: Of the robot [m/s].
         friction: Learns it.
         rubbed: From what.
         bias: The sensor's offset [N].
         bias_ticks: That it is known from.
         free_ticks: Since free air began; negative for a while after a contact.
         age: Since an image showed the fixture, as the newest belief says [s].
+        belief_said: Epoch of its tracker, and its sequence.
         believed_ns: Clock when that came: whoever tells no more lets it age [ns].
         deviation: Of the newest belief.
         contacts_believed: Touches that the newest belief is made of.
@@ -95,8 +112,10 @@ class State:
     commanded: SurfaceLine
     played: SurfaceLine
     lateral: LateralMotion
+    cap: ForceCap
     force_ceiling: float
     approach_speed: float
+    largest_speed: float
     friction: FrictionEstimator = field(default_factory=FrictionEstimator)
     rubbed: Rubbed = field(default_factory=lambda: Rubbed())
     bias: Vector = (0.0, 0.0, 0.0)
@@ -104,6 +123,7 @@ class State:
     free_ticks: int = 0
     age: float = math.inf
     believed_ns: int = 0
+    belief_said: tuple[int, int] = (0, 0)
     deviation: tuple[float, ...] = ()
     contacts_believed: int = 0
     onset: tuple[float, float] = (0.0, 0.0)
@@ -202,7 +222,10 @@ def start(
     inner = follower.start(specification, settings, estimator, run=run)
     lateral = LateralMotion(settings.largest_speed, settings.largest_acceleration, settings.largest_jerk, SAMPLE_PERIOD)
     probe, commanded, played = (SurfaceLine(surface, pose, leads=leads) for leads in (True, False, False))
-    return State(inner, probe, commanded, played, lateral, settings.force_ceiling, settings.approach_speed)
+    cap = ForceCap(settings.force_ceiling, settings.largest_speed, SAMPLE_PERIOD)
+    limits = (settings.force_ceiling, settings.approach_speed, settings.largest_speed)
+    inner.surface_doubt = LARGEST_DOUBT  # until a tracker says otherwise
+    return State(inner, probe, commanded, played, lateral, cap, *limits)
 
 
 def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
@@ -214,8 +237,7 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
         now_ns: This side's monotonic clock [ns].
     """
     for belief in inputs.beliefs:
-        _believe(state, belief)
-        state.believed_ns = now_ns
+        _believe(state, belief, now_ns)
     inner, sample, line = state.inner, inputs.sample, state.line
     before = line.offset
     footing = line.follow(sample.place)
@@ -225,7 +247,11 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
     estimator = inner.learner.estimator
     if isinstance(estimator, MaterialFieldLearner):
         estimator.touch_at(footing.inner_point)
+    # What pulls is no contact of this surface: learnt as the sensor's offset, it would hide one.
     felt = dot(force, footing.normal)
+    if felt < -LARGEST_PULL:
+        felt = PULL_SHARE * (felt + LARGEST_PULL) - LARGEST_PULL
+    sliding = state.cap.observe(sample.place, force, footing.normal)
     along = RobotSample(
         position=footing.along,
         sensor_force=felt,
@@ -241,7 +267,8 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
     _, allowed = follower.step(inner, told, now_ns)
     sideways = subtract(force, scaled(footing.normal, felt))
     _learn_beside_the_law(state, footing, sample, sideways)
-    desired = _place(state, footing, sample.place, allowed.desired_position, sideways)
+    wanted = _place(state, footing, sample.place, allowed.desired_position, sideways, sliding)
+    desired = state.cap.limit(wanted, force)
     model = allowed.model
     return state, Outputs(
         desired,
@@ -252,7 +279,11 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
     )
 
 
-def _believe(state: State, belief: FixtureBelief) -> None:
+def _believe(state: State, belief: FixtureBelief, now_ns: int) -> None:
+    said = (belief.epoch, belief.sequence)
+    if belief.run != state.inner.run or said <= state.belief_said:
+        return  # it is late, or of another process
+    state.belief_said, state.believed_ns = said, now_ns
     before = state.line.offset
     if state.line.believe(belief.pose):
         if belief.contacts == state.contacts_believed:
@@ -262,7 +293,14 @@ def _believe(state: State, belief: FixtureBelief) -> None:
         for other in (state.commanded, state.played):
             other.offset = state.line.offset
             other.believe(belief.pose)
+    state.inner.surface_doubt = _doubt(belief.deviation)
     state.age, state.deviation, state.contacts_believed = belief.image_age, belief.deviation, belief.contacts
+
+
+def _doubt(deviation: tuple[float, ...]) -> float:
+    """How much nearer than believed the surface may be, anywhere on the fixture [m]: three standard deviations."""
+    place, turn = deviation[:3], deviation[3:]
+    return min(DOUBT_FACTOR * (math.hypot(*place) + LEVER * math.hypot(*turn)), LARGEST_DOUBT)
 
 
 def _share_offset(state: State, before: float) -> None:
@@ -288,13 +326,14 @@ def _learn_beside_the_law(state: State, footing: Footing, sample: SpatialSample,
     if not learnt_from.in_contact:
         state.contact_ticks = 0
         state.free_ticks += 1
-        if state.free_ticks > 0 and norm(sample.force) < inner.specification.largest_offset:
+        still = not norm(subtract(sample.force, state.bias)) > QUIET or state.bias_ticks < SETTLING
+        if state.free_ticks > 0 and still and norm(sample.force) < inner.specification.largest_offset:
             state.bias_ticks += 1
             rate = max(1.0 / state.bias_ticks, BIAS_RATE)
             state.bias = add(state.bias, scaled(subtract(sample.force, state.bias), rate))
         return
     state.contact_ticks, state.free_ticks = state.contact_ticks + 1, -AFTER_CONTACT
-    if math.isfinite(moved[0]):
+    if math.isfinite(moved[0] + sideways[0] + sideways[1] + sideways[2]):
         rubbed = state.rubbed
         rubbed.update(learnt_from.force, sideways, state.line.motion.rotate(scaled(moved, 1.0 / SAMPLE_PERIOD)))
         if norm(rubbed.sliding) > SLIDING:
@@ -307,7 +346,7 @@ def _feel_surface(state: State, footing: Footing, sample: SpatialSample) -> None
 
     A contact is noticed late, at a force F_1 that the surface gives at a depth d. With F_2 after h more,
 
-    .. math:: d = rac{r h}{1 - r}, \quad r = (F_1 / F_2)^{1 / n}
+    .. math:: d = \frac{r h}{1 - r}, \quad r = (F_1 / F_2)^{1 / n}
 
     for a law of exponent n, here 1.15: a spring has 1, and Hertz's ball 1.5.
     """
@@ -319,24 +358,24 @@ def _feel_surface(state: State, footing: Footing, sample: SpatialSample) -> None
     if state.told or way < FELT_WAY:
         return
     state.told = True
-    if not 0.0 < began < force:
+    ratio = (began / force) ** (1.0 / TOUCH_EXPONENT) if 0.0 < began < force else 1.0
+    if ratio * way > LATEST * (1.0 - ratio):  # it hardly grew: nobody can say where it began
         return
-    ratio = (began / force) ** (1.0 / TOUCH_EXPONENT)
     state.touch = add(sample.place, scaled(footing.normal, way / (1.0 - ratio)))
     state.touch_tick = state.inner.tick
 
 
-def _place(state: State, footing: Footing, sample_place: Vector, along: float, sideways: Vector) -> Vector:
+def _place(state: State, footing: Footing, here: Vector, along: float, sideways: Vector, sliding: float) -> Vector:
     """Where the robot is to go: along the surface as its limits say, and on the normal there as is allowed [m]."""
     inner, target = state.inner, state.inner.playout.place
     free = inner.safety.status < Status.HOLDING
     place = state.lateral.update(
         (target[0], target[1], target[2]) if free and len(target) == 3 else None,
-        sample_place,
+        here,
         sideways,
         inner.learner.sample.force,
         limit=state.force_ceiling,
-        speed=state.approach_speed if inner.first_touch.guarded else math.inf,
+        speed=sliding * (state.approach_speed if inner.first_touch.guarded else state.largest_speed),
     )
     return state.played.follow(place).place_at(along if math.isfinite(along) else footing.along)
 

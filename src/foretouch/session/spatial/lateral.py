@@ -79,6 +79,8 @@ class LateralMotion:
     def _held_back(self, path: Vector, here: Vector, resistance: Vector, pressed: float, limit: float) -> Vector:
         """The path, but no further against an obstacle than its force allows."""
         force = norm(resistance)
+        if not force < math.inf:
+            return self.place or path  # nobody knows what it would push
         unexplained = force - max(pressed, 0.0)
         if self._inwards is None:
             if unexplained <= OBSTACLE:

@@ -72,6 +72,7 @@ class State:
         coefficient: Of Coulomb friction.
         viscous: Of viscous friction [N s/m].
         follower_at: Where the follower was told to be [m].
+        follower_run: And which process of it.
         along: Position of the hand along the normal in the tick before [m].
         offset: Of the line then [m].
         refused: Fields that could not be used.
@@ -96,6 +97,7 @@ class State:
     coefficient: float = 0.0
     viscous: float = 0.0
     follower_at: Vector = NOWHERE
+    follower_run: int = 0
     along: float = math.nan
     offset: float = 0.0
     refused: int = 0
@@ -167,10 +169,11 @@ def start(
     stiffness = device.largest_stiffness(SAMPLE_PERIOD)
     if settings.largest_stiffness:
         stiffness = min(stiffness, settings.largest_stiffness)
+    scales = settings.force_scale * settings.position_scale  # friction is rendered in the follower's lengths and forces
     return State(
         leader.start(settings, holder=holder, epoch=epoch),
         SurfaceLine(surface, pose),
-        FrictionRenderer(stiffness, device.damping if held else math.inf),
+        FrictionRenderer(stiffness / scales, device.damping / scales if held else math.inf),
         SpatialEnergyAccount(device.resolution if held else 0.0),
         settings.position_scale,
         settings.force_scale,
@@ -187,7 +190,7 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
         now_ns: This side's monotonic clock [ns].
     """
     for space in inputs.spaces:
-        state.follower_at = (space.desired_x, space.desired_y, space.desired_z)
+        state.follower_at, state.follower_run = (space.desired_x, space.desired_y, space.desired_z), space.run
     for update in inputs.fields:
         _take_field(state, update)
     models = [_take_model(state, model) for model in inputs.models]
@@ -256,7 +259,7 @@ def _take_model(state: State, model: ModelUpdate) -> ModelUpdate:
 def _couple(state: State, inputs: Inputs) -> tuple[Vector, list[Telemetry]]:
     """Place of the hand in the world, and the telemetry as a leader along the line is to read it.
 
-    Hand and follower meet where the follower is told to be, and after a clutch where the proxy was left.
+    Hand and follower meet where the follower is told to be, and after a clutch where the hand was.
     """
     proxy = state.inner.renderer.proxy
     here = scaled(inputs.place, state.position_scale)
@@ -269,11 +272,14 @@ def _couple(state: State, inputs: Inputs) -> tuple[Vector, list[Telemetry]]:
         state.hand = subtract(here, state.apart)
         return state.hand, inputs.telemetry
     was_left = not math.isnan(proxy.position) and math.isfinite(state.hand[0])
+    newest = inputs.telemetry[-1].run if inputs.telemetry else state.inner.heard.run
     meet = state.hand if was_left else state.follower_at
-    if not math.isfinite(meet[0]):
-        return NOWHERE, inputs.telemetry
+    if not math.isfinite(meet[0]) or not (was_left or state.follower_run == newest):
+        state.inner.heard.position = math.nan
+        return NOWHERE, [msgspec.structs.replace(one, desired_position=math.nan) for one in inputs.telemetry]
     state.apart, state.hand = subtract(here, meet), meet
     along = state.line.follow(meet).along
+    state.inner.heard.position = along
     return meet, [msgspec.structs.replace(one, desired_position=along) for one in inputs.telemetry]
 
 

@@ -110,7 +110,9 @@ def simulate_scene(
         sample = robot.exchange(acted.desired)
 
         if camera is not None and tick % _IMAGE_TICKS == 0:
-            image = camera.take(sample.fixture, sample.exact_place, acted.space.sequence, now_ns * 1e-9, now_ns)
+            image = camera.take(
+                sample.fixture, sample.exact_place, acted.space.sequence, now_ns * 1e-9, now_ns, acted.space.run
+            )
             images.append((now_ns + delay_ns, image))
             logs["seen"].append(image)
             keep(image, now_ns)

@@ -21,6 +21,9 @@ __all__ = ["State", "start", "step"]
 TOUCH_DEVIATION = 2e-4
 """Standard deviation of where a touch puts the surface along its normal [m]: encoders, sensor noise, softness."""
 
+FIRST_TICKS = 100
+"""A tracker that hears the follower from within so many ticks on has missed no touch."""
+
 REMEMBERED = 3000
 """Ticks whose times are remembered: images come late."""
 
@@ -40,6 +43,9 @@ class State:
         times: The follower's clock by its ticks [ns].
         touch_tick: Of the newest touch that was taken.
         run: The follower's process that is heard.
+        epoch: Of this process.
+        gone: The follower's processes that others have followed.
+        pose_seen: Of the newest image that showed the board.
         sequence: Of the newest belief.
         told: Time of the newest belief [s].
         images: Used so far.
@@ -53,6 +59,9 @@ class State:
     times: OrderedDict[int, int] = field(default_factory=OrderedDict)
     touch_tick: int = 0
     run: int = 0
+    epoch: int = 1
+    gone: set[int] = field(default_factory=set)
+    pose_seen: tuple[float, ...] = ()
     sequence: int = 0
     told: float = -math.inf
     images: int = 0
@@ -67,6 +76,7 @@ def start(
     *,
     view: tuple[float, float, float] = (0.0, 0.0, 0.0),
     time: float = 0.0,
+    epoch: int = 1,
 ) -> State:
     """State before the first image.
 
@@ -76,13 +86,11 @@ def start(
         fusion: As `SessionSettings.fusion`.
         view: Direction in which the camera looks, in the world; of no length where it is not known.
         time: [s], by the follower's clock.
+        epoch: Of this process.
     """
     believed = Pose.from_rotation_vector(pose[3:], pose[:3])
-    return State(
-        FixtureFilter(touched, believed, time, FusionSettings(view=view)),
-        fusion in ("full", "image"),
-        fusion in ("full", "contact"),
-    )
+    known = FixtureFilter(touched, believed, time, FusionSettings(view=view))
+    return State(known, fusion in ("full", "image"), fusion in ("full", "contact"), epoch=epoch)
 
 
 def step(
@@ -119,13 +127,18 @@ def step(
         state.contacts,
         state.refused,
         known.sentence(now),
+        state.run,
+        state.epoch,
     )
 
 
 def _take_tick(state: State, space: FollowerSpace) -> bool:
     """Remember when a tick was; take the touch that it tells of, if that is new."""
-    if space.run != state.run:
-        state.run, state.touch_tick = space.run, 0
+    if space.run in state.gone:
+        return False
+    if space.run != state.run:  # what was felt before this tracker began, or before another process did, is no news
+        state.gone.add(state.run)
+        state.run, state.touch_tick = space.run, space.touch_tick if state.times or space.sequence > FIRST_TICKS else 0
         state.times.clear()
     state.times[space.sequence] = space.time_ns
     while len(state.times) > REMEMBERED:
@@ -146,6 +159,10 @@ def _take_tick(state: State, space: FollowerSpace) -> bool:
 def _take_image(state: State, image: CameraImage) -> bool:
     time_ns = state.times.get(image.tick)
     if not state.uses_images or time_ns is None or len(image.pose) != 6 or len(image.covariance) != 36:
+        return False
+    again, state.pose_seen = image.pose == state.pose_seen, image.pose
+    if again or image.run != state.run:  # to the last bit: a stream that stands still
+        state.refused += 1
         return False
     pose = Pose.from_rotation_vector(image.pose[3:], image.pose[:3])
     seen = ImageSeen(time_ns * SECOND, pose, np.reshape(image.covariance, (6, 6)))

@@ -1,0 +1,93 @@
+"""The force on the probe kept below its ceiling whichever way it points, and whatever is believed of the surface."""
+
+from __future__ import annotations
+
+import math
+
+from foretouch.quantities.rigid import Vector, add, dot, norm, scaled, subtract
+from foretouch.session.force_guard import ForceGuard
+
+__all__ = ["ForceCap"]
+
+AIMED = 0.92
+"""Share of the ceiling that is held."""
+
+SLOWED = 0.65
+"""Share of the ceiling from which on sliding gets slower, until it stands at `AIMED`."""
+
+AHEAD, RATE_SHARE = 0.02, 0.2
+"""Sliding reckons with the force as it will be after so long [s]; its rate is smoothed by this share a tick."""
+
+CONE = 0.8
+"""Cosine of the largest angle between a force and the normal that friction explains."""
+
+FELT = 1.0
+"""Less is no contact that matters [N]."""
+
+
+class ForceCap:
+    """The last limit in space: along the force that is measured, whatever normal is believed.
+
+    Within the cone in which friction may turn a force its direction is that of the believed normal: who goes back along
+    friction slides the other way, and it turns.
+
+    The place goes no deeper against the force than `ForceGuard` allows for 92 % of the ceiling, by the way that the
+    probe has gone against it, and goes back where that is passed. And who slides while the force nears the ceiling is
+    slowed down: a surface that rises on the way makes a force grow that no depth explains.
+
+    Args:
+        ceiling: [N], positive.
+        speed: Largest of the robot [m/s], positive.
+        sample_period: [s], positive.
+    """
+
+    __slots__ = ("_ceiling", "_force", "_guard", "_here", "_outwards", "_period", "_place", "_rate", "_speed", "_way")
+
+    def __init__(self, ceiling: float, speed: float, sample_period: float) -> None:
+        self._ceiling, self._speed, self._period = ceiling, speed, sample_period
+        self._guard = ForceGuard()
+        self._here: Vector | None = None
+        self._place: Vector | None = None
+        self._outwards: Vector = (0.0, 0.0, 1.0)
+        self._way = self._force = self._rate = 0.0
+
+    def observe(self, here: Vector, force: Vector, normal: Vector) -> float:
+        """See where the probe is [m], what it feels [N] and what normal is believed; how much of a slide is allowed.
+
+        A force that is no number is not known: nothing slides, and nothing goes deeper.
+        """
+        size = norm(force)
+        if not (size < math.inf and all(map(math.isfinite, here))):
+            self._guard.observe(math.nan, math.nan, False)
+            return 0.0
+        if self._here is not None and size > FELT:
+            self._outwards = normal if dot(force, normal) > CONE * size else scaled(force, 1.0 / size)
+            self._way -= dot(subtract(here, self._here), self._outwards)
+        self._here = here
+        self._guard.observe(self._way, size, size > FELT)
+        self._rate += RATE_SHARE * ((size - self._force) / self._period - self._rate)
+        self._force = size
+        coming = size + max(self._rate, 0.0) * AHEAD
+        return min(max((AIMED * self._ceiling - coming) / ((AIMED - SLOWED) * self._ceiling), 0.0), 1.0)
+
+    def limit(self, wanted: Vector, force: Vector) -> Vector:
+        """The place that is allowed [m].
+
+        Args:
+            wanted: [m].
+            force: On the probe [N].
+        """
+        before, self._place = self._place, wanted
+        size = norm(force)
+        if before is None:
+            return wanted
+        if not size < math.inf:
+            self._place = before
+        elif size > FELT:
+            outwards = self._outwards
+            inwards = -dot(subtract(wanted, before), outwards)
+            fastest = min(self._guard.speed(AIMED * self._ceiling), self._speed)
+            most = max(fastest, -self._speed) * self._period
+            if inwards > most:
+                self._place = add(wanted, scaled(outwards, inwards - most))
+        return self._place
