@@ -16,6 +16,7 @@ from foretouch.console.palette import BLUE, GREEN, Colour
 from foretouch.console.window import Array
 from foretouch.quantities import Pose
 from foretouch.quantities.rigid import Vector
+from foretouch.vision.board import opencv
 
 __all__ = ["can_draw", "draw_over"]
 
@@ -44,7 +45,7 @@ def draw_over(
         pose: Of the fixture as it is rendered: a place [m] and a rotation vector [rad].
         corners: Of the outline in the fixture's frame [m], shape (n, 3).
     """
-    import cv2
+    cv2 = opencv()
 
     image = cv2.imdecode(np.frombuffer(jpeg, np.uint8), cv2.IMREAD_COLOR)
     if image is None or len(camera) != 15:
@@ -62,7 +63,7 @@ def draw_over(
 
 def _draw_tip(image: np.ndarray, camera: Sequence[float], probe: Vector) -> None:
     """A disc as large as the tip would be."""
-    import cv2
+    cv2 = opencv()
 
     x, y, z = probe
     middle, right = _pixels(camera, np.array([(x, y, z), (x + TIP_RADIUS, y, z)]))
@@ -75,7 +76,7 @@ def _draw_tip(image: np.ndarray, camera: Sequence[float], probe: Vector) -> None
 
 def _draw_line(image: np.ndarray, points: Array, colour: Colour, width: int) -> None:
     """A line with a white rim, left out where it is not before the camera or far beside the image."""
-    import cv2
+    cv2 = opencv()
 
     height, across = image.shape[:2]
     near = np.isfinite(points).all(axis=1) & (np.abs(points) < 4 * max(height, across)).all(axis=1)
