@@ -78,7 +78,8 @@ def _session(port: int, options: tuple[str, ...], take: Callable[[str], None], i
             session.terminate()
             session.wait(120)  # it writes its report
     for image in images:
-        _shrink(image)
+        if take is _take:  # a scene's colours have a meaning: all of them stay
+            _shrink(image)
         print(f"{image.relative_to(ROOT)}: {image.stat().st_size / 1000:.0f} kB")
 
 
