@@ -135,6 +135,10 @@ class Conditioner:
             self.surface = math.nan
         self._peak = 0.0
 
+    def doubt_surface(self) -> None:
+        """Find the surface anew where the next contact begins: the probe goes elsewhere. One that was given stays."""
+        self._surface_threshold = 0.0
+
     def shift(self, change: float) -> None:
         """What is pressed has moved by so much [m], deeper where positive: the surface goes with it, unless given."""
         if self._given_surface is None and math.isfinite(change):

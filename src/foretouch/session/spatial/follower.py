@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import msgspec
 
-from foretouch.identification import Estimator, FrictionEstimator, MaterialFieldLearner
+from foretouch.identification import Estimator, FrictionEstimator, MaterialFieldLearner, SensorState
 from foretouch.messages import (
     VERSION,
     Command,
@@ -56,6 +56,9 @@ DOUBT_FACTOR, LEVER, LARGEST_DOUBT = 3.0, 0.1, 0.1
 """A surface that was felt at one place may be nearer at another, by so many standard deviations of the pose, at
 a lever of so much [m]; at most so much [m]."""
 
+MISSED, MISSED_TICKS = 1e-3, 50
+"""Nothing felt so deep below a surface [m] for so many ticks: it is deeper."""
+
 LATEST = 2e-3
 """A contact that would have been noticed later than this depth tells no surface [m]."""
 
@@ -91,6 +94,7 @@ class State:
         bias: The sensor's offset [N].
         bias_ticks: That it is known from.
         free_ticks: Since free air began; negative for a while after a contact.
+        missed_ticks: In which nothing was felt below the surface.
         age: Since an image showed the fixture, as the newest belief says [s].
         belief_said: Epoch of its tracker, and its sequence.
         believed_ns: Clock when that came: whoever tells no more lets it age [ns].
@@ -121,6 +125,7 @@ class State:
     bias: Vector = (0.0, 0.0, 0.0)
     bias_ticks: int = 0
     free_ticks: int = 0
+    missed_ticks: int = 0
     age: float = math.inf
     believed_ns: int = 0
     belief_said: tuple[int, int] = (0, 0)
@@ -324,8 +329,11 @@ def _learn_beside_the_law(state: State, footing: Footing, sample: SpatialSample,
     learnt_from, moved = inner.learner.sample, subtract(point, state.point)
     state.point = point
     if not learnt_from.in_contact:
+        if state.contact_ticks:
+            inner.learner.conditioner.doubt_surface()
         state.contact_ticks = 0
         state.free_ticks += 1
+        _miss_surface(state)
         still = not norm(subtract(sample.force, state.bias)) > QUIET or state.bias_ticks < SETTLING
         if state.free_ticks > 0 and still and norm(sample.force) < inner.specification.largest_offset:
             state.bias_ticks += 1
@@ -339,6 +347,15 @@ def _learn_beside_the_law(state: State, footing: Footing, sample: SpatialSample,
         if norm(rubbed.sliding) > SLIDING:
             state.friction.update(rubbed.pressed, rubbed.sideways, rubbed.sliding, SAMPLE_PERIOD)
     _feel_surface(state, footing, sample)
+
+
+def _miss_surface(state: State) -> None:
+    """A robot that is deeper than the surface was felt, and feels nothing for a while, shows that it is not there."""
+    inner, depth = state.inner, state.inner.learner.sample.depth
+    state.missed_ticks = state.missed_ticks + 1 if depth > MISSED and inner.watch.state is SensorState.GOOD else 0
+    if state.missed_ticks >= MISSED_TICKS:
+        inner.learner.conditioner.shift(depth)
+        state.missed_ticks = 0
 
 
 def _feel_surface(state: State, footing: Footing, sample: SpatialSample) -> None:
