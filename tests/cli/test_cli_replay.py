@@ -49,6 +49,7 @@ def test_without_options_both_are_the_same(session: Path, tmp_path: Path) -> Non
     assert written.settings == log.settings | {"replay": "open loop"}
 
 
+@pytest.mark.long
 def test_what_is_given_is_otherwise_and_the_rest_is_as_recorded(session: Path, tmp_path: Path) -> None:
     arguments = ("--force-delay", 0.6, "--jitter", 0, "--model", "continuous-switching", "--report", tmp_path)
     result = run("replay", session, *arguments)
@@ -69,6 +70,7 @@ def test_what_is_given_is_otherwise_and_the_rest_is_as_recorded(session: Path, t
     assert ratio > 1.1
 
 
+@pytest.mark.long
 def test_a_hand_answers(session: Path) -> None:
     result = run("replay", session, "--closed-loop", "--grip", "normal")
     assert result.exit_code == 0, result.exception

@@ -40,6 +40,7 @@ def test_a_scene_is_simulated_recorded_and_reported_again(recorded: Path, tmp_pa
     assert read_session(recorded).beliefs
 
 
+@pytest.mark.long
 def test_a_mesh_is_a_scene(tmp_path: Path) -> None:
     trimesh = pytest.importorskip("trimesh")
     block = trimesh.creation.box((0.08, 0.08, 0.02))
@@ -98,6 +99,7 @@ def columns(path: Path) -> list[bytes]:
     return [*(table.tobytes() for table in tables), repr((log.models, log.fields, log.beliefs)).encode()]
 
 
+@pytest.mark.long
 def test_a_scene_is_run_again_bit_by_bit_and_under_another_delay(recorded: Path) -> None:
     again, later = recorded.with_name("again.mcap"), recorded.with_name("later.mcap")
     result = run("replay", recorded, "--recording", again)
@@ -111,6 +113,7 @@ def test_a_scene_is_run_again_bit_by_bit_and_under_another_delay(recorded: Path)
     assert log.leader_space["fixture_x"].tobytes() != before.leader_space["fixture_x"].tobytes()
 
 
+@pytest.mark.long
 def test_a_held_scene_is_run_again_in_a_closed_loop(tmp_path: Path) -> None:
     path, again = tmp_path / "held.mcap", tmp_path / "again.mcap"
     run("simulate", "--scene", "plane", *TOUCHES, "--grip", "normal", "--duration", 2, "--recording", path)

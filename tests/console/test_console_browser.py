@@ -249,6 +249,7 @@ def test_where_nobody_supervises_a_sentence_says_so(bench):
     bench.session.supervised = True
 
 
+@pytest.mark.long
 def test_a_recording_is_played_and_its_bar_is_dragged_while_the_stop_stays_the_robots(bench):
     page = bench.page
     open_tab(page, "Recordings")

@@ -107,6 +107,7 @@ def test_a_session_along_a_line_has_nothing_in_space() -> None:
     assert watched.space.follower is None
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("moment", [0.5, 2.0, 4.321, 5.9])
 def test_a_recording_shows_the_places_of_its_moment(moment: float) -> None:
     log = recorded()

@@ -246,6 +246,7 @@ def test_an_emergency_stop_is_released_at_the_follower_and_a_killed_tab_lets_go(
     assert engaged[-1] == 1
 
 
+@pytest.mark.long
 def test_a_scene_is_seen_and_pressed_in_three_dimensions(tmp_path: Path) -> None:
     """The mouse takes the handle's arrow and pushes it down; the camera's image changes, and the probe over it too."""
     pytest.importorskip("cv2")

@@ -210,7 +210,8 @@ def message(model: ContactMap, state: tuple[float, ...]) -> ModelUpdate:
         "estimator": "bank",
         "map": model.map,
     }
-    return ModelUpdate(*(fields.get(name, 0) for name in ModelUpdate.__struct_fields__))
+    counts = {name: 0 for name in ("sequence", "time_ns", "command_sequence")}
+    return ModelUpdate(**(counts | fields))
 
 
 @settings(max_examples=30)

@@ -100,6 +100,7 @@ def test_so_does_one_whose_hand_answers(felt: SessionLog) -> None:
     assert session_report(out)["loop"].startswith("closed loop")
 
 
+@pytest.mark.long
 def test_a_longer_force_delay_makes_the_delayed_force_worse_and_the_prediction_little(pressed: SessionLog) -> None:
     before, after = session_report(pressed), session_report(again(pressed, force_delay=0.6))
     assert after["delayed_force_error_percent"] > 1.2 * before["delayed_force_error_percent"]
@@ -117,6 +118,7 @@ def test_the_hand_goes_where_it_went_whatever_comes_of_it(pressed: SessionLog) -
     assert np.median(rows.follower["time_ns"] - rows.leader["time_ns"]) >= 200 * MS
 
 
+@pytest.mark.long
 def test_the_hand_gives_way_where_it_is_to_answer(pressed: SessionLog) -> None:
     out = again(pressed, closed_loop=True, grip="soft")
     pushed = out.leader["rendered_force"] > 0.5
@@ -137,6 +139,7 @@ def test_a_closed_loop_needs_a_hand(pressed: SessionLog) -> None:
 # --- robots that do not answer ----------------------------------------------------------------------------------------
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("changes", [{}, FAULTS], ids=str)
 def test_a_real_robot_s_force_comes_with_its_commands_and_gives_the_same_prediction(changes: dict[str, Any]) -> None:
     log = on_a_real_robot(recorded(3.0, first_touch="follow", **changes))
@@ -147,6 +150,7 @@ def test_a_real_robot_s_force_comes_with_its_commands_and_gives_the_same_predict
     np.testing.assert_array_equal(out.follower["sensor_force"], log.follower["sensor_force"])
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("position_delay", [0.0, 0.03, 0.2])
 def test_under_another_delay_true_and_predicted_force_stay_at_equal_command(position_delay: float) -> None:
     simulated = recorded(5.0, first_touch="follow")

@@ -149,6 +149,7 @@ def test_a_hidden_board_ages_and_nothing_jumps() -> None:
     assert any("hidden" in image.reason or image.markers < 4 for image in log.images)
 
 
+@pytest.mark.long
 def test_a_stiff_world_that_is_nearer_than_believed_is_met_below_the_ceiling() -> None:
     for seed in (1, 2, 3):
         log = run(6.0, camera=False, fusion="none", material="kelvin-voigt", seed=seed, turn=0.1, scene="plane")
@@ -520,6 +521,7 @@ def test_a_fixture_that_turns_up_nearer_does_not_jerk_the_hand_that_is_in_it() -
     assert leading.account.energy >= -leading.account.bound
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("changes", [{"position_scale": 2.0}, {"force_scale": 0.5}, {"clutch": "6:7,8:9"}])
 def test_scales_and_clutch_work_in_space(changes: dict) -> None:
     log = run(10.0, camera=False, fusion="none", displacement=0.0, turn=0.0, grip="normal", **changes)
@@ -534,6 +536,7 @@ def test_scales_and_clutch_work_in_space(changes: dict) -> None:
         assert log.follower["exact_force"].max() > 0.3
 
 
+@pytest.mark.long
 @sees
 def test_a_stream_that_stands_still_is_noticed() -> None:
     log = run(2.0, image_fault="frozen:0.8:1.6")

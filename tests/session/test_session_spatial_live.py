@@ -55,6 +55,7 @@ def test_a_scene_is_pressed_seen_and_recorded(tmp_path: Path) -> None:
         assert np.linalg.norm(np.array(NOMINAL[:3]) - true) > 5e-3
 
 
+@pytest.mark.long
 def test_sides_of_different_scenes_are_told_apart() -> None:
     endpoint = free_endpoint()
     common = ["--parent", str(os.getpid())]

@@ -26,7 +26,7 @@ ROOMS = (
 SHOWING = {
     "report": (
         *("calibration_page", "drawing", "figures", "forces", "hand_drawing", "hand_text", "html", "numbers", "page"),
-        *("remarks", "safety_text", "text", "thinning"),
+        *("remarks", "replay", "replay_page", "safety_text", "scene_drawing", "scene_text", "text", "thinning"),
     ),
     "sweep": ("curves", "figures", "page", "summary", "totals"),
 }
