@@ -222,6 +222,11 @@ def test_a_command_runs_in_its_short_form(text: str, folder: Path, measured: Cal
 # --- commands of a live session ---------------------------------------------------------------------------------------
 
 
+def one_now(many: list[Any]) -> list[Any]:
+    """The first of many as it is, the others among what takes long."""
+    return [many[0], *(pytest.param(other, marks=pytest.mark.long) for other in many[1:])]
+
+
 def free_port() -> int:
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
@@ -256,7 +261,7 @@ def running() -> Iterator[list[subprocess.Popen[str]]]:
 
 
 @pytest.mark.live
-@pytest.mark.parametrize("text", of("teleop"), ids=str)
+@pytest.mark.parametrize("text", one_now(of("teleop")), ids=str)
 def test_a_session_runs_in_its_short_form(text: str, tmp_path: Path, running: list[subprocess.Popen[str]]) -> None:
     arguments = lasting(1.5)(shlex.split(text))
     if "--headless" not in arguments:
@@ -312,7 +317,7 @@ def stop_the_robot(arguments: list[str], folder: Path, seconds: float = 40.0) ->
 
 
 @pytest.mark.live
-@pytest.mark.parametrize("lap", list(laps()), ids=lambda lap: lap["leader"])
+@pytest.mark.parametrize("lap", one_now(list(laps())), ids=lambda lap: lap["leader"])
 def test_the_sides_run_one_by_one(
     lap: dict[str, str], tmp_path: Path, running: list[subprocess.Popen[str]], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -243,6 +243,7 @@ def test_the_perturbations_are_counted() -> None:
     assert tripped(newtons, still.history) == 0
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("material", "delayed"), [("sponge", 49.9), ("foam", 51.8), ("hand", 54.0)])
 def test_predicted_force_is_closer_than_delayed_force(material: str, delayed: float) -> None:
     """With robust-fprls; as printed it hangs on the noise."""
@@ -256,6 +257,7 @@ def test_predicted_force_is_closer_than_delayed_force(material: str, delayed: fl
         assert prediction.error_from(4.0) < 10.0
 
 
+@pytest.mark.long
 def test_the_sponge_swings_once_a_press_unless_it_is_nearly_left() -> None:
     period, share = swing(learn_again(run_experiment("sponge").log, AS_PRINTED), PRESS_PERIOD)
     assert period == pytest.approx(PRESS_PERIOD, rel=0.05)
