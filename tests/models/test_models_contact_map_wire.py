@@ -210,7 +210,7 @@ def message(model: ContactMap, state: tuple[float, ...]) -> ModelUpdate:
         "estimator": "bank",
         "map": model.map,
     }
-    counts = {name: 0 for name in ("sequence", "time_ns", "command_sequence")}
+    counts = dict.fromkeys(("sequence", "time_ns", "command_sequence"), 0)
     return ModelUpdate(**(counts | fields))
 
 
