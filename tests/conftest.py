@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
-settings.register_profile("foretouch", derandomize=True, deadline=None, max_examples=50)
+settings.register_profile("foretouch", derandomize=True, deadline=None, max_examples=30)
 settings.load_profile("foretouch")
 
 REAL_TIME = ("live", "browser")
