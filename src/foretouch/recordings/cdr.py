@@ -140,7 +140,7 @@ def _fixed(types: dict[str, str]) -> tuple[np.dtype[np.void], struct.Struct]:
         formats.append("<" + code.replace("q", "i8").replace("d", "f8") if size > 1 else "?")
         offsets.append(offset + padding)
     columns = {"names": list(types), "formats": formats, "offsets": offsets, "itemsize": struct.calcsize(layout)}
-    return np.dtype(columns), struct.Struct(layout)  # type: ignore[call-overload]
+    return np.dtype(columns), struct.Struct(layout)  # type: ignore[call-overload]  # the stubs know no dict of lists
 
 
 def _pack(types: dict[str, str], values: tuple[Any, ...]) -> bytes:

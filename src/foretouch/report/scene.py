@@ -94,7 +94,9 @@ def scene_figures(log: SessionLog, pairs: Pairs, found: SceneFindings) -> dict[s
     """
     true = found.scene if _is_simulated(found.rows) else None
     coefficient, viscous = (None, None) if true is None else (true.friction, true.viscous)
-    has_map = found.map is not None and found.field is not None and found.scene is not None
+    stiffness = None
+    if found.map is not None and found.field is not None and found.scene is not None:
+        stiffness = map_figures(found.map, found.field, found.scene)
     return {
         "name": setting(log.settings, "scene", ""),
         "fusion": setting(log.settings, "fusion", "full"),
@@ -103,7 +105,7 @@ def scene_figures(log: SessionLog, pairs: Pairs, found: SceneFindings) -> dict[s
         "friction": friction_figures(log, coefficient, viscous),
         "forces": force_figures(found.rows),
         "energy": spatial_energy_figures(found.rows, found.account),
-        "map": map_figures(found.map, found.field, found.scene) if has_map else None,  # type: ignore[arg-type]
+        "map": stiffness,
     }
 
 

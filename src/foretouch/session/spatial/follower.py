@@ -31,6 +31,7 @@ from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
 from foretouch.session.spatial.force_cap import ForceCap
 from foretouch.session.spatial.lateral import LateralMotion
 from foretouch.session.spatial.line import Footing, SurfaceLine
+from foretouch.session.spatial.rubbing import Rubbed
 
 __all__ = ["Inputs", "Outputs", "State", "start", "step"]
 
@@ -45,8 +46,6 @@ LARGEST_PULL, PULL_SHARE = 0.5, 0.02
 
 AFTER_CONTACT = 500
 """Free air begins so many ticks after a contact: who leaves slowly still feels a little, and thinks it is none."""
-
-SMOOTHED = -math.expm1(-2.0 * math.pi * 20.0 * SAMPLE_PERIOD)
 
 SLIDING = 0.01
 """Slower than this nobody knows in which direction it slides [m/s]: the encoders' noise turns it, and friction seems to
@@ -140,27 +139,6 @@ class State:
     field_ns: int = 0
     field_updates: int = 0
     fields: int = 0
-
-
-@dataclass(slots=True)
-class Rubbed:
-    """What friction is learnt from, through one low-pass of 20 Hz: the speed of one tick is mostly the encoders' noise.
-
-    Attributes:
-        pressed: Along the normal [N].
-        sideways: Along the surface [N].
-        sliding: Velocity along the surface [m/s].
-    """
-
-    pressed: float = 0.0
-    sideways: Vector = (0.0, 0.0, 0.0)
-    sliding: Vector = (0.0, 0.0, 0.0)
-
-    def update(self, pressed: float, sideways: Vector, sliding: Vector) -> None:
-        """One tick."""
-        self.pressed += SMOOTHED * (pressed - self.pressed)
-        self.sideways = add(self.sideways, scaled(subtract(sideways, self.sideways), SMOOTHED))
-        self.sliding = add(self.sliding, scaled(subtract(sliding, self.sliding), SMOOTHED))
 
 
 class Inputs(NamedTuple):
