@@ -1,15 +1,17 @@
-"""Does a browser change the timing of the loops? The same session without one, with one, and with two that misbehave.
+"""Does a browser change the timing of the loops? One session; by turns without one, and with some that misbehave.
 
-Four runs of `foretouch teleop`, each with a console: nobody looks; a browser draws and a mouse presses; the browser is
-stopped (SIGSTOP) while it is sent pictures; its tab is closed while the handle is held. Printed is what leader and
-follower measured of themselves, from the recording. The browser draws in software on the machine of the session, and
-its processes are of the lowest priority (nice 19), so that what is compared is not who gets the processor.
+`foretouch teleop` with a console runs once. In each round, one after another: nobody looks; the browser is stopped
+(SIGSTOP) while it is sent pictures; its tab has been closed while the handle was held; a browser draws and a mouse
+presses. Printed is what leader and follower measured of themselves in these stretches, from the recording: the median
+over the rounds, and from which to which. The browser that draws does so in software on the machine of the session, with
+the lowest priority (nice 19).
 
-Usage: `.venv/bin/python docs/measure_console.py [SECONDS]`.
+Usage: `.venv/bin/python docs/measure_console.py [SECONDS of a stretch] [ROUNDS]`.
 """
 
 from __future__ import annotations
 
+import contextlib
 import os
 import signal
 import subprocess
@@ -18,7 +20,7 @@ import tempfile
 import time
 import urllib.error
 import urllib.request
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -34,90 +36,122 @@ from foretouch.recordings import read_session  # noqa: E402
 
 LATE_NS = 1_500_000
 """A tick is late that comes so long after the one before [ns]."""
-BEGIN = 3.0
-"""Seconds at the beginning that are not counted: the browser starts."""
 
-Row = tuple[str, str, float, float, float, float, float]
+SETTLE = 2.0
+"""Seconds that are not counted after something began or ended: a session that starts, a browser that goes."""
+
+Stretch = tuple[int, int]
+"""From when to when [ns, monotonic clock, which is one for all processes of a machine]."""
+
+Key = tuple[str, str]
+"""What the browser did, and the side of the session."""
 
 
-def main(seconds: float) -> None:
+def main(seconds: float, rounds: int) -> None:
     """Print the table."""
-    print(f"{seconds:g} s of each run; period between ticks and computing of a step, ms")
-    print(f"{'run':28}{'side':10}{'period 50 %':>12}{'99 %':>8}{'late':>8}{'compute 50 %':>14}{'99 %':>8}")
-    for name, behave in RUNS.items():
-        for row in run(name, behave, seconds):
-            print(f"{row[0]:28}{row[1]:10}{row[2]:12.3f}{row[3]:8.2f}{row[4]:7.2f}%{row[5]:14.3f}{row[6]:8.3f}")
+    measured = measure(RUNS, seconds, rounds)
+    print(f"{rounds} rounds of {seconds:g} s each; period between ticks [ms], median over the rounds and range")
+    print(f"{'stretch':28}{'side':10}{'50 %':>8}{'99 %':>8}{'range':>14}{'late':>9}{'range':>16}")
+    for (name, side), of_rounds in measured.items():
+        (median, most, late), least, largest = (
+            np.median(of_rounds, axis=0),
+            of_rounds.min(axis=0),
+            of_rounds.max(axis=0),
+        )
+        mosts, lates = (f"{least[i]:.2f} to {largest[i]:.2f}" for i in (1, 2))
+        print(f"{name:28}{side:10}{median:8.3f}{most:8.2f}{mosts:>14}{late:7.2f} %{lates:>14} %")
 
 
-def run(name: str, behave: Callable[[str, float], None], seconds: float) -> list[Row]:
-    """One session with a browser that behaves so; its loops in figures."""
-    port = int(free_endpoint().rpartition(":")[2])
+def measure(runs: dict[str, Callable[[str, float], Stretch]], seconds: float, rounds: int) -> dict[Key, np.ndarray]:
+    """By what the browser did and side of the session: `figures` of each round."""
+    stretches: dict[str, list[Stretch]] = {name: [] for name in runs}
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "session.mcap"
-        command = [sys.executable, "-m", "foretouch", "teleop", "--port", str(port), "--recording", str(path)]
-        quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
-        with subprocess.Popen([*command, "--material", "hunt-crossley"], **quiet) as session:  # type: ignore[call-overload]
-            try:
-                url = f"http://127.0.0.1:{port}"
-                wait_for(url)
-                behave(url, seconds)
-            finally:
-                session.send_signal(signal.SIGINT)
+        with session(path) as url:
+            for _ in range(rounds):
+                for name, behave in runs.items():
+                    stretches[name].append(behave(url, seconds))
         log = read_session(path)
-    return [(name, side, *figures(rows)) for side, rows in (("leader", log.leader), ("follower", log.follower))]
+    return {
+        (name, side): np.array([figures(rows, stretch) for stretch in of_it])
+        for name, of_it in stretches.items()
+        for side, rows in (("leader", log.leader), ("follower", log.follower))
+    }
 
 
-def figures(rows: np.ndarray) -> tuple[float, float, float, float, float]:
-    """Median and 99 % of the period [ms], share of late ticks [%], median and 99 % of the computing [ms]."""
-    counted = rows[rows["time_ns"] - rows["time_ns"][0] > BEGIN * 1e9]
-    period, compute = counted["period_ns"] * 1e-6, counted["compute_ns"] * 1e-6
+@contextlib.contextmanager
+def session(path: Path) -> Iterator[str]:
+    """A session with a console, recorded at the path; the console's address."""
+    port = int(free_endpoint().rpartition(":")[2])
+    command = [sys.executable, "-m", "foretouch", "teleop", "--port", str(port), "--recording", str(path)]
+    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+    with subprocess.Popen([*command, "--material", "hunt-crossley"], **quiet) as running:  # type: ignore[call-overload]
+        try:
+            url = f"http://127.0.0.1:{port}"
+            wait_for(url)
+            yield url
+        finally:
+            running.send_signal(signal.SIGINT)
+
+
+def figures(rows: np.ndarray, stretch: Stretch) -> tuple[float, float, float]:
+    """Median and 99 % of the period [ms], and the share of late ticks [%]."""
+    begin, end = stretch
+    counted = rows[(rows["time_ns"] > begin) & (rows["time_ns"] < end)]
     late = 100.0 * float(np.mean(counted["period_ns"] > LATE_NS))
-    (p50, p99), (c50, c99) = np.percentile(period, (50, 99)), np.percentile(compute, (50, 99))
-    return float(p50), float(p99), late, float(c50), float(c99)
+    p50, p99 = np.percentile(counted["period_ns"] * 1e-6, (50, 99))
+    return float(p50), float(p99), late
 
 
-def nobody(url: str, seconds: float) -> None:
+def watch(seconds: float, wait: Callable[[float], None] = time.sleep) -> Stretch:
+    """Let it settle; then the stretch."""
+    wait(SETTLE)
+    begin = time.monotonic_ns()
+    wait(seconds)
+    return begin, time.monotonic_ns()
+
+
+def nobody(url: str, seconds: float) -> Stretch:
     """No browser."""
-    time.sleep(BEGIN + seconds)
+    return watch(seconds)
 
 
-def one_that_presses(url: str, seconds: float) -> None:
+def one_that_presses(url: str, seconds: float) -> Stretch:
     """A browser that draws, and a mouse on the handle."""
     begun = time.monotonic()
     with open_page(url) as (page, _):
         print(f"browser started and page up after {time.monotonic() - begun:.1f} s")
         give_way(page)
         with held_handle(page, 8.0):
-            page.wait_for_timeout(1000 * seconds)
+            return watch(seconds, lambda s: page.wait_for_timeout(1000 * s))
 
 
-def one_that_stands_still(url: str, seconds: float) -> None:
+def one_that_stands_still(url: str, seconds: float) -> Stretch:
     """A browser whose processes are stopped: it reads nothing any more."""
     with open_page(url) as (page, _):
-        give_way(page)
         stopped = processes_of(page)
         for pid in stopped:
             os.kill(pid, signal.SIGSTOP)
         try:
-            time.sleep(seconds)
+            return watch(seconds)
         finally:
             for pid in stopped:
                 os.kill(pid, signal.SIGCONT)
 
 
-def one_that_is_closed(url: str, seconds: float) -> None:
+def one_that_is_closed(url: str, seconds: float) -> Stretch:
     """A tab that is closed while it holds the handle."""
     with open_page(url) as (page, _):
-        give_way(page)
         take_handle(page, 8.0)
-    time.sleep(seconds)
+        page.close()
+        return watch(seconds)
 
 
-RUNS: dict[str, Callable[[str, float], None]] = {
+RUNS: dict[str, Callable[[str, float], Stretch]] = {
     "no browser": nobody,
-    "browser, mouse presses": one_that_presses,
     "browser stopped (SIGSTOP)": one_that_stands_still,
     "tab closed while it presses": one_that_is_closed,
+    "browser, mouse presses": one_that_presses,
 }
 
 
@@ -151,4 +185,5 @@ def wait_for(url: str) -> None:
 
 
 if __name__ == "__main__":
-    main(float(sys.argv[1]) if len(sys.argv) > 1 else 15.0)
+    arguments = sys.argv[1:]
+    main(float(arguments[0]) if arguments else 10.0, int(arguments[1]) if len(arguments) > 1 else 5)

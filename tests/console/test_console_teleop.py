@@ -197,13 +197,14 @@ def test_what_is_chosen_while_it_runs_is_what_runs_and_each_recording_can_be_rea
 def test_no_browser_that_stalls_or_leaves_is_felt_by_the_loops() -> None:
     """A busy machine is late by itself; a loop that waited for a browser would stand still for as long as it does."""
     measure_console = docs_script("measure_console")
-    alone = {row[1]: row for row in measure_console.run("alone", measure_console.nobody, 6.0)}
-    for behave in (measure_console.one_that_stands_still, measure_console.one_that_is_closed):
-        for row in measure_console.run("", behave, 6.0):
-            _, side, median, most, late, *_ = row
-            assert median == pytest.approx(1.0, abs=0.01)
-            assert most < 3.0 * alone[side][3] + 5.0
-            assert late < alone[side][4] + 15.0
+    runs = {"alone": measure_console.nobody, "stopped": measure_console.one_that_stands_still}
+    runs["closed"] = measure_console.one_that_is_closed
+    measured = measure_console.measure(runs, seconds=6.0, rounds=1)
+    for (name, side), ((median, most, late),) in measured.items():
+        _, most_alone, late_alone = measured["alone", side][0]
+        assert median == pytest.approx(1.0, abs=0.01), name
+        assert most < 3.0 * most_alone + 5.0
+        assert late < late_alone + 15.0
 
 
 def test_an_emergency_stop_is_released_at_the_follower_and_a_killed_tab_lets_go(tmp_path: Path) -> None:

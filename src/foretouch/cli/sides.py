@@ -178,9 +178,10 @@ def record(
 
     Example: foretouch record session.mcap --connect tcp/127.0.0.1:7447 --connect tcp/127.0.0.1:7448
     """
-    from foretouch.session import RECORDER_CHANNELS, RECORDING_INCOMPLETE, StopFlag, run_recorder
+    from foretouch.session import RECORDER_CHANNELS, RECORDING_INCOMPLETE, StopFlag, give_way, run_recorder
 
     require_recording(path)
+    give_way()
     with open_link("recorder", endpoints, RECORDER_CHANNELS) as link:
         problem = run_recorder(link, path, stop=StopFlag().on_signals(), say=say, parent=parent)
     if problem:
@@ -196,11 +197,12 @@ def camera(*, settings: Any, endpoints: Endpoints, parent: Parent = None) -> Non
 
     Example: foretouch camera --scene hill --listen tcp/127.0.0.1:7449 --connect tcp/127.0.0.1:7447
     """
-    from foretouch.session import StopFlag
+    from foretouch.session import StopFlag, give_way
     from foretouch.session.spatial import CAMERA_CHANNELS, make_camera, make_scene, run_camera
 
     if not settings.scene:
         raise SettingError("scene", settings.scene, "is needed for a camera: plane, hill, phantom, or a mesh")
+    give_way()
     scene = make_scene(settings.scene)
     sees = settings.fusion in ("full", "image") or parent is not None
     drawn = make_camera(settings, scene, say=say) if sees else None
@@ -231,8 +233,9 @@ def console(
     """
     from foretouch.console import Console
     from foretouch.messages import Stop
-    from foretouch.session import StopFlag, orphaned
+    from foretouch.session import StopFlag, give_way, orphaned
 
+    give_way()
     stop = StopFlag().on_signals()
     shown = Console(port, lambda message: link.publish(message), recordings=recordings)
 

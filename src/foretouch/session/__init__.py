@@ -4,7 +4,7 @@ This is the only room with time, threads, processes and policy.
 """
 
 from foretouch.session.frames import FramedDevice, FramedRobot, framed_device, framed_robot, inverse
-from foretouch.session.housekeeping import Housekeeper, StopFlag, orphaned
+from foretouch.session.housekeeping import Housekeeper, StopFlag, give_way, orphaned
 from foretouch.session.live import (
     FOLLOWER_CHANNELS,
     LEADER_CHANNELS,
@@ -48,6 +48,7 @@ __all__ = [
     "StopFlag",
     "framed_device",
     "framed_robot",
+    "give_way",
     "inverse",
     "make_moved_robot",
     "make_operator",
