@@ -130,6 +130,7 @@ def test_a_recording_shows_the_places_of_its_moment(moment: float) -> None:
     assert len(trace.time) == pytest.approx(min(moment, 2.0) / 0.05, abs=2)
 
 
+@pytest.mark.long
 def test_a_recording_shows_what_the_live_console_showed() -> None:
     log, moment = recorded(), 7.2
     live, shown = heard_until(log, moment), RecordedWatch(log)
