@@ -15,7 +15,9 @@ from foretouch.recordings import is_whole, read_session
 pytestmark = pytest.mark.live
 
 OFTEN = ("garbage", "connects", "leader stands still", "network cut")
-"""What `make test` does too; the others take long."""
+"""What `make test` does too."""
+
+RARELY = [pytest.param(name, marks=pytest.mark.long) for name in STAY if name not in OFTEN]
 
 
 @pytest.fixture(scope="module")
@@ -25,9 +27,7 @@ def fire(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Fire]:
     made.close()
 
 
-@pytest.mark.parametrize(
-    "name", [name if name in OFTEN else pytest.param(name, marks=pytest.mark.long) for name in STAY]
-)
+@pytest.mark.parametrize("name", [*OFTEN, *RARELY])
 def test_a_session_goes_on(fire: Fire, name: str) -> None:
     fire.pressed()
     outcome = STAY[name](fire)
