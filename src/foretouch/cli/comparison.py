@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from foretouch.cli.options import (
+    Cluster,
     Flip,
     ForceChannel,
     ForceUnit,
@@ -54,6 +55,7 @@ def compare(
         typer.Option(help="Least force that counts as contact [N]; TU/e 0.3, Aurora 0.005, others 0.05."),
     ] = None,
     jobs: Annotated[int | None, typer.Option(min=1, help="Processes at a time; without it, one for each core.")] = None,
+    cluster: Cluster = None,
     report_directory: ReportDirectory = None,
     json_output: Json = False,
 ) -> None:
@@ -85,6 +87,7 @@ def compare(
         estimators=estimators or (),
         scoring=comparison.Scoring(tuple(delays), score_from, score_to, contact_floor),
         processes=jobs,
+        cluster=cluster,
         progress=progress,
     )
     if json_output:

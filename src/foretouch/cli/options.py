@@ -19,6 +19,7 @@ from foretouch.errors import SettingError
 __all__ = [
     "SESSION_OPTIONS",
     "SESSION_PANELS",
+    "Cluster",
     "Connect",
     "Duration",
     "EstimatorName",
@@ -58,6 +59,10 @@ Json = Annotated[bool, typer.Option("--json", help="Print one JSON object instea
 Listen = Annotated[
     list[str] | None,
     typer.Option(help="Endpoint to listen on, such as tcp/127.0.0.1:7447; between machines tls/HOST:PORT."),
+]
+Cluster = Annotated[
+    str | None,
+    typer.Option(help="Address of a Dask scheduler, such as tcp://HOST:8786: its workers do it (extra cluster)."),
 ]
 Connect = Annotated[list[str] | None, typer.Option(help="Endpoint to connect to; may be given more than once.")]
 Insecure = Annotated[

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from foretouch.cli.options import Json, make_folder, print_json, say
+from foretouch.cli.options import Cluster, Json, make_folder, print_json, say
 from foretouch.errors import SettingError
 
 if TYPE_CHECKING:
@@ -35,6 +35,7 @@ def sweep(
     ] = 30.0,
     seed: Annotated[int, typer.Option(help="Of all sessions.")] = 0,
     jobs: Annotated[int | None, typer.Option(min=1, help="Processes at a time; without it, one for each core.")] = None,
+    cluster: Cluster = None,
     quick: Annotated[bool, typer.Option("--quick", help="12 sessions of 4 s, 2 of them with the baselines.")] = False,
     replay: Annotated[
         int | None, typer.Option(help="Run the session with this number again and compare it with its row.")
@@ -57,7 +58,7 @@ def sweep(
     compared = min(100, sessions) if baselines is None else baselines
     plan = Plan(12, 2, 4.0, seed) if quick else Plan(sessions, compared, duration, seed)
     with _progress() as progress:
-        rows = run_sweep(out, plan, processes=jobs, progress=progress)
+        rows = run_sweep(out, plan, processes=jobs, cluster=cluster, progress=progress)
     page = write_sweep_page(out, rows)
     content = summary(rows)
     if json_output:

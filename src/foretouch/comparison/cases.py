@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass
 from functools import lru_cache
 from os import PathLike
@@ -24,6 +25,7 @@ class Case:
 
     Attributes:
         name: For tables: the file as it was given, or the name of the simulated recording.
+        path: Of the file, absolute, for a worker may run elsewhere; empty where it is simulated.
         simulated: Whether it is simulated, with known truth.
         position_unit: Of the file, as `read_recording`.
         force_unit: Of the file.
@@ -33,6 +35,7 @@ class Case:
     """
 
     name: str
+    path: str = ""
     simulated: bool = False
     position_unit: str = "m"
     force_unit: str = "N"
@@ -72,7 +75,7 @@ def file_case(path: str | PathLike[str], **units: Any) -> Case:
     """
     file = Path(path)
     changed = file.stat().st_mtime_ns if file.is_file() else 0
-    return Case(str(path), changed_ns=changed, **units)
+    return Case(str(path), path=os.path.abspath(file), changed_ns=changed, **units)
 
 
 def simulated_case(name: str) -> Case:
@@ -102,11 +105,11 @@ def load(case: Case) -> Loaded:
         made = simulate(case.name)
         return Loaded(made.recording, made.truth)
     recording = read_recording(
-        case.name,
+        case.path,
         position_unit=case.position_unit,
         force_unit=case.force_unit,
         flip=case.flip,
         force_channel=case.force_channel,
     )
-    log = read_session(case.name) if case.name.lower().endswith(".mcap") else None
+    log = read_session(case.path) if case.path.lower().endswith(".mcap") else None
     return Loaded(recording, log=log)

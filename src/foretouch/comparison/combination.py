@@ -96,7 +96,7 @@ def try_combination(job: Combination) -> Result:
 
 def failed(job: Combination, reason: str) -> Result:
     """The result of a combination that gave none; the reason without the recording's name, which the result has."""
-    text = " ".join(reason.split()).removeprefix(f"{job.case.name}: ")
+    text = " ".join(reason.split()).removeprefix(f"{job.case.path}: ")
     return Result(job.case.name, job.model, job.estimator, "failed", text)
 
 

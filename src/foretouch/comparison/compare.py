@@ -44,6 +44,7 @@ def compare(
     estimators: Sequence[str] = (),
     scoring: Scoring | None = None,
     processes: int | None = None,
+    cluster: str | None = None,
     progress: Progress | None = None,
 ) -> list[Result]:
     """Measure every combination of law and estimator on every recording.
@@ -54,6 +55,7 @@ def compare(
         estimators: Names of estimators; empty for all.
         scoring: Delays, window and floor.
         processes: At a time; None for as many as there are cores.
+        cluster: Address of a Dask scheduler whose workers do it; None for this machine.
         progress: Called with the number of results so far, that of all, and the newest.
 
     Returns:
@@ -62,6 +64,8 @@ def compare(
     Raises:
         InputError: No recordings.
         UnknownNameError: As `combinations`.
+        LinkError: No scheduler answers there, or it has no workers.
+        MissingExtraError: The package ``distributed`` is not installed.
     """
     if not cases:
         raise InputError("nothing to compare: name recordings, or ask for the simulated ones with --simulated")
@@ -69,7 +73,7 @@ def compare(
     pairs = combinations(models, estimators)
     jobs = [Combination(case, model, name, scoring) for case in cases for model, name in pairs]
     results: dict[int, Result] = {}
-    for place, result in run_all(try_combination, jobs, processes=processes, lost=failed):
+    for place, result in run_all(try_combination, jobs, processes=processes, cluster=cluster, lost=failed):
         results[place] = result
         if progress is not None:
             progress(len(results), len(jobs), result)

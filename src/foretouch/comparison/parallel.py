@@ -7,6 +7,8 @@ import warnings
 from collections.abc import Callable, Iterator, Sequence
 from typing import TypeVar
 
+from foretouch.comparison.cluster import run_on_cluster
+
 __all__ = ["run_all"]
 
 Job = TypeVar("Job")
@@ -18,6 +20,7 @@ def run_all(
     jobs: Sequence[Job],
     *,
     processes: int | None = None,
+    cluster: str | None = None,
     lost: Callable[[Job, str], Outcome],
 ) -> Iterator[tuple[int, Outcome]]:
     """Do all jobs, side by side.
@@ -29,11 +32,19 @@ def run_all(
         work: Does one job; it does not raise.
         jobs: In the order in which they are begun.
         processes: At a time; None for as many as there are cores. 1 works in this process.
+        cluster: Address of a Dask scheduler whose workers do them; None for this machine's.
         lost: Outcome of a job whose process died, from the job and the reason.
 
     Yields:
         Place of the job in `jobs` and its outcome, as they are done.
+
+    Raises:
+        LinkError: As `run_on_cluster`.
+        MissingExtraError: As `run_on_cluster`.
     """
+    if cluster is not None:
+        yield from run_on_cluster(work, jobs, cluster, lost=lost)
+        return
     count = min(processes or os.cpu_count() or 1, len(jobs))
     if count < 2:
         for place, job in enumerate(jobs):

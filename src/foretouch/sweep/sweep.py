@@ -58,7 +58,12 @@ class Plan:
 
 
 def run_sweep(
-    folder: str | Path, plan: Plan, *, processes: int | None = None, progress: Progress | None = None
+    folder: str | Path,
+    plan: Plan,
+    *,
+    processes: int | None = None,
+    cluster: str | None = None,
+    progress: Progress | None = None,
 ) -> list[Outcome]:
     """Run all sessions of a plan that the folder does not have yet.
 
@@ -66,6 +71,7 @@ def run_sweep(
         folder: Made if it is not there; each row is in its file as soon as it is known.
         plan: The sessions.
         processes: At a time; None for as many as there are cores.
+        cluster: Address of a Dask scheduler whose workers do it; None for this machine.
         progress: Called with the number of rows so far, that of all, and the newest.
 
     Returns:
@@ -73,12 +79,14 @@ def run_sweep(
 
     Raises:
         InputError: The folder cannot be used, or holds the rows of another sweep.
+        LinkError: No scheduler answers there, or it has no workers.
+        MissingExtraError: The package ``distributed`` is not installed.
     """
     cases = plan.cases()
     store = Store(folder, seed=plan.seed, duration=plan.duration)
     missing = [case for case in cases if (case.number, case.baseline) not in store.rows]
     done = len(cases) - len(missing)
-    for _, row in run_all(run_case, missing, processes=processes, lost=failed):
+    for _, row in run_all(run_case, missing, processes=processes, cluster=cluster, lost=failed):
         store.add(row)
         done += 1
         if progress is not None:
