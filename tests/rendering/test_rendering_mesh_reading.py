@@ -14,6 +14,7 @@ pytest.importorskip("networkx")
 
 from foretouch.errors import InputError, SettingError  # noqa: E402
 from foretouch.rendering.surfaces import TriangleMesh, read_mesh  # noqa: E402
+from foretouch.rendering.surfaces.mesh_reading import MOST_BYTES  # noqa: E402
 
 
 def pressed(mesh: TriangleMesh) -> float:
@@ -82,9 +83,17 @@ def write(path: Path, content: bytes) -> Path:
         ("text.obj", b"hello", "mesh|triangle"),
         ("cut.stl", b" " * 80 + struct.pack("<I", 1000) + bytes(50), "mesh|triangle"),
         ("nan.stl", b" " * 80 + struct.pack("<I12fH", 1, 0, 0, 1, 0, 0, 0, 1, 0, 0, np.nan, 1, 0, 0), "finite"),
-        ("flat.stl", b" " * 80 + struct.pack("<I12fH", 1, 0, 0, 1, 0, 0, 0, 1, 0, 0, 1, 0, 0, 0), "area"),
-        ("huge.stl", b" " * 80 + struct.pack("<I12fH", 1, 0, 0, 1, 0, 0, 0, 500, 0, 0, 0, 500, 0, 0), "scale"),
-        ("fin.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nv 0 -1 0\nf 1 2 3\nf 1 2 4\nf 1 2 5\n", "more than two"),
+        ("flat.stl", b" " * 80 + struct.pack("<I12fH", 1, 0, 0, 1, 0, 0, 0, 1, 0, 0, 1, 0, 0, 0), "area.*in metres"),
+        (
+            "huge.stl",
+            b" " * 80 + struct.pack("<I12fH", 1, 0, 0, 1, 0, 0, 0, 500, 0, 0, 0, 500, 0, 0),
+            "500 m.*scale",
+        ),
+        (
+            "fin.obj",
+            b"v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nv 0 -1 0\nf 1 2 3\nf 1 2 4\nf 1 2 5\n",
+            r"\(0.5, 0, 0\) m",
+        ),
     ],
 )
 def test_what_is_no_mesh_is_refused_in_one_line(name: str, content: bytes, said: str, tmp_path: Path) -> None:
@@ -92,6 +101,34 @@ def test_what_is_no_mesh_is_refused_in_one_line(name: str, content: bytes, said:
         read_mesh(write(tmp_path / name, content))
     assert "\n" not in str(error.value)
     assert name in str(error.value)
+
+
+def test_holes_that_cannot_be_filled_stay_holes(tmp_path: Path) -> None:
+    """Holes of a scan touch one another; filled one by one they would give an edge a third triangle."""
+    block = trimesh.creation.box((0.1, 0.1, 0.1)).subdivide().subdivide().subdivide()
+    random = np.random.default_rng(0)
+    tried = 0
+    for _ in range(20):
+        holed = block.copy()
+        holed.update_faces(random.random(len(holed.faces)) > 0.1)
+        filled = holed.copy()
+        trimesh.repair.fill_holes(filled)
+        tried += int(np.bincount(filled.edges_unique_inverse).max() > 2)
+        holed.export(tmp_path / "holed.stl")
+        mesh = read_mesh(tmp_path / "holed.stl")
+        assert len(mesh.faces) >= len(holed.faces)
+        assert np.ptp(mesh.vertices, axis=0) == pytest.approx((0.1, 0.1, 0.1))
+    assert tried > 0
+
+
+def test_a_folder_and_a_file_that_is_too_large_are_not_read(tmp_path: Path) -> None:
+    (tmp_path / "folder.stl").mkdir()
+    with pytest.raises(InputError, match="folder"):
+        read_mesh(tmp_path / "folder.stl")
+    with (tmp_path / "large.stl").open("wb") as file:
+        file.truncate(MOST_BYTES + 1)  # sparse: nothing is written
+    with pytest.raises(InputError, match=r"400 MB.*reduce"):
+        read_mesh(tmp_path / "large.stl")
 
 
 def test_a_file_that_is_not_there_and_a_scale_that_is_none(tmp_path: Path) -> None:

@@ -56,7 +56,7 @@ class TriangleMesh(Surface):
         if not areas.min() > 0.0:
             raise SettingError("faces", int(np.argmin(areas)), "this face has no area: leave it out, or merge vertices")
         normals /= areas[:, None]
-        neighbours = _neighbours(self.faces)
+        neighbours = _neighbours(self.faces, self.vertices)
         self.closed = bool((neighbours >= 0).all())
         fan_starts, fans = _fans(self.faces, len(self.vertices))
         self._kernel = (
@@ -99,7 +99,7 @@ def _check(vertices: Array, faces: NDArray[np.int64]) -> None:
         raise SettingError("faces", int(faces.max()), f"must be indices of the {len(vertices)} vertices")
 
 
-def _neighbours(faces: NDArray[np.int64]) -> NDArray[np.int64]:
+def _neighbours(faces: NDArray[np.int64], vertices: Array) -> NDArray[np.int64]:
     """The triangle beyond each edge, of shape (m, 3); -1 where there is none."""
     count = len(faces)
     edges = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
@@ -110,17 +110,22 @@ def _neighbours(faces: NDArray[np.int64]) -> NDArray[np.int64]:
     same = codes[order][1:] == codes[order][:-1]
     if (same[1:] & same[:-1]).any():
         edge = edges[order[np.flatnonzero(same[1:] & same[:-1])[0]]]
-        raise SettingError("faces", tuple(edge.tolist()), "this edge has more than two triangles: split the vertices")
+        rule = f"this edge, at {_middle(vertices[edge])} m, has more than two triangles: split the vertices"
+        raise SettingError("faces", tuple(edge.tolist()), rule)
     one, other = order[:-1][same], order[1:][same]
     against = edges[one, 0] == edges[other, 0]
     if against.any():
         edge = edges[one[np.flatnonzero(against)[0]]]
-        raise SettingError(
-            "faces", tuple(edge.tolist()), "the two triangles of this edge are wound against each other: turn one"
-        )
+        rule = f"the two triangles of this edge, at {_middle(vertices[edge])} m, are wound against each other: turn one"
+        raise SettingError("faces", tuple(edge.tolist()), rule)
     found = np.full(3 * count, -1)
     found[one], found[other] = other // 3, one // 3
     return found.reshape(count, 3)
+
+
+def _middle(ends: Array) -> str:
+    """Of an edge, in words."""
+    return "({:.4g}, {:.4g}, {:.4g})".format(*ends.mean(axis=0))
 
 
 def _fans(faces: NDArray[np.int64], vertices: int) -> tuple[Ints, Ints]:

@@ -10,9 +10,9 @@ import numpy as np
 
 from foretouch.errors import InputError, MissingExtraError, SettingError
 from foretouch.models.checks import require
-from foretouch.rendering.surfaces.mesh import TriangleMesh
+from foretouch.rendering.surfaces.mesh import LARGEST_COORDINATE, TriangleMesh
 
-__all__ = ["FORMATS", "MOST_TRIANGLES", "read_mesh"]
+__all__ = ["FORMATS", "MOST_BYTES", "MOST_TRIANGLES", "read_mesh"]
 
 FORMATS = (".stl", ".obj", ".ply")
 """Endings of the files that are read."""
@@ -20,12 +20,15 @@ FORMATS = (".stl", ".obj", ".ply")
 MOST_TRIANGLES = 1_000_000
 """Meshes of more triangles are refused: reduce them first; a hand does not feel what they add."""
 
+MOST_BYTES = 400_000_000
+"""Larger files are not even read: so much a million triangles are as text."""
+
 
 def read_mesh(path: str | Path, *, scale: float = 1.0, closed: bool = False) -> TriangleMesh:
     """Read a mesh and repair it.
 
     Vertices at one place become one, faces without area and faces that are there twice go, triangles are wound alike
-    and outwards, and small holes (of three or four edges) are filled.
+    and outwards, and small holes (of three or four edges) are filled where that leaves a surface.
 
     Args:
         path: STL, OBJ or PLY.
@@ -41,10 +44,13 @@ def read_mesh(path: str | Path, *, scale: float = 1.0, closed: bool = False) -> 
     if file.suffix.lower() not in FORMATS:
         raise InputError(f"{file}: meshes are read from {', '.join(FORMATS)}: convert it")
     if not file.is_file():
-        raise InputError(f"{file}: no such file")
-    mesh = _repaired(_loaded(file), file)
+        raise InputError(f"{file}: no such file" if not file.exists() else f"{file}: this is no file, but a folder")
+    mesh = _loaded(file)
+    mesh.apply_scale(scale)
+    _check_unit(mesh, file)
+    mesh = _repaired(mesh, file)
     try:
-        surface = TriangleMesh(np.asarray(mesh.vertices) * scale, np.asarray(mesh.faces))
+        surface = TriangleMesh(mesh.vertices, mesh.faces)
     except SettingError as error:
         raise InputError(f"{file}: still no surface after repair: {error}") from None
     if closed and not surface.closed:
@@ -60,15 +66,29 @@ def _trimesh() -> Any:
         raise MissingExtraError(error.name or "trimesh", "mesh") from None
 
 
+def _check_unit(mesh: Any, file: Path) -> None:
+    """Refuse what cannot be in metres."""
+    farthest = float(np.abs(mesh.vertices).max())
+    if farthest > LARGEST_COORDINATE:
+        raise InputError(
+            f"{file}: it reaches to {farthest:g} m, at most {LARGEST_COORDINATE:g} m is taken: give it in metres "
+            "(scale by 0.001 what is in millimetres)"
+        )
+
+
 def _loaded(file: Path) -> Any:
     """One mesh of all that the file holds."""
     trimesh = _trimesh()
+    if file.stat().st_size > MOST_BYTES:
+        raise InputError(
+            f"{file}: {file.stat().st_size / 1e6:.0f} MB, at most {MOST_BYTES / 1e6:.0f} MB are read: reduce the mesh"
+        )
     try:
         mesh = trimesh.load(file, force="mesh", process=False, file_type=file.suffix.lower()[1:])
     except Exception as error:  # a reader of foreign files fails in every way there is
         raise InputError(f"{file}: no mesh could be read from it ({_short(error)})") from None
     if not isinstance(mesh, trimesh.Trimesh) or len(mesh.faces) == 0:
-        raise InputError(f"{file}: there is no triangle in it")
+        raise InputError(f"{file}: there is no triangle in it, or it is cut off")
     if len(mesh.faces) > MOST_TRIANGLES:
         raise InputError(f"{file}: {len(mesh.faces)} triangles, at most {MOST_TRIANGLES} are taken: reduce it")
     if not np.isfinite(mesh.vertices).all():
@@ -85,14 +105,22 @@ def _repaired(mesh: Any, file: Path) -> Any:
         mesh.remove_unreferenced_vertices()
         repair = _trimesh().repair
         repair.fix_winding(mesh)
-        repair.fill_holes(mesh)
+        if len(mesh.faces):
+            mesh = _filled(mesh)
         if mesh.is_watertight:
             repair.fix_normals(mesh, multibody=True)
     except Exception as error:
         raise InputError(f"{file}: the mesh could not be repaired ({_short(error)}): export it again") from None
     if len(mesh.faces) == 0:
-        raise InputError(f"{file}: no triangle in it has an area")
+        raise InputError(f"{file}: no triangle in it has an area: is it in metres?")
     return mesh
+
+
+def _filled(mesh: Any) -> Any:
+    """Small holes filled; as it was where holes that touch would give an edge a third triangle."""
+    filled = mesh.copy()
+    _trimesh().repair.fill_holes(filled)
+    return filled if np.bincount(filled.edges_unique_inverse).max() <= 2 else mesh
 
 
 def _short(error: Exception) -> str:

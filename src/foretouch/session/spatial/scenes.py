@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from foretouch.devices import Keyframe
 from foretouch.errors import UnknownNameError
 from foretouch.quantities.rigid import Vector
-from foretouch.rendering.surfaces import HeightField, Plane, Surface, SurfaceProxy, read_mesh
+from foretouch.rendering.surfaces import HeightField, Plane, Surface, SurfaceProxy
+from foretouch.session.spatial.mesh_scene import specimen_of
 
 __all__ = ["MESH_ENDINGS", "SCENES", "Inclusion", "KnownSurface", "Scene", "make_scene", "palpation"]
 
@@ -134,17 +135,17 @@ def make_scene(name: str) -> Scene:
 
     Args:
         name: One of `SCENES`, or a path that ends as `MESH_ENDINGS` say: the mesh stands on the fixture as it is, in
-            metres, and should be within 4 cm of (0.075, 0, 0).
+            metres; its middle and its top are within 4 cm of (0.075, 0, 0).
 
     Raises:
         UnknownNameError: Neither.
-        RecordingError: A file that cannot be read as a mesh.
+        InputError: A file that cannot be read as a mesh, or one that no hand can touch where it is.
         MissingExtraError: What reads meshes is not installed.
     """
     if name in SCENES:
         return SCENES[name](name)
     if name.lower().endswith(MESH_ENDINGS):
-        return Scene(name, read_mesh(Path(name)))
+        return Scene(name, specimen_of(Path(name), MIDDLE))
     raise UnknownNameError("scene", name, (*SCENES, *(f"FILE{ending}" for ending in MESH_ENDINGS)))
 
 

@@ -1,0 +1,67 @@
+"""Files of meshes as scenes: what a hand can touch is taken, what it cannot is one line."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner, Result
+
+trimesh = pytest.importorskip("trimesh")
+pytest.importorskip("networkx")
+
+from foretouch.cli.app import app  # noqa: E402
+from foretouch.errors import InputError  # noqa: E402
+from foretouch.rendering import SurfaceProxy  # noqa: E402
+from foretouch.session.spatial import make_scene  # noqa: E402
+
+SIDE, BUMP = 0.08, 0.003
+
+
+def run(*arguments: object) -> Result:
+    return CliRunner().invoke(app, [str(argument) for argument in arguments])
+
+
+def sheet(scale: float = 1.0, move: tuple[float, float, float] = (0.0, 0.0, 0.0), *, inverted: bool = False) -> Any:
+    """A hill over a square of 8 cm, where specimens stand."""
+    along = np.linspace(-0.5 * SIDE, 0.5 * SIDE, 11)
+    x, y = np.meshgrid(along, along, indexing="ij")
+    vertices = np.stack([x + 0.075, y, BUMP * np.exp(-(x**2 + y**2) / 0.02**2)], axis=-1).reshape(-1, 3)
+    node = np.arange(121).reshape(11, 11)
+    a, b, c, d = (part.ravel() for part in (node[:-1, :-1], node[1:, :-1], node[1:, 1:], node[:-1, 1:]))
+    faces = np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)])
+    return trimesh.Trimesh(vertices * scale + move, faces[:, ::-1] if inverted else faces, process=False)
+
+
+@pytest.mark.parametrize("inverted", [False, True])
+def test_a_sheet_is_felt_from_above_whichever_way_it_was_wound(inverted: bool, tmp_path: Path) -> None:
+    sheet(inverted=inverted).export(tmp_path / "sheet.stl")
+    proxy = SurfaceProxy(make_scene(str(tmp_path / "sheet.stl")).surface)
+    assert proxy.follow((0.075, 0.0, 0.01)).depth == pytest.approx(BUMP - 0.01, abs=1e-6)
+    contact = proxy.follow((0.075, 0.0, 0.002))
+    assert contact.depth == pytest.approx(BUMP - 0.002, abs=1e-4)
+    assert contact.normal[2] > 0.9
+
+
+@pytest.mark.parametrize(
+    ("mesh", "said"),
+    [
+        (lambda: sheet(1000.0), "at most 100 m is taken: give it in metres"),
+        (lambda: sheet(500.0), "40 m by 40 m.*scale by 0.001"),
+        (lambda: sheet(1e-3, (0.075, 0.0, 0.0)), "8e-05 m by 8e-05 m.*in metres"),
+        (lambda: sheet(move=(1.0, 1.0, 0.0)), r"about \(1.07, 1\) m.*within 0.04 m of \(0.075, 0.0, 0.0\)"),
+        (lambda: sheet(move=(0.0, 0.0, 0.2)), "top at 0.203 m"),
+        (lambda: trimesh.creation.annulus(0.036, 0.04, 0.01).apply_translation((0.075, 0.0, 0.0)), "touches nothing"),
+    ],
+)
+def test_what_no_hand_can_touch_is_refused_in_one_line(mesh: Any, said: str, tmp_path: Path) -> None:
+    file = tmp_path / "mesh.stl"
+    mesh().export(file)
+    result = run("simulate", "--scene", file, "--duration", 0.2)
+    assert isinstance(result.exception, InputError)
+    with pytest.raises(InputError, match=said):
+        raise result.exception
+    assert "\n" not in str(result.exception)
+    assert "mesh.stl" in str(result.exception)
