@@ -14,6 +14,7 @@ from report_sessions import make_session
 
 from foretouch.identification import SENSOR_SENTENCES, SensorState
 from foretouch.messages import STATUS_SENTENCES, VERSION, EmergencyStop, SessionLog, Status
+from foretouch.recordings import follower_samples
 from foretouch.report import pair, render_text, session_report, write_page
 from foretouch.report.energy import energy_account
 from foretouch.report.safety_text import left_out
@@ -57,7 +58,7 @@ def test_a_session_in_which_nothing_happened_says_nothing(quiet: SessionLog) -> 
     assert report["stretches"]["count"] == 1
     assert TITLE not in render_text(report)
     assert render_text(report) == render_text(session_report(quiet))
-    assert left_out(quiet) == []
+    assert left_out(follower_samples(quiet)) == []
 
 
 def test_times_and_seconds_of_what_the_robot_did(quiet: SessionLog) -> None:
@@ -118,7 +119,7 @@ def test_a_failing_sensor_is_left_out_with_the_moment_before_it_was_found(quiet:
     assert f"Faulty sensors for 0.50 s: {fault['sentence']}." in text
     assert "500 with sensors not to be trusted" in text
     assert "sensor fault" not in text  # its kind says it
-    assert left_out(log) == ["500 samples are left out: the sensors were not to be trusted (spike)"]
+    assert left_out(follower_samples(log)) == ["500 samples are left out: the sensors were not to be trusted (spike)"]
 
 
 @pytest.mark.parametrize("force", [float("nan"), float("inf"), 50.0])
@@ -188,7 +189,9 @@ def test_figures_are_of_the_longest_stretch_and_it_is_said(quiet: SessionLog) ->
     assert "The leader began 2 times, the follower 2 times; figures are of the longest stretch, 4.00 s." in render_text(
         report
     )
-    assert left_out(log) == ["the leader began 2 times, the follower 2 times; used is the longest stretch, 4.00 s"]
+    assert left_out(follower_samples(log)) == [
+        "the leader began 2 times, the follower 2 times; used is the longest stretch, 4.00 s"
+    ]
     assert "began" not in render_text(alone)
 
 

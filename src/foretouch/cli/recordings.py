@@ -56,13 +56,13 @@ def repair(
 
 def say_what_is_left_out(path: Path, log: SessionLog | None = None) -> None:
     """One line on each thing that is left out of a session's recording by those who learn from it; else nothing."""
-    from foretouch.recordings import read_session
+    from foretouch.recordings import follower_samples, read_follower_samples
     from foretouch.report import left_out
 
     if path.suffix.lower() != ".mcap":
         return
     say_if_cut(path)
-    for sentence in left_out(read_session(path) if log is None else log):
+    for sentence in left_out(read_follower_samples(path) if log is None else follower_samples(log)):
         say(f"{path}: {sentence}")
 
 

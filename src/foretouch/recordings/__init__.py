@@ -7,6 +7,7 @@
 
 from foretouch.recordings.calibration_file import read_calibration, write_calibration
 from foretouch.recordings.datasets import DATA_DIR, DATASETS, Dataset, Origin, fetch, fetch_all, list_datasets
+from foretouch.recordings.follower_samples import FollowerSamples, follower_samples, read_follower_samples
 from foretouch.recordings.output import atomic_path, write_columns
 from foretouch.recordings.pose_table import POSE_COLUMNS, StaticPoses, read_poses
 from foretouch.recordings.reading import SUFFIXES, read_recording
@@ -25,6 +26,7 @@ __all__ = [
     "POSITION_UNITS",
     "SUFFIXES",
     "Dataset",
+    "FollowerSamples",
     "Origin",
     "Repair",
     "SessionWriter",
@@ -32,9 +34,11 @@ __all__ = [
     "atomic_path",
     "fetch",
     "fetch_all",
+    "follower_samples",
     "is_whole",
     "list_datasets",
     "read_calibration",
+    "read_follower_samples",
     "read_leader_motion",
     "read_poses",
     "read_recording",

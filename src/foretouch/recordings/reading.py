@@ -10,8 +10,8 @@ from foretouch.errors import RecordingError, UnknownNameError
 from foretouch.quantities import Recording
 from foretouch.recordings.aurora_ddf import read_aurora
 from foretouch.recordings.csv_table import read_csv
+from foretouch.recordings.follower_samples import read_follower
 from foretouch.recordings.parquet_table import read_parquet
-from foretouch.recordings.session_reader import read_follower
 from foretouch.recordings.tue_mat import FORCE_CHANNELS, read_tue
 from foretouch.recordings.units import Units
 

@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from foretouch.messages import SessionLog
-from foretouch.messages.stretches import side_seconds
+from foretouch.recordings import FollowerSamples
 from foretouch.report.numbers import number
-from foretouch.report.statuses import safety_figures, stretch_figures
+from foretouch.report.statuses import fault_name
 
 __all__ = ["left_out", "safety_lines", "safety_sentences", "stretch_sentence"]
 
@@ -29,21 +28,20 @@ def stretch_sentence(report: Mapping[str, Any]) -> str:
     return f"{began[:1].upper()}{began[1:]}; figures are of the longest stretch, {number(report['duration_s'], 's')}."
 
 
-def left_out(log: SessionLog) -> list[str]:
+def left_out(samples: FollowerSamples) -> list[str]:
     """What those leave out who learn from a session or predict on it, one sentence each; none for most.
 
     Args:
-        log: The whole session.
+        samples: Of the whole session.
     """
-    found, longest = stretch_figures(log), log.longest()
     said = []
-    if found["count"] > 1:
-        length = number(max(side_seconds(longest.leader), side_seconds(longest.follower)), "s")
-        said.append(f"{_begun(found)}; used is the longest stretch, {length}")
-    faults = safety_figures(longest)["sensor_faults"]
-    if faults:
-        count = f"{int((longest.follower['validity'] > 0).sum()):,} samples are left out"
-        said.append(f"{count}: the sensors were not to be trusted ({', '.join(faults).replace('_', ' ')})")
+    if samples.stretches > 1:
+        begun = _begun({"leader_starts": samples.leader_starts, "follower_starts": samples.follower_starts})
+        said.append(f"{begun}; used is the longest stretch, {number(samples.seconds, 's')}")
+    if samples.faults.size:
+        kinds = ", ".join(fault_name(kind) for kind in samples.faults.tolist()).replace("_", " ")
+        count = f"{samples.fault_counts.sum():,} samples are left out"
+        said.append(f"{count}: the sensors were not to be trusted ({kinds})")
     return said
 
 

@@ -151,6 +151,11 @@ def _status(value: int) -> tuple[str, str]:
         return f"status {value}", "is not known to this version of foretouch"
 
 
+def fault_name(value: int) -> str:
+    """Of a fault of the sensors, also one that this version does not know."""
+    return _fault(value)[0]
+
+
 def _fault(value: int) -> tuple[str, str]:
     try:
         return SensorState(value).name.lower(), SENSOR_SENTENCES[SensorState(value)]

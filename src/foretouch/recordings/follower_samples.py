@@ -1,0 +1,154 @@
+"""What a session's follower measured, as those need it who learn from a recording; kept beside a long one."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import zipfile
+from dataclasses import dataclass
+from os import PathLike
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from foretouch.errors import RecordingError
+from foretouch.messages import SessionLog
+from foretouch.messages.session_log import believable
+from foretouch.messages.stretches import side_seconds
+from foretouch.quantities import Recording
+from foretouch.recordings.output import atomic_path
+from foretouch.recordings.session_reader import read_samples
+
+__all__ = ["FollowerSamples", "follower_samples", "read_follower", "read_follower_samples"]
+
+Array = NDArray[np.float64]
+
+LARGE = 50_000_000
+"""Of recordings of at least so many bytes, some minutes, samples are kept in a file beside them."""
+
+VERSION = 1
+"""Of that file."""
+
+_COLUMNS = ("time", "position", "force", "faults", "fault_counts")
+
+
+@dataclass(frozen=True, eq=False)
+class FollowerSamples:
+    """The samples of the follower's process of the longest stretch (`SessionLog.longest`), and what is not among them.
+
+    Attributes:
+        time: Since the first of them [s], shape (n,).
+        position: [m], shape (n,).
+        force: Of the sensor, offset included [N], shape (n,).
+        faults: Kinds of samples that were left out because the sensors were not to be trusted, `validity` of
+            `Telemetry`, shape (k,).
+        fault_counts: How many of each, shape (k,).
+        stretches: Of the session.
+        leader_starts: Processes of the leader that were heard.
+        follower_starts: Processes of the follower.
+        seconds: Of the longest stretch [s].
+    """
+
+    time: Array
+    position: Array
+    force: Array
+    faults: NDArray[np.int64]
+    fault_counts: NDArray[np.int64]
+    stretches: int
+    leader_starts: int
+    follower_starts: int
+    seconds: float
+
+
+def follower_samples(log: SessionLog) -> FollowerSamples:
+    """The samples of a session.
+
+    Args:
+        log: Of `read_session`, or of `read_samples`.
+    """
+    follower, stretch = log.follower, log.longest()
+    if stretch.follower.size:
+        follower = follower[follower["run"] == stretch.follower["run"][0]]
+    believed = follower[believable(follower)]
+    kinds, counts = np.unique(stretch.follower["validity"], return_counts=True)
+    begin = believed["time_ns"][0] if believed.size else 0
+    return FollowerSamples(
+        (believed["time_ns"] - begin) / 1e9,
+        believed["position"].astype(np.float64),
+        believed["sensor_force"].astype(np.float64),
+        kinds[kinds > 0],
+        counts[kinds > 0],
+        len(log.stretches()),
+        int(np.unique(log.leader["epoch"]).size),
+        int(np.unique(log.follower["run"]).size),
+        max(side_seconds(stretch.leader), side_seconds(stretch.follower)),
+    )
+
+
+def read_follower_samples(path: str | PathLike[str]) -> FollowerSamples:
+    """The samples of a session's MCAP file.
+
+    Those of a file of 50 MB or more are kept in a file beside it, `NAME.mcap.samples`, where that can be written, and
+    taken from there as long as the recording stays as it is: same length, same time of change.
+
+    Raises:
+        RecordingError: As `read_session`.
+        MissingExtraError: As `read_session`.
+    """
+    kept = Path(f"{path}.samples")
+    label = _label(path)
+    if label and kept.is_file():
+        with contextlib.suppress(OSError, EOFError, ValueError, KeyError, zipfile.BadZipFile):
+            return _load(kept, label)
+    samples = follower_samples(read_samples(path))
+    if label:
+        with contextlib.suppress(RecordingError, OSError):  # a folder that is not ours: then it is read again
+            _save(kept, label, samples)
+    return samples
+
+
+def read_follower(path: str | PathLike[str], *, flip: bool = False) -> Recording:
+    """The follower's own measurement in a session: positions and the sensor force with its offset.
+
+    Samples whose sensors were not to be trusted are left out, as the session itself learnt nothing from them. Of
+    several processes of the follower it is that of the longest stretch (`SessionLog.longest`).
+
+    Raises:
+        RecordingError: As `read_session`, or the follower said nothing that could be believed.
+    """
+    samples = read_follower_samples(path)
+    if samples.time.size < 2:
+        without = " with sensors that could be believed" if samples.faults.size else ""
+        raise RecordingError(path, f"{samples.time.size} samples of the follower{without}: at least 2 are needed")
+    position = -samples.position if flip else samples.position
+    return Recording(samples.time, position, samples.force, name=str(path))
+
+
+def _label(path: str | PathLike[str]) -> str:
+    """What a kept file says of the recording that it is of; empty where none is kept."""
+    try:
+        about = Path(path).stat()
+    except OSError:
+        return ""
+    return json.dumps([VERSION, about.st_size, about.st_mtime_ns]) if about.st_size >= LARGE else ""
+
+
+def _load(kept: Path, label: str) -> FollowerSamples:
+    """Raises `ValueError` where it is of another recording."""
+    with kept.open("rb") as handle, np.load(handle, allow_pickle=False) as file:
+        if str(file["label"]) != label:
+            raise ValueError("of another recording")
+        stretches, leader_starts, follower_starts = file["starts"].tolist()
+        time, position, force, faults, fault_counts = (file[name] for name in _COLUMNS)
+        seconds = float(file["seconds"])
+    return FollowerSamples(
+        time, position, force, faults, fault_counts, stretches, leader_starts, follower_starts, seconds
+    )
+
+
+def _save(kept: Path, label: str, samples: FollowerSamples) -> None:
+    columns = {name: getattr(samples, name) for name in _COLUMNS}
+    starts = np.array([samples.stretches, samples.leader_starts, samples.follower_starts])
+    with atomic_path(kept) as beside, beside.open("wb") as file:
+        np.savez(file, label=np.array(label), starts=starts, seconds=np.array(samples.seconds), **columns)
