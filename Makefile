@@ -4,7 +4,7 @@ BIN := .venv/bin
 export PYTHON
 
 .DEFAULT_GOAL := help
-.PHONY: help setup system teleop test check test-long soak sweep docs screenshots lock clean
+.PHONY: help setup system teleop test check test-long soak sweep bench bench-check bench-baseline docs screenshots lock clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -38,6 +38,15 @@ soak: setup  ## hours: a recorder of ten hours of session at 1 kHz, and its memo
 
 sweep: setup  ## 1,000 simulated sessions and their page in out/sweep, in under 2 hours on 2 cores; it goes on where it was ended
 	@$(BIN)/foretouch sweep --out out/sweep $(ARGS)
+
+bench: setup  ## how fast everything is, beside peers and beside what is asked for, in some 10 minutes (ARGS="--only fprls")
+	@$(BIN)/foretouch bench $(ARGS)
+
+bench-check: setup  ## is anything slower than it was? ratios against the committed baseline, in a minute
+	@$(BIN)/foretouch bench --check $(ARGS)
+
+bench-baseline: setup  ## keep this machine's ratios as the baseline of bench-check
+	@$(BIN)/foretouch bench --write-baseline src/foretouch/bench/baseline.json
 
 docs: setup  ## build the documentation site into docs/_build, warnings as errors
 	@$(BIN)/sphinx-build -q -W --keep-going -b html docs docs/_build

@@ -55,6 +55,11 @@ def two_short_sessions(words: list[str]) -> list[str]:
     return words if "--replay" in words else [*words, "--sessions", "2", "--baselines", "0", "--duration", "2"]
 
 
+def only_fresh_processes(words: list[str]) -> list[str]:
+    """All benchmarks take minutes; one goes the same way."""
+    return [words[0], "--only", "startup", *(["--json"] if "--json" in words else [])]
+
+
 def in_new_keys(words: list[str]) -> list[str]:
     """In a folder of its own, with an authority and what there is to be shown or made again."""
     if words[1] != "init":
@@ -86,6 +91,7 @@ OFFLINE: dict[tuple[str, ...], Callable[[list[str]], list[str]]] = {
     ("compare",): one_law_without_simulation,
     ("reproduce",): only_the_quickest_section,
     ("sweep",): two_short_sessions,
+    ("bench",): only_fresh_processes,
 }
 """Commands that end by themselves, and their short forms."""
 

@@ -7,7 +7,20 @@ from typing import Annotated
 import typer
 
 from foretouch import __version__
-from foretouch.cli import calibrate, comparison, data, keys, offline, paper, recordings, replay, sessions, sides, sweep
+from foretouch.cli import (
+    bench,
+    calibrate,
+    comparison,
+    data,
+    keys,
+    offline,
+    paper,
+    recordings,
+    replay,
+    sessions,
+    sides,
+    sweep,
+)
 from foretouch.cli.help import PanelledCommand
 
 __all__ = ["app"]
@@ -37,7 +50,7 @@ def _root(
     pass
 
 
-for module in (sessions, sides, offline, replay, comparison, sweep, paper):
+for module in (sessions, sides, offline, replay, comparison, sweep, paper, bench):
     for command in module.COMMANDS:
         app.command(cls=PanelledCommand)(command)
 app.add_typer(calibrate.calibrate, name="calibrate")

@@ -1,0 +1,19 @@
+"""How fast everything is on the user's machine, beside peers and beside what is asked for."""
+
+from foretouch.bench.benchmarks import BENCHMARKS, benchmark
+from foretouch.bench.check import Checked, check, read_baseline
+from foretouch.bench.rows import Row, Scope
+from foretouch.bench.run import run_benchmarks
+from foretouch.bench.table import render_table
+
+__all__ = [
+    "BENCHMARKS",
+    "Checked",
+    "Row",
+    "Scope",
+    "benchmark",
+    "check",
+    "read_baseline",
+    "render_table",
+    "run_benchmarks",
+]

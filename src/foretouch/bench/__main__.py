@@ -1,0 +1,31 @@
+"""One benchmark in this process: `python -m foretouch.bench NAME [--full]` prints its rows as one line of JSON."""
+
+from __future__ import annotations
+
+import sys
+
+import msgspec
+
+from foretouch.bench.benchmarks import benchmark
+from foretouch.bench.rows import Scope
+
+__all__ = ["main"]
+
+
+def main(name: str, *options: str) -> None:
+    """Measure, print, and say what is left out on the error stream.
+
+    Args:
+        name: Of the benchmark.
+        *options: ``--full``.
+    """
+
+    def say(text: str) -> None:
+        sys.stderr.write(f"foretouch: {text}\n")
+
+    rows = benchmark(name)(Scope("--full" in options, say))
+    sys.stdout.write(msgspec.json.encode(rows).decode() + "\n")
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])

@@ -1,0 +1,35 @@
+"""The benchmarks, one a file: each has `measure(scope)`, which returns its rows."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Callable
+
+from foretouch.bench.rows import Row, Scope
+from foretouch.errors import UnknownNameError
+
+__all__ = ["BENCHMARKS", "Measure", "benchmark"]
+
+Measure = Callable[[Scope], list[Row]]
+"""What a benchmark is."""
+
+BENCHMARKS: dict[str, str] = {
+    "fprls": "the paper's estimator over one recording, beside peers",
+    "call": "one call a sample from Python, and what it leaves in memory",
+    "steps": "the steps of leader and follower",
+    "simulate": "a session in simulated time",
+    "startup": "fresh processes",
+}
+"""Names and what each measures, in the order in which they run."""
+
+
+def benchmark(name: str) -> Measure:
+    """What measures a benchmark; imported only now.
+
+    Raises:
+        UnknownNameError: There is none of that name.
+    """
+    if name not in BENCHMARKS:
+        raise UnknownNameError("benchmark", name, BENCHMARKS)
+    measure: Measure = importlib.import_module(f"{__name__}.{name}").measure
+    return measure

@@ -1,0 +1,36 @@
+"""A session along a line in simulated time, with the settings that a user gets, on one core."""
+
+from __future__ import annotations
+
+from foretouch.bench.cores import one_core
+from foretouch.bench.rows import Row, Scope
+from foretouch.bench.timing import spread
+from foretouch.session import SessionSettings, SimulatedSession, make_operator, make_session_robot, simulate
+
+__all__ = ["measure", "run_session"]
+
+DURATION, ROUNDS = 10.0, 5
+
+
+def run_session(duration: float, settings: SessionSettings | None = None) -> SimulatedSession:
+    """A fresh session.
+
+    Args:
+        duration: Simulated [s].
+        settings: The defaults where none are given.
+    """
+    settings = SessionSettings() if settings is None else settings
+    robot, material = make_session_robot(settings)
+    operator = make_operator(
+        settings, surface=material.surface, press_depth=material.press_depth, say=lambda text: None
+    )
+    return simulate(settings, duration=duration, operator=operator, robot=robot)
+
+
+def measure(scope: Scope) -> list[Row]:
+    """How many times as fast as real time."""
+    with one_core():
+        run_session(0.5)
+        faster = [DURATION / run_session(DURATION).elapsed for _ in range(ROUNDS)]
+    what = f"simulate, {DURATION:g} s with default settings on one core, over real time"
+    return [Row.of(what, spread(faster), "x", 15.0, at_least=True)]

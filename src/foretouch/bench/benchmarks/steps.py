@@ -1,0 +1,122 @@
+"""The steps of leader and follower, in a session whose robot costs nothing.
+
+A session in simulated time runs once with the simulated arm, whose samples are kept; then again with these. Sessions
+are the same bit by bit on repeat, so the follower meets what it asked for; what is timed is the steps alone, as the
+runner times them.
+"""
+
+from __future__ import annotations
+
+import gc
+
+import numpy as np
+from numpy.typing import NDArray
+
+from foretouch.bench.rows import Row, Scope
+from foretouch.bench.timing import Spread, spread
+from foretouch.devices import Device
+from foretouch.robot import Robot, RobotSample
+from foretouch.session import SessionSettings, make_operator, make_session_robot, simulate
+
+__all__ = ["RobotOnTape", "TapedSession", "measure", "step_times"]
+
+DURATION, ROUNDS = 10.0, 5
+
+REACHES = {("leader", 50): 15.0, ("follower", 50): 25.0, ("leader", 99): 100.0, ("follower", 99): 100.0}
+"""What a percentile of each side's step is to be at most [us]."""
+
+
+class RobotOnTape(Robot):
+    """Keeps what a robot shows, or without one shows it again, whatever it is told.
+
+    Args:
+        robot: Whose samples are kept.
+    """
+
+    def __init__(self, robot: Robot) -> None:
+        self.specification = robot.specification
+        self._robot: Robot | None = robot
+        self._first = robot.read()
+        self._samples: list[RobotSample] = []
+        self._next = 0
+
+    def rewind(self) -> None:
+        """From now on show the samples again, from the first; the robot is let go."""
+        self._robot = None
+        self._next = 0
+
+    def read(self) -> RobotSample:
+        """The first sample."""
+        return self._first
+
+    def exchange(self, desired_position: float) -> RobotSample:
+        """See `Robot.exchange`; on tape, the next sample."""
+        if self._robot is not None:
+            self._samples.append(self._robot.exchange(desired_position))
+            return self._samples[-1]
+        self._next += 1
+        return self._samples[self._next - 1]
+
+
+class TapedSession:
+    """A session whose robot's samples are on tape.
+
+    Args:
+        duration: Simulated [s].
+        settings: The defaults where none are given.
+    """
+
+    def __init__(self, duration: float, settings: SessionSettings | None = None) -> None:
+        self._settings = SessionSettings() if settings is None else settings
+        self._duration = duration
+        arm, self._material = make_session_robot(self._settings)
+        self._tape = RobotOnTape(arm)
+        simulate(self._settings, duration=duration, operator=self._operator(), robot=self._tape)
+
+    def times(self) -> dict[str, NDArray[np.float64]]:
+        """Run it again: times of the steps [s] of leader and follower, shape (ticks,), and when the probe touched."""
+        self._tape.rewind()
+        operator = self._operator()
+        gc.collect()
+        gc.disable()
+        try:
+            log = simulate(self._settings, duration=self._duration, operator=operator, robot=self._tape).log
+        finally:
+            gc.enable()
+        return {
+            "leader": 1e-9 * log.leader["compute_ns"],
+            "follower": 1e-9 * log.follower["compute_ns"],
+            "contact": log.follower["in_contact"].astype(np.float64),
+        }
+
+    def _operator(self) -> Device:
+        material = self._material
+        return make_operator(
+            self._settings, surface=material.surface, press_depth=material.press_depth, say=lambda text: None
+        )
+
+
+def step_times(session: TapedSession, rounds: int) -> dict[tuple[str, int], Spread]:
+    """Percentiles of the steps in contact [us], by side and percentile.
+
+    Args:
+        session: To run again.
+        rounds: How often, after once to warm up.
+    """
+    session.times()
+    found: dict[tuple[str, int], list[float]] = {key: [] for key in REACHES}
+    for _ in range(rounds):
+        times = session.times()
+        touching = times["contact"] > 0.0
+        for side, percentile in found:
+            found[side, percentile].append(float(np.percentile(times[side][touching], percentile)))
+    return {key: spread(values, 1e6) for key, values in found.items()}
+
+
+def measure(scope: Scope) -> list[Row]:
+    """Percentiles of both steps, in contact."""
+    found = step_times(TapedSession(DURATION), ROUNDS)
+    return [
+        Row.of(f"{side} step in contact, without the robot, {percentile} %", found[side, percentile], "us", reach)
+        for (side, percentile), reach in REACHES.items()
+    ]

@@ -1,0 +1,162 @@
+"""Has it become slower? Ratios of ours to bare compiled loops in the same run, against a baseline that is committed.
+
+Seconds depend on the machine, these ratios hardly. What noise adds to a time is never negative, so that the least of
+many interleaved rounds is what is compared: a machine that is busy half of the time still has quiet rounds. A ratio
+fails beyond its baseline times a band. The band leaves room for what differs between machines and versions of Python;
+what is asked is that nobody makes anything twice as slow unseen.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from importlib.resources import files
+from pathlib import Path
+
+import msgspec
+import numpy as np
+
+from foretouch.bench.benchmarks.call import CALLED, bare, update_all
+from foretouch.bench.benchmarks.fprls import theta_of
+from foretouch.bench.benchmarks.steps import TapedSession
+from foretouch.bench.press import Problem, press, samples
+from foretouch.bench.reference import recursion_over
+from foretouch.bench.timing import Contestant, once
+from foretouch.errors import RecordingError
+
+__all__ = ["BAND", "SHORT_BAND", "Checked", "check", "compare", "measure_ratios", "read_baseline", "write_baseline"]
+
+BAND, SHORT_BAND = 1.6, 2.5
+"""A ratio may be so many times its baseline; the short form has few rounds."""
+
+Measured = dict[str, float]
+"""Ratio by name."""
+
+
+@dataclass(frozen=True, slots=True)
+class Checked:
+    """One ratio beside its baseline.
+
+    Attributes:
+        name: Of the ratio.
+        ratio: As measured now; None where the baseline names what is not measured any more.
+        baseline: As it was; None where it is new.
+        band: How many times the baseline is allowed.
+    """
+
+    name: str
+    ratio: float | None
+    baseline: float | None
+    band: float
+
+    @property
+    def passed(self) -> bool:
+        """Whether it is within the band of its baseline."""
+        return self.ratio is not None and self.baseline is not None and self.ratio <= self.band * self.baseline
+
+    @property
+    def sentence(self) -> str:
+        """What there is to say, in one line."""
+        if self.ratio is None:
+            return f"{self.name}: in the baseline, but not measured any more: write the baseline anew"
+        if self.baseline is None:
+            return f"{self.name}: {self.ratio:.3g}, and not in the baseline: write the baseline anew"
+        verdict = "within" if self.passed else "BEYOND"
+        return (
+            f"{self.name}: {self.ratio:.3g}, {self.ratio / self.baseline:.2f} times the baseline of "
+            f"{self.baseline:.3g}: {verdict} the band of {self.band:g}"
+        )
+
+
+def measure_ratios(*, short: bool) -> Measured:
+    """Ours over a bare compiled loop, each the least of interleaved rounds.
+
+    Args:
+        short: A few seconds; else a minute.
+    """
+    size, rounds = 2_000, 7 if short else 60
+    pressed = press(size)
+    sampled, problem = samples(pressed), Problem.of(pressed)
+    session = TapedSession(2.0)
+
+    def timed(one: Contestant) -> Callable[[], Measured]:
+        return lambda: {"": once(one)}
+
+    def steps() -> Measured:
+        times = session.times()
+        touching = times.pop("contact") > 0.0
+        return {f" {side} step": float(np.median(values[touching])) for side, values in times.items()}
+
+    measures = {
+        "bare call": timed(Contestant(bare(sampled), size)),
+        "bare recursion": timed(Contestant(lambda: recursion_over(problem), size)),
+        "FPRLS over a recording": timed(Contestant(lambda: theta_of(pressed), size)),
+        "session": steps,
+    }
+    for name, (make, _) in CALLED.items():
+        estimator = make()
+        measures[f"{name} update"] = timed(Contestant(update_all(estimator, sampled), size, estimator.reset))
+    least: Measured = {}
+    for _ in range(rounds + 1):  # the first warms up; it is never the least
+        for name, measure in measures.items():
+            for part, seconds in measure().items():
+                key = (name + part).removeprefix("session ")
+                least[key] = min(seconds, least.get(key, seconds))
+    call, recursion = least.pop("bare call"), least.pop("bare recursion")
+    return {name: seconds / (recursion if "recording" in name else call) for name, seconds in least.items()}
+
+
+def compare(measured: Mapping[str, float], baseline: Mapping[str, float], band: float) -> list[Checked]:
+    """Every ratio of either beside the other.
+
+    Args:
+        measured: Ratio by name.
+        baseline: The same, as committed.
+        band: How many times the baseline is allowed.
+    """
+    names = dict.fromkeys((*measured, *baseline))
+    return [Checked(name, measured.get(name), baseline.get(name), band) for name in names]
+
+
+def check(baseline: Path | None = None, *, short: bool = False) -> list[Checked]:
+    """Measure all ratios and hold them against a baseline.
+
+    Args:
+        baseline: A file; the committed one where none is given.
+        short: A few seconds and a wider band; else a minute.
+
+    Raises:
+        RecordingError: The baseline cannot be read.
+    """
+    kept = read_baseline(baseline)
+    return compare(measure_ratios(short=short), kept, SHORT_BAND if short else BAND)
+
+
+def read_baseline(path: Path | None = None) -> Measured:
+    """Ratio by name from a file; from the committed one where none is given.
+
+    Raises:
+        RecordingError: It cannot be read, or is no table of numbers.
+    """
+    try:
+        content = (files("foretouch.bench") / "baseline.json").read_bytes() if path is None else path.read_bytes()
+        return msgspec.json.decode(content, type=Measured)
+    except (OSError, msgspec.DecodeError) as error:
+        raise RecordingError(path or "the committed baseline", f"no baseline of ratios: {error}") from None
+
+
+def write_baseline(path: Path, measured: Mapping[str, float]) -> None:
+    """Keep ratios, to three figures.
+
+    Args:
+        path: The file; one that is there is replaced.
+        measured: Ratio by name.
+
+    Raises:
+        RecordingError: It cannot be written.
+    """
+    rounded = {name: float(f"{ratio:.3g}") for name, ratio in measured.items()}
+    try:
+        path.write_bytes(msgspec.json.format(msgspec.json.encode(rounded), indent=2) + b"\n")
+    except OSError as error:
+        raise RecordingError(path, f"cannot be written: {error.strerror}") from None

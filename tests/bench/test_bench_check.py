@@ -1,0 +1,60 @@
+"""Slower than it was: what fails, and that nothing does now."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from foretouch.bench.check import (
+    BAND,
+    SHORT_BAND,
+    check,
+    compare,
+    measure_ratios,
+    read_baseline,
+    write_baseline,
+)
+from foretouch.errors import RecordingError
+
+
+@pytest.fixture(scope="module")
+def measured() -> dict[str, float]:
+    """The short form, which takes seconds."""
+    return measure_ratios(short=True)
+
+
+def test_nothing_is_slower_than_the_committed_baseline(measured: dict[str, float]) -> None:
+    checked = compare(measured, read_baseline(), SHORT_BAND)
+    assert all(one.passed for one in checked), [one.sentence for one in checked if not one.passed]
+
+
+def test_a_ratio_that_became_worse_than_the_band_fails_alone(measured: dict[str, float]) -> None:
+    for name in measured:
+        worse = measured | {name: measured[name] * SHORT_BAND * 1.01}
+        failed = [one for one in compare(worse, measured, SHORT_BAND) if not one.passed]
+        assert [one.name for one in failed] == [name]
+        assert "BEYOND" in failed[0].sentence
+    within = {name: ratio * SHORT_BAND * 0.99 for name, ratio in measured.items()}
+    assert all(one.passed for one in compare(within, measured, SHORT_BAND))
+
+
+def test_what_one_side_does_not_know_fails() -> None:
+    new, old = compare({"new": 1.0}, {"old": 1.0}, BAND)
+    assert not new.passed
+    assert "not in the baseline" in new.sentence
+    assert not old.passed
+    assert "not measured any more" in old.sentence
+
+
+def test_a_baseline_is_kept_and_read(tmp_path: Path) -> None:
+    path = tmp_path / "baseline.json"
+    write_baseline(path, {"a": 1.23456, "b": 100.0})
+    assert read_baseline(path) == {"a": 1.23, "b": 100.0}
+    path.write_text("{")
+    with pytest.raises(RecordingError, match="no baseline of ratios"):
+        read_baseline(path)
+    with pytest.raises(RecordingError, match="no baseline of ratios"):
+        check(tmp_path / "none.json")
+    with pytest.raises(RecordingError, match="cannot be written"):
+        write_baseline(tmp_path / "none" / "baseline.json", {})

@@ -1,0 +1,60 @@
+"""`foretouch bench`: what it prints and how it ends."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from typing import Any
+
+import pytest
+from typer.testing import CliRunner
+
+from foretouch.bench import BENCHMARKS, benchmark
+from foretouch.cli.app import app
+
+ROW = {"what": str, "figure": float, "unit": str, "reach": float | None, "reached": bool | None}
+
+
+def rows_of(*arguments: str) -> list[dict[str, Any]]:
+    result = CliRunner().invoke(app, ["bench", "--json", *arguments])
+    assert result.exit_code == 0, result.output
+    rows: list[dict[str, Any]] = json.loads(result.stdout)
+    for row in rows:
+        assert list(row) == list(ROW)
+        assert all(isinstance(row[name], kind | int if kind is float else kind) for name, kind in ROW.items())
+        assert (row["reach"] is None) == (row["reached"] is None)
+    assert len({row["what"] for row in rows}) == len(rows), "two rows are called alike"
+    return rows
+
+
+def test_an_unknown_name_is_one_line_and_exit_code_2() -> None:
+    command = [sys.executable, "-m", "foretouch", "bench", "--only", "startup", "--only", "starting"]
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert done.returncode == 2
+    assert done.stdout == ""
+    assert done.stderr.splitlines() == [
+        f"foretouch: unknown benchmark 'starting': choose one of {', '.join(sorted(BENCHMARKS))}"
+    ]
+
+
+def test_every_benchmark_can_be_had() -> None:
+    assert all(callable(benchmark(name)) and BENCHMARKS[name] for name in BENCHMARKS)
+
+
+def test_one_benchmark_as_json() -> None:
+    rows = rows_of("--only", "startup")
+    assert [row["what"].split(",")[0] for row in rows if row["reach"] is not None] == [
+        "foretouch --help",
+        "import foretouch",
+        "first compiled call",
+    ]
+    assert all(row["figure"] > 0.0 and row["unit"] == "s" for row in rows)
+
+
+@pytest.mark.long
+@pytest.mark.live
+def test_all_benchmarks_as_json() -> None:
+    rows = rows_of()
+    assert len(rows) > 2 * len(BENCHMARKS)
+    assert any(row["unit"] == "x" for row in rows)
