@@ -1,4 +1,4 @@
-"""The follower's samples are the same from the whole log, from a narrow reading, and from the file beside a recording."""
+"""The follower's samples: the same from the whole log, from a narrow reading, and from the file beside the mcap."""
 
 import importlib
 import os
