@@ -12,7 +12,7 @@ from foretouch.identification.exact_recursive import (
     ExactRecursive,
     ExactRecursiveOptions,
 )
-from foretouch.identification.fprls import FPRLS, FPRLSOptions
+from foretouch.identification.fprls import FPRLS, FPRLSOptions, fprls_many
 from foretouch.identification.friction import FrictionEstimator
 from foretouch.identification.hunt_crossley_log import HuntCrossleyLogOptions, HuntCrossleyLogRLS
 from foretouch.identification.hunt_crossley_two_stage import HuntCrossleyTwoStage, TwoStageOptions
@@ -108,6 +108,7 @@ __all__ = [
     "fit_offline",
     "fit_series_compliance",
     "fit_tool_weight",
+    "fprls_many",
     "identify",
     "make_estimator",
     "predict",

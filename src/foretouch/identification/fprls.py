@@ -2,17 +2,24 @@
 
 from __future__ import annotations
 
-import math
 from typing import ClassVar
 
-from foretouch.identification.linearised import FPRLSOptions, LinearisedEstimator
+from numpy.typing import ArrayLike
 
-__all__ = ["FPRLS", "FPRLSOptions", "forgetting_by_distance"]
+from foretouch.identification.linear_runs import LinearRuns
+from foretouch.identification.linearised import Forgetting, FPRLSOptions, LinearisedEstimator
+
+__all__ = ["FPRLS", "FPRLSOptions", "by_distance", "forgetting_by_distance", "fprls_many"]
+
+
+def by_distance(rate: float) -> Forgetting:
+    """The paper's way to forget, `mu = 0.95 + 0.05 exp(-rho |dx|)`, of a rate rho [1/m]."""
+    return Forgetting(0.95, 0.05, rate)
 
 
 def forgetting_by_distance(rate: float, depth_change: float) -> float:
     """The paper's mu, `0.95 + 0.05 exp(-rho |dx|)`, of a rate rho [1/m] and a change of depth [m]."""
-    return 0.95 + 0.05 * math.exp(-rate * abs(depth_change))
+    return by_distance(rate).factor(depth_change)
 
 
 class FPRLS(LinearisedEstimator):
@@ -41,8 +48,38 @@ class FPRLS(LinearisedEstimator):
     name: ClassVar[str] = "fprls"
 
     def __init__(self, options: FPRLSOptions | None = None) -> None:
-        super().__init__(FPRLSOptions() if options is None else options)
+        options = FPRLSOptions() if options is None else options
+        super().__init__(options, by_distance(options.forgetting_rate))
 
-    def forgetting_factor(self, depth_change: float) -> float:
-        """The paper's mu."""
-        return forgetting_by_distance(self.options.forgetting_rate, depth_change)
+
+def fprls_many(
+    depth: ArrayLike,
+    velocity: ArrayLike,
+    force: ArrayLike,
+    in_contact: ArrayLike | None = None,
+    *,
+    options: FPRLSOptions | None = None,
+    every: bool = False,
+    parallel: bool = False,
+) -> LinearRuns:
+    r"""Equation (20) over many independent recordings at once, each from theta_0 and P_0.
+
+    `FPRLS(options).run_many`: what `FPRLS(options).run` makes of each column, to the last bit.
+
+    Args:
+        depth: Below the surface [m], shape (m, n): m samples of n recordings. Shorter recordings are filled up with
+            NaN, which is left out.
+        velocity: [m/s], positive while deepening, shape (m, n).
+        force: On the probe [N], shape (m, n).
+        in_contact: Whether the probe touches, shape (m, n); by default everywhere.
+        options: Of all recordings; `FPRLSOptions(robust=ROBUST)` is `RobustFPRLS`.
+        every: Whether theta after each sample is wanted too.
+        parallel: Whether all cores are used.
+
+    Returns:
+        Estimates, covariances and counts by recording.
+
+    Raises:
+        SettingError: Arrays that do not fit together.
+    """
+    return FPRLS(options).run_many(depth, velocity, force, in_contact, every=every, parallel=parallel)

@@ -3,33 +3,54 @@
 from __future__ import annotations
 
 import math
-from abc import abstractmethod
 from dataclasses import dataclass, field
-from typing import ClassVar, Literal
+from typing import ClassVar, Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from foretouch.errors import SettingError
 from foretouch.identification.conditioning import ContactSample
 from foretouch.identification.estimator import Estimator, Status
+from foretouch.identification.fprls_kernel import (
+    BIN,
+    LEARNT,
+    OPTIONS_SIZE,
+    PERTURBED,
+    RESIDUALS,
+    RESTARTED,
+    STATE_SIZE,
+    full_covariance,
+    restart,
+    update,
+)
+from foretouch.identification.fprls_recording import run
+from foretouch.identification.linear_runs import (
+    STATUSES,
+    LinearRun,
+    LinearRuns,
+    as_recording,
+    residual_variance,
+    run_columns,
+    to_metres,
+)
 from foretouch.identification.recovery import DepthSummary, Recovered, recover
 from foretouch.identification.recursion import (
-    BROKEN,
-    PERTURBED,
+    LARGEST_TRACE,
     ErrorUnit,
     PerturbationForm,
     PerturbationMoment,
-    Recursion,
     error_along,
 )
 from foretouch.identification.robust import REFERENCE_DEPTH, REFERENCE_VELOCITY, RobustOptions, require_choice
 from foretouch.models import LinearisedContinuousSwitching
 from foretouch.models.checks import require
 
-__all__ = ["FPRLSOptions", "LinearisedEstimator"]
+__all__ = ["FPRLSOptions", "Forgetting", "LinearisedEstimator"]
 
 Array = NDArray[np.float64]
+
+LEARNT_FROM = (LEARNT, PERTURBED)
 
 FEWEST_UPDATES = 20
 """No force is rendered from fewer samples; the paper's simulations settle at the 20th."""
@@ -101,6 +122,27 @@ class FPRLSOptions:
         return (1.0, 1.0) if self.depth_unit == "m" else (1e-3, 1e-3)
 
 
+class Forgetting(NamedTuple):
+    r"""How old samples are forgotten, :math:`\mu = f + g e^{-\rho |\Delta x|}`.
+
+    Attributes:
+        floor: f.
+        share: g; f + g is above 0 and at most 1.
+        rate: rho [1/m].
+    """
+
+    floor: float = 1.0
+    share: float = 0.0
+    rate: float = 0.0
+
+    def factor(self, depth_change: float) -> float:
+        """Mu after this change of depth [m]."""
+        return self.floor + self.share * math.exp(-self.rate * abs(depth_change))
+
+
+NOTHING_FORGOTTEN = Forgetting()
+
+
 class LinearisedEstimator(Estimator):
     r"""Least squares on (18), `ln F = ln k + s ln x + b1 v + b2 v / x`; the leaves say how old samples are forgotten.
 
@@ -111,71 +153,117 @@ class LinearisedEstimator(Estimator):
     `parameters` has ln_k, s, b1, b2 and the law (4) that they stand for: stiffness, damping, exponent, switching, where
     they are determined (`foretouch.identification.recovery`).
 
+    `update` takes one sample, `run` a recording, `run_many` many recordings at once; all three are compiled, take all
+    options, and give the same numbers to the last bit (`foretouch.identification.fprls_kernel`).
+
     Args:
         options: The choices that the paper leaves open.
+        forgetting: How old samples are forgotten; by default not at all.
     """
 
     model_name: ClassVar[str] = "continuous-switching"
     errors_mean_something: ClassVar[bool] = False
 
-    def __init__(self, options: FPRLSOptions) -> None:
+    def __init__(self, options: FPRLSOptions, forgetting: Forgetting = NOTHING_FORGOTTEN) -> None:
         self.options = options
+        self.forgetting = forgetting
         depth, velocity = options.scales
         # theta in metres is this matrix times theta of the regressors in use
         self._to_metres = np.diag([1.0, 1.0, 1.0 / velocity, depth / velocity])
         self._to_metres[0, 1] = -math.log(depth)
-        self._recursion = Recursion(
-            np.linalg.solve(self._to_metres, np.array(options.initial_parameters)),
-            options.initial_covariance,
-            sensitivity=options.sensitivity,
-            perturbation=options.perturbation,
-            error_unit=options.perturbation_error,
-            moment=options.perturbation_moment,
-            form=options.perturbation_form,
-            trace_limit=options.robust.trace_limit,
-        )
-        self._depths = DepthSummary()
+        theta = np.asarray(np.linalg.solve(self._to_metres, options.initial_parameters), np.float64)
+        self._packed = _pack(options, forgetting, theta)
+        self._state = np.empty(STATE_SIZE)
+        self._depths = DepthSummary(self._state[BIN:])
         self.reset()
+        # Compiled here, before any loop: the first call would otherwise cost a second inside it.
+        update(self._state, self._packed, 1.0, 0.0, 1.0, False)
 
     def reset(self) -> None:
         """Forget all samples."""
-        self._recursion.reset()
-        self._depths.reset()
-        self._last_depth = math.nan
+        restart(self._state, self._packed)
         self.updates = 0
 
-    @abstractmethod
     def forgetting_factor(self, depth_change: float) -> float:
         """Mu of a sample whose depth differs by so much [m] from that of the one before."""
+        return self.forgetting.factor(depth_change)
 
     def update(self, sample: ContactSample) -> Status:
         """One step; see `Estimator.update`."""
-        robust = self.options.robust
-        refusal = robust.refuse(sample, logarithms=True)
-        if refusal is not None:
-            if refusal is Status.FREE_AIR:
-                self._last_depth = math.nan
-            return refusal
-        _, depth, velocity, force, _ = sample
-        factor = self.forgetting_factor(0.0 if math.isnan(self._last_depth) else depth - self._last_depth)
-        self._last_depth = depth
-        weight = robust.weight(force)
-        depth_scale, velocity_scale = self.options.scales
-        regressor = (
-            1.0,
-            math.log(depth / depth_scale),
-            velocity / velocity_scale,
-            robust.bounded_rate(velocity, depth) * (depth_scale / velocity_scale),
+        _, depth, velocity, force, in_contact = sample
+        done = update(self._state, self._packed, depth, velocity, force, in_contact)
+        if done in LEARNT_FROM:
+            self.updates += 1
+        elif done == RESTARTED:
+            self.updates = 0
+        return STATUSES[done]
+
+    def run(
+        self,
+        depth: ArrayLike,
+        velocity: ArrayLike,
+        force: ArrayLike,
+        in_contact: ArrayLike | None = None,
+        *,
+        every: bool = False,
+    ) -> LinearRun:
+        """All samples of a recording, one after the other, as `update` with each: the same bits, in one call.
+
+        Goes on from where the estimator is; `reset` before a recording that has nothing to do with the one before.
+
+        Args:
+            depth: Below the surface [m], shape (m,).
+            velocity: [m/s], positive while deepening, shape (m,).
+            force: On the probe [N], shape (m,).
+            in_contact: Whether the probe touches, shape (m,); by default everywhere: what has no usable depth or force
+                is left out anyway, but the path through free air then counts as moved.
+            every: Whether theta after each sample is wanted too.
+
+        Raises:
+            SettingError: Arrays that do not fit together.
+        """
+        samples = as_recording(1, depth, velocity, force, in_contact)
+        status = np.empty(samples[0].size, np.int8)
+        trace = np.empty((samples[0].size if every else 0, 4))
+        run(self._state, self._packed, *samples, status, trace)
+        restarts = np.flatnonzero(status == RESTARTED)
+        learnt = (status == LEARNT) | (status == PERTURBED)
+        if restarts.size:
+            self.updates = 0
+            learnt = learnt[restarts[-1] + 1 :]
+        self.updates += int(np.count_nonzero(learnt))
+        return LinearRun(
+            np.array(self._linear()), status, to_metres(trace, *self.options.scales) if every else None, self.updates
         )
-        done = self._recursion.learn(regressor, math.log(force), factor, weight)
-        if done == BROKEN:
-            self.reset()
-            return Status.RESTARTED
-        if done == PERTURBED:
-            self._depths.reset()
-        self._depths.add(depth, velocity, factor, weight)
-        self.updates += 1
-        return Status.LEARNT
+
+    def run_many(
+        self,
+        depth: ArrayLike,
+        velocity: ArrayLike,
+        force: ArrayLike,
+        in_contact: ArrayLike | None = None,
+        *,
+        every: bool = False,
+        parallel: bool = False,
+    ) -> LinearRuns:
+        """Many recordings at once, each from theta_0 and P_0; the estimator itself learns nothing.
+
+        The same bits as `run` of a fresh estimator with each column.
+
+        Args:
+            depth: Below the surface [m], shape (m, n): m samples of n recordings. Shorter recordings are filled up
+                with NaN, which is left out.
+            velocity: [m/s], positive while deepening, shape (m, n).
+            force: On the probe [N], shape (m, n).
+            in_contact: Whether the probe touches, shape (m, n); by default everywhere, see `run`.
+            every: Whether theta after each sample is wanted too.
+            parallel: Whether all cores are used.
+
+        Raises:
+            SettingError: Arrays that do not fit together.
+        """
+        samples = as_recording(2, depth, velocity, force, in_contact)
+        return run_columns(samples, self._packed, self.options.scales, every=every, parallel=parallel)
 
     @property
     def linear_parameters(self) -> tuple[float, float, float, float]:
@@ -185,7 +273,7 @@ class LinearisedEstimator(Estimator):
     @property
     def unscaled_covariance(self) -> Array:
         """A copy of P, shape (4, 4), of the unknowns in the units of the regressors."""
-        return self._recursion.covariance.copy()
+        return full_covariance(self._state[4:14])
 
     @property
     def model(self) -> LinearisedContinuousSwitching | None:
@@ -238,14 +326,46 @@ class LinearisedEstimator(Estimator):
 
     def _linear(self) -> tuple[float, float, float, float]:
         """Theta in metres."""
-        return _tuple(self._to_metres @ self._recursion.theta)
+        return _tuple(to_metres(self._state[:4], *self.options.scales))
 
     def _covariance(self) -> Array | None:
         """Covariance of theta in metres by the residuals; only an indication where forgetting or perturbation act."""
-        covariance = self._recursion.error_covariance
-        return None if covariance is None else self._to_metres @ covariance @ self._to_metres.T
+        variance = float(residual_variance(*self._state[RESIDUALS : RESIDUALS + 2]))
+        covariance = self.unscaled_covariance
+        if not variance * float(np.trace(covariance)) < LARGEST_TRACE:
+            return None
+        return self._to_metres @ (variance * covariance) @ self._to_metres.T
 
 
 def _tuple(values: Array) -> tuple[float, float, float, float]:
     ln_k, s, b1, b2 = values.tolist()
     return ln_k, s, b1, b2
+
+
+def _pack(options: FPRLSOptions, forgetting: Forgetting, theta: Array) -> Array:
+    """The options as the kernel takes them, in its order."""
+    depth, velocity = options.scales
+    robust = options.robust
+    packed = np.array(
+        [
+            math.log(depth),
+            1.0 / velocity,
+            depth / velocity,
+            math.inf if robust.largest_rate is None else robust.largest_rate,
+            *forgetting,
+            robust.gate_force,
+            robust.gate_depth,
+            0.0 if robust.weight_force is None else 1.0 / robust.weight_force,
+            options.sensitivity,
+            options.perturbation,
+            options.perturbation_error == "newton",
+            options.perturbation_moment == "before",
+            options.perturbation_form == "reset",
+            robust.trace_limit,
+            *theta,
+            options.initial_covariance,
+        ],
+        np.float64,
+    )
+    assert packed.size == OPTIONS_SIZE
+    return packed

@@ -51,16 +51,20 @@ class DepthSummary:
 
     Least squares on (18) fits 1 / x^alpha by a1 + a2 / x with the weight v^2 (its regressors are v and v / x), so each
     sample adds w v^2 to its bin. Old samples fade as the recursion forgets them.
+
+    Args:
+        weights: Histogram that somebody else fills, shape (BINS_PER_DECADE DECADES,); by default one of its own.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, weights: Array | None = None) -> None:
         edges = DEEPEST * 10.0 ** (-DECADES + np.arange(BINS_PER_DECADE * DECADES + 1) / BINS_PER_DECADE)
         self._inverse_depth = 1.0 / np.sqrt(edges[1:] * edges[:-1])
+        self._weights = np.zeros(self._inverse_depth.size) if weights is None else weights
         self.reset()
 
     def reset(self) -> None:
         """Forget all depths."""
-        self._weights = np.zeros(self._inverse_depth.size)
+        self._weights[:] = 0.0
         self._gain = 1.0  # grows instead of shrinking all bins at each sample
 
     def add(self, depth: float, velocity: float, forgetting_factor: float = 1.0, weight: float = 1.0) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import ClassVar
 
-from foretouch.identification.linearised import FPRLSOptions, LinearisedEstimator
+from foretouch.identification.linearised import Forgetting, FPRLSOptions, LinearisedEstimator
 from foretouch.models.checks import require
 
 __all__ = ["RLS", "ForgettingRLS", "SelfPerturbingRLS"]
@@ -30,10 +30,6 @@ class RLS(LinearisedEstimator):
     def __init__(self, options: FPRLSOptions | None = None) -> None:
         super().__init__(replace(options or FPRLSOptions(), forgetting_rate=0.0, perturbation=0.0))
 
-    def forgetting_factor(self, depth_change: float) -> float:
-        """1: nothing is forgotten."""
-        return 1.0
-
 
 class ForgettingRLS(LinearisedEstimator):
     """Equation (20) with a constant mu and delta = 0: what is forgotten is forgotten by samples, so by time.
@@ -53,12 +49,8 @@ class ForgettingRLS(LinearisedEstimator):
 
     def __init__(self, options: FPRLSOptions | None = None, *, forgetting_factor: float = FORGETTING_FACTOR) -> None:
         require("forgetting_factor", forgetting_factor, above=0.0, at_most=1.0)
-        self._factor = forgetting_factor
-        super().__init__(replace(options or FPRLSOptions(), forgetting_rate=0.0, perturbation=0.0))
-
-    def forgetting_factor(self, depth_change: float) -> float:
-        """The constant mu."""
-        return self._factor
+        options = replace(options or FPRLSOptions(), forgetting_rate=0.0, perturbation=0.0)
+        super().__init__(options, Forgetting(floor=forgetting_factor))
 
 
 class SelfPerturbingRLS(LinearisedEstimator):
@@ -72,7 +64,3 @@ class SelfPerturbingRLS(LinearisedEstimator):
 
     def __init__(self, options: FPRLSOptions | None = None) -> None:
         super().__init__(replace(options or FPRLSOptions(), forgetting_rate=0.0))
-
-    def forgetting_factor(self, depth_change: float) -> float:
-        """1: nothing is forgotten."""
-        return 1.0

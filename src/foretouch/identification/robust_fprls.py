@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import ClassVar
 
-from foretouch.identification.fprls import forgetting_by_distance
+from foretouch.identification.fprls import by_distance
 from foretouch.identification.linearised import FPRLSOptions, LinearisedEstimator
 from foretouch.identification.robust import RobustOptions
 
@@ -31,8 +31,5 @@ class RobustFPRLS(LinearisedEstimator):
     name: ClassVar[str] = "robust-fprls"
 
     def __init__(self, options: FPRLSOptions | None = None) -> None:
-        super().__init__(FPRLSOptions(robust=ROBUST) if options is None else options)
-
-    def forgetting_factor(self, depth_change: float) -> float:
-        """The paper's mu."""
-        return forgetting_by_distance(self.options.forgetting_rate, depth_change)
+        options = FPRLSOptions(robust=ROBUST) if options is None else options
+        super().__init__(options, by_distance(options.forgetting_rate))
