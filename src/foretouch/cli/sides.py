@@ -205,9 +205,12 @@ def camera(*, settings: Any, endpoints: Endpoints, parent: Parent = None) -> Non
     give_way()
     scene = make_scene(settings.scene)
     sees = settings.fusion in ("full", "image") or parent is not None
-    drawn = make_camera(settings, scene, say=say) if sees else None
+    missing: list[str] = []
+    drawn = make_camera(settings, scene, say=missing.append) if sees else None
+    for line in missing:
+        say(line)
     with open_link("camera", endpoints, CAMERA_CHANNELS) as link:
-        texts = {"camera": "there is none" if drawn is None else "there is one"}
+        texts = {"camera": "there is none" if drawn is None else "there is one", "camera_missing": "".join(missing)}
         run_camera(
             link,
             scene,

@@ -183,7 +183,8 @@ class Console:
             self._hold.step(way)
 
     def _toggle_clutch(self, browser: int | None = None) -> None:
-        if self._by_mouse:
+        pressed = self._holding.clutched  # one that is pressed is let go of while a recording is looked at, too
+        if self._by_mouse and (pressed or self._library.playback is None):
             self._holding.toggle_clutch(browser)
             self._panel.show_clutch(self._holding.clutched)
 
@@ -268,7 +269,8 @@ class Console:
         other = None if playback is None else playback.other
         window = shown.window(SECONDS)
         status = self._status(now) if playback is None else "A recording is shown; see the tab Recordings."
-        notes = warnings(self._watched, now)
+        unseen = (self._space.problem,) if shown.in_space and self._space.problem else ()
+        notes = (*unseen, *warnings(self._watched, now))
         panel.forces.write(numbers_of(shown, window, other, status=status, warnings=notes))
         panel.network.draw(window, shown.loss_trace(SECONDS, now))
         panel.energy.draw(window)

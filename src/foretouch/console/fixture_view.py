@@ -51,8 +51,9 @@ class FixtureView:
 
     def __init__(self, scene: Any, surface: Surface, units: float) -> None:
         self._units = units
-        self._vertices, self._faces = shape.refined(*surface.outline())
-        self._dent = (0.0, 0.0, 0.0, 0.0)
+        vertices, faces = surface.outline()
+        self._vertices, self._faces = shape.refined(vertices, faces)
+        self._dent, self._normal = (0.0, 0.0, 0.0, 0.0), (0.0, 0.0, 1.0)
         self._levels = np.zeros(len(self._faces), np.int64)
         self._touched = np.zeros(len(COLOURS) + 1, bool)
         self._parts: list[tuple[Any, shape.Faces]] = []
@@ -66,8 +67,8 @@ class FixtureView:
             for i, colour in enumerate((UNKNOWN, *COLOURS))
         ]
         bottom = float(self._vertices[:, 2].min()) - THICKNESS
-        walls, triangles = shape.skirt(self._vertices, self._faces, bottom)
-        if len(triangles):
+        if len(shape.boundary(faces)):
+            walls, triangles = shape.skirt(self._vertices, self._faces, bottom)
             add_body(scene, "/space/fixture/walls", (walls * units, triangles), CUT[0])
         self._add_board(scene)
         rim = footprint(self._vertices) * units
@@ -131,10 +132,8 @@ class FixtureView:
         dent = (x, y, z, depth) if depth > 0.0 else (0.0, 0.0, 0.0, 0.0)
         if max(abs(a - b) for a, b in zip(dent, self._dent, strict=True)) < SMALLEST_CHANGE:
             return
-        self._dent = dent
-        vertices, sinking = shape.sunk(
-            self._vertices, (x, y, z), motion.rotate_back((normal[0], normal[1], normal[2])), depth
-        )
+        self._dent, self._normal = dent, motion.rotate_back((normal[0], normal[1], normal[2]))
+        vertices, sinking = shape.sunk(self._vertices, (x, y, z), self._normal, depth)
         self._bend(vertices, sinking > SMALLEST_CHANGE)
 
     def _bend(self, vertices: np.ndarray, sunk: np.ndarray) -> None:
@@ -148,7 +147,7 @@ class FixtureView:
     def _paint(self) -> None:
         """Give each colour its triangles."""
         x, y, z, depth = self._dent
-        vertices, _ = shape.sunk(self._vertices, (x, y, z), (0.0, 0.0, 1.0), depth)
+        vertices, _ = shape.sunk(self._vertices, (x, y, z), self._normal, depth)
         self._parts = []
         for level, node in enumerate(self._nodes):
             used, triangles = shape.compacted(self._faces[self._levels == level])

@@ -101,7 +101,7 @@ class ForcePanel:
 
 def numbers_html(n: Numbers) -> str:
     """The table of numbers, and the lines around it."""
-    age = f", {n.true_age:.2f} s ago" if math.isfinite(n.true_age) else ""
+    age = f", {abs(n.true_age):.2f} s ago" if math.isfinite(n.true_age) else ""
     doubt = f"{n.predicted:.2f} ± " if math.isfinite(n.deviation) and abs(n.predicted) < 1000.0 else ""
     predicted = doubt + number(n.deviation if doubt else n.predicted, "N")
     rows = [

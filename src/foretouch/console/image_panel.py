@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import html
 import math
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -16,15 +17,14 @@ from foretouch.console.watched import Watched
 from foretouch.console.window import Array
 from foretouch.messages import CameraImage, LeaderSpace
 
-__all__ = ["DRAW_PROBE", "NO_IMAGE", "ImagePanel"]
+__all__ = ["DRAW_PROBE", "NO_IMAGE", "ImagePanel", "missing_image"]
 
 DRAW_PROBE = "Probe over image"
 WHAT_IS_DRAWN = "Draw the virtual probe (blue) and the fixture as rendered (green) over the delayed image"
-NO_OPENCV = "OpenCV is not installed: the probe cannot be drawn over images. Install foretouch[vision]."
-NO_CAMERA = (
-    "There is no camera: MuJoCo, OpenCV or a graphics library is missing at the robot, or images are not used "
-    "(--fusion). Touches alone show where the fixture is."
-)
+NO_OPENCV = "OpenCV is not here: the probe cannot be drawn over images. pip install 'foretouch[vision]'"
+NO_CAMERA = "There is no camera at the robot."
+NOT_USED = ("contact", "none")
+"""With these values of ``fusion`` no image is needed."""
 NO_IMAGE = "No image has come yet."
 CAMERA_DELAY = 0.05
 """From exposure to reading [s] until the session says its own."""
@@ -57,8 +57,7 @@ class ImagePanel:
         self._image = gui.add_image(BLANK, label=TITLE, format="jpeg", visible=False)
         self._text = gui.add_html("", visible=False)
         self._over = gui.add_checkbox(DRAW_PROBE, False, hint=WHAT_IS_DRAWN, visible=False)
-        self._can_draw = can_draw()
-        self._over.disabled = not self._can_draw
+        self._can_draw: bool | None = None  # not asked yet: loading OpenCV takes its time
         self._shown = False
         self._sent: CameraImage | None = None
         self._drawn_over = False
@@ -66,6 +65,9 @@ class ImagePanel:
     def show(self, shown: bool) -> None:
         """Show the panel, or hide it."""
         if shown != self._shown:
+            if self._can_draw is None:
+                self._can_draw = can_draw()
+                self._over.disabled = not self._can_draw
             self._shown = shown
             self._style.visible = self._text.visible = self._over.visible = shown
             self._image.visible = shown and self._sent is not None
@@ -89,7 +91,7 @@ class ImagePanel:
             self._image.visible = image is not None
         if image is None or leader is None or not image.jpeg:
             return
-        over = bool(self._over.value) and self._can_draw
+        over = bool(self._over.value) and bool(self._can_draw)
         if image is self._sent and not over and not self._drawn_over:
             return
         jpeg = _over(image, leader, vertices) if over else image.jpeg
@@ -99,15 +101,13 @@ class ImagePanel:
 
     def _write(self, watched: Watched, image: CameraImage | None) -> None:
         lines = []
-        if watched.settings.get("camera") == "there is none":
-            lines.append(NO_CAMERA)
-        elif image is None:
-            lines.append(NO_IMAGE)
+        if image is None:
+            lines.append(missing_image(watched.settings))
         else:
             lines.append(f"{_age(watched, image)}; {image.markers} of {MARKERS} markers found.")
             if image.reason:
                 lines.append(f"No pose from it: {image.reason}.")
-        if not self._can_draw:
+        if image is not None and not self._can_draw:
             lines.append(NO_OPENCV)
         wrong = image is None or bool(image.reason)
         colour = css(VERMILLION) if wrong else "#555"
@@ -116,6 +116,20 @@ class ImagePanel:
         )
         if self._text.content != text:
             self._text.content = text
+
+
+def missing_image(settings: Mapping[str, str]) -> str:
+    """Why there is no image, and what to install, in a sentence.
+
+    Args:
+        settings: What all have said of the session.
+    """
+    fusion, why = settings.get("fusion", ""), settings.get("camera_missing", "")
+    if why:
+        return f"{why[:1].upper()}{why[1:].rstrip('.')}."
+    if settings.get("camera") == "there is none" or fusion in NOT_USED:
+        return f"{NO_CAMERA} Images are not used (--fusion {fusion})." if fusion in NOT_USED else NO_CAMERA
+    return NO_IMAGE
 
 
 def _over(image: CameraImage, leader: LeaderSpace, vertices: Array) -> bytes | None:

@@ -6,7 +6,6 @@ Conference on Robotics and Automation, 546-551.
 
 from __future__ import annotations
 
-import importlib.util
 import math
 from collections.abc import Sequence
 
@@ -14,6 +13,7 @@ import numpy as np
 
 from foretouch.console.palette import BLUE, GREEN, Colour
 from foretouch.console.window import Array
+from foretouch.errors import MissingExtraError, SettingError
 from foretouch.quantities import Pose
 from foretouch.quantities.rigid import Vector
 from foretouch.vision.board import opencv
@@ -29,8 +29,12 @@ QUALITY = 80
 
 
 def can_draw() -> bool:
-    """Whether OpenCV is installed, which reads and draws images."""
-    return importlib.util.find_spec("cv2") is not None
+    """Whether OpenCV, which reads and draws images, is there and starts: it may lack a library of its own."""
+    try:
+        opencv()
+    except MissingExtraError:
+        return False
+    return True
 
 
 def draw_over(
@@ -51,7 +55,10 @@ def draw_over(
     if image is None or len(camera) != 15:
         return None
     outline = Pose.from_rotation_vector(pose[3:], pose[:3]).apply(_divided(corners))
-    seen = _pixels(camera, outline)
+    try:
+        seen = _pixels(camera, outline)
+    except SettingError:  # no such lens
+        return None
     _draw_line(image, np.vstack([seen, seen[:1]]), GREEN, 2)
     if all(map(math.isfinite, probe)):
         rod = np.asarray(probe) + np.outer(np.linspace(0.0, ROD, PARTS), (0.0, 0.0, 1.0))

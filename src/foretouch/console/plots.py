@@ -155,7 +155,10 @@ def number(value: float, unit: str, digits: int = 2) -> str:
     """
     if not math.isfinite(value):
         return "–"
-    return f"{value:.{digits}f} {unit}" if abs(value) < 1e6 else f"over {math.copysign(1e6, value):.0f} {unit}"
+    if abs(value) >= 1e6:
+        return f"over {math.copysign(1e6, value):.0f} {unit}"
+    text = f"{value:.{digits}f}"
+    return f"{text if float(text) else text.lstrip('-')} {unit}"  # nothing is not negative
 
 
 def style(text: str, css_text: str) -> str:

@@ -78,7 +78,7 @@ class RecordingsPanel:
         """
         if playback is not self._shown:
             if playback is None:
-                self._list.value = CHOOSE
+                self._list.value, self._bar.value, self._play.label = CHOOSE, 0.0, PLAY
             elif self._shown is None or playback.log is not self._shown.log:
                 self._put(playback)
             self._shown = playback

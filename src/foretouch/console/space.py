@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import html
 import math
+from collections.abc import Sequence
 from typing import Any
+
+import numpy as np
 
 from foretouch.console.image_panel import ImagePanel
 from foretouch.console.keys import add_space_keys
@@ -17,7 +20,7 @@ from foretouch.console.space_scene import SpaceScene
 from foretouch.console.stiffness_colours import legend_html
 from foretouch.console.watched import Watched
 from foretouch.errors import ForetouchError
-from foretouch.messages import FieldUpdate, LeaderSpace
+from foretouch.messages import FieldUpdate, FollowerSpace, LeaderSpace
 from foretouch.models import MaterialField
 from foretouch.quantities.rigid import Vector
 from foretouch.rendering import Surface
@@ -27,6 +30,8 @@ __all__ = ["SPACE_INSTRUCTION", "SpaceView"]
 SPACE_INSTRUCTION = "Drag the arrows of the handle: down to press, along to slide."
 NEAR = 0.006
 """The normal is shown from here on [m]."""
+BOARD_ALONE = np.zeros((1, 3))
+"""What is drawn over an image where the shape of the specimen is not known here."""
 
 
 class SpaceView:
@@ -37,11 +42,14 @@ class SpaceView:
         image: The camera's panel.
         tabs: Of the panel; one more is added.
         hold: The handle in space.
+
+    Attributes:
+        problem: Why the picture of the scene is not drawn, in a sentence; "" where it is.
     """
 
     def __init__(self, server: Any, image: ImagePanel, tabs: Any, hold: SpaceHold) -> None:
         self._server, self._image, self._tabs = server, image, tabs
-        self.hold = hold
+        self.hold, self.problem = hold, ""
         self._scene: SpaceScene | None = None
         self._panel: SpacePanel | None = None
         self._name = ""
@@ -51,39 +59,37 @@ class SpaceView:
         self._legend = server.gui.add_html("")
 
     def draw(self, watched: Watched, *, live: bool) -> bool:
-        """Draw the scene; False, and nothing is shown, where it is one along a line.
+        """Draw the scene; False, and nothing is shown, where the session is one along a line.
 
         Args:
             watched: The session, or a recording.
             live: Whether a person can move the hand in it.
         """
         leader = watched.space.leader
-        scene = None if leader is None else self._scene_of(watched)
-        self._image.show(scene is not None)
-        if scene is None or leader is None:
+        self._offered = leader is not None and live and watched.operator == "browser"
+        self._image.show(leader is not None)
+        if leader is None:
             if self._scene is not None:
                 self._scene.show(False)
             self._write_legend("")
             return False
+        scene = self._scene_of(watched)
+        self.hold.follow()
+        if scene is None:
+            self._write_legend("")
+            return True
         scene.show(True)
         self._draw_fixture(scene, watched, leader)
         self._draw_probes(scene, watched, leader)
-        self.hold.follow()
-        self._offered = offered = live and watched.operator == "browser"
         probe = leader.place_x, leader.place_y, leader.place_z
-        scene.draw_handle(
-            self.hold.place,
-            probe,
-            offered=offered,
-            held=self.hold.dragged,
-            hinted=not self.hold.used,
-        )
+        held, hinted = self.hold.dragged, not self.hold.used
+        scene.draw_handle(self.hold.place, probe, offered=self._offered, held=held, hinted=hinted)
         return True
 
     def draw_image(self, watched: Watched) -> None:
         """Draw the camera's image."""
-        if watched.in_space and self._surface is not None:
-            self._image.draw(watched, self._surface.outline()[0])
+        if watched.in_space:
+            self._image.draw(watched, BOARD_ALONE if self._surface is None else self._surface.outline()[0])
 
     def write(self, watched: Watched, now: float, *, live: bool) -> None:
         """Numbers, labels, plots and legend.
@@ -94,33 +100,35 @@ class SpaceView:
             live: Whether a person can move the hand in it.
         """
         leader, scene = watched.space.leader, self._scene
-        if leader is None or scene is None or self._panel is None:
+        if leader is None or self._panel is None:
             return
         self._panel.draw(watched, SECONDS, now, self.hold.hand if live and watched.operator == "browser" else None)
-        self._write_legend(legend_html(scene.fixture.scale.edges) + _KEY)
-        state = watched.leader
-        if state is None:
+        if scene is None:
             return
-        doubt = f" ± {state.standard_deviation:.2f}" if math.isfinite(state.standard_deviation) else ""
-        size = math.sqrt(leader.force_x**2 + leader.force_y**2 + leader.force_z**2)
-        scene.label(f"rendered now: {size:.2f}{doubt} N", f"delayed robot: {state.delayed_force:.2f} N")
+        self._write_legend(legend_html(scene.fixture.scale.edges) + _KEY)
+        state, robot = watched.leader, watched.space.heard(watched.heard_sequence)
+        known = state is not None and math.isfinite(state.standard_deviation)
+        doubt = f" ± {state.standard_deviation:.2f}" if state is not None and known else ""
+        felt = "" if robot is None else f"delayed robot: {_size(_force(robot)):.2f} N"
+        scene.label(f"rendered now: {_size(_force(leader)):.2f}{doubt} N", felt)
 
     def _scene_of(self, watched: Watched) -> SpaceScene | None:
-        """The picture of this scene; another scene has another. None where it is not known here."""
+        """The picture of this scene; another scene has another. None where its shape is not known here."""
         name = watched.settings.get("scene", "")
         if not name or name == self._name:
             return self._scene
         from foretouch.session.spatial import make_scene
 
-        self._name = name
+        if self._scene is not None:
+            self._server.scene.remove_by_name("/space")
+        self._name, self._scene, self._surface, self.problem = name, None, None, ""
         try:
             self._surface = make_scene(name).surface
-        except (ForetouchError, OSError):  # a mesh that only the other machine has
-            self._surface = None
-            return self._scene
-        self._server.scene.remove_by_name("/space")
-        self._scene = SpaceScene(self._server, self._surface, self._dragged)
-        self._scene.look()
+        except (ForetouchError, OSError) as error:  # a mesh that only the other machine has, or nothing to read it with
+            self.problem = f"The scene cannot be drawn here: {error}"
+        else:
+            self._scene = SpaceScene(self._server, self._surface, self._dragged)
+            self._scene.look()
         if self._panel is None:
             with self._tabs.add_tab("Fixture"):
                 self._panel = SpacePanel(self._server.gui, self._slide)
@@ -139,16 +147,15 @@ class SpaceView:
         scene.draw_normal(point, normal, leader.depth > -NEAR)
 
     def _draw_probes(self, scene: SpaceScene, watched: Watched, leader: LeaderSpace) -> None:
-        state = watched.leader
-        force = (leader.force_x, leader.force_y, leader.force_z)
+        state, robot = watched.leader, watched.space.heard(watched.heard_sequence)
+        if robot is not None:
+            scene.keep_apart(leader.place_x, robot.place_x)
         deviation = math.nan if state is None else state.standard_deviation
-        scene.draw_probe((leader.place_x, leader.place_y, leader.place_z), force, deviation)
-        robot = watched.space.heard(watched.heard_sequence)
+        scene.draw_probe((leader.place_x, leader.place_y, leader.place_z), _force(leader), deviation)
         if robot is None:
             scene.draw_robot(None, (0.0, 0.0, 0.0))
         else:
-            felt = (robot.force_x, robot.force_y, robot.force_z)
-            scene.draw_robot((robot.place_x, robot.place_y, robot.place_z), felt)
+            scene.draw_robot((robot.place_x, robot.place_y, robot.place_z), _force(robot))
 
     def _learnt(self, watched: Watched) -> MaterialField | None:
         """The field as the operator's side has it; each is read once."""
@@ -182,6 +189,15 @@ class SpaceView:
 
     def _stroke(self, way: Vector) -> None:
         self.hold.stroke(way)
+
+
+def _force(space: LeaderSpace | FollowerSpace) -> Vector:
+    """In all directions, friction's too [N]."""
+    return space.force_x, space.force_y, space.force_z
+
+
+def _size(force: Sequence[float]) -> float:
+    return math.sqrt(sum(value * value for value in force))
 
 
 def _point(leader: LeaderSpace) -> Vector:

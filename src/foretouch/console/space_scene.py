@@ -26,12 +26,16 @@ UNITS_PER_NEWTON = 1.0
 LONGEST_ARROW = 8.0
 NORMAL_LENGTH = 2.6
 """[scene units]."""
-BESIDE = 1.2
-"""Arrows stand so far beside the probe that they belong to [scene units]."""
+BESIDE, LABELLED = 1.2, 1.8
+"""Arrows and labels stand so far beside the probe that they belong to [scene units]."""
 HANDLE_SIZE = 4.0
 """Length of its arrows [scene units]."""
+APART = 0.002
+"""Arrows and labels change sides when one probe is so far past the other [m]."""
 FORCE_SHOWN = 0.02
 """Smaller forces have no arrow [N]."""
+ANCHORS = ("center-right", "center-left")
+"""Of the left and of the right label."""
 HINT = "Drag the arrows: the hand goes along"
 
 
@@ -66,8 +70,10 @@ class SpaceScene:
         )
         self._handle.on_update(self._dragged)
         self._hint = scene.add_label("/space/labels/handle", HINT, anchor="bottom-center", font_screen_scale=1.3)
-        self._label = scene.add_label("/space/labels/force", "", anchor="center-right", font_screen_scale=1.1)
-        self._ghost_label = scene.add_label("/space/labels/robot", "", anchor="center-left", font_screen_scale=1.1)
+        self._label = scene.add_label("/space/labels/force", "", anchor=ANCHORS[0], font_screen_scale=1.1)
+        self._ghost_label = scene.add_label("/space/labels/robot", "", anchor=ANCHORS[1], font_screen_scale=1.1)
+
+        self._side = -1.0  # of the probe, on which its arrow and its label stand; the robot's stand on the other
 
     def show(self, shown: bool) -> None:
         """Show it all, or hide it."""
@@ -81,6 +87,19 @@ class SpaceScene:
         camera.position, camera.look_at = position, target
         for client in self._server.get_clients().values():
             client.camera.position, client.camera.look_at = position, target
+
+    def keep_apart(self, probe: float, robot: float) -> None:
+        """Let arrows and labels of probe and robot stand on their outer sides.
+
+        Args:
+            probe: Where it is along x, to the right [m].
+            robot: [m].
+        """
+        side = math.copysign(1.0, probe - robot)
+        if side == self._side or not abs(probe - robot) >= APART:
+            return
+        self._side = side
+        self._label.anchor, self._ghost_label.anchor = ANCHORS if side < 0.0 else ANCHORS[::-1]
 
     def draw_probe(self, place: Vector, force: Vector, deviation: float) -> None:
         """Draw the virtual probe, at once where the hand is.
@@ -99,9 +118,9 @@ class SpaceScene:
         self._doubt.visible = doubted = arrow and math.isfinite(deviation)
         if here is None:
             return
-        beside = (here[0] - BESIDE, here[1], here[2])
+        beside = (here[0] + self._side * BESIDE, here[1], here[2])
         self._probe.position = here
-        self._label.position = (here[0] - BESIDE - 0.6, here[1], here[2] + 1.2)
+        self._label.position = (here[0] + self._side * LABELLED, here[1], here[2] + 1.2)
         if arrow:
             _draw_arrow(self._force, beside, force, size)
         if doubted:
@@ -124,9 +143,9 @@ class SpaceScene:
         if here is None:
             return
         self._ghost.position = here
-        self._ghost_label.position = (here[0] + BESIDE + 0.6, here[1], here[2] + 1.2)
+        self._ghost_label.position = (here[0] - self._side * LABELLED, here[1], here[2] + 1.2)
         if arrow:
-            _draw_arrow(self._ghost_force, (here[0] + BESIDE, here[1], here[2]), force, size)
+            _draw_arrow(self._ghost_force, (here[0] - self._side * BESIDE, here[1], here[2]), force, size)
 
     def draw_normal(self, point: Vector, normal: Vector, shown: bool) -> None:
         """Draw the surface's normal under the probe.

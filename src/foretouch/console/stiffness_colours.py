@@ -27,6 +27,8 @@ STEPS = (1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0)
 """A step is one of these times a power of ten."""
 SMALLEST, LARGEST = 1.0, 1e7
 """Steps stay within these [N/m]."""
+LEAST_SHARE = 0.05
+"""A step is at least this share of the scale's stiff end: less is noise, and one material has few colours."""
 CORNERS = np.array(list(itertools.product((0, 1), repeat=3)))
 WIDE = np.int64(1 << 20)
 
@@ -119,10 +121,11 @@ def _codes(keys: NDArray[np.int64]) -> NDArray[np.int64]:
 def _round_edges(low: float, high: float) -> Array:
     """Round numbers at equal steps, the smallest that reach from one stiffness to another."""
     count = len(COLOURS)
-    least = min(max((high - low) / count, SMALLEST), LARGEST)
+    least = min(max((high - low) / count, LEAST_SHARE * high, SMALLEST), LARGEST)
     power = 10.0 ** math.floor(math.log10(least))
     for step in (power * factor for factor in (*STEPS, *(10.0 * factor for factor in STEPS))):
         first = step * math.floor(low / step)
-        if first + count * step >= high:
+        last = first + count * step
+        if last >= high and step >= LEAST_SHARE * last:
             break
     return np.asarray(first + step * np.arange(count + 1), dtype=np.float64)

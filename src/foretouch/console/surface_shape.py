@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from foretouch.console.window import Array
 
-__all__ = ["Faces", "boundary", "compacted", "refined", "skirt", "sunk"]
+__all__ = ["Faces", "boundary", "compacted", "refined", "skirt", "sunk", "thinned"]
 
 Faces = NDArray[np.int64]
 
@@ -25,13 +25,15 @@ TIP_RADIUS = 2.25e-3
 
 
 def refined(vertices: Array, faces: Faces) -> tuple[Array, Faces]:
-    """Divide every triangle into four, until they are fine enough to be bent.
+    """Divide every triangle into four, until they are fine enough to be bent; or join them where they are too many.
 
     Args:
         vertices: [m], shape (n, 3).
         faces: Indices, shape (m, 3).
     """
     vertices, faces = np.asarray(vertices, np.float64), np.asarray(faces, np.int64)
+    if len(faces) > MOST_TRIANGLES:
+        return thinned(vertices, faces, MOST_TRIANGLES)
     while _longest_edge(vertices, faces) > LONGEST_EDGE and 4 * len(faces) <= MOST_TRIANGLES:
         edges = np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
         unique, index = np.unique(edges, axis=0, return_inverse=True)
@@ -41,6 +43,37 @@ def refined(vertices: Array, faces: Faces) -> tuple[Array, Faces]:
         parts = ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca))
         faces = np.concatenate([np.stack(part, axis=1) for part in parts])
     return vertices, faces
+
+
+def thinned(vertices: Array, faces: Faces, most: int) -> tuple[Array, Faces]:
+    """Fewer triangles: vertices in one cube become one, in cubes as large as it takes.
+
+    A browser is sent what is drawn thirty times a second. What is felt is the whole mesh.
+
+    Args:
+        vertices: [m], shape (n, 3).
+        faces: Indices, shape (m, 3).
+        most: Triangles that are left.
+
+    References:
+        Rossignac and Borrel (1993), Multi-resolution 3D approximations for rendering complex scenes, in Modeling in
+        Computer Graphics, Springer: vertex clustering.
+    """
+    corners = vertices[faces]
+    crosses = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    side = math.sqrt(float(np.linalg.norm(crosses, axis=1).sum()) / most)  # about two triangles a cube
+    low = vertices.min(axis=0)
+    while True:
+        cubes, cube_of = np.unique(((vertices - low) / side).astype(np.int64), axis=0, return_inverse=True)
+        joined = cube_of.reshape(-1)[faces]
+        joined = joined[(joined != np.roll(joined, 1, axis=1)).all(axis=1)]
+        _, first = np.unique(np.sort(joined, axis=1), axis=0, return_index=True)
+        if len(first) <= most:
+            break
+        side *= 1.25
+    counts = np.bincount(cube_of.reshape(-1), minlength=len(cubes))
+    sums = [np.bincount(cube_of.reshape(-1), vertices[:, axis], len(cubes)) for axis in range(3)]
+    return np.column_stack(sums) / counts[:, None], joined[np.sort(first)]
 
 
 def sunk(vertices: Array, point: Sequence[float], normal: Sequence[float], depth: float) -> tuple[Array, Array]:

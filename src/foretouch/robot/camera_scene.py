@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from foretouch.errors import MissingExtraError, SettingError
 from foretouch.quantities.pose import Pose
 from foretouch.robot.arm_scene import ROD_LENGTH, ROD_RADIUS, TIP_RADIUS
+from foretouch.robot.engine import load_mujoco
 
 __all__ = ["MESA_PACKAGES", "CameraScene", "MissingGraphicsError", "graphics_library"]
 
@@ -113,10 +114,7 @@ class CameraScene:
         ):
             if not least <= value <= most:
                 raise SettingError(name, value, f"must be {least:g} to {most:g}")
-        try:
-            import mujoco
-        except ImportError as error:
-            raise MissingExtraError("mujoco", "sim") from error
+        mujoco = load_mujoco()
         self._mujoco = mujoco
         self.width, self.height = width, height
         self._context = _context(width, height)

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from foretouch.errors import MissingExtraError
 from foretouch.models.checks import require
 from foretouch.robot.arm_scene import CARRIAGE_MASS, GRAVITY, ROD_LENGTH, ROD_RADIUS, TIP_RADIUS, TOOL_MASS
+from foretouch.robot.engine import load_mujoco
 from foretouch.robot.insertion_servo import InsertionServo
 from foretouch.robot.robot import RobotSpecification
 from foretouch.robot.spatial_robot import SpatialRobot, SpatialSample, Vector
@@ -115,10 +115,7 @@ class GantryArm(SpatialRobot):
         self._build(start)
 
     def _build(self, start: Vector) -> None:
-        try:
-            import mujoco
-        except ImportError as error:
-            raise MissingExtraError("mujoco", "sim") from error
+        mujoco = load_mujoco()
         self._model: Any = mujoco.MjModel.from_xml_string(gantry_scene(self._h))
         self._data: Any = mujoco.MjData(self._model)
         self._data.qpos[:] = start

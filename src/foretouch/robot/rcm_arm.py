@@ -7,10 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from foretouch.errors import MissingExtraError, SettingError
+from foretouch.errors import SettingError
 from foretouch.models import ContactState
 from foretouch.models.checks import require
 from foretouch.robot.arm_scene import CARRIAGE_MASS, GRAVITY, TOOL_MASS, arm_scene
+from foretouch.robot.engine import load_mujoco
 from foretouch.robot.insertion_servo import InsertionServo
 from foretouch.robot.materials import Material
 from foretouch.robot.robot import Robot, RobotSample, RobotSpecification
@@ -128,10 +129,7 @@ class RcmArm(Robot):
         self._build()
 
     def _build(self) -> None:
-        try:
-            import mujoco
-        except ImportError as error:
-            raise MissingExtraError("mujoco", "sim") from error
+        mujoco = load_mujoco()
         self.mj_model = mujoco.MjModel.from_xml_string(arm_scene(self.surface, self._h))
         self.mj_data = mujoco.MjData(self.mj_model)
         self._mj_step = mujoco.mj_step

@@ -1,0 +1,193 @@
+"""The view of a session in three dimensions where something is missing: a shape, a camera, a library."""
+
+from __future__ import annotations
+
+import math
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+import pytest
+
+from foretouch.console import Console
+from foretouch.console import surface_shape as shape
+from foretouch.console.force_panel import numbers_html
+from foretouch.console.image_panel import NO_IMAGE, missing_image
+from foretouch.console.numbers import numbers_of
+from foretouch.console.overlay import can_draw
+from foretouch.console.plots import number
+from foretouch.console.space_scene import ANCHORS
+from foretouch.console.stiffness_colours import StiffnessScale
+from foretouch.messages import VERSION, CameraImage, FollowerSpace, Hello, LeaderSpace, LeaderState
+from foretouch.session.spatial import make_scene
+
+pytest.importorskip("viser")
+
+
+@pytest.fixture
+def console(tmp_path: Path) -> Iterator[Console]:
+    made = Console(0, lambda message: None, recordings=tmp_path)
+    yield made
+    made.close()
+
+
+def leader_space(**changes: float) -> LeaderSpace:
+    names = [field for field in LeaderSpace.__struct_fields__ if field not in ("version", "sequence", "time_ns")]
+    numbers = dict.fromkeys(names, 0.0) | {"epoch": 0, "fixture_epoch": 0} | changes
+    return LeaderSpace(VERSION, 1, 1_000_000, **{name: value for name, value in numbers.items() if name in names})
+
+
+def say(console: Console, scene: str, **settings: str) -> None:
+    """A leader in a scene, at the origin."""
+    texts = {"operator": "browser", "scene": scene, **settings}
+    console.watch(Hello(VERSION, 1, 1, "leader", tuple(texts), tuple(texts.values())))
+    console.watch(LeaderState(VERSION, 1, 1_000_000, 0.0, 0.0, 0.0, 0.0, 0.0, 1, 0, math.nan, False, 1, 1))
+    console.watch(leader_space())
+
+
+def draw(console: Console, pictures: int = 4) -> None:
+    """Some pictures: more than one of each kind."""
+    left = [pictures]
+
+    def should_stop() -> bool:
+        left[0] -= 1
+        return left[0] < 0
+
+    console.run(should_stop)
+    time.sleep(0.1)
+
+
+def shown(console: Console) -> str:
+    """All that stands in the panel."""
+    handles = console._server.gui._gui_input_handle_from_uuid.values()
+    return " ".join(str(getattr(handle, "content", "")) for handle in (*handles, console._panel.forces._text))
+
+
+def test_a_shape_that_is_not_here_is_said_and_no_other_is_drawn(console: Console) -> None:
+    say(console, "hill")
+    draw(console)
+    assert console._space._scene is not None
+    say(console, "only-there.stl")
+    draw(console)
+    assert console._space._scene is None
+    said = shown(console)
+    assert "The scene cannot be drawn here: only-there.stl: no such file" in said
+    assert not console._scene._root.visible  # nor that of a session along a line
+    say(console, "plane")
+    draw(console)
+    assert console._space._scene is not None
+    assert "cannot be drawn" not in shown(console)
+
+
+def test_keys_move_no_hand_while_a_recording_along_a_line_is_looked_at(console: Console) -> None:
+    from foretouch.console.watched import Watched
+
+    moved: list[tuple[float, ...]] = []
+    say(console, "plane")
+    draw(console)
+    console._space.hold.stroke = lambda way: moved.append(way)  # type: ignore[method-assign]
+    console._space._key_stroke((1e-3, 0.0, 0.0))
+    assert len(moved) == 1
+    assert not console._space.draw(Watched(), live=False)
+    console._space._key_stroke((1e-3, 0.0, 0.0))
+    assert len(moved) == 1
+
+
+def test_a_broken_opencv_ends_nothing(console: Console, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "cv2", None)  # as where it is installed without a library that it needs
+    assert not can_draw()
+    say(console, "plane")
+    numbers = {"epoch": 0, "run": 0}
+    names = [name for name in FollowerSpace.__struct_fields__ if name not in ("version", "sequence", "time_ns")]
+    values: dict[str, Any] = {name: numbers.get(name, 0.0) for name in names}
+    console.watch(FollowerSpace(VERSION, 1000, 1_000_000, **values))
+    console.watch(CameraImage(VERSION, 1, 1, 0, b"no image", (), (), 0, "", (0.0,) * 15))
+    console.watch(msgspec.structs.replace(state(console), telemetry_sequence=1000))
+    draw(console)
+    console._space._image.toggle_overlay()
+    draw(console)
+    assert console._space._image._over.disabled
+    assert "pip install &#x27;foretouch[vision]&#x27;" in console._space._image._text.content
+
+
+def state(console: Console) -> LeaderState:
+    leader = console._watched.leader
+    assert leader is not None
+    return leader
+
+
+def test_why_there_is_no_image_is_one_sentence() -> None:
+    line = "camera: no camera image can be drawn: apt-get install libegl1; the session goes on without it"
+    assert missing_image({"camera": "there is none", "camera_missing": line}) == f"C{line[1:]}."
+    assert missing_image({"camera": "there is one", "camera_missing": "", "fusion": "full"}) == NO_IMAGE
+    for fusion in ("contact", "none"):
+        assert f"--fusion {fusion}" in missing_image({"fusion": fusion, "camera": "there is none"})
+    assert missing_image({}) == NO_IMAGE
+
+
+def test_labels_stand_on_the_outer_sides(console: Console) -> None:
+    say(console, "plane")
+    draw(console)
+    scene = console._space._scene
+    assert scene is not None
+    for probe, robot, left in ((0.0, 0.01, True), (0.0, -0.01, False), (0.0, 0.0005, False), (0.0, math.nan, False)):
+        scene.keep_apart(probe, robot)
+        scene.draw_probe((probe, 0.0, 0.0), (0.0, 0.0, 1.0), math.nan)
+        scene.draw_robot((0.02, 0.0, 0.0), (0.0, 0.0, 1.0))
+        anchors = scene._label.anchor, scene._ghost_label.anchor
+        assert anchors == (ANCHORS if left else ANCHORS[::-1])
+        assert (scene._label.position[0] < scene._probe.position[0]) == left
+        assert (scene._ghost_label.position[0] > scene._ghost.position[0]) == left
+
+
+def test_nothing_is_not_negative(console: Console) -> None:
+    assert number(-0.001, "N") == "0.00 N"
+    assert number(-0.006, "N") == "-0.01 N"
+    assert number(-2e6, "N") == "over -1000000 N"
+    say(console, "plane")
+    watched = console._watched
+    numbers = numbers_of(watched, watched.window(6.0), None, status="", warnings=())
+    assert "-0.00" not in numbers_html(numbers._replace(true=0.0, true_age=-0.0, delayed=-1e-4))
+
+
+@pytest.mark.parametrize(("low", "high"), [(344.0, 400.0), (1.0, 1.0), (4990.0, 5010.0), (300.0, 1750.0)])
+def test_one_material_has_few_colours_and_the_scale_rests(low: float, high: float) -> None:
+    scale = StiffnessScale()
+    stiffness = np.linspace(low, high, 60)
+    assert scale.include(stiffness)
+    assert scale.edges[1] - scale.edges[0] >= 0.05 * scale.edges[-1] * (1.0 - 1e-9)
+    assert not scale.include(stiffness)
+    assert not scale.include(stiffness[::-1])
+
+
+def waves(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    return 2e-3 * np.sin(150.0 * x) * np.cos(150.0 * y)
+
+
+@pytest.mark.parametrize("height", [lambda x, y: 0.0 * x, waves])
+def test_a_large_mesh_is_drawn_with_fewer_triangles(height: Callable[[Any, Any], Any]) -> None:
+    along = np.linspace(-0.04, 0.04, 151)
+    x, y = np.meshgrid(along, along, indexing="ij")
+    vertices = np.stack([x, y, height(x, y)], axis=-1).reshape(-1, 3)
+    node = np.arange(151 * 151).reshape(151, 151)
+    a, b, c, d = (part.ravel() for part in (node[:-1, :-1], node[1:, :-1], node[1:, 1:], node[:-1, 1:]))
+    faces = np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)])
+    fewer, triangles = shape.refined(vertices, faces)
+    assert 0.3 * shape.MOST_TRIANGLES < len(triangles) <= shape.MOST_TRIANGLES
+    corners = fewer[triangles]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    assert (normals[:, 2] > 0.0).all()  # wound as they were
+    assert np.ptp(fewer, axis=0)[:2] == pytest.approx((0.08, 0.08), abs=3e-3)
+    assert np.abs(fewer[:, 2] - height(fewer[:, 0], fewer[:, 1])).max() < 2e-4
+    area = 0.5 * np.abs(normals[:, 2]).sum()
+    assert area == pytest.approx(0.08**2, rel=0.05)
+
+
+def test_small_scenes_are_drawn_as_they_are() -> None:
+    surface = make_scene("hill").surface
+    assert len(surface.outline()[1]) <= shape.MOST_TRIANGLES
+    assert len(shape.refined(*surface.outline())[1]) >= len(surface.outline()[1])
