@@ -14,7 +14,9 @@ from numba import njit
 from numpy.typing import NDArray
 
 from foretouch.identification.elementary import logarithm
-from foretouch.identification.fprls_kernel import (
+from foretouch.identification.fprls_features import bounded_rate, forgetting, refusal, weight_of
+from foretouch.identification.fprls_kernel import learn, rules_of
+from foretouch.identification.fprls_layout import (
     FIRST_COVARIANCE,
     FIRST_THETA,
     FLOOR,
@@ -33,16 +35,8 @@ from foretouch.identification.fprls_kernel import (
     SHARE,
     VELOCITY_FACTOR,
     WEIGHT,
-    bounded_rate,
-    count_depth,
-    forget_depths,
-    forgetting,
-    learn,
-    refusal,
-    restart,
-    rules_of,
-    weight_of,
 )
+from foretouch.identification.fprls_sample import count_depth, forget_depths, restart
 
 __all__ = ["run"]
 

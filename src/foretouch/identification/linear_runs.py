@@ -10,14 +10,13 @@ from numpy.typing import ArrayLike, NDArray
 from foretouch.errors import SettingError
 from foretouch.identification.estimator import Status
 from foretouch.identification.fprls_batch import (
-    COUNTS,
-    RESULT_SIZE,
     regressors_parallel,
     regressors_serial,
     run_parallel,
     run_serial,
 )
-from foretouch.identification.fprls_kernel import RESIDUALS, full_covariance
+from foretouch.identification.fprls_lanes import COUNTS, RESULT_SIZE
+from foretouch.identification.fprls_layout import RESIDUALS, full_covariance
 
 __all__ = [
     "STATUSES",

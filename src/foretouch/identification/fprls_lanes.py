@@ -1,0 +1,241 @@
+"""Equation (20) on one sample of many recordings, compiled: the arithmetic is that of `fprls_kernel`.
+
+One sample of `LANES` recordings is one loop that becomes vector instructions: what belongs to a recording stands in
+rows of one buffer, recordings innermost. There are no branches by sample; what is refused, restarted or perturbed is
+selected.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from foretouch.identification.elementary import logarithm
+from foretouch.identification.fprls_features import bounded_rate, forgetting, refusal, weight_of
+from foretouch.identification.fprls_kernel import learn, rules_of
+from foretouch.identification.fprls_layout import (
+    BEFORE,
+    FIRST_COVARIANCE,
+    FIRST_THETA,
+    FLOOR,
+    GATE_DEPTH,
+    GATE_FORCE,
+    LARGEST_RATE,
+    LEARNT,
+    LOG_SCALE,
+    NEWTONS,
+    PERTURBATION,
+    PERTURBED,
+    RATE,
+    RATE_FACTOR,
+    RESETTING,
+    RESTARTED,
+    SENSITIVITY,
+    SHARE,
+    TRACE_LIMIT,
+    VELOCITY_FACTOR,
+    WEIGHT,
+)
+
+__all__ = [
+    "BUFFER",
+    "COUNTS",
+    "LANES",
+    "RESULT_SIZE",
+    "begin",
+    "features_equal",
+    "features_weighted",
+    "load",
+    "load_regressors",
+    "step",
+]
+
+Array = NDArray[np.float64]
+
+LANES = 128
+"""Recordings of a block: their numbers stay in the first cache."""
+
+RESULT_SIZE = 19
+COUNTS = 16
+"""Of a recording: theta, triangle of P, two sums of residuals, then samples learnt from since the last restart,
+restarts, perturbations. One row of the buffer each, by the same numbers; further rows follow."""
+
+LAST = 19 * LANES  # depth that the next sample moves from
+IN_DEPTH, IN_VELOCITY, IN_FORCE, IN_CONTACT = 20 * LANES, 21 * LANES, 22 * LANES, 23 * LANES
+TAKEN = 24 * LANES  # 1 where the sample is learnt from
+LOG_DEPTH, RATE_SEEN, LOG_FORCE = 25 * LANES, 26 * LANES, 27 * LANES
+MEMORY, INVERSE_MEMORY, NOISE, SPEED = 28 * LANES, 29 * LANES, 30 * LANES, 31 * LANES
+BUFFER = 32 * LANES
+
+_compiled: Callable[[Any], Any] = njit(cache=True, error_model="numpy")
+
+
+def _begin(buffer: Array, options: Array) -> None:
+    """All lanes at theta_0 and P_0."""
+    buffer[:LOG_DEPTH] = 0.0
+    buffer[LOG_DEPTH:] = 1.0
+    for lane in range(LANES):
+        for i in range(4):
+            buffer[i * LANES + lane] = options[FIRST_THETA + i]
+        for i in (4, 6, 9, 13):
+            buffer[i * LANES + lane] = options[FIRST_COVARIANCE]
+        buffer[LAST + lane] = np.nan
+
+
+def _load(
+    buffer: Array, depth: Array, velocity: Array, force: Array, in_contact: NDArray[np.bool_], row: int, first: int
+) -> None:
+    """One sample of each recording of a block; lanes beyond the last recording stay in free air."""
+    for lane in range(min(LANES, depth.shape[1] - first)):
+        buffer[IN_DEPTH + lane] = depth[row, first + lane]
+        buffer[IN_VELOCITY + lane] = velocity[row, first + lane]
+        buffer[IN_FORCE + lane] = force[row, first + lane]
+        buffer[IN_CONTACT + lane] = in_contact[row, first + lane]
+
+
+def _features(buffer: Array, options: Array, factor: float) -> None:
+    """Logarithms, rates, forgetting factors of one sample of each lane; those of depth 1 m and 1 N where refused."""
+    gate_depth, gate_force, largest = options[GATE_DEPTH], options[GATE_FORCE], options[LARGEST_RATE]
+    floor, share, rate = options[FLOOR], options[SHARE], options[RATE]
+    log_scale, velocity_factor, rate_factor = options[LOG_SCALE], options[VELOCITY_FACTOR], options[RATE_FACTOR]
+    for lane in range(LANES):
+        depth, velocity, force = buffer[IN_DEPTH + lane], buffer[IN_VELOCITY + lane], buffer[IN_FORCE + lane]
+        touching = buffer[IN_CONTACT + lane] > 0.0
+        taken = touching & (refusal(depth, velocity, force, gate_depth, gate_force) == LEARNT)
+        last = buffer[LAST + lane]
+        moved = abs(depth - last)
+        moved = moved if moved >= 0.0 else 0.0
+        last = last if touching else np.nan
+        buffer[LAST + lane] = depth if taken else last
+        buffer[TAKEN + lane] = 1.0 if taken else 0.0
+        depth, velocity, force = depth if taken else 1.0, velocity if taken else 0.0, force if taken else 1.0
+        mu = forgetting(moved, floor, share, rate)
+        buffer[MEMORY + lane] = mu
+        buffer[INVERSE_MEMORY + lane] = 1.0 / mu
+        buffer[NOISE + lane] = mu / weight_of(force, factor)
+        buffer[LOG_DEPTH + lane] = logarithm(depth) - log_scale
+        buffer[SPEED + lane] = velocity * velocity_factor
+        buffer[RATE_SEEN + lane] = bounded_rate(depth, velocity, largest) * rate_factor
+        buffer[LOG_FORCE + lane] = logarithm(force)
+
+
+def _recur(buffer: Array, options: Array, rules: Any) -> None:
+    """One step of (20) in each lane."""
+    first, t0, t1 = options[FIRST_COVARIANCE], options[FIRST_THETA], options[FIRST_THETA + 1]
+    t2, t3 = options[FIRST_THETA + 2], options[FIRST_THETA + 3]
+    for lane in range(LANES):
+        done, theta, p, residuals = learn(
+            (buffer[lane], buffer[LANES + lane], buffer[2 * LANES + lane], buffer[3 * LANES + lane]),
+            (
+                buffer[4 * LANES + lane],
+                buffer[5 * LANES + lane],
+                buffer[6 * LANES + lane],
+                buffer[7 * LANES + lane],
+                buffer[8 * LANES + lane],
+                buffer[9 * LANES + lane],
+                buffer[10 * LANES + lane],
+                buffer[11 * LANES + lane],
+                buffer[12 * LANES + lane],
+                buffer[13 * LANES + lane],
+            ),
+            (buffer[14 * LANES + lane], buffer[15 * LANES + lane]),
+            (buffer[LOG_DEPTH + lane], buffer[SPEED + lane], buffer[RATE_SEEN + lane]),
+            buffer[LOG_FORCE + lane],
+            (buffer[MEMORY + lane], buffer[INVERSE_MEMORY + lane], buffer[NOISE + lane]),
+            rules,
+        )
+        taken = buffer[TAKEN + lane] > 0.0
+        again = done == RESTARTED
+        new = (t0, t1, t2, t3) if again else theta
+        buffer[lane] = new[0] if taken else buffer[lane]
+        buffer[LANES + lane] = new[1] if taken else buffer[LANES + lane]
+        buffer[2 * LANES + lane] = new[2] if taken else buffer[2 * LANES + lane]
+        buffer[3 * LANES + lane] = new[3] if taken else buffer[3 * LANES + lane]
+        p = (first, 0.0, first, 0.0, 0.0, first, 0.0, 0.0, 0.0, first) if again else p
+        buffer[4 * LANES + lane] = p[0] if taken else buffer[4 * LANES + lane]
+        buffer[5 * LANES + lane] = p[1] if taken else buffer[5 * LANES + lane]
+        buffer[6 * LANES + lane] = p[2] if taken else buffer[6 * LANES + lane]
+        buffer[7 * LANES + lane] = p[3] if taken else buffer[7 * LANES + lane]
+        buffer[8 * LANES + lane] = p[4] if taken else buffer[8 * LANES + lane]
+        buffer[9 * LANES + lane] = p[5] if taken else buffer[9 * LANES + lane]
+        buffer[10 * LANES + lane] = p[6] if taken else buffer[10 * LANES + lane]
+        buffer[11 * LANES + lane] = p[7] if taken else buffer[11 * LANES + lane]
+        buffer[12 * LANES + lane] = p[8] if taken else buffer[12 * LANES + lane]
+        buffer[13 * LANES + lane] = p[9] if taken else buffer[13 * LANES + lane]
+        squares, count = (0.0, 0.0) if again else residuals
+        buffer[14 * LANES + lane] = squares if taken else buffer[14 * LANES + lane]
+        buffer[15 * LANES + lane] = count if taken else buffer[15 * LANES + lane]
+        again = taken & again
+        learnt = buffer[16 * LANES + lane] + buffer[TAKEN + lane]
+        buffer[16 * LANES + lane] = 0.0 if again else learnt
+        buffer[17 * LANES + lane] += 1.0 if again else 0.0
+        buffer[18 * LANES + lane] += 1.0 if taken & (done == PERTURBED) else 0.0
+        buffer[LAST + lane] = np.nan if again else buffer[LAST + lane]
+
+
+begin: Any = _compiled(_begin)
+load: Any = _compiled(_load)
+_inlined: Callable[[Any], Any] = njit(cache=True, error_model="numpy", forceinline=True)
+inlined_features: Any = _inlined(_features)
+inlined_recur: Any = _inlined(_recur)
+
+
+def _features_weighted(buffer: Array, options: Array) -> None:
+    inlined_features(buffer, options, options[WEIGHT])
+
+
+def _features_equal(buffer: Array, options: Array) -> None:
+    inlined_features(buffer, options, 0.0)
+
+
+def _recur_generally(buffer: Array, options: Array) -> None:
+    inlined_recur(buffer, options, rules_of(options))
+
+
+def _recur_as_printed(buffer: Array, options: Array) -> None:
+    rules = (options[SENSITIVITY], options[PERTURBATION], False, False, False, np.inf)
+    inlined_recur(buffer, options, rules)
+
+
+# Two of each: what equal weights and the printed choices do not need is known to the compiler, and not computed.
+features_weighted: Any = _compiled(_features_weighted)
+features_equal: Any = _compiled(_features_equal)
+recur_generally: Any = _compiled(_recur_generally)
+recur_as_printed: Any = _compiled(_recur_as_printed)
+
+
+def _step(buffer: Array, options: Array) -> None:
+    """One step of each lane, by the quicker of the two where the options allow it."""
+    choices = options[NEWTONS] + options[BEFORE] + options[RESETTING]
+    if choices == 0.0 and options[TRACE_LIMIT] == np.inf:
+        recur_as_printed(buffer, options)
+    else:
+        recur_generally(buffer, options)
+
+
+step: Any = _compiled(_step)
+
+
+def _load_regressors(buffer: Array, regressors: Array, memory: Array, row: int, first: int) -> None:
+    """Regressors, target and forgetting factor of one sample of each recording of a block."""
+    for lane in range(min(LANES, memory.shape[1] - first)):
+        a, b, c = regressors[row, 0, first + lane], regressors[row, 1, first + lane], regressors[row, 2, first + lane]
+        target, mu = regressors[row, 3, first + lane], memory[row, first + lane]
+        finite = (((a + b) + (c + target)) + mu) * 0.0 == 0.0
+        taken = finite & (mu > 0.0) & (mu <= 1.0)
+        mu = mu if taken else 1.0
+        buffer[LOG_DEPTH + lane] = a if taken else 0.0
+        buffer[SPEED + lane] = b if taken else 0.0
+        buffer[RATE_SEEN + lane] = c if taken else 0.0
+        buffer[LOG_FORCE + lane] = target if taken else 0.0
+        buffer[MEMORY + lane] = mu
+        buffer[INVERSE_MEMORY + lane] = 1.0 / mu
+        buffer[NOISE + lane] = mu
+        buffer[TAKEN + lane] = 1.0 if taken else 0.0
+
+
+load_regressors: Any = _compiled(_load_regressors)
