@@ -198,10 +198,10 @@ def _ring(corners: np.ndarray) -> np.ndarray:
 
 
 def _halo(corners: np.ndarray, size: float) -> tuple[np.ndarray, np.ndarray]:
-    """A flat band about an outline, as wide as the doubt to either side."""
+    """A flat band around an outline, as wide as the doubt: none within, where it would tint what the colours say."""
     middle = corners.mean(axis=0)
     way = np.sign(corners - middle) * max(size, 1e-3)
-    vertices = np.concatenate([corners + way, corners - way]).astype(np.float32)
+    vertices = np.concatenate([corners + way, corners]).astype(np.float32)
     quads = [(i, (i + 1) % 4, 4 + (i + 1) % 4, 4 + i) for i in range(4)]
     return vertices, np.array([part for a, b, c, d in quads for part in ((a, b, c), (a, c, d))], np.uint32)
 

@@ -7,6 +7,8 @@ import math
 from collections.abc import Callable
 from typing import Any
 
+import numpy as np
+
 from foretouch.console.palette import BLUE, INK, VERMILLION, css
 from foretouch.console.plots import Curve, Row, TimePlot, number, table
 from foretouch.console.space_heard import PoseTrace
@@ -75,7 +77,8 @@ class SpacePanel:
 
     def _plot(self, trace: PoseTrace) -> None:
         self._pose.draw(trace.time, (trace.deviation * 1e3, trace.turn * (180.0 / math.pi)))
-        self._age.draw(trace.time, (trace.age,), most=MOST_AGE)
+        age = np.where(np.isfinite(trace.age), trace.age, math.nan)  # never seen is no age
+        self._age.draw(trace.time, (age,), most=MOST_AGE)
 
     def _follow(self, hand: tuple[float, float, float] | None) -> None:
         """Put the sliders where the hand is, without telling anybody."""

@@ -116,9 +116,8 @@ def map_figures(found: StiffnessMap, field: MaterialField, scene: Scene) -> dict
         stiffness where it was touched; ``within_two_deviations_percent`` of these places; ``learnt_N_per_m``: the
         least, median and largest local stiffness there. ``inclusion``: ``centre_mm`` and ``radius_mm`` of what is
         stiffer than half way between the median and the stiffest (98 %), among places touched on all sides, ``ratio``
-        of the stiffest to the median, the same with ``true_``, and ``centre_error_mm``; None where the scene has none.
-        What needs the truth is None
-        where nobody knows it.
+        of the stiffest to the median, the same with ``true_``, and ``centre_error_mm``; None where the scene has none,
+        or where all that was touched is alike. What needs the truth is None where nobody knows it.
     """
     inside, learnt = found.touched, found.learnt[found.touched]
     figures: dict[str, Any] = {
@@ -147,11 +146,13 @@ def map_figures(found: StiffnessMap, field: MaterialField, scene: Scene) -> dict
     return figures
 
 
-def _inclusion(found: StiffnessMap, scene: Scene) -> dict[str, Any]:
+def _inclusion(found: StiffnessMap, scene: Scene) -> dict[str, Any] | None:
     assert scene.inclusion is not None
     learnt = found.learnt[found.touched]
     median, most = (float(value) for value in np.percentile(learnt, [50.0, STIFFEST]))
     stiff = _among_touched(found) & (found.learnt > 0.5 * (median + most))
+    if not stiff.any():  # all that was touched is alike
+        return None
     row, column = np.nonzero(stiff)
     centre = np.array([found.x[column].mean(), found.y[row].mean()])
     true = np.array(scene.inclusion.middle[:2])

@@ -122,12 +122,10 @@ def _recovered(error: PoseError, begin: float, end: float) -> float | None:
     """Time from the beginning of a bump until the error is and stays small [s]."""
     near = (error.place < NEAR_MM) & (error.turn < NEAR_DEGREES)
     after = error.time >= end
-    far = error.time[after & ~near]
-    for start in (end, *far.tolist()):  # right behind some tick that was far off
-        until = far[far > start]
-        if (until[0] if until.size else error.time[-1]) - start >= NEAR_FOR:
-            return float(start - begin)
-    return None
+    starts = np.unique([end, *error.time[after & ~near]])  # right behind some tick that was far off
+    lasts = np.diff(starts, append=error.time.max(initial=end))  # until the next of them
+    long = np.flatnonzero(lasts >= NEAR_FOR)
+    return float(starts[long[0]] - begin) if long.size else None
 
 
 def _spread(values: Array, deviation: Array) -> dict[str, float | None]:
