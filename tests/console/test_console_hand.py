@@ -56,12 +56,12 @@ def test_a_drag_moves_the_hand_from_where_it_wanted_to_be(shown):
     console.watch(leader(position=0.010, hand=0.036, intended=0.040))
     console._draw_scene()
     taken = 0.010 + 0.5 * 0.004  # where the handle is drawn
-    console._dragged(height(taken), True)
+    console._line._dragged(height(taken), True)
     assert published[-1].held
     assert published[-1].position == pytest.approx(0.040)
-    console._dragged(height(taken + 0.003), True)
+    console._line._dragged(height(taken + 0.003), True)
     assert published[-1].position == pytest.approx(0.046)
-    console._dragged(height(taken - 0.002), False)
+    console._line._dragged(height(taken - 0.002), False)
     assert published[-1].position == pytest.approx(0.036)
     assert not published[-1].held
 
@@ -71,7 +71,7 @@ def test_the_handle_ends_where_a_hand_that_is_pushed_out_still_reaches(shown):
     console.watch(hello(grip="soft"))
     console.watch(leader(position=0.01, hand=0.01, intended=0.01))
     console._draw_scene()
-    console._dragged(height(1.0), True)
+    console._line._dragged(height(1.0), True)
     deepest = SURFACE + 1.2 * (PRESS_DEPTH + INTENDED_FORCE / GRIPS["soft"].stiffness)
     assert published[-1].position == pytest.approx(deepest)
 
@@ -81,10 +81,10 @@ def test_before_hand_and_follower_have_met_it_draws_what_there_is(shown):
     console.watch(hello(grip="normal"))
     console.watch(leader(position=math.nan, hand=0.0, intended=0.0))
     console._draw_scene()
-    assert console._hold.position == 0.0
+    assert console._line.hold.position == 0.0
     console.watch(telemetry(guarded=False))
     console._draw_scene()
-    assert console._hold.position == pytest.approx(0.01)  # where the robot is
+    assert console._line.hold.position == pytest.approx(0.01)  # where the robot is
     console._plot()
     console._write(time.monotonic())
 
@@ -93,10 +93,10 @@ def test_the_clutch_says_so_until_it_is_let_go(shown):
     console, published = shown
     console._toggle_clutch()
     assert [message.clutched for message in published] == [True]
-    console._hold.keep_alive(time.monotonic() + 1.0)
+    console._line.hold.keep_alive(time.monotonic() + 1.0)
     assert [message.clutched for message in published] == [True, True]
     console._toggle_clutch()
-    console._hold.keep_alive(time.monotonic() + 1.0)
+    console._line.hold.keep_alive(time.monotonic() + 1.0)
     assert [message.clutched for message in published] == [True, True, False]
     assert all(isinstance(message, Handle) and not message.held for message in published)
 
@@ -110,9 +110,9 @@ def test_strokes_of_keys_move_the_hand_and_let_it_go_a_second_after_the_last(sho
     console._step(5e-4)
     assert [message.position for message in published] == pytest.approx([0.0105, 0.0110])
     assert all(message.held for message in published)
-    console._hold.keep_alive(time.monotonic() + 0.5 * STROKE)
+    console._line.hold.keep_alive(time.monotonic() + 0.5 * STROKE)
     assert published[-1].held
-    console._hold.keep_alive(time.monotonic() + 1.1 * STROKE)
+    console._line.hold.keep_alive(time.monotonic() + 1.1 * STROKE)
     assert not published[-1].held
     assert published[-1].position == pytest.approx(0.0110)
     console.watch(hello(operator="scripted"))

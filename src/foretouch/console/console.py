@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import io
-import math
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -15,14 +14,13 @@ from foretouch.console.description import describe
 from foretouch.console.emergency import EmergencyCall
 from foretouch.console.hold import Hold
 from foretouch.console.library import Library
+from foretouch.console.line_view import LineView
 from foretouch.console.network_panel import NetworkFaults
 from foretouch.console.numbers import numbers_of
 from foretouch.console.panel import INSTRUCTION, WATCH_RECORDING, Actions, Panel, felt
 from foretouch.console.plots import SECONDS
 from foretouch.console.ports import free_port, require_free_port
-from foretouch.console.scene import UNITS, Scene
 from foretouch.console.sentences import robot_alerts, session_status, warnings
-from foretouch.console.shapes import HANDLE_HEIGHT
 from foretouch.console.space import SPACE_INSTRUCTION, SpaceView
 from foretouch.console.space_hold import SpaceHold
 from foretouch.console.speech import Speech
@@ -48,10 +46,9 @@ class Console:
     It stands in nobody's way: `watch` only stores, `run` draws what is newest, and what the person does goes out as
     `Handle`, `Settings`, `Choice`, `Stop` and `EmergencyStop`, each in order, from whichever thread notices it.
 
-    The handle is drawn in the probe's frame, from 0 to 1.2 times the press depth below the surface. Surface and press
-    depth come from `Hello` (settings ``surface`` and ``press_depth`` [m]), the surface from the newest valid model once
-    there is one; the sliders begin at the session's delays and faults. With an ``operator`` other than ``browser``
-    handle and clutch are hidden. A browser that is gone lets go of both.
+    Surface and press depth come from `Hello` (settings ``surface`` and ``press_depth`` [m]), the surface from the
+    newest valid model once there is one; the sliders begin at the session's delays and faults. With an ``operator``
+    other than ``browser`` handle and clutch are hidden. A browser that is gone lets go of both.
 
     The emergency stop is asked for every 50 ms until telemetry says that the robot has stopped, whatever becomes of the
     browser, and whatever is shown. Of several leaders the one is shown that the robot obeys.
@@ -86,7 +83,6 @@ class Console:
         self._stopped = False
         self._watched = Watched()
         self._speech = Speech(publish)
-        self._hold = Hold(self._watched, self._speech)
         self._library = Library(Path(recordings))
         self._said: dict[str, str] = {}  # what the panel was introduced with
         port = port or free_port(host)
@@ -98,7 +94,7 @@ class Console:
         self.url = f"http://{host}:{port}"
         self._press = 0  # the number of the press that is asked for
         self._emergency = EmergencyCall(lambda: self._speech.emergency(self._press))
-        self._scene = Scene(self._server, self._take_handle, self._dragged)
+        self._line = LineView(self._server, self._watched, Hold(self._watched, self._speech))
         self._panel = Panel(self._server, self._actions())
         space_hold = SpaceHold(self._watched, self._speech)
         self._space = SpaceView(self._server, self._panel.image, self._panel.tabs, space_hold)
@@ -163,16 +159,6 @@ class Console:
             step=self._step,
         )
 
-    def _take_handle(self) -> float:
-        """A drag begins: the handle, which may be a picture old, is where it is now [scene units]."""
-        self._hold.follow()
-        return self._handle_height()
-
-    def _dragged(self, z: float, held: bool) -> None:
-        """The handle was moved to a height [scene units]."""
-        self._hold.move_to(self._watched.surface - (z - HANDLE_HEIGHT) / UNITS, held)
-        self._scene.hold_at(self._handle_height())
-
     def _step(self, way: float) -> None:
         """A stroke of a key moves the hand in by a way [m]; there is none in a recording."""
         if self._library.playback is not None or not self._by_mouse:
@@ -180,7 +166,7 @@ class Console:
         if self._watched.in_space:
             self._space.hold.stroke((0.0, 0.0, -way))
         else:
-            self._hold.step(way)
+            self._line.hold.step(way)
 
     def _toggle_clutch(self, browser: int | None = None) -> None:
         pressed = self._holding.clutched  # one that is pressed is let go of while a recording is looked at, too
@@ -227,35 +213,19 @@ class Console:
     @property
     def _holding(self) -> Hold:
         """The handle along a line, or that in space."""
-        return self._space.hold if self._watched.in_space else self._hold
+        return self._space.hold if self._watched.in_space else self._line.hold
 
     @property
     def _by_mouse(self) -> bool:
         return self._watched.operator == "browser"
 
-    def _handle_height(self) -> float:
-        """Of the handle as drawn [scene units]."""
-        return (self._watched.surface - self._hold.position) * UNITS + HANDLE_HEIGHT
-
     def _draw_scene(self) -> None:
-        shown, leader = self._shown, self._shown.leader
-        in_space = self._space.draw(shown, live=shown is self._watched)
-        self._scene.show(not in_space)
-        if in_space:
-            return
-        self._hold.follow()
-        surface, position = shown.surface, shown.probe_position
-        z = (surface - position) * UNITS
-        rendered, delayed, deviation = (
-            (0.0, 0.0, math.nan)
-            if leader is None
-            else (leader.rendered_force, leader.delayed_force, leader.standard_deviation)
-        )
-        self._scene.set_travel(round((surface - shown.deepest) * UNITS, 1), round(surface * UNITS, 1))
-        self._scene.draw(z, (surface - shown.robot_position) * UNITS, rendered, delayed, deviation)
-        self._scene.offer_handle(self._by_mouse and shown is self._watched, hinted=not self._hold.used)
-        self._scene.draw_handle(self._handle_height())
-        self._scene.draw_hand(z, shown.hand_ahead * UNITS)
+        shown = self._shown
+        live = shown is self._watched
+        if self._space.draw(shown, live=live):
+            self._line.hide()
+        else:
+            self._line.draw(shown, live=live)
 
     def _plot(self) -> None:
         playback = self._library.playback
@@ -280,21 +250,8 @@ class Console:
         panel.banner.show(playback)
         self._show_session(now)
         self._show_alarm(now)
-        self._label(shown)
+        self._line.write(shown)
         self._space.write(shown, now, live=playback is None)
-
-    def _label(self, shown: Watched) -> None:
-        leader = shown.leader
-        if leader is None:
-            self._scene.label("Drag me down to press", "", "")
-            return
-        doubt = f" ± {leader.standard_deviation:.2f}" if math.isfinite(leader.standard_deviation) else ""
-        held_back = ", holds back" if shown.telemetry is not None and shown.telemetry.guarded else ""
-        self._scene.label(
-            "Let go and the script goes on" if self._hold.held else "Drag me down to press",
-            f"rendered: {leader.rendered_force:.2f}{doubt} N",
-            f"delayed robot: {leader.delayed_force:.2f} N{held_back}",
-        )
 
     def _show_session(self, now: float) -> None:
         """What runs; and, whenever both sides have said something new, where the sliders are."""
