@@ -4,14 +4,11 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 __all__ = ["InsertionServo"]
 
-REFERENCE_RATE = 400.0  # how fast the reference closes in on the command [rad/s]
 VELOCITY_CUTOFF = 80.0  # of the command's velocity [Hz]: smooths samples that are late and then jump
-LARGEST_VELOCITY = 0.5  # of the reference [m/s]
-LARGEST_ACCELERATION = 30.0  # of the reference [m/s^2]; the joint could do 37 within 15 N
-SERVO_RATE = 300.0  # bandwidth of the position loop [rad/s]
-LARGEST_RETRACTION = 100.0  # drive force out of the material [N]
 
 
 class InsertionServo:
@@ -44,48 +41,48 @@ class InsertionServo:
         force_limit: [N].
         sample_period: Of the commands [s].
         position: Where the tip is [m].
-
-    Attributes:
-        reference: r, the command after all limits [m].
-        velocity: Of the reference [m/s].
-        clipped: Whether the force limit has cut since `command`.
     """
 
-    __slots__ = (
-        "_command",
-        "_damping",
-        "_force_limit",
-        "_mass",
-        "_newest",
-        "_period",
-        "_slope",
-        "_velocity",
-        "_velocity_gain",
-        "_velocity_slope",
-        "clipped",
-        "reference",
-        "velocity",
-    )
+    __slots__ = ("_kernel", "_newest", "_period", "_rail", "_state", "_velocity_gain")
 
     def __init__(
         self, *, mass: float, damping: float, force_limit: float, sample_period: float, position: float
     ) -> None:
-        self._mass = mass
-        self._damping = damping
-        self._force_limit = force_limit
+        from foretouch.robot import insertion_servo_kernel as kernel  # Numba is slow to import: only when used
+
+        self._kernel = kernel
+        self._rail = mass, damping, force_limit
         self._period = sample_period
         self._velocity_gain = 1.0 - math.exp(-2.0 * math.pi * VELOCITY_CUTOFF * sample_period)
-        self._newest = self._command = self.reference = position
-        self._slope = self._velocity = self._velocity_slope = self.velocity = 0.0
-        self.clipped = False
+        self._newest = position
+        self._state = np.zeros(kernel.SIZE)
+        self._state[[kernel.COMMAND, kernel.REFERENCE]] = position
+
+    @property
+    def reference(self) -> float:
+        """r, the command after all limits [m]."""
+        return float(self._state[self._kernel.REFERENCE])
+
+    @property
+    def velocity(self) -> float:
+        """Of the reference [m/s]."""
+        return float(self._state[self._kernel.VELOCITY])
+
+    @property
+    def clipped(self) -> bool:
+        """Whether the force limit has cut since `command`."""
+        return bool(self._state[self._kernel.CLIPPED])
 
     def command(self, position: float) -> None:
         """Take the command of this sample period [m], finite."""
-        self._command = self._newest
+        kernel, state = self._kernel, self._state
+        slope = (position - self._newest) / self._period
+        state[kernel.COMMAND] = self._newest
+        state[kernel.COMMAND_SLOPE] = slope
+        change = self._velocity_gain * (slope - state.item(kernel.COMMAND_VELOCITY))
+        state[kernel.COMMAND_VELOCITY_SLOPE] = change / self._period
+        state[kernel.CLIPPED] = 0.0
         self._newest = position
-        self._slope = (position - self._command) / self._period
-        self._velocity_slope = self._velocity_gain * (self._slope - self._velocity) / self._period
-        self.clipped = False
 
     def effort(self, position: float, velocity: float, contact_force: float, h: float) -> float:
         """Drive force u for the next h seconds [N], net of gravity, at most the force limit.
@@ -96,32 +93,4 @@ class InsertionServo:
             contact_force: Measured, tool compensated [N].
             h: Length of the step [s].
         """
-        stiffness, damping = SERVO_RATE * SERVO_RATE, 2.0 * SERVO_RATE
-        restoring = stiffness * (self.reference - position) + damping * (self.velocity - velocity)
-        friction = self._damping * self.velocity
-        effort = self._mass * (self._move_reference(h) + restoring) + friction + contact_force
-        ceiling = self._force_limit
-        excess = contact_force - ceiling
-        if excess > 0.0:  # what speed and the moving mass add: brake, and go back
-            ceiling -= excess + damping * self._mass * max(velocity, 0.0)
-        if effort > ceiling:
-            effort = ceiling
-            self.clipped = True
-            self.reference = min(self.reference, position + max(0.0, -excess) / (self._mass * stiffness))
-            self.velocity = min(self.velocity, max(velocity, 0.0))
-        return max(effort, -LARGEST_RETRACTION)
-
-    def _move_reference(self, h: float) -> float:
-        """Move the reference and the command on by h seconds; gives the reference's acceleration [m/s^2]."""
-        error = self._command - self.reference
-        distance = abs(error)
-        closing = min(0.5 * REFERENCE_RATE * distance, math.sqrt(1.4 * LARGEST_ACCELERATION * distance))
-        wanted = self._velocity + math.copysign(closing, error)
-        wanted = max(-LARGEST_VELOCITY, min(LARGEST_VELOCITY, wanted))
-        acceleration = 2.0 * REFERENCE_RATE * (wanted - self.velocity)
-        acceleration = max(-LARGEST_ACCELERATION, min(LARGEST_ACCELERATION, acceleration))
-        self.velocity += h * acceleration
-        self.reference += h * self.velocity
-        self._command += h * self._slope
-        self._velocity += h * self._velocity_slope
-        return acceleration
+        return self._kernel.drive(self._state, position, velocity, contact_force, h, *self._rail)

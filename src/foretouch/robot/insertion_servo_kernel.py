@@ -1,0 +1,85 @@
+"""Compiled step of the insertion servo; the equations are in `insertion_servo`.
+
+What it remembers is one array, by the places named here.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+__all__ = [
+    "CLIPPED",
+    "COMMAND",
+    "COMMAND_SLOPE",
+    "COMMAND_VELOCITY",
+    "COMMAND_VELOCITY_SLOPE",
+    "REFERENCE",
+    "SIZE",
+    "VELOCITY",
+    "drive",
+]
+
+COMMAND, COMMAND_SLOPE, COMMAND_VELOCITY, COMMAND_VELOCITY_SLOPE, REFERENCE, VELOCITY, CLIPPED = range(7)
+SIZE = 7
+
+REFERENCE_RATE = 400.0  # how fast the reference closes in on the command [rad/s]
+LARGEST_VELOCITY = 0.5  # of the reference [m/s]
+LARGEST_ACCELERATION = 30.0  # of the reference [m/s^2]; the joint could do 37 within 15 N
+SERVO_RATE = 300.0  # bandwidth of the position loop [rad/s]
+LARGEST_RETRACTION = 100.0  # drive force out of the material [N]
+
+
+def _move_reference(state: NDArray[np.float64], h: float) -> float:
+    """Move the reference and the command on by h seconds; gives the reference's acceleration [m/s^2]."""
+    error = state[COMMAND] - state[REFERENCE]
+    distance = abs(error)
+    closing = min(0.5 * REFERENCE_RATE * distance, math.sqrt(1.4 * LARGEST_ACCELERATION * distance))
+    wanted = state[COMMAND_VELOCITY] + math.copysign(closing, error)
+    wanted = max(-LARGEST_VELOCITY, min(LARGEST_VELOCITY, wanted))
+    acceleration = 2.0 * REFERENCE_RATE * (wanted - state[VELOCITY])
+    acceleration = max(-LARGEST_ACCELERATION, min(LARGEST_ACCELERATION, acceleration))
+    state[VELOCITY] += h * acceleration
+    state[REFERENCE] += h * state[VELOCITY]
+    state[COMMAND] += h * state[COMMAND_SLOPE]
+    state[COMMAND_VELOCITY] += h * state[COMMAND_VELOCITY_SLOPE]
+    return float(acceleration)
+
+
+move_reference: Callable[[NDArray[np.float64], float], float] = njit(cache=True)(_move_reference)
+
+
+def _drive(
+    state: NDArray[np.float64],
+    position: float,
+    velocity: float,
+    contact_force: float,
+    h: float,
+    mass: float,
+    rail_damping: float,
+    force_limit: float,
+) -> float:
+    """Drive force for the next h seconds [N]: see `InsertionServo.effort`."""
+    stiffness, damping = SERVO_RATE * SERVO_RATE, 2.0 * SERVO_RATE
+    restoring = stiffness * (state[REFERENCE] - position) + damping * (state[VELOCITY] - velocity)
+    friction = rail_damping * state[VELOCITY]
+    effort = mass * (move_reference(state, h) + restoring) + friction + contact_force
+    ceiling = force_limit
+    excess = contact_force - ceiling
+    if excess > 0.0:  # what speed and the moving mass add: brake, and go back
+        ceiling -= excess + damping * mass * max(velocity, 0.0)
+    if effort > ceiling:
+        effort = ceiling
+        state[CLIPPED] = 1.0
+        state[REFERENCE] = min(state[REFERENCE], position + max(0.0, -excess) / (mass * stiffness))
+        state[VELOCITY] = min(state[VELOCITY], max(velocity, 0.0))
+    return float(max(effort, -LARGEST_RETRACTION))
+
+
+drive: Callable[[NDArray[np.float64], float, float, float, float, float, float, float], float] = njit(cache=True)(
+    _drive
+)
