@@ -60,12 +60,21 @@ def _block(
         result[i, first : first + width] = buffer[i * LANES : i * LANES + width]
 
 
-def _block_of_regressors(regressors: Array, memory: Array, options: Array, first: int, result: Array) -> None:
+def _block_of_regressors(
+    log_depth: Array,
+    velocity: Array,
+    rate: Array,
+    log_force: Array,
+    memory: Array,
+    options: Array,
+    first: int,
+    result: Array,
+) -> None:
     buffer = np.empty(BUFFER)
     begin(buffer, options)
     width = min(LANES, memory.shape[1] - first)
     for row in range(memory.shape[0]):
-        load_regressors(buffer, regressors, memory, row, first)
+        load_regressors(buffer, log_depth, velocity, rate, log_force, memory, row, first)
         step(buffer, options)
     for i in range(RESULT_SIZE):
         result[i, first : first + width] = buffer[i * LANES : i * LANES + width]
@@ -119,26 +128,33 @@ run_serial: Runner = njit(cache=True, error_model="numpy")(_run_serial)
 run_parallel: Runner = njit(cache=True, error_model="numpy", parallel=True)(_run_parallel)
 
 
-def _regressors_serial(regressors: Array, memory: Array, options: Array, result: Array) -> None:
+def _regressors_serial(
+    log_depth: Array, velocity: Array, rate: Array, log_force: Array, memory: Array, options: Array, result: Array
+) -> None:
     """As `run_serial`, of regressors that are known.
 
     Args:
-        regressors: The three beside the constant, and the target, shape (m, 4, n).
-        memory: Forgetting factors, shape (m, n).
+        log_depth: ln x, in the unit of the regressors as all of these, shape (m, n).
+        velocity: v, shape (m, n).
+        rate: v / x, shape (m, n).
+        log_force: ln F, shape (m, n).
+        memory: Forgetting factors mu, shape (m, n).
         options: Of all, shape (OPTIONS_SIZE,).
         result: Filled, shape (RESULT_SIZE, n).
     """
     for first in range(0, memory.shape[1], LANES):
-        block_of_regressors(regressors, memory, options, first, result)
+        block_of_regressors(log_depth, velocity, rate, log_force, memory, options, first, result)
 
 
-def _regressors_parallel(regressors: Array, memory: Array, options: Array, result: Array) -> None:
+def _regressors_parallel(
+    log_depth: Array, velocity: Array, rate: Array, log_force: Array, memory: Array, options: Array, result: Array
+) -> None:
     """The same on all cores."""
     for number in prange((memory.shape[1] + LANES - 1) // LANES):
-        block_of_regressors(regressors, memory, options, number * LANES, result)
+        block_of_regressors(log_depth, velocity, rate, log_force, memory, options, number * LANES, result)
 
 
-RegressorRunner = Callable[[Array, Array, Array, Array], None]
+RegressorRunner = Callable[[Array, Array, Array, Array, Array, Array, Array], None]
 
 regressors_serial: RegressorRunner = njit(cache=True, error_model="numpy")(_regressors_serial)
 regressors_parallel: RegressorRunner = njit(cache=True, error_model="numpy", parallel=True)(_regressors_parallel)

@@ -74,16 +74,26 @@ BUFFER = 32 * LANES
 _compiled: Callable[[Any], Any] = njit(cache=True, error_model="numpy")
 
 
+def _set_first(buffer: Array, options: Array, lane: int) -> None:
+    """One lane at theta_0 and P_0, all that it counted forgotten."""
+    for i in range(RESULT_SIZE):
+        buffer[i * LANES + lane] = 0.0
+    for i in range(4):
+        buffer[i * LANES + lane] = options[FIRST_THETA + i]
+    for i in (4, 6, 9, 13):
+        buffer[i * LANES + lane] = options[FIRST_COVARIANCE]
+    buffer[LAST + lane] = np.nan
+
+
+set_first: Any = _compiled(_set_first)
+
+
 def _begin(buffer: Array, options: Array) -> None:
     """All lanes at theta_0 and P_0."""
     buffer[:LOG_DEPTH] = 0.0
     buffer[LOG_DEPTH:] = 1.0
     for lane in range(LANES):
-        for i in range(4):
-            buffer[i * LANES + lane] = options[FIRST_THETA + i]
-        for i in (4, 6, 9, 13):
-            buffer[i * LANES + lane] = options[FIRST_COVARIANCE]
-        buffer[LAST + lane] = np.nan
+        set_first(buffer, options, lane)
 
 
 def _load(
@@ -123,10 +133,12 @@ def _features(buffer: Array, options: Array, factor: float) -> None:
         buffer[LOG_FORCE + lane] = logarithm(force)
 
 
-def _recur(buffer: Array, options: Array, rules: Any) -> None:
-    """One step of (20) in each lane."""
-    first, t0, t1 = options[FIRST_COVARIANCE], options[FIRST_THETA], options[FIRST_THETA + 1]
-    t2, t3 = options[FIRST_THETA + 2], options[FIRST_THETA + 3]
+def _recur(buffer: Array, rules: Any) -> int:
+    """One step of (20) in each lane whose sample is taken; how many broke.
+
+    Those are marked by a `TAKEN` of 2, and left as the step left them.
+    """
+    broken = 0
     for lane in range(LANES):
         done, theta, p, residuals = learn(
             (buffer[lane], buffer[LANES + lane], buffer[2 * LANES + lane], buffer[3 * LANES + lane]),
@@ -149,13 +161,10 @@ def _recur(buffer: Array, options: Array, rules: Any) -> None:
             rules,
         )
         taken = buffer[TAKEN + lane] > 0.0
-        again = done == RESTARTED
-        new = (t0, t1, t2, t3) if again else theta
-        buffer[lane] = new[0] if taken else buffer[lane]
-        buffer[LANES + lane] = new[1] if taken else buffer[LANES + lane]
-        buffer[2 * LANES + lane] = new[2] if taken else buffer[2 * LANES + lane]
-        buffer[3 * LANES + lane] = new[3] if taken else buffer[3 * LANES + lane]
-        p = (first, 0.0, first, 0.0, 0.0, first, 0.0, 0.0, 0.0, first) if again else p
+        buffer[0 * LANES + lane] = theta[0] if taken else buffer[0 * LANES + lane]
+        buffer[1 * LANES + lane] = theta[1] if taken else buffer[1 * LANES + lane]
+        buffer[2 * LANES + lane] = theta[2] if taken else buffer[2 * LANES + lane]
+        buffer[3 * LANES + lane] = theta[3] if taken else buffer[3 * LANES + lane]
         buffer[4 * LANES + lane] = p[0] if taken else buffer[4 * LANES + lane]
         buffer[5 * LANES + lane] = p[1] if taken else buffer[5 * LANES + lane]
         buffer[6 * LANES + lane] = p[2] if taken else buffer[6 * LANES + lane]
@@ -166,19 +175,29 @@ def _recur(buffer: Array, options: Array, rules: Any) -> None:
         buffer[11 * LANES + lane] = p[7] if taken else buffer[11 * LANES + lane]
         buffer[12 * LANES + lane] = p[8] if taken else buffer[12 * LANES + lane]
         buffer[13 * LANES + lane] = p[9] if taken else buffer[13 * LANES + lane]
-        squares, count = (0.0, 0.0) if again else residuals
-        buffer[14 * LANES + lane] = squares if taken else buffer[14 * LANES + lane]
-        buffer[15 * LANES + lane] = count if taken else buffer[15 * LANES + lane]
-        again = taken & again
-        learnt = buffer[16 * LANES + lane] + buffer[TAKEN + lane]
-        buffer[16 * LANES + lane] = 0.0 if again else learnt
-        buffer[17 * LANES + lane] += 1.0 if again else 0.0
+        buffer[14 * LANES + lane] = residuals[0] if taken else buffer[14 * LANES + lane]
+        buffer[15 * LANES + lane] = residuals[1] if taken else buffer[15 * LANES + lane]
+        buffer[16 * LANES + lane] += 1.0 if taken else 0.0
         buffer[18 * LANES + lane] += 1.0 if taken & (done == PERTURBED) else 0.0
-        buffer[LAST + lane] = np.nan if again else buffer[LAST + lane]
+        again = taken & (done == RESTARTED)
+        buffer[TAKEN + lane] = 2.0 if again else buffer[TAKEN + lane]
+        broken += again
+    return broken
+
+
+def _begin_again(buffer: Array, options: Array) -> None:
+    """The lanes that broke, at theta_0 and P_0."""
+    for lane in range(LANES):
+        if buffer[TAKEN + lane] == 2.0:
+            restarts, trips = buffer[17 * LANES + lane], buffer[18 * LANES + lane]
+            set_first(buffer, options, lane)
+            buffer[17 * LANES + lane], buffer[18 * LANES + lane] = restarts + 1.0, trips
 
 
 begin: Any = _compiled(_begin)
 load: Any = _compiled(_load)
+begin_again: Any = _compiled(_begin_again)
+
 _inlined: Callable[[Any], Any] = njit(cache=True, error_model="numpy", forceinline=True)
 inlined_features: Any = _inlined(_features)
 inlined_recur: Any = _inlined(_recur)
@@ -192,13 +211,13 @@ def _features_equal(buffer: Array, options: Array) -> None:
     inlined_features(buffer, options, 0.0)
 
 
-def _recur_generally(buffer: Array, options: Array) -> None:
-    inlined_recur(buffer, options, rules_of(options))
+def _recur_generally(buffer: Array, options: Array) -> int:
+    return inlined_recur(buffer, rules_of(options))  # type: ignore[no-any-return]
 
 
-def _recur_as_printed(buffer: Array, options: Array) -> None:
+def _recur_as_printed(buffer: Array, options: Array) -> int:
     rules = (options[SENSITIVITY], options[PERTURBATION], False, False, False, np.inf)
-    inlined_recur(buffer, options, rules)
+    return inlined_recur(buffer, rules)  # type: ignore[no-any-return]
 
 
 # Two of each: what equal weights and the printed choices do not need is known to the compiler, and not computed.
@@ -209,22 +228,26 @@ recur_as_printed: Any = _compiled(_recur_as_printed)
 
 
 def _step(buffer: Array, options: Array) -> None:
-    """One step of each lane, by the quicker of the two where the options allow it."""
+    """One step of the lanes that take their sample, by the quicker of the two where the options allow it."""
     choices = options[NEWTONS] + options[BEFORE] + options[RESETTING]
-    if choices == 0.0 and options[TRACE_LIMIT] == np.inf:
-        recur_as_printed(buffer, options)
+    if choices > 0.0 or options[TRACE_LIMIT] < np.inf:
+        broken = recur_generally(buffer, options)
     else:
-        recur_generally(buffer, options)
+        broken = recur_as_printed(buffer, options)
+    if broken > 0:
+        begin_again(buffer, options)
 
 
 step: Any = _compiled(_step)
 
 
-def _load_regressors(buffer: Array, regressors: Array, memory: Array, row: int, first: int) -> None:
-    """Regressors, target and forgetting factor of one sample of each recording of a block."""
+def _load_regressors(
+    buffer: Array, log_depth: Array, velocity: Array, rate: Array, log_force: Array, memory: Array, row: int, first: int
+) -> None:
+    """Regressors, target and forgetting factor of one sample of each recording of a block; taken where finite."""
     for lane in range(min(LANES, memory.shape[1] - first)):
-        a, b, c = regressors[row, 0, first + lane], regressors[row, 1, first + lane], regressors[row, 2, first + lane]
-        target, mu = regressors[row, 3, first + lane], memory[row, first + lane]
+        a, b, c = log_depth[row, first + lane], velocity[row, first + lane], rate[row, first + lane]
+        target, mu = log_force[row, first + lane], memory[row, first + lane]
         finite = (((a + b) + (c + target)) + mu) * 0.0 == 0.0
         taken = finite & (mu > 0.0) & (mu <= 1.0)
         mu = mu if taken else 1.0

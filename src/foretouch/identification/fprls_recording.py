@@ -53,6 +53,26 @@ SCRATCH = 11 * BLOCK
 _inlined: Callable[[Any], Any] = njit(cache=True, error_model="numpy", forceinline=True)
 
 
+def _take_all(
+    depth: Array, velocity: Array, force: Array, last_depth: float, scratch: Array, place: NDArray[np.int64]
+) -> tuple[int, float]:
+    """What `_gather` does where nothing is refused, without a branch a sample."""
+    moved = abs(depth[0] - last_depth)
+    scratch[MOVED] = moved if moved >= 0.0 else 0.0
+    for i in range(depth.size):
+        scratch[DEPTH + i] = depth[i]
+        place[i] = i
+    for i in range(depth.size):
+        scratch[VELOCITY + i] = velocity[i]
+        scratch[FORCE + i] = force[i]
+    for i in range(1, depth.size):
+        scratch[MOVED + i] = abs(depth[i] - depth[i - 1])
+    return depth.size, depth[-1]
+
+
+take_all: Any = njit(cache=True, error_model="numpy")(_take_all)
+
+
 def _gather(
     depth: Array,
     velocity: Array,
@@ -66,9 +86,14 @@ def _gather(
 ) -> tuple[int, float]:
     """The samples to learn from, one after the other; their number, and the depth that the next one moves from."""
     gate_depth, gate_force = options[GATE_DEPTH], options[GATE_FORCE]
+    refused = 0
     for i in range(depth.size):
-        refused = refusal(depth[i], velocity[i], force[i], gate_depth, gate_force)
-        status[i] = refused if in_contact[i] else FREE_AIR
+        code = refusal(depth[i], velocity[i], force[i], gate_depth, gate_force)
+        code = code if in_contact[i] else FREE_AIR
+        status[i] = code
+        refused += code != LEARNT
+    if refused == 0:
+        return take_all(depth, velocity, force, last_depth, scratch, place)  # type: ignore[no-any-return]
     count = 0
     for i in range(depth.size):
         if status[i] != LEARNT:
@@ -95,12 +120,17 @@ def _features(scratch: Array, count: int, options: Array) -> None:
         scratch[LOG_FORCE + i] = logarithm(scratch[FORCE + i])
     for i in range(count):
         scratch[RATE_SEEN + i] = bounded_rate(scratch[DEPTH + i], scratch[VELOCITY + i], largest)
-        scratch[WEIGHTS + i] = weight_of(scratch[FORCE + i], factor)
     for i in range(count):
         mu = forgetting(scratch[MOVED + i], floor, share, rate)
         scratch[MEMORY + i] = mu
         scratch[INVERSE_MEMORY + i] = 1.0 / mu
-        scratch[NOISE + i] = mu / scratch[WEIGHTS + i]
+        scratch[NOISE + i] = mu
+        scratch[WEIGHTS + i] = 1.0
+    if factor > 0.0:
+        for i in range(count):
+            weight = weight_of(scratch[FORCE + i], factor)
+            scratch[WEIGHTS + i] = weight
+            scratch[NOISE + i] = scratch[MEMORY + i] / weight
 
 
 gather: Any = njit(cache=True, error_model="numpy")(_gather)

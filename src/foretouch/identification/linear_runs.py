@@ -22,6 +22,7 @@ __all__ = [
     "STATUSES",
     "LinearRun",
     "LinearRuns",
+    "as_arrays",
     "as_recording",
     "residual_variance",
     "run_columns",
@@ -101,26 +102,36 @@ def to_metres(theta: Array, depth_scale: float, velocity_scale: float) -> Array:
     return in_metres
 
 
+def as_arrays(dimensions: int, **arrays: ArrayLike) -> list[Array]:
+    """The arrays as the compiled loops take them, all of the shape of the first.
+
+    Raises:
+        SettingError: One has another shape than the first, or that not so many dimensions.
+    """
+    numbers = {name: np.ascontiguousarray(values, np.float64) for name, values in arrays.items()}
+    first = next(iter(numbers))
+    shape = np.shape(arrays[first])
+    if len(shape) != dimensions:
+        raise SettingError(f"shape of {first}", shape, f"must be {('(m,)', '(m, n)')[dimensions - 1]}")
+    for name, values in numbers.items():
+        if values.shape != shape:
+            raise SettingError(f"shape of {name}", values.shape, f"must be that of {first}, {shape}")
+    return list(numbers.values())
+
+
 def as_recording(
     dimensions: int, depth: ArrayLike, velocity: ArrayLike, force: ArrayLike, in_contact: ArrayLike | None
 ) -> Samples:
-    """The arrays as the compiled loops take them.
+    """Samples as the compiled loops take them.
 
     Raises:
-        SettingError: One of them has another shape than the depth, or the depth not so many dimensions.
+        SettingError: One of the arrays has another shape than the depth, or the depth not so many dimensions.
     """
-    numbers = {
-        name: np.ascontiguousarray(values, np.float64)
-        for name, values in (("depth", depth), ("velocity", velocity), ("force", force))
-    }
-    shape = np.shape(depth)
-    touching = np.ones(shape, np.bool_) if in_contact is None else np.ascontiguousarray(in_contact, np.bool_)
-    if len(shape) != dimensions:
-        raise SettingError("shape of depth", shape, f"must have {('(m,)', '(m, n)')[dimensions - 1]}")
-    for name, values in (*numbers.items(), ("in_contact", touching)):
-        if values.shape != shape:
-            raise SettingError(f"shape of {name}", values.shape, f"must be that of depth, {shape}")
-    return numbers["depth"], numbers["velocity"], numbers["force"], touching
+    x, v, f = as_arrays(dimensions, depth=depth, velocity=velocity, force=force)
+    touching = np.ones(x.shape, np.bool_) if in_contact is None else np.ascontiguousarray(in_contact, np.bool_)
+    if touching.shape != x.shape:
+        raise SettingError("shape of in_contact", touching.shape, f"must be that of depth, {x.shape}")
+    return x, v, f, touching
 
 
 def run_columns(
@@ -134,12 +145,12 @@ def run_columns(
     return _runs(result, scales, np.moveaxis(trace, 1, 2) if every else None)
 
 
-def run_regressors(
-    regressors: Array, memory: Array, packed: Array, scales: tuple[float, float], *, parallel: bool
-) -> LinearRuns:
-    """The same of regressors and targets, shape (m, 4, n), and forgetting factors, shape (m, n)."""
+def run_regressors(arrays: list[Array], packed: Array, scales: tuple[float, float], *, parallel: bool) -> LinearRuns:
+    """The same of ln x, v, v / x, ln F and mu, shape (m, n) each; see `LinearisedEstimator.run_regressors`."""
+    log_depth, velocity, rate, log_force, memory = arrays
     result = np.empty((RESULT_SIZE, memory.shape[1]))
-    (regressors_parallel if parallel else regressors_serial)(regressors, memory, packed, result)
+    recur = regressors_parallel if parallel else regressors_serial
+    recur(log_depth, velocity, rate, log_force, memory, packed, result)
     return _runs(result, scales, None)
 
 

@@ -25,9 +25,11 @@ from foretouch.identification.linear_runs import (
     STATUSES,
     LinearRun,
     LinearRuns,
+    as_arrays,
     as_recording,
     residual_variance,
     run_columns,
+    run_regressors,
     to_metres,
 )
 from foretouch.identification.linearised_options import NOTHING_FORGOTTEN, Forgetting, FPRLSOptions, pack
@@ -169,6 +171,40 @@ class LinearisedEstimator(Estimator):
         """
         samples = as_recording(2, depth, velocity, force, in_contact)
         return run_columns(samples, self._packed, self.options.scales, every=every, parallel=parallel)
+
+    def run_regressors(
+        self,
+        log_depth: ArrayLike,
+        velocity: ArrayLike,
+        rate: ArrayLike,
+        log_force: ArrayLike,
+        forgetting_factor: ArrayLike,
+        *,
+        parallel: bool = False,
+    ) -> LinearRuns:
+        """The recursion of `run_many` alone, on regressors that are known: no gate, bound, weight or own forgetting.
+
+        Args:
+            log_depth: ln x, x in units of the depth that `options` measures regressors by, shape (m, n).
+            velocity: v in units of the velocity that they are measured by, shape (m, n).
+            rate: v / x of these, shape (m, n).
+            log_force: ln F, F in newtons, shape (m, n).
+            forgetting_factor: mu, above 0 and at most 1, shape (m, n). A sample with another, or with a number that
+                is not finite, is left out.
+            parallel: Whether all cores are used.
+
+        Raises:
+            SettingError: Arrays that do not fit together.
+        """
+        arrays = as_arrays(
+            2,
+            log_depth=log_depth,
+            velocity=velocity,
+            rate=rate,
+            log_force=log_force,
+            forgetting_factor=forgetting_factor,
+        )
+        return run_regressors(arrays, self._packed, self.options.scales, parallel=parallel)
 
     @property
     def linear_parameters(self) -> tuple[float, float, float, float]:
