@@ -191,3 +191,21 @@ def test_small_scenes_are_drawn_as_they_are() -> None:
     surface = make_scene("hill").surface
     assert len(surface.outline()[1]) <= shape.MOST_TRIANGLES
     assert len(shape.refined(*surface.outline())[1]) >= len(surface.outline()[1])
+
+
+def test_the_camera_goes_where_what_is_looked_at_is_seen(console: Console) -> None:
+    """Sessions along a line and in space take turns where a recording of the other kind is looked at."""
+    from foretouch.console.scene import CAMERA
+    from foretouch.console.space_scene import SPACE_CAMERA
+    from foretouch.console.watched import Watched
+
+    camera = console._server.initial_camera
+    for other in (False, True, True, False):
+        if other:
+            say(console, "plane")
+            draw(console)
+        else:
+            console._space.draw(Watched(), live=False)
+        seen, target = SPACE_CAMERA if other else CAMERA
+        assert tuple(camera.position) == pytest.approx(seen)
+        assert tuple(camera.look_at) == pytest.approx(target)

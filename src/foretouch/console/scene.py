@@ -13,7 +13,7 @@ from foretouch.console import shapes
 from foretouch.console.material_view import MaterialView, add_body
 from foretouch.console.palette import BLUE, VERMILLION
 
-__all__ = ["CAMERA", "FIELD_OF_VIEW", "UNITS", "Scene", "height_on_axis"]
+__all__ = ["CAMERA", "FIELD_OF_VIEW", "UNITS", "Scene", "height_on_axis", "look"]
 
 UNITS = 200.0
 """Scene units per metre: one unit is 5 mm."""
@@ -31,6 +31,19 @@ SMALLEST_APART, LARGEST_APART = 0.1, 5.0
 LOWEST_RAIL = 1.35
 """The rail ends above the material, though a hand may want to go on [scene units]."""
 RULER_X = -4.4
+
+
+def look(server: Any, camera: tuple[tuple[float, ...], tuple[float, ...]]) -> None:
+    """Put the camera of every browser, and of those that come, where a picture can be seen as a whole.
+
+    Args:
+        server: The viewer's server.
+        camera: Where it is and what it looks at [scene units].
+    """
+    position, target = camera
+    server.initial_camera.position, server.initial_camera.look_at = position, target
+    for client in server.get_clients().values():
+        client.camera.position, client.camera.look_at = position, target
 
 
 class Scene:

@@ -13,10 +13,11 @@ from foretouch.console.image_panel import ImagePanel
 from foretouch.console.keys import add_space_keys
 from foretouch.console.palette import BLUE, GREEN, GREY, VERMILLION, css
 from foretouch.console.plots import SECONDS
+from foretouch.console.scene import CAMERA, look
 from foretouch.console.space_heard import fixture_of
 from foretouch.console.space_hold import SpaceHold
 from foretouch.console.space_panel import SpacePanel
-from foretouch.console.space_scene import SpaceScene
+from foretouch.console.space_scene import SPACE_CAMERA, SpaceScene
 from foretouch.console.stiffness_colours import legend_html
 from foretouch.console.watched import Watched
 from foretouch.errors import ForetouchError
@@ -55,6 +56,7 @@ class SpaceView:
         self._name = ""
         self._surface: Surface | None = None
         self._offered = False  # whether anybody listens to the handle
+        self._looked_at = False  # whether the cameras are where this picture is seen
         self._field: tuple[FieldUpdate | None, MaterialField | None] = (None, None)
         self._legend = server.gui.add_html("")
 
@@ -68,6 +70,7 @@ class SpaceView:
         leader = watched.space.leader
         self._offered = leader is not None and live and watched.operator == "browser"
         self._image.show(leader is not None)
+        self._look(leader is not None)
         if leader is None:
             if self._scene is not None:
                 self._scene.show(False)
@@ -112,6 +115,12 @@ class SpaceView:
         felt = "" if robot is None else f"delayed robot: {_size(_force(robot)):.2f} N"
         scene.label(f"rendered now: {_size(_force(leader)):.2f}{doubt} N", felt)
 
+    def _look(self, in_space: bool) -> None:
+        """Move the cameras where sessions along a line and in space, live or recorded, take turns."""
+        if in_space != self._looked_at:
+            self._looked_at = in_space
+            look(self._server, SPACE_CAMERA if in_space else CAMERA)
+
     def _scene_of(self, watched: Watched) -> SpaceScene | None:
         """The picture of this scene; another scene has another. None where its shape is not known here."""
         name = watched.settings.get("scene", "")
@@ -128,7 +137,6 @@ class SpaceView:
             self.problem = f"The scene cannot be drawn here: {error}"
         else:
             self._scene = SpaceScene(self._server, self._surface, self._dragged)
-            self._scene.look()
         if self._panel is None:
             with self._tabs.add_tab("Fixture"):
                 self._panel = SpacePanel(self._server.gui, self._slide)

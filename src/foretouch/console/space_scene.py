@@ -53,7 +53,7 @@ class SpaceScene:
     """
 
     def __init__(self, server: Any, surface: Surface, on_drag: Callable[[Vector, str], None]) -> None:
-        self._server, self._on_drag = server, on_drag
+        self._on_drag = on_drag
         scene = server.scene
         self._root = scene.add_frame("/space", show_axes=False)
         self.fixture = FixtureView(scene, surface, SPACE_UNITS)
@@ -79,14 +79,6 @@ class SpaceScene:
         """Show it all, or hide it."""
         if self._root.visible != shown:
             self._root.visible = shown
-
-    def look(self) -> None:
-        """Put the camera of every browser where the whole can be seen."""
-        position, target = SPACE_CAMERA
-        camera = self._server.initial_camera
-        camera.position, camera.look_at = position, target
-        for client in self._server.get_clients().values():
-            client.camera.position, client.camera.look_at = position, target
 
     def keep_apart(self, probe: float, robot: float) -> None:
         """Let arrows and labels of probe and robot stand on their outer sides.
