@@ -12,6 +12,7 @@ import numpy as np
 from numba import njit, prange
 from numpy.typing import NDArray
 
+from foretouch.identification.compiling import entry_point
 from foretouch.identification.fprls_lanes import (
     BUFFER,
     LANES,
@@ -124,8 +125,8 @@ def _run_parallel(
 
 Runner = Callable[[Array, Array, Array, NDArray[np.bool_], Array, Array, Array], None]
 
-run_serial: Runner = njit(cache=True, error_model="numpy")(_run_serial)
-run_parallel: Runner = njit(cache=True, error_model="numpy", parallel=True)(_run_parallel)
+run_serial: Runner = entry_point(_run_serial)
+run_parallel: Runner = entry_point(_run_parallel, parallel=True)
 
 
 def _regressors_serial(
@@ -156,5 +157,5 @@ def _regressors_parallel(
 
 RegressorRunner = Callable[[Array, Array, Array, Array, Array, Array, Array], None]
 
-regressors_serial: RegressorRunner = njit(cache=True, error_model="numpy")(_regressors_serial)
-regressors_parallel: RegressorRunner = njit(cache=True, error_model="numpy", parallel=True)(_regressors_parallel)
+regressors_serial: RegressorRunner = entry_point(_regressors_serial)
+regressors_parallel: RegressorRunner = entry_point(_regressors_parallel, parallel=True)

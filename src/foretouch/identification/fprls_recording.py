@@ -13,6 +13,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from foretouch.identification.compiling import entry_point
 from foretouch.identification.elementary import logarithm
 from foretouch.identification.fprls_features import bounded_rate, forgetting, refusal, weight_of
 from foretouch.identification.fprls_kernel import learn, rules_of
@@ -246,6 +247,4 @@ def _run(
         state[LAST_DEPTH] = np.nan if restarted else last_depth
 
 
-run: Callable[[Array, Array, Array, Array, Array, NDArray[np.bool_], NDArray[np.int8], Array], None] = njit(
-    cache=True, error_model="numpy"
-)(_run)
+run: Callable[[Array, Array, Array, Array, Array, NDArray[np.bool_], NDArray[np.int8], Array], None] = entry_point(_run)

@@ -6,9 +6,10 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numba import njit
+from numba import config, njit
 from numpy.typing import NDArray
 
+from foretouch.identification.compiling import entry_point
 from foretouch.identification.elementary import logarithm
 from foretouch.identification.fprls_features import bounded_rate, forgetting, refusal, weight_of
 from foretouch.identification.fprls_kernel import learn, rules_of
@@ -37,7 +38,7 @@ from foretouch.identification.fprls_layout import (
 )
 from foretouch.identification.recovery import BINS_PER_DECADE, LARGEST_GAIN
 
-__all__ = ["count_depth", "forget_depths", "restart", "update"]
+__all__ = ["count_depth", "forget_depths", "restart", "update", "warm"]
 
 Array = NDArray[np.float64]
 
@@ -57,7 +58,7 @@ def _restart(state: Array, options: Array) -> None:
     state[GAIN] = 1.0
 
 
-restart: Callable[[Array, Array], None] = njit(cache=True, error_model="numpy")(_restart)
+restart: Callable[[Array, Array], None] = entry_point(_restart)
 
 
 def _count_depth(state: Array, log_depth: float, velocity: float, inverse_mu: float, weight: float) -> None:
@@ -157,4 +158,18 @@ def _update(state: Array, options: Array, depth: float, velocity: float, force: 
     return done  # type: ignore[no-any-return]
 
 
-update: Callable[[Array, Array, float, float, float, bool], int] = njit(cache=True, error_model="numpy")(_update)
+update: Callable[[Array, Array, float, float, float, bool], int] = entry_point(_update)
+
+
+def warm(state: Array, options: Array) -> None:
+    """Compile `update`, or load it, before any loop, and let nothing be compiled inside one.
+
+    Numbers of other types, an integer depth for example, are turned into floats from then on.
+
+    Args:
+        state: Left as it is, but for its last depth, which is forgotten.
+        options: Left as they are.
+    """
+    update(state, options, 1.0, 0.0, 1.0, False)
+    if not config.DISABLE_JIT:
+        update.disable_compile()  # type: ignore[attr-defined]

@@ -20,7 +20,7 @@ from foretouch.identification.fprls_layout import (
     full_covariance,
 )
 from foretouch.identification.fprls_recording import run
-from foretouch.identification.fprls_sample import restart, update
+from foretouch.identification.fprls_sample import restart, update, warm
 from foretouch.identification.linear_runs import (
     STATUSES,
     LinearRun,
@@ -83,8 +83,7 @@ class LinearisedEstimator(Estimator):
         self._state = np.empty(STATE_SIZE)
         self._depths = DepthSummary(self._state[BIN:])
         self.reset()
-        # Compiled here, before any loop: the first call would otherwise cost a second inside it.
-        update(self._state, self._packed, 1.0, 0.0, 1.0, False)
+        warm(self._state, self._packed)
 
     def reset(self) -> None:
         """Forget all samples."""
@@ -269,11 +268,15 @@ class LinearisedEstimator(Estimator):
         """Theta in metres."""
         return _tuple(to_metres(self._state[:4], *self.options.scales))
 
+    @property
+    def _variance(self) -> float | None:
+        variance = float(residual_variance(*self._state[RESIDUALS : RESIDUALS + 2]))
+        return None if math.isnan(variance) else variance
+
     def _covariance(self) -> Array | None:
         """Covariance of theta in metres by the residuals; only an indication where forgetting or perturbation act."""
-        variance = float(residual_variance(*self._state[RESIDUALS : RESIDUALS + 2]))
-        covariance = self.unscaled_covariance
-        if not variance * float(np.trace(covariance)) < LARGEST_TRACE:
+        variance, covariance = self._variance, self.unscaled_covariance
+        if variance is None or not variance * float(np.trace(covariance)) < LARGEST_TRACE:
             return None
         return self._to_metres @ (variance * covariance) @ self._to_metres.T
 

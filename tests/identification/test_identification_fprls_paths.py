@@ -1,0 +1,301 @@
+"""The paths through the linear estimators give the same bits: by sample, by recording, by many recordings, interpreted.
+
+And what they give is what an independent NumPy version of the equation gives.
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from linear_recordings import OPTIONS, Recorded, columns, recorded
+from numba import config
+from numpy.typing import NDArray
+
+from foretouch.errors import SettingError
+from foretouch.identification import (
+    FPRLS,
+    RLS,
+    ROBUST,
+    ContactSample,
+    ForgettingRLS,
+    FPRLSOptions,
+    RobustFPRLS,
+    SelfPerturbingRLS,
+    Status,
+    fprls_many,
+)
+from foretouch.identification.fprls_numpy import fprls_many_numpy
+from foretouch.identification.fprls_sample import update
+from foretouch.identification.linear_runs import STATUSES
+from foretouch.identification.linearised import LinearisedEstimator
+
+Array = NDArray[np.float64]
+HERE = Path(__file__).parent
+SHORT, MANY = (400, 131) if not config.DISABLE_JIT else (60, 3)
+LONG = 1500 if not config.DISABLE_JIT else 100
+"""Interpreted, a sample of a block of recordings takes 10 ms."""
+
+
+def by_sample(estimator: LinearisedEstimator, recording: Recorded) -> tuple[list[Status], Array]:
+    """`update` with every sample: what it said, and theta after it."""
+    said, theta = [], []
+    for row in zip(*(column.tolist() for column in recording), strict=True):
+        said.append(estimator.update(ContactSample(0.0, *row)))
+        theta.append(estimator.linear_parameters)
+    return said, np.array(theta)
+
+
+def same(one: LinearisedEstimator, other: LinearisedEstimator) -> None:
+    """All that two estimators know is the same to the last bit."""
+    np.testing.assert_array_equal(one._state, other._state)
+    assert one.updates == other.updates
+    assert one.parameters == other.parameters
+    assert one.standard_errors == other.standard_errors
+
+
+@pytest.mark.parametrize("name", OPTIONS)
+def test_a_recording_is_its_samples_one_by_one(name: str) -> None:
+    """Over three blocks of 1,024 samples."""
+    recording = recorded(2500, 1)
+    single, whole = FPRLS(OPTIONS[name]), FPRLS(OPTIONS[name])
+    said, theta = by_sample(single, recording)
+    run = whole.run(*recording, every=True)
+    assert [STATUSES[code] for code in run.codes] == said
+    np.testing.assert_array_equal(run.every, theta)
+    np.testing.assert_array_equal(run.theta, theta[-1])
+    assert run.updates == whole.updates
+    assert all(run.count(status) == said.count(status) for status in Status)
+    same(single, whole)
+
+
+@pytest.mark.parametrize("name", OPTIONS)
+def test_many_recordings_are_each_by_itself(name: str) -> None:
+    """More than the 128 of a block, and not a multiple of them."""
+    recordings = [recorded(SHORT, seed) for seed in range(MANY)]
+    many = fprls_many(*columns(recordings), options=OPTIONS[name], every=True)
+    parallel = fprls_many(*columns(recordings), options=OPTIONS[name], every=True, parallel=True)
+    for index, recording in enumerate(recordings):
+        estimator = FPRLS(OPTIONS[name])
+        run = estimator.run(*recording, every=True)
+        np.testing.assert_array_equal(many.every[:, index], run.every)
+        np.testing.assert_array_equal(many.theta[index], run.theta)
+        np.testing.assert_array_equal(many.unscaled_covariance[index], estimator.unscaled_covariance)
+        variance = np.nan if estimator._variance is None else estimator._variance
+        np.testing.assert_array_equal(many.residual_variance[index], variance)
+        assert many.updates[index] == run.updates
+        assert many.restarts[index] == run.count(Status.RESTARTED)
+        assert many.perturbations[index] == run.perturbations
+    for field in ("theta", "unscaled_covariance", "residual_variance", "updates", "restarts", "perturbations", "every"):
+        np.testing.assert_array_equal(getattr(parallel, field), getattr(many, field))
+
+
+def test_the_recordings_have_all_that_can_happen() -> None:
+    """Else the tests above prove little."""
+    runs = {name: FPRLS(options).run(*recorded(2500, 1), every=True) for name, options in OPTIONS.items()}
+    for status in (Status.LEARNT, Status.FREE_AIR, Status.UNUSABLE):
+        assert all(run.count(status) > 20 for run in runs.values())
+    assert runs["gates"].count(Status.GATED) > 20
+    assert runs["breaking"].count(Status.RESTARTED) > 5
+    assert runs["as printed"].count(Status.RESTARTED) > 0
+    assert all((run.perturbations > 0) == (name != "no test") for name, run in runs.items())
+    paths = {run.every.tobytes() for run in runs.values()}
+    assert len(paths) == len(OPTIONS)  # every option changes something
+
+
+@pytest.mark.parametrize(
+    "make", [FPRLS, RLS, ForgettingRLS, SelfPerturbingRLS, RobustFPRLS, lambda: ForgettingRLS(forgetting_factor=0.9)]
+)
+def test_all_linear_estimators_have_all_paths(make: Any) -> None:
+    recordings = [recorded(LONG, seed) for seed in (3, 4)]
+    many = make().run_many(*columns(recordings))
+    for index, recording in enumerate(recordings):
+        single, whole = make(), make()
+        by_sample(single, recording)
+        whole.run(*recording)
+        same(single, whole)
+        np.testing.assert_array_equal(many.theta[index], single.linear_parameters)
+
+
+def test_robust_options_are_the_robust_estimator() -> None:
+    recordings = columns([recorded(500, seed) for seed in (5, 6)])
+    np.testing.assert_array_equal(
+        fprls_many(*recordings, options=FPRLSOptions(robust=ROBUST)).theta, RobustFPRLS().run_many(*recordings).theta
+    )
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    st.lists(
+        st.tuples(
+            st.one_of(st.floats(-0.01, 0.1), st.floats()),
+            st.one_of(st.floats(-1.0, 1.0), st.floats()),
+            st.one_of(st.floats(-1.0, 100.0), st.floats()),
+            st.booleans(),
+        ),
+        min_size=1,
+        max_size=60,
+    ),
+    st.sampled_from(sorted(OPTIONS)),
+)
+def test_whatever_comes(rows: list[tuple[float, float, float, bool]], name: str) -> None:
+    depth, velocity, force, touching = (np.array(column) for column in zip(*rows, strict=True))
+    recording = (depth, velocity, force, touching)
+    single, whole = FPRLS(OPTIONS[name]), FPRLS(OPTIONS[name])
+    said, _ = by_sample(single, recording)
+    assert [STATUSES[code] for code in whole.run(*recording).codes] == said
+    same(single, whole)
+    many = fprls_many(*(column[:, None] for column in recording), options=OPTIONS[name])
+    np.testing.assert_array_equal(many.theta[0], single.linear_parameters)
+    np.testing.assert_array_equal(many.unscaled_covariance[0], single.unscaled_covariance)
+
+
+def test_a_run_goes_on_where_samples_and_runs_before_it_ended() -> None:
+    recording = recorded(3000, 2)
+    parts = [tuple(column[begin:end] for column in recording) for begin, end in ((0, 700), (700, 701), (701, 3000))]
+    whole, cut = FPRLS(), FPRLS()
+    whole.run(*recording)
+    cut.run(*parts[0])
+    by_sample(cut, parts[1])
+    cut.run(*parts[2])
+    same(whole, cut)
+    cut.reset()
+    assert cut.run(*recording).updates == whole.updates
+    same(whole, cut)
+
+
+def test_numbers_of_other_types_are_learnt_from_without_compiling_anew() -> None:
+    """A compilation inside a loop would hold it up for a second."""
+    plain, other = FPRLS(), FPRLS()
+    for _ in range(30):
+        plain.update(ContactSample(0.0, 1.0, 0.0, 2.0, True))
+        other.update(ContactSample(0, 1, np.float32(0.0), np.int64(2), np.True_))  # type: ignore[arg-type]
+    same(plain, other)
+    assert len(getattr(update, "signatures", [0])) == 1
+
+
+def test_an_empty_recording_changes_nothing() -> None:
+    estimator = FPRLS()
+    run = estimator.run([], [], [], every=True)
+    assert (run.theta == 0.0).all()
+    assert run.every.shape == (0, 4)
+    assert fprls_many(np.empty((0, 3)), np.empty((0, 3)), np.empty((0, 3))).theta.shape == (3, 4)
+
+
+def test_without_contact_flags_what_has_no_depth_is_left_out() -> None:
+    depth, velocity, force, _ = recorded(300, 7)
+    plain, flagged = FPRLS(), FPRLS()
+    run = plain.run(depth, velocity, force)
+    flagged.run(depth, velocity, force, np.ones(300, bool))
+    same(plain, flagged)
+    assert run.count(Status.FREE_AIR) == 0
+    assert run.count(Status.UNUSABLE) > 100
+
+
+PRINTED = FPRLSOptions(initial_covariance=100.0, perturbation=10.0)
+
+
+def test_it_is_what_numpy_makes_of_the_equation() -> None:
+    """Well-conditioned, both agree to ten digits; NumPy's logarithms and order of sums are its own."""
+    recordings = columns([recorded(SHORT, seed) for seed in range(MANY)])
+    recordings[1][np.abs(recordings[1]) > 1e3] = np.nan  # what restarts the recursion depends on rounding there
+    ours = fprls_many(*recordings, options=PRINTED)
+    theta, covariance = fprls_many_numpy(*recordings, options=PRINTED)
+    assert ours.perturbations.sum() > 1
+    np.testing.assert_allclose(ours.theta, theta, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(ours.unscaled_covariance, covariance, rtol=1e-9, atol=1e-9)
+
+
+def test_numpy_restarts_where_a_covariance_overflows() -> None:
+    recordings = columns([recorded(200, seed) for seed in range(3)])
+    options = OPTIONS["breaking"]
+    assert fprls_many(*recordings, options=options).restarts.sum() > 0
+    theta, _ = fprls_many_numpy(*recordings, options=options)
+    assert np.isfinite(theta).all()
+    with pytest.raises(SettingError, match="printed choices"):
+        fprls_many_numpy(*recordings, options=OPTIONS["robust"])
+
+
+@pytest.mark.parametrize("parallel", [False, True])
+def test_known_regressors_are_the_recursion_alone(parallel: bool) -> None:
+    depth, velocity, force, _ = columns([recorded(SHORT, seed) for seed in range(MANY)])
+    depth, velocity, force = np.clip(np.nan_to_num(np.abs(depth)), 1e-4, 0.01), np.clip(velocity, -1, 1), abs(force)
+    velocity, force = np.nan_to_num(velocity), np.clip(np.nan_to_num(force), 0.01, 100.0)
+    moved = np.abs(np.diff(depth, axis=0, prepend=depth[:1]))
+    memory = 0.95 + 0.05 * np.exp(-1000.0 * moved)
+    regressors = [np.log(depth), velocity, velocity / depth, np.log(force)]
+    ours = FPRLS(PRINTED).run_regressors(*regressors, memory, parallel=parallel)
+    expected = fprls_many(depth, velocity, force, options=PRINTED)
+    np.testing.assert_allclose(ours.theta, expected.theta, rtol=1e-8, atol=1e-9)
+    np.testing.assert_allclose(ours.unscaled_covariance, expected.unscaled_covariance, rtol=1e-8, atol=1e-9)
+    for column, value in ((0, np.nan), (3, np.inf)):
+        regressors[column][7, :2] = value
+    memory[9, :2] = 0.0
+    left_out = FPRLS(PRINTED).run_regressors(*regressors, memory, parallel=parallel)
+    np.testing.assert_array_equal(left_out.updates, np.where(np.arange(MANY) < 2, SHORT - 2, SHORT))
+    np.testing.assert_array_equal(left_out.theta[2:], ours.theta[2:])
+
+
+def test_the_histogram_of_depths_is_that_of_the_summary() -> None:
+    """What was learnt at which depth, counted in the kernel and by the class that says what it means."""
+    from foretouch.identification.recovery import DepthSummary
+
+    depth = np.geomspace(2e-5, 0.9, 400)
+    velocity, force = np.full(400, 0.1), np.full(400, 2.0)
+    estimator, summary = FPRLS(FPRLSOptions(perturbation=0.0, forgetting_rate=3.0)), DepthSummary()
+    estimator.run(depth, velocity, force)
+    for index, (x, v) in enumerate(zip(depth.tolist(), velocity.tolist(), strict=True)):
+        summary.add(x, v, estimator.forgetting_factor(x - depth[index - 1] if index else 0.0))
+    for ours, expected in zip(estimator._depths.seen, summary.seen, strict=True):
+        np.testing.assert_allclose(ours, expected, rtol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("arrays", "name"),
+    [
+        (([[1.0]], [1.0], [1.0]), "depth"),
+        (([1.0], [1.0, 2.0], [1.0]), "velocity"),
+        (([1.0], [1.0], [[1.0]]), "force"),
+        (([1.0], [1.0], [1.0], [True, False]), "in_contact"),
+    ],
+)
+def test_arrays_that_do_not_fit_are_refused(arrays: Any, name: str) -> None:
+    with pytest.raises(SettingError, match=f"shape of {name}"):
+        FPRLS().run(*arrays)
+    with pytest.raises(SettingError, match="depth"):
+        fprls_many([1.0], [1.0], [1.0])
+    with pytest.raises(SettingError, match="rate"):
+        FPRLS().run_regressors([[1.0]], [[1.0]], [1.0], [[1.0]], [[1.0]])
+
+
+def everything(names: list[str]) -> list[str]:
+    """All paths over short recordings, in hexadecimal digits."""
+    numbers: list[float] = []
+    recordings = [recorded(120, seed) for seed in (1, 2)]
+    for name in names:
+        single = FPRLS(OPTIONS[name])
+        by_sample(single, recordings[0])
+        numbers += single._state.tolist()
+        whole = FPRLS(OPTIONS[name])
+        numbers += whole.run(*recordings[0]).theta.tolist()
+        numbers += fprls_many(*columns(recordings), options=OPTIONS[name]).theta.ravel().tolist()
+    return [number.hex() for number in numbers]
+
+
+def test_interpreted_it_is_the_same_to_the_last_bit() -> None:
+    """A process in which nothing is compiled."""
+    names = ["as printed", "breaking", "all"]
+    program = f"from test_identification_fprls_paths import everything\nprint(*everything({names!r}))"
+    environment = os.environ | {"NUMBA_DISABLE_JIT": "1", "PYTHONPATH": str(HERE)}
+    done = subprocess.run(
+        [sys.executable, "-c", program], env=environment, capture_output=True, text=True, timeout=300, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.split() == everything(names)
