@@ -58,3 +58,29 @@ def test_all_benchmarks_as_json() -> None:
     rows = rows_of()
     assert len(rows) > 2 * len(BENCHMARKS)
     assert any(row["unit"] == "x" for row in rows)
+
+
+@pytest.mark.live
+def test_one_way_times_are_of_every_wire() -> None:
+    pytest.importorskip("zenoh")
+    pytest.importorskip("cryptography")
+    from foretouch.bench.benchmarks.link import one_way_times
+    from foretouch.bench.wire import DELAYED, KINDS, STRETCH
+
+    times = one_way_times((DELAYED, *KINDS), 1)
+    for sent in times.values():
+        assert sent.size > 0.9 * STRETCH
+        assert 0.0 < float(sorted(sent)[sent.size // 2]) < 50.0  # milliseconds; the delay itself is taken off
+
+
+@pytest.mark.live
+@pytest.mark.long
+def test_a_session_is_timed_beside_a_bare_loop(tmp_path: Any) -> None:
+    from foretouch.bench.benchmarks.loops import SIDES, bare_round, session_round
+
+    assert bare_round(tmp_path, 1.0).size == 1000
+    found = session_round(tmp_path, 4.0)
+    for name in SIDES:
+        ticks, why = found[name]
+        assert ticks.late_ns.size > 1000
+        assert sum(why.values()) == int((ticks.late_ns > 500_000).sum())

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from foretouch.bench.benchmarks.batch import Streams
 from foretouch.bench.benchmarks.fprls import theta_of
 from foretouch.bench.peers import PEERS, RIVER_WITHOUT_FORGETTING, peer
-from foretouch.bench.press import FORGETTING_FACTOR, INITIAL_COVARIANCE, Problem, press
+from foretouch.bench.press import FORGETTING_FACTOR, INITIAL_COVARIANCE, Press, Problem, press
 from foretouch.bench.reference import recursion_over
 
 SIZE = 3_000
@@ -62,3 +63,12 @@ def test_a_peer_that_is_not_there_is_said_in_one_line(problem: Problem, monkeypa
     assert len(said) == 1
     assert "padasip is left out" in said[0]
     assert "\n" not in said[0]
+
+
+def test_many_recordings_at_once_are_each_as_one() -> None:
+    streams = Streams.of(5, 400)
+    assert streams.with_features() == pytest.approx(streams.in_numpy(), rel=1e-6, abs=1e-8)
+    assert streams.without_features() == pytest.approx(streams.in_numpy(), rel=1e-6, abs=1e-8)
+    for place, theta in enumerate(streams.with_features()):
+        one = Press(*(column[:, place] for column in streams.pressed))
+        assert np.array_equal(theta, theta_of(one))

@@ -75,8 +75,8 @@ def measure_ratios(*, short: bool) -> Measured:
         short: A few seconds; else a minute.
     """
     size, rounds = 2_000, 7 if short else 60
-    pressed = press(size)
-    sampled, problem = samples(pressed), Problem.of(pressed)
+    sampled, pressed = samples(press(size)), press(10 * size)
+    problem = Problem.of(pressed)
     session = TapedSession(2.0)
 
     def timed(one: Contestant) -> Callable[[], Measured]:
@@ -89,8 +89,8 @@ def measure_ratios(*, short: bool) -> Measured:
 
     measures = {
         "bare call": timed(Contestant(bare(sampled), size)),
-        "bare recursion": timed(Contestant(lambda: recursion_over(problem), size)),
-        "FPRLS over a recording": timed(Contestant(lambda: theta_of(pressed), size)),
+        "bare recursion": timed(Contestant(lambda: recursion_over(problem), 10 * size)),
+        "FPRLS over a recording": timed(Contestant(lambda: theta_of(pressed), 10 * size)),
         "session": steps,
     }
     for name, (make, _) in CALLED.items():

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import json
 import os
 import subprocess
 import sys
 import tempfile
-import time
 from collections.abc import Sequence
+from pathlib import Path
 from typing import NamedTuple
 
+from foretouch.bench import launcher
 from foretouch.errors import ForetouchError
 
 __all__ = ["ONE_THREAD", "Ended", "environment", "measure_process"]
@@ -45,18 +47,19 @@ def measure_process(arguments: Sequence[str]) -> Ended:
     Raises:
         ForetouchError: It ended otherwise than well.
     """
-    with tempfile.TemporaryFile("w+") as out, tempfile.TemporaryFile("w+") as err:
-        start = time.perf_counter()
-        child = subprocess.Popen(
-            [sys.executable, *arguments], stdin=subprocess.DEVNULL, stdout=out, stderr=err, env=environment()
-        )
-        _, status, used = os.wait4(child.pid, 0)
-        seconds = time.perf_counter() - start
-        child.returncode = os.waitstatus_to_exitcode(status)
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        tempfile.TemporaryFile("w+") as out,
+        tempfile.TemporaryFile("w+") as err,
+    ):
+        result = Path(folder) / "result.json"
+        command = [sys.executable, "-I", launcher.__file__, str(result), sys.executable, *arguments]
+        subprocess.run(command, stdin=subprocess.DEVNULL, stdout=out, stderr=err, env=environment(), check=True)
+        measured = json.loads(result.read_text())
         out.seek(0)
         err.seek(0)
         output, said = out.read(), err.read()
-    if child.returncode:
+    if measured["code"]:
         last = said.strip().splitlines()[-1:] or ["it said nothing"]
-        raise ForetouchError(f"{' '.join(arguments)}: exit code {child.returncode}: {last[0]}")
-    return Ended(seconds, used.ru_maxrss * (1 if sys.platform == "darwin" else 1024), output)
+        raise ForetouchError(f"{' '.join(arguments)}: exit code {measured['code']}: {last[0]}")
+    return Ended(measured["seconds"], measured["peak"] * (1 if sys.platform == "darwin" else 1024), output)

@@ -66,18 +66,19 @@ def ratio(times: Mapping[str, Array], of: str, to: str) -> Spread:
     return spread(times[of] / times[to])
 
 
-def interleave(contestants: Mapping[str, Contestant], rounds: int) -> dict[str, Array]:
+def interleave(contestants: Mapping[str, Contestant], rounds: int, *, warm: bool = True) -> dict[str, Array]:
     """Time all contestants in turns.
 
     Args:
         contestants: By name.
-        rounds: At least 1; each runs once more to warm up.
+        rounds: At least 1.
+        warm: Whether each runs once before, untimed; processes that take long need none.
 
     Returns:
         By name, the time of one unit of work [s] in each round, shape (rounds,).
     """
     times = {name: np.empty(rounds) for name in contestants}
-    for one in contestants.values():
+    for one in contestants.values() if warm else ():
         once(one)
     names = list(contestants)
     for turn in range(rounds):

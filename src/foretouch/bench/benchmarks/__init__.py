@@ -15,9 +15,16 @@ Measure = Callable[[Scope], list[Row]]
 
 BENCHMARKS: dict[str, str] = {
     "fprls": "the paper's estimator over one recording, beside peers",
+    "batch": "the paper's estimator over thousands of recordings at once",
     "call": "one call a sample from Python, and what it leaves in memory",
+    "map": "the contact map over one recording, and against its cells",
     "steps": "the steps of leader and follower",
     "simulate": "a session in simulated time",
+    "loops": "a session in real time with console and recorder, beside a bare loop",
+    "link": "one-way times between two processes, over TCP, TLS and QUIC",
+    "identify": "an hour of samples through `foretouch identify`",
+    "compare": "many recordings through `foretouch compare`, two at a time",
+    "growth": "time and memory of ever longer streams",
     "startup": "fresh processes",
 }
 """Names and what each measures, in the order in which they run."""

@@ -1,0 +1,144 @@
+"""Parts of single benchmarks: lateness and its causes, what an hour is foretold to take, growth, steps, memory."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from foretouch.bench.benchmarks.call import CALLED, memory_growth
+from foretouch.bench.benchmarks.growth import Streamed, slope
+from foretouch.bench.benchmarks.identify import HOUR, LONG, SHORT, foretold
+from foretouch.bench.benchmarks.steps import TapedSession
+from foretouch.bench.children import measure_process
+from foretouch.bench.lateness import CAUSES, LATE_NS, PERIOD_NS, causes, ticks_of
+from foretouch.bench.press import press, samples
+from foretouch.bench.recorded import OFFSET, SURFACE, recorded_press, write_recording
+from foretouch.bench.side import main as side
+from foretouch.bench.side import read_notes
+from foretouch.errors import ForetouchError
+from foretouch.identification import ContactSample, Estimator, Status
+from foretouch.messages.session_log import FOLLOWER_DTYPE
+from foretouch.recordings import read_recording
+
+
+def rows(late_ns: list[int], compute_ns: list[int] | None = None) -> np.ndarray:
+    """Rows of a loop at 1 kHz whose ticks woke so late after the first deadline that each missed."""
+    found, woke, deadline = np.zeros(len(late_ns), FOLLOWER_DTYPE), 0, 10**12
+    for place, late in enumerate(late_ns):
+        if place:
+            deadline += PERIOD_NS
+        now = deadline + late
+        deadline += late // PERIOD_NS * PERIOD_NS  # as the loop passes over what is gone
+        found[place]["sequence"], found[place]["time_ns"] = place + 1, deadline
+        found[place]["period_ns"], woke = now - woke if woke else 0, now
+        found[place]["compute_ns"] = compute_ns[place] if compute_ns else 0
+    return found
+
+
+@given(st.lists(st.integers(0, 5_000_000), min_size=2, max_size=50))
+def test_lateness_follows_from_what_a_loop_says(late: list[int]) -> None:
+    late[0] = 0
+    assert ticks_of(rows(late)).late_ns.tolist() == late
+
+
+def test_rows_that_are_missing_begin_anew() -> None:
+    late = [0, 100, 0, 700_000, 0, 0, 200]
+    kept = np.delete(rows(late), 3)
+    assert ticks_of(kept).late_ns.tolist() == [0, 100, 0, 0, 0, 200]
+    assert ticks_of(kept[:1]).late_ns.size == 0
+
+
+def test_every_late_tick_has_one_cause() -> None:
+    late, compute = [0] * 10, [50_000] * 10
+    late[2], late[5], late[8] = 900_000, 2_700_000, 600_000
+    compute[5] = 3_600_000  # the tick before computed for so long
+    ticks = ticks_of(rows(late, compute))
+    deadline = int(ticks.deadline_ns[8])
+    found = causes(ticks, [(deadline - 100_000, deadline + 300_000)])
+    assert found == {"scheduler": 1, "garbage collection": 1, "us": 1}
+    assert sum(found.values()) == int((ticks.late_ns > LATE_NS).sum())
+    assert tuple(found) == CAUSES
+
+
+def test_a_side_notes_its_collections(tmp_path: Path) -> None:
+    import gc
+
+    from foretouch.bench.side import _noting
+
+    with _noting(tmp_path / "notes.json"):
+        before = time.monotonic_ns()
+        gc.collect()
+    notes = read_notes(tmp_path / "notes.json")
+    assert any(before <= begin <= end for begin, end in notes.collections)
+    side(str(tmp_path / "bare.json"), "bare", "0.05")
+    assert len(read_notes(tmp_path / "bare.json").late_ns) == 50
+
+
+def test_an_hour_is_foretold_from_a_line() -> None:
+    assert foretold(2.0 + 0.01 * SHORT, 2.0 + 0.01 * LONG) == pytest.approx(2.0 + 0.01 * HOUR)
+
+
+def test_a_slope_tells_linear_from_quadratic() -> None:
+    sizes = [10**power for power in range(3, 8)]
+    assert slope([Streamed(size, 3e-9 * size, 0) for size in sizes]) == pytest.approx(1.0)
+    assert slope([Streamed(size, 3e-9 * size**2, 0) for size in sizes]) == pytest.approx(2.0)
+
+
+class Hoarder(Estimator):
+    """Keeps every sample: what the measure of memory is to find."""
+
+    name, model_name, model, standard_errors = "hoarder", "none", None, None
+
+    def __init__(self) -> None:
+        self.kept: list[object] = []
+
+    def update(self, sample: ContactSample) -> Status:
+        self.kept.append(bytearray(100))
+        return Status.LEARNT
+
+    def reset(self) -> None:
+        self.kept.clear()
+
+
+@pytest.mark.parametrize("name", CALLED)
+def test_memory_does_not_grow_with_calls_and_growth_is_found(name: str) -> None:
+    pressed = samples(press(6_000))
+    assert memory_growth(CALLED[name][0](), pressed) < 2_000
+    assert memory_growth(Hoarder(), pressed) > 100 * 3_000
+
+
+def test_a_session_on_tape_is_the_same_again() -> None:
+    session = TapedSession(1.6)
+    first, second = session.times(), session.times()
+    assert np.array_equal(first["contact"], second["contact"])
+    assert first["contact"].any()
+    assert all((first[side] > 0.0).all() for side in ("leader", "follower"))
+
+
+def test_processes_are_timed_and_failures_said() -> None:
+    held = b"1" * 300_000_000  # by whoever starts it: not to be counted as its own
+    hog = measure_process(["-c", "x = b'1' * 200_000_000; print(len(x))"])
+    slim = measure_process(["-c", "print(1)"])
+    assert hog.peak - slim.peak == pytest.approx(200e6, rel=0.1)
+    assert hog.output == "200000000\n"
+    assert slim.peak < 100e6 < len(held)
+    with pytest.raises(ForetouchError, match="exit code 3: no luck"):
+        measure_process(["-c", "import sys; sys.stderr.write('no luck\\n'); sys.exit(3)"])
+
+
+@pytest.mark.parametrize("ending", [".csv", ".parquet", ".mcap"])
+def test_a_recording_is_the_same_in_every_format(ending: str, tmp_path: Path) -> None:
+    pytest.importorskip("pyarrow")
+    path = tmp_path / f"press{ending}"
+    write_recording(path, 2.0)
+    columns, read = recorded_press(2.0), read_recording(path)
+    assert read.time - read.time[0] == pytest.approx(columns["time_s"])
+    assert read.position == pytest.approx(columns["position_m"])
+    assert read.force == pytest.approx(columns["force_N"])
+    air = columns["position_m"] < SURFACE
+    assert columns["force_N"][air].mean() == pytest.approx(OFFSET, abs=0.01)
