@@ -78,6 +78,7 @@ def interleave(contestants: Mapping[str, Contestant], rounds: int, *, warm: bool
         By name, the time of one unit of work [s] in each round, shape (rounds,).
     """
     times = {name: np.empty(rounds) for name in contestants}
+    gc.collect()
     for one in contestants.values() if warm else ():
         once(one)
     names = list(contestants)
@@ -93,7 +94,6 @@ def once(one: Contestant) -> float:
     if one.prepare is not None:
         one.prepare()
     collecting = gc.isenabled()
-    gc.collect()
     gc.disable()
     try:
         start = time.perf_counter()
