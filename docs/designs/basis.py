@@ -13,8 +13,8 @@ import numpy as np
 from designs.presses import Array, Press
 from numba import njit
 
-from foretouch.identification.contact_map_learning import CURVATURE, FEATURE_REACH, FEATURE_SIZE, LEVEL, SLOPE
-from foretouch.models.contact_map_kernel import ABOVE, BELOW, LENGTHS, PLAYS, SPEED, TIMES
+from foretouch.identification.contact_map_prior import CURVATURE, FEATURE_REACH, FEATURE_SIZE, LEVEL, SLOPE
+from foretouch.models.contact_map_layout import ABOVE, BELOW, LENGTHS, PLAYS, SPEED, TIMES
 
 LENGTH = LENGTHS[0]
 """Depths are measured in this [m]: what is 1 in the coarse map."""

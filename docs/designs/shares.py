@@ -14,16 +14,15 @@ from scipy.optimize import nnls
 
 from foretouch.identification import ContactSample, Learner, predict
 from foretouch.identification.contact_map import EXPERT_NAMES, ContactMapBank
-from foretouch.identification.contact_map_learning import (
+from foretouch.identification.contact_map_learning import PERIOD, SCORED_FROM
+from foretouch.identification.contact_map_scores import (
     COARSE_DEPTH,
     CONTACT_SHARE,
     FINE_DEPTH,
     FIRST_ERRORS,
     FIRST_TIME,
     PENALTIES,
-    PERIOD,
     SCORE_TIME,
-    SCORED_FROM,
     SHARPNESS,
 )
 

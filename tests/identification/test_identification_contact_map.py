@@ -16,28 +16,25 @@ from scipy.interpolate import BSpline
 from foretouch.errors import SettingError
 from foretouch.identification import ContactSample, Learner, Status, make_estimator, predict
 from foretouch.identification.contact_map import EXPERT_NAMES, LARGEST_SHIFT, ContactMapBank
-from foretouch.identification.contact_map_learning import (
+from foretouch.identification.contact_map_learning import PERIOD
+from foretouch.identification.contact_map_prior import (
     CURVATURE,
     FEATURE_REACH,
     FEATURE_SIZE,
     LEVEL,
     NOISE,
-    PERIOD,
     SLOPE,
-    fit,
     prior,
 )
+from foretouch.identification.map_regression import fit, make_regression, whole_covariance
 from foretouch.models import ContactMap, HuntCrossley, advance
-from foretouch.models.contact_map_kernel import (
+from foretouch.models.contact_map_layout import (
     ABOVE,
     BELOW,
-    COARSE,
     COARSENESS,
     FEATURES,
-    FINE,
     LENGTHS,
     PLAYS,
-    SIZE,
     SPEED,
     TIMES,
 )
@@ -100,20 +97,20 @@ def test_recursive_least_squares_is_the_batch_solution(kind: int, seed: int) -> 
     places = random.uniform(-BELOW[kind] * spacing, ABOVE[kind] * spacing, 300)
     values = random.normal(0.0, 1.0, (300, max(FEATURES)))
     forces = random.normal(0.0, 3.0, 300)
-    flat, covariance = np.zeros(SIZE), prior(kind)
+    learnt, state = np.zeros(prior(kind).shape[0]), make_regression(kind)
     for place, row, force in zip(places.tolist(), values, forces.tolist(), strict=True):
-        fit(flat, covariance, kind, place, row, force)
+        fit(learnt, state, place, row, force)
     weights, rest = batch(regressors(kind, places, values), forces, prior(kind))
-    _, first, _, _, _, _, end = (COARSE, FINE)[kind]
-    np.testing.assert_allclose(flat[first:end], weights, rtol=1e-7, atol=1e-7 * np.abs(weights).max())
+    learnt, covariance = whole_covariance(learnt, state)
+    np.testing.assert_allclose(learnt, weights, rtol=1e-7, atol=1e-7 * np.abs(weights).max())
     np.testing.assert_allclose(covariance, rest, rtol=0.0, atol=1e-9 * np.abs(rest).max())
 
 
 def test_a_sample_beyond_the_fine_map_leaves_it_alone() -> None:
-    flat, covariance = np.zeros(SIZE), prior(1)
-    assert fit(flat, covariance, 1, 5e-3, np.zeros(max(FEATURES)), 3.0) == math.inf
-    assert not flat.any()
-    np.testing.assert_array_equal(covariance, prior(1))
+    weights, state = np.zeros(prior(1).shape[0]), make_regression(1)
+    assert fit(weights, state, 5e-3, np.zeros(max(FEATURES)), 3.0) == math.inf
+    assert not weights.any()
+    np.testing.assert_array_equal(whole_covariance(weights, state)[1], prior(1))
 
 
 def test_the_prior_is_a_doubly_integrated_noise_and_a_smooth_process() -> None:
@@ -288,7 +285,7 @@ def test_ten_minutes_of_taps_leave_the_covariance_one() -> None:
     model = bank.model
     assert isinstance(model, ContactMap)
     assert np.isfinite(model._flat).all()
-    for kind, covariance in enumerate(bank._covariances):
+    for kind, covariance in enumerate(map(bank.covariance, ("coarse", "fine"))):
         scale = np.sqrt(np.diag(prior(kind)))
         relative = covariance / np.outer(scale, scale)
         assert np.abs(relative - relative.T).max() < 1e-9

@@ -3,7 +3,7 @@
 import numpy as np
 
 from foretouch.models import ContactMap
-from foretouch.models.contact_map_kernel import (
+from foretouch.models.contact_map_layout import (
     ABOVE,
     BELOW,
     COARSE,
@@ -21,8 +21,8 @@ from foretouch.models.contact_map_kernel import (
     SHARES,
     SIZE,
     ZERO,
-    pack,
 )
+from foretouch.models.contact_map_wire import pack
 
 PARAMETERS = (3000.0, 1500.0, 1.4, 0.0)
 

@@ -11,7 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from foretouch.models import ContactMap, ContinuousSwitching, HuntCrossley, KelvinVoigt, advance
-from foretouch.models.contact_map_kernel import (
+from foretouch.models.contact_map_kernel import judge, locate, run, step
+from foretouch.models.contact_map_layout import (
     ABOVE,
     BELOW,
     COARSE,
@@ -36,12 +37,8 @@ from foretouch.models.contact_map_kernel import (
     SPEED_REACH,
     STEEPEST,
     TIMES,
-    judge,
-    locate,
-    pack,
-    run,
-    step,
 )
+from foretouch.models.contact_map_wire import pack
 
 places = st.lists(st.floats(-5e-3, 15e-3), min_size=1, max_size=30)
 periods = st.floats(1e-5, 0.5)

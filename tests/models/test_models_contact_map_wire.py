@@ -14,7 +14,8 @@ from hypothesis import strategies as st
 from foretouch.errors import SettingError
 from foretouch.messages import VERSION, ModelUpdate, decode, encode
 from foretouch.models import ContactMap, HuntCrossley, advance, make_model
-from foretouch.models.contact_map_kernel import (
+from foretouch.models.contact_map_kernel import step
+from foretouch.models.contact_map_layout import (
     ABOVE,
     BELOW,
     DOUBT,
@@ -28,10 +29,8 @@ from foretouch.models.contact_map_kernel import (
     REACHED,
     SHARES,
     SIZE,
-    pack,
-    step,
-    unpack,
 )
+from foretouch.models.contact_map_wire import pack, unpack
 from foretouch.recordings.cdr import Layout
 
 

@@ -7,49 +7,50 @@ from collections.abc import Sequence
 from typing import ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from foretouch.errors import SettingError
 from foretouch.identification.conditioning import ContactSample
-from foretouch.identification.contact_map_learning import (
+from foretouch.identification.contact_map_notes import (
     ABSENT,
-    ALARM_FROM,
-    CHANGED,
+    BEGIN_COARSE,
+    BEGIN_FINE,
+    BEGIN_FLAT,
+    BEGIN_LAW,
+    BEGIN_MEMORY,
+    BEGIN_NOTES,
+    BEGIN_RATES,
+    BEGIN_RING,
+    BEGIN_SETTINGS,
+    BEGUN,
+    CHANGES,
     CONTACT,
-    FAILED,
-    FIRST_DOUBT,
-    LEARNT_AT,
-    MOMENTS,
-    NOTES,
-    PATIENCE,
-    PERIOD,
-    RING,
-    SPREAD,
-    TOO_SOON,
-    learn,
-    prior,
-    restart,
+    HORIZON,
+    TOTAL,
+    UPDATES,
+)
+from foretouch.identification.contact_map_step import (
+    FREE_AIR,
+    GONE,
+    LEARNT,
+    LEARNT_IN_AIR,
+    OTHER,
+    RESTARTED,
+    UNUSABLE,
+    WAITING,
+    begin,
+    reset,
+    run,
+    take,
 )
 from foretouch.identification.estimator import Estimator, Status
 from foretouch.identification.exact_recursive import ExactRecursive, ExactRecursiveOptions
-from foretouch.models import ContactMap, ContactModel, ContactState, ContinuousSwitching
+from foretouch.identification.map_regression import make_regression, whole_covariance
+from foretouch.identification.sample_columns import sample_columns
+from foretouch.models import ContactMap, ContactModel, ContactState
 from foretouch.models.checks import require
-from foretouch.models.contact_map_kernel import (
-    DOUBT,
-    DOUBTS,
-    FELT,
-    LARGEST_FORCE,
-    LAW,
-    LAW_SURFACE,
-    MEMORY,
-    ORIGIN,
-    SHARES,
-    SIZE,
-    ZERO,
-    pack,
-    rates,
-    remember,
-)
-from foretouch.models.contact_model import LARGEST_DEPTH, LARGEST_SPEED
+from foretouch.models.contact_map_layout import COARSE, FINE, LAW, LAW_SURFACE, ORIGIN, SHARES, ZERO
+from foretouch.models.contact_map_wire import pack
 
 __all__ = ["EXPERT_NAMES", "LONGEST_HORIZON", "ContactMapBank"]
 
@@ -65,6 +66,22 @@ FEWEST_UPDATES = 8
 LARGEST_SHIFT, LARGEST_SHIFT_IN_YOUTH, YOUTH = 9e-3, 1e-3, 0.3
 """A surface that is found further than this [m] from where the map began is out of its reach: the map begins anew; at
 less in its first time in contact [s], for then the first contact was none and little is lost."""
+
+
+Array = NDArray[np.float64]
+
+_STATUS = {
+    FREE_AIR: Status.FREE_AIR,
+    UNUSABLE: Status.UNUSABLE,
+    WAITING: Status.WAITING,
+    LEARNT: Status.LEARNT,
+    LEARNT_IN_AIR: Status.FREE_AIR,
+    OTHER: Status.CHANGED,
+    GONE: Status.CHANGED,
+    RESTARTED: Status.RESTARTED,
+}
+_STATUSES = tuple(_STATUS[code] for code in range(len(_STATUS)))
+_PLACES = np.array([list(Status).index(status) for status in _STATUSES], np.int8)
 
 
 class ContactMapBank(Estimator):
@@ -121,95 +138,91 @@ class ContactMapBank(Estimator):
         require("horizon", horizon, at_least=0.0, at_most=2.0)
         if not experts or not set(experts) <= set(EXPERT_NAMES):
             raise SettingError("experts", ", ".join(experts), f"must be some of {', '.join(EXPERT_NAMES)}")
-        self.horizon = horizon
-        self._absent = [name not in experts for name in EXPERT_NAMES]
         # Residuals count as alike for 0.02 s, not 0.1: the law is asked where it holds, and there it may be quick.
         self._law = ExactRecursive(ExactRecursiveOptions(correlation_time=0.02))
-        self._priors = prior(0), prior(1)
-        self._rates = np.empty(MEMORY)
+        self._state = np.zeros(TOTAL)
+        self._flat = self._state[BEGIN_FLAT:BEGIN_MEMORY]
+        self._memory = self._state[BEGIN_MEMORY:BEGIN_NOTES]
+        self._notes = self._state[BEGIN_NOTES:BEGIN_RATES]
+        self._law.place_in(self._state[BEGIN_LAW:BEGIN_SETTINGS], self._state[BEGIN_SETTINGS:BEGIN_RING])
+        self._regressions = (
+            make_regression(0, self._state[BEGIN_COARSE:BEGIN_FINE]),
+            make_regression(1, self._state[BEGIN_FINE:]),
+        )
+        self._notes[ABSENT : ABSENT + len(EXPERT_NAMES)] = [name not in experts for name in EXPERT_NAMES]
+        self.horizon = horizon
         self.reset()
+        take(self._state, 0.0, math.nan, 0.0, 0.0, False)  # compiled here, before any loop
+
+    @property
+    def horizon(self) -> float:
+        """How late a prediction is that the experts are scored on [s]."""
+        return float(self._notes[HORIZON])
+
+    @horizon.setter
+    def horizon(self, horizon: float) -> None:
+        self._notes[HORIZON] = horizon
 
     def reset(self) -> None:
         """Forget all samples."""
-        self._law.reset()
-        self._flat = np.zeros(SIZE)
-        self._memory = np.full(MEMORY, math.nan)
-        self._covariances = self._priors[0].copy(), self._priors[1].copy()
-        self._ring = np.zeros((RING, SIZE + 2))
-        self._notes = np.zeros(NOTES)
-        self._notes[ABSENT : ABSENT + len(EXPERT_NAMES)] = self._absent
-        self._notes[PATIENCE] = ALARM_FROM
-        self._time = math.nan
+        self._notes[CHANGES] = 0.0
+        reset(self._state)
         self._model: ContactMap | None = None
-        self._touched = False
         self.updates = 0
         self.changes = 0
-        self._begin()
-
-    def _begin(self) -> None:
-        """Begin a map where the surface is now."""
-        restart(self._flat, *self._covariances, *self._priors, self._notes)
-        self._flat[ORIGIN] = self._flat[ZERO] = self._flat[FELT] = 0.0
-        self._flat[DOUBT : DOUBT + DOUBTS] = 0.0, FIRST_DOUBT**2, 0.0
-        self._notes[MOMENTS:SPREAD] = 0.0
-        self._notes[SPREAD] = 1.0
-        self._notes[LEARNT_AT] = -math.inf
-        self._memory[:] = math.nan
-        self._begun = self.updates
 
     def update(self, sample: ContactSample) -> Status:
         """See `Estimator.update`."""
         time, depth, velocity, force, in_contact = sample
-        self._law.update(sample)
-        if not (abs(depth) <= LARGEST_DEPTH and abs(velocity) <= LARGEST_SPEED and abs(force) <= LARGEST_FORCE):
-            return Status.FREE_AIR if math.isnan(depth) else Status.UNUSABLE
-        self._touched = self._touched or in_contact
-        if not self._touched:  # the map counts from the first contact
-            return Status.FREE_AIR
-        if not time > self._time and not math.isnan(self._time):
-            return Status.UNUSABLE
-        rates(0.0 if math.isnan(self._time) else time - self._time, self._rates)
-        self._time = time
-        place = depth - self._flat[ORIGIN]
-        remember(self._memory, place, self._rates)
-        if time - self._notes[LEARNT_AT] < PERIOD - 1e-7:
-            return Status.WAITING
-        law = self._law.model
-        if isinstance(law, ContinuousSwitching):
-            self._flat[LAW : LAW + 4] = law.parameters
-            self._flat[LAW_SURFACE] = self._law.surface_correction
-        code = learn(
-            self._flat,
-            self._memory,
-            *self._covariances,
-            *self._priors,
-            self._ring,
-            self._notes,
-            time,
-            place,
-            velocity,
-            force,
-            in_contact,
-            self.horizon,
-        )
+        code = take(self._state, time, depth, velocity, force, in_contact)
+        if code >= LEARNT:
+            self._told()
+        return _STATUSES[code]
+
+    def _told(self) -> None:
+        """The compiled part has learnt."""
         self._model = None
-        if code == FAILED:
-            changes = self.changes
-            self.reset()
-            self.changes = changes
-            return Status.RESTARTED
-        if code == TOO_SOON:
-            return Status.WAITING
-        self.updates += 1
-        if code == CHANGED:
-            self.changes += 1
-            if not in_contact:  # the material is gone, and nobody knows how far: all waits for the next touch
-                self._law.reset()
-                self._flat[LAW : LAW + 4] = self._flat[LAW_SURFACE] = 0.0
-                self._begin()
-                self._touched = False
-            return Status.CHANGED
-        return Status.LEARNT if in_contact else Status.FREE_AIR
+        self.updates = int(self._notes[UPDATES])
+        self.changes = int(self._notes[CHANGES])
+
+    def run(
+        self, time: Array, depth: Array, velocity: Array, force: Array, in_contact: NDArray[np.bool_]
+    ) -> NDArray[np.int8]:
+        """`update` with every sample of a recording, in one compiled loop: the same numbers, bit for bit.
+
+        Args:
+            time: [s], shape (n,).
+            depth: [m], NaN before the surface is known, shape (n,).
+            velocity: [m/s], shape (n,).
+            force: Less the offset [N], shape (n,).
+            in_contact: Shape (n,).
+
+        Returns:
+            What was done with each sample, as places in `Status`, shape (n,).
+
+        Raises:
+            InputError: Columns of unlike shape.
+        """
+        columns = sample_columns(time, depth, velocity, force, in_contact)
+        codes = np.empty(columns[0].size, np.int8)
+        run(self._state, *columns, codes)
+        self._told()
+        return _PLACES[codes]
+
+    def covariance(self, expert: str) -> Array:
+        """Covariance P of the weights of the ``coarse`` or the ``fine`` map, those where nothing was felt too.
+
+        Returns:
+            Shape (n, n), in the unit in which the noise is 0.3.
+
+        Raises:
+            SettingError: An expert without weights.
+        """
+        if expert not in EXPERT_NAMES[1:]:
+            raise SettingError("expert", expert, "must be coarse or fine")
+        kind = EXPERT_NAMES[1:].index(expert)
+        _, first, *_, end = (COARSE, FINE)[kind]
+        return whole_covariance(self._flat[first:end], self._regressions[kind])[1]
 
     def expect_delay(self, delay: float) -> None:
         """See `Estimator.expect_delay`: experts are scored on predictions that late, if it is no more than 0.3 s."""
@@ -234,7 +247,7 @@ class ContactMapBank(Estimator):
             self._model = None
             young = self._notes[CONTACT] < YOUTH
             if abs(self._flat[ORIGIN]) > (LARGEST_SHIFT_IN_YOUTH if young else LARGEST_SHIFT):
-                self._begin()
+                begin(self._state)
 
     def move_offset(self, change: float) -> None:
         """See `Estimator.move_offset`: the map keeps what the sensor said."""
@@ -245,7 +258,7 @@ class ContactMapBank(Estimator):
     @property
     def model(self) -> ContactModel | None:
         """See `Estimator.model`."""
-        if self.updates - self._begun < FEWEST_UPDATES:
+        if self.updates - self._notes[BEGUN] < FEWEST_UPDATES:
             return None
         if self._model is None:
             try:

@@ -1,84 +1,67 @@
-"""One step of the exact recursive estimator, compiled; the equations are in `exact_recursive`.
-
-The unknowns are F0 [N], D [N], s, alpha of `exact_law`, and the height of the true surface above the given one in
-shares of x0. Everything else that is remembered, and all settings, stand in one array each: a short call is quick.
-"""
+"""One step of the exact recursive estimator, compiled; the equations are in `exact_recursive`."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-__all__ = ["CHANGED", "FAILED", "HELD", "LEARNT", "MEMORY_SIZE", "REFERENCE", "SETTINGS", "UNKNOWNS", "UNUSABLE"]
-__all__ += ["move_surface", "update"]
+from foretouch.identification.exact_belief import SMALLEST_FORCE, begin, drift, move_reference, project, restart
+from foretouch.identification.exact_layout import (
+    ALARM,
+    ANCHOR_DEPTH,
+    ANCHOR_TIME,
+    CLIP,
+    CONSTANT_NOISE,
+    CORRELATION_TIME,
+    COUNT,
+    COVARIANCE,
+    EXCESS,
+    FIRST_CORRELATION_TIME,
+    FIRST_NOISE,
+    GAIN,
+    GATE,
+    HOLD_SHARE,
+    HOLD_TIME,
+    IGNORANCE_TIME,
+    LARGEST_NOISE,
+    LAST_RESIDUAL,
+    LAST_TIME,
+    LEARNT_FROM,
+    LEAST_NOISE,
+    LOG_DEPTH,
+    LOG_REFERENCE,
+    MOMENTS,
+    MOVING_TIME,
+    NOISE_MEMORY,
+    NOTES,
+    PAUSE,
+    POWER,
+    PRODUCT,
+    PROJECTED,
+    REFERENCE,
+    REFERENCE_TIME,
+    SHARE_NOISE,
+    SLOPE,
+    SQUARE,
+    SURFACE_NOISE,
+    THETA,
+    UNKNOWNS,
+)
+
+__all__ = ["CHANGED", "FAILED", "FREE_AIR", "HELD", "LEARNT", "UNUSABLE", "run", "take", "update"]
 
 Array = NDArray[np.float64]
 
-UNKNOWNS = 5
+_compiled: Callable[[Any], Any] = njit(cache=True, error_model="numpy")
+_inlined: Callable[[Any], Any] = njit(cache=True, error_model="numpy", forceinline=True)
 
-LEARNT, CHANGED, HELD, UNUSABLE, FAILED = range(5)
+LEARNT, CHANGED, HELD, UNUSABLE, FAILED, FREE_AIR = range(6)
 """What a step did."""
-
-REFERENCE = 0  # x0 [m], 0 before the first sample
-LARGEST_REFERENCE = 1  # the largest so far [m]
-LAST_TIME = 2  # of the newest moving sample [s]
-ANCHOR_DEPTH, ANCHOR_TIME = 3, 4  # where and when movement was last seen [m], [s]
-COUNT = 5  # moving samples, at most the noise memory
-MOVING_TIME = 6  # [s]
-LOG_DEPTH = 7  # running mean of ln x
-POWER = 8  # running mean of F^2 [N^2]
-CONSTANT_NOISE = 9  # variance of the force that does not grow with it [N^2]
-SHARE_NOISE = 10  # variance of the force in shares of its square
-MOMENTS = 11  # five weighted means: 1, F^2, F^4, r^2, r^2 F^2
-PRODUCT, SQUARE, LAST_RESIDUAL = 16, 17, 18  # of successive normalised residuals
-ALARM = 19  # mean of the last squared normalised innovations
-PAUSE = 20  # samples for which no change can be called
-EXCESS = 21  # the same mean over a longer time
-MEMORY_SIZE = 22
-
-SETTINGS: tuple[str, ...] = (
-    "strength_prior",
-    "strength_prior",
-    "s_prior",
-    "alpha_prior",
-    "surface_prior",
-    "s_lower",
-    "s_upper",
-    "alpha_lower",
-    "alpha_upper",
-    "drift",
-    "least_noise",
-    "first_noise",
-    "largest_noise",
-    "ignorance_time",
-    "noise_memory",
-    "correlation_time",
-    "first_correlation_time",
-    "clip",
-    "gate",
-    "hold_time",
-    "hold_share",
-    "surface_noise",
-    "reference_time",
-)
-"""Their order in the array of settings."""
-
-S_LOWER, ALPHA_LOWER = SETTINGS.index("s_lower"), SETTINGS.index("alpha_lower")
-DRIFT = SETTINGS.index("drift")
-LEAST_NOISE, FIRST_NOISE = SETTINGS.index("least_noise"), SETTINGS.index("first_noise")
-LARGEST_NOISE, IGNORANCE_TIME = SETTINGS.index("largest_noise"), SETTINGS.index("ignorance_time")
-NOISE_MEMORY = SETTINGS.index("noise_memory")
-CORRELATION_TIME, FIRST_CORRELATION_TIME = (
-    SETTINGS.index("correlation_time"),
-    SETTINGS.index("first_correlation_time"),
-)
-CLIP, GATE = SETTINGS.index("clip"), SETTINGS.index("gate")
-HOLD_TIME, HOLD_SHARE = SETTINGS.index("hold_time"), SETTINGS.index("hold_share")
-SURFACE_NOISE, REFERENCE_TIME = SETTINGS.index("surface_noise"), SETTINGS.index("reference_time")
 
 ALARM_SAMPLES = 10.0
 ALARM_CLIP = 36.0
@@ -101,132 +84,19 @@ FADE_FROM = 2.5
 LARGEST_GAP = 1.0
 """The random walk of a pause is that of at most this time [s]."""
 
-LARGEST_DAMPING = 20.0
-LARGEST_SURFACE = 0.5
-SMALLEST_FORCE = 1e-9
-LARGEST_FORCE = 1e12
-"""Bounds of D in F0, of the surface in x0, and of F0 [N]."""
-
-
-def _lower(settings: Array, index: int) -> float:
-    if index == 0:
-        return SMALLEST_FORCE
-    if index == 1:
-        return 0.0
-    return -LARGEST_SURFACE if index == 4 else float(settings[S_LOWER + 2 * (index - 2)])
-
-
-def _upper(theta: Array, settings: Array, index: int) -> float:
-    if index == 0:
-        return LARGEST_FORCE
-    if index == 1:
-        return LARGEST_DAMPING * float(max(theta[0], SMALLEST_FORCE))
-    return LARGEST_SURFACE if index == 4 else float(settings[S_LOWER + 1 + 2 * (index - 2)])
-
-
-lower_bound: Callable[[Array, int], float] = njit(cache=True)(_lower)
-upper_bound: Callable[[Array, Array, int], float] = njit(cache=True)(_upper)
-
-
-def _project(theta: Array, covariance: Array, settings: Array) -> None:
-    """Into the bounds: nearest in the metric of the covariance, one bound after the other, and at last plainly."""
-    for attempt in range(3):
-        for i in range(UNKNOWNS):
-            inside = min(max(theta[i], lower_bound(settings, i)), upper_bound(theta, settings, i))
-            if inside != theta[i]:
-                excess = inside - theta[i]
-                if attempt < 2 and covariance[i, i] > 0.0:
-                    for j in range(UNKNOWNS):
-                        if j != i:
-                            theta[j] += excess * covariance[j, i] / covariance[i, i]
-                theta[i] = inside
-
-
-def _restart(theta: Array, covariance: Array, settings: Array, force: float) -> None:
-    """The covariance of the beginning: shares of the force scale for the strengths."""
-    covariance[:] = 0.0
-    for i in range(UNKNOWNS):
-        scale = max(theta[0], force) if i < 2 else 1.0
-        covariance[i, i] = (settings[i] * scale) ** 2
-
-
-project: Callable[[Array, Array, Array], None] = njit(cache=True)(_project)
-restart: Callable[[Array, Array, Array, float], None] = njit(cache=True)(_restart)
-
-
-def _begin(
-    theta: Array, covariance: Array, memory: Array, settings: Array, time: float, depth: float, force: float
-) -> None:
-    """Start from one sample: its force at its depth, exponents as is usual."""
-    memory[:] = 0.0
-    memory[REFERENCE] = memory[LARGEST_REFERENCE] = memory[ANCHOR_DEPTH] = depth
-    memory[LAST_TIME] = memory[ANCHOR_TIME] = time
-    memory[LOG_DEPTH] = math.log(depth)
-    memory[POWER] = force * force
-    memory[SHARE_NOISE] = settings[FIRST_NOISE] ** 2
-    memory[EXCESS] = 1.0
-    theta[0] = force
-    theta[1] = 0.1 * force
-    theta[2] = settings[S_LOWER] + 0.4 * (settings[S_LOWER + 1] - settings[S_LOWER])
-    theta[3] = 0.5 * (settings[ALPHA_LOWER] + settings[ALPHA_LOWER + 1])
-    theta[4] = 0.0
-    restart(theta, covariance, settings, force)
-
-
-def _move_reference(theta: Array, covariance: Array, memory: Array, settings: Array, ratio: float) -> None:
-    """Express the same law at another reference depth, exactly; the covariance by the Jacobian.
-
-    A reference deeper than ever widens the doubt about the surface: it is known to a share of the depth.
-    """
-    log_ratio = math.log(ratio)
-    elastic, viscous = ratio ** theta[2], ratio ** (theta[2] - theta[3] + 1.0)
-    theta[0] *= elastic
-    theta[1] *= viscous
-    theta[4] /= ratio
-    per_s, per_n = theta[0] * log_ratio, theta[1] * log_ratio
-    for k in range(UNKNOWNS):
-        covariance[0, k] = elastic * covariance[0, k] + per_s * covariance[2, k]
-        covariance[1, k] = viscous * covariance[1, k] + per_n * (covariance[2, k] - covariance[3, k])
-        covariance[4, k] /= ratio
-    for k in range(UNKNOWNS):
-        covariance[k, 0] = elastic * covariance[k, 0] + per_s * covariance[k, 2]
-        covariance[k, 1] = viscous * covariance[k, 1] + per_n * (covariance[k, 2] - covariance[k, 3])
-        covariance[k, 4] /= ratio
-        for j in range(k):
-            covariance[j, k] = covariance[k, j]  # rounding differs
-    memory[REFERENCE] *= ratio
-    before = memory[LARGEST_REFERENCE] / memory[REFERENCE]
-    if before < 1.0:
-        covariance[4, 4] += settings[4] ** 2 * (1.0 - before * before)
-        memory[LARGEST_REFERENCE] = memory[REFERENCE]
-    project(theta, covariance, settings)
-
-
-def _drift(theta: Array, covariance: Array, memory: Array, settings: Array, period: float) -> None:
-    """Random walk of the law (not of the surface), and the covariance held to that of the beginning."""
-    force = math.sqrt(memory[POWER])
-    for i in range(UNKNOWNS):
-        scale = max(theta[0], force) if i < 2 else 1.0
-        bound = (settings[i] * scale) ** 2
-        if i < 4:
-            covariance[i, i] += settings[DRIFT] ** 2 * period * bound
-        if i < 2:
-            bound *= 100.0  # a change may have found a force ten times larger
-        if covariance[i, i] > bound:
-            shrink = math.sqrt(bound / covariance[i, i])
-            for j in range(UNKNOWNS):
-                covariance[i, j] *= shrink
-                covariance[j, i] *= shrink
-
 
 def _learn_noise(memory: Array, settings: Array, squared: float, size: float, variance: float) -> None:
     """Variance of the force as a constant plus a share of its square, by least squares on squared residuals."""
     rate = 1.0 / (1.0 + memory[COUNT])
     weight = rate / (variance * variance)
-    square = size * size
-    for k, value in enumerate((1.0, square, square * square, squared, squared * square)):
-        memory[MOMENTS + k] = (1.0 - rate) * memory[MOMENTS + k] + weight * value
-    m0, m2, m4, b0, b2 = memory[MOMENTS : MOMENTS + 5]
+    square, kept = size * size, 1.0 - rate
+    m0 = kept * memory[MOMENTS] + weight
+    m2 = kept * memory[MOMENTS + 1] + weight * square
+    m4 = kept * memory[MOMENTS + 2] + weight * (square * square)
+    b0 = kept * memory[MOMENTS + 3] + weight * squared
+    b2 = kept * memory[MOMENTS + 4] + weight * (squared * square)
+    memory[MOMENTS], memory[MOMENTS + 1], memory[MOMENTS + 2] = m0, m2, m4
+    memory[MOMENTS + 3], memory[MOMENTS + 4] = b0, b2
     if memory[COUNT] < 20.0 or not m4 > 0.0:
         return
     determinant = m0 * m4 - m2 * m2
@@ -243,21 +113,7 @@ def _learn_noise(memory: Array, settings: Array, squared: float, size: float, va
     memory[SHARE_NOISE] = min(share, largest)
 
 
-begin: Callable[[Array, Array, Array, Array, float, float, float], None] = njit(cache=True)(_begin)
-move_reference: Callable[[Array, Array, Array, Array, float], None] = njit(cache=True)(_move_reference)
-drift: Callable[[Array, Array, Array, Array, float], None] = njit(cache=True)(_drift)
-learn_noise: Callable[[Array, Array, float, float, float], None] = njit(cache=True)(_learn_noise)
-
-
-def _move_surface(theta: Array, covariance: Array, memory: Array, settings: Array, change: float) -> None:
-    """The given surface has moved deeper by a change [m]: the same law above it, or none if it moved far."""
-    if memory[REFERENCE] > 0.0:
-        if abs(change) > LARGEST_SURFACE * memory[REFERENCE]:
-            memory[REFERENCE] = 0.0
-        else:
-            theta[4] += change / memory[REFERENCE]
-            memory[ANCHOR_DEPTH] -= change
-            project(theta, covariance, settings)
+learn_noise: Callable[[Array, Array, float, float, float], None] = _inlined(_learn_noise)
 
 
 def _expect(
@@ -287,23 +143,27 @@ def _project_slope(covariance: Array, slope: Array, projected: Array) -> float:
     return doubt
 
 
-def _correct(theta: Array, covariance: Array, projected: Array, innovation: float, noise: float, doubt: float) -> None:
+def _correct(
+    theta: Array, covariance: Array, projected: Array, gains: Array, innovation: float, noise: float, doubt: float
+) -> None:
     """Kalman's update with one measurement, the covariance in Joseph's form (I - K H) P (I - K H)' + K R K'."""
     total = noise + doubt
     remaining = noise / total
     for i in range(UNKNOWNS):
-        gain = projected[i] / total
+        gains[i] = projected[i] / total
+    for i in range(UNKNOWNS):
+        gain = gains[i]
         theta[i] += gain * innovation
         for j in range(i + 1):
-            other = projected[j] / total
+            other = gains[j]
             value = covariance[i, j] - gain * projected[j] - remaining * projected[i] * other + noise * gain * other
             covariance[i, j] = value
             covariance[j, i] = value
 
 
-expect: Callable[[Array, Array, Array, float, float, Array], tuple[float, float]] = njit(cache=True)(_expect)
-project_slope: Callable[[Array, Array, Array], float] = njit(cache=True)(_project_slope)
-correct: Callable[[Array, Array, Array, float, float, float], None] = njit(cache=True)(_correct)
+expect: Callable[[Array, Array, Array, float, float, Array], tuple[float, float]] = _inlined(_expect)
+project_slope: Callable[[Array, Array, Array], float] = _inlined(_project_slope)
+correct: Callable[[Array, Array, Array, Array, float, float, float], None] = _inlined(_correct)
 
 
 def _update(
@@ -335,7 +195,7 @@ def _update(
 
     rate = 1.0 / (1.0 + memory[COUNT])
     memory[LOG_DEPTH] += rate * (math.log(depth) - memory[LOG_DEPTH])
-    log_ratio = memory[LOG_DEPTH] - math.log(memory[REFERENCE])
+    log_ratio = memory[LOG_DEPTH] - memory[LOG_REFERENCE]
     if abs(log_ratio) > REFERENCE_STEP:
         move_reference(theta, covariance, memory, settings, math.exp(log_ratio))
     drift(theta, covariance, memory, settings, since)
@@ -343,7 +203,7 @@ def _update(
     if u < SMALLEST_DEPTH:
         return UNUSABLE
 
-    slope, projected = np.empty(UNKNOWNS), np.empty(UNKNOWNS)
+    slope, projected = memory[SLOPE : SLOPE + UNKNOWNS], memory[PROJECTED : PROJECTED + UNKNOWNS]
     expected, per_strength = expect(theta, memory, settings, u, velocity, slope)
     innovation = force - expected
     doubt = project_slope(covariance, slope, projected)
@@ -379,7 +239,7 @@ def _update(
     noise = variance * correlation
     if normalised > settings[CLIP] ** 2:
         noise += (math.sqrt(normalised) / settings[CLIP] - 1.0) * (noise + doubt)
-    correct(theta, covariance, projected, innovation, noise, doubt)
+    correct(theta, covariance, projected, memory[GAIN : GAIN + UNKNOWNS], innovation, noise, doubt)
     project(theta, covariance, settings)
 
     # Only residuals that the unknowns cannot explain tell the noise.
@@ -404,8 +264,42 @@ def _update(
         total += theta[i] + covariance[i, i]
         if covariance[i, i] < 0.0:
             return FAILED
-    return code if math.isfinite(total) else FAILED
+    if not math.isfinite(total):
+        return FAILED
+    memory[LEARNT_FROM] += 1.0
+    return code
 
 
-move_surface: Callable[[Array, Array, Array, Array, float], None] = njit(cache=True)(_move_surface)
-update: Callable[[Array, Array, Array, Array, float, float, float, float], int] = njit(cache=True)(_update)
+update: Callable[[Array, Array, Array, Array, float, float, float, float], int] = _inlined(_update)
+
+
+def _take(state: Array, settings: Array, time: float, depth: float, velocity: float, force: float) -> int:
+    """`update` on one array that holds all that is remembered; what has failed is forgotten."""
+    covariance = state[COVARIANCE:NOTES].reshape((UNKNOWNS, UNKNOWNS))
+    code = update(state[THETA:COVARIANCE], covariance, state[NOTES:], settings, time, depth, velocity, force)
+    if code == FAILED:
+        state[:] = 0.0
+    return code
+
+
+take: Callable[[Array, Array, float, float, float, float], int] = _compiled(_take)
+
+
+def _run(
+    state: Array,
+    settings: Array,
+    time: Array,
+    depth: Array,
+    velocity: Array,
+    force: Array,
+    in_contact: NDArray[np.bool_],
+    codes: NDArray[np.int8],
+) -> None:
+    """`take` for one sample after the other; the codes are written, FREE_AIR where there is no contact."""
+    for i in range(time.size):
+        codes[i] = FREE_AIR
+        if in_contact[i]:
+            codes[i] = take(state, settings, time[i], depth[i], velocity[i], force[i])
+
+
+run: Callable[..., None] = _compiled(_run)

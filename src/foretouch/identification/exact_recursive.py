@@ -12,19 +12,20 @@ from numpy.typing import NDArray
 from foretouch.errors import SettingError
 from foretouch.identification.conditioning import ContactSample
 from foretouch.identification.estimator import Estimator, Status
-from foretouch.identification.exact_kernel import (
-    CHANGED,
-    FAILED,
-    HELD,
-    LEARNT,
-    MEMORY_SIZE,
+from foretouch.identification.exact_belief import FEWEST_UPDATES, move_surface
+from foretouch.identification.exact_kernel import CHANGED, FAILED, FREE_AIR, HELD, LEARNT, UNUSABLE, run, take
+from foretouch.identification.exact_law import EXACT_LAWS, REFERENCE_TIME
+from foretouch.identification.exact_layout import (
+    COVARIANCE,
+    LEARNT_FROM,
+    NOTES,
     REFERENCE,
     SETTINGS,
+    STATE_SIZE,
+    THETA,
     UNKNOWNS,
-    move_surface,
-    update,
 )
-from foretouch.identification.exact_law import EXACT_LAWS, REFERENCE_TIME
+from foretouch.identification.sample_columns import sample_columns
 from foretouch.models import ContactModel
 from foretouch.models.checks import require
 
@@ -37,9 +38,6 @@ __all__ = [
 ]
 
 Array = NDArray[np.float64]
-
-FEWEST_UPDATES = 20
-"""No force is rendered from fewer samples."""
 
 LARGEST_EXPONENT_ERROR = 0.25
 """An exponent with a larger standard error is undetermined: its range has the length 1, and a number of which only
@@ -100,6 +98,17 @@ class ExactRecursiveOptions:
             raise SettingError("noise_memory", self.noise_memory, "must be at least 1 sample")
 
 
+_STATUS = {
+    LEARNT: Status.LEARNT,
+    CHANGED: Status.CHANGED,
+    HELD: Status.HELD,
+    UNUSABLE: Status.UNUSABLE,
+    FAILED: Status.RESTARTED,
+    FREE_AIR: Status.FREE_AIR,
+}
+_PLACES = np.array([list(Status).index(_STATUS[code]) for code in range(len(_STATUS))], np.int8)
+
+
 class _ExactFilter(Estimator):
     """The filter that `ExactRecursive` explains, for each law of the family (4).
 
@@ -120,18 +129,30 @@ class _ExactFilter(Estimator):
         for index, (lower, upper) in ((2, self._law.s_bounds), (3, self._law.alpha_bounds)):
             if lower == upper:
                 self._settings[index] = 0.0
+        self.place_in(np.zeros(STATE_SIZE), self._settings)
         self.reset()
         # Compiled here, before any loop.
-        update(self._theta, self._covariance, self._memory, self._settings, 0.0, 0.0, 0.0, 0.0)
+        take(self._state, self._settings, 0.0, 0.0, 0.0, 0.0)
         move_surface(self._theta, self._covariance, self._memory, self._settings, 0.0)
+
+    def place_in(self, state: Array, settings: Array) -> None:
+        """Keep what is remembered, and the settings, in these arrays from now on, as one part of something larger.
+
+        Args:
+            state: Shape (STATE_SIZE,), written.
+            settings: Shape (len(SETTINGS),), written.
+        """
+        settings[:] = self._settings
+        self._settings = settings
+        self._state = state
+        self._theta = state[THETA:COVARIANCE]
+        self._covariance = state[COVARIANCE:NOTES].reshape((UNKNOWNS, UNKNOWNS))
+        self._memory = state[NOTES:]
 
     def reset(self) -> None:
         """Forget all samples."""
-        self._theta = np.zeros(UNKNOWNS)
-        self._covariance = np.zeros((UNKNOWNS, UNKNOWNS))
-        self._memory = np.zeros(MEMORY_SIZE)
+        self._state[:] = 0.0
         self.updates = 0
-        self._since_begin = 0
         self.changes = 0
 
     def update(self, sample: ContactSample) -> Status:
@@ -139,26 +160,40 @@ class _ExactFilter(Estimator):
         time, depth, velocity, force, in_contact = sample
         if not in_contact:
             return Status.FREE_AIR
-        if self._memory[REFERENCE] == 0.0:
-            self._since_begin = 0
-        code = update(self._theta, self._covariance, self._memory, self._settings, time, depth, velocity, force)
-        if code == LEARNT:
+        code = take(self._state, self._settings, time, depth, velocity, force)
+        if code <= CHANGED:
             self.updates += 1
-            self._since_begin += 1
-            return Status.LEARNT
-        if code == CHANGED:
-            self.updates += 1
-            self._since_begin += 1
-            self.changes += 1
-            return Status.CHANGED
-        if code == HELD:
-            return Status.HELD
-        if code == FAILED:
-            changes = self.changes
-            self.reset()
-            self.changes = changes
-            return Status.RESTARTED
-        return Status.UNUSABLE
+            self.changes += code
+        elif code == FAILED:
+            self.updates = 0
+        return _STATUS[code]
+
+    def run(
+        self, time: Array, depth: Array, velocity: Array, force: Array, in_contact: NDArray[np.bool_]
+    ) -> NDArray[np.int8]:
+        """`update` with every sample of a recording, in one compiled loop: the same numbers, bit for bit.
+
+        Args:
+            time: [s], shape (n,).
+            depth: [m], shape (n,).
+            velocity: [m/s], shape (n,).
+            force: Less the offset [N], shape (n,).
+            in_contact: Shape (n,).
+
+        Returns:
+            What was done with each sample, as places in `Status`, shape (n,).
+
+        Raises:
+            InputError: Columns of unlike shape.
+        """
+        columns = sample_columns(time, depth, velocity, force, in_contact)
+        codes = np.empty(columns[0].size, np.int8)
+        run(self._state, self._settings, *columns, codes)
+        failed = np.flatnonzero(codes == FAILED)
+        learnt = codes <= CHANGED
+        self.changes += int((codes == CHANGED).sum())
+        self.updates = int(learnt[failed[-1] :].sum()) if failed.size else self.updates + int(learnt.sum())
+        return _PLACES[codes]
 
     def trust_surface(self, trusted: bool) -> None:
         """See `Estimator.trust_surface`: a surface that is known is not corrected."""
@@ -197,7 +232,7 @@ class _ExactFilter(Estimator):
     @property
     def model(self) -> ContactModel | None:
         """The law, None before 20 samples."""
-        if self._since_begin < FEWEST_UPDATES or self._memory[REFERENCE] == 0.0:
+        if self._memory[LEARNT_FROM] < FEWEST_UPDATES or self._memory[REFERENCE] == 0.0:
             return None
         try:
             elastic, viscous, s, alpha, _ = self._theta.tolist()

@@ -11,11 +11,14 @@ from numpy.typing import NDArray
 
 from foretouch.errors import InputError, SettingError
 from foretouch.identification.conditioning import ContactSample
-from foretouch.identification.contact_map_learning import NOISE, PERIOD, SHARPNESS, prior
+from foretouch.identification.contact_map_learning import PERIOD
+from foretouch.identification.contact_map_prior import NOISE, prior
+from foretouch.identification.contact_map_scores import SHARPNESS
 from foretouch.identification.estimator import Estimator, Status
 from foretouch.identification.offline import FEWEST_SAMPLES, LARGEST_BUFFER, OfflineFit, fit_offline
 from foretouch.models import ContactMap, ContactModel, ContactState
-from foretouch.models.contact_map_kernel import (
+from foretouch.models.contact_map_kernel import features, judge, locate, rates, remember
+from foretouch.models.contact_map_layout import (
     ABOVE,
     BELOW,
     COARSE,
@@ -35,13 +38,8 @@ from foretouch.models.contact_map_kernel import (
     SHARES,
     SIZE,
     ZERO,
-    features,
-    judge,
-    locate,
-    pack,
-    rates,
-    remember,
 )
+from foretouch.models.contact_map_wire import pack
 
 __all__ = ["OfflineContactMap"]
 

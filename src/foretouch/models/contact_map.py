@@ -48,7 +48,7 @@ class ContactMap(ContactModel):
         damping: lambda of the law [N s/m^(n+1)], not negative.
         exponent: n of the law [-], not negative.
         switching: alpha of the law [-], not negative.
-        map: The rest, packed (`foretouch.models.contact_map_kernel`).
+        map: The rest, packed (`foretouch.models.contact_map_wire`).
 
     Raises:
         SettingError: A parameter out of range, or bytes that are no map.
@@ -68,7 +68,8 @@ class ContactMap(ContactModel):
     _flat: NDArray[np.float64] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        from foretouch.models.contact_map_kernel import LAW, unpack  # compiled code is loaded when it is needed
+        from foretouch.models.contact_map_layout import LAW
+        from foretouch.models.contact_map_wire import unpack  # compiled code is loaded when it is needed
 
         for name in self.parameter_names:
             require(name, getattr(self, name), at_least=0.0)
@@ -81,7 +82,7 @@ class ContactMap(ContactModel):
     @property
     def shares(self) -> tuple[float, float, float]:
         """Of the law, the coarse map and the fine map in the force; they sum to 1."""
-        from foretouch.models.contact_map_kernel import EXPERTS, SHARES
+        from foretouch.models.contact_map_layout import EXPERTS, SHARES
 
         law, coarse, fine = self._flat[SHARES : SHARES + EXPERTS].tolist()
         return law, coarse, fine
@@ -98,7 +99,7 @@ class ContactMap(ContactModel):
 
     def local_slopes(self, state: ContactState, depth: float, velocity: float, reach: float) -> tuple[float, float]:
         """See `ContactModel.local_slopes`."""
-        from foretouch.models.contact_map_kernel import slopes
+        from foretouch.models.contact_map_work import slopes
 
         return slopes(self._flat, _memory(state), depth, velocity, reach)
 
@@ -106,7 +107,7 @@ class ContactMap(ContactModel):
         self, state: ContactState, depth: float, offset: float = 0.0, largest: float = math.inf
     ) -> tuple[float, float]:
         """See `ContactModel.exit_work`."""
-        from foretouch.models.contact_map_kernel import exit_work
+        from foretouch.models.contact_map_work import exit_work
 
         return exit_work(self._flat, _memory(state), depth, offset, largest, _WAY_OUT)
 
@@ -125,7 +126,7 @@ _WAY_OUT = np.array([SLICES, SLICES_BEYOND, SLICE_BEYOND, EXIT_SPEED])
 
 
 def _memory(state: ContactState) -> NDArray[np.float64]:
-    from foretouch.models.contact_map_kernel import MEMORY
+    from foretouch.models.contact_map_layout import MEMORY
 
     usable = len(state) == MEMORY and all(map(math.isfinite, state))
     return np.array(state) if usable else np.full(MEMORY, math.nan)

@@ -72,7 +72,8 @@ def summarise_map(model: ContactMap) -> MapSummary:
     Args:
         model: The map.
     """
-    from foretouch.models.contact_map_kernel import LAW_SPEED, ORIGIN, REACHED, unpack
+    from foretouch.models.contact_map_layout import LAW_SPEED, ORIGIN, REACHED
+    from foretouch.models.contact_map_wire import unpack
 
     flat = unpack(model.map)
     assert flat is not None  # a model that is none is never made

@@ -1,0 +1,172 @@
+"""One sample for the whole bank of experts, and a recording of them, compiled; what and why is in `contact_map`."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from foretouch.identification.contact_map_learning import ALARM_FROM, CHANGED, FAILED, PERIOD, learn, restart
+from foretouch.identification.contact_map_notes import (
+    ABSENT,
+    BEGIN_COARSE,
+    BEGIN_FINE,
+    BEGIN_FLAT,
+    BEGIN_LAW,
+    BEGIN_MEMORY,
+    BEGIN_NOTES,
+    BEGIN_RATES,
+    BEGIN_RING,
+    BEGIN_SETTINGS,
+    BEGIN_VALUES,
+    BEGUN,
+    CHANGES,
+    HORIZON,
+    LEARNT_AT,
+    MOMENTS,
+    PATIENCE,
+    SPREAD,
+    TIME,
+    TOUCHED,
+    UPDATES,
+)
+from foretouch.identification.contact_map_scores import FIRST_DOUBT
+from foretouch.identification.exact_belief import law_numbers
+from foretouch.identification.exact_kernel import take as take_law
+from foretouch.identification.exact_layout import COVARIANCE, NOTES, REFERENCE, THETA
+from foretouch.identification.map_regression import regression
+from foretouch.models.contact_map_kernel import rates, remember
+from foretouch.models.contact_map_layout import (
+    DOUBT,
+    DOUBTS,
+    EXPERTS,
+    FELT,
+    LARGEST_FORCE,
+    LAW,
+    LAW_SURFACE,
+    ORIGIN,
+    ZERO,
+)
+from foretouch.models.contact_model import LARGEST_DEPTH, LARGEST_SPEED
+
+__all__ = ["GONE", "LEARNT", "LEARNT_IN_AIR", "RESTARTED", "UNUSABLE", "WAITING", "begin", "reset", "run", "take"]
+
+Array = NDArray[np.float64]
+
+_compiled: Callable[[Any], Any] = njit(cache=True, error_model="numpy")
+_inlined: Callable[[Any], Any] = njit(cache=True, error_model="numpy", forceinline=True)
+
+FREE_AIR, UNUSABLE, WAITING, LEARNT, LEARNT_IN_AIR, OTHER, GONE, RESTARTED = range(8)
+"""What a sample did: all from LEARNT on have changed the model. OTHER is a material that has become another one, and
+GONE one that is no longer there."""
+
+
+def _begin(state: Array) -> None:
+    """Begin a map where the surface is now."""
+    flat, notes = state[BEGIN_FLAT:BEGIN_MEMORY], state[BEGIN_NOTES:BEGIN_RATES]
+    restart(flat, regression(state[BEGIN_COARSE:BEGIN_FINE], 0), regression(state[BEGIN_FINE:], 1), notes)
+    flat[ORIGIN] = flat[ZERO] = flat[FELT] = 0.0
+    flat[DOUBT : DOUBT + DOUBTS] = 0.0
+    flat[DOUBT + 1] = FIRST_DOUBT**2
+    notes[MOMENTS:SPREAD] = 0.0
+    notes[SPREAD] = 1.0
+    notes[LEARNT_AT] = -math.inf
+    state[BEGIN_MEMORY:BEGIN_NOTES] = math.nan
+    notes[BEGUN] = notes[UPDATES]
+
+
+begin: Callable[[Array], None] = _compiled(_begin)
+
+
+def _reset(state: Array) -> None:
+    """Forget all samples; what was set stays, and how many changes there were."""
+    notes = state[BEGIN_NOTES:BEGIN_RATES]
+    horizon, changes = notes[HORIZON], notes[CHANGES]
+    absent = notes[ABSENT : ABSENT + EXPERTS].copy()
+    state[BEGIN_FLAT:BEGIN_SETTINGS] = 0.0
+    notes[ABSENT : ABSENT + EXPERTS] = absent
+    notes[HORIZON], notes[CHANGES] = horizon, changes
+    notes[PATIENCE], notes[TIME] = ALARM_FROM, math.nan
+    begin(state)
+
+
+reset: Callable[[Array], None] = _compiled(_reset)
+
+
+def _take(state: Array, time: float, depth: float, velocity: float, force: float, in_contact: bool) -> int:
+    """One sample, in place; returns what it did.
+
+    Args:
+        state: All that is remembered, shape (TOTAL,) of `contact_map_notes`.
+        time: [s].
+        depth: Below the surface [m], NaN before that is known.
+        velocity: [m/s].
+        force: Less the offset [N].
+        in_contact: The conditioner's judgement.
+    """
+    law = state[BEGIN_LAW:BEGIN_SETTINGS]
+    settings = state[BEGIN_SETTINGS:BEGIN_RING]
+    if in_contact:
+        take_law(law, settings, time, depth, velocity, force)
+    if not (abs(depth) <= LARGEST_DEPTH and abs(velocity) <= LARGEST_SPEED and abs(force) <= LARGEST_FORCE):
+        return FREE_AIR if math.isnan(depth) else UNUSABLE
+    notes = state[BEGIN_NOTES:BEGIN_RATES]
+    if in_contact:
+        notes[TOUCHED] = 1.0
+    if notes[TOUCHED] == 0.0:  # the map counts from the first contact
+        return FREE_AIR
+    before = notes[TIME]
+    if not time > before and not math.isnan(before):
+        return UNUSABLE
+    shares = state[BEGIN_RATES:BEGIN_VALUES]
+    rates(0.0 if math.isnan(before) else time - before, shares)
+    notes[TIME] = time
+    flat = state[BEGIN_FLAT:BEGIN_MEMORY]
+    place = depth - flat[ORIGIN]
+    remember(state[BEGIN_MEMORY:BEGIN_NOTES], place, shares)
+    if time - notes[LEARNT_AT] < PERIOD - 1e-7:
+        return WAITING
+    theta, memory = law[THETA:COVARIANCE], law[NOTES:]
+    if law_numbers(theta, memory, settings, flat[LAW : LAW + 4]):
+        flat[LAW_SURFACE] = theta[4] * memory[REFERENCE]
+    code = learn(state, time, place, velocity, force, in_contact)
+    if code == FAILED:
+        reset(state)
+        return RESTARTED
+    notes[UPDATES] += 1.0
+    if code != CHANGED:
+        return LEARNT if in_contact else LEARNT_IN_AIR
+    notes[CHANGES] += 1.0
+    if in_contact:
+        return OTHER
+    # The material is gone, and nobody knows how far: all waits for the next touch.
+    law[:] = 0.0
+    flat[LAW : LAW + 4] = 0.0
+    flat[LAW_SURFACE] = 0.0
+    begin(state)
+    notes[TOUCHED] = 0.0
+    return GONE
+
+
+take: Callable[[Array, float, float, float, float, bool], int] = _compiled(_take)
+
+
+def _run(
+    state: Array,
+    time: Array,
+    depth: Array,
+    velocity: Array,
+    force: Array,
+    in_contact: NDArray[np.bool_],
+    codes: NDArray[np.int8],
+) -> None:
+    """`take` for one sample after the other; the codes are written."""
+    for i in range(time.size):
+        codes[i] = take(state, time[i], depth[i], velocity[i], force[i], in_contact[i])
+
+
+run: Callable[[Array, Array, Array, Array, Array, NDArray[np.bool_], NDArray[np.int8]], None] = _compiled(_run)

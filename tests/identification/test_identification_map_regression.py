@@ -1,0 +1,190 @@
+"""Least squares in the weights that were reached, against the same in all weights; and what a sample costs."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import tracemalloc
+
+import numpy as np
+import pytest
+from dense_regression import DenseRegression
+from exact_samples import feed, samples
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from foretouch.errors import InputError, SettingError
+from foretouch.identification import ContactMapBank, ContactSample, Estimator, ExactRecursive, Status
+from foretouch.identification.contact_map_notes import BEGIN_LAW, BEGIN_SETTINGS
+from foretouch.identification.exact_belief import law_numbers
+from foretouch.identification.map_regression import fade, fit, make_regression, whole_covariance
+from foretouch.models import ContactMap
+from foretouch.models.contact_map_layout import BELOW, COARSE, FINE, LARGEST_FEATURES, LENGTHS
+
+Array = NDArray[np.float64]
+
+
+def compared(kind: int, places: list[float], seed: int = 0, *, fading: bool = False) -> tuple[float, float, float]:
+    """Largest differences of errors, weights and covariance from the dense form, in their own sizes."""
+    random = np.random.default_rng(seed)
+    dense, state = DenseRegression(kind), make_regression(kind)
+    weights = np.zeros(dense.weights.size)
+    apart, size = 0.0, 1e-300
+    for index, place in enumerate(places):
+        values, force = random.normal(0.0, 1.0, LARGEST_FEATURES), 900.0 * max(place, 0.0) + random.normal(0.0, 0.5)
+        error, expected = fit(weights, state, place, values, force), dense.fit(place, values, force)
+        if np.isfinite(expected):
+            apart, size = max(apart, abs(error - expected)), max(size, abs(force))
+        if fading and index % 40 == 0:
+            fade(state, 0.01)
+            dense.fade(0.01)
+    everywhere, covariance = whole_covariance(weights, state)
+    return (
+        apart / size,
+        float(np.abs(everywhere - dense.weights).max() / max(np.abs(dense.weights).max(), 1e-300)),
+        float(np.abs(covariance - dense.covariance).max() / np.abs(dense.covariance).max()),
+    )
+
+
+@pytest.mark.parametrize("kind", [0, 1])
+@pytest.mark.parametrize("fading", [False, True])
+def test_it_is_the_dense_form_to_nine_digits(kind: int, fading: bool) -> None:
+    scale = 1.0 if kind == 0 else 0.1
+    phase = 0.02 * np.arange(600)
+    places = scale * (6e-3 * np.sin(phase) + 3e-3 * np.sin(0.37 * phase) + 4e-3 * phase / phase[-1])
+    errors, weights, covariance = compared(kind, places.tolist(), fading=fading)
+    assert errors < 1e-9
+    assert weights < 1e-9
+    assert covariance < 1e-9
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.lists(st.floats(-0.02, 0.06), min_size=1, max_size=40), st.integers(0, 99))
+def test_places_may_come_in_any_order(places: list[float], seed: int) -> None:
+    """Far jumps reach many knots at once, inwards and outwards, and beyond the last knots."""
+    assert max(compared(0, places, seed)) < 1e-8
+
+
+def test_only_what_was_visited_is_computed_with() -> None:
+    """Rows of the covariance: four knots around each place visited, of the elastic part and of every feature."""
+    state, weights = make_regression(0), np.zeros(COARSE[-1] - COARSE[1])
+    for place in np.linspace(0.5e-3, 9.5e-3, 40):
+        fit(weights, state, float(place), np.ones(LARGEST_FEATURES), 1.0)
+    elastic, feature = 9 + 4, 3 + 4
+    assert state.places[0] == elastic + LARGEST_FEATURES * feature
+    assert state.places[0] < 0.4 * weights.size
+    before = int(state.places[0])
+    for place in np.linspace(0.5e-3, 9.5e-3, 40):
+        fit(weights, state, float(place), np.ones(LARGEST_FEATURES), 1.0)
+    assert state.places[0] == before
+
+
+def test_the_fine_map_is_reached_in_full_at_once() -> None:
+    state = make_regression(1)
+    assert state.places[0] == FINE[-1] - FINE[1]
+    assert fit(np.zeros(FINE[-1] - FINE[1]), state, -1.01 * BELOW[1] * LENGTHS[1], np.zeros(6), 1.0) == np.inf
+
+
+# --- one call a sample, and a recording at once -----------------------------------------------------------------------
+
+
+def pressed(size: int = 6000) -> list[ContactSample]:
+    """Presses in and out of contact, one sample lost, one of nonsense, and a material that becomes another one."""
+    time = 1e-3 * np.arange(size)
+    depth = 7e-3 * np.sin(9.0 * time) + 2e-3 * np.sin(4.1 * time)
+    velocity = np.gradient(depth, time)
+    stiffness = np.where(time < 3.5, 800.0, 9000.0)
+    force = np.maximum(stiffness * np.maximum(depth, 0.0) ** 1.1 * (1.0 + velocity), 0.0)
+    force += np.random.default_rng(3).normal(0.0, 0.02, size)
+    rows = zip(time.tolist(), depth.tolist(), velocity.tolist(), force.tolist(), (depth > 0.0).tolist(), strict=True)
+    found = [ContactSample(*row) for row in rows]
+    found[1000] = found[1000]._replace(force=np.nan)
+    found[1500] = found[1499]
+    return found
+
+
+def columns(data: list[ContactSample]) -> tuple[Array, Array, Array, Array, NDArray[np.bool_]]:
+    time, depth, velocity, force = (np.array([row[k] for row in data]) for k in range(4))
+    return time, depth, velocity, force, np.array([row.in_contact for row in data])
+
+
+@pytest.mark.parametrize("make", [ExactRecursive, ContactMapBank])
+def test_a_recording_at_once_is_the_same_bit_for_bit(make: type[ExactRecursive] | type[ContactMapBank]) -> None:
+    data, one, whole = pressed(), make(), make()
+    statuses = [one.update(sample) for sample in data]
+    half = len(data) // 2
+    codes = np.concatenate([whole.run(*columns(part)) for part in (data[:half], data[half:])])
+    assert [list(Status)[code] for code in codes.tolist()] == statuses
+    assert Status.CHANGED in statuses
+    assert np.array_equal(one._state, whole._state, equal_nan=True)
+    assert (one.updates, one.changes, one.parameters) == (whole.updates, whole.changes, whole.parameters)
+    assert one.model == whole.model
+
+
+@pytest.mark.parametrize("make", [ExactRecursive, ContactMapBank])
+def test_columns_must_be_of_one_length(make: type[ExactRecursive] | type[ContactMapBank]) -> None:
+    time, depth, velocity, force, contact = columns(pressed())
+    with pytest.raises(InputError, match="must be columns of one length"):
+        make().run(time, depth, velocity, force[:-1], contact)
+
+
+def test_only_maps_have_weights() -> None:
+    with pytest.raises(SettingError, match="expert = 'law': must be coarse or fine"):
+        ContactMapBank().covariance("law")
+
+
+def test_the_law_in_the_map_is_that_of_the_exact_estimator() -> None:
+    bank, alone = ContactMapBank(), ExactRecursive()
+    feed(bank, samples(noise=0.02, duration=1.0))
+    law, model = bank._law.model, bank.model
+    assert law is not None
+    assert isinstance(model, ContactMap)
+    feed(alone, samples(noise=0.02, duration=1.0))
+    numbers = np.zeros(4)
+    assert law_numbers(alone._theta, alone._memory, alone._settings, numbers)
+    assert alone.model is not None
+    np.testing.assert_allclose(numbers, alone.model.parameters, rtol=1e-15)
+    assert np.shares_memory(bank._law._theta, bank._state[BEGIN_LAW:BEGIN_SETTINGS])
+    assert not law_numbers(np.zeros(5), np.zeros_like(alone._memory), alone._settings, numbers)
+
+
+@pytest.mark.parametrize("make", [ExactRecursive, ContactMapBank])
+def test_nothing_grows_with_the_samples(make: type[Estimator]) -> None:
+    data, estimator = pressed(), make()
+    feed(estimator, data[:2000])
+    tracemalloc.start()
+    try:
+        feed(estimator, data[2000:3000])
+        before = tracemalloc.get_traced_memory()[0]
+        feed(estimator, data[3000:])
+        assert tracemalloc.get_traced_memory()[0] - before < 2000
+    finally:
+        tracemalloc.stop()
+
+
+INTERPRETED = """
+import json, sys
+sys.path.insert(0, {folder!r})
+from exact_samples import samples, feed
+from foretouch.identification import ContactMapBank
+bank = ContactMapBank()
+feed(bank, samples(noise=0.02, duration=0.3))
+print(json.dumps([bank._flat.tolist(), bank.updates]))
+"""
+
+
+def test_compiled_and_interpreted_are_equal() -> None:
+    """To nine digits of the largest weight: LLVM and Python may round a power or an exponential differently."""
+    bank = ContactMapBank()
+    feed(bank, samples(noise=0.02, duration=0.3))
+    script = INTERPRETED.format(folder=os.path.dirname(__file__))
+    environment = {**os.environ, "NUMBA_DISABLE_JIT": "1"}
+    done = subprocess.run(
+        [sys.executable, "-c", script], env=environment, capture_output=True, text=True, check=True, timeout=120
+    )
+    flat, updates = json.loads(done.stdout)
+    assert updates == bank.updates
+    np.testing.assert_allclose(flat, bank._flat, rtol=1e-9, atol=1e-9 * np.abs(bank._flat).max())
