@@ -111,6 +111,17 @@ def test_forces_are_predicted_where_the_delayed_ones_are_wrong(seen: SessionLog)
 
 
 @sees
+def test_a_rendered_force_has_its_doubt_which_shrinks_where_the_hand_has_been(seen: SessionLog) -> None:
+    leader = seen.leader
+    pressed = leader["predicted_force"] > 0.3
+    doubt = leader["standard_deviation"][pressed] / leader["predicted_force"][pressed]
+    assert np.isfinite(doubt).all()
+    assert (doubt > 0.0).all()
+    time = leader["time_ns"][pressed] * 1e-9
+    assert np.median(doubt[time > 9.0]) < 0.7 * np.median(doubt[time < 6.0])
+
+
+@sees
 def test_no_more_energy_comes_out_than_the_bound_and_no_update_jerks(seen: SessionLog) -> None:
     held = run(12.0, grip="normal", camera=False, displacement=0.004, turn=0.03, scene="phantom")
     for log in (seen, held):
@@ -500,7 +511,7 @@ def test_a_field_that_is_none_is_counted_and_raises_nothing(content: bytes) -> N
     leading = fresh_leader()
     inputs = leader.Inputs((0.0, 0.0, -1e-3), [], [], [], [FieldUpdate(VERSION, 1, 0, content)], MS, 0)
     leader.step(leading, inputs, MS)
-    assert leading.refused == 1
+    assert leading.material.refused == 1
 
 
 def test_a_fixture_that_turns_up_nearer_does_not_jerk_the_hand_that_is_in_it() -> None:

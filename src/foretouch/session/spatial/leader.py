@@ -7,12 +7,11 @@ accounts; and what it gives is brought back into space, with the friction along 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import msgspec
 
-from foretouch.errors import DecodeError, InputError
 from foretouch.messages import (
     VERSION,
     Command,
@@ -23,23 +22,18 @@ from foretouch.messages import (
     ModelUpdate,
     Telemetry,
 )
-from foretouch.models import MaterialField, QuadraticContact
+from foretouch.models import QuadraticContact
 from foretouch.quantities.rigid import Vector, add, dot, norm, scaled, subtract
 from foretouch.rendering import FrictionRenderer, SpatialEnergyAccount
 from foretouch.rendering.surfaces import Surface
 from foretouch.session import leader
 from foretouch.session.settings import NO_GRIP, SAMPLE_PERIOD, SessionSettings
 from foretouch.session.spatial.line import Footing, SurfaceLine
+from foretouch.session.spatial.touched_material import TouchedMaterial
 
 __all__ = ["Inputs", "Outputs", "State", "start", "step"]
 
 NOWHERE = (math.nan, math.nan, math.nan)
-
-FAR_FROM_LAW = 1e-3
-"""The material of another place is taken once the hand is so far from where it was taken last [m]."""
-
-NEAR = 5e-3
-"""Materials are taken from the field within this way of the surface [m]."""
 
 MOST_FRICTION, MOST_VISCOUS = 2.0, 20.0
 """Whatever a follower says, no more friction is rendered [-, N s/m]."""
@@ -63,10 +57,7 @@ class State:
         apart: What the hand and its place in the world are apart [m].
         hand: Place of the hand in the world [m].
         left: Where the follower is told to be [m].
-        field: Materials over the surface, as they came last; None before.
-        field_sequence: Of that message.
-        field_run: And the follower's process that sent it.
-        law_at: Where the law that is rendered was taken from the field [m].
+        material: Of the surface, place by place, as it came last.
         model: The newest model's message, None before.
         felt_deeper: How much deeper than believed the surface was felt [m].
         coefficient: Of Coulomb friction.
@@ -75,7 +66,6 @@ class State:
         follower_run: And which process of it.
         along: Position of the hand along the normal in the tick before [m].
         offset: Of the line then [m].
-        refused: Fields that could not be used.
     """
 
     inner: leader.State
@@ -88,10 +78,7 @@ class State:
     apart: Vector = (0.0, 0.0, 0.0)
     hand: Vector = NOWHERE
     left: Vector = NOWHERE
-    field: MaterialField | None = None
-    field_sequence: int = 0
-    field_run: int = 0
-    law_at: Vector = NOWHERE
+    material: TouchedMaterial = field(default_factory=TouchedMaterial)
     model: ModelUpdate | None = None
     felt_deeper: float = 0.0
     coefficient: float = 0.0
@@ -100,7 +87,6 @@ class State:
     follower_run: int = 0
     along: float = math.nan
     offset: float = 0.0
-    refused: int = 0
 
 
 class Inputs(NamedTuple):
@@ -192,7 +178,8 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
     for space in inputs.spaces:
         state.follower_at, state.follower_run = (space.desired_x, space.desired_y, space.desired_z), space.run
     for update in inputs.fields:
-        _take_field(state, update)
+        if _is_current(state, update.run):
+            state.material.take(update)
     models = [_take_model(state, model) for model in inputs.models]
     hand, telemetry = _couple(state, inputs)
     footing = state.line.follow(hand)
@@ -220,24 +207,13 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
     force = _force(state, footing, led.record.rendered_force, inputs.period_ns * 1e-9)
     place = state.left if math.isfinite(position) else ()
     command = msgspec.structs.replace(led.command, place=place)
-    return state, Outputs(command, led.record, _space(state, footing, force, now_ns))
+    record = msgspec.structs.replace(led.record, standard_deviation=state.material.doubt * led.record.predicted_force)
+    return state, Outputs(command, record, _space(state, footing, force, now_ns))
 
 
 def _is_current(state: State, run: int) -> bool:
     """Whether this follower's process is the one that is heard; none is, before the first."""
     return state.inner.heard.run in (0, run)
-
-
-def _take_field(state: State, update: FieldUpdate) -> None:
-    if not _is_current(state, update.run):
-        return
-    if update.run == state.field_run and update.sequence <= state.field_sequence:
-        return
-    state.field_sequence, state.field_run = update.sequence, update.run
-    try:
-        state.field = MaterialField.from_bytes(update.content)
-    except (InputError, DecodeError):
-        state.refused += 1
 
 
 def _take_model(state: State, model: ModelUpdate) -> ModelUpdate:
@@ -308,19 +284,13 @@ def _local(state: State, model: ModelUpdate, footing: Footing) -> ModelUpdate:
 
 
 def _law(state: State, footing: Footing) -> QuadraticContact | None:
-    if state.field is None or footing.depth < -NEAR:
-        return None
-    law, _, known = state.field.law_at(footing.inner_point)
-    if not known:
-        return None
-    state.law_at = footing.inner_point
-    return law
+    return state.material.law(footing.inner_point, footing.depth)
 
 
 def _go_on(state: State, footing: Footing) -> None:
     """Take the law of another place, where no model came: the hand goes over the surface meanwhile."""
     predictor = state.inner.renderer.predictor
-    elsewhere = not norm(subtract(footing.inner_point, state.law_at)) <= FAR_FROM_LAW
+    elsewhere = state.material.is_elsewhere(footing.inner_point)
     if predictor.model is None or not (elsewhere or state.offset != state.line.offset):
         return
     law = _law(state, footing) or predictor.model
