@@ -2,11 +2,21 @@
 
 from __future__ import annotations
 
+import os
 import sys
+
+POOLS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
+"""Sizes of the libraries' thread pools, by variable of the environment."""
 
 
 def main() -> None:
-    """Run the `foretouch` command; a mistake of the user ends it with one line and exit code 2."""
+    """Run the `foretouch` command; a mistake of the user ends it with one line and exit code 2.
+
+    Pools of threads are bounded to one, unless the environment says otherwise: our matrices are small, and a loop in
+    real time, or the job of another process, wants the other core.
+    """
+    for pool in POOLS:
+        os.environ.setdefault(pool, "1")
     try:
         from foretouch.cli.app import app
         from foretouch.errors import ForetouchError

@@ -45,12 +45,14 @@ def bench(
     measured = run_benchmarks(names, full=full, say=say, progress=progress)
     if json_output:
         typer.echo(json.dumps([row.as_row() for rows in measured.values() for row in rows], allow_nan=False))
-        return
-    from rich.console import Console
+    else:
+        from rich.console import Console
 
-    console = Console()
-    console.width = max(console.width, 130) if not console.is_terminal else console.width
-    console.print(render_table(measured))
+        console = Console()
+        console.width = max(console.width, 130) if not console.is_terminal else console.width
+        console.print(render_table(measured))
+    if len(measured) < len(set(names)):  # said when it happened
+        raise typer.Exit(1)
 
 
 COMMANDS = (bench,)

@@ -8,7 +8,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import numpy as np
 import typer
 
 from foretouch.cli.options import (
@@ -262,6 +261,8 @@ def _map_of(result: Identification) -> dict[str, object] | None:
 
 def _identified(data: Recording) -> str:
     """Status of an identification: whether the recording's force has a zero that can be known."""
+    import numpy as np
+
     from foretouch.report import score
 
     nothing = np.zeros(len(data))

@@ -19,7 +19,8 @@ DICTIONARIES = {"4x4": "DICT_4X4_50", "5x5": "DICT_5X5_50", "6x6": "DICT_6X6_50"
 
 
 def opencv() -> Any:
-    """The module cv2; it is imported in this room alone, when it is first used.
+    """The module cv2; it is imported in this room alone, when it is first used. It works on one thread: loops want the
+    other cores.
 
     Raises:
         MissingExtraError: OpenCV is not installed.
@@ -28,6 +29,7 @@ def opencv() -> Any:
         import cv2
     except ImportError as error:
         raise MissingExtraError("opencv-python-headless", "vision") from error
+    cv2.setNumThreads(1)
     return cv2
 
 
