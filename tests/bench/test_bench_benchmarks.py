@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from foretouch.bench.benchmarks.call import CALLED, memory_growth
 from foretouch.bench.benchmarks.growth import Streamed, slope
 from foretouch.bench.benchmarks.identify import HOUR, LONG, SHORT, foretold
+from foretouch.bench.benchmarks.mesh import SIDES, sheet, slide
 from foretouch.bench.benchmarks.steps import TapedSession
 from foretouch.bench.children import measure_process
 from foretouch.bench.lateness import CAUSES, LATE_NS, PERIOD_NS, causes, ticks_of
@@ -142,3 +143,15 @@ def test_a_recording_is_the_same_in_every_format(ending: str, tmp_path: Path) ->
     assert read.force == pytest.approx(columns["force_N"])
     air = columns["position_m"] < SURFACE
     assert columns["force_N"][air].mean() == pytest.approx(OFFSET, abs=0.01)
+
+
+def test_the_probe_slides_below_the_sheet() -> None:
+    few, many = (sheet(side) for side in SIDES[:2])
+    assert len(few.faces) == 2 * SIDES[0] ** 2
+    for surface, tolerance in ((few, 1e-3), (many, 2e-4)):
+        memory = surface.initial_memory()
+        contacts = [surface.follow(memory, *place) for place in slide()]
+        assert contacts[0].depth <= 0.0
+        deep = np.array([contact.depth for contact in contacts[100:]])
+        assert (deep > 0.0).mean() > 0.9
+        assert np.median(deep) == pytest.approx(1e-3, abs=tolerance)

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
-from foretouch.bench import BENCHMARKS, benchmark
+from foretouch.bench import BENCHMARKS, benchmark, read_baseline
 from foretouch.cli.app import app
 
 ROW = {"what": str, "figure": float, "unit": str, "reach": float | None, "reached": bool | None}
@@ -83,3 +83,32 @@ def test_a_session_is_timed_beside_a_bare_loop(tmp_path: Any) -> None:
         ticks, why = found[name]
         assert ticks.late_ns.size > 1000
         assert sum(why.values()) == int((ticks.late_ns > 500_000).sum())
+
+
+def test_what_is_missing_is_said_and_left_out(tmp_path: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "mujoco.py").write_text("raise ImportError('No module named mujoco')\n")
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    result = CliRunner().invoke(app, ["bench", "--json", "--only", "simulate", "--only", "batch"])
+    assert result.exit_code == 0
+    assert "simulate is left out: mujoco is not installed: pip install 'foretouch[sim]'" in result.stderr
+    assert {row["unit"] for row in json.loads(result.stdout)} == {"x", "ns/sample"}
+
+
+def test_a_benchmark_that_fails_is_said_and_the_others_go_on(tmp_path: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "mujoco.py").write_text("raise RuntimeError('no luck')\n")
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    result = CliRunner().invoke(app, ["bench", "--json", "--only", "simulate", "--only", "batch"])
+    assert result.exit_code == 1
+    assert "the benchmark simulate failed, exit code 1: RuntimeError: no luck" in result.stderr
+    assert len(json.loads(result.stdout)) == 4
+
+
+@pytest.mark.long
+def test_ratios_are_checked_against_those_kept_before(tmp_path: Any) -> None:
+    kept = tmp_path / "baseline.json"
+    assert CliRunner().invoke(app, ["bench", "--write-baseline", str(kept)]).exit_code == 0
+    assert set(json.loads(kept.read_text())) == set(read_baseline())
+    result = CliRunner().invoke(app, ["bench", "--check", "--json"])
+    rows = json.loads(result.stdout)
+    assert result.exit_code == (0 if all(row["passed"] for row in rows) else 1)
+    assert {row["what"] for row in rows} == set(read_baseline())

@@ -7,7 +7,8 @@ import sys
 import msgspec
 
 from foretouch.bench.benchmarks import benchmark
-from foretouch.bench.rows import Scope
+from foretouch.bench.rows import Row, Scope
+from foretouch.errors import MissingExtraError
 
 __all__ = ["main"]
 
@@ -23,7 +24,11 @@ def main(name: str, *options: str) -> None:
     def say(text: str) -> None:
         sys.stderr.write(f"foretouch: {text}\n")
 
-    rows = benchmark(name)(Scope("--full" in options, say))
+    rows: list[Row] = []
+    try:
+        rows = benchmark(name)(Scope("--full" in options, say))
+    except MissingExtraError as error:
+        say(f"{name} is left out: {error}")
     sys.stdout.write(msgspec.json.encode(rows).decode() + "\n")
 
 

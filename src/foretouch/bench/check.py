@@ -18,6 +18,7 @@ import numpy as np
 
 from foretouch.bench.benchmarks.call import CALLED, bare, update_all
 from foretouch.bench.benchmarks.fprls import theta_of
+from foretouch.bench.benchmarks.map import contestant as map_over_recording
 from foretouch.bench.benchmarks.steps import TapedSession
 from foretouch.bench.press import Problem, press, samples
 from foretouch.bench.reference import recursion_over
@@ -91,6 +92,7 @@ def measure_ratios(*, short: bool) -> Measured:
         "bare call": timed(Contestant(bare(sampled), size)),
         "bare recursion": timed(Contestant(lambda: recursion_over(problem), 10 * size)),
         "FPRLS over a recording": timed(Contestant(lambda: theta_of(pressed), 10 * size)),
+        "contact map over a recording": timed(map_over_recording(10 * size, 10e-3)),
         "session": steps,
     }
     for name, (make, _) in CALLED.items():

@@ -11,7 +11,7 @@ import msgspec
 from foretouch.bench.benchmarks import BENCHMARKS
 from foretouch.bench.children import environment
 from foretouch.bench.rows import Row
-from foretouch.errors import ForetouchError, UnknownNameError
+from foretouch.errors import UnknownNameError
 
 __all__ = ["run_benchmarks"]
 
@@ -28,27 +28,28 @@ def run_benchmarks(
     Args:
         names: Of `BENCHMARKS`; all where none is given.
         full: All that is asked for, however long it takes; else a short form that says so.
-        say: Told what is left out, a line each.
+        say: Told what is left out and which benchmark failed, a line each.
         progress: Called with the name and the rows of each that has ended.
 
     Returns:
-        The rows of each.
+        The rows of each, those that failed left out.
 
     Raises:
         UnknownNameError: There is no benchmark of a name.
-        ForetouchError: A benchmark failed.
     """
     for name in names:
         if name not in BENCHMARKS:
             raise UnknownNameError("benchmark", name, BENCHMARKS)
     done = {}
     for name in dict.fromkeys(names or BENCHMARKS):
-        done[name] = _run(name, full, say)
-        progress(name, done[name])
+        rows = _run(name, full, say)
+        if rows is not None:
+            done[name] = rows
+            progress(name, rows)
     return done
 
 
-def _run(name: str, full: bool, say: Callable[[str], None]) -> list[Row]:
+def _run(name: str, full: bool, say: Callable[[str], None]) -> list[Row] | None:
     command = [sys.executable, "-m", "foretouch.bench", name, *(["--full"] if full else [])]
     with subprocess.Popen(
         command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment()
@@ -62,5 +63,6 @@ def _run(name: str, full: bool, say: Callable[[str], None]) -> list[Row]:
                 say(line.removeprefix("foretouch: ").rstrip())
         output = child.stdout.read()
     if child.returncode:
-        raise ForetouchError(f"the benchmark {name} ended with exit code {child.returncode}: {last}")
+        say(f"the benchmark {name} failed, exit code {child.returncode}: {last}")
+        return None
     return msgspec.json.decode(output, type=list[Row])

@@ -18,6 +18,7 @@ BENCHMARKS: dict[str, str] = {
     "batch": "the paper's estimator over thousands of recordings at once",
     "call": "one call a sample from Python, and what it leaves in memory",
     "map": "the contact map over one recording, and against its cells",
+    "mesh": "the proxy on a mesh, against its triangles",
     "steps": "the steps of leader and follower",
     "simulate": "a session in simulated time",
     "loops": "a session in real time with console and recorder, beside a bare loop",

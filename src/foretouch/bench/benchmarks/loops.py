@@ -38,6 +38,9 @@ ENDING = 20.0
 
 REACH_MS = 0.1
 
+SAID = "said.txt"
+"""What the processes of a session say to people."""
+
 Round = dict[str, tuple[Ticks, dict[str, int]]]
 """Ticks of each side, and why some are late."""
 
@@ -74,7 +77,8 @@ def session_round(folder: Path, seconds: float) -> Round:
         except subprocess.TimeoutExpired as error:
             raise ForetouchError(f"a process of the session did not end: {error}") from None
     if any(codes):
-        raise ForetouchError(f"processes of the session ended with exit codes {codes}")
+        last = (folder / SAID).read_text().strip().splitlines()[-1:] or ["they said nothing"]
+        raise ForetouchError(f"processes of the session ended with exit codes {codes}: {last[0]}")
     log = read_session(recording)
     found: Round = {}
     for side, rows in (("leader", log.leader), ("follower", log.follower)):
@@ -107,13 +111,11 @@ def _processes(
     quiet = subprocess.DEVNULL
     running: list[subprocess.Popen[bytes]] = []
     try:
-        for command in commands:
-            running.insert(
-                0,
-                subprocess.Popen(
-                    [sys.executable, *command], cwd=folder, stdin=quiet, stdout=quiet, stderr=quiet, env=environment()
-                ),
-            )
+        with (folder / SAID).open("wb") as said:
+            for command in commands:
+                full = [sys.executable, *command]
+                process = subprocess.Popen(full, cwd=folder, stdin=quiet, stdout=quiet, stderr=said, env=environment())
+                running.insert(0, process)
         yield running
     finally:
         for process in running:
