@@ -19,8 +19,9 @@ DICTIONARIES = {"4x4": "DICT_4X4_50", "5x5": "DICT_5X5_50", "6x6": "DICT_6X6_50"
 
 
 def opencv() -> Any:
-    """The module cv2; it is imported in this room alone, when it is first used. It works on one thread: loops want the
-    other cores.
+    """The module cv2; it is imported in this room alone, when it is first used.
+
+    It works on one thread: loops want the other cores.
 
     Raises:
         MissingExtraError: OpenCV is not installed.
