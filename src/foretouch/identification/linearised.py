@@ -32,7 +32,7 @@ from foretouch.identification.linear_runs import (
     run_regressors,
     to_metres,
 )
-from foretouch.identification.linearised_options import NOTHING_FORGOTTEN, Forgetting, FPRLSOptions, pack
+from foretouch.identification.linearised_options import NOTHING_FORGOTTEN, DepthUnit, Forgetting, FPRLSOptions, pack
 from foretouch.identification.recovery import DepthSummary, Recovered, recover
 from foretouch.identification.recursion import (
     LARGEST_TRACE,
@@ -40,7 +40,7 @@ from foretouch.identification.recursion import (
 )
 from foretouch.models import LinearisedContinuousSwitching
 
-__all__ = ["FPRLSOptions", "Forgetting", "LinearisedEstimator"]
+__all__ = ["DepthUnit", "FPRLSOptions", "Forgetting", "LinearisedEstimator"]
 
 Array = NDArray[np.float64]
 

@@ -15,7 +15,7 @@ from foretouch.identification.recursion import ErrorUnit, PerturbationForm, Pert
 from foretouch.identification.robust import REFERENCE_DEPTH, REFERENCE_VELOCITY, RobustOptions, require_choice
 from foretouch.models.checks import require
 
-__all__ = ["NOTHING_FORGOTTEN", "FPRLSOptions", "Forgetting", "pack"]
+__all__ = ["NOTHING_FORGOTTEN", "DepthUnit", "FPRLSOptions", "Forgetting", "pack"]
 
 Array = NDArray[np.float64]
 
