@@ -1,13 +1,31 @@
-"""Finds a step of a force sensor's offset: a change of force that no contact explains."""
+r"""Watches for a force that changes without contact, compiled: a step of a force sensor's offset.
+
+It is a fault as soon as one of these holds:
+
+- **still**: the force steps within two samples, by at least 0.3 N and fifteen spreads of the force before
+  (fading mean and variance, 10 ms), and for 50 ms both it stays level and the probe within 50 um;
+- **pulling**: the force steps like that and stays for 50 ms by 0.3 N below the zero; a contact never pulls;
+- **free motion**: the probe goes outwards by 1 mm for at least 50 ms, the force stays level (within 0.3 N) and is
+  0.6 N above the zero, where the way out was free the last time.
+
+The zero is the force in free air, not known at first. The lowest level of such a way out is it; those up to 0.15 N
+above it draw it up slowly, in 60 s. A soft foam can be as level as free air, but not where there was free air.
+
+Nothing is said from two samples that span more than 3 ms, nor of smaller steps.
+"""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
-__all__ = ["LEAST_STEP", "OffsetStep"]
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
 
-LEAST_STEP = 0.3
-"""Smaller steps than this [N] are not looked for."""
+__all__ = ["SIZE", "begin_steps", "find_step", "restart_steps"]
+
+Array = NDArray[np.float64]
 
 NOISE_FACTOR = 15.0
 """A step is at least this many standard deviations of the force before it."""
@@ -48,167 +66,172 @@ FREE_SHARE = 0.5
 DRIFT_TIME = 60.0
 """Time constant in which the zero follows what free air shows [s of free motion]."""
 
+LEAST_STEP, ZERO, EDGE = 0, 1, 2
+"""Places in the array of what lasts: the least step that is looked for [N], the zero [N], NaN before it is known, and
+the innermost place of the newest way that was free [m]."""
 
-class OffsetStep:
-    r"""Watches for a force that changes without contact.
+NEWEST, NEWEST_FORCE, SECOND, SECOND_FORCE = 3, 4, 5, 6
+"""Positions and forces of the last two samples [m, N]; NaN for none."""
 
-    It is a fault as soon as one of these holds:
+QUIET, LEVEL, VARIANCE = 7, 8, 9
+"""For how long there was nothing unusual [s]; level and variance of the force up to two samples ago [N, N^2]."""
 
-    - **still**: the force steps within two samples, by at least 0.3 N and fifteen spreads of the force before
-      (fading mean and variance, 10 ms), and for 50 ms both it stays level and the probe within 50 um;
-    - **pulling**: the force steps like that and stays for 50 ms by 0.3 N below the zero; a contact never pulls;
-    - **free motion**: the probe goes outwards by 1 mm for at least 50 ms, the force stays level (within 0.3 N) and is
-      0.6 N above the zero, where the way out was free the last time.
+AGE, BEFORE, RISE, CONFIRMED, LEVEL_AFTER, LOW, HIGH = 10, 11, 12, 13, 14, 15, 16
+"""Of the step that is being judged: its age [s], infinite for none; the level before it, and by how much it rose [N];
+samples that have confirmed it and their level [N]; the innermost and the outermost position since [m]."""
 
-    The lowest level of such a way out is the zero; those up to 0.15 N above it draw it up slowly, in 60 s. A soft foam
-    can be as level as free air, but not where there was free air.
+FREE_FROM, OUTERMOST, FREE_LOW, FREE_HIGH, FREE_AGE, GOES_ON = 17, 18, 19, 20, 21, 22
+"""Of a way that may be free: where it began and the outermost place [m], the lowest and the highest force [N], its age
+[s], and whether it is the rest of one that was free so far."""
 
-    Nothing is said from two samples that span more than 3 ms, nor of smaller steps.
+SIZE = 23
+
+
+def _set_out(step: Array, position: float, force: float, goes_on: bool) -> None:
+    """Begin to look for free motion here, perhaps as the rest of a way that was free so far."""
+    step[FREE_FROM] = step[OUTERMOST] = position
+    step[FREE_LOW] = step[FREE_HIGH] = force
+    step[FREE_AGE] = 0.0
+    step[GOES_ON] = 1.0 if goes_on else 0.0
+
+
+_sets_out: Callable[[Array, float, float, bool], None] = njit(cache=True)(_set_out)
+
+
+def _restart(step: Array) -> None:
+    """Forget the samples so far, but not the zero."""
+    step[NEWEST : SECOND_FORCE + 1] = math.nan
+    step[QUIET] = step[LEVEL] = step[VARIANCE] = 0.0
+    step[AGE] = math.inf
+    _sets_out(step, -math.inf, 0.0, False)  # the first sample lies further in
+
+
+restart_steps: Callable[[Array], None] = njit(cache=True)(_restart)
+
+
+def _begin(step: Array) -> None:
+    """Forget everything but the least step."""
+    step[ZERO], step[EDGE] = math.nan, -math.inf
+    restart_steps(step)
+
+
+begin_steps: Callable[[Array], None] = njit(cache=True)(_begin)
+
+
+def _is_step(step: Array, force: float) -> bool:
+    """Whether the force has stepped since the sample before last."""
+    second, spread = step[SECOND_FORCE], math.sqrt(step[VARIANCE])
+    if step[QUIET] < QUIET_BEFORE or abs(force - second) < max(step[LEAST_STEP], NOISE_FACTOR * spread):
+        return False
+    return bool(abs(second - step[LEVEL]) <= 4.0 * spread + 0.1 * step[LEAST_STEP])
+
+
+_has_stepped: Callable[[Array, float], bool] = njit(cache=True)(_is_step)
+
+
+def _learn(step: Array, period: float) -> None:
+    """Level and spread of the force up to two samples ago."""
+    force = step[SECOND_FORCE]
+    if step[QUIET] == 0.0:
+        step[LEVEL], step[VARIANCE] = force, 0.0
+    step[QUIET] += period
+    share = 1.0 - math.exp(-period / min(LEVEL_TIME, step[QUIET]))
+    away = force - step[LEVEL]
+    step[LEVEL] += share * away
+    step[VARIANCE] += share * ((1.0 - share) * away * away - step[VARIANCE])
+
+
+_learnt: Callable[[Array, float], None] = njit(cache=True)(_learn)
+
+
+def _judge(step: Array, force: float) -> None:
+    """Judge from now on a force that has stepped since the sample before last."""
+    step[BEFORE], step[RISE] = step[LEVEL], force - step[SECOND_FORCE]
+    step[AGE], step[CONFIRMED], step[LEVEL_AFTER] = 0.0, 0.0, force
+    _sets_out(step, -math.inf, 0.0, False)
+    step[LOW] = step[HIGH] = step[SECOND]
+    step[QUIET] = 0.0
+
+
+_judged: Callable[[Array, float], None] = njit(cache=True)(_judge)
+
+
+def _stays(step: Array, position: float, force: float, period: float) -> bool:
+    """Whether a step has stayed without a reason."""
+    step[AGE] += period
+    step[LOW], step[HIGH] = min(step[LOW], position), max(step[HIGH], position)
+    size = abs(step[LEVEL_AFTER] - step[BEFORE])
+    if step[CONFIRMED] > 0.0 and abs(force - step[LEVEL_AFTER]) > LEVEL_SHARE * size:
+        step[AGE] = math.inf
+        return False
+    if step[CONFIRMED] < CONFIRMING:
+        step[CONFIRMED] += 1.0
+        step[LEVEL_AFTER] += (force - step[LEVEL_AFTER]) / step[CONFIRMED]
+        return False
+    if size < step[LEAST_STEP] or abs(step[RISE]) < 0.8 * size:
+        step[AGE] = math.inf
+    if not HOLD <= step[AGE] < math.inf:
+        return False
+    step[AGE] = math.inf
+    return bool(step[HIGH] - step[LOW] <= STILL or step[LEVEL_AFTER] < step[ZERO] - step[LEAST_STEP])
+
+
+_has_stayed: Callable[[Array, float, float, float], bool] = njit(cache=True)(_stays)
+
+
+def _moves_freely(step: Array, position: float, force: float, period: float) -> bool:
+    """Whether free air shows that the zero is lost."""
+    least = step[LEAST_STEP]
+    low, high = min(step[FREE_LOW], force), max(step[FREE_HIGH], force)
+    if position > step[OUTERMOST] + TURN or high - low > least:
+        _sets_out(step, position, force, False)
+        return False
+    step[FREE_LOW], step[FREE_HIGH] = low, high
+    step[OUTERMOST] = min(step[OUTERMOST], position)
+    step[FREE_AGE] += period
+    begin, age = step[FREE_FROM], step[FREE_AGE]
+    if begin - position < FREE_WAY or age < HOLD:
+        return False
+    level = 0.5 * (low + high)
+    if level >= step[ZERO] + FREE_FACTOR * least:
+        _sets_out(step, position, force, False)
+        return bool(begin <= step[EDGE])
+    if not level >= step[ZERO] - least:  # the first, or what was taken for free air was none
+        step[ZERO], step[EDGE] = level, begin
+    elif level > step[ZERO] + FREE_SHARE * least:  # neither free air for sure nor a lost zero
+        _sets_out(step, position, force, False)
+        return False
+    elif step[GOES_ON] == 0.0:
+        step[EDGE] = begin
+    step[ZERO] = min(level, step[ZERO] + (level - step[ZERO]) * min(age / DRIFT_TIME, 1.0))
+    _sets_out(step, position, force, True)
+    return False
+
+
+_is_free: Callable[[Array, float, float, float], bool] = njit(cache=True)(_moves_freely)
+
+
+def _find(step: Array, position: float, force: float, period: float) -> bool:
+    """Take one finite sample; whether a step of the offset is found now.
 
     Args:
-        least_step: [N], positive.
-
-    Attributes:
-        least_step: [N].
-        zero: Force in free air [N], NaN before it is known.
+        step: Written, shape (SIZE,).
+        position: [m].
+        force: Less what tool weight and inertia make of it [N].
+        period: Since the sample before [s], positive.
     """
-
-    __slots__ = (
-        "_age",
-        "_before",
-        "_confirmed",
-        "_edge",
-        "_free_age",
-        "_free_from",
-        "_free_high",
-        "_free_low",
-        "_goes_on",
-        "_high",
-        "_level",
-        "_level_after",
-        "_low",
-        "_newest",
-        "_outermost",
-        "_quiet",
-        "_rise",
-        "_second",
-        "_variance",
-        "least_step",
-        "zero",
-    )
-
-    least_step: float
-    zero: float
-
-    def __init__(self, least_step: float = LEAST_STEP) -> None:
-        self.least_step = least_step
-        self.zero = math.nan
-        self._edge = -math.inf
-        self.restart()
-
-    def restart(self) -> None:
-        """Forget the samples so far, but not the zero."""
-        self._quiet = 0.0
-        self._level = self._variance = 0.0
-        self._newest: tuple[float, float] | None = None
-        self._second: tuple[float, float] | None = None
-        self._age = math.inf  # of the step that is being judged; inf for none
-        self._set_out(-math.inf, 0.0, goes_on=False)  # the first sample lies further in
-
-    def update(self, position: float, force: float, period: float) -> bool:
-        """Take one finite sample; whether a step of the offset is found now.
-
-        Args:
-            position: [m].
-            force: Less what tool weight and inertia make of it [N].
-            period: Since the sample before [s], positive.
-        """
-        if self._age < math.inf:  # no zero is learnt from a step that is being judged
-            found = self._stays(position, force, period)
+    if step[AGE] < math.inf:  # no zero is learnt from a step that is being judged
+        found = _has_stayed(step, position, force, period)
+    else:
+        found = _is_free(step, position, force, period)
+    if not math.isnan(step[SECOND]):
+        if 2.0 * period <= LONGEST_RISE and _has_stepped(step, force):
+            _judged(step, force)
         else:
-            found = self._moves_freely(position, force, period)
-        second, newest = self._second, self._newest
-        if second is not None and newest is not None:
-            if 2.0 * period <= LONGEST_RISE and self._is_step(second[1], force):
-                self._begin(second, force)
-            else:
-                self._learn(second[1], period)
-        self._second, self._newest = newest, (position, force)
-        return found
+            _learnt(step, period)
+    step[SECOND], step[SECOND_FORCE] = step[NEWEST], step[NEWEST_FORCE]
+    step[NEWEST], step[NEWEST_FORCE] = position, force
+    return found
 
-    def _is_step(self, second: float, force: float) -> bool:
-        spread = math.sqrt(self._variance)
-        if self._quiet < QUIET_BEFORE or abs(force - second) < max(self.least_step, NOISE_FACTOR * spread):
-            return False
-        return abs(second - self._level) <= 4.0 * spread + 0.1 * self.least_step
 
-    def _begin(self, second: tuple[float, float], force: float) -> None:
-        """A force that has stepped since the sample before last."""
-        self._before, self._rise = self._level, force - second[1]
-        self._age, self._confirmed, self._level_after = 0.0, 0, force
-        self._set_out(-math.inf, 0.0, goes_on=False)
-        self._low = self._high = second[0]
-        self._quiet = 0.0
-
-    def _stays(self, position: float, force: float, period: float) -> bool:
-        """Whether a step has stayed without a reason."""
-        self._age += period
-        self._low, self._high = min(self._low, position), max(self._high, position)
-        size = self._level_after - self._before
-        if self._confirmed and abs(force - self._level_after) > LEVEL_SHARE * abs(size):
-            self._age = math.inf
-            return False
-        if self._confirmed < CONFIRMING:
-            self._confirmed += 1
-            self._level_after += (force - self._level_after) / self._confirmed
-            return False
-        if abs(size) < self.least_step or abs(self._rise) < 0.8 * abs(size):
-            self._age = math.inf
-        if not HOLD <= self._age < math.inf:
-            return False
-        self._age = math.inf
-        return self._high - self._low <= STILL or self._level_after < self.zero - self.least_step
-
-    def _learn(self, force: float, period: float) -> None:
-        """Level and spread of the force up to two samples ago."""
-        if self._quiet == 0.0:
-            self._level, self._variance = force, 0.0
-        self._quiet += period
-        share = 1.0 - math.exp(-period / min(LEVEL_TIME, self._quiet))
-        away = force - self._level
-        self._level += share * away
-        self._variance += share * ((1.0 - share) * away * away - self._variance)
-
-    def _set_out(self, position: float, force: float, *, goes_on: bool) -> None:
-        """Begin to look for free motion here, perhaps as the rest of a way that was free so far."""
-        self._free_from = self._outermost = position
-        self._free_low = self._free_high = force
-        self._free_age = 0.0
-        self._goes_on = goes_on
-
-    def _moves_freely(self, position: float, force: float, period: float) -> bool:
-        """Whether free air shows that the zero is lost."""
-        low, high = min(self._free_low, force), max(self._free_high, force)
-        if position > self._outermost + TURN or high - low > self.least_step:
-            self._set_out(position, force, goes_on=False)
-            return False
-        self._free_low, self._free_high = low, high
-        self._outermost = min(self._outermost, position)
-        self._free_age += period
-        begin, age = self._free_from, self._free_age
-        if begin - position < FREE_WAY or age < HOLD:
-            return False
-        level = 0.5 * (low + high)
-        if level >= self.zero + FREE_FACTOR * self.least_step:
-            self._set_out(position, force, goes_on=False)
-            return begin <= self._edge
-        if not level >= self.zero - self.least_step:  # the first, or what was taken for free air was none
-            self.zero, self._edge = level, begin
-        elif level > self.zero + FREE_SHARE * self.least_step:  # neither free air for sure nor a lost zero
-            self._set_out(position, force, goes_on=False)
-            return False
-        elif not self._goes_on:
-            self._edge = begin
-        self.zero = min(level, self.zero + (level - self.zero) * min(age / DRIFT_TIME, 1.0))
-        self._set_out(position, force, goes_on=True)
-        return False
+find_step: Callable[[Array, float, float, float], bool] = njit(cache=True)(_find)

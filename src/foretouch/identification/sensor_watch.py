@@ -6,8 +6,9 @@ import math
 from enum import IntEnum
 from typing import Final
 
+import numpy as np
+
 from foretouch.errors import SettingError
-from foretouch.identification.offset_step import LEAST_STEP, OffsetStep
 from foretouch.models.checks import require
 
 __all__ = ["QUIET_TIME", "SENSOR_SENTENCES", "TRANSIENT_STATES", "SensorState", "SensorWatch"]
@@ -29,6 +30,9 @@ NOISY_SHARE = 0.2
 
 NOISE_SAMPLES = 50
 """Noise is judged over about so many changes."""
+
+LEAST_STEP = 0.3
+"""Smaller steps of the offset than this [N] are not looked for."""
 
 LEAST_SPIKE = 0.5
 """Smaller spikes than this [N] are not looked for."""
@@ -91,7 +95,7 @@ class SensorWatch:
     `DROPOUT`         force and position repeat exactly for 20 ms                                       20 ms
     `STUCK`           the force repeats exactly for 0.1 s while the position changes                    0.1 s
     `SATURATED`       two samples within 2 % of an end of the range                                     2 samples
-    `OFFSET_STEP`     the force changes and nothing is touched: see `OffsetStep`                        50 ms, still
+    `OFFSET_STEP`     the force changes and nothing is touched: see `offset_step`                       50 ms, still
     `SPIKE`           a sample is far off both neighbours, and no impact explains it                    2 samples
     `ENCODER_JUMP`    the position moves faster than the largest speed                                  1 sample
     ================  ================================================================================  ==============
@@ -125,27 +129,7 @@ class SensorWatch:
         SettingError: A setting out of range.
     """
 
-    __slots__ = (
-        "_activity",
-        "_bad_until",
-        "_both_repeat",
-        "_change",
-        "_ends",
-        "_force_repeats",
-        "_largest_speed",
-        "_least_spike",
-        "_longest_both",
-        "_longest_force",
-        "_mass",
-        "_near_end",
-        "_noisy",
-        "_older",
-        "_position",
-        "_seen",
-        "_step",
-        "_time",
-        "state",
-    )
+    __slots__ = ("_begin", "_look", "_numbers", "state")
 
     def __init__(
         self,
@@ -163,32 +147,21 @@ class SensorWatch:
         require("least_step", least_step, above=0.0)
         require("least_spike", least_spike, above=0.0)
         require("moving_mass", moving_mass, above=0.0)
+        # Imported here: it brings a compiler along, and imports the numbers above.
+        from foretouch.identification import sensor_watch_kernel as kernel
+
+        self._begin, self._look = kernel.begin, kernel.look
         near = [0.0 if math.isinf(end) else END_SHARE * abs(end) for end in (low, high)]
-        self._ends = (low + near[0], high - near[1])
-        self._largest_speed = largest_speed
-        self._least_spike = least_spike
-        self._mass = moving_mass
-        self._step = OffsetStep(least_step)
+        self._numbers = np.zeros(kernel.SIZE)
+        stays = (low + near[0], high - near[1], largest_speed, least_spike, moving_mass)
+        self._numbers[kernel.LOWEST : kernel.STEP] = stays
+        self._numbers[kernel.STEP + kernel.STEP_LEAST] = least_step
         self.reset()
 
     def reset(self) -> None:
         """Believe the sensors again, and forget all samples: say this when they have been looked after."""
+        self._begin(self._numbers)
         self.state = SensorState.GOOD
-        self._time = self._bad_until = -math.inf
-        self._step = OffsetStep(self._step.least_step)
-        self._noisy, self._seen = 0.0, 0
-        self._longest_both = self._longest_force = 0.0
-        self._activity = 0.0
-        self._restart()
-
-    def _restart(self) -> None:
-        """Compare nothing with the samples so far."""
-        # Position, force and force less the tool's of the last three samples, the newest first.
-        self._older: tuple[tuple[float, float, float], ...] = ()
-        self._both_repeat = self._force_repeats = 0.0
-        self._change = 0.0
-        self._near_end = False
-        self._step.restart()
 
     @property
     def sentence(self) -> str:
@@ -205,93 +178,7 @@ class SensorWatch:
             tool_force: The part of it that the tool's weight and inertia make [N], where that is known: without it, a
                 jerked tool can look like a fault.
         """
-        numbers = abs(position) < LARGEST_VALUE and abs(force) < LARGEST_VALUE and abs(tool_force) < LARGEST_VALUE
-        if not (abs(time) < 1e6 * LARGEST_VALUE and numbers):
-            self._restart()
-            return self._say(SensorState.NOT_FINITE, self._time)
-        period = time - self._time
-        if not period > 0.0:
-            return self.state
-        if period > LONGEST_GAP:
-            self._restart()
-            found = SensorState.GOOD
-        else:
-            found = self._look(position, force, force - tool_force, period)
-        self._time = time
-        self._older = ((position, force, force - tool_force), *self._older[:2])
-        return self._say(found, time)
-
-    def _say(self, found: SensorState, time: float) -> SensorState:
-        if self.state is not SensorState.GOOD and self.state not in TRANSIENT_STATES:
-            return self.state
-        if found is not SensorState.GOOD:
-            self.state, self._bad_until = found, time + QUIET_TIME
-        elif time >= self._bad_until:
-            self.state = SensorState.GOOD
+        found = self._look(self._numbers, time, position, force, tool_force)
+        if found != self.state:
+            self.state = SensorState(found)
         return self.state
-
-    def _look(self, position: float, force: float, contact: float, period: float) -> SensorState:
-        """Compare a sample with those before it."""
-        if not self._older:
-            return SensorState.GOOD
-        since = period + self._both_repeat  # a value that is new
-        repeated = self._repeated(position, force, period)
-        stepped = self._step.update(position, contact, period)
-        was_near, self._near_end = self._near_end, not self._ends[0] < force < self._ends[1]
-        if self._near_end and was_near:
-            return SensorState.SATURATED
-        # 20 um: an encoder's count and noise, which at high rates are fast
-        if abs(position - self._older[0][0]) > self._largest_speed * since + 2e-5:
-            self._restart()
-            return SensorState.ENCODER_JUMP
-        if repeated is not SensorState.GOOD:
-            return repeated
-        if self._is_spike(position, contact, period):
-            return SensorState.SPIKE
-        return SensorState.OFFSET_STEP if stepped else SensorState.GOOD
-
-    def _repeated(self, position: float, force: float, period: float) -> SensorState:
-        """Whether nothing new comes, from sensors that have shown noise."""
-        before, last, _ = self._older[0]
-        change = force - last
-        if change != 0.0:
-            if self._force_repeats < STUCK_TIME:
-                self._longest_force = max(self._longest_force, self._force_repeats)
-            self._seen += 1
-            reverses = 1.0 if change * self._change < 0.0 else 0.0
-            self._noisy += (reverses - self._noisy) / min(self._seen, NOISE_SAMPLES)
-            self._change = change
-            self._force_repeats = 0.0
-        else:
-            self._force_repeats += period
-        if change != 0.0 or position != before:
-            if self._both_repeat < DROPOUT_TIME:
-                self._longest_both = max(self._longest_both, self._both_repeat)
-            self._both_repeat = 0.0
-        else:
-            self._both_repeat += period
-        if self._seen < NOISE_SAMPLES or self._noisy < NOISY_SHARE:
-            return SensorState.GOOD
-        slack = 0.5 * min(period, DROPOUT_TIME / 10.0)  # sums of periods are not exact
-        if self._both_repeat + slack > max(DROPOUT_TIME, REPEAT_FACTOR * self._longest_both):
-            return SensorState.DROPOUT
-        if self._force_repeats + slack > max(STUCK_TIME, REPEAT_FACTOR * self._longest_force):
-            return SensorState.STUCK
-        return SensorState.GOOD
-
-    def _is_spike(self, position: float, force: float, period: float) -> bool:
-        """Whether the sample before this one stands far out, and no impact explains it."""
-        if len(self._older) < 3:
-            return False
-        (near, _, peak), (further, _, before), (furthest, _, earlier) = self._older
-        up, down = peak - before, peak - force
-        size = min(abs(up), abs(down)) if up * down > 0.0 else 0.0
-        threshold = max(self._least_spike, SPIKE_FACTOR * self._activity)
-        found = size > threshold and abs(force - before) < 0.5 * size and abs(before - earlier) < 0.5 * size
-        if found and up > 0.0:
-            speed = (further - furthest) / period
-            slowed = speed - min(near - further, position - near) / period
-            found = speed * LARGEST_IMPEDANCE < size or slowed < 0.5 * size * period / self._mass
-        share = 1.0 - math.exp(-period / ACTIVITY_TIME)
-        self._activity += share * (min(abs(force - peak), 3.0 * threshold) - self._activity)
-        return found

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import heapq
 import random
+from collections import deque
 from typing import Generic, TypeVar
 
 from foretouch.link.faults import SPELL_SPACING, Faults
@@ -47,7 +48,10 @@ class FaultStage(Generic[T]):
         self._stall = self._spells("stall", faults.stall)
         self._after_arrival, self._after_loss = faults.loss_transitions
         self._chance_of_loss = faults.loss
-        self._waiting: list[tuple[int, int, T]] = []
+        # When each is due, its number, and it: those that come in the order in which they went in, and as a heap those
+        # that come before one of these.
+        self._waiting: deque[tuple[int, int, T]] = deque()
+        self._overtaking: list[tuple[int, int, T]] = []
         self._count = 0
         self._begun = False
 
@@ -77,16 +81,19 @@ class FaultStage(Generic[T]):
 
     def push(self, now_ns: int, message: T) -> None:
         """Take a message that was sent at `now_ns`, the receiver's clock."""
-        draw = self._random.random
-        lost, spread = self._loses(draw()), -1.0 + 2.0 * draw()
-        held = self._reorder.draw() if self._reorder is not None else 0.0
+        draw, faults = self._random.random, self.faults
+        # Whether it is lost is one step of the chain, which starts in its long-term mean.
+        lost = draw() < self._chance_of_loss
+        self._chance_of_loss = self._after_loss if lost else self._after_arrival
+        delay = max(0.0, self.delay + faults.jitter * (-1.0 + 2.0 * draw()))
+        if self._reorder is not None:
+            delay += self._reorder.draw()
         copied = self._duplicate.draw() if self._duplicate is not None else 0.0
         if not (lost or self._begun):
             self._begin(now_ns)
         if lost or (self._outage is not None and self._outage.end_ns(now_ns) is not None):
             self.dropped += 1
             return
-        delay = max(0.0, self.delay + self.faults.jitter * spread) + held
         self._hold(now_ns + round(delay * 1e9), message)
         if copied:
             self.duplicated += 1
@@ -95,15 +102,14 @@ class FaultStage(Generic[T]):
     def pop_due(self, now_ns: int) -> list[T]:
         """Messages that are due by `now_ns`, earliest first."""
         due: list[T] = []
-        while self._waiting and self._waiting[0][0] <= now_ns:
-            due.append(heapq.heappop(self._waiting)[2])
+        waiting, overtaking = self._waiting, self._overtaking
+        while overtaking and overtaking[0][0] <= now_ns:
+            while waiting and waiting[0] < overtaking[0]:
+                due.append(waiting.popleft()[2])
+            due.append(heapq.heappop(overtaking)[2])
+        while waiting and waiting[0][0] <= now_ns:
+            due.append(waiting.popleft()[2])
         return due
-
-    def _loses(self, chance: float) -> bool:
-        """Whether the next message is lost: one step of the chain, which starts in its long-term mean."""
-        lost = chance < self._chance_of_loss
-        self._chance_of_loss = self._after_loss if lost else self._after_arrival
-        return lost
 
     def _begin(self, now_ns: int) -> None:
         """Outages and stalls count their time from the first message that is not lost by chance."""
@@ -116,7 +122,10 @@ class FaultStage(Generic[T]):
         if self._stall is not None and (end_ns := self._stall.end_ns(due_ns)) is not None:
             due_ns = end_ns
         self._count += 1
-        heapq.heappush(self._waiting, (due_ns, self._count, message))
+        if self._waiting and due_ns < self._waiting[-1][0]:
+            heapq.heappush(self._overtaking, (due_ns, self._count, message))
+        else:
+            self._waiting.append((due_ns, self._count, message))
 
 
 class _Extra:

@@ -45,19 +45,22 @@ class SequenceCounter:
 
     def is_newest(self, sequence: int) -> bool:
         """Count one arrival and say whether it is newer than all before."""
-        place = sequence % REMEMBERED
-        newer = sequence > self.newest
-        if not newer and (self._arrived[place] == sequence or self.newest - sequence >= REMEMBERED):
+        arrived, place, newest = self._arrived, sequence % REMEMBERED, self.newest
+        if sequence > newest:
+            if self.received == self._received_before:
+                self.first = sequence
+            arrived[place] = self.newest = sequence
+            self.received += 1
+            return True
+        if arrived[place] == sequence or newest - sequence >= REMEMBERED:
             self.copies += 1
             return False
-        self._arrived[place] = sequence
-        self.first = min(self.first, sequence) if self.received > self._received_before else sequence
+        if sequence < self.first or self.received == self._received_before:
+            self.first = sequence
+        arrived[place] = sequence
         self.received += 1
-        if newer:
-            self.newest = sequence
-        else:
-            self.late += 1
-        return newer
+        self.late += 1
+        return False
 
     @property
     def lost(self) -> int:

@@ -25,6 +25,11 @@ from foretouch.session.settings import SAFETY_LIMITS, SAMPLE_PERIOD, SessionSett
 
 __all__ = ["Inputs", "Outputs", "State", "start", "step"]
 
+# What every tick asks for: a member of an enumeration costs more to look up than to compare.
+GOOD = SensorState.GOOD
+FRESH, FUTURE = Arrival.FRESH, Arrival.FUTURE
+HOLDING, RETREATING = int(Status.HOLDING), int(Status.RETREATING)
+
 
 @dataclass(slots=True)
 class State:
@@ -153,34 +158,34 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
         inputs: Of this tick.
         now_ns: This side's monotonic clock [ns].
     """
-    sample = inputs.sample
+    sample, playout, learner = inputs.sample, state.playout, state.learner
     for command in inputs.commands:
         _take(state, command, now_ns)
-    desired_position = state.playout.advance()  # no number while no leader has said one
+    desired_position = playout.advance()  # no number while no leader has said one
     # Weight and inertia of the tool beyond the sensor are no contact.
     tool_force = state.specification.tool_force(sample.acceleration)
     sensor_force = sample.sensor_force - tool_force
     validity = state.watch.update(now_ns * 1e-9, sample.position, sample.sensor_force, tool_force)
-    faulty = validity is not SensorState.GOOD
+    faulty = validity is not GOOD
     model = None
-    if state.start_ns is None and state.playout.applied:
+    if state.start_ns is None and playout.applied:
         state.start_ns = now_ns
     if state.start_ns is not None:
-        delay = state.sender.round_trip.applied(state.playout.applied, now_ns)
+        delay = state.sender.round_trip.applied(playout.applied, now_ns)
         if delay is not None:
-            state.learner.estimator.expect_delay(delay)
+            learner.estimator.expect_delay(delay)
         if not faulty:
-            state.learner.update((now_ns - state.start_ns) * 1e-9, sample.position, sensor_force)
+            learner.update((now_ns - state.start_ns) * 1e-9, sample.position, sensor_force)
         state.sender.remembers = state.guarded
-        model = state.sender.due(state.learner, validity, state.playout.applied, state.lease.epoch, now_ns)
-    learnt_from = state.learner.sample
-    desired_position = _allowed(state, desired_position, inputs, sensor_force, now_ns, faulty=faulty)
+        model = state.sender.due(learner, validity, playout.applied, state.lease.epoch, now_ns)
+    learnt_from = learner.sample
+    desired_position = _allowed(state, desired_position, inputs, sensor_force, now_ns, faulty)
     state.tick += 1
     telemetry = Telemetry(
         VERSION,
         state.tick,
         now_ns,
-        state.playout.applied,
+        playout.applied,
         desired_position,
         sample.position,
         learnt_from.velocity,
@@ -203,31 +208,34 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
 
 def _take(state: State, command: Command, now_ns: int) -> None:
     """Obey a command if its leader has control and it is fresh."""
-    before = (state.lease.holder, state.lease.epoch)
-    if not state.lease.admit(command.holder, command.epoch, now_ns):
+    lease = state.lease
+    holder, epoch = lease.holder, lease.epoch
+    if not lease.admit(command.holder, command.epoch, now_ns):
         return
-    if (command.holder, command.epoch) != before:  # another leader: nothing of the one before is valid any more
+    if lease.epoch != epoch or lease.holder != holder:  # another leader: nothing of the one before is valid any more
         state.freshness.begin()
         state.commands.restart()
         state.playout.restart()
         state.sender.round_trip.restart()
         state.guarded = state.guards
-    arrival = state.freshness.judge(command.sequence, command.time_ns, now_ns)
-    if arrival is not Arrival.FUTURE:
-        state.commands.is_newest(command.sequence)
-    if arrival is not Arrival.FRESH:
+    sequence, position = command.sequence, command.position
+    arrival = state.freshness.judge(sequence, command.time_ns, now_ns)
+    if arrival is not FUTURE:
+        state.commands.is_newest(sequence)
+    if arrival is not FRESH:
         return
-    if math.isfinite(command.position):  # what has no position is never played
-        state.playout.push(command.sequence, command.position, command.place)
-        state.sender.round_trip.commanded(command.sequence, command.acknowledged_model)
-    state.guarded = state.guarded or command.guarded
+    if math.isfinite(position):  # what has no position is never played
+        state.playout.push(sequence, position, command.place)
+        state.sender.round_trip.commanded(sequence, command.acknowledged_model)
+    if command.guarded:
+        state.guarded = True
 
 
 def _allowed(
-    state: State, desired_position: float, inputs: Inputs, sensor_force: float, now_ns: int, *, faulty: bool
+    state: State, desired_position: float, inputs: Inputs, sensor_force: float, now_ns: int, faulty: bool
 ) -> float:
     """What the robot may do of what it is told to: the first touch, then safety [m]."""
-    sample, learnt_from, safety = inputs.sample, state.learner.sample, state.safety
+    sample, learnt_from, safety, first_touch = inputs.sample, state.learner.sample, state.safety, state.first_touch
     # Who begins in contact learns that force as the sensor's offset: what no offset explains is felt.
     unexplained = sensor_force - state.specification.largest_offset
     felt = max(learnt_from.force, unexplained)
@@ -241,9 +249,9 @@ def _allowed(
     if safety.stop_reason:
         state.playout.forget()  # no command from before the release is obeyed after it
     if not state.guarded or math.isnan(desired_position):
-        state.first_touch.restart()
+        first_touch.restart()
     else:
-        desired_position = state.first_touch.update(
+        desired_position = first_touch.update(
             desired_position, sample.position, math.nan if faulty else felt, touches, state.sender.known_surface()
         )
     heard_ns = state.freshness.newest_ns
@@ -255,13 +263,11 @@ def _allowed(
         surface=state.learner.conditioner.surface,
         silence=math.inf if heard_ns is None or inputs.ended else (now_ns - heard_ns) * 1e-9,
         faulty=faulty,
-        guarded=state.first_touch.guarded,
+        guarded=first_touch.guarded,
         surface_doubt=state.surface_doubt,
     )
-    state.faulty_ticks += faulty
-    state.held_ticks += heard_ns is not None and safety.status in (
-        Status.HOLDING,
-        Status.UNLOADING,
-        Status.RETREATING,
-    )
+    if faulty:
+        state.faulty_ticks += 1
+    if heard_ns is not None and HOLDING <= safety.status <= RETREATING:
+        state.held_ticks += 1
     return desired_position

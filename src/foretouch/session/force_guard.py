@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
-import math
+import numpy as np
+from numpy.typing import NDArray
 
 __all__ = ["PATIENCE", "ForceGuard"]
+
+Array = NDArray[np.float64]
 
 PATIENCE = 0.01
 """Time constant in which a force is brought to its limit [s]: longer than sensor and drive are late."""
@@ -41,23 +44,38 @@ class ForceGuard:
     force then comes to its limit as by a first-order low-pass, and does not pass it, on any material that stiffens by
     no more than that. What speed and mass add at an impact is not seen here: `foretouch.session.safety.impact_speed`.
 
-    Attributes:
-        stiffness: K of this contact [N/m], at least 50.
-        steepest: The steepest secant of all contacts so far over 0.1 mm or more [N/m], 0 before the first.
-        damping: The largest force in the first 5 ms of a contact over the speed at which it began, of all contacts so
-            far that began at 10 mm/s or more [N s/m]; NaN before the first of them.
+    Args:
+        contact: Where its numbers are kept, in an array that somebody else holds too, shape
+            (`foretouch.session.force_guard_kernel.SIZE`,); None for one of its own.
     """
 
-    __slots__ = ("_force", "_onset", "_reference", "_speed", "_ticks", "damping", "steepest", "stiffness")
+    __slots__ = ("_allowed", "_contact", "_observe")
 
-    def __init__(self) -> None:
-        self._onset = math.nan
-        self._reference = (math.nan, math.nan)
-        self._speed, self._ticks = 0.0, 0
-        self.damping = math.nan
-        self._force = math.nan
-        self.stiffness = SOFTEST
-        self.steepest = 0.0
+    def __init__(self, contact: Array | None = None) -> None:
+        # Imported here: it brings a compiler along, and imports the numbers above.
+        from foretouch.session import force_guard_kernel as kernel
+
+        self._observe, self._allowed = kernel.observe, kernel.allowed_speed
+        self._contact = np.empty(kernel.SIZE) if contact is None else contact
+        kernel.forget(self._contact)
+
+    @property
+    def stiffness(self) -> float:
+        """K of this contact [N/m], at least 50."""
+        return float(self._contact[0])
+
+    @property
+    def steepest(self) -> float:
+        """The steepest secant of all contacts so far over 0.1 mm or more [N/m], 0 before the first."""
+        return float(self._contact[1])
+
+    @property
+    def damping(self) -> float:
+        """The damping of all contacts so far [N s/m]; NaN before the first that began at 10 mm/s or more.
+
+        It is the largest force in the first 5 ms of such a contact over the speed at which it began.
+        """
+        return float(self._contact[2])
 
     def observe(self, position: float, force: float, in_contact: bool, speed: float = 0.0) -> None:
         """One sample of the sensors; where one is no number, nothing is known of the force.
@@ -68,33 +86,7 @@ class ForceGuard:
             in_contact: Whether that is contact.
             speed: At which the robot is told to go deeper [m/s].
         """
-        known = math.isfinite(position) and math.isfinite(force)
-        self._force = force if known else math.nan
-        if not known:
-            return
-        if in_contact:
-            if math.isnan(self._onset):
-                self._onset = position
-                self._reference = (position, force)
-                self._speed, self._ticks = speed, 0
-            self._ticks += 1
-            if self._speed >= STRUCK_FROM and self._ticks <= STRUCK_FOR:
-                self.damping = max(force / self._speed, 0.0 if math.isnan(self.damping) else self.damping)
-            self._learn_tangent(position, force)
-            depth = position - self._onset
-            self.stiffness = max(self.stiffness, STEEPER * force / max(depth, SHORTEST_DEPTH))
-            self.steepest = max(self.steepest, force / max(depth, IMPACT_DEPTH))
-        elif position < self._onset - AWAY:
-            self._onset, self.stiffness = math.nan, SOFTEST
-
-    def _learn_tangent(self, position: float, force: float) -> None:
-        """The stiffness here, each time that it has gone 0.1 mm deeper."""
-        way = position - self._reference[0]
-        if way >= STRIDE:
-            tangent = (force - self._reference[1]) / way
-            self.stiffness = max(KEPT * self.stiffness, STEEPER * tangent, SOFTEST)
-        if way >= STRIDE or way < 0.0:
-            self._reference = (position, force)
+        self._observe(self._contact, position, force, in_contact, speed)
 
     def speed(self, limit: float, damping: float = 0.0) -> float:
         """Speed at which the robot may go deeper now, negative where it has to go back [m/s]; 0 while nobody knows.
@@ -103,7 +95,4 @@ class ForceGuard:
             limit: Force to come to [N].
             damping: b, that it may feel where it goes deeper [N s/m].
         """
-        if math.isnan(self._force):
-            return 0.0
-        missing = limit - self._force
-        return missing / (self.stiffness * PATIENCE + (damping if missing > 0.0 else 0.0))
+        return self._allowed(self._contact, limit, damping)

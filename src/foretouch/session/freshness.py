@@ -31,6 +31,9 @@ class Arrival(IntEnum):
     """Its number or its clock is ahead of what can be."""
 
 
+FRESH, STALE, OVERTAKEN, FUTURE = Arrival
+
+
 class Freshness:
     r"""Judges the commands of one leader as they arrive.
 
@@ -80,33 +83,24 @@ class Freshness:
             sent_ns: The leader's clock in it [ns].
             now_ns: Our clock [ns].
         """
-        found = self._judged(sequence, sent_ns, now_ns)
+        smallest, transit = self._smallest, now_ns - sent_ns
+        while smallest and smallest[0][0] < now_ns - MEMORY_NS:  # what is older says nothing, whatever comes
+            smallest.popleft()
+        needed = smallest[0][1] if smallest else transit
+        ahead_ns = (sequence - self._number) * self._period_ns
+        if transit < needed - 10 * SLACK_NS or (self._number and ahead_ns > sent_ns - self._sent_ns + SLACK_NS):
+            found = FUTURE
+        else:
+            while smallest and smallest[-1][1] >= transit:  # the smallest of each block that no later one has undercut
+                smallest.pop()
+            if not smallest or now_ns - smallest[-1][0] >= BLOCK_NS:
+                smallest.append((now_ns, transit))
+            if sequence <= self._number:
+                found = OVERTAKEN
+            elif transit > needed + self._allowance_ns:
+                found = STALE
+            else:
+                found = FRESH
+                self._number, self._sent_ns, self.newest_ns = sequence, sent_ns, now_ns
         self.counts[found] += 1
-        if found is Arrival.FRESH:
-            self._number, self._sent_ns, self.newest_ns = sequence, sent_ns, now_ns
         return found
-
-    def _judged(self, sequence: int, sent_ns: int, now_ns: int) -> Arrival:
-        transit = now_ns - sent_ns
-        self._forget(now_ns)
-        if self._smallest and transit < self._smallest[0][1] - 10 * SLACK_NS:
-            return Arrival.FUTURE
-        if self._number and (sequence - self._number) * self._period_ns > sent_ns - self._sent_ns + SLACK_NS:
-            return Arrival.FUTURE
-        self._remember(transit, now_ns)
-        if sequence <= self._number:
-            return Arrival.OVERTAKEN
-        return Arrival.STALE if transit > self._smallest[0][1] + self._allowance_ns else Arrival.FRESH
-
-    def _forget(self, now_ns: int) -> None:
-        """What is older than the memory says nothing, whatever comes."""
-        while self._smallest and self._smallest[0][0] < now_ns - MEMORY_NS:
-            self._smallest.popleft()
-
-    def _remember(self, transit: int, now_ns: int) -> None:
-        """Keep the smallest transit of each block that no later one has undercut."""
-        smallest = self._smallest
-        while smallest and smallest[-1][1] >= transit:
-            smallest.pop()
-        if not smallest or now_ns - smallest[-1][0] >= BLOCK_NS:
-            smallest.append((now_ns, transit))

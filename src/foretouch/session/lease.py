@@ -92,12 +92,16 @@ class ControlLease:
             epoch: Of its process, above 0.
             now_ns: Receiver's monotonic clock [ns].
         """
-        if self._holds(holder, epoch) or self._may_follow(holder, epoch, now_ns):
-            self._begin(holder, epoch)
-            self._heard_ns = max(self._heard_ns, now_ns)
-            return True
-        self.refused += 1
-        return False
+        if not self._holds(holder, epoch):
+            if not self._may_follow(holder, epoch, now_ns):
+                self.refused += 1
+                return False
+            if self.holder:
+                self._ended.add((self.holder, self.epoch))
+            self.holder, self.epoch = holder, epoch
+        if now_ns > self._heard_ns:
+            self._heard_ns = now_ns
+        return True
 
     def is_held(self, now_ns: int) -> bool:
         """Whether somebody holds control.
@@ -126,15 +130,10 @@ class ControlLease:
         return f"{len(self._ended)} leaders have held control in turn: start the follower again"
 
     def _holds(self, holder: str, epoch: int) -> bool:
-        return bool(self.holder) and (holder, epoch) == (self.holder, self.epoch)
+        return epoch == self.epoch and holder == self.holder != ""
 
     def _may_follow(self, holder: str, epoch: int, now_ns: int) -> bool:
         """Whether a new tenure may begin now."""
         if not holder or not epoch or (holder, epoch) in self._ended or len(self._ended) >= MOST_ENDED:
             return False
         return not self.is_held(now_ns)
-
-    def _begin(self, holder: str, epoch: int) -> None:
-        if self.holder and (holder, epoch) != (self.holder, self.epoch):
-            self._ended.add((self.holder, self.epoch))
-        self.holder, self.epoch = holder, epoch

@@ -70,9 +70,9 @@ class ModelSender:
 
     def known_surface(self) -> float:
         """Surface of the newest model that the leader renders from, as far as its applied commands say [m]; or NaN."""
-        current, surfaces = self.round_trip.current, self._surfaces
+        current = self.round_trip.current
         if current != self._known_model:
-            self._known_model = current
+            surfaces, self._known_model = self._surfaces, current
             self._known_surface = surfaces.get(current, math.nan)
             for sequence in [sequence for sequence in surfaces if sequence < current]:
                 del surfaces[sequence]
@@ -90,9 +90,10 @@ class ModelSender:
             epoch: Of the leader whose it is.
             now_ns: [ns].
         """
-        self._changed = self._is_changed(learner, now_ns) or self._changed
+        if self._is_changed(learner, now_ns):
+            self._changed = True
         since_ns = now_ns - self._sent_ns
-        if not (self._changed or since_ns >= self._period_ns):
+        if not self._changed and since_ns < self._period_ns:
             return None
         allowance = (
             LARGEST_BURST if self._sent is None else min(self._allowance + BYTE_RATE * since_ns * 1e-9, LARGEST_BURST)
@@ -132,11 +133,12 @@ class ModelSender:
 
         It is asked in every tick and packs no map for the answer.
         """
-        estimator, sent = learner.estimator, self._sent
-        changes, self._changes = self._changes, estimator.changes
-        if estimator.changes > changes:
-            self._changed_ns = now_ns
-            return True
+        estimator, sent, changes = learner.estimator, self._sent, self._changes
+        if estimator.changes != changes:
+            self._changes = estimator.changes
+            if self._changes > changes:
+                self._changed_ns = now_ns
+                return True
         if sent is None:
             return True
         surface = learner.conditioner.surface - estimator.surface_correction

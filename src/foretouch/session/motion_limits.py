@@ -4,10 +4,15 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+from numpy.typing import NDArray
+
 from foretouch.models.checks import require
 from foretouch.models.motion import VELOCITY_CUTOFF
 
 __all__ = ["MotionLimits"]
+
+Array = NDArray[np.float64]
 
 RATE = 100.0
 """Lambda: how fast a lag dies away [rad/s]."""
@@ -44,37 +49,43 @@ class MotionLimits:
         acceleration: A [m/s^2], positive.
         jerk: J [m/s^3], positive.
         sample_period: T [s], positive.
-
-    Attributes:
-        position: Of the path [m]; NaN before the first sample.
-        velocity: [m/s].
-        acceleration: [m/s^2].
+        path: Where its numbers are kept, in zeros that somebody else holds too, shape
+            (`foretouch.session.motion_limits_kernel.SIZE`,); None for an array of its own.
     """
 
-    __slots__ = (
-        "_before",
-        "_caught",
-        "_gain",
-        "_jerk",
-        "_largest",
-        "_period",
-        "_speed",
-        "_stream",
-        "acceleration",
-        "position",
-        "velocity",
-    )
+    __slots__ = ("_limited", "_path")
 
-    def __init__(self, speed: float, acceleration: float, jerk: float, sample_period: float) -> None:
+    def __init__(
+        self, speed: float, acceleration: float, jerk: float, sample_period: float, *, path: Array | None = None
+    ) -> None:
         require("speed", speed, above=0.0)
         require("acceleration", acceleration, above=0.0)
         require("jerk", jerk, above=0.0)
         require("sample_period", sample_period, above=0.0)
-        self._speed, self._largest, self._jerk, self._period = speed, acceleration, jerk, sample_period
-        self._gain = -math.expm1(-2.0 * math.pi * VELOCITY_CUTOFF * sample_period)
-        self._before = self.position = math.nan
-        self._caught = True
-        self._stream = self.velocity = self.acceleration = 0.0
+        # Imported here: it brings a compiler along, and imports the numbers above.
+        from foretouch.session import motion_limits_kernel as kernel
+
+        gain = -math.expm1(-2.0 * math.pi * VELOCITY_CUTOFF * sample_period)
+        self._limited = kernel.limited
+        self._path = np.zeros(kernel.SIZE) if path is None else path
+        self._path[kernel.POSITION] = self._path[kernel.BEFORE] = math.nan
+        self._path[kernel.CAUGHT] = 1.0
+        self._path[kernel.SPEED :] = speed, acceleration, jerk, sample_period, gain
+
+    @property
+    def position(self) -> float:
+        """Of the path [m]; NaN before the first sample."""
+        return float(self._path[0])
+
+    @property
+    def velocity(self) -> float:
+        """Of the path [m/s]."""
+        return float(self._path[1])
+
+    @property
+    def acceleration(self) -> float:
+        """Of the path [m/s^2]."""
+        return float(self._path[2])
 
     def update(self, wanted: float, upwards: float = math.inf, shifted: float = 0.0) -> float:
         """One tick: the next position of the path [m]. The first is taken as it is.
@@ -85,43 +96,4 @@ class MotionLimits:
                 brakes.
             shifted: By how far the stream was set elsewhere since the last tick [m]: no motion of it.
         """
-        if math.isnan(self.position):
-            self._before = self.position = wanted
-            return wanted
-        if not math.isfinite(wanted):
-            wanted = self._before + shifted
-        period, lag = self._period, wanted - self.position
-        self._stream += self._gain * ((wanted - self._before - shifted) / period - self._stream)
-        self._before = wanted
-        velocity = lag / period
-        acceleration = (velocity - self.velocity) / period
-        self._caught = (
-            self._caught or abs(velocity - self._stream) <= LOCKING * self._largest * period
-        ) and self._kept(velocity, acceleration, upwards)
-        if not self._caught:
-            closing = min(0.5 * RATE * abs(lag), math.sqrt(2.0 * BRAKING * self._largest * abs(lag)))
-            towards = min(_clip(self._stream + math.copysign(closing, lag), self._speed), upwards)
-            acceleration = _clip(2.0 * RATE * (towards - self.velocity), self._largest)
-            change = _clip(acceleration - self.acceleration, self._jerk * period)
-            acceleration = _clip(self.acceleration + change, self._largest)
-            velocity = _clip(self.velocity + acceleration * period, self._speed)
-            most = min(max(lag / period, 0.0), upwards)
-            if velocity > most:  # never deeper, nor deeper faster, than it is told, if it can stop
-                velocity = min(velocity, max(most, self.velocity - EMERGENCY * self._largest * period))
-            acceleration = (velocity - self.velocity) / period
-        self.velocity, self.acceleration = velocity, acceleration
-        self.position += velocity * period
-        return self.position
-
-    def _kept(self, velocity: float, acceleration: float, upwards: float) -> bool:
-        """Whether a step of this speed and acceleration keeps all limits."""
-        jerk = abs(acceleration - self.acceleration) / self._period
-        return (
-            -self._speed <= velocity <= min(self._speed, upwards)
-            and abs(acceleration) <= self._largest
-            and jerk <= self._jerk
-        )
-
-
-def _clip(value: float, largest: float) -> float:
-    return min(max(value, -largest), largest)
+        return self._limited(self._path, wanted, upwards, shifted)

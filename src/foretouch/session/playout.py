@@ -67,11 +67,15 @@ class Playout:
         """Take one command; one that comes after its turn, or is no position within a metre, is left out."""
         if not abs(position) <= LARGEST_POSITION or sequence <= self._point:
             return
-        turn = bisect_left(self._commands, (sequence, -math.inf))
-        if turn == len(self._commands) or self._commands[turn][0] != sequence:
-            insort(self._commands, (sequence, position))
-            if place:
-                self._places[sequence] = place
+        commands = self._commands
+        if not commands or commands[-1][0] < sequence:
+            commands.append((sequence, position))
+        elif commands[bisect_left(commands, (sequence, -math.inf))][0] != sequence:
+            insort(commands, (sequence, position))
+        else:
+            return
+        if place:
+            self._places[sequence] = place
 
     def advance(self) -> float:
         """Play one tick and return the position [m]."""
@@ -79,22 +83,27 @@ class Playout:
         if not commands:
             return self.position
         newest = commands[-1][0]
-        if math.isnan(self._point):
-            self._point = newest
-        elif newest - self._point > LARGEST_LEAD:
+        lead = newest - self._point
+        if lead > LARGEST_LEAD:
             self._bridge(newest)
-        else:
-            self._point = min(self._point + 1.0 + self._haste(newest - self._point), newest)
-        self._play()
+        elif lead >= 0.0:
+            point = self._point + 1.0 + self._haste(lead)
+            self._point = point if point < newest else newest
+        else:  # the first: nothing was played before it
+            self._point = newest
+        self._play(newest)
         return self.position
 
     def _haste(self, lead: float) -> float:
         """How much faster than sent, from the smallest lead of the last ticks."""
-        self._least = min(self._least, lead)
+        if lead < self._least:
+            self._least = lead
         self._ticks += 1
         if self._ticks == LOOK_BACK:
             self._least_before, self._least, self._ticks = self._least, lead, 0
-        unneeded = min(self._least, self._least_before) - 1.0  # one came since the last tick: that is no lead
+        if lead <= 1.0:  # one came since the last tick: that is no lead
+            return 0.0
+        unneeded = min(self._least, self._least_before) - 1.0
         return min(LARGEST_HASTE, HASTE_PER_LEAD * unneeded) if 0.0 < unneeded < math.inf else 0.0
 
     def _bridge(self, newest: float) -> None:
@@ -106,21 +115,26 @@ class Playout:
         self._least = self._least_before = math.inf
         self._ticks = 0
 
-    def _play(self) -> None:
+    def _play(self, newest: float) -> None:
         """Interpolate at the point, and forget what is no longer needed."""
-        commands = self._commands
-        after = bisect_right(commands, (self._point, math.inf))
-        if after:
-            sequence, self.position = commands[after - 1]
-            self.place = self._places.get(sequence, self.place)
-            self.applied = max(self.applied, int(sequence))
-            if after < len(commands):
-                to, there = commands[after]
-                share = (self._point - sequence) / (to - sequence)
-                self.position += (there - self.position) * share
-                self._between(self._places.get(to, ()), share)
-            for old, _ in commands[: after - 1]:
-                self._places.pop(old, None)
+        commands, places, point = self._commands, self._places, self._point
+        after = len(commands) if point >= newest else bisect_right(commands, (point, math.inf))
+        if not after:
+            return
+        sequence, self.position = commands[after - 1]
+        if sequence > self.applied:
+            self.applied = int(sequence)
+        if places:
+            self.place = places.get(sequence, self.place)
+        if after < len(commands):
+            to, there = commands[after]
+            share = (point - sequence) / (to - sequence)
+            self.position += (there - self.position) * share
+            self._between(places.get(to, ()), share)
+        if after > 1:
+            if places:
+                for old, _ in commands[: after - 1]:
+                    places.pop(old, None)
             del commands[: after - 1]
 
     def _between(self, there: tuple[float, ...], share: float) -> None:

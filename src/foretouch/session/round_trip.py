@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from heapq import heappop, heappush
 
 __all__ = ["RoundTrip"]
 
@@ -24,7 +25,7 @@ class RoundTrip:
         current: Model that the leader of the newest applied command rendered from; 0 for none.
     """
 
-    __slots__ = ("_acknowledged", "_applied", "_due_ns", "_sent", "_smallest_ns", "current")
+    __slots__ = ("_acknowledged", "_applied", "_commands", "_due_ns", "_sent", "_smallest_ns", "current")
 
     def __init__(self) -> None:
         self._sent: dict[int, int] = {}
@@ -33,7 +34,8 @@ class RoundTrip:
 
     def restart(self) -> None:
         """Another leader, who counts from 1 again and knows nothing yet."""
-        self._acknowledged: dict[int, int] = {}
+        self._acknowledged: dict[int, int] = {}  # models by command
+        self._commands: list[int] = []  # those commands, as a heap
         self._applied = self.current = 0
         self._smallest_ns = math.inf
 
@@ -49,6 +51,9 @@ class RoundTrip:
             return
         if len(self._acknowledged) >= LARGEST_MEMORY:
             self._acknowledged.clear()
+            self._commands.clear()
+        if command not in self._acknowledged:
+            heappush(self._commands, command)
         self._acknowledged[command] = model
 
     def applied(self, command: int, now_ns: int) -> float | None:
@@ -57,10 +62,13 @@ class RoundTrip:
         Returns:
             Once a second the smallest round trip of that second [s], None in all other ticks and where there was none.
         """
-        self._applied = max(self._applied, command)
-        for number in sorted(number for number in self._acknowledged if number <= command):
-            self.current = self._acknowledged.pop(number)
-            self._hear(self.current, now_ns)
+        if command > self._applied:
+            self._applied = command
+        commands = self._commands
+        while commands and commands[0] <= command:
+            self.current = self._acknowledged.pop(heappop(commands))
+            if self.current in self._sent:  # else it was heard of before, or is of another process of the follower
+                self._hear(self.current, now_ns)
         if self._due_ns is None:
             self._due_ns = now_ns + PERIOD_NS
         if now_ns < self._due_ns:
@@ -70,8 +78,6 @@ class RoundTrip:
         return smallest * 1e-9 if smallest < math.inf else None
 
     def _hear(self, model: int, now_ns: int) -> None:
-        """A command was applied whose leader had this model."""
-        if model not in self._sent:  # heard of before, or of another process of the follower
-            return
+        """The first command was applied whose leader had this model."""
         self._smallest_ns = min(self._smallest_ns, now_ns - self._sent[model])
         self._sent = {number: sent for number, sent in self._sent.items() if number > model}

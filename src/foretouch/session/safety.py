@@ -5,9 +5,11 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+import numpy as np
+
 from foretouch.messages import Status
 from foretouch.models.checks import require
-from foretouch.session.force_guard import PATIENCE, ForceGuard
+from foretouch.session.force_guard import ForceGuard
 from foretouch.session.motion_limits import MotionLimits
 
 __all__ = ["REST_FORCE", "Safety", "SafetyLimits", "impact_speed"]
@@ -38,6 +40,9 @@ second [m/s]."""
 REJOINED_FOR = 0.3
 """A robot that has kept up with the commands for so long [s] follows them again: longer than the playout takes to lead
 from where it was held to where they are."""
+
+STATES = tuple(Status)
+"""By value."""
 
 CLEARANCE = 5e-3
 """A robot that retreats goes so far out of the contact that it was in [m]."""
@@ -132,31 +137,32 @@ class Safety:
         pressing: Whether the robot feels more than 1 N, or nobody knows what it feels.
     """
 
-    __slots__ = (
-        "_aim",
-        "_doubt",
-        "_guard",
-        "_limits",
-        "_met",
-        "_motion",
-        "_new",
-        "_period",
-        "_returning",
-        "pressing",
-        "status",
-        "stop_reason",
-    )
+    __slots__ = ("_keep", "_memory", "_motion", "pressing", "status", "stop_reason")
 
     def __init__(self, limits: SafetyLimits, sample_period: float) -> None:
-        self._limits = limits
-        self._period = sample_period
-        self._guard = ForceGuard()
-        self._motion = MotionLimits(limits.speed, limits.acceleration, limits.jerk, sample_period)
-        self._aim = math.nan
-        self._doubt = 0.0
-        self._returning = False
-        self._met = 0
-        self._new = True  # it has not followed yet: nothing leads from anywhere
+        # Imported here: it brings a compiler along, and imports the numbers above.
+        from foretouch.session import safety_kernel as kernel
+
+        self._keep = kernel.keep_safe
+        self._memory = np.zeros(kernel.SIZE)
+        ForceGuard(self._memory[kernel.GUARD : kernel.MOTION])
+        path = self._memory[kernel.MOTION :]
+        self._motion = MotionLimits(limits.speed, limits.acceleration, limits.jerk, sample_period, path=path)
+        self._memory[kernel.AIM] = math.nan
+        self._memory[kernel.NEW] = 1.0  # it has not followed yet: nothing leads from anywhere
+        self._memory[kernel.FORCE : kernel.PERIOD] = (
+            limits.force,
+            limits.depth,
+            *limits.workspace,
+            limits.speed,
+            limits.acceleration,
+            limits.mass,
+            limits.return_speed,
+            limits.hold_after,
+            limits.unload_after,
+            limits.retreats,
+        )
+        self._memory[kernel.PERIOD] = sample_period
         self.status = Status.FOLLOWING
         self.stop_reason = ""
         self.pressing = False
@@ -204,87 +210,18 @@ class Safety:
             guarded: Whether `desired` was held back for a first touch.
             surface_doubt: The surface may be nearer than it was felt by so much [m]: it was felt elsewhere.
         """
-        self._doubt = surface_doubt
-        if math.isnan(self._aim):
-            self._aim = position if math.isfinite(position) else desired
-        guard = self._guard
-        if faulty:
-            guard.observe(math.nan, math.nan, False)
-        else:
-            guard.observe(position, force, in_contact, self._motion.velocity)
-        self.pressing = faulty or not abs(force) <= REST_FORCE
-        self.status = self._decide(silence, faulty)
-        fastest = self._fastest(position, surface)
-        aim, shifted = self._ahead(fastest)
-        if self.status < Status.HOLDING:
-            if math.isfinite(desired):
-                self._met = 0 if desired > aim else self._met + 1
-                kept_up = self._met > 0 if self._new else self._met * self._period >= REJOINED_FOR
-                self._returning = self._returning and not kept_up
-                self._new = self._new and self._returning
-            aim = min(desired if math.isfinite(desired) else self._aim, aim)
-        if guarded and self.status is Status.FOLLOWING:
-            self.status = Status.GUARDED
-        self._aim = self._within(aim, surface)
-        return self._motion.update(self._aim, max(fastest, 0.0), shifted)
-
-    def _ahead(self, fastest: float) -> tuple[float, float]:
-        """The aim in the next tick, never further inside than the path soon is, for it would press on by itself.
-
-        Beside it, by how far it was set back for that. [m]
-        """
-        path = self._motion.position
-        shifted = 0.0 if math.isnan(path) else min(path + max(fastest, 0.0) * PATIENCE - self._aim, 0.0)
-        return self._aim + shifted + fastest * self._period, shifted
-
-    def _decide(self, silence: float, faulty: bool) -> Status:
-        limits = self._limits
-        if self.stop_reason:
-            status = Status.STOPPED
-        elif faulty:
-            status = Status.SENSOR_FAULT
-        elif silence >= limits.unload_after:
-            status = Status.RETREATING if limits.retreats else Status.UNLOADING
-        elif silence >= limits.hold_after:
-            status = Status.HOLDING
-        else:
-            return Status.RETURNING if self._returning else Status.FOLLOWING
-        self._returning, self._met = True, 0
-        return status
-
-    def _fastest(self, position: float, surface: float) -> float:
-        """How fast it may go deeper, negative where it has to go back [m/s]."""
-        limits, status = self._limits, self.status
-        stiffness, damping = self._worst(surface)
-        back = max(self._guard.speed(AIMED * limits.force, damping), -limits.speed)
-        if status < Status.HOLDING:
-            inwards = min(back, self._impact_speed(surface, stiffness, damping))
-            return min(inwards, limits.return_speed) if self._returning else inwards
-        if status is Status.RETREATING and math.isfinite(surface) and not position < surface - CLEARANCE:
-            return -limits.return_speed
-        if status in (Status.STOPPED, Status.UNLOADING, Status.RETREATING):
-            back = max(self._guard.speed(UNLOADED), -limits.speed)
-        return min(back, 0.0)
-
-    def _worst(self, surface: float) -> tuple[float, float]:
-        """Stiffness [N/m] and damping [N s/m] that are reckoned with."""
-        guard = self._guard
-        if math.isnan(surface) or math.isnan(guard.damping):
-            return STIFFEST, MOST_DAMPED
-        return min(guard.steepest or STIFFEST, STIFFEST), min(HIDDEN * guard.damping, MOST_DAMPED)
-
-    def _impact_speed(self, surface: float, stiffness: float, damping: float) -> float:
-        """How fast it may come to what may be there [m/s]."""
-        limits = self._limits
-        slow = impact_speed(IMPACT_SHARE * limits.force, limits.mass, stiffness)
-        if damping > 0.0:
-            slow = min(slow, DAMPING_SHARE * limits.force / damping)
-        way = 0.0 if math.isnan(surface) else max(surface - MARGIN - self._doubt - self._aim, 0.0)
-        return math.sqrt(slow * slow + limits.acceleration * way)
-
-    def _within(self, wanted: float, surface: float) -> float:
-        """Clip to depth and workspace."""
-        lowest, highest = self._limits.workspace
-        if math.isfinite(surface):
-            highest = min(highest, max(surface + self._limits.depth, lowest))
-        return min(max(wanted, lowest), highest)
+        told, status, self.pressing = self._keep(
+            self._memory,
+            self.stop_reason != "",
+            desired,
+            position,
+            force,
+            in_contact,
+            surface,
+            silence,
+            faulty,
+            guarded,
+            surface_doubt,
+        )
+        self.status = STATES[status]
+        return told

@@ -6,8 +6,6 @@ import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
-import numpy as np
-
 from foretouch.devices import Device
 from foretouch.link import FaultStage
 from foretouch.messages import VERSION, Command, Hello, Message, ModelUpdate, SessionLog, Telemetry
@@ -74,7 +72,7 @@ def simulate(
     clock = OperatorClock(operator)
     following = follower.start(robot.specification, settings)
     ticks = round(duration / SAMPLE_PERIOD)
-    compute = np.zeros((2, ticks), dtype=np.int64)
+    led_in, followed_in = [0] * ticks, [0] * ticks  # [ns]
     leader_log, follower_log, models = [], [], []
     texts = settings.as_text() | {"operator": operator.name} | dict(description or {})
     if record is not None:
@@ -87,7 +85,7 @@ def simulate(
         following, acted = follower.step(
             following, follower.Inputs(commands.pop_due(now_ns), sample, _PERIOD_NS, 0), now_ns
         )
-        compute[1, tick] = time.perf_counter_ns() - start
+        followed_in[tick] = time.perf_counter_ns() - start
         follower_log.append(acted.telemetry)
         returned.push(now_ns, acted.telemetry)
         if acted.model is not None:
@@ -95,15 +93,21 @@ def simulate(
             returned.push(now_ns, acted.model)
         sample = robot.exchange(acted.desired_position)
 
-        arrived = returned.pop_due(now_ns)
+        telemetry: list[Telemetry] = []
+        updates: list[ModelUpdate] = []
+        for message in returned.pop_due(now_ns):
+            if type(message) is Telemetry:
+                telemetry.append(message)
+            elif type(message) is ModelUpdate:
+                updates.append(message)
         position = operator.read(clock.read(now_ns, coupled=leading.heard.run > 0))
         start = time.perf_counter_ns()
         leading, led = side.step(
             leading,
             leader.Inputs(
                 position,
-                [message for message in arrived if type(message) is ModelUpdate],
-                [message for message in arrived if type(message) is Telemetry],
+                updates,
+                telemetry,
                 _PERIOD_NS,
                 0,
                 operator.clutched,
@@ -112,7 +116,7 @@ def simulate(
             ),
             now_ns,
         )
-        compute[0, tick] = time.perf_counter_ns() - start
+        led_in[tick] = time.perf_counter_ns() - start
         operator.render(led.record.rendered_force)
         leader_log.append(led.record)
         commands.push(now_ns, led.command)
@@ -126,5 +130,5 @@ def simulate(
     elapsed = time.perf_counter() - began
     counts = leader_counts(leading) | follower_counts(following)
     log = SessionLog.from_messages(leader_log, follower_log, models, texts, counts)
-    log.leader["compute_ns"], log.follower["compute_ns"] = compute
+    log.leader["compute_ns"], log.follower["compute_ns"] = led_in, followed_in
     return SimulatedSession(log, duration, elapsed)
