@@ -8,7 +8,7 @@ what is asked is that nobody makes anything twice as slow unseen.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
@@ -21,7 +21,7 @@ from foretouch.bench.benchmarks.fprls import theta_of
 from foretouch.bench.benchmarks.map import contestant as map_over_recording
 from foretouch.bench.benchmarks.steps import TapedSession
 from foretouch.bench.press import Problem, press, samples
-from foretouch.bench.reference import recursion_over
+from foretouch.bench.reference import rank_one_updates, recursion_over
 from foretouch.bench.timing import Contestant, once
 from foretouch.errors import RecordingError
 
@@ -29,6 +29,24 @@ __all__ = ["BAND", "SHORT_BAND", "Checked", "check", "compare", "measure_ratios"
 
 BAND, SHORT_BAND = 1.6, 2.5
 """A ratio may be so many times its baseline; the short form has few rounds."""
+
+ROUNDS, SHORT_ROUNDS, TURNS, ATTEMPTS = 40, 4, 6, 3
+"""Rounds have one session and so many turns of all else; and how often rounds are added where a ratio is beyond."""
+
+CALLS, RECORDED, MATRICES = 2_000, 20_000, 100
+"""Work of one turn: calls, samples of a recording, matrices."""
+
+BARE = {
+    "FPRLS over a recording": "bare recursion",
+    "contact map over a recording": "bare matrix",
+    "leader step": "bare call",
+    "follower step": "bare call",
+    "FPRLS update": "bare call",
+    "exact update": "bare call",
+    "contact map update": "bare matrix",
+}
+"""What each is held against: where a machine is shared, code that fills wide registers and caches suffers most, and is
+compared with such code."""
 
 Measured = dict[str, float]
 """Ratio by name."""
@@ -75,37 +93,43 @@ def measure_ratios(*, short: bool) -> Measured:
     Args:
         short: A few seconds; else a minute.
     """
-    size, rounds = 2_000, 7 if short else 60
-    sampled, pressed = samples(press(size)), press(10 * size)
-    problem = Problem.of(pressed)
+    return _ratios(_least(short, {}))
+
+
+def _ratios(least: Mapping[str, float]) -> Measured:
+    """What is named by a bare loop is held against it."""
+    return {name: seconds / least[BARE[name]] for name, seconds in least.items() if name in BARE}
+
+
+def _least(short: bool, before: Mapping[str, float]) -> dict[str, float]:
+    """The least time of a unit of work [s] of everything, of these rounds and of those before."""
+    pressed = press(RECORDED)
+    sampled, problem = samples(press(CALLS)), Problem.of(pressed)
     session = TapedSession(2.0)
-
-    def timed(one: Contestant) -> Callable[[], Measured]:
-        return lambda: {"": once(one)}
-
-    def steps() -> Measured:
-        times = session.times()
-        touching = times.pop("contact") > 0.0
-        return {f" {side} step": float(np.median(values[touching])) for side, values in times.items()}
-
-    measures = {
-        "bare call": timed(Contestant(bare(sampled), size)),
-        "bare recursion": timed(Contestant(lambda: recursion_over(problem), 10 * size)),
-        "FPRLS over a recording": timed(Contestant(lambda: theta_of(pressed), 10 * size)),
-        "contact map over a recording": timed(map_over_recording(10 * size, 10e-3)),
-        "session": steps,
+    contestants = {
+        "bare call": Contestant(bare(sampled), CALLS),
+        "bare recursion": Contestant(lambda: recursion_over(problem), RECORDED),
+        "bare matrix": Contestant(lambda: rank_one_updates(MATRICES), MATRICES),
+        "FPRLS over a recording": Contestant(lambda: theta_of(pressed), RECORDED),
+        "contact map over a recording": map_over_recording(CALLS, 10e-3),
     }
     for name, (make, _) in CALLED.items():
         estimator = make()
-        measures[f"{name} update"] = timed(Contestant(update_all(estimator, sampled), size, estimator.reset))
-    least: Measured = {}
-    for _ in range(rounds + 1):  # the first warms up; it is never the least
-        for name, measure in measures.items():
-            for part, seconds in measure().items():
-                key = (name + part).removeprefix("session ")
-                least[key] = min(seconds, least.get(key, seconds))
-    call, recursion = least.pop("bare call"), least.pop("bare recursion")
-    return {name: seconds / (recursion if "recording" in name else call) for name, seconds in least.items()}
+        contestants[f"{name} update"] = Contestant(update_all(estimator, sampled), CALLS, estimator.reset)
+    least = dict(before)
+
+    def keep(name: str, seconds: float) -> None:
+        least[name] = min(seconds, least.get(name, seconds))
+
+    for _ in range(SHORT_ROUNDS if short else ROUNDS):  # the first warms up; it is never the least
+        times = session.times()
+        touching = times.pop("contact") > 0.0
+        for side, values in times.items():
+            keep(f"{side} step", float(np.median(values[touching])))
+        for _ in range(TURNS):
+            for name, one in contestants.items():
+                keep(name, once(one))
+    return least
 
 
 def compare(measured: Mapping[str, float], baseline: Mapping[str, float], band: float) -> list[Checked]:
@@ -123,6 +147,8 @@ def compare(measured: Mapping[str, float], baseline: Mapping[str, float], band: 
 def check(baseline: Path | None = None, *, short: bool = False) -> list[Checked]:
     """Measure all ratios and hold them against a baseline.
 
+    Where one is beyond its band, further rounds are added, twice: what really is slower stays slower.
+
     Args:
         baseline: A file; the committed one where none is given.
         short: A few seconds and a wider band; else a minute.
@@ -131,7 +157,14 @@ def check(baseline: Path | None = None, *, short: bool = False) -> list[Checked]
         RecordingError: The baseline cannot be read.
     """
     kept = read_baseline(baseline)
-    return compare(measure_ratios(short=short), kept, SHORT_BAND if short else BAND)
+    least: dict[str, float] = {}
+    band = SHORT_BAND if short else BAND
+    for _ in range(ATTEMPTS):
+        least = _least(short, least)
+        checked = compare(_ratios(least), kept, band)
+        if all(one.passed for one in checked):
+            break
+    return checked
 
 
 def read_baseline(path: Path | None = None) -> Measured:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from foretouch.bench.press import FORGETTING_FACTOR, INITIAL_COVARIANCE, Problem
 
-__all__ = ["bare_call", "recursion_over"]
+__all__ = ["bare_call", "rank_one_updates", "recursion_over"]
 
 Array = NDArray[np.float64]
 
@@ -57,3 +57,29 @@ def _add(state: Array, one: float, other: float, third: float, fourth: float) ->
 
 bare_call: Callable[[Array, float, float, float, float], int] = njit(cache=True)(_add)
 """A compiled call with an array and four numbers that does next to nothing: what any call from Python costs."""
+
+
+def _enlarge(matrix: Array, vector: Array, rounds: int) -> None:
+    for _ in range(rounds):
+        for i in range(vector.size):
+            for j in range(vector.size):
+                matrix[i, j] += vector[i] * vector[j]
+
+
+_compiled_enlarge: Callable[[Array, Array, int], None] = njit(cache=True)(_enlarge)
+
+
+def rank_one_updates(rounds: int) -> Array:
+    """Sums of outer products of 256 numbers: half a megabyte that is read and written, as a covariance's is.
+
+    What shares a cache with other programs becomes slower with them, where small loops do not: it is held against this.
+
+    Args:
+        rounds: How many are added.
+
+    Returns:
+        The sum, shape (256, 256).
+    """
+    matrix = np.zeros((256, 256))
+    _compiled_enlarge(matrix, np.linspace(0.0, 1.0, 256), rounds)
+    return matrix

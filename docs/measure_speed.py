@@ -1,0 +1,117 @@
+"""Measure how fast everything is and write it where it stands: the blocks of `docs/speed.md`, and its plots.
+
+Usage: `.venv/bin/python docs/measure_speed.py [NAME ...]`: a benchmark each, or `plots`; without names all, which takes
+some 10 minutes.
+"""
+
+from __future__ import annotations
+
+import os
+import platform
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import matplotlib
+
+matplotlib.use("agg")
+import matplotlib.pyplot as plt
+import numba
+import numpy as np
+from matplotlib.axes import Axes
+from measured_blocks import chosen, fill
+
+from foretouch.bench import BENCHMARKS, Row, run_benchmarks
+from foretouch.bench.benchmarks import batch, growth, map, mesh
+from foretouch.bench.table import HEADS, cells
+from foretouch.bench.timing import interleave
+
+DOCS = Path(__file__).parent
+PAGE = DOCS / "speed.md"
+BLUE, VERMILLION, GREEN = "#0072B2", "#D55E00", "#009E73"  # Okabe and Ito's
+STREAMS = (4, 16, 64, 256, 1024, 4096)
+ROUNDS = 7
+
+
+def main(names: list[str]) -> None:
+    """Fill blocks and draw."""
+    for name in names:
+        if name == "plots":
+            draw()
+            continue
+        rows = run_benchmarks([name], say=print)[name]
+        fill(PAGE, {name: block(name, rows), "machine": machine() + "\n"})
+        print(name)
+
+
+def block(name: str, rows: list[Row]) -> str:
+    """One benchmark's rows, ratios first, as a table of the page."""
+    lines = [f"| {' | '.join(HEADS)} |", "| --- | --: | --: | --: | --- | --- | --- |"]
+    lines += [f"| {' | '.join(cells(row))} |" for row in sorted(rows, key=lambda row: row.unit != "x")]
+    return f"`foretouch bench --only {name}`:\n\n" + "\n".join(lines) + "\n"
+
+
+def machine() -> str:
+    """What it was measured on."""
+    load = f", {os.getloadavg()[0]:.1f} processes running or waiting on average" if hasattr(os, "getloadavg") else ""
+    versions = f"Python {platform.python_version()}, NumPy {np.__version__}, Numba {numba.__version__}"
+    return f"Measured last on {platform.machine()}, {os.cpu_count()} cores{load}; {versions}."
+
+
+def draw() -> None:
+    """Four plots, two a picture."""
+    os.environ.setdefault("NUMBA_NUM_THREADS", "1")
+    for name, panels in {"growth": (over_samples, over_streams), "size": (over_cells, over_triangles)}.items():
+        figure, axes = plt.subplots(1, 2, figsize=(8.8, 3.4), layout="constrained")
+        for panel, one in zip(panels, axes, strict=True):
+            panel(one)
+            one.grid(alpha=0.3)
+            one.legend(frameon=False, loc="upper right" if panel is over_streams else "lower right")
+            if panel is not over_streams:
+                one.set_ylim(0.0, 1.1 * one.get_ylim()[1])
+        figure.savefig(DOCS / "images" / f"speed-{name}.png", dpi=110)
+        print(f"docs/images/speed-{name}.png")
+
+
+def over_samples(axes: Axes) -> None:
+    """Streams of FPRLS: cost of a sample, quickest of three."""
+    streams = growth.curve(growth.LARGEST)
+    sizes = [one.size for one in streams]
+    axes.semilogx(sizes, [1e9 * one.seconds / one.size for one in streams], "o-", color=BLUE, label="FPRLS")
+    axes.set(title="One recording", xlabel="samples", ylabel="ns a sample")
+
+
+def over_streams(axes: Axes) -> None:
+    """Many recordings at once: cost of a sample."""
+    measured = {streams: interleave(batch.contestants(streams), ROUNDS) for streams in STREAMS}
+    styles = (("with features", BLUE, "o-"), ("without features", GREEN, "s-"), ("NumPy", VERMILLION, "^--"))
+    for name, colour, style in styles:
+        costs = [1e9 * np.median(measured[streams][name]) for streams in STREAMS]
+        axes.loglog(STREAMS, costs, style, color=colour, label=f"FPRLS, {name}" if name != "NumPy" else "NumPy")
+    axes.set(title="Many recordings at once, one core", xlabel="recordings", ylabel="ns a sample")
+
+
+def over_cells(axes: Axes) -> None:
+    """The contact map: cost of a sample, median and quartiles."""
+    cells_of = {map.cells(deepest): map.contestant(map.CELLS_SIZE, deepest) for deepest in map.DEEPEST}
+    times = interleave({str(count): one for count, one in cells_of.items()}, ROUNDS)
+    _with_quartiles(axes, list(cells_of), lambda count: 1e9 * times[str(count)], "contact map, one recording")
+    axes.set(title="Contact map", xlabel="cells of the coarse map that are visited", ylabel="ns a sample")
+
+
+def over_triangles(axes: Axes) -> None:
+    """The proxy on a mesh: cost of a tick, median and quartiles."""
+    sides = {2 * side**2: mesh.contestant(side) for side in mesh.SIDES}
+    times = interleave({str(count): one for count, one in sides.items()}, ROUNDS)
+    _with_quartiles(axes, list(sides), lambda count: 1e6 * times[str(count)], "proxy, one call a tick")
+    axes.set_xscale("log")
+    axes.set(title="Surface of triangles", xlabel="triangles", ylabel="µs a tick")
+
+
+def _with_quartiles(axes: Axes, at: list[int], of: Callable[[int], np.ndarray], label: str) -> None:
+    lower, middle, upper = np.array([np.percentile(of(count), (25, 50, 75)) for count in at]).T
+    axes.errorbar(at, middle, (middle - lower, upper - middle), fmt="o-", capsize=4, color=BLUE, label=label)
+
+
+if __name__ == "__main__":
+    main(chosen(sys.argv[1:], [*BENCHMARKS, "plots"]))

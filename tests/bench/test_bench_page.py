@@ -1,0 +1,35 @@
+"""The page of the documentation that the benchmarks fill."""
+
+from __future__ import annotations
+
+import re
+import sys
+from pathlib import Path
+
+import pytest
+
+from foretouch.bench import BENCHMARKS, Row
+
+DOCS = Path(__file__).resolve().parents[2] / "docs"
+
+
+def test_every_benchmark_has_its_block_and_figures() -> None:
+    text = (DOCS / "speed.md").read_text()
+    blocks = dict(re.findall(r"<!-- measured: ([a-z-]+) -->\n(.*?)<!-- end -->", text, re.DOTALL))
+    assert list(blocks) == ["machine", *[name for name in blocks if name != "machine"]]
+    assert set(blocks) == {"machine", *BENCHMARKS}
+    for name in BENCHMARKS:
+        assert f"`foretouch bench --only {name}`" in blocks[name]
+        assert blocks[name].count("\n|") >= 3, f"{name} has no rows"
+
+
+def test_a_block_is_a_table_with_ratios_first(monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("matplotlib")
+    monkeypatch.setattr(sys, "path", [str(DOCS), *sys.path])
+    import measure_speed
+
+    rows = [Row("a time", 2.0, "us", 1.0), Row("a ratio", 3.0, "x", 2.0, True, (2.5, 3.5), 7)]
+    lines = measure_speed.block("call", rows).splitlines()
+    assert lines[0] == "`foretouch bench --only call`:"
+    assert lines[4:] == ["| a ratio | 3 | 2.5 to 3.5 | 7 | x | ≥ 2 | yes |", "| a time | 2 |  | 1 | us | ≤ 1 | no |"]
+    assert measure_speed.machine().startswith("Measured last on ")
