@@ -20,8 +20,8 @@ from foretouch.identification.contact_map_notes import (
     BEGIN_MEMORY,
     BEGIN_NOTES,
     BEGIN_RATES,
-    BEGIN_RING,
     BEGIN_SETTINGS,
+    BEGIN_TIMES,
     BEGUN,
     CHANGES,
     CONTACT,
@@ -144,7 +144,7 @@ class ContactMapBank(Estimator):
         self._flat = self._state[BEGIN_FLAT:BEGIN_MEMORY]
         self._memory = self._state[BEGIN_MEMORY:BEGIN_NOTES]
         self._notes = self._state[BEGIN_NOTES:BEGIN_RATES]
-        self._law.place_in(self._state[BEGIN_LAW:BEGIN_SETTINGS], self._state[BEGIN_SETTINGS:BEGIN_RING])
+        self._law.place_in(self._state[BEGIN_LAW:BEGIN_SETTINGS], self._state[BEGIN_SETTINGS:BEGIN_TIMES])
         self._regressions = (
             make_regression(0, self._state[BEGIN_COARSE:BEGIN_FINE]),
             make_regression(1, self._state[BEGIN_FINE:]),

@@ -20,6 +20,7 @@ from foretouch.identification.contact_map_notes import (
     BEGIN_NOTES,
     BEGIN_RATES,
     BEGIN_RING,
+    BEGIN_TIMES,
     BEGIN_VALUES,
     CONTACT,
     FADED,
@@ -110,14 +111,22 @@ restart: Callable[[Array, MapRegression, MapRegression, Array], None] = _compile
 
 
 def _score_late(
-    flat: Array, notes: Array, ring: Array, values: Array, forces: Array, sample: tuple[float, ...], period: float
+    flat: Array,
+    notes: Array,
+    times: Array,
+    ring: Array,
+    values: Array,
+    forces: Array,
+    sample: tuple[float, ...],
+    period: float,
 ) -> None:
     """Score what the newest snapshot that is old enough says of a sample, where the place had been visited by then.
 
     Args:
         flat: The map.
         notes: Beside it.
-        ring: The snapshots.
+        times: Of the snapshots [s], shape (RING,).
+        ring: The snapshots, each with its time in contact, shape (RING, SIZE + 1).
         values: Features of the sample.
         forces: Scratch of shape (EXPERTS,).
         sample: Time [s], place from the origin [m], velocity [m/s], force [N], and 1 in contact.
@@ -127,14 +136,14 @@ def _score_late(
     # The ring is short enough to be walked.
     age, newest = 0, int(notes[SNAPSHOTS])
     kept = min(newest, RING)
-    while age < kept and ring[(newest - 1 - age) % RING, SIZE + 1] > time - notes[HORIZON] + 1e-7:
+    while age < kept and times[(newest - 1 - age) % RING] > time - notes[HORIZON] + 1e-7:
         age += 1
     snapshot = ring[(newest - 1 - age) % RING]
     if age < kept and snapshot[SIZE] >= SCORED_FROM and place <= snapshot[REACHED]:
         score(flat, snapshot[:SIZE], values, place, velocity, force, contact > 0.0, period, notes, forces)
 
 
-score_late: Callable[[Array, Array, Array, Array, Array, tuple[float, ...], float], None] = _inlined(_score_late)
+score_late: Callable[[Array, Array, Array, Array, Array, Array, tuple[float, ...], float], None] = _inlined(_score_late)
 
 
 def _widen(
@@ -185,17 +194,17 @@ def _has_changed(
 has_changed: Callable[[Array, float, bool, float, float, float], bool] = _inlined(_has_changed)
 
 
-def _snap(flat: Array, notes: Array, ring: Array, time: float) -> None:
+def _snap(flat: Array, notes: Array, times: Array, ring: Array, time: float) -> None:
     """Keep the map as it is, to be scored later."""
     if time - notes[SNAPPED_AT] >= RING_PERIOD - 1e-7 or notes[SNAPSHOTS] == 0.0:
         notes[SNAPPED_AT] = time
-        row = ring[int(notes[SNAPSHOTS]) % RING]
-        row[:SIZE] = flat
-        row[SIZE], row[SIZE + 1] = notes[CONTACT], time
+        index = int(notes[SNAPSHOTS]) % RING
+        ring[index, :SIZE] = flat
+        ring[index, SIZE], times[index] = notes[CONTACT], time
         notes[SNAPSHOTS] += 1.0
 
 
-snap: Callable[[Array, Array, Array, float], None] = _inlined(_snap)
+snap: Callable[[Array, Array, Array, Array, float], None] = _inlined(_snap)
 
 
 def _learn(state: Array, time: float, place: float, velocity: float, force: float, contact: bool) -> int:
@@ -210,7 +219,7 @@ def _learn(state: Array, time: float, place: float, velocity: float, force: floa
         contact: The conditioner's judgement.
     """
     flat, notes = state[BEGIN_FLAT:BEGIN_MEMORY], state[BEGIN_NOTES:BEGIN_RATES]
-    ring = state[BEGIN_RING:BEGIN_COARSE].reshape((RING, SIZE + 2))
+    times, ring = state[BEGIN_TIMES:BEGIN_RING], state[BEGIN_RING:BEGIN_COARSE].reshape((RING, SIZE + 1))
     coarse = regression(state[BEGIN_COARSE:BEGIN_FINE], 0)
     values = state[BEGIN_VALUES : BEGIN_VALUES + LARGEST_FEATURES]
     forces = state[BEGIN_VALUES + LARGEST_FEATURES : BEGIN_VALUES + LARGEST_FEATURES + EXPERTS]
@@ -219,7 +228,8 @@ def _learn(state: Array, time: float, place: float, velocity: float, force: floa
     notes[LEARNT_AT] = time
     features(state[BEGIN_MEMORY:BEGIN_NOTES], place, velocity, values)
     if notes[SNAPSHOTS] > 0.0:
-        score_late(flat, notes, ring, values, forces, (time, place, velocity, force, 1.0 if contact else 0.0), period)
+        sample = (time, place, velocity, force, 1.0 if contact else 0.0)
+        score_late(flat, notes, times, ring, values, forces, sample, period)
     visited = place <= flat[REACHED]
     widen(flat, notes, values, place, velocity, force, contact, period)
 
@@ -245,7 +255,7 @@ def _learn(state: Array, time: float, place: float, velocity: float, force: floa
         fade(coarse, FADING)
         fade(regression(state[BEGIN_FINE:], 1), FADING)
     allot(flat, notes)
-    snap(flat, notes, ring, time)
+    snap(flat, notes, times, ring, time)
 
     spoilt = math.isnan(coarse_error) or math.isnan(fine_error)
     odd = 0

@@ -22,6 +22,7 @@ __all__ = [
     "BEGIN_RATES",
     "BEGIN_RING",
     "BEGIN_SETTINGS",
+    "BEGIN_TIMES",
     "BEGIN_VALUES",
     "BEGUN",
     "CHANGES",
@@ -85,7 +86,8 @@ BEGIN_RATES = BEGIN_NOTES + NOTES  # scratch: how far the averages go in one sam
 BEGIN_VALUES = BEGIN_RATES + MEMORY  # scratch: the features, then what each expert says
 BEGIN_LAW = BEGIN_VALUES + LARGEST_FEATURES + 3  # the exact estimator
 BEGIN_SETTINGS = BEGIN_LAW + STATE_SIZE  # of that
-BEGIN_RING = BEGIN_SETTINGS + len(SETTINGS)  # rows of SIZE + 2: a map, its time in contact and its time
-BEGIN_COARSE = BEGIN_RING + RING * (SIZE + 2)
+BEGIN_TIMES = BEGIN_SETTINGS + len(SETTINGS)  # of the snapshots, together: they are walked
+BEGIN_RING = BEGIN_TIMES + RING  # rows of SIZE + 1: a map and its time in contact
+BEGIN_COARSE = BEGIN_RING + RING * (SIZE + 1)
 BEGIN_FINE = BEGIN_COARSE + regression_size(0)
 TOTAL = BEGIN_FINE + regression_size(1)

@@ -20,8 +20,8 @@ from foretouch.identification.contact_map_notes import (
     BEGIN_MEMORY,
     BEGIN_NOTES,
     BEGIN_RATES,
-    BEGIN_RING,
     BEGIN_SETTINGS,
+    BEGIN_TIMES,
     BEGIN_VALUES,
     BEGUN,
     CHANGES,
@@ -109,7 +109,7 @@ def _take(state: Array, time: float, depth: float, velocity: float, force: float
         in_contact: The conditioner's judgement.
     """
     law = state[BEGIN_LAW:BEGIN_SETTINGS]
-    settings = state[BEGIN_SETTINGS:BEGIN_RING]
+    settings = state[BEGIN_SETTINGS:BEGIN_TIMES]
     if in_contact:
         take_law(law, settings, time, depth, velocity, force)
     if not (abs(depth) <= LARGEST_DEPTH and abs(velocity) <= LARGEST_SPEED and abs(force) <= LARGEST_FORCE):

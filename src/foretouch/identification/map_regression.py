@@ -370,13 +370,13 @@ def _fade(state: MapRegression, share: float) -> None:
     elastic, feature = part_of(state, True)[1], part_of(state, False)[1]
     for i in range(rows):
         weight = weight_at[i]
+        inside = weight < knots
+        begin = 0 if inside else knots + (weight - knots) // coarse * coarse
+        length, prior = (knots, elastic) if inside else (coarse, feature)
+        at = (weight - begin) * length
         for k in range(rows):
-            other = weight_at[k]
-            before[k] = 0.0
-            if weight < knots and other < knots:
-                before[k] = elastic[weight * knots + other]
-            elif weight >= knots and other >= knots and (weight - knots) // coarse == (other - knots) // coarse:
-                before[k] = feature[(weight - knots) % coarse * coarse + (other - knots) % coarse]
+            place = weight_at[k] - begin
+            before[k] = prior[at + place] if 0 <= place < length else 0.0
         for k in range(rows):
             state.covariance[i, k] += share * (before[k] - state.covariance[i, k])
 
