@@ -92,13 +92,13 @@ def test_bad_numbers_never_raise(estimator: Estimator) -> None:
 
 def test_reset_forgets_and_the_same_samples_teach_the_same_again(estimator: Estimator) -> None:
     recording = press(noise=0.01)
-    first = identify(recording, Learner(estimator))
+    first = identify(recording, Learner(estimator), keep_history=True)
     errors = estimator.standard_errors
     estimator.reset()
     assert estimator.model is None
     assert estimator.parameters == {}
     assert estimator.updates == 0
-    again = identify(recording, Learner(estimator))
+    again = identify(recording, Learner(estimator), keep_history=True)
     assert again.parameters == first.parameters
     assert estimator.standard_errors == errors
     for name, column in first.history.items():
@@ -170,7 +170,7 @@ def test_unknown_names_list_the_choices() -> None:
 
 def test_history_and_residual_have_a_row_a_sample() -> None:
     recording = press()
-    result = identify(recording, Learner(make_estimator("continuous-switching", "fprls")))
+    result = identify(recording, Learner(make_estimator("continuous-switching", "fprls")), keep_history=True)
     assert set(result.history) == {"ln_k", "s", "b1", "b2", "stiffness", "damping", "exponent", "switching"}
     for column in (*result.history.values(), result.residual, result.in_contact):
         assert column.shape == recording.time.shape

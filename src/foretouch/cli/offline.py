@@ -71,7 +71,7 @@ def identify(
     if sensor is not None:
         data, force_offset, sensor_lag = _at_the_contact(data, sensor, force_offset, sensor_lag)
     learner = _learner(model, estimator, surface, force_offset, sensor_lag)
-    result = identification.identify(data, learner(contact_floor=data.contact_floor))
+    result = identification.identify(data, learner(contact_floor=data.contact_floor), keep_history=out is not None)
     residual, contact = result.residual_rms, result.contact_force_rms
     content = {
         "model": model,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -34,7 +35,7 @@ class Identification:
             before there was a model, shape (n,).
         contact_force_rms: RMS of the force over the samples that have a residual [N].
         history: Parameters after every sample by name, NaN before there was a model and where undetermined,
-            shape (n,) each.
+            shape (n,) each; empty where it was not asked for.
         model: After the last sample.
         surface_error: Standard error of where contact begins [m]; 0 for a surface that was given.
         sensor_lag: How late forces are at least [s], beyond the lag that was given; None where nothing tells it.
@@ -63,8 +64,13 @@ class Identification:
         return _rms(self.residual[np.isfinite(self.residual)])
 
 
-def identify(recording: Recording, learner: Learner) -> Identification:
-    """Feed a recording to a learner and keep what it knew at every sample.
+def identify(recording: Recording, learner: Learner, *, keep_history: bool = False) -> Identification:
+    """Feed a recording to a learner, and compare each force with that of the model learnt before it.
+
+    Args:
+        recording: Of presses.
+        learner: Fresh.
+        keep_history: Whether the parameters after every sample are kept, which takes longer than learning them.
 
     Raises:
         RecordingError: Fewer than 50 samples in contact, or never enough for a model.
@@ -73,9 +79,11 @@ def identify(recording: Recording, learner: Learner) -> Identification:
     in_contact = np.zeros(size, dtype=np.bool_)
     residual = np.full(size, np.nan)
     force = np.full(size, np.nan)
-    history: dict[str, Array] = {}
+    history = _History(size) if keep_history else None
     velocities = [None] * size if recording.velocity is None else recording.velocity.tolist()
-    model, surface, state, deviation = None, np.nan, learner.estimator.state, np.nan
+    estimator, conditioner = learner.estimator, learner.conditioner
+    model, surface, state, deviation = None, np.nan, estimator.state, np.nan
+    known: tuple[object, ...] = ()  # what the model was made of
     samples = zip(
         recording.time.tolist(), recording.position.tolist(), recording.force.tolist(), velocities, strict=True
     )
@@ -87,12 +95,13 @@ def identify(recording: Recording, learner: Learner) -> Identification:
             _, expected, deviation = advance(model, state, position - surface, sample.velocity, time - before)
             residual[index] = sample.force - expected
             force[index] = sample.force
-        before = time
-        model, state = learner.estimator.model, learner.estimator.state
-        surface = learner.conditioner.surface - learner.estimator.surface_correction
-        if model is not None:
-            for name, value in learner.estimator.parameters.items():
-                history.setdefault(name, np.full(size, np.nan))[index] = np.nan if value is None else value
+        before, state = time, estimator.state
+        now = (estimator.updates, estimator.changes, conditioner.surface, conditioner.force_offset)
+        if now != known:
+            known, model = now, estimator.model
+            surface = conditioner.surface - estimator.surface_correction
+        if history is not None and model is not None:
+            history.note(index, estimator.parameters)
     contacts = int(in_contact.sum())
     if contacts < FEWEST_CONTACT_SAMPLES:
         raise RecordingError(
@@ -109,13 +118,28 @@ def identify(recording: Recording, learner: Learner) -> Identification:
         in_contact,
         residual,
         _rms(force[np.isfinite(force)]),
-        history,
+        {} if history is None else history.columns,
         model,
         learner.conditioner.surface_error,
         learner.lag.lag,
         learner.lag.standard_error,
         deviation,
     )
+
+
+class _History:
+    """Columns that grow by name as names turn up."""
+
+    def __init__(self, size: int) -> None:
+        self._size = size
+        self.columns: dict[str, Array] = {}
+
+    def note(self, index: int, parameters: Mapping[str, float | None]) -> None:
+        for name, value in parameters.items():
+            if name not in self.columns:
+                self.columns[name] = np.full(self._size, np.nan)
+            if value is not None:
+                self.columns[name][index] = value
 
 
 def _rms(values: Array) -> float:
