@@ -157,9 +157,7 @@ class Conditioner:
         self._learn_offset(time, force)
         force -= self.force_offset
         self._learn_peak(time, force)
-        threshold = max(
-            self._floor, NOISE_FACTOR * min(self._noise, QUIET_SPREAD * self._quietest), PEAK_SHARE * self._peak
-        )
+        threshold = self._threshold()
         if self.in_contact:
             self.in_contact = force > RELEASE_SHARE * threshold
         else:
@@ -172,6 +170,15 @@ class Conditioner:
         if self.in_contact and self._given_surface is None and position < self.surface:
             self.surface = position
         return ContactSample(time, position - self.surface, velocity, force, self.in_contact)
+
+    def _threshold(self) -> float:
+        """Where contact begins [N]; comparisons, for calls of min and max cost more than all the rest of it."""
+        noise, largest = self._noise, QUIET_SPREAD * self._quietest
+        noise = NOISE_FACTOR * (largest if largest < noise else noise)
+        found, share = self._floor, PEAK_SHARE * self._peak
+        if noise > found:
+            found = noise
+        return share if share > found else found
 
     def _delay(self, time: float, position: float, velocity: float) -> tuple[float, float]:
         """Position and velocity of one lag ago, between the samples around it; the first ones until there are such."""
@@ -200,20 +207,23 @@ class Conditioner:
         if math.isnan(self._reference):
             self._reference = force
         shifted = force - self._reference
-        self._window.append((time, shifted))
-        self._sum += shifted
-        self._square_sum += shifted * shifted
+        window = self._window
+        window.append((time, shifted))
+        total, squares = self._sum + shifted, self._square_sum + shifted * shifted
         full = False
-        while time - self._window[0][0] >= OFFSET_WINDOW:
+        while time - window[0][0] >= OFFSET_WINDOW:
             full = True
-            _, old = self._window.popleft()
-            self._sum -= old
-            self._square_sum -= old * old
-        count = len(self._window)
-        mean = self._sum / count
-        spread = math.sqrt(max(0.0, self._square_sum / count - mean * mean))
+            _, old = window.popleft()
+            total -= old
+            squares -= old * old
+        self._sum, self._square_sum = total, squares
+        count = len(window)
+        mean = total / count
+        variance = squares / count - mean * mean
+        spread = math.sqrt(variance) if variance > 0.0 else 0.0
         if full:
-            self._quietest = min(self._quietest, spread)
+            if spread < self._quietest:
+                self._quietest = spread
             if mean >= self._lowest_mean or spread > max(QUIET_FACTOR * self._quietest, SMALLEST_SPREAD):
                 return
             self._lowest_mean = mean
@@ -230,7 +240,7 @@ class Conditioner:
             self._block = (time, force, lowest)
             self._peak = max(self._peak, min(lowest, before) if math.isfinite(before) else 0.0)
         else:
-            self._block = (begin, min(lowest, force), before)
+            self._block = (begin, force if force < lowest else lowest, before)
 
     def _learn_surface(self, position: float, threshold: float) -> None:
         """Take the surface from a contact that begins, if none is known or the known one is in doubt."""

@@ -69,23 +69,23 @@ class Learner:
 
     def update(self, time: float, position: float, force: float, velocity: float | None = None) -> ContactSample:
         """Learn from one raw sample (`Conditioner.update`) and return it conditioned."""
-        last = self.sample.time
-        before, offset = self.conditioner.surface, self.conditioner.force_offset
-        self.sample = self.conditioner.update(time, position, force, velocity)
-        moved = self.conditioner.surface - before
+        last, conditioner, estimator = self.sample.time, self.conditioner, self.estimator
+        before, offset = conditioner.surface, conditioner.force_offset
+        sample = self.sample = conditioner.update(time, position, force, velocity)
+        moved = conditioner.surface - before
         if abs(moved) > 0.0:  # not where one of them is unknown
-            self.estimator.move_surface(moved)
-        if self.conditioner.force_offset != offset:
-            self.estimator.move_offset(self.conditioner.force_offset - offset)
-        self.status = self.estimator.update(self.sample)
-        if self.status is Status.CHANGED and not self.sample.in_contact:
-            self.conditioner.lose_surface()
-        if self.status is Status.CHANGED:
+            estimator.move_surface(moved)
+        if conditioner.force_offset != offset:
+            estimator.move_offset(conditioner.force_offset - offset)
+        status = self.status = estimator.update(sample)
+        if status is Status.CHANGED:
+            if not sample.in_contact:
+                conditioner.lose_surface()
             self.lag = SensorLag()
-        if self.sample.in_contact:
-            place = self.sample.depth + self.conditioner.surface
-            self.lag.update(place, self.sample.velocity, force, time - last)
-        return self.sample
+        if sample.in_contact:
+            place = sample.depth + conditioner.surface
+            self.lag.update(place, sample.velocity, force, time - last)
+        return sample
 
     def learnt(self) -> LearntModel:
         """What is known now."""
