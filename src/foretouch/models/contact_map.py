@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from functools import cache
+from types import ModuleType
 from typing import ClassVar
 
 import numpy as np
@@ -11,14 +13,7 @@ from numpy.typing import NDArray
 
 from foretouch.errors import SettingError
 from foretouch.models.checks import require
-from foretouch.models.contact_model import (
-    EXIT_SPEED,
-    SLICE_BEYOND,
-    SLICES,
-    SLICES_BEYOND,
-    ContactModel,
-    ContactState,
-)
+from foretouch.models.contact_model import ContactModel, ContactState
 
 __all__ = ["ContactMap"]
 
@@ -91,25 +86,23 @@ class ContactMap(ContactModel):
         self, state: ContactState, depth: float, velocity: float, sample_period: float
     ) -> tuple[ContactState, float, float]:
         """One step: see `foretouch.models.advance`."""
-        from foretouch.models.contact_map_kernel import step
-
-        memory = _memory(state)
-        force, deviation = step(self._flat, memory, depth, velocity, sample_period)
-        return tuple(memory.tolist()), force, deviation
+        calls = _calls()
+        state = state if len(state) == calls.MEMORY else calls.UNTOUCHED
+        return calls.advance(self._flat, state, depth, velocity, sample_period)  # type: ignore[no-any-return]
 
     def local_slopes(self, state: ContactState, depth: float, velocity: float, reach: float) -> tuple[float, float]:
         """See `ContactModel.local_slopes`."""
-        from foretouch.models.contact_map_work import slopes
-
-        return slopes(self._flat, _memory(state), depth, velocity, reach)
+        calls = _calls()
+        state = state if len(state) == calls.MEMORY else calls.UNTOUCHED
+        return calls.local_slopes(self._flat, state, depth, velocity, reach)  # type: ignore[no-any-return]
 
     def exit_work(
         self, state: ContactState, depth: float, offset: float = 0.0, largest: float = math.inf
     ) -> tuple[float, float]:
         """See `ContactModel.exit_work`."""
-        from foretouch.models.contact_map_work import exit_work
-
-        return exit_work(self._flat, _memory(state), depth, offset, largest, _WAY_OUT)
+        calls = _calls()
+        state = state if len(state) == calls.MEMORY else calls.UNTOUCHED
+        return calls.exit_work(self._flat, state, depth, offset, largest)  # type: ignore[no-any-return]
 
     def remember(
         self, state: ContactState, depth: NDArray[np.float64], sample_period: NDArray[np.float64]
@@ -122,7 +115,12 @@ class ContactMap(ContactModel):
         return tuple(memory.tolist())
 
 
-_WAY_OUT = np.array([SLICES, SLICES_BEYOND, SLICE_BEYOND, EXIT_SPEED])
+@cache
+def _calls() -> ModuleType:
+    """Compiled code, loaded when it is needed."""
+    from foretouch.models import contact_map_calls
+
+    return contact_map_calls
 
 
 def _memory(state: ContactState) -> NDArray[np.float64]:

@@ -85,16 +85,11 @@ class ContactModel(ABC):
         Returns:
             K [N/m] and B [N s/m], u = 2 mm/s.
         """
-        here, deeper, shallower, faster, slower = (
-            self.advance(state, x, v, TICK)[1]
-            for x, v in (
-                (depth, velocity),
-                (depth + reach, velocity),
-                (depth - reach, velocity),
-                (depth, velocity + SPEED_STEP),
-                (depth, velocity - SPEED_STEP),
-            )
-        )
+        here = self.advance(state, depth, velocity, TICK)[1]
+        deeper = self.advance(state, depth + reach, velocity, TICK)[1]
+        shallower = self.advance(state, depth - reach, velocity, TICK)[1]
+        faster = self.advance(state, depth, velocity + SPEED_STEP, TICK)[1]
+        slower = self.advance(state, depth, velocity - SPEED_STEP, TICK)[1]
         return max(abs(deeper - here), abs(here - shallower)) / reach, (faster - slower) / (2.0 * SPEED_STEP)
 
     def exit_work(

@@ -8,6 +8,7 @@ from typing import ClassVar
 
 from foretouch.models.checks import require
 from foretouch.models.contact_model import NO_STATE, ContactModel, ContactState
+from foretouch.models.way_out import way_out
 
 __all__ = ["LARGEST_LOG_FORCE", "SMALLEST_DEPTH", "LinearisedContinuousSwitching"]
 
@@ -61,3 +62,15 @@ class LinearisedContinuousSwitching(ContactModel):
         x = max(depth, SMALLEST_DEPTH)
         log_force = self.ln_k + self.s * math.log(x) + self.b1 * velocity + self.b2 * velocity / x
         return NO_STATE, math.exp(min(log_force, LARGEST_LOG_FORCE)) * (depth / x), float("nan")
+
+    def exit_work(
+        self, state: ContactState, depth: float, offset: float = 0.0, largest: float = math.inf
+    ) -> tuple[float, float]:
+        """See `ContactModel.exit_work`."""
+
+        def force_at(depth: float) -> float:
+            x = depth if depth > SMALLEST_DEPTH else SMALLEST_DEPTH
+            log_force = self.ln_k + self.s * math.log(x)
+            return math.exp(log_force if log_force < LARGEST_LOG_FORCE else LARGEST_LOG_FORCE) * (depth / x)
+
+        return way_out(force_at, depth, offset, largest)

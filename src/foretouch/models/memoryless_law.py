@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from foretouch.models.contact_model import NO_STATE, ContactModel, ContactState
+from foretouch.models.way_out import way_out
 
 __all__ = ["MemorylessLaw"]
 
@@ -46,6 +47,13 @@ class MemorylessLaw(ContactModel):
         k, damping, n, alpha = self.general_form
         force = depth**n * (k * depth**alpha + damping * velocity)
         return NO_STATE, force if force > 0.0 else 0.0, math.nan
+
+    def exit_work(
+        self, state: ContactState, depth: float, offset: float = 0.0, largest: float = math.inf
+    ) -> tuple[float, float]:
+        """See `ContactModel.exit_work`."""
+        k, _, n, alpha = self.general_form
+        return way_out(lambda x: x**n * (k * x**alpha), depth, offset, largest)
 
     def force(self, depth: ArrayLike, velocity: ArrayLike, *, allow_tension: bool = False) -> Array:
         """Force [N], equation (4).

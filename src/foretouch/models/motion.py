@@ -69,13 +69,13 @@ class MotionFilter:
             if math.isnan(self._time) and math.isfinite(position) and math.isfinite(time):
                 self._time, self._position = time, position
             return self.velocity
-        before = self.velocity
+        before, acceleration = self.velocity, self.acceleration
         slope = (position - self._position) / period
-        self.velocity += (1.0 - math.exp(-self._velocity_rate * period)) * (slope - before)
-        change = (self.velocity - before) / period
-        self.acceleration += (1.0 - math.exp(-self._acceleration_rate * period)) * (change - self.acceleration)
-        self._time, self._position = time, position
-        return self.velocity
+        velocity = before + (1.0 - math.exp(-self._velocity_rate * period)) * (slope - before)
+        change = (velocity - before) / period
+        self.acceleration = acceleration + (1.0 - math.exp(-self._acceleration_rate * period)) * (change - acceleration)
+        self.velocity, self._time, self._position = velocity, time, position
+        return velocity
 
     def run(self, time: Iterable[float], position: Iterable[float]) -> NDArray[np.float64]:
         """Velocities [m/s] of a whole recording, sample by sample."""

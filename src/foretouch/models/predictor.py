@@ -45,6 +45,7 @@ class Predictor:
         standard_deviation: Of that force [N], NaN where the model carries no doubt.
         jump: Force at the newest sample less the force there of the model before, had it been kept [N]; no model counts
             as no force. 0 at every sample but the first that predicts with another model.
+        position: Of the newest sample [m]; 0 before the first.
         ticks: Samples so far; the first has number 1.
         message: Number that the caller gave the model, 0 before the first.
     """
@@ -64,6 +65,7 @@ class Predictor:
         "jump",
         "message",
         "model",
+        "position",
         "standard_deviation",
         "surface",
         "ticks",
@@ -83,6 +85,7 @@ class Predictor:
         self._newest: _Arrived | None = None  # came meanwhile
         self.model: ContactModel | None = None
         self.surface = 0.0
+        self.position = 0.0
         self.velocity = 0.0
         self.force = 0.0
         self.standard_deviation = math.nan
@@ -156,8 +159,9 @@ class Predictor:
         """
         if self.model is None:
             return 0.0, 0.0
-        velocity = min(max(self.velocity, -LARGEST_SPEED), LARGEST_SPEED)
-        depth = self.depth if self.force > 0.0 else max(self.depth, 0.0)
+        velocity, depth = min(max(self.velocity, -LARGEST_SPEED), LARGEST_SPEED), self.depth
+        if depth < 0.0 and not self.force > 0.0:
+            depth = 0.0
         return self.model.local_slopes(self._state, depth, velocity, reach)
 
     def exit_work(self, offset: float = 0.0, largest: float = math.inf) -> tuple[float, float]:
@@ -165,15 +169,12 @@ class Predictor:
         return (0.0, 0.0) if self.model is None else self.model.exit_work(self._state, self.depth, offset, largest)
 
     @property
-    def position(self) -> float:
-        """Of the newest sample [m]; 0 before the first."""
-        return float(self._places[self.ticks % HISTORY])
-
-    @property
     def depth(self) -> float:
         """Of the newest sample below the surface [m], within the bounds of `advance`."""
         depth = self.position - self.surface
-        return min(max(depth, -LARGEST_DEPTH), LARGEST_DEPTH)
+        if depth > LARGEST_DEPTH:
+            return LARGEST_DEPTH
+        return -LARGEST_DEPTH if depth < -LARGEST_DEPTH else depth
 
     def update(self, time: float, position: float, velocity: float | None = None) -> float:
         """Predict the force at one sample of the motion.
@@ -191,27 +192,28 @@ class Predictor:
         period = time - self._time
         self._time = time
         self.ticks += 1
-        if not math.isfinite(position):  # no place to be: as before
-            position = float(self._places[(self.ticks - 1) % HISTORY])
+        if math.isfinite(position):
+            self.position = position = float(position)
+        else:  # no place to be: as before
+            position = self.position
         place = self.ticks % HISTORY
         self._places[place], self._periods[place] = position, period if period > 0.0 else 0.0  # the first has none
-        self.velocity = self._motion.update(time, position) if velocity is None else velocity
+        self.velocity = velocity = self._motion.update(time, position) if velocity is None else velocity
         self.jump = 0.0
         if not period > 0.0:
             self._states[place] = self._state
             self.force, self.standard_deviation = 0.0, math.nan
             return 0.0
-        former, self._former = self._former, None
-        if former == (self.model, self._state, self.surface):
-            former = None  # nothing changed: not worth a second run
-        self._state, self.force, self.standard_deviation = _run(
-            self.model, self._state, position - self.surface, self.velocity, period
-        )
-        self._states[place] = self._state
+        former, before = self._former, self._state
+        state, force, self.standard_deviation = _run(self.model, before, position - self.surface, velocity, period)
+        self._state = self._states[place] = state
+        self.force = force
         if former is not None:
-            model, state, surface = former
-            self.jump = self.force - _run(model, state, position - surface, self.velocity, period)[1]
-        return self.force
+            self._former = None
+            if former != (self.model, before, self.surface):  # if nothing changed it is not worth a second run
+                model, before, surface = former
+                self.jump = force - _run(model, before, position - surface, velocity, period)[1]
+        return force
 
     def _begin(self, model: ContactModel | None, surface: float, state: ContactState, message: int) -> None:
         """Predict from a model in its state of now."""

@@ -8,6 +8,7 @@ from typing import ClassVar
 
 from foretouch.models.checks import require
 from foretouch.models.contact_model import NO_STATE, SPEED_STEP, ContactModel, ContactState
+from foretouch.models.way_out import way_out
 
 __all__ = ["QuadraticContact"]
 
@@ -49,6 +50,13 @@ class QuadraticContact(ContactModel):
             return NO_STATE, 0.0, math.nan
         force = depth * (self.stiffness + self.stiffening * depth + self.damping * velocity)
         return NO_STATE, force if force > 0.0 else 0.0, math.nan
+
+    def exit_work(
+        self, state: ContactState, depth: float, offset: float = 0.0, largest: float = math.inf
+    ) -> tuple[float, float]:
+        """See `ContactModel.exit_work`."""
+        spring, stiffening = self.stiffness, self.stiffening
+        return way_out(lambda x: x * (spring + stiffening * x), depth, offset, largest)
 
     def local_slopes(self, state: ContactState, depth: float, velocity: float, reach: float) -> tuple[float, float]:
         r"""See `ContactModel.local_slopes`; in closed form where the force is nowhere held at zero.

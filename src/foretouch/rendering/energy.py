@@ -75,7 +75,8 @@ class EnergyAccount:
 
     def bound_with(self, force: float) -> float:
         """F D [J] as it will be once this force [N] has been held over a tick like the newest."""
-        return max(self.largest_force, force) * max(self.largest_step, self._newest_step)
+        largest, step = self.largest_force, self.largest_step
+        return (force if force > largest else largest) * (self._newest_step if self._newest_step > step else step)
 
     @property
     def ceiling(self) -> float:
@@ -90,13 +91,15 @@ class EnergyAccount:
         """Book the work of the held force up to where the hand is now [m]; a position that is no number is left out."""
         if not math.isfinite(position):
             return
-        if not math.isnan(self._position):
-            moved = position - self._position
-            self.energy += self.force * moved
-            self._newest_step = abs(moved) + self._resolution
-            if self.force > 0.0:
-                self.largest_step = max(self.largest_step, self._newest_step)
+        moved = position - self._position
         self._position = position
+        if math.isnan(moved):  # the first
+            return
+        self._newest_step = step = abs(moved) + self._resolution
+        force = self.force
+        self.energy += force * moved
+        if force > 0.0 and step > self.largest_step:
+            self.largest_step = step
 
     def pay(self, work: float) -> None:
         """Book work of the hand [J] in directions that this line does not see; what is no number is left out."""
@@ -106,4 +109,5 @@ class EnergyAccount:
     def hold(self, force: float) -> None:
         """From now on this force acts [N], 0 or more."""
         self.force = force
-        self.largest_force = max(self.largest_force, force)
+        if force > self.largest_force:
+            self.largest_force = force

@@ -54,8 +54,14 @@ class ForceLimiter:
             period: Time since the last tick [s].
             ceiling: Never more than this [N], however fast that is; 0 or more.
         """
-        target = min(max(wanted, 0.0), self.largest_force) if math.isfinite(wanted) else 0.0
         step = self._largest_rate * max(period, 0.0)
-        self.force = min(max(target, self.force - step), self.force + step, ceiling)
-        self.clipped = not abs(self.force - wanted) <= NOTICED
-        return self.force
+        lowest, highest = self.force - step, self.force + step
+        force = wanted if 0.0 <= wanted < math.inf else 0.0
+        # Without `min` and `max`, which take longer than all the rest of it.
+        force = self.largest_force if force > self.largest_force else force
+        force = lowest if force < lowest else force
+        force = highest if force > highest else force
+        force = ceiling if force > ceiling else force
+        self.force = force
+        self.clipped = not -NOTICED <= force - wanted <= NOTICED
+        return force

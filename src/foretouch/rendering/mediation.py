@@ -101,7 +101,10 @@ class Mediation:
         before = self.offset
         offset = before - jump - surplus
         self.surplus = surplus
-        release = min(abs(offset) * -math.expm1(-max(period, 0.0) / RELEASE_TIME), LARGEST_STEP)
+        release = 0.0
+        if offset != 0.0:
+            release = abs(offset) * -math.expm1(-max(period, 0.0) / RELEASE_TIME)
+            release = release if release < LARGEST_STEP else LARGEST_STEP
         change = -release if offset > 0.0 else release
         self.held_back = False
         if wanted > 0.0:
@@ -115,13 +118,17 @@ class Mediation:
                 self.held_back = paid < release
                 change = min(release, paid)
         offset = offset + change if self.held_back or abs(offset) >= SMALLEST_OFFSET else 0.0
-        offset = max(offset, -wanted)
+        if offset < -wanted:
+            offset = -wanted
         self.offset = offset
-        self.force = max(wanted + offset, 0.0)
-        # What would have been, had no model come and no offset gone
-        self.step = self.force - max(wanted - jump - surplus + before, 0.0)
-        return self.force
+        force = wanted + offset
+        self.force = force = force if force > 0.0 else 0.0
+        without = wanted - jump - surplus + before  # had no model come and no offset gone
+        self.step = force - without if without > 0.0 else force
+        return force
 
     def wind_down(self, rendered: float) -> None:
         """Forget what of an offset above zero was not rendered; the force was cut to this one [N]."""
-        self.offset -= min(max(self.offset, 0.0), max(self.force - rendered, 0.0))
+        cut = self.force - rendered
+        if self.offset > 0.0 and cut > 0.0:
+            self.offset -= min(self.offset, cut)

@@ -81,9 +81,10 @@ class Proxy:
             free: Way of the proxy to the surface [m], on which there is nothing to carry.
         """
         if self.engaged and math.isfinite(hand):
-            way = self._scale * (hand - self._hand)
-            carried = max(way - free, 0.0) if way > 0.0 else way
-            self.yielded = max(self.yielded + (1.0 - share) * carried, 0.0)
+            if share != 1.0:
+                way = self._scale * (hand - self._hand)
+                carried = max(way - free, 0.0) if way > 0.0 else way
+                self.yielded = max(self.yielded + (1.0 - share) * carried, 0.0)
             self._hand = hand
             self._place()
         return self.position

@@ -104,6 +104,7 @@ class Renderer:
 
     __slots__ = (
         "_device",
+        "_device_damping",
         "_force_scale",
         "_free",
         "_guarded",
@@ -111,6 +112,7 @@ class Renderer:
         "_period",
         "_position_scale",
         "_stiffest",
+        "_stiffest_by_encoder",
         "_surface",
         "_time",
         "_velocity",
@@ -140,9 +142,12 @@ class Renderer:
         require("force_scale", force_scale, above=0.0)
         require("largest_stiffness", largest_stiffness, at_least=0.0)
         require("sample_period", sample_period, above=0.0)
-        self._stiffest = math.inf
+        self._stiffest = self._stiffest_by_encoder = math.inf
+        self._device_damping = 0.0
         if device is not None:
             self._stiffest = min(largest_stiffness or math.inf, device.largest_stiffness(sample_period))
+            self._stiffest_by_encoder = device.stiffness_by_encoder
+            self._device_damping = device.damping
         self._device = device
         self._position_scale = position_scale
         self._force_scale = force_scale
@@ -205,13 +210,14 @@ class Renderer:
         if not time > self._time:  # no time has passed: nothing to do
             return self.limiter.force
         self._time = time
-        if not abs(hand) <= FARTHEST:
+        there = abs(hand) <= FARTHEST
+        if not there:
             hand = math.nan
         account.observe(hand)
         self.energy, self.energy_bound = account.energy, account.bound
         if free:
             proxy.leave()
-        elif self._device is None and math.isnan(proxy.position) and math.isfinite(hand):
+        elif self._device is None and there and math.isnan(proxy.position):
             proxy.engage(hand)
         predictor.catch_up()
         position = proxy.follow(hand, self.share, self._free)
@@ -233,20 +239,19 @@ class Renderer:
         )
         # A tick that came late is no reason for a larger step of force; nor is the limit of its rate one to push a hand
         # that leaves with more than there is.
-        force = self.limiter.update(mediated, min(period, self._period), min(account.ceiling, mediated))
+        ceiling = account.ceiling
+        held = period if period < self._period else self._period
+        force = self.limiter.update(mediated, held, mediated if mediated < ceiling else ceiling)
         self.mediation.wind_down(force)
         if force <= PHANTOM and wanted <= PHANTOM:
             account.close()
         account.hold(force)
         self._give_back(wanted)
         self._wanted_before, self._velocity = wanted, predictor.velocity
-        if math.isfinite(hand):
+        if there:
             self._hand = hand
-        carried = self._carried()
-        risen = self.share + SHARE_RATE * (carried - self.share)
-        self.share = risen if risen < carried - SHARE_ROUNDING else carried
-        self._free = 0.0 if predictor.force > 0.0 else max(-predictor.depth, 0.0)
-        self._yielding += YIELDING_RATE * (1.0 / max(self.share, 1e-3) - self._yielding)
+        if self._device is not None:
+            self._carry()
         return force
 
     def _wanted(self, predicted: float) -> tuple[float, float]:
@@ -254,9 +259,11 @@ class Renderer:
         engaged, was_engaged = self.proxy.engaged, self._was_engaged
         self._was_engaged = engaged
         # What is beyond the limit is never rendered: mediated, it would take minutes to come down.
-        largest = self.limiter.largest_force
+        largest, jump = self.limiter.largest_force, self.predictor.jump
         force = min(self._force_scale * predicted, largest) if engaged else 0.0
-        former = min(self._force_scale * (predicted - self.predictor.jump), largest) if was_engaged else 0.0
+        if jump == 0.0 and engaged == was_engaged:
+            return force, 0.0
+        former = min(self._force_scale * (predicted - jump), largest) if was_engaged else 0.0
         return force, force - former
 
     def _surplus(self, force: float) -> float:
@@ -265,9 +272,11 @@ class Renderer:
         A spring never grows there, and a damper by what it was less than before; a model with negative damping does,
         the faster the hand leaves, and where nothing yielded the share of the motion cannot bound it.
         """
-        carried = self._device.damping if self._device is not None else 0.0
+        grown = force - self._wanted_before
+        if not grown > 0.0:
+            return 0.0
         change = abs(self.predictor.velocity - self._velocity) / self._position_scale
-        return max(force - self._wanted_before - carried * change, 0.0)
+        return max(grown - self._device_damping * change, 0.0)
 
     def _meet_surface(self, surface: float) -> None:
         """A surface has come [m]: the proxy stays as deep as it was when the last one was there.
@@ -292,18 +301,22 @@ class Renderer:
         F^2 / 2 K at least.
         """
         scale = self._force_scale
-        work, way = self.predictor.exit_work(offset / scale, self.limiter.largest_force / scale)
+        offset, largest, yielded = offset / scale, self.limiter.largest_force / scale, self.proxy.yielded
+        work, way = self.predictor.exit_work(offset, largest)
         if not way > 0.0:
             return 0.0, 0.0
-        force = max(min(self.predictor.force, self.limiter.largest_force / scale) + offset / scale, 0.0)
-        mean, top = 1.0 + self.proxy.yielded / way, self._yielding
+        force = self.predictor.force
+        force = (force if force < largest else largest) + offset
+        force = force if force > 0.0 else 0.0
+        mean, top = 1.0 + yielded / way, self._yielding
         if top > mean and work > 0.0:
             steepness = max(force * way / work - 1.0, 0.0)
             mean += (top - mean) * steepness / (steepness + 2.0)
         work *= scale * mean / self._position_scale
         if self._stiffest > 0.0:
-            work = max(work, 0.5 * (scale * force) ** 2 / self._stiffest)
-        return work, (way + self.proxy.yielded) / self._position_scale
+            least = 0.5 * (scale * force) ** 2 / self._stiffest
+            work = least if least > work else work
+        return work, (way + yielded) / self._position_scale
 
     def _give_back(self, wanted: float) -> None:
         """Bring the proxy back: freely in free air, as dissipation pays in contact."""
@@ -328,12 +341,24 @@ class Renderer:
         self.proxy.give_back(distance, yielded=yielded)
         self.predictor.shift(self.proxy.position - before)
 
+    def _carry(self) -> None:
+        """Set the share of the hand's motion that the proxy takes part in until the next tick."""
+        predictor, carried, share = self.predictor, self._carried(), self.share
+        if share == carried == self._yielding == 1.0:  # in free air, and on what is soft
+            self._free = 0.0
+            return
+        risen = share + SHARE_RATE * (carried - share)
+        self.share = share = risen if risen < carried - SHARE_ROUNDING else carried
+        self._free = 0.0 if predictor.force > 0.0 else max(-predictor.depth, 0.0)
+        self._yielding += YIELDING_RATE * (1.0 / max(share, 1e-3) - self._yielding)
+
     def _carried(self) -> float:
         """Share of the hand's motion in which the device carries the model from here to the next tick."""
-        device, predictor = self._device, self.predictor
-        if device is None or predictor.model is None or not self.proxy.engaged:
+        predictor = self.predictor
+        if predictor.model is None or not self.proxy.engaged:
             return 1.0
-        reach = max(SHORTEST_REACH, 1.5 * abs(predictor.velocity) * self._period)
+        reach = 1.5 * abs(predictor.velocity) * self._period
+        reach = reach if reach > SHORTEST_REACH else SHORTEST_REACH
         outside, force = predictor.depth < -2.0 * reach, self._force_scale * predictor.force
         if outside and not force > 0.0:
             return 1.0
@@ -344,8 +369,11 @@ class Renderer:
         share = rendered_share(
             stiffness,
             damping,
-            device_damping=math.inf if light else device.damping,
+            device_damping=math.inf if light else self._device_damping,
             sample_period=self._period,
-            stiffness_by_encoder=device.stiffness_by_encoder,
+            stiffness_by_encoder=self._stiffest_by_encoder,
         )
-        return share if light or not stiffness > 0.0 else min(share, self._stiffest / stiffness)
+        if light or not stiffness > 0.0:
+            return share
+        stiffest = self._stiffest / stiffness
+        return stiffest if stiffest < share else share

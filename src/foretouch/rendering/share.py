@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 
 from foretouch.models.motion import VELOCITY_CUTOFF
 
@@ -49,8 +50,18 @@ def rendered_share(
         Colgate and Schenkel (1997), Passivity of a class of sampled-data systems: application to haptic interfaces,
         Journal of Robotic Systems 14(1).
     """
-    gain = -math.expm1(-2.0 * math.pi * VELOCITY_CUTOFF * sample_period)
-    needed = 0.5 * stiffness * sample_period + max(gain / (2.0 - gain) * rendered_damping, -rendered_damping)
-    share = min(1.0, device_damping / needed) if needed > 0.0 else 1.0
+    gain = _gain(sample_period)
+    against = -rendered_damping if rendered_damping < 0.0 else gain / (2.0 - gain) * rendered_damping
+    needed = 0.5 * stiffness * sample_period + against
+    share = device_damping / needed if needed > device_damping else 1.0
     counted = stiffness + gain / sample_period * abs(rendered_damping)
-    return min(share, stiffness_by_encoder / counted) if counted > 0.0 else share
+    if not counted > 0.0:
+        return share
+    by_encoder = stiffness_by_encoder / counted
+    return by_encoder if by_encoder < share else share
+
+
+@lru_cache(maxsize=16)
+def _gain(sample_period: float) -> float:
+    """c, of the low-pass of `MotionFilter`."""
+    return -math.expm1(-2.0 * math.pi * VELOCITY_CUTOFF * sample_period)

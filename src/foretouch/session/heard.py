@@ -9,6 +9,9 @@ from foretouch.messages import ModelUpdate, Status, Telemetry
 
 __all__ = ["Heard"]
 
+STOPPED, SHADOW = int(Status.STOPPED), int(Status.SHADOW)
+"""As they stand in messages."""
+
 AS_DEEP = 5e-4
 """A robot that has been as deep as one before, but for so much [m], has felt what that had."""
 
@@ -88,14 +91,18 @@ class Heard:
         """Note what a telemetry says, if it is the newest."""
         if not self._is_current(telemetry.run) or not self.telemetry.is_newest(telemetry.sequence):
             return
-        self.in_control = telemetry.epoch in (0, self._epoch)
-        self.had_control = self.had_control or telemetry.epoch == self._epoch
-        self.stopped = telemetry.status == Status.STOPPED
-        self.shadows = telemetry.status == Status.SHADOW
+        epoch, status = telemetry.epoch, telemetry.status
+        ours = epoch == self._epoch
+        self.in_control = ours or epoch == 0
+        self.had_control = self.had_control or ours
+        self.stopped = status == STOPPED
+        self.shadows = status == SHADOW
         self.position, self.force = telemetry.desired_position, telemetry.force
         self.touching = telemetry.in_contact
-        self._deepest = max(self._deepest, telemetry.position)
-        self._touched += telemetry.in_contact
+        if telemetry.position > self._deepest:
+            self._deepest = telemetry.position
+        if telemetry.in_contact:
+            self._touched += 1
         if self._deepest >= self._to_relearn - AS_DEEP or self._touched >= TOUCHED_ENOUGH:
             self.has_relearnt = True
 

@@ -124,7 +124,7 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
     predictor, proxy = renderer.predictor, renderer.proxy
     for telemetry in inputs.telemetry:
         heard.take_telemetry(telemetry)
-    ours = [model for model in inputs.models if heard.is_for_us(model)]
+    ours = [model for model in inputs.models if heard.is_for_us(model)] if inputs.models else inputs.models
     renewed = heard.take_renewed()
     if renewed:
         _renew(state)
@@ -178,8 +178,10 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
 
 
 def _couple(state: State, inputs: Inputs) -> None:
-    renderer, hand = state.renderer, inputs.position
-    place = meeting_place(renderer.proxy, hand, state.heard.position, clutched=inputs.clutched)
+    renderer, hand, clutched = state.renderer, inputs.position, inputs.clutched
+    if renderer.proxy.engaged and not clutched:
+        return
+    place = meeting_place(renderer.proxy, hand, state.heard.position, clutched=clutched)
     if math.isfinite(place):
         renderer.engage(hand, place)
 

@@ -1,0 +1,75 @@
+"""The contact map for a loop: one compiled call each, with what the material remembers as plain numbers.
+
+A call into compiled code takes 0.3 us whatever it does, and each array that is made of a tuple for it as much again.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from foretouch.models import contact_map_work as work
+from foretouch.models.contact_map_kernel import step
+from foretouch.models.contact_map_layout import MEMORY
+from foretouch.models.contact_model import EXIT_SPEED, SLICE_BEYOND, SLICES, SLICES_BEYOND, ContactState
+
+__all__ = ["UNTOUCHED", "advance", "exit_work", "local_slopes", "memory_of"]
+
+Array = NDArray[np.float64]
+
+UNTOUCHED: ContactState = (math.nan,) * MEMORY
+"""What a material remembers before the first sample."""
+
+_WAY_OUT = np.array([SLICES, SLICES_BEYOND, SLICE_BEYOND, EXIT_SPEED])
+_slopes, _exit_work = work.slopes, work.exit_work
+
+
+def _memory_of(state: ContactState) -> Array:
+    """A state of `MEMORY` numbers as an array; one with a number that is not finite counts as untouched."""
+    memory = np.empty(MEMORY)
+    for k in range(MEMORY):
+        memory[k] = state[k]
+        if not math.isfinite(memory[k]):
+            memory[:] = math.nan
+            break
+    return memory
+
+
+memory_of: Callable[[ContactState], Array] = njit(cache=True)(_memory_of)
+
+
+def _advance(
+    flat: Array, state: ContactState, depth: float, velocity: float, period: float
+) -> tuple[ContactState, float, float]:
+    """`ContactMap.advance` of a state of `MEMORY` numbers."""
+    memory = memory_of(state)
+    force, deviation = step(flat, memory, depth, velocity, period)
+    after = (float(memory[0]), float(memory[1]), float(memory[2]), float(memory[3]), float(memory[4]))
+    return after, float(force), float(deviation)
+
+
+advance: Callable[[Array, ContactState, float, float, float], tuple[ContactState, float, float]] = njit(cache=True)(
+    _advance
+)
+
+
+def _local_slopes(flat: Array, state: ContactState, depth: float, velocity: float, reach: float) -> tuple[float, float]:
+    """`ContactMap.local_slopes` of a state of `MEMORY` numbers."""
+    return _slopes(flat, memory_of(state), depth, velocity, reach)
+
+
+local_slopes: Callable[[Array, ContactState, float, float, float], tuple[float, float]] = njit(cache=True)(
+    _local_slopes
+)
+
+
+def _exit_work_of(flat: Array, state: ContactState, depth: float, offset: float, largest: float) -> tuple[float, float]:
+    """`ContactMap.exit_work` of a state of `MEMORY` numbers."""
+    return _exit_work(flat, memory_of(state), depth, offset, largest, _WAY_OUT)
+
+
+exit_work: Callable[[Array, ContactState, float, float, float], tuple[float, float]] = njit(cache=True)(_exit_work_of)

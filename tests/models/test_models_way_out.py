@@ -1,0 +1,145 @@
+"""What a loop asks of a model beside its force: the fast forms are those of the interface, to the last bit."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from example_maps import example_map, random_flat
+from hypothesis import given
+from hypothesis import strategies as st
+
+from foretouch.models import (
+    ContactMap,
+    ContactModel,
+    ContinuousSwitching,
+    HuntCrossley,
+    KelvinVoigt,
+    LinearisedContinuousSwitching,
+    QuadraticContact,
+    ThresholdSwitching,
+)
+from foretouch.models.contact_map_calls import advance, exit_work, local_slopes
+from foretouch.models.contact_map_kernel import step
+from foretouch.models.contact_map_layout import LAW, MEMORY
+from foretouch.models.contact_map_wire import pack
+from foretouch.models.contact_model import EXIT_SPEED, SLICE_BEYOND, SLICES, SLICES_BEYOND
+
+LAWS = [
+    KelvinVoigt(500.0, 10.0),
+    HuntCrossley(9000.0, 800.0, 1.4),
+    ContinuousSwitching(5000.0, 300.0, 0.9, 0.4),
+    ThresholdSwitching(900.0, 5.0, 9000.0, 800.0, 1.4, 600.0),
+    LinearisedContinuousSwitching(9.0, 1.3, 0.4, 0.0),
+    QuadraticContact(300.0, 4e4, 900.0),
+]
+
+depths = st.floats(-0.02, 0.05) | st.sampled_from((-1.0, 0.0, 1e-300, 1.0))
+offsets = st.floats(-5.0, 5.0) | st.just(0.0)
+limits = st.floats(0.1, 20.0) | st.just(math.inf)
+states = st.lists(st.floats(-5e-3, 10e-3), min_size=MEMORY, max_size=MEMORY).map(tuple)
+
+
+def a_map(seed: int) -> ContactMap:
+    flat = random_flat(seed)
+    return ContactMap(*flat[LAW : LAW + 4].tolist(), pack(flat))
+
+
+@given(st.sampled_from(LAWS), depths, offsets, limits)
+def test_the_way_out_of_a_law_is_that_of_the_interface(
+    law: ContactModel, depth: float, offset: float, largest: float
+) -> None:
+    assert law.exit_work((), depth, offset, largest) == ContactModel.exit_work(law, (), depth, offset, largest)
+
+
+@pytest.mark.parametrize("law", LAWS, ids=lambda law: law.law)
+def test_the_way_out_gives_back_what_is_stored(law: ContactModel) -> None:
+    depth = 8e-3
+    places = np.linspace(0.0, depth, 20001)
+    stored = np.trapezoid([law.advance((), x, 0.0, 1e-3)[1] for x in places.tolist()], places)
+    work, way = law.exit_work((), depth)
+    assert work == pytest.approx(stored, rel=5e-3)
+    assert way == pytest.approx(depth + 2.5e-4 * (way > depth + 1e-4), rel=1e-9)
+
+
+@given(st.integers(0, 20), states, depths, st.floats(-0.5, 0.5), st.floats(1e-5, 0.1))
+def test_a_call_of_the_map_is_the_kernel_s_step(
+    seed: int, state: tuple[float, ...], depth: float, velocity: float, period: float
+) -> None:
+    model = a_map(seed)
+    memory = np.array(state)
+    force, deviation = step(model._flat, memory, depth, velocity, period)
+    after, *rest = model.advance(state, depth, velocity, period)
+    assert rest == [force, deviation]
+    assert after == tuple(memory.tolist())
+    assert all(type(number) is float for number in (*after, *rest))
+
+
+def way_out_by_steps(model: ContactMap, state: tuple[float, ...], depth: float, offset: float, largest: float):
+    """`ContactModel.exit_work` in steps of the model; at first no time passes."""
+
+    def felt(force: float) -> float:
+        return max(min(force, largest) + offset, 0.0)
+
+    before = felt(model.advance(state, depth, 0.0, 1e-300)[1])
+    energy = way = 0.0
+    for count, length in ((SLICES, max(depth, 0.0) / SLICES), (SLICES_BEYOND, SLICE_BEYOND)):
+        for _ in range(count if length > 0.0 else 0):
+            if count == SLICES_BEYOND and not before > 0.0:
+                break
+            depth -= length
+            state, force, _ = model.advance(state, depth, 0.0, length / EXIT_SPEED)
+            energy += 0.5 * (before + felt(force)) * length
+            way += length
+            before = felt(force)
+    return energy, way
+
+
+@given(st.integers(0, 20), states, st.floats(-5e-3, 0.03), st.floats(-2.0, 5.0), limits)
+def test_the_way_out_of_a_map_is_one_of_its_steps(
+    seed: int, state: tuple[float, ...], depth: float, offset: float, largest: float
+) -> None:
+    model = a_map(seed)
+    state = model.advance(state, depth, 0.0, 1e-3)[0]  # one that belongs to this depth
+    work, way = model.exit_work(state, depth, offset, largest)
+    by_steps = way_out_by_steps(model, state, depth, offset, largest)
+    assert work == pytest.approx(by_steps[0], rel=1e-6, abs=1e-12)
+    if work > 1e-9:
+        assert way == pytest.approx(by_steps[1], abs=1e-9)
+
+
+@pytest.mark.parametrize("call", [advance, local_slopes, exit_work], ids=lambda call: call.__name__)
+@pytest.mark.parametrize("at", range(MEMORY))
+@pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
+def test_a_memory_with_a_number_that_is_none_is_none(call, at, bad) -> None:
+    model, state = example_map(), [1e-3, 2e-3, 1e-3, 1e-3, 1e-3]
+    state[at] = bad
+    arguments = 4e-3, 0.05, 1e-3
+    found = call(model._flat, tuple(state), *arguments)
+    assert repr(found) == repr(call(model._flat, (math.nan,) * MEMORY, *arguments))
+    assert all(map(math.isfinite, found[-2:]))
+
+
+@pytest.mark.parametrize("state", [(), (1e-3,), (1e-3,) * (MEMORY + 1)])
+def test_a_memory_of_another_length_is_none(state: tuple[float, ...]) -> None:
+    model, untouched = example_map(), (math.nan,) * MEMORY
+    for name, arguments in (
+        ("advance", (4e-3, 0.05, 1e-3)),
+        ("local_slopes", (4e-3, 0.05, 1e-4)),
+        ("exit_work", (4e-3, 0.5, 10.0)),
+    ):
+        assert repr(getattr(model, name)(state, *arguments)) == repr(getattr(model, name)(untouched, *arguments))
+
+
+@given(st.integers(0, 20), states, depths, st.floats(-0.5, 0.5))
+def test_interpreted_calls_give_the_same(seed: int, state: tuple[float, ...], depth: float, velocity: float) -> None:
+    flat = a_map(seed)._flat
+    for call, arguments in (
+        (advance, (depth, velocity, 1e-3)),
+        (local_slopes, (depth, velocity, 1e-4)),
+        (exit_work, (depth, 0.1, 10.0)),
+    ):
+        plain = getattr(call, "py_func", call)  # without, nothing is compiled here
+        compiled, interpreted = call(flat, state, *arguments), plain(flat, state, *arguments)
+        np.testing.assert_allclose(np.hstack(compiled), np.hstack(interpreted), rtol=1e-12, atol=1e-15)
