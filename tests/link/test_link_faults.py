@@ -84,6 +84,22 @@ def test_the_delay_may_change_on_the_way() -> None:
     assert stage.pop_due(100 * MS) == ["slow"]
 
 
+@given(st.lists(st.tuples(st.integers(0, 40), st.booleans()), max_size=120), st.integers(0, 9))
+def test_what_is_due_comes_by_its_time_and_then_by_its_turn(sent: list[tuple[int, bool]], seed: int) -> None:
+    """Whatever overtakes whatever: as a list that is sorted anew each time gives them."""
+    stage: FaultStage[int] = FaultStage(Faults(seed=seed))
+    waiting: list[tuple[int, int]] = []
+    for tick, (delay_ms, asked) in enumerate(sent):
+        stage.delay = delay_ms * 1e-3
+        stage.push(tick * MS, tick)
+        waiting.append(((tick + delay_ms) * MS, tick))
+        if asked:
+            due = sorted(one for one in waiting if one[0] <= tick * MS)
+            waiting = [one for one in waiting if one[0] > tick * MS]
+            assert stage.pop_due(tick * MS) == [number for _, number in due]
+    assert stage.pop_due(1000 * MS) == [number for _, number in sorted(waiting)]
+
+
 def changed(begins: Faults, at_ms: int, messages: int = 4000, **faults: float) -> list[tuple[int, int]]:
     """Like `run`, with other faults from one message on."""
     stage: FaultStage[int] = FaultStage(begins)

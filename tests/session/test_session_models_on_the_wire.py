@@ -6,6 +6,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from foretouch.devices import ScriptedOperator
 from foretouch.identification import ContactSample, Estimator, Learner, Status
@@ -200,6 +202,22 @@ def test_a_round_trip_is_the_smallest_of_a_second_by_one_clock() -> None:
         told.append(trip.applied(tick, now))
     assert np.flatnonzero([delay is not None for delay in told]).tolist() == [1000, 2000]
     assert told[1000] == told[2000] == pytest.approx(0.04)
+
+
+@given(st.lists(st.tuples(st.integers(1, 40), st.integers(0, 8), st.integers(0, 40)), max_size=60))
+def test_the_newest_applied_command_says_what_the_leader_renders_from(ticks: list[tuple[int, int, int]]) -> None:
+    """In whatever order commands come: as their definition says, told by all that came in time."""
+    trip, told, known, current = RoundTrip(), dict[int, int](), 0, 0
+    for tick, (command, model, applied) in enumerate(ticks):
+        trip.commanded(command, model)
+        if command > known:
+            told[command] = model
+        trip.applied(applied, tick * MS)
+        known = max(known, applied)
+        reached = [number for number in told if number <= applied]
+        current = told[max(reached)] if reached else current
+        told = {number: model for number, model in told.items() if number > applied}
+        assert trip.current == current
 
 
 def test_a_leader_that_never_answers_says_nothing_of_the_delay() -> None:

@@ -1,0 +1,123 @@
+"""What is compiled of the follower's step: the same numbers as interpreted, and nothing compiled in a loop."""
+
+from __future__ import annotations
+
+import math
+import os
+import random
+import subprocess
+import sys
+
+import pytest
+
+from foretouch.identification import SensorWatch, sensor_watch_kernel
+from foretouch.session import force_guard_kernel, motion_limits_kernel, safety_kernel
+from foretouch.session.force_guard import PATIENCE, SOFTEST, ForceGuard
+from foretouch.session.motion_limits import MotionLimits
+from foretouch.session.safety import Safety, SafetyLimits
+
+TICK = 1e-3
+KERNELS = (
+    force_guard_kernel.observe,
+    force_guard_kernel.allowed_speed,
+    motion_limits_kernel.limited,
+    safety_kernel.keep_safe,
+    sensor_watch_kernel.look,
+)
+
+
+def pressed(seed: int, ticks: int = 1500) -> list[object]:
+    """A press with every kind of trouble, on a stiff spring: what watch, safety, guard and motion answer."""
+    numbers, said = random.Random(seed), []
+    watch, safety = SensorWatch((-40.0, 40.0)), Safety(SafetyLimits(workspace=(-0.02, 0.05), retreats=True), TICK)
+    guard, motion = ForceGuard(), MotionLimits(0.25, 40.0, 1e5, TICK)
+    place = wanted = offset = silence = 0.0
+    for tick in range(ticks):
+        trouble = numbers.random()
+        if trouble < 0.01:
+            wanted = numbers.uniform(-0.01, 0.03)
+        elif trouble < 0.013:
+            silence = numbers.choice((0.0, 0.03, 0.1, 1.0))
+        elif trouble < 0.015:
+            offset = numbers.choice((0.0, 3.0))
+        elif trouble < 0.016:
+            watch.reset()
+        elif trouble < 0.0165:
+            safety.stop("pressed")
+        elif trouble < 0.02:
+            safety.release(0.0, 0.0)
+        silence += TICK if silence else 0.0
+        force = 8e3 * max(place - 0.01, 0.0) + offset + numbers.gauss(0.0, 0.01)
+        force = math.nan if numbers.random() < 1e-3 else force + 10.0 * (numbers.random() < 2e-3)
+        state = watch.update(tick * TICK, place, force)
+        guard.observe(place, force, force > 0.05, 0.02)
+        surface = 0.01 if tick > ticks // 3 else math.nan
+        told = safety.update(wanted, place, force, force > 0.05, surface=surface, silence=silence, faulty=bool(state))
+        path = motion.update(wanted, guard.speed(15.0, 20.0) if tick % 2 else math.inf)
+        said += [int(state), told, int(safety.status), safety.pressing, guard.stiffness, guard.steepest, guard.damping]
+        said += [path, motion.velocity, motion.acceleration]
+        place += 0.3 * (told - place)
+    return said
+
+
+INTERPRETED = """
+import sys
+sys.path.insert(0, {folder!r})
+from test_session_step_kernels import pressed
+assert not hasattr(__import__("foretouch.session.safety_kernel").session.safety_kernel.keep_safe, "signatures")
+print(repr([pressed(seed) for seed in range(4)]))
+"""
+
+
+def test_compiled_and_interpreted_are_equal() -> None:
+    script = INTERPRETED.format(folder=os.path.dirname(__file__))
+    done = subprocess.run(
+        [sys.executable, "-c", script],
+        env={**os.environ, "NUMBA_DISABLE_JIT": "1"},
+        capture_output=True,
+        text=True,
+        check=True,
+        timeout=120,
+    )
+    said = [pressed(seed) for seed in range(4)]
+    assert done.stdout.strip() == repr(said)  # the types too: what is sent is of Python's own
+    states = {number for run in said for number in run[::10]}
+    statuses = {number for run in said for number in run[2::10]}
+    assert len(states) > 3
+    assert len(statuses) > 4
+
+
+def test_a_whole_number_compiles_nothing_and_is_the_same() -> None:
+    """Who compiles in a loop stands still for a second."""
+    said = []
+    for kind in (int, float):
+        safety, watch, guard = Safety(SafetyLimits(), TICK), SensorWatch(), ForceGuard()
+        motion, answers = MotionLimits(0.25, 40.0, 1e5, TICK), []
+        for tick in range(50):
+            number = kind(tick // 40)
+            guard.observe(number, number, False, number)
+            answers += [watch.update(number, number, number), motion.update(number), guard.speed(number, number)]
+            told = safety.update(number, number, number, False, surface=number, silence=kind(0), faulty=False)
+            answers.append(told)
+        said.append(answers)
+    assert said[0] == said[1]
+    assert [len(getattr(kernel, "signatures", [None])) for kernel in KERNELS] == [1] * len(KERNELS)
+
+
+def test_two_that_share_an_array_with_others_do_not_disturb_each_other() -> None:
+    """The guard and the path within a safety answer as those that stand alone."""
+    limits = SafetyLimits(workspace=(-1.0, 1.0))
+    safety, alone = Safety(limits, TICK), MotionLimits(limits.speed, limits.acceleration, limits.jerk, TICK)
+    aims = [0.005 * math.sin(tick / 400) for tick in range(2000)]
+    told = [safety.update(aim, aim, 0.0, False, surface=0.5, silence=0.0, faulty=False) for aim in aims]
+    reckoned = [alone.update(aim) for aim in aims]
+    assert told[400:] == pytest.approx(reckoned[400:], abs=1e-9)
+
+
+def test_a_guard_that_knows_no_contact_reckons_with_the_softest() -> None:
+    guard = ForceGuard()
+    assert guard.speed(15.0) == 0.0
+    guard.observe(0.0, 1.0, False)
+    assert guard.speed(15.0) == pytest.approx(14.0 / (SOFTEST * PATIENCE))
+    assert (guard.stiffness, guard.steepest) == (SOFTEST, 0.0)
+    assert math.isnan(guard.damping)
