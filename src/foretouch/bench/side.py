@@ -7,6 +7,7 @@ ran; `python -m foretouch.bench.side NOTES bare SECONDS` sleeps and spins as the
 from __future__ import annotations
 
 import gc
+import runpy
 import sys
 import time
 from collections.abc import Iterator
@@ -81,10 +82,8 @@ def main(notes: str, what: str, *arguments: str) -> None:
         if what == "bare":
             noted.late_ns = _bare(float(arguments[0]))
         else:
-            from foretouch.cli import main as command
-
             sys.argv = ["foretouch", *arguments]
-            command()
+            runpy.run_module("foretouch", run_name="__main__")  # as `python -m foretouch` does
 
 
 if __name__ == "__main__":
