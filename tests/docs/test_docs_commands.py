@@ -37,9 +37,14 @@ def as_it_is(arguments: list[str]) -> list[str]:
     return arguments
 
 
+def here(words: list[str]) -> list[str]:
+    """On this machine: tests of the comparison have a cluster of their own."""
+    return without(words, "--cluster")
+
+
 def one_law_without_simulation(words: list[str]) -> list[str]:
     """Every law by every estimator on nine simulated recordings takes minutes; one on few files goes the same way."""
-    words = without(without(words, "--models"), "--estimators")
+    words = here(without(without(words, "--models"), "--estimators"))
     words = [word for word in words if word != "--simulated"]
     files = words if any("." in word for word in words) else [*words, "press.csv"]
     return [*files, "--models", "kelvin-voigt", "--estimators", "rls"]
@@ -52,7 +57,7 @@ def only_the_quickest_section(words: list[str]) -> list[str]:
 
 def two_short_sessions(words: list[str]) -> list[str]:
     """A sweep takes an hour; two sessions of it go the same way, and a replay needs them first."""
-    return words if "--replay" in words else [*words, "--sessions", "2", "--baselines", "0", "--duration", "2"]
+    return words if "--replay" in words else [*here(words), "--sessions", "2", "--baselines", "0", "--duration", "2"]
 
 
 def only_the_quickest_benchmark(words: list[str]) -> list[str]:
