@@ -36,6 +36,9 @@ __all__ = ["LOWEST", "SIZE", "STEP", "STEP_LEAST", "begin", "look"]
 
 Array = NDArray[np.float64]
 
+MADE_OF = "72c6039ba370bbff"
+"""Digest of the files that are compiled into this one: Numba's cache sees a change in this file alone."""
+
 STATE, TIME, BAD_UNTIL = 0, 1, 2
 """Places in the array: the newest judgement, the time of the newest sample, and until when a transient fault lasts
 [s]."""

@@ -33,6 +33,9 @@ STRUCK_FROM, STRUCK_FOR = 1e-2, 5
 AWAY = 1e-3
 """A contact is over once the robot is so far outside of where it began [m]."""
 
+STIFFNESS, STEEPEST, DAMPING = 0, 1, 2
+"""Places among its numbers of what it tells [N/m, N/m, N s/m]; the others are the kernel's own."""
+
 
 class ForceGuard:
     r"""Watches the contact that the robot is in.
@@ -62,12 +65,12 @@ class ForceGuard:
     @property
     def stiffness(self) -> float:
         """K of this contact [N/m], at least 50."""
-        return float(self._contact[0])
+        return float(self._contact[STIFFNESS])
 
     @property
     def steepest(self) -> float:
         """The steepest secant of all contacts so far over 0.1 mm or more [N/m], 0 before the first."""
-        return float(self._contact[1])
+        return float(self._contact[STEEPEST])
 
     @property
     def damping(self) -> float:
@@ -75,7 +78,7 @@ class ForceGuard:
 
         It is the largest force in the first 5 ms of such a contact over the speed at which it began.
         """
-        return float(self._contact[2])
+        return float(self._contact[DAMPING])
 
     def observe(self, position: float, force: float, in_contact: bool, speed: float = 0.0) -> None:
         """One sample of the sensors; where one is no number, nothing is known of the force.

@@ -11,26 +11,29 @@ from numpy.typing import NDArray
 
 from foretouch.session.force_guard import (
     AWAY,
+    DAMPING,
     IMPACT_DEPTH,
     KEPT,
     PATIENCE,
     SHORTEST_DEPTH,
     SOFTEST,
     STEEPER,
+    STEEPEST,
+    STIFFNESS,
     STRIDE,
     STRUCK_FOR,
     STRUCK_FROM,
 )
 
-__all__ = ["DAMPING", "SIZE", "STEEPEST", "STIFFNESS", "allowed_speed", "forget", "observe"]
+__all__ = ["SIZE", "allowed_speed", "forget", "observe"]
 
 Array = NDArray[np.float64]
 
-STIFFNESS, STEEPEST, DAMPING = 0, 1, 2
-"""Places in the array of what `ForceGuard` tells [N/m, N/m, N s/m]."""
+MADE_OF = "ae16d6405a53ec7e"
+"""Digest of the files that are compiled into this one: Numba's cache sees a change in this file alone."""
 
 FORCE = 3
-"""The newest force [N], NaN where nobody knows it."""
+"""Place in the array, behind those of what `ForceGuard` tells, of the newest force [N]; NaN where nobody knows it."""
 
 ONSET, REFERENCE, REFERENCE_FORCE = 4, 5, 6
 """Where this contact began [m], and where the newest tangent [m, N]; NaN for none."""

@@ -27,6 +27,9 @@ acceleration."""
 BRAKING = 0.7
 """Share of the largest acceleration with which it reckons when it brakes in time."""
 
+POSITION, VELOCITY, ACCELERATION = 0, 1, 2
+"""Places of the path among its numbers [m, m/s, m/s^2]; the others are the kernel's own."""
+
 
 class MotionLimits:
     r"""Follows a stream of positions exactly where that is within the limits, and as quickly as they allow elsewhere.
@@ -68,24 +71,24 @@ class MotionLimits:
         gain = -math.expm1(-2.0 * math.pi * VELOCITY_CUTOFF * sample_period)
         self._limited = kernel.limited
         self._path = np.zeros(kernel.SIZE) if path is None else path
-        self._path[kernel.POSITION] = self._path[kernel.BEFORE] = math.nan
+        self._path[POSITION] = self._path[kernel.BEFORE] = math.nan
         self._path[kernel.CAUGHT] = 1.0
         self._path[kernel.SPEED :] = speed, acceleration, jerk, sample_period, gain
 
     @property
     def position(self) -> float:
         """Of the path [m]; NaN before the first sample."""
-        return float(self._path[0])
+        return float(self._path[POSITION])
 
     @property
     def velocity(self) -> float:
         """Of the path [m/s]."""
-        return float(self._path[1])
+        return float(self._path[VELOCITY])
 
     @property
     def acceleration(self) -> float:
         """Of the path [m/s^2]."""
-        return float(self._path[2])
+        return float(self._path[ACCELERATION])
 
     def update(self, wanted: float, upwards: float = math.inf, shifted: float = 0.0) -> float:
         """One tick: the next position of the path [m]. The first is taken as it is.

@@ -13,31 +13,18 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from foretouch.session.motion_limits import BRAKING, EMERGENCY, LOCKING, RATE
+from foretouch.session.motion_limits import ACCELERATION, BRAKING, EMERGENCY, LOCKING, POSITION, RATE, VELOCITY
 
-__all__ = [
-    "ACCELERATION",
-    "BEFORE",
-    "CAUGHT",
-    "GAIN",
-    "JERK",
-    "LARGEST",
-    "PERIOD",
-    "POSITION",
-    "SIZE",
-    "SPEED",
-    "STREAM",
-    "VELOCITY",
-    "limited",
-]
+__all__ = ["BEFORE", "CAUGHT", "SIZE", "SPEED", "limited"]
 
 Array = NDArray[np.float64]
 
-POSITION, VELOCITY, ACCELERATION = 0, 1, 2
-"""Places of the path in the array [m, m/s, m/s^2]."""
+MADE_OF = "fca7e17bdf49f19d"
+"""Digest of the files that are compiled into this one: Numba's cache sees a change in this file alone."""
 
 BEFORE, STREAM, CAUGHT = 3, 4, 5
-"""Of the stream: its newest position [m], its low-passed speed u [m/s], and whether it was caught up with."""
+"""Places in the array, behind those of the path, of what is known of the stream: its newest position [m], its
+low-passed speed u [m/s], and whether it was caught up with."""
 
 SPEED, LARGEST, JERK, PERIOD, GAIN = 6, 7, 8, 9, 10
 """What stays: V [m/s], A [m/s^2], J [m/s^3], T [s], and the gain of the low-pass."""

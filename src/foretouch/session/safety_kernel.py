@@ -10,10 +10,11 @@ from numba import njit
 from numpy.typing import NDArray
 
 from foretouch.messages import Status
-from foretouch.session import force_guard_kernel as guarding
-from foretouch.session import motion_limits_kernel as moving
-from foretouch.session.force_guard import PATIENCE
+from foretouch.session.force_guard import DAMPING, PATIENCE, STEEPEST
+from foretouch.session.force_guard_kernel import SIZE as GUARD_SIZE
 from foretouch.session.force_guard_kernel import allowed_speed, observe
+from foretouch.session.motion_limits import POSITION, VELOCITY
+from foretouch.session.motion_limits_kernel import SIZE as MOTION_SIZE
 from foretouch.session.motion_limits_kernel import limited
 from foretouch.session.safety import (
     AIMED,
@@ -34,6 +35,9 @@ __all__ = ["AIM", "FORCE", "GUARD", "MOTION", "NEW", "PERIOD", "SIZE", "keep_saf
 
 Array = NDArray[np.float64]
 
+MADE_OF = "f090598a6537e124"
+"""Digest of the files that are compiled into this one: Numba's cache sees a change in this file alone."""
+
 AIM, RETURNING, MET, NEW = 0, 1, 2, 3
 """Places in the array: where it is to be [m]; whether it is on the way back to the commands; for how many ticks it has
 been with them; whether it has not followed yet."""
@@ -48,17 +52,14 @@ PERIOD = 15
 GUARD = 16
 """From here on the numbers of its `ForceGuard`."""
 
-MOTION = GUARD + guarding.SIZE
+MOTION = GUARD + GUARD_SIZE
 """And of its `MotionLimits`."""
 
-SIZE = MOTION + moving.SIZE
+SIZE = MOTION + MOTION_SIZE
 
 FOLLOWING, GUARDED, RETURNS = int(Status.FOLLOWING), int(Status.GUARDED), int(Status.RETURNING)
 HOLDING, UNLOADING, RETREATING = int(Status.HOLDING), int(Status.UNLOADING), int(Status.RETREATING)
 STOPPED, SENSOR_FAULT = int(Status.STOPPED), int(Status.SENSOR_FAULT)
-
-GUARD_DAMPING, GUARD_STEEPEST, PATH, PATH_SPEED = guarding.DAMPING, guarding.STEEPEST, moving.POSITION, moving.VELOCITY
-
 
 _impact: Callable[[float, float, float], float] = njit(cache=True)(impact_speed)
 
@@ -86,10 +87,10 @@ def _fastest(memory: Array, status: int, position: float, surface: float, surfac
     """How fast it may go deeper, negative where it has to go back [m/s]."""
     guard = memory[GUARD:MOTION]
     stiffness, damping = STIFFEST, MOST_DAMPED  # that are reckoned with
-    if not (math.isnan(surface) or math.isnan(guard[GUARD_DAMPING])):
-        steepest = guard[GUARD_STEEPEST]
+    if not (math.isnan(surface) or math.isnan(guard[DAMPING])):
+        steepest = guard[STEEPEST]
         stiffness = min(steepest, STIFFEST) if steepest != 0.0 else STIFFEST
-        damping = min(HIDDEN * guard[GUARD_DAMPING], MOST_DAMPED)
+        damping = min(HIDDEN * guard[DAMPING], MOST_DAMPED)
     back = max(allowed_speed(guard, AIMED * memory[FORCE], damping), -memory[SPEED])
     if status < HOLDING:
         inwards = min(back, _towards(memory, surface, surface_doubt, stiffness, damping))
@@ -174,12 +175,12 @@ def _keep_safe(
     if faulty:
         observe(guard, math.nan, math.nan, False, 0.0)
     else:
-        observe(guard, position, force, in_contact, motion[PATH_SPEED])
+        observe(guard, position, force, in_contact, motion[VELOCITY])
     status = _decided(memory, stopped, silence, faulty)
     fastest = _fastest_now(memory, status, position, surface, surface_doubt)
     # The aim in the next tick, never further inside than the path soon is, for it would press on by itself; beside it,
     # by how far it was set back for that.
-    path, shifted = motion[PATH], 0.0
+    path, shifted = motion[POSITION], 0.0
     if not math.isnan(path):
         shifted = min(path + max(fastest, 0.0) * PATIENCE - memory[AIM], 0.0)
     aim = memory[AIM] + shifted + fastest * memory[PERIOD]
