@@ -24,12 +24,12 @@ from foretouch.identification.contact_map_notes import (
     BEGIN_TIMES,
     BEGUN,
     CHANGES,
-    CONTACT,
     HORIZON,
     TOTAL,
     UPDATES,
 )
 from foretouch.identification.contact_map_step import (
+    FEWEST_UPDATES,
     FREE_AIR,
     GONE,
     LEARNT,
@@ -38,7 +38,8 @@ from foretouch.identification.contact_map_step import (
     RESTARTED,
     UNUSABLE,
     WAITING,
-    begin,
+    move_offset,
+    move_surface,
     reset,
     run,
     take,
@@ -46,10 +47,11 @@ from foretouch.identification.contact_map_step import (
 from foretouch.identification.estimator import Estimator, Status
 from foretouch.identification.exact_recursive import ExactRecursive, ExactRecursiveOptions
 from foretouch.identification.map_regression import make_regression, whole_covariance
+from foretouch.identification.raw_kernel import RawColumns, run_raw
 from foretouch.identification.sample_columns import sample_columns
 from foretouch.models import ContactMap, ContactModel, ContactState
 from foretouch.models.checks import require
-from foretouch.models.contact_map_layout import COARSE, FINE, LAW, LAW_SURFACE, ORIGIN, SHARES, ZERO
+from foretouch.models.contact_map_layout import COARSE, FINE, LAW, SHARES
 from foretouch.models.contact_map_wire import pack
 
 __all__ = ["EXPERT_NAMES", "LONGEST_HORIZON", "ContactMapBank"]
@@ -59,13 +61,6 @@ EXPERT_NAMES = ("law", "coarse", "fine")
 
 LONGEST_HORIZON = 0.3
 """Experts are scored on predictions at most this late [s]: on longer ones they are too much alike."""
-
-FEWEST_UPDATES = 8
-"""No force is rendered from fewer samples."""
-
-LARGEST_SHIFT, LARGEST_SHIFT_IN_YOUTH, YOUTH = 9e-3, 1e-3, 0.3
-"""A surface that is found further than this [m] from where the map began is out of its reach: the map begins anew; at
-less in its first time in contact [s], for then the first contact was none and little is lost."""
 
 
 Array = NDArray[np.float64]
@@ -153,6 +148,8 @@ class ContactMapBank(Estimator):
         self.horizon = horizon
         self.reset()
         take(self._state, 0.0, math.nan, 0.0, 0.0, False)  # compiled here, before any loop
+        move_surface(self._state, 0.0)
+        move_offset(self._state, 0.0)
 
     @property
     def horizon(self) -> float:
@@ -209,6 +206,27 @@ class ContactMapBank(Estimator):
         self._told()
         return _PLACES[codes]
 
+    def run_raw(
+        self, conditioner: Array, lag: Array, notes: Array, rows: Array, measured: bool, told: RawColumns
+    ) -> tuple[int, Status]:
+        """Condition and learn from raw samples, in one compiled loop: the same numbers as sample by sample.
+
+        Args:
+            conditioner: What a `Conditioner` remembers; it goes on in place.
+            lag: What a `SensorLag` remembers; it goes on in place.
+            notes: Of `raw_kernel.make_notes` before the first block; it goes on in place.
+            rows: Time [s], position [m], force [N] and velocity [m/s], shape (4, m).
+            measured: Whether velocities were measured; else they are found from the positions.
+            told: Whether there is contact, force less the offset [N] and residual [N], shape (m,) each, written.
+
+        Returns:
+            How many samples were taken, fewer than m where the conditioner needs room before the next; and what was
+            done with the last.
+        """
+        taken, code = run_raw(self._state, conditioner, lag, notes, rows, measured, *told)
+        self._told()
+        return taken, _STATUSES[code]
+
     def covariance(self, expert: str) -> Array:
         """Covariance P of the weights of the ``coarse`` or the ``fine`` map, those where nothing was felt too.
 
@@ -240,20 +258,13 @@ class ContactMapBank(Estimator):
 
     def move_surface(self, change: float) -> None:
         """See `Estimator.move_surface`: the map stays where it is."""
-        self._law.move_surface(change)
-        if math.isfinite(change):
-            self._flat[ORIGIN] -= change
-            self._flat[LAW_SURFACE] += change
-            self._model = None
-            young = self._notes[CONTACT] < YOUTH
-            if abs(self._flat[ORIGIN]) > (LARGEST_SHIFT_IN_YOUTH if young else LARGEST_SHIFT):
-                begin(self._state)
+        move_surface(self._state, change)
+        self._model = None
 
     def move_offset(self, change: float) -> None:
         """See `Estimator.move_offset`: the map keeps what the sensor said."""
-        if math.isfinite(change):
-            self._flat[ZERO] += change
-            self._model = None
+        move_offset(self._state, change)
+        self._model = None
 
     @property
     def model(self) -> ContactModel | None:

@@ -25,6 +25,7 @@ from foretouch.identification.contact_map_notes import (
     BEGIN_VALUES,
     BEGUN,
     CHANGES,
+    CONTACT,
     HORIZON,
     LEARNT_AT,
     MOMENTS,
@@ -36,8 +37,9 @@ from foretouch.identification.contact_map_notes import (
 )
 from foretouch.identification.contact_map_scores import FIRST_DOUBT
 from foretouch.identification.exact_belief import law_numbers
+from foretouch.identification.exact_belief import move_surface as move_law
 from foretouch.identification.exact_kernel import take as take_law
-from foretouch.identification.exact_layout import COVARIANCE, NOTES, REFERENCE, THETA
+from foretouch.identification.exact_layout import COVARIANCE, NOTES, REFERENCE, THETA, UNKNOWNS
 from foretouch.identification.map_regression import regression
 from foretouch.models.contact_map_kernel import rates, remember
 from foretouch.models.contact_map_layout import (
@@ -53,12 +55,35 @@ from foretouch.models.contact_map_layout import (
 )
 from foretouch.models.contact_model import LARGEST_DEPTH, LARGEST_SPEED
 
-__all__ = ["GONE", "LEARNT", "LEARNT_IN_AIR", "RESTARTED", "UNUSABLE", "WAITING", "begin", "reset", "run", "take"]
+__all__ = [
+    "FEWEST_UPDATES",
+    "FREE_AIR",
+    "GONE",
+    "LEARNT",
+    "LEARNT_IN_AIR",
+    "OTHER",
+    "RESTARTED",
+    "UNUSABLE",
+    "WAITING",
+    "begin",
+    "move_offset",
+    "move_surface",
+    "reset",
+    "run",
+    "take",
+]
 
 Array = NDArray[np.float64]
 
 _compiled: Callable[[Any], Any] = njit(cache=True, error_model="numpy")
 _inlined: Callable[[Any], Any] = njit(cache=True, error_model="numpy", forceinline=True)
+
+FEWEST_UPDATES = 8
+"""No force is rendered from fewer samples."""
+
+LARGEST_SHIFT, LARGEST_SHIFT_IN_YOUTH, YOUTH = 9e-3, 1e-3, 0.3
+"""A surface that is found further than this [m] from where the map began is out of its reach: the map begins anew; at
+less in its first time in contact [s], for then the first contact was none and little is lost."""
 
 FREE_AIR, UNUSABLE, WAITING, LEARNT, LEARNT_IN_AIR, OTHER, GONE, RESTARTED = range(8)
 """What a sample did: all from LEARNT on have changed the model. OTHER is a material that has become another one, and
@@ -95,6 +120,32 @@ def _reset(state: Array) -> None:
 
 
 reset: Callable[[Array], None] = _compiled(_reset)
+
+
+def _move_surface(state: Array, change: float) -> None:
+    """Depths count from a surface that is deeper by a change [m] from now on; the map stays where it is."""
+    if not math.isfinite(change):
+        return
+    law, flat = state[BEGIN_LAW:BEGIN_SETTINGS], state[BEGIN_FLAT:BEGIN_MEMORY]
+    covariance = law[COVARIANCE:NOTES].reshape((UNKNOWNS, UNKNOWNS))
+    move_law(law[THETA:COVARIANCE], covariance, law[NOTES:], state[BEGIN_SETTINGS:BEGIN_TIMES], change)
+    flat[ORIGIN] -= change
+    flat[LAW_SURFACE] += change
+    young = state[BEGIN_NOTES + CONTACT] < YOUTH
+    if abs(flat[ORIGIN]) > (LARGEST_SHIFT_IN_YOUTH if young else LARGEST_SHIFT):
+        begin(state)
+
+
+move_surface: Callable[[Array, float], None] = _compiled(_move_surface)
+
+
+def _move_offset(state: Array, change: float) -> None:
+    """Forces count from an offset that is larger by a change [N] from now on; the map keeps what the sensor said."""
+    if math.isfinite(change):
+        state[BEGIN_FLAT + ZERO] += change
+
+
+move_offset: Callable[[Array, float], None] = _compiled(_move_offset)
 
 
 def _take(state: Array, time: float, depth: float, velocity: float, force: float, in_contact: bool) -> int:

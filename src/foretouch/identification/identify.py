@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from foretouch.errors import RecordingError
 from foretouch.identification.learner import Learner
-from foretouch.models import ContactModel, advance
+from foretouch.identification.learner_run import RawSamples, run_by_sample
+from foretouch.models import ContactModel
 from foretouch.quantities import Recording
 
 __all__ = ["FEWEST_CONTACT_SAMPLES", "Identification", "identify"]
@@ -75,55 +76,37 @@ def identify(recording: Recording, learner: Learner, *, keep_history: bool = Fal
     Raises:
         RecordingError: Fewer than 50 samples in contact, or never enough for a model.
     """
-    size = len(recording)
-    in_contact = np.zeros(size, dtype=np.bool_)
-    residual = np.full(size, np.nan)
-    force = np.full(size, np.nan)
-    history = _History(size) if keep_history else None
-    velocities = [None] * size if recording.velocity is None else recording.velocity.tolist()
-    estimator, conditioner = learner.estimator, learner.conditioner
-    model, surface, state, deviation = None, np.nan, estimator.state, np.nan
-    known: tuple[object, ...] = ()  # what the model was made of
-    samples = zip(
-        recording.time.tolist(), recording.position.tolist(), recording.force.tolist(), velocities, strict=True
-    )
-    before = recording.time[0]
-    for index, (time, position, raw_force, velocity) in enumerate(samples):
-        sample = learner.update(time, position, raw_force, velocity)
-        in_contact[index] = sample.in_contact
-        if sample.in_contact and model is not None:
-            _, expected, deviation = advance(model, state, position - surface, sample.velocity, time - before)
-            residual[index] = sample.force - expected
-            force[index] = sample.force
-        before, state = time, estimator.state
-        now = (estimator.updates, estimator.changes, conditioner.surface, conditioner.force_offset)
-        if now != known:
-            known, model = now, estimator.model
-            surface = conditioner.surface - estimator.surface_correction
-        if history is not None and model is not None:
-            history.note(index, estimator.parameters)
-    contacts = int(in_contact.sum())
+    estimator = learner.estimator
+    history = _History(len(recording)) if keep_history else None
+    columns = recording.time, recording.position, recording.force, recording.velocity
+    if history is None:
+        found = learner.run(*columns)
+    else:
+        samples, kept = RawSamples(*columns), history
+        found = run_by_sample(learner, samples, lambda index: kept.note(index, estimator.parameters))
+    model, surface = estimator.model, learner.conditioner.surface - estimator.surface_correction
+    contacts = int(found.in_contact.sum())
     if contacts < FEWEST_CONTACT_SAMPLES:
         raise RecordingError(
             recording.name,
             f"{contacts} samples in contact, at least {FEWEST_CONTACT_SAMPLES} are needed to identify a model",
         )
     if model is None:
-        raise RecordingError(recording.name, f"{learner.estimator.name} found no model: {learner.learnt().reason}")
+        raise RecordingError(recording.name, f"{estimator.name} found no model: {learner.learnt().reason}")
     return Identification(
-        learner.estimator.parameters,
-        learner.estimator.standard_errors,
+        estimator.parameters,
+        estimator.standard_errors,
         surface,
         learner.conditioner.force_offset,
-        in_contact,
-        residual,
-        _rms(force[np.isfinite(force)]),
+        found.in_contact,
+        found.residual,
+        _rms(found.force[np.isfinite(found.residual)]),
         {} if history is None else history.columns,
         model,
         learner.conditioner.surface_error,
         learner.lag.lag,
         learner.lag.standard_error,
-        deviation,
+        found.standard_deviation,
     )
 
 
@@ -143,4 +126,5 @@ class _History:
 
 
 def _rms(values: Array) -> float:
-    return float(np.sqrt(np.mean(np.square(values)))) if values.size else float("nan")
+    """Root of the mean square; the values are no longer theirs afterwards."""
+    return float(np.sqrt(np.mean(np.square(values, out=values)))) if values.size else float("nan")

@@ -5,12 +5,19 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+import numpy as np
+from numpy.typing import NDArray
+
 from foretouch.identification.conditioning import CONTACT_FLOOR, Conditioner, ContactSample
+from foretouch.identification.contact_map import ContactMapBank
 from foretouch.identification.estimator import Estimator, Status
+from foretouch.identification.learner_run import LearnerRun, RawSamples, run_by_sample, run_compiled
 from foretouch.identification.sensor_lag import SensorLag
 from foretouch.models import ContactModel, ContactState
 
 __all__ = ["Learner", "LearntModel"]
+
+Array = NDArray[np.float64]
 
 GONE = "the material has changed: it is no longer there, and no force is given until it is touched again"
 
@@ -81,11 +88,31 @@ class Learner:
         if status is Status.CHANGED:
             if not sample.in_contact:
                 conditioner.lose_surface()
-            self.lag = SensorLag()
+            self.lag.reset()
         if sample.in_contact:
             place = sample.depth + conditioner.surface
             self.lag.update(place, sample.velocity, force, time - last)
         return sample
+
+    def run(self, time: Array, position: Array, force: Array, velocity: Array | None = None) -> LearnerRun:
+        """`update` with every sample of a recording, and what the model before each sample says of its force.
+
+        The contact map's bank takes them in one compiled loop: the same numbers, bit for bit. Other estimators take
+        them one by one.
+
+        Args:
+            time: [s], shape (n,).
+            position: [m], shape (n,).
+            force: As the sensor gives it [N], shape (n,).
+            velocity: Measured [m/s], shape (n,), or None to find it from the positions.
+
+        Raises:
+            InputError: Columns of unlike shape.
+        """
+        samples = RawSamples(time, position, force, velocity)
+        if isinstance(self.estimator, ContactMapBank):
+            return run_compiled(self, self.estimator, samples)
+        return run_by_sample(self, samples)
 
     def learnt(self) -> LearntModel:
         """What is known now."""

@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
+from foretouch.identification.sensor_lag_kernel import PRODUCTS, SIZE, TIME, WEIGHT, clear, take
+
 __all__ = ["LONGEST_LAG", "SensorLag"]
 
 LONGEST_LAG = 0.05
 """No sensor is later than this [s]."""
-
-MEMORY = 5.0
-"""Time in moving contact over which samples are remembered [s]."""
-
-SLOWEST = 2e-3
-"""Slower than this [m/s] nothing tells a lag."""
 
 LEAST_TIME = 0.2
 """Nothing is said from less moving contact [s]."""
@@ -32,17 +30,19 @@ class SensorLag:
     over 5 s of moving contact.
 
     Attributes:
-        time: In moving contact so far [s].
+        memory: All that is remembered, by `sensor_lag_kernel`.
     """
 
-    __slots__ = ("_means", "_origin", "_products", "_weight", "time")
+    __slots__ = ("memory",)
 
     def __init__(self) -> None:
-        self.time = 0.0
-        self._weight = 0.0
-        self._origin: tuple[float, float] | None = None  # so that what is squared stays small
-        self._means = (0.0, 0.0, 0.0)  # of position, velocity, force
-        self._products = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)  # centred: xx, xv, vv, xF, vF, FF
+        self.memory = np.empty(SIZE)
+        self.reset()
+        take(self.memory, 0.0, 0.0, 0.0, 0.0)  # compiled here, before any loop
+
+    def reset(self) -> None:
+        """Forget all samples."""
+        clear(self.memory)
 
     def update(self, position: float, velocity: float, force: float, period: float) -> None:
         """Take one sample in contact.
@@ -53,30 +53,12 @@ class SensorLag:
             force: [N].
             period: Since the sample before [s].
         """
-        if abs(velocity) < SLOWEST or not 0.0 < period < 1.0:
-            return
-        if self._origin is None:
-            self._origin = (position, force)
-        fading = math.exp(-period / MEMORY)
-        self.time += period
-        self._weight = self._weight * fading + period
-        share = period / self._weight
-        kept = 1.0 - share
-        # Number by number: a loop over them would cost three times as much, a thousand times a second.
-        mean_x, mean_v, mean_f = self._means
-        x = position - self._origin[0] - mean_x
-        v = velocity - mean_v
-        f = force - self._origin[1] - mean_f
-        self._means = (mean_x + share * x, mean_v + share * v, mean_f + share * f)
-        xx, xv, vv, xf, vf, ff = self._products
-        self._products = (
-            kept * (xx + share * (x * x)),
-            kept * (xv + share * (x * v)),
-            kept * (vv + share * (v * v)),
-            kept * (xf + share * (x * f)),
-            kept * (vf + share * (v * f)),
-            kept * (ff + share * (f * f)),
-        )
+        take(self.memory, position, velocity, force, period)
+
+    @property
+    def time(self) -> float:
+        """In moving contact so far [s]."""
+        return float(self.memory[TIME])
 
     @property
     def lag(self) -> float | None:
@@ -94,13 +76,13 @@ class SensorLag:
         if found is None:
             return None
         stiffness, _, residual = found
-        xx, xv, vv = self._products[:3]
-        independent = max(self._weight / 0.02, 1.0)
+        xx, xv, vv = self.memory[PRODUCTS : PRODUCTS + 3].tolist()
+        independent = max(float(self.memory[WEIGHT]) / 0.02, 1.0)
         return math.sqrt(residual * xx / (xx * vv - xv * xv) / independent) / stiffness
 
     def _slopes(self) -> tuple[float, float, float] | None:
         """K [N/m], B - K delta [N s/m] and the variance of what they leave [N^2]."""
-        xx, xv, vv, xf, vf, ff = self._products
+        xx, xv, vv, xf, vf, ff = self.memory[PRODUCTS:].tolist()
         determinant = xx * vv - xv * xv
         if self.time < LEAST_TIME or not determinant > 1e-6 * xx * vv:
             return None
