@@ -18,7 +18,6 @@ from foretouch.models.contact_map_layout import (
     BELOW,
     COARSENESS,
     DOUBT,
-    EXPERTS,
     FEATURE_COUNT,
     FEATURE_KNOTS,
     FEATURE_WEIGHTS,
@@ -50,7 +49,7 @@ from foretouch.models.contact_map_layout import (
     ZERO,
 )
 
-__all__ = ["cubic", "doubt", "features", "judge", "locate", "rates", "remember", "run", "step"]
+__all__ = ["cubic", "doubt", "experts", "features", "force_at", "judge", "locate", "rates", "remember", "run", "step"]
 
 Array = NDArray[np.float64]
 
@@ -219,7 +218,9 @@ def _law_force(flat: Array, place: float, velocity: float) -> float:
 law_force: Callable[[Array, float, float], float] = _inlined(_law_force)
 
 
-def _judge(flat: Array, values: Array, place: float, velocity: float, everything: bool, forces: Array) -> float:
+def _experts(
+    flat: Array, values: Array, place: float, velocity: float, everything: bool
+) -> tuple[float, float, float, float]:
     """What each expert says, and the force that they agree on by their shares [N].
 
     Args:
@@ -227,24 +228,44 @@ def _judge(flat: Array, values: Array, place: float, velocity: float, everything
         values: `features` of this sample.
         place: From the origin [m].
         velocity: [m/s].
-        everything: Whether the fine map is asked even where it has no share.
-        forces: Of law, coarse and fine map [N], shape (3,), written.
+        everything: Whether an expert is asked even where it has no share.
+
+    Returns:
+        Forces of law, coarse and fine map, and theirs: numbers, which compiled code keeps in registers; written to an
+        array they take three times as long.
     """
-    forces[1] = map_force(flat, 0, place, values)
+    coarse = map_force(flat, 0, place, values)
     # Further out than ever the law, which knows one surface, has no say.
-    forces[0] = law_force(flat, place, velocity) if place >= flat[LOWEST] else forces[1]
+    asked = everything or flat[SHARES] > 0.0
+    law = law_force(flat, place, velocity) if asked and place >= flat[LOWEST] else coarse
     # Deeper than its knots the fine map has no say either.
     asked = everything or flat[SHARES + 2] > 0.0
-    forces[2] = map_force(flat, 1, place, values) if asked and place < FINE_REACH else forces[1]
-    force = 0.0
-    for k in range(EXPERTS):
-        force += flat[SHARES + k] * forces[k]
+    fine = map_force(flat, 1, place, values) if asked and place < FINE_REACH else coarse
+    force = flat[SHARES] * law + flat[SHARES + 1] * coarse + flat[SHARES + 2] * fine
     if place > flat[REACHED]:
         force = min(force, MOST * flat[FELT])
-    return min(force, LARGEST_FORCE) if force >= 0.0 else 0.0  # 0 where it is no number
+    return law, coarse, fine, min(force, LARGEST_FORCE) if force >= 0.0 else 0.0  # 0 where it is no number
+
+
+experts: Callable[[Array, Array, float, float, bool], tuple[float, float, float, float]] = _inlined(_experts)
+
+
+def _judge(flat: Array, values: Array, place: float, velocity: float, everything: bool, forces: Array) -> float:
+    """The force that `experts` agree on [N]; what each says is written to an array of shape (3,)."""
+    forces[0], forces[1], forces[2], force = experts(flat, values, place, velocity, everything)
+    return force
 
 
 judge: Callable[[Array, Array, float, float, bool, Array], float] = _inlined(_judge)
+
+
+def _force_at(flat: Array, memory: Array, place: float, velocity: float, values: Array) -> float:
+    """Force at a memory that stays as it is [N]; its features are written."""
+    features(memory, place, velocity, values)
+    return experts(flat, values, place, velocity, False)[3]
+
+
+force_at: Callable[[Array, Array, float, float, Array], float] = _inlined(_force_at)
 
 
 def _doubt(flat: Array, force: float, velocity: float) -> float:
@@ -258,12 +279,11 @@ doubt: Callable[[Array, float, float], float] = _inlined(_doubt)
 
 def _step(flat: Array, memory: Array, depth: float, velocity: float, period: float) -> tuple[float, float]:
     """One sample of motion: the memory moves on in place; force and its standard deviation [N]."""
-    values, forces, shares = np.empty(LARGEST_FEATURES), np.empty(EXPERTS), np.empty(_N_TIMES)
+    values, shares = np.empty(LARGEST_FEATURES), np.empty(_N_TIMES)
     place = depth - flat[ORIGIN]
     rates(period, shares)
     remember(memory, place, shares)
-    features(memory, place, velocity, values)
-    force = judge(flat, values, place, velocity, False, forces)
+    force = force_at(flat, memory, place, velocity, values)
     variance = doubt(flat, force, velocity)
     if place > flat[REACHED]:  # what the slope adds is a guess
         share = (place - flat[REACHED]) / max(place + flat[ORIGIN], 1e-9)

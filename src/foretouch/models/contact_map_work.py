@@ -8,13 +8,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from foretouch.models.contact_map_kernel import features, judge, rates, remember
-from foretouch.models.contact_map_layout import (
-    EXPERTS,
-    LARGEST_FEATURES,
-    ORIGIN,
-    TIMES,
-)
+from foretouch.models.contact_map_kernel import force_at, rates, remember
+from foretouch.models.contact_map_layout import LARGEST_FEATURES, ORIGIN, TIMES
 from foretouch.models.contact_model import SPEED_STEP
 
 __all__ = ["exit_work", "slopes"]
@@ -23,23 +18,15 @@ Array = NDArray[np.float64]
 _N_TIMES = len(TIMES)
 
 
-def _force_at(flat: Array, memory: Array, place: float, velocity: float, values: Array, forces: Array) -> float:
-    features(memory, place, velocity, values)
-    return judge(flat, values, place, velocity, False, forces)
-
-
-force_at: Callable[[Array, Array, float, float, Array, Array], float] = njit(cache=True)(_force_at)
-
-
 def _slopes(flat: Array, memory: Array, depth: float, velocity: float, reach: float) -> tuple[float, float]:
     """Local stiffness [N/m], the steeper side's size, and damping [N s/m], at a memory that stays as it is."""
-    values, forces = np.empty(LARGEST_FEATURES), np.empty(EXPERTS)
+    values = np.empty(LARGEST_FEATURES)
     place = depth - flat[ORIGIN]
-    here = force_at(flat, memory, place, velocity, values, forces)
-    deeper = force_at(flat, memory, place + reach, velocity, values, forces)
-    shallower = force_at(flat, memory, place - reach, velocity, values, forces)
-    faster = force_at(flat, memory, place, velocity + SPEED_STEP, values, forces)
-    slower = force_at(flat, memory, place, velocity - SPEED_STEP, values, forces)
+    here = force_at(flat, memory, place, velocity, values)
+    deeper = force_at(flat, memory, place + reach, velocity, values)
+    shallower = force_at(flat, memory, place - reach, velocity, values)
+    faster = force_at(flat, memory, place, velocity + SPEED_STEP, values)
+    slower = force_at(flat, memory, place, velocity - SPEED_STEP, values)
     return max(abs(deeper - here), abs(here - shallower)) / reach, (faster - slower) / (2.0 * SPEED_STEP)
 
 
@@ -63,10 +50,10 @@ def _exit_work(
     Returns:
         The work [J], and the way on which there is any [m].
     """
-    values, forces, shares = np.empty(LARGEST_FEATURES), np.empty(EXPERTS), np.empty(_N_TIMES)
+    values, shares = np.empty(LARGEST_FEATURES), np.empty(_N_TIMES)
     moved = memory.copy()
     place = depth - flat[ORIGIN]
-    before = max(min(force_at(flat, moved, place, 0.0, values, forces), largest) + offset, 0.0)
+    before = max(min(force_at(flat, moved, place, 0.0, values), largest) + offset, 0.0)
     energy = way = 0.0
     for part in range(2):
         count = int(way_out[part])
@@ -79,7 +66,7 @@ def _exit_work(
                 break
             place -= length
             remember(moved, place, shares)
-            after = max(min(force_at(flat, moved, place, 0.0, values, forces), largest) + offset, 0.0)
+            after = max(min(force_at(flat, moved, place, 0.0, values), largest) + offset, 0.0)
             energy += 0.5 * (before + after) * length
             way += length
             before = after

@@ -46,6 +46,7 @@ class Predictor:
         jump: Force at the newest sample less the force there of the model before, had it been kept [N]; no model counts
             as no force. 0 at every sample but the first that predicts with another model.
         position: Of the newest sample [m]; 0 before the first.
+        depth: Of the newest sample below the surface [m], within the bounds of `advance`.
         ticks: Samples so far; the first has number 1.
         message: Number that the caller gave the model, 0 before the first.
     """
@@ -61,6 +62,7 @@ class Predictor:
         "_states",
         "_time",
         "_waiting",
+        "depth",
         "force",
         "jump",
         "message",
@@ -86,6 +88,7 @@ class Predictor:
         self.model: ContactModel | None = None
         self.surface = 0.0
         self.position = 0.0
+        self.depth = 0.0
         self.velocity = 0.0
         self.force = 0.0
         self.standard_deviation = math.nan
@@ -159,7 +162,9 @@ class Predictor:
         """
         if self.model is None:
             return 0.0, 0.0
-        velocity, depth = min(max(self.velocity, -LARGEST_SPEED), LARGEST_SPEED), self.depth
+        velocity, depth = self.velocity, self.depth
+        if not -LARGEST_SPEED <= velocity <= LARGEST_SPEED:
+            velocity = min(max(velocity, -LARGEST_SPEED), LARGEST_SPEED)
         if depth < 0.0 and not self.force > 0.0:
             depth = 0.0
         return self.model.local_slopes(self._state, depth, velocity, reach)
@@ -167,14 +172,6 @@ class Predictor:
     def exit_work(self, offset: float = 0.0, largest: float = math.inf) -> tuple[float, float]:
         """Energy that comes back from the newest sample on the way out [J], and that way [m] (`ContactModel`)."""
         return (0.0, 0.0) if self.model is None else self.model.exit_work(self._state, self.depth, offset, largest)
-
-    @property
-    def depth(self) -> float:
-        """Of the newest sample below the surface [m], within the bounds of `advance`."""
-        depth = self.position - self.surface
-        if depth > LARGEST_DEPTH:
-            return LARGEST_DEPTH
-        return -LARGEST_DEPTH if depth < -LARGEST_DEPTH else depth
 
     def update(self, time: float, position: float, velocity: float | None = None) -> float:
         """Predict the force at one sample of the motion.
@@ -200,12 +197,14 @@ class Predictor:
         self._places[place], self._periods[place] = position, period if period > 0.0 else 0.0  # the first has none
         self.velocity = velocity = self._motion.update(time, position) if velocity is None else velocity
         self.jump = 0.0
+        depth = position - self.surface
+        self.depth = depth if -LARGEST_DEPTH <= depth <= LARGEST_DEPTH else _bounded(depth)
         if not period > 0.0:
             self._states[place] = self._state
             self.force, self.standard_deviation = 0.0, math.nan
             return 0.0
         former, before = self._former, self._state
-        state, force, self.standard_deviation = _run(self.model, before, position - self.surface, velocity, period)
+        state, force, self.standard_deviation = _run(self.model, before, depth, velocity, period)
         self._state = self._states[place] = state
         self.force = force
         if former is not None:
@@ -220,6 +219,7 @@ class Predictor:
         if self._former is None:
             self._former = (self.model, self._state, self.surface)
         self.model, self.surface, self._state, self.message = model, surface, state, message
+        self.depth = _bounded(self.position - surface)
 
     def _run_slice(self) -> None:
         """Run a slice of past motion through the memory of the model that waits; begin with it at the end."""
@@ -234,6 +234,10 @@ class Predictor:
             return
         self._begin(model, surface, state, message)
         self._waiting, self._newest = self._newest, None
+
+
+def _bounded(depth: float) -> float:
+    return min(max(depth, -LARGEST_DEPTH), LARGEST_DEPTH)
 
 
 def _alike(own: ContactState, other: ContactState) -> bool:
