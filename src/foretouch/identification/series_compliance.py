@@ -200,7 +200,7 @@ def _free_air(recording: Recording) -> float:
     columns = (recording.time.tolist(), recording.position.tolist(), recording.force.tolist())
     for time, position, force in zip(*columns, strict=True):
         conditioner.update(time, position, force)
-    return conditioner.force_offset
+    return float(conditioner.force_offset)
 
 
 def _in_time(recording: Recording, lag: float) -> Recording:
