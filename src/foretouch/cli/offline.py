@@ -261,21 +261,9 @@ def _map_of(result: Identification) -> dict[str, object] | None:
 
 def _identified(data: Recording) -> str:
     """Status of an identification: whether the recording's force has a zero that can be known."""
-    import numpy as np
+    from foretouch.identification.force_zero import is_zero_unobservable
 
-    from foretouch.report import score
-
-    nothing = np.zeros(len(data))
-    scores = score(
-        data.time,
-        data.force,
-        nothing,
-        nothing,
-        contact_floor=data.contact_floor,
-        score_from=0.0,
-        position=data.position,
-    )
-    return "offset_unobservable" if scores.status == "offset_unobservable" else "ok"
+    return "offset_unobservable" if is_zero_unobservable(data) else "ok"
 
 
 def _refuse_to_replace(recording: Path, out: Path | None) -> None:

@@ -8,33 +8,26 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from foretouch.errors import InputError, SettingError
+from foretouch.identification.force_zero import (
+    OFFSET_WINDOW,
+    THRESHOLD_SHARE,
+    TOUCH,
+    columns_of,
+    lowest_mean,
+    median_period,
+    never_leaves_contact,
+)
 
 __all__ = ["JND_FORCE", "JND_SHARE", "OFFSET_WINDOW", "STATUSES", "Scores", "delayed", "lowest_mean", "score"]
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
-OFFSET_WINDOW = 0.05
-"""Length of the window whose lowest mean is the zero of the measured force [s]."""
-
-THRESHOLD_SHARE = 0.05
-"""The contact threshold as a share of the 98th percentile of the measured force."""
-
 JND_SHARE = 0.10
 """Just noticeable difference of force, as a share of the force."""
 
 JND_FORCE = 0.05
 """The smallest just noticeable difference that is asked for [N]."""
-
-TOUCH = 0.01
-"""A force that is not above the threshold in the mean of any so long time [s] is noise, and no contact."""
-
-REST_SLOPE = 0.25
-"""Force slope below the contact threshold, as a share of the slope above it, from which on a recording counts as
-never out of contact. Measured files: foam and skin at most 0.1, preloaded springs at least 0.8."""
-
-FEWEST_SAMPLES = 10
-"""Samples that an offset window must hold, unless most windows of the file hold fewer."""
 
 STATUSES: dict[str, str] = {
     "nothing_to_score": "no sample lies in the window, those that were guarded or not coupled left out",
@@ -132,14 +125,14 @@ def score(
         InputError: Arrays of other lengths, time that does not increase, a measured force that is not finite.
         SettingError: A floor that is not positive, or a window that ends before it begins.
     """
-    clock, measured, predicted, known = _arrays(time, measured_force, predicted_force, delayed_force)
+    clock, measured, predicted, known = columns_of(time, measured_force, predicted_force, delayed_force)
     _check(clock, measured, contact_floor, score_from, score_to)
     known = np.where(np.isfinite(known), known, 0.0)
     if clock.size:
         measured = measured - (lowest_mean(clock, measured) if offset is None else offset)
     window = _window(clock, score_from, score_to)
     if skipped is not None:
-        (left_out, _) = _arrays(skipped, clock)
+        (left_out, _) = columns_of(skipped, clock)
         window &= left_out == 0.0
     nothing = Scores(
         samples=clock.size,
@@ -175,7 +168,7 @@ def score(
     found = predicted[contact] >= threshold
     apart = window & ~in_contact
     status = "ok"
-    if position is not None and _never_leaves_contact(position, measured, in_contact):
+    if position is not None and never_leaves_contact(position, measured, in_contact):
         status = "offset_unobservable"
     if not finite[window].all():
         status = "prediction_not_finite"
@@ -212,47 +205,12 @@ def delayed(time: ArrayLike, force: ArrayLike, delay: float) -> Array:
         InputError: Arrays of other lengths, or time that does not increase.
         SettingError: A delay below 0 or not finite.
     """
-    clock, values = _arrays(time, force)
+    clock, values = columns_of(time, force)
     if not (np.isfinite(delay) and delay >= 0.0):
         raise SettingError("delay", delay, "must be 0 s or more")
     _increasing(clock)
-    newest = np.searchsorted(clock, clock - delay + 1e-3 * _period(clock), side="right") - 1
+    newest = np.searchsorted(clock, clock - delay + 1e-3 * median_period(clock), side="right") - 1
     return np.where(newest >= 0, values[np.maximum(newest, 0)], 0.0)
-
-
-def lowest_mean(time: ArrayLike, force: ArrayLike, window: float = OFFSET_WINDOW) -> float:
-    """The lowest mean of the force over a time window: where the sensor's zero is, seen from afterwards.
-
-    A window ends at each sample and reaches back by its length; it counts once the samples before it fill it, and
-    if it holds 10 samples, or as many as most windows of the file do, so that one sample after a gap is no mean. At
-    an even rate these are all runs of ``window / sample period`` samples. A file shorter than the window has one
-    mean, that of all its samples.
-
-    Args:
-        time: Sample times [s], increasing, shape (n,).
-        force: Measured force [N], shape (n,), n of at least 1.
-        window: Its length [s].
-    """
-    clock, values = _arrays(time, force)
-    period = _period(clock)
-    first = np.searchsorted(clock, clock - window + 1e-3 * period, side="right")
-    last = np.arange(1, clock.size + 1)
-    held = last - first
-    full = clock - clock[0] >= window - 1.001 * period
-    if not full.any():
-        return float(values.mean())
-    full &= held >= min(FEWEST_SAMPLES, float(np.median(held[full])))
-    middle = values.mean()  # sums of small numbers lose fewer digits
-    sums = np.concatenate(([0.0], np.cumsum(values - middle)))
-    return float(((sums[last] - sums[first])[full] / held[full]).min() + middle)
-
-
-def _arrays(*columns: ArrayLike) -> tuple[Array, ...]:
-    arrays = tuple(np.asarray(column, dtype=np.float64) for column in columns)
-    shapes = {array.shape for array in arrays}
-    if len(shapes) > 1 or arrays[0].ndim != 1:
-        raise InputError(f"columns of shapes {', '.join(str(array.shape) for array in arrays)}: all must be (n,)")
-    return arrays
 
 
 def _check(clock: Array, measured: Array, contact_floor: float, score_from: float, score_to: float | None) -> None:
@@ -275,37 +233,16 @@ def _increasing(clock: Array) -> None:
         raise InputError(f"time, sample {int(np.argmax(bad))}: time must be finite and increase")
 
 
-def _period(clock: Array) -> float:
-    """Median sample period [s], 0 for a single sample."""
-    return float(np.median(np.diff(clock))) if clock.size > 1 else 0.0
-
-
 def _window(clock: Array, score_from: float, score_to: float | None) -> Flags:
     """The samples between two times that count from the first sample, both ends included."""
     if not clock.size:
         return np.zeros(0, dtype=np.bool_)
     since = clock - clock[0]
-    tolerance = 1e-3 * _period(clock)
+    tolerance = 1e-3 * median_period(clock)
     inside: Flags = since >= score_from - tolerance
     if score_to is not None:
         inside &= since <= score_to + tolerance
     return inside
-
-
-def _never_leaves_contact(position: ArrayLike, force: Array, in_contact: Flags) -> bool:
-    """Whether the force still follows the position below the contact threshold, as it does nowhere in free air."""
-    (place, _) = _arrays(position, force)
-    above = _slope(place[in_contact], force[in_contact])
-    below = _slope(place[~in_contact], force[~in_contact])
-    return above > 0.0 and below > REST_SLOPE * above
-
-
-def _slope(position: Array, force: Array) -> float:
-    """Least-squares slope of force over position [N/m], 0 where the position does not vary."""
-    if position.size < 3 or not np.ptp(position) > 0.0:
-        return 0.0
-    centred = position - position.mean()
-    return float((centred * (force - force.mean())).sum() / (centred**2).sum())
 
 
 def _rms(values: Array) -> float:

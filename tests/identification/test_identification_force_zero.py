@@ -1,0 +1,52 @@
+"""Whether a recording shows where its force is zero: the same answer as scoring gives, however long it is."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from presses import press
+
+from foretouch.identification import force_zero
+from foretouch.identification.force_zero import is_zero_unobservable
+from foretouch.quantities import Recording
+from foretouch.recordings import DATASETS, read_recording
+
+
+def pressed_always(noise: float = 0.01) -> Recording:
+    time = np.arange(0.0, 6.0, 1e-3)
+    position = 0.01 + 0.004 * np.sin(5.0 * time)
+    random = np.random.default_rng(0)
+    return Recording(time, position, 600.0 * position + random.normal(0.0, noise, time.size))
+
+
+def silent() -> Recording:
+    time = np.arange(0.0, 6.0, 1e-3)
+    return Recording(time, 0.01 * np.sin(time), np.random.default_rng(0).normal(0.0, 0.01, time.size))
+
+
+@pytest.mark.parametrize(("block", "overlap"), [(1 << 18, 1 << 15), (1000, 200), (1001, 500)])
+def test_pressed_always_sometimes_and_never(monkeypatch: pytest.MonkeyPatch, block: int, overlap: int) -> None:
+    monkeypatch.setattr(force_zero, "BLOCK", block)
+    monkeypatch.setattr(force_zero, "OVERLAP", overlap)
+    assert is_zero_unobservable(pressed_always())
+    assert not is_zero_unobservable(press(noise=0.02))
+    assert not is_zero_unobservable(silent())
+
+
+@pytest.mark.parametrize("size", [5999, 6000, 6001])
+def test_blocks_give_the_lowest_mean_of_all(monkeypatch: pytest.MonkeyPatch, size: int) -> None:
+    recording = press(noise=0.02, duration=6.1)
+    time, force = recording.time[:size], recording.force[:size]
+    whole = force_zero.lowest_mean(time, force)
+    monkeypatch.setattr(force_zero, "BLOCK", 1000)
+    monkeypatch.setattr(force_zero, "OVERLAP", 100)
+    assert force_zero._lowest(time, force, 1.0, 0.05) == pytest.approx(whole, abs=1e-12)
+    assert force_zero._lowest(time, force, -1.0, 0.05) == pytest.approx(force_zero.lowest_mean(time, -force), abs=1e-12)
+
+
+@pytest.mark.parametrize("name", DATASETS)
+def test_measured_recordings(measured: Callable[[str], Path], name: str) -> None:
+    assert is_zero_unobservable(read_recording(measured(name))) == name.endswith("-spring")
