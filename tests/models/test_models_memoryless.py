@@ -117,7 +117,7 @@ def test_forces_pull_only_where_asked_and_below_the_tension_depth(
     if depth <= 0.0:
         assert pulling == 0.0
     elif depth < 0.999 * limit:
-        assert pulling < 0.0
+        assert pulling < 0.0 or depth < 1e-300  # where the product underflows
     elif depth > 1.001 * limit:
         assert pulling >= 0.0
 
