@@ -30,7 +30,7 @@ def both(recording: Recording, **options: float) -> tuple[Learner, np.ndarray]:
     """Sample by sample and in one loop; everything that is told and remembered is compared."""
     one, whole = Learner(ContactMapBank(), **options), Learner(ContactMapBank(), **options)
     slow, fast = run_by_sample(one, RawSamples(*columns(recording))), whole.run(*columns(recording))
-    for name in ("in_contact", "force", "residual", "standard_deviation"):
+    for name in ("in_contact", "contact_force_rms", "residual", "standard_deviation"):
         np.testing.assert_array_equal(getattr(fast, name), getattr(slow, name), name)
     assert_alike(one, whole)
     return whole, fast.residual

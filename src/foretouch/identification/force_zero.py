@@ -79,12 +79,13 @@ def is_zero_unobservable(recording: Recording) -> bool:
         recording: Of presses; its `contact_floor` is the least force that counts as contact.
     """
     time, force = recording.time, recording.force
-    measured = force - _lowest(time, force, 1.0, OFFSET_WINDOW)
-    threshold = max(THRESHOLD_SHARE * float(np.percentile(measured, 98.0)), recording.contact_floor)
-    in_contact = measured > threshold
-    if not in_contact.any() or -_lowest(time, measured, -1.0, TOUCH) <= threshold:
+    # What is asked of the force less its zero is asked of the force itself: no copy of it is made.
+    zero = _lowest(time, force, 1.0, OFFSET_WINDOW)
+    threshold = max(THRESHOLD_SHARE * (float(np.percentile(force, 98.0)) - zero), recording.contact_floor)
+    in_contact = force > threshold + zero
+    if not in_contact.any() or -_lowest(time, force, -1.0, TOUCH) - zero <= threshold:
         return False
-    return never_leaves_contact(recording.position, measured, in_contact)
+    return never_leaves_contact(recording.position, force, in_contact)
 
 
 def _lowest(time: Array, force: Array, sign: float, window: float) -> float:
@@ -100,17 +101,24 @@ def _lowest(time: Array, force: Array, sign: float, window: float) -> float:
 def never_leaves_contact(position: ArrayLike, force: Array, in_contact: Flags) -> bool:
     """Whether the force still follows the position below the contact threshold, as it does nowhere in free air."""
     (place, _) = columns_of(position, force)
-    above = _slope(place[in_contact], force[in_contact])
-    below = _slope(place[~in_contact], force[~in_contact])
+    above = _slope(place, force, in_contact)
+    below = _slope(place, force, ~in_contact)
     return above > 0.0 and below > REST_SLOPE * above
 
 
-def _slope(position: Array, force: Array) -> float:
-    """Least-squares slope of force over position [N/m], 0 where the position does not vary."""
-    if position.size < 3 or not np.ptp(position) > 0.0:
+def _slope(position: Array, force: Array, chosen: Flags) -> float:
+    """Least-squares slope of force over position [N/m] at the chosen samples, 0 where their position does not vary."""
+    if np.count_nonzero(chosen) < 3:
         return 0.0
-    centred = position - position.mean()
-    return float((centred * (force - force.mean())).sum() / (centred**2).sum())
+    middle, level = position.mean(where=chosen), force.mean(where=chosen)
+    products = squares = 0.0
+    for begin in range(0, position.size, BLOCK):
+        part = slice(begin, begin + BLOCK)
+        centred = position[part][chosen[part]] - middle
+        products += float((centred * (force[part][chosen[part]] - level)).sum())
+        squares += float((centred**2).sum())
+    varies = position.max(where=chosen, initial=-np.inf) > position.min(where=chosen, initial=np.inf)
+    return products / squares if varies else 0.0
 
 
 def columns_of(*columns: ArrayLike) -> tuple[Array, ...]:

@@ -100,7 +100,7 @@ def identify(recording: Recording, learner: Learner, *, keep_history: bool = Fal
         learner.conditioner.force_offset,
         found.in_contact,
         found.residual,
-        _rms(found.force[np.isfinite(found.residual)]),
+        found.contact_force_rms,
         {} if history is None else history.columns,
         model,
         learner.conditioner.surface_error,

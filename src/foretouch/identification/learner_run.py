@@ -32,16 +32,17 @@ class LearnerRun:
 
     Attributes:
         in_contact: The conditioner's judgement, shape (n,).
-        force: Less the offset as it was known then [N], shape (n,).
         residual: Force less that of the model learnt before the sample [N]; NaN outside contact and before there was a
             model, shape (n,).
+        contact_force_rms: RMS of the force, less the offset as it was known then, over the samples that have a residual
+            [N]; NaN where none has.
         standard_deviation: Of the force at the last sample that has a residual [N], NaN where the model carries no
             doubt.
     """
 
     in_contact: NDArray[np.bool_]
-    force: Array
     residual: Array
+    contact_force_rms: float
     standard_deviation: float
 
 
@@ -81,8 +82,25 @@ class RawSamples:
             yield begin, rows
 
 
-def _columns(size: int) -> tuple[NDArray[np.bool_], Array, Array]:
-    return np.zeros(size, np.bool_), np.empty(size), np.full(size, math.nan)
+class _Columns:
+    """What a run tells; of the forces only as much as a block, for an hour of them is as long as the recording."""
+
+    def __init__(self, size: int) -> None:
+        self.in_contact, self.residual = np.zeros(size, np.bool_), np.full(size, math.nan)
+        self.forces = np.empty(min(BLOCK, size))
+        self._squares, self._count = 0.0, 0
+
+    def close(self, begin: int, count: int) -> None:
+        """A block is complete."""
+        compared = self.forces[:count][np.isfinite(self.residual[begin : begin + count])]
+        with np.errstate(over="ignore"):
+            self._squares += float(np.square(compared).sum())
+        self._count += compared.size
+
+    def run(self, deviation: float) -> LearnerRun:
+        """All blocks are complete."""
+        rms = math.sqrt(self._squares / self._count) if self._count else math.nan
+        return LearnerRun(self.in_contact, self.residual, rms, deviation)
 
 
 def run_compiled(learner: Learner, bank: ContactMapBank, samples: RawSamples) -> LearnerRun:
@@ -95,22 +113,23 @@ def run_compiled(learner: Learner, bank: ContactMapBank, samples: RawSamples) ->
     """
     from foretouch.identification.raw_kernel import BEFORE, DEVIATION, STALE, make_notes
 
-    conditioner, notes, columns = learner.conditioner, make_notes(learner.sample.time), _columns(samples.size)
+    conditioner, notes, columns = learner.conditioner, make_notes(learner.sample.time), _Columns(samples.size)
     for begin, rows in samples.blocks():
-        taken = 0
-        while taken < rows.shape[1]:
-            part = slice(begin + taken, begin + rows.shape[1])
-            told = columns[0][part], columns[1][part], columns[2][part]
+        taken, count = 0, rows.shape[1]
+        while taken < count:
+            part = slice(begin + taken, begin + count)
+            told = columns.in_contact[part], columns.forces[taken:count], columns.residual[part]
             rest = np.ascontiguousarray(rows[:, taken:])
             more, learner.status = bank.run_raw(
                 conditioner.memory, learner.lag.memory, notes, rest, samples.measured, told
             )
             taken += more
             conditioner.make_room()
+        columns.close(begin, count)
     conditioner.recall()
     time, depth, velocity, force, touching = notes[BEFORE:STALE].tolist()
     learner.sample = ContactSample(time, depth, velocity, force, touching > 0.0)
-    return LearnerRun(*columns, float(notes[DEVIATION]))
+    return columns.run(float(notes[DEVIATION]))
 
 
 def run_by_sample(learner: Learner, samples: RawSamples, note: Callable[[int], None] | None = None) -> LearnerRun:
@@ -121,7 +140,7 @@ def run_by_sample(learner: Learner, samples: RawSamples, note: Callable[[int], N
         samples: Raw.
         note: Called after each sample from which on there is a model, with its index.
     """
-    in_contact, forces, residual = columns = _columns(samples.size)
+    columns = _Columns(samples.size)
     estimator, conditioner = learner.estimator, learner.conditioner
     model, state, deviation = estimator.model, estimator.state, math.nan
     surface, before = conditioner.surface - estimator.surface_correction, learner.sample.time
@@ -129,10 +148,10 @@ def run_by_sample(learner: Learner, samples: RawSamples, note: Callable[[int], N
     for begin, rows in samples.blocks():
         for index, (time, position, raw, speed) in enumerate(zip(*rows.tolist(), strict=True), begin):
             sample = learner.update(time, position, raw, speed if samples.measured else None)
-            in_contact[index], forces[index] = sample.in_contact, sample.force
+            columns.in_contact[index], columns.forces[index - begin] = sample.in_contact, sample.force
             if sample.in_contact and model is not None:
                 _, expected, deviation = advance(model, state, position - surface, sample.velocity, time - before)
-                residual[index] = sample.force - expected
+                columns.residual[index] = sample.force - expected
             before, state = time, estimator.state
             now = (estimator.updates, estimator.changes, conditioner.surface, conditioner.force_offset)
             if now != known:
@@ -140,4 +159,5 @@ def run_by_sample(learner: Learner, samples: RawSamples, note: Callable[[int], N
                 surface = conditioner.surface - estimator.surface_correction
             if note is not None and model is not None:
                 note(index)
-    return LearnerRun(*columns, deviation)
+        columns.close(begin, rows.shape[1])
+    return columns.run(deviation)
