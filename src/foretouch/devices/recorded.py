@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
-from scipy.ndimage import gaussian_filter1d
 
 from foretouch.devices.device import Device, limit_force
 from foretouch.devices.motion import PEAK_SPEED_RATIO, minimum_jerk, quintic_move
 from foretouch.errors import SettingError
 from foretouch.models.checks import require
+
+if TYPE_CHECKING:
+    from scipy.interpolate import CubicSpline
 
 __all__ = ["RecordedOperator"]
 
@@ -121,6 +122,9 @@ def _checked(time: Any, position: Any) -> tuple[NDArray[np.float64], NDArray[np.
 
 def _loop(time: NDArray[np.float64], position: NDArray[np.float64]) -> NDArray[np.float64]:
     """The smoothed motion and a join from its end back to its start, a point every `KNOT_PERIOD`."""
+    from scipy.interpolate import CubicSpline  # SciPy is slow to import: only when used
+    from scipy.ndimage import gaussian_filter1d
+
     fine_period = 0.1 * KNOT_PERIOD
     fine = np.interp(np.arange(time[0], time[-1], fine_period), time, position)
     fine = gaussian_filter1d(fine, SMOOTHING / fine_period, mode="nearest")
@@ -134,4 +138,6 @@ def _loop(time: NDArray[np.float64], position: NDArray[np.float64]) -> NDArray[n
 
 def _periodic(loop: NDArray[np.float64]) -> CubicSpline:
     """Periodic cubic spline through the points."""
+    from scipy.interpolate import CubicSpline
+
     return CubicSpline(np.arange(len(loop) + 1) * KNOT_PERIOD, np.append(loop, loop[0]), bc_type="periodic")
