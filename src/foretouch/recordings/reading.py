@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from os import PathLike
 from pathlib import Path
 from typing import Final
@@ -64,9 +65,9 @@ def read_recording(
         raise RecordingError(path, "only a TU/e .mat file has another --force-channel: leave it out")
     try:
         if suffix == ".csv":
-            return read_csv(path, units)
+            return _alone(read_csv(path, units))
         if suffix == ".parquet":
-            return read_parquet(path, units)
+            return _alone(read_parquet(path, units))
         if suffix == ".mat":
             return read_tue(path, force_channel, flip=flip)
         if suffix == ".ddf":
@@ -74,3 +75,11 @@ def read_recording(
         return read_follower(path, flip=flip)
     except OSError as error:
         raise RecordingError(path, f"cannot be read: {error.strerror or error}") from None
+
+
+def _alone(recording: Recording) -> Recording:
+    """The recording, once what reading it took is given back: pyarrow keeps twice its size for a next table."""
+    pyarrow = sys.modules.get("pyarrow")
+    if pyarrow is not None:
+        pyarrow.default_memory_pool().release_unused()
+    return recording

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from foretouch.errors import RecordingError, UnknownNameError
 from foretouch.quantities import Recording
@@ -82,12 +83,18 @@ def to_recording(source: object, columns: Mapping[str, Any], units: Units, first
     return Recording(
         np.asarray(columns["time_s"]),
         # a quotient is the correctly rounded value of 0.5 mm, a product with 1e-3 is not
-        np.asarray(columns["position_m"]) / length,
-        np.asarray(columns["force_N"]) / FORCE_UNITS[units.force],
-        None if velocity is None else np.asarray(velocity) / length,
+        _divided(columns["position_m"], length),
+        _divided(columns["force_N"], FORCE_UNITS[units.force]),
+        None if velocity is None else _divided(velocity, length),
         name=str(source),
         first_row=first_row,
     )
+
+
+def _divided(column: Any, by: float) -> NDArray[np.float64]:
+    """A column in SI units, itself where it is in them: `Recording` takes a copy anyway."""
+    values = np.asarray(column, np.float64)
+    return values if by == 1.0 else values / by
 
 
 def _listed(names: list[str], longest: int = 200) -> str:
