@@ -7,8 +7,9 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
+from foretouch.identification.force_zero import TOUCH
 from foretouch.report.forces import Forces
-from foretouch.report.scores import STATUSES, TOUCH, Scores, lowest_mean
+from foretouch.report.scores import STATUSES, Scores, lowest_mean
 
 __all__ = ["remarks"]
 
