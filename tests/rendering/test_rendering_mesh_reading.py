@@ -7,13 +7,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from solids import follow, straight
+from solids import ball, follow, straight
 
 trimesh = pytest.importorskip("trimesh")
 pytest.importorskip("networkx")
 
 from foretouch.errors import InputError, SettingError  # noqa: E402
-from foretouch.rendering.surfaces import TriangleMesh, read_mesh  # noqa: E402
+from foretouch.rendering.surfaces import TriangleMesh, first_hit_from_above, read_mesh  # noqa: E402
 from foretouch.rendering.surfaces.mesh_reading import MOST_BYTES  # noqa: E402
 
 
@@ -136,3 +136,14 @@ def test_a_file_that_is_not_there_and_a_scale_that_is_none(tmp_path: Path) -> No
         read_mesh(tmp_path / "none.stl")
     with pytest.raises(SettingError, match="scale"):
         read_mesh(tmp_path / "none.stl", scale=0.0)
+
+
+@pytest.mark.parametrize("place", [(0.0, 0.0), (0.011, -0.023), (-0.03, 0.02), (0.049, 0.0)])
+def test_a_ray_from_above_hits_the_top_of_a_ball_and_nothing_beside_it(place: tuple[float, float]) -> None:
+    made = ball(0.05)
+    hit = first_hit_from_above(made, *place)
+    corners = made.vertices[made.faces[hit]]
+    assert corners[:, 2].mean() > 0.0  # the near side of two
+    shares = np.linalg.solve(np.vstack([corners[:, :2].T, np.ones(3)]), (*place, 1.0))
+    assert (shares > -1e-9).all()  # the ray goes through it
+    assert first_hit_from_above(made, place[0] + 0.2, place[1]) == -1

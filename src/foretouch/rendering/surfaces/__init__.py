@@ -2,8 +2,18 @@
 
 from foretouch.rendering.surfaces.height_field import HeightField
 from foretouch.rendering.surfaces.mesh import TriangleMesh
-from foretouch.rendering.surfaces.mesh_reading import read_mesh
+from foretouch.rendering.surfaces.mesh_reading import first_hit_from_above, read_mesh
 from foretouch.rendering.surfaces.plane import Plane
 from foretouch.rendering.surfaces.surface import Point, Surface, SurfaceContact, SurfaceProxy
 
-__all__ = ["HeightField", "Plane", "Point", "Surface", "SurfaceContact", "SurfaceProxy", "TriangleMesh", "read_mesh"]
+__all__ = [
+    "HeightField",
+    "Plane",
+    "Point",
+    "Surface",
+    "SurfaceContact",
+    "SurfaceProxy",
+    "TriangleMesh",
+    "first_hit_from_above",
+    "read_mesh",
+]

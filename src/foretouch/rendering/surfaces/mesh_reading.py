@@ -12,7 +12,7 @@ from foretouch.errors import InputError, MissingExtraError, SettingError
 from foretouch.models.checks import require
 from foretouch.rendering.surfaces.mesh import LARGEST_COORDINATE, TriangleMesh
 
-__all__ = ["FORMATS", "MOST_BYTES", "MOST_TRIANGLES", "read_mesh"]
+__all__ = ["FORMATS", "MOST_BYTES", "MOST_TRIANGLES", "first_hit_from_above", "read_mesh"]
 
 FORMATS = (".stl", ".obj", ".ply")
 """Endings of the files that are read."""
@@ -56,6 +56,33 @@ def read_mesh(path: str | Path, *, scale: float = 1.0, closed: bool = False) -> 
     if closed and not surface.closed:
         raise InputError(f"{file}: the mesh has holes that are too large to fill: close it in a mesh editor")
     return surface
+
+
+def first_hit_from_above(mesh: TriangleMesh, x: float, y: float) -> int:
+    """The triangle that a ray straight down (-z) hits first, from whichever side; -1 where it hits none.
+
+    Only triangles about the ray are looked at, so that a large mesh costs no search tree. It is for the moment in which
+    a mesh is read; a proxy that moves has boxes of its own (`SurfaceProxy`).
+
+    Args:
+        mesh: To be hit.
+        x: Of the ray [m].
+        y: Of the ray [m].
+
+    Raises:
+        MissingExtraError: trimesh is not installed.
+    """
+    corners = mesh.vertices[mesh.faces]
+    place = np.array([x, y])
+    about = np.flatnonzero(
+        ((corners[..., :2].min(axis=1) <= place) & (place <= corners[..., :2].max(axis=1))).all(axis=1)
+    )
+    if not about.size:
+        return -1
+    part = _trimesh().Trimesh(mesh.vertices, mesh.faces[about], process=False)
+    above = float(corners[about, :, 2].max()) + 1.0
+    (hit,) = part.ray.intersects_first([[x, y, above]], [[0.0, 0.0, -1.0]])
+    return -1 if hit < 0 else int(about[hit])
 
 
 def _trimesh() -> Any:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from foretouch.errors import InputError
 from foretouch.quantities.rigid import Vector
-from foretouch.rendering.surfaces import SurfaceProxy, TriangleMesh, read_mesh
+from foretouch.rendering.surfaces import TriangleMesh, first_hit_from_above, read_mesh
 
 __all__ = ["LARGEST_SIDE", "SMALLEST_SIDE", "specimen_of"]
 
@@ -18,9 +18,6 @@ SMALLEST_SIDE, LARGEST_SIDE = 0.005, 0.5
 
 REACH = 0.04
 """Its middle, seen from above, and its top are so near to where specimens stand [m]."""
-
-FROM_ABOVE = 0.02
-"""A probe that looks for the surface comes down from so far above the top [m]."""
 
 TRIED = (0.0, -0.25, 0.25)
 """Where it comes down, in shares of the sides: a hole in the middle is none everywhere."""
@@ -77,8 +74,12 @@ def _is_met(mesh: TriangleMesh, low: Array, high: Array) -> bool:
     for right in TRIED:
         for back in TRIED:
             x, y = float(centre[0] + right * sides[0]), float(centre[1] + back * sides[1])
-            proxy = SurfaceProxy(mesh)
-            proxy.follow((x, y, float(high[2]) + FROM_ABOVE))
-            if proxy.follow((x, y, float(low[2]) - 1e-6)).depth > 0.0:
+            hit = first_hit_from_above(mesh, x, y)
+            if hit >= 0 and _faces_up(mesh, hit):
                 return True
     return False
+
+
+def _faces_up(mesh: TriangleMesh, triangle: int) -> bool:
+    a, b, c = mesh.vertices[mesh.faces[triangle]]
+    return bool(np.cross(b - a, c - a)[2] > 0.0)
