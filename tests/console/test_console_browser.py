@@ -67,9 +67,8 @@ def bench(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bench]:
     drawing.start()
     try:
         with sessions[0]:
-            begin = time.monotonic()
             with open_page(console.url) as (page, requests):
-                yield Bench(page, requests, sessions[0], time.monotonic() - begin)
+                yield Bench(page, requests, sessions[0], page.evaluate("performance.now()") / 1000.0)
     finally:
         stop.set()
         drawing.join()
@@ -77,7 +76,7 @@ def bench(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bench]:
 
 
 def test_page_comes_up_and_says_what_to_do(bench):
-    assert bench.seconds_to_page < 60.0  # about 4 s with a software renderer on 2 idle cores
+    assert bench.seconds_to_page < 25.0  # 5 s are promised, where nobody else wants the processor
     bench.page.get_by_text("Predicted force now").wait_for()
     for text in (
         "Contact force [N], drawn up to 15 N",
