@@ -66,9 +66,8 @@ def bench(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bench]:
     drawing = threading.Thread(target=console.run, args=(stop.is_set,))
     drawing.start()
     try:
-        with sessions[0]:
-            with open_page(console.url) as (page, requests):
-                yield Bench(page, requests, sessions[0], page.evaluate("performance.now()") / 1000.0)
+        with sessions[0], open_page(console.url) as (page, requests):
+            yield Bench(page, requests, sessions[0], page.evaluate("performance.now()") / 1000.0)
     finally:
         stop.set()
         drawing.join()
