@@ -30,6 +30,7 @@ def test_nothing_is_slower_than_the_committed_baseline() -> None:
     assert all(one.passed for one in checked), [one.sentence for one in checked if not one.passed]
 
 
+@pytest.mark.long
 def test_what_is_slower_than_it_was_fails_in_the_end(tmp_path: Path) -> None:
     was = read_baseline() | {"FPRLS update": read_baseline()["FPRLS update"] / (3.0 * SHORT_BAND)}
     write_baseline(tmp_path / "was.json", was)

@@ -60,6 +60,7 @@ def test_all_benchmarks_as_json() -> None:
 
 
 @pytest.mark.live
+@pytest.mark.long
 def test_one_way_times_are_of_every_wire() -> None:
     pytest.importorskip("zenoh")
     pytest.importorskip("cryptography")

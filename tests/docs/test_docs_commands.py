@@ -207,7 +207,12 @@ def run(arguments: list[str]) -> str:
     return result.stdout
 
 
-@pytest.mark.parametrize("text", [text for text in SHOWN if kind(text) in OFFLINE])
+def quick_first(text: str) -> Any:
+    """Sessions in three dimensions have tests of their own, and take long."""
+    return pytest.param(text, marks=pytest.mark.long) if "--scene" in text else text
+
+
+@pytest.mark.parametrize("text", [quick_first(text) for text in SHOWN if kind(text) in OFFLINE])
 def test_a_command_runs_in_its_short_form(text: str, folder: Path, measured: Callable[[str], Path]) -> None:
     key = kind(text)
     assert key is not None

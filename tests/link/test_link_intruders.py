@@ -341,6 +341,7 @@ def footprint() -> dict[str, int]:
 
 
 @pytest.mark.live
+@pytest.mark.long
 def test_a_hundred_connects_and_disconnects_leave_nothing_behind(ours: KeyFolder) -> None:
     endpoint = free_endpoint("tls")
     host, port = endpoint.removeprefix("tls/").split(":")

@@ -261,6 +261,7 @@ def test_a_full_disk_and_a_removed_folder_are_said_at_once_and_the_recorder_stay
 
 
 @pytest.mark.live
+@pytest.mark.long
 def test_a_recorder_that_stands_still_blocks_nobody_and_counts_what_it_missed(
     sides: Sides, record: Callable[..., subprocess.Popen[str]], tmp_path: Path
 ) -> None:
