@@ -42,6 +42,7 @@ def test_a_session_goes_on(fire: Fire, name: str) -> None:
         assert max(outcome.grown[f"{role} files"] for role in ("follower", "leader")) <= 1
 
 
+@pytest.mark.long
 def test_no_process_has_grown(fire: Fire) -> None:
     # A process that kept what it has for a peer, some 0.5 MB, would have grown by 50 MB; an allocator keeps some 5.
     largest = {"memory_kB": 25_000, "threads": 0, "pooled threads": 32, "files": 2}
