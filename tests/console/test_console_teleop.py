@@ -207,6 +207,7 @@ def test_no_browser_that_stalls_or_leaves_is_felt_by_the_loops() -> None:
         assert late < late_alone + 15.0
 
 
+@pytest.mark.long
 def test_an_emergency_stop_is_released_at_the_follower_and_a_killed_tab_lets_go(tmp_path: Path) -> None:
     path = tmp_path / "live.mcap"
     with teleop_page(path, "--grip", "normal", "--force-delay", "0.05", click=False) as (page, _, teleop):
