@@ -28,6 +28,9 @@ CHOICES: dict[str, tuple[str, Sequence[str], str]] = {
 """Of each choice: the label, what there is, and what comes of it."""
 BEGINNING = 20.0
 """A choice is shown for so long [s] before the session has said that it runs so."""
+CLOSED = 0.3
+"""At least so long [s] nothing else can be chosen. Were a dropdown opened again in the moment in which it was closed,
+the browser would hear of neither, and the focus would stay in it, where no key stops the robot."""
 
 
 class SessionPanel:
@@ -48,7 +51,7 @@ class SessionPanel:
         on_end: Callable[[], None],
     ) -> None:
         self._on_choice, self._on_record, self._on_end = on_choice, on_record, on_end
-        self._waiting: dict[str, tuple[str, float]] = {}  # what was chosen, until when it is shown [s]
+        self._waiting: dict[str, tuple[str, float]] = {}  # what was chosen, and when [s]
         self._dropdowns = {
             name: gui.add_dropdown(label, tuple(options), hint=hint, disabled=True)
             for name, (label, options, hint) in CHOICES.items()
@@ -70,8 +73,9 @@ class SessionPanel:
             recording: File that is written; "" for none.
             refused: Why the newest choice was not followed; "" where it was.
         """
-        for name, (chosen, until) in tuple(self._waiting.items()):
-            if refused or runs.get(name) == chosen or time.monotonic() > until:
+        for name, (chosen, at) in tuple(self._waiting.items()):
+            waited = time.monotonic() - at
+            if waited > BEGINNING or (waited > CLOSED and (refused or runs.get(name) == chosen)):
                 self._waiting.pop(name, None)
         for name, dropdown in self._dropdowns.items():
             value = "" if name in self._waiting else runs.get(name, "")
@@ -111,7 +115,7 @@ class SessionPanel:
             if event.client is not None:  # None: the program set it
                 value = str(event.target.value)
                 event.target.disabled = True  # it lets go of the focus too, in which no key would stop the robot
-                self._waiting[name] = (value, time.monotonic() + BEGINNING)
+                self._waiting[name] = (value, time.monotonic())
                 self._on_choice(name, value)
 
         return chosen
