@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import math
+
+import msgspec
 import numpy as np
 import pytest
 from hypothesis import given
@@ -38,6 +41,25 @@ def test_the_local_stiffness_of_a_power_law_is_its_derivative(depth: float, expo
 def test_what_cannot_be_run_has_no_figures() -> None:
     assert figures_of(update(1, "jelly", (1.0,)), 0.005) is None
     assert figures_of(update(1, "kelvin-voigt", (800.0, 2.0), valid=False), 0.005) is None
+
+
+def test_parameters_have_their_standard_errors_where_they_were_told() -> None:
+    seen = ModelsSeen()
+    for sequence in range(1, 101):
+        told = (30.0, math.nan) if sequence > 50 else ()
+        one = update(sequence, "kelvin-voigt", (500.0, 2.0))
+        seen.add(msgspec.structs.replace(one, standard_errors=told))
+        seen.adopt(0.02 * sequence, sequence)
+    trace = seen.trace(0.005, 3.0, 2.0)
+    assert trace.errors.shape == trace.parameters.shape
+    late = trace.time > -0.9
+    np.testing.assert_array_equal(trace.errors[late, 0], 30.0)
+    assert np.isnan(trace.errors[late, 1]).all()
+    assert np.isnan(trace.errors[~late][:-1]).all()
+    wrong = msgspec.structs.replace(update(1, "kelvin-voigt", (500.0, 2.0)), standard_errors=(1.0,))
+    figures = figures_of(wrong, 0.005)
+    assert figures is not None
+    assert np.isnan(figures.errors).all()  # as many as parameters, or they are of something else
 
 
 def test_a_trace_has_a_model_every_tenth_of_a_second_and_forgets_a_process_that_began_anew() -> None:

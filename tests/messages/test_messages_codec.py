@@ -129,4 +129,5 @@ def test_rows_pair_a_command_with_the_first_tick_that_applied_it() -> None:
 def test_a_row_is_the_message_without_its_version() -> None:
     model = ModelUpdate(VERSION, 3, 4, 5, "law", (1.0,), (), 0.0, True, "", "fprls", b"map", 6, 7)
     along_a_line = ((), (), math.inf, ())  # no fixture, no friction
-    assert as_row(model) == (3, 4, 5, "law", (1.0,), (), 0.0, True, "", "fprls", b"map", 6, 7, *along_a_line)
+    untold = ((),)  # standard errors
+    assert as_row(model) == (3, 4, 5, "law", (1.0,), (), 0.0, True, "", "fprls", b"map", 6, 7, *along_a_line, *untold)

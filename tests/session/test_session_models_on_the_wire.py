@@ -108,6 +108,22 @@ def test_a_session_s_models_stay_within_fifty_kilobytes_a_second(session: Sessio
     assert said == {"per_s": pytest.approx(sum(sizes) / 7.999), "p50": np.median(sizes), "max": max(sizes)}
 
 
+@pytest.mark.parametrize(
+    ("law", "told"), [("contact-map", True), ("hunt-crossley", True), ("continuous-switching", False)]
+)
+def test_models_carry_the_standard_errors_that_their_estimator_tells(law: str, told: bool) -> None:
+    log = simulated(5.0, material="hunt-crossley", model=law)
+    valid = [model for model in log.models if model.valid]
+    assert len(valid) > 50
+    assert all(len(model.standard_errors) in (0, len(model.parameters)) for model in valid)
+    errors = np.array([model.standard_errors for model in valid[-20:]])
+    assert errors.size > 0 if told else errors.size == 0
+    if told:
+        assert (errors[np.isfinite(errors)] > 0.0).all()
+        assert np.isfinite(errors[-1, 0])
+        assert errors[-1, 0] < abs(valid[-1].parameters[0])  # of the stiffness, which five seconds of presses show
+
+
 def test_a_model_that_flickers_floods_nobody() -> None:
     models = Pressing(Flickering(), {0: 500.0}).run(6000)
     without_limit = 6000 * np.mean([len(encode(model)) for model in models])

@@ -30,9 +30,11 @@ class ModelPanel:
 
     def __init__(self, gui: Any) -> None:
         self._stiffness = TimePlot(gui, "Local stiffness dF/dx [N/mm] and one deviation", (STIFFNESS,), height=130)
-        curves = [Curve(f"parameter {n}", colour, 2.0, dash) for n, (colour, dash) in enumerate(LOOKS, 1)]
+        curves = [Curve(f"parameter {n}", colour, 2.0, dash, band=True) for n, (colour, dash) in enumerate(LOOKS, 1)]
         self._curves = curves
-        self._parameters = TimePlot(gui, "The law's numbers, each over its newest value", curves, height=130)
+        self._parameters = TimePlot(
+            gui, "The law's numbers and one deviation, each over its newest value", curves, height=130
+        )
         self._text = gui.add_html("")
 
     def draw(self, trace: ModelTrace, depth: float, lines: tuple[str, ...]) -> None:
@@ -46,13 +48,16 @@ class ModelPanel:
         rows: list[Row] = []
         if len(trace.time) > 1:
             self._stiffness.draw(trace.time, (trace.stiffness * 1e-3,), (trace.deviation * 1e-3,))
-            self._parameters.draw(trace.time, self._ratios(trace), most=LARGEST_RATIO)
+            ratios, spreads = self._ratios(trace, trace.parameters), self._ratios(trace, trace.errors)
+            self._parameters.draw(trace.time, ratios, [np.abs(spread) for spread in spreads], most=LARGEST_RATIO)
             deviation = trace.deviation[-1] * 1e-3
             doubt = f" ± {deviation:.2f}" if np.isfinite(deviation) else ", no doubt is told"
             value = f"{trace.stiffness[-1] * 1e-3:.2f}{doubt} N/mm"
             rows.append(Row(f"Local stiffness at {depth * 1e3:.1f} mm, at rest", value, STIFFNESS))
-            for curve, name, parameter in zip(self._curves, trace.names, trace.parameters[-1], strict=False):
-                rows.append(Row(f"{SYMBOLS.get(name, '')} {name}".strip(), f"{parameter:.4g}", curve))
+            newest = zip(self._curves, trace.names, trace.parameters[-1], trace.errors[-1], strict=False)
+            for curve, name, parameter, error in newest:
+                value = f"{parameter:.4g}" + (f" ± {error:.2g}" if np.isfinite(error) else "")
+                rows.append(Row(f"{SYMBOLS.get(name, '')} {name}".strip(), value, curve))
         text = "<br>".join(map(html.escape, lines))
         content = (
             f'<div style="padding:0 12px">{table(rows)}<div style="font-size:0.85em;line-height:1.4;color:#555">{text}'
@@ -61,11 +66,11 @@ class ModelPanel:
         if self._text.content != content:
             self._text.content = content
 
-    def _ratios(self, trace: ModelTrace) -> list[np.ndarray]:
-        """Each parameter over its newest value; NaN for those that the law has not, and where that value is 0."""
+    def _ratios(self, trace: ModelTrace, columns: np.ndarray) -> list[np.ndarray]:
+        """What belongs to each parameter over its newest value; NaN where the law has none, or that value is 0."""
         unknown = np.full(len(trace.time), NAN)
         ratios = []
         for index in range(len(self._curves)):
             known = index < len(trace.names) and trace.parameters[-1, index] != 0.0
-            ratios.append(trace.parameters[:, index] / trace.parameters[-1, index] if known else unknown)
+            ratios.append(columns[:, index] / trace.parameters[-1, index] if known else unknown)
         return ratios

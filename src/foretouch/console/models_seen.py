@@ -30,12 +30,14 @@ class ModelFigures(NamedTuple):
     Attributes:
         names: Of the law's parameters.
         parameters: Their values.
+        errors: Standard error of each, NaN where it is not known.
         stiffness: Local stiffness dF/dx at the depth asked for, at rest [N/m].
         deviation: Its standard deviation [N/m]; NaN where the model carries no doubt.
     """
 
     names: tuple[str, ...]
     parameters: tuple[float, ...]
+    errors: tuple[float, ...]
     stiffness: float
     deviation: float
 
@@ -49,6 +51,7 @@ class ModelTrace(NamedTuple):
         deviation: Its standard deviation [N/m], NaN where none is known, shape (n,).
         names: Of the parameters of the newest law.
         parameters: Their values, NaN under another law, shape (n, number of names).
+        errors: Their standard errors, NaN where they are not known, of the same shape.
     """
 
     time: Array
@@ -56,6 +59,7 @@ class ModelTrace(NamedTuple):
     deviation: Array
     names: tuple[str, ...]
     parameters: Array
+    errors: Array
 
 
 def figures_of(update: ModelUpdate, depth: float) -> ModelFigures | None:
@@ -77,7 +81,9 @@ def figures_of(update: ModelUpdate, depth: float) -> ModelFigures | None:
     except InputError:
         return None
     stiffness, deviation = _stiffness(model, depth)
-    return ModelFigures(model.parameter_names, model.parameters, stiffness, deviation)
+    parameters, errors = model.parameters, update.standard_errors
+    known = errors if len(errors) == len(parameters) else (NAN,) * len(parameters)
+    return ModelFigures(model.parameter_names, parameters, known, stiffness, deviation)
 
 
 def _stiffness(model: ContactModel, depth: float) -> tuple[float, float]:
@@ -111,13 +117,14 @@ def trace_of(
             times.append(time)
             found.append(one)
     names = found[-1].names if found else ()
-    unknown = (NAN,) * len(names)
+    unknown, shape = (NAN,) * len(names), (len(found), len(names))
     return ModelTrace(
         np.array(times) - now,
         np.array([one.stiffness for one in found]),
         np.array([one.deviation for one in found]),
         names,
-        np.array([one.parameters if one.names == names else unknown for one in found]).reshape(len(found), len(names)),
+        np.array([one.parameters if one.names == names else unknown for one in found]).reshape(shape),
+        np.array([one.errors if one.names == names else unknown for one in found]).reshape(shape),
     )
 
 

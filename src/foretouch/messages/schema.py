@@ -29,7 +29,7 @@ __all__ = [
     "Telemetry",
 ]
 
-VERSION = 5
+VERSION = 6
 """Version of the schema. It changes with every change of a field; peers must agree."""
 
 Count = Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)]
@@ -128,6 +128,7 @@ class ModelUpdate(Message, frozen=True, array_like=True, gc=False):
         fixture_age: Since an image has shown it [s], infinite before the first.
         friction: Coefficient of Coulomb friction and of viscous friction [N s/m], and the standard deviation of each;
             empty while it is not known.
+        standard_errors: Of each of `parameters`, NaN for one that is undetermined; empty where none are told.
     """
 
     command_sequence: Count
@@ -145,6 +146,7 @@ class ModelUpdate(Message, frozen=True, array_like=True, gc=False):
     fixture_deviation: Pose = ()
     fixture_age: float = math.inf
     friction: Annotated[tuple[float, ...], msgspec.Meta(max_length=4)] = ()
+    standard_errors: Numbers = ()
 
 
 class Telemetry(Message, frozen=True, array_like=True, gc=False):

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 
-from foretouch.identification import SENSOR_SENTENCES, Learner, LearntModel, SensorState
+from foretouch.identification import SENSOR_SENTENCES, Estimator, Learner, LearntModel, SensorState
 from foretouch.messages import VERSION, ModelUpdate, encode
-from foretouch.models import ContactMap
+from foretouch.models import ContactMap, ContactModel
 from foretouch.session.round_trip import LARGEST_MEMORY, RoundTrip
 
 __all__ = ["ModelSender"]
@@ -14,9 +14,12 @@ __all__ = ["ModelSender"]
 SURFACE_CHANGE = 1e-4
 """A surface that has moved by more than this [m] since the last model is sent at once."""
 
-BYTE_RATE, LARGEST_BURST = 45e3, 3e3
+BYTE_RATE, LARGEST_BURST = 43e3, 3e3
 """Models take so many bytes a second, and so many at once after a silence [bytes]: with the one that may exceed it, no
 second holds more than 50 kB. What does not fit waits, and is sent as it is known by then."""
+
+ERRORS_PERIOD_NS = 200_000_000
+"""Standard errors of the parameters are asked for so often [ns]."""
 
 CHANGE_TOLD_NS = 2_000_000_000
 """Models say so long [ns] that the material has changed."""
@@ -40,6 +43,8 @@ class ModelSender:
         "_changed",
         "_changed_ns",
         "_changes",
+        "_errors",
+        "_errors_ns",
         "_known_model",
         "_known_surface",
         "_period_ns",
@@ -61,6 +66,8 @@ class ModelSender:
         self._changed = False  # something has, since that is worth a model at once
         self._changes = 0  # of the material, as the estimator has found
         self._changed_ns: int | None = None
+        self._errors: tuple[float, ...] = ()
+        self._errors_ns = -ERRORS_PERIOD_NS
         self._surfaces: dict[int, float] = {}  # of models sent since the one that the leader has; NaN if not valid
         self._known_model = 0
         self._known_surface = math.nan
@@ -119,6 +126,7 @@ class ModelSender:
             model.map if isinstance(model, ContactMap) else b"",
             epoch,
             self._run,
+            standard_errors=() if model is None else self._errors_of(model, learner.estimator, now_ns),
         )
         self._allowance = allowance - len(encode(update))
         self.round_trip.sent(update.sequence, now_ns)
@@ -127,6 +135,15 @@ class ModelSender:
                 self._surfaces.clear()
             self._surfaces[update.sequence] = math.nan if model is None else learnt.surface
         return update
+
+    def _errors_of(self, model: ContactModel, estimator: Estimator, now_ns: int) -> tuple[float, ...]:
+        """Standard errors of a model's parameters: they change slowly, and asking for them takes as long as a step."""
+        if now_ns - self._errors_ns >= ERRORS_PERIOD_NS or len(self._errors) not in (0, len(model.parameters)):
+            found, self._errors_ns = estimator.standard_errors, now_ns
+            known = {} if found is None else found
+            errors = tuple(math.nan if (error := known.get(name)) is None else error for name in model.parameter_names)
+            self._errors = errors if known else ()
+        return self._errors
 
     def _is_changed(self, learner: Learner, now_ns: int) -> bool:
         """Whether the model became valid or not, its surface moved, or the material changed, since the last model.
