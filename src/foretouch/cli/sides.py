@@ -81,6 +81,7 @@ def follower(
         FOLLOWER_CHANNELS,
         SHADOW_CHANNELS,
         StopFlag,
+        be_prompt,
         make_moved_robot,
         make_session_robot,
         run_follower,
@@ -88,6 +89,7 @@ def follower(
     )
 
     require_duration(duration)
+    be_prompt()
     stop = StopFlag().on_signals()
     if settings.scene:
         _follow_in_a_scene(settings, endpoints, shadow, stop, duration, parent)
@@ -135,11 +137,13 @@ def leader(
         LEADER_CHANNELS,
         SPACE_LEADER_CHANNELS,
         StopFlag,
+        be_prompt,
         run_leader,
         wait_for_hello,
     )
 
     require_duration(duration)
+    be_prompt()
     stop = StopFlag().on_signals()
     channels = (*LEADER_CHANNELS, *SPACE_LEADER_CHANNELS) if settings.scene else LEADER_CHANNELS
     with open_link("leader", endpoints, channels) as link:

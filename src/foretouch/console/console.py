@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import io
+import math
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -33,6 +34,8 @@ __all__ = ["Console"]
 
 SCENE_PERIOD, PLOT_PERIOD, TEXT_PERIOD, LIST_PERIOD = 1 / 30, 1 / 12, 1 / 6, 2.0
 """How often scene, forces, numbers with the other plots, and the list of recordings are sent to the browser [s]."""
+UNSEEN_PERIOD = 0.5
+"""Where there is no browser [s]: what the first sees when it comes is not older."""
 ANSWERS = (Status.STOPPED, Status.SHADOW)
 """After these nobody has to ask for an emergency stop any more: it is there, or not to be had."""
 INTRODUCTION = {"position_delay", "force_delay", "operator"}
@@ -99,6 +102,7 @@ class Console:
         space_hold = SpaceHold(self._watched, self._speech)
         self._space = SpaceView(self._server, self._panel.image, self._panel.tabs, space_hold)
         self._server.on_client_disconnect(self._browser_gone)
+        self._next_plot = self._next_text = self._next_list = 0.0
 
     def watch(self, message: Message) -> None:
         """Take note of one message; costs some microseconds, never waits. Call it from one thread."""
@@ -112,28 +116,34 @@ class Console:
         Args:
             should_stop: Asked before every picture, 30 times a second.
         """
-        next_scene = next_plot = next_text = next_list = time.monotonic()
+        next_picture, drawn = time.monotonic(), -math.inf
         while not should_stop():
             now = time.monotonic()
             self._holding.keep_alive(now)
             if self._library.playback is not None:
                 self._library.playback.tick(now)
-            names = None
-            if now >= next_list:
-                next_list = now + LIST_PERIOD
-                names = self._library.names()
-            with self._server.atomic():
-                self._draw_scene()
-                if names is not None:
-                    self._panel.recordings.list(names)
-                if now >= next_plot:
-                    next_plot = now + PLOT_PERIOD
-                    self._plot()
-                if now >= next_text:
-                    next_text = now + TEXT_PERIOD
-                    self._write(now)
-            next_scene = max(next_scene + SCENE_PERIOD, now)
-            time.sleep(max(0.0, next_scene - time.monotonic()))
+            if self._server.get_clients() or now - drawn > UNSEEN_PERIOD:
+                drawn = now
+                self._draw(now)
+            next_picture = max(next_picture + SCENE_PERIOD, now)
+            time.sleep(max(0.0, next_picture - time.monotonic()))
+
+    def _draw(self, now: float) -> None:
+        """The scene, and of the rest what is due."""
+        names = None
+        if now >= self._next_list:
+            self._next_list = now + LIST_PERIOD
+            names = self._library.names()
+        with self._server.atomic():
+            self._draw_scene()
+            if names is not None:
+                self._panel.recordings.list(names)
+            if now >= self._next_plot:
+                self._next_plot = now + PLOT_PERIOD
+                self._plot()
+            if now >= self._next_text:
+                self._next_text = now + TEXT_PERIOD
+                self._write(now)
 
     def close(self) -> None:
         """End the server; browsers show that the connection is gone."""

@@ -4,7 +4,7 @@ This is the only room with time, threads, processes and policy.
 """
 
 from foretouch.session.frames import FramedDevice, FramedRobot, framed_device, framed_robot, inverse
-from foretouch.session.housekeeping import Housekeeper, StopFlag, give_way, orphaned
+from foretouch.session.housekeeping import Housekeeper, StopFlag, orphaned
 from foretouch.session.live import (
     FOLLOWER_CHANNELS,
     LEADER_CHANNELS,
@@ -22,6 +22,7 @@ from foretouch.session.replay import Replay, replay
 from foretouch.session.replay_settings import recorded_settings
 from foretouch.session.replay_under import CLOSED_LOOP, FIXED_MOTION, material_answers, replay_notes, replay_under
 from foretouch.session.robots import make_moved_robot, make_session_robot
+from foretouch.session.scheduling import be_prompt, give_way
 from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
 from foretouch.session.shadow import SHADOW_CHANNELS, run_shadow
 from foretouch.session.simulated import SimulatedSession, simulate
@@ -46,6 +47,7 @@ __all__ = [
     "SessionSettings",
     "SimulatedSession",
     "StopFlag",
+    "be_prompt",
     "framed_device",
     "framed_robot",
     "give_way",

@@ -13,14 +13,11 @@ from foretouch.errors import PeerVersionError
 from foretouch.link import ZenohLink
 from foretouch.messages import VERSION, Hello, Stop
 
-__all__ = ["ORPHANED", "Housekeeper", "StopFlag", "give_way", "orphaned"]
+__all__ = ["ORPHANED", "Housekeeper", "StopFlag", "orphaned"]
 
 HELLO_PERIOD = 0.5
 """Between two `Hello` messages [s]."""
 
-
-WATCHERS_NICE = 5
-"""Of a process that watches: a loop beside it has three times its share of a processor that both want."""
 
 ORPHANED = "the parent process has gone"
 """Reason to stop when `orphaned`."""
@@ -29,15 +26,6 @@ ORPHANED = "the parent process has gone"
 def orphaned(parent: int | None) -> bool:
     """Whether the process that started this one, and whose end should end it, has gone."""
     return parent is not None and os.getppid() != parent
-
-
-def give_way() -> None:
-    """Let a process that watches have less of a busy processor than the loops have.
-
-    To be called before it starts threads: on Linux each has a priority of its own, and those that come after take over
-    that of the thread that starts them.
-    """
-    os.nice(WATCHERS_NICE)
 
 
 class StopFlag:

@@ -9,17 +9,16 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 from foretouch.models.checks import require
+from foretouch.session.scheduling import wakes_late_ns
 
 __all__ = ["LoopTimer", "steady"]
-
-SPIN_NS = 200_000
-"""Sleeping ends this long before the deadline [ns]; the rest is spun, for sleep is late by about 0.1 ms."""
 
 
 class LoopTimer:
     """Wakes at multiples of a period after the first tick.
 
     A tick that took too long does not shift the ones after it: deadlines that have passed are skipped and counted.
+    Sleeping ends somewhat before a deadline, for it is late by more or less (`wakes_late_ns`); the rest is spun.
 
     Args:
         period: [s], positive.
@@ -29,11 +28,12 @@ class LoopTimer:
         woke_ns: When the newest tick really began [ns, monotonic clock].
     """
 
-    __slots__ = ("_deadline_ns", "_period_ns", "missed", "woke_ns")
+    __slots__ = ("_deadline_ns", "_period_ns", "_spin_ns", "missed", "woke_ns")
 
     def __init__(self, period: float) -> None:
         require("period", period, above=0.0)
         self._period_ns = round(period * 1e9)
+        self._spin_ns = wakes_late_ns()
         self._deadline_ns = 0
         self.missed = 0
         self.woke_ns = 0
@@ -55,8 +55,8 @@ class LoopTimer:
         self._deadline_ns += skipped * self._period_ns
         self.missed += skipped
         left = self._deadline_ns - now
-        if left > SPIN_NS:
-            time.sleep((left - SPIN_NS) * 1e-9)
+        if left > self._spin_ns:
+            time.sleep((left - self._spin_ns) * 1e-9)
         while (now := time.monotonic_ns()) < self._deadline_ns:
             pass
         self.woke_ns = now

@@ -1,0 +1,66 @@
+"""What a process asks the kernel for, and what its threads have of it; each in a process of its own, for it stays."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import pytest
+
+pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="Linux alone can be asked")
+
+SLICES = """
+import ctypes, platform, struct
+def asked():  # sched_getattr: size, policy, flags, nice, priority, runtime, deadline, period
+    buffer = ctypes.create_string_buffer(48)
+    ctypes.CDLL(None).syscall({"x86_64": 315, "aarch64": 275}[platform.machine()], 0, buffer, 48, 0)
+    return struct.unpack("<IIQiIQQQ", buffer.raw)
+"""
+
+
+def said_by(code: str) -> str:
+    return subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=True).stdout
+
+
+def test_a_prompt_process_wakes_within_a_microsecond_of_what_it_asked_for_and_so_do_its_threads() -> None:
+    said = said_by(
+        "import threading\n"
+        "from foretouch.session.scheduling import PROMPT_NS, SLACK_NS, USUAL_NS, be_prompt, wakes_late_ns\n"
+        "assert wakes_late_ns() == USUAL_NS\n"
+        "be_prompt()\n"
+        "seen = []\n"
+        "thread = threading.Thread(target=lambda: seen.append(wakes_late_ns()))\n"
+        "thread.start(); thread.join()\n"
+        "print(wakes_late_ns() == PROMPT_NS, seen == [PROMPT_NS])"
+    )
+    assert said.split() == ["True", "True"]
+
+
+def test_a_prompt_process_asks_for_short_slices_where_the_kernel_knows_them_and_keeps_its_priority() -> None:
+    said = said_by(
+        "import os, threading\n" + SLICES + "from foretouch.session.scheduling import SLICE_NS, be_prompt\n"
+        "os.nice(3)\n"
+        "before = asked()\n"
+        "be_prompt()\n"
+        "seen = []\n"
+        "thread = threading.Thread(target=lambda: seen.append(asked()))\n"
+        "thread.start(); thread.join()\n"
+        "after = asked()\n"
+        "knows = tuple(map(int, os.uname().release.split('.')[:2])) >= (6, 12)\n"
+        "print(after[3], seen[0] == after, not knows or after[5] == SLICE_NS)"
+    )
+    assert said.split() == ["3", "True", "True"]
+
+
+def test_a_watcher_gives_way_with_all_its_threads() -> None:
+    said = said_by(
+        "import os, threading\n"
+        "from foretouch.session.scheduling import give_way\n"
+        "give_way()\n"
+        "seen = []\n"
+        "def look(): seen.append((os.sched_getscheduler(0) == os.SCHED_BATCH, os.getpriority(os.PRIO_PROCESS, 0)))\n"
+        "thread = threading.Thread(target=look)\n"
+        "thread.start(); thread.join(); look()\n"
+        "print(seen)"
+    )
+    assert said.strip() == "[(True, 5), (True, 5)]"
