@@ -32,9 +32,7 @@ class ModelPanel:
         self._stiffness = TimePlot(gui, "Local stiffness dF/dx [N/mm] and one deviation", (STIFFNESS,), height=130)
         curves = [Curve(f"parameter {n}", colour, 2.0, dash, band=True) for n, (colour, dash) in enumerate(LOOKS, 1)]
         self._curves = curves
-        self._parameters = TimePlot(
-            gui, "The law's numbers and one deviation, each over its newest value", curves, height=130
-        )
+        self._parameters = TimePlot(gui, "The law's numbers over their newest, and one deviation", curves, height=130)
         self._text = gui.add_html("")
 
     def draw(self, trace: ModelTrace, depth: float, lines: tuple[str, ...]) -> None:
@@ -56,7 +54,7 @@ class ModelPanel:
             rows.append(Row(f"Local stiffness at {depth * 1e3:.1f} mm, at rest", value, STIFFNESS))
             newest = zip(self._curves, trace.names, trace.parameters[-1], trace.errors[-1], strict=False)
             for curve, name, parameter, error in newest:
-                value = f"{parameter:.4g}" + (f" ± {error:.2g}" if np.isfinite(error) else "")
+                value = f"{parameter:.4g}" + (f" ± {float(f'{error:.2g}'):g}" if np.isfinite(error) else "")
                 rows.append(Row(f"{SYMBOLS.get(name, '')} {name}".strip(), value, curve))
         text = "<br>".join(map(html.escape, lines))
         content = (
