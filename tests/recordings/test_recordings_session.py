@@ -383,7 +383,7 @@ def test_text_and_sequences_pack_as_another_reader_expects(tmp_path_factory, mes
     path = tmp_path_factory.mktemp("model") / "m.mcap"
     with SessionWriter(path) as writer:
         writer.write(message, 1)
-    ((_, _, got),) = decoded(path)
+    got = {channel.topic: message for channel, _, message in decoded(path)}["/follower/model"]
     assert bits([getattr(got, name) for name in ModelUpdate.__struct_fields__]) == values
 
 

@@ -9,6 +9,7 @@ are a sequence of uint8.
 from __future__ import annotations
 
 import struct
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import msgspec
@@ -16,13 +17,14 @@ import numpy as np
 
 from foretouch.messages import Message
 
-__all__ = ["HEADER", "Layout"]
+__all__ = ["HEADER", "Layout", "pack_fields"]
 
 HEADER = b"\x00\x01\x00\x00"
 """Encapsulation header: CDR, little endian, no options."""
 
 BYTES = "uint8[]"
-_NUMBERS = {"bool": "?", "int64": "q", "float64": "d"}
+_NUMBERS = {"bool": "?", "int32": "i", "uint32": "I", "int64": "q", "uint64": "Q", "float64": "d"}
+_DTYPES = {"i": "i4", "I": "u4", "q": "i8", "Q": "u8", "d": "f8"}
 _SCALARS: dict[type[msgspec.inspect.Type], str] = {
     msgspec.inspect.BoolType: "bool",
     msgspec.inspect.IntType: "int64",
@@ -60,7 +62,7 @@ class Layout:
         """CDR bytes of a message of this class."""
         if self.dtype is not None:
             return self._struct.pack(HEADER, *msgspec.structs.astuple(message))
-        return _pack(self._types, msgspec.structs.astuple(message))
+        return pack_fields(self._types, msgspec.structs.astuple(message))
 
     def of_schema(self, schema: str) -> Layout | None:
         """How messages of this class look in a file that says so itself, or None where that is another class.
@@ -137,13 +139,23 @@ def _fixed(types: dict[str, str]) -> tuple[np.dtype[np.void], struct.Struct]:
         offset = struct.calcsize(layout)
         padding = -(offset - len(HEADER)) % size
         layout += f"{padding}x{code}" if padding else code
-        formats.append("<" + code.replace("q", "i8").replace("d", "f8") if size > 1 else "?")
+        formats.append("<" + _DTYPES[code] if size > 1 else "?")
         offsets.append(offset + padding)
     columns = {"names": list(types), "formats": formats, "offsets": offsets, "itemsize": struct.calcsize(layout)}
     return np.dtype(columns), struct.Struct(layout)  # type: ignore[call-overload]  # the stubs know no dict of lists
 
 
-def _pack(types: dict[str, str], values: tuple[Any, ...]) -> bytes:
+def pack_fields(types: Mapping[str, str], values: Sequence[Any]) -> bytes:
+    """CDR bytes of a message, header included.
+
+    Args:
+        types: Field name to ROS 2 type, in order: numbers, strings, and sequences of either. Of a message within the
+            message the fields, one by one: CDR puts nothing around them.
+        values: As many.
+
+    Raises:
+        struct.error: A value does not fit its type.
+    """
     out = bytearray(HEADER)
 
     def number(code: str, value: Any) -> None:

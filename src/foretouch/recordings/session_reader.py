@@ -219,7 +219,7 @@ class _Scan:
         if kind is None or schema is None:
             return
         layout = TOPICS[kind].layout.of_schema(bytes(schema.data).decode())
-        if schema.name != TOPICS[kind].type_name or layout is None:
+        if schema.name not in (TOPICS[kind].type_name, TOPICS[kind].former) or layout is None:
             problem = f"{channel.topic} has other fields than this version of foretouch writes: read it with the one"
             raise RecordingError(self._path, f"{problem} that recorded it")
         self._kinds[channel.id], self._layouts[kind] = kind, layout

@@ -8,8 +8,17 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Final, TypeAlias
 
-from foretouch.messages import CameraImage, FixtureBelief, FollowerSpace, LeaderState, Message, Telemetry
+from foretouch.messages import (
+    CameraImage,
+    FixtureBelief,
+    FollowerSpace,
+    LeaderState,
+    Message,
+    ModelUpdate,
+    Telemetry,
+)
 from foretouch.recordings.cdr import HEADER
+from foretouch.recordings.contact_model_msg import CONTACT_MODEL_MSG, CONTACT_MODEL_TYPE, contact_model, number_array
 
 __all__ = ["BESIDE", "STANDARD", "StandardTopic"]
 
@@ -73,6 +82,19 @@ _IMAGE_SCHEMA = f"""std_msgs/Header header
 string format
 uint8[] data
 {_HEADER_SCHEMA}"""
+_MODEL_SCHEMA = f"{CONTACT_MODEL_MSG}{_HEADER_SCHEMA}"
+_ARRAY_SCHEMA = f"""std_msgs/MultiArrayLayout layout
+float64[] data
+{_SEPARATOR}
+MSG: std_msgs/MultiArrayLayout
+std_msgs/MultiArrayDimension[] dim
+uint32 data_offset
+{_SEPARATOR}
+MSG: std_msgs/MultiArrayDimension
+string label
+uint32 size
+uint32 stride
+"""
 
 WRENCH: Final = StandardTopic("/follower/wrench", "geometry_msgs/msg/WrenchStamped", _WRENCH_SCHEMA)
 FOLLOWER_JOINTS: Final = StandardTopic("/follower/joint_states", "sensor_msgs/msg/JointState", _JOINT_STATE_SCHEMA)
@@ -80,7 +102,9 @@ LEADER_JOINTS: Final = StandardTopic("/leader/joint_states", "sensor_msgs/msg/Jo
 PROBE: Final = StandardTopic("/follower/probe", "geometry_msgs/msg/PoseStamped", _POSE_SCHEMA)
 FIXTURE: Final = StandardTopic("/camera/fixture/pose", "geometry_msgs/msg/PoseStamped", _POSE_SCHEMA)
 IMAGE: Final = StandardTopic("/camera/image/compressed", "sensor_msgs/msg/CompressedImage", _IMAGE_SCHEMA)
-STANDARD: Final = (WRENCH, FOLLOWER_JOINTS, LEADER_JOINTS, PROBE, FIXTURE, IMAGE)
+MODEL: Final = StandardTopic("/follower/contact_model", CONTACT_MODEL_TYPE, _MODEL_SCHEMA)
+NUMBERS: Final = StandardTopic("/follower/contact_model/values", "std_msgs/msg/Float64MultiArray", _ARRAY_SCHEMA)
+STANDARD: Final = (WRENCH, FOLLOWER_JOINTS, LEADER_JOINTS, PROBE, FIXTURE, IMAGE, MODEL, NUMBERS)
 
 
 def _text(value: str) -> bytes:
@@ -152,6 +176,11 @@ def _of_leader(said: Message) -> Packed:
     return ((LEADER_JOINTS, joint_state(said.time_ns, said.position, said.velocity, said.rendered_force)),)
 
 
+def _of_model(said: Message) -> Packed:
+    assert isinstance(said, ModelUpdate)
+    return (MODEL, contact_model(said, _stamp(said.time_ns), "probe")), (NUMBERS, number_array(said))
+
+
 def _of_space(said: Message) -> Packed:
     assert isinstance(said, FollowerSpace)
     return ((PROBE, pose(said.time_ns, (said.place_x, said.place_y, said.place_z))),)
@@ -170,6 +199,7 @@ def _of_image(said: Message) -> Packed:
 BESIDE: Final[dict[type[Message], Callable[[Message], Packed]]] = {
     Telemetry: _of_telemetry,
     LeaderState: _of_leader,
+    ModelUpdate: _of_model,
     FollowerSpace: _of_space,
     FixtureBelief: _of_belief,
     CameraImage: _of_image,

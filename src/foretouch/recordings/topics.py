@@ -36,19 +36,30 @@ TRUNCATED: Final = {"truncated": 1}
 
 @dataclass(frozen=True)
 class Topic:
-    """One topic of our own messages."""
+    """One topic of our own messages.
+
+    Attributes:
+        name: Of the topic.
+        type_name: Of the ROS 2 type.
+        layout: Schema and bytes.
+        former: What the type was called in recordings that were made before; they are read too.
+    """
 
     name: str
     type_name: str
     layout: Layout
+    former: str = ""
 
+
+FORMER: Final[dict[type[Message], str]] = {ModelUpdate: "foretouch_msgs/msg/ContactModel"}
+"""Type names of former recordings; that name now belongs to the message of the same topic with only standard parts."""
 
 TOPICS: Final[dict[type[Message], Topic]] = {
-    kind: Topic(name, f"foretouch_msgs/msg/{type_name}", Layout(kind))
+    kind: Topic(name, f"foretouch_msgs/msg/{type_name}", Layout(kind), FORMER.get(kind, ""))
     for kind, name, type_name in (
         (Telemetry, "/follower/state", "FollowerState"),
         (LeaderState, "/leader/state", "LeaderState"),
-        (ModelUpdate, "/follower/model", "ContactModel"),
+        (ModelUpdate, "/follower/model", "ModelUpdate"),
         (Hello, "/session/hello", "Hello"),
         (Settings, "/session/settings", "Settings"),
         (Choice, "/session/choice", "Choice"),
