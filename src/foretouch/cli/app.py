@@ -9,6 +9,7 @@ import typer
 from foretouch import __version__
 from foretouch.cli import (
     bench,
+    bridge,
     calibrate,
     comparison,
     data,
@@ -53,6 +54,7 @@ def _root(
 for module in (sessions, sides, offline, replay, comparison, sweep, paper, bench):
     for command in module.COMMANDS:
         app.command(cls=PanelledCommand)(command)
+app.add_typer(bridge.bridge, name="bridge")
 app.add_typer(calibrate.calibrate, name="calibrate")
 app.add_typer(data.datasets, name="datasets")
 app.add_typer(data.materials, name="materials")

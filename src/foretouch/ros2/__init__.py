@@ -1,0 +1,32 @@
+"""A session on a live ROS 2 graph, without ROS 2: keys, tokens, attachments and type hashes of `rmw_zenoh_cpp`.
+
+`Bridge` passes on what a session says, through a `Graph`; `type_hash` tells message definitions apart as ROS 2 does.
+"""
+
+from foretouch.ros2.attachment import attachment
+from foretouch.ros2.bridge import BRIDGE_CHANNELS, Bridge
+from foretouch.ros2.clock import SessionClock
+from foretouch.ros2.gid import publisher_gid
+from foretouch.ros2.graph import Graph
+from foretouch.ros2.keys import Node, TopicType, dds_type
+from foretouch.ros2.pace import Pace
+from foretouch.ros2.qos import DEFAULT, SENSOR_DATA, Qos
+from foretouch.ros2.type_hash import type_description, type_hash
+
+__all__ = [
+    "BRIDGE_CHANNELS",
+    "DEFAULT",
+    "SENSOR_DATA",
+    "Bridge",
+    "Graph",
+    "Node",
+    "Pace",
+    "Qos",
+    "SessionClock",
+    "TopicType",
+    "attachment",
+    "dds_type",
+    "publisher_gid",
+    "type_description",
+    "type_hash",
+]

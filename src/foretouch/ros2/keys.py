@@ -1,0 +1,114 @@
+"""Keys of topics and liveliness tokens, as `rmw_zenoh_cpp` writes them.
+
+Source: "Topic and Service name mapping" and "Graph Cache" in its ``docs/design.md``, and its ``liveliness_utils.cpp``.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from typing import Final
+
+from foretouch.errors import SettingError
+from foretouch.ros2.qos import Qos
+
+__all__ = ["Node", "TopicType", "dds_type"]
+
+LARGEST_DOMAIN: Final = 232
+"""Of ``ROS_DOMAIN_ID``, with any middleware."""
+
+_NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
+_NAMESPACE = re.compile(r"/|(/[A-Za-z_][A-Za-z0-9_]*)+")
+
+
+@dataclass(frozen=True)
+class TopicType:
+    """What a topic carries.
+
+    Attributes:
+        name: Of the message type, such as ``"geometry_msgs/msg/WrenchStamped"``.
+        hash: `foretouch.ros2.type_hash` of its definition.
+    """
+
+    name: str
+    hash: str
+
+
+@dataclass(frozen=True)
+class Node:
+    """A node of the ROS 2 graph.
+
+    Attributes:
+        domain: ``ROS_DOMAIN_ID``, 0 to 232.
+        namespace: ``"/"``, or such as ``"/robot1"``.
+        name: Of the node.
+
+    Raises:
+        SettingError: One of them is none in ROS 2.
+    """
+
+    domain: int = 0
+    namespace: str = "/"
+    name: str = "foretouch"
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.domain <= LARGEST_DOMAIN:
+            raise SettingError("domain", self.domain, f"must be 0 to {LARGEST_DOMAIN}, as ROS_DOMAIN_ID")
+        if not _NAMESPACE.fullmatch(self.namespace):
+            rule = "must be /, or names of letters, digits and _ with a / before each, such as /robot1"
+            raise SettingError("namespace", self.namespace, rule)
+        if not _NAME.fullmatch(self.name):
+            raise SettingError("node", self.name, "must be letters, digits and _, and not begin with a digit")
+
+    def full_name(self, topic: str) -> str:
+        """Name of a topic (``"/follower/wrench"``) in this node's namespace."""
+        return self.namespace.rstrip("/") + topic
+
+    def topic_key(self, topic: str, kind: TopicType) -> str:
+        """Key under which messages of a topic go: ``DOMAIN/NAME/TYPE/HASH``."""
+        return f"{self.domain}/{self.full_name(topic)[1:]}/{dds_type(kind.name)}/{kind.hash}"
+
+    def token(self, session: str, number: int) -> str:
+        """Liveliness token of the node itself.
+
+        ``@ros2_lv/DOMAIN/SESSION/NODE/NODE/NN/ENCLAVE/NAMESPACE/NAME``; there is no enclave.
+
+        Args:
+            session: Zenoh identifier of the session.
+            number: Of the node in the session.
+        """
+        return "/".join([self._begin(session, number), str(number), "NN", self._place])
+
+    def publisher_token(self, session: str, numbers: tuple[int, int], topic: str, kind: TopicType, qos: Qos) -> str:
+        """Liveliness token of a publisher.
+
+        ``@ros2_lv/DOMAIN/SESSION/NODE/ENTITY/MP/ENCLAVE/NAMESPACE/NAME/TOPIC/TYPE/HASH/QOS``.
+
+        Args:
+            session: Zenoh identifier of the session.
+            numbers: Of the node and of the publisher in the session.
+            topic: Name without the namespace.
+            kind: What it carries.
+            qos: How.
+        """
+        node, entity = numbers
+        what = [_mangled(self.full_name(topic)), dds_type(kind.name), kind.hash, qos.token]
+        return "/".join([self._begin(session, node), str(entity), "MP", self._place, *what])
+
+    def _begin(self, session: str, node: int) -> str:
+        return f"@ros2_lv/{self.domain}/{session}/{node}"
+
+    @property
+    def _place(self) -> str:
+        return f"%/{_mangled(self.namespace)}/{self.name}"
+
+
+def dds_type(type_name: str) -> str:
+    """Name of a message type in keys: ``geometry_msgs::msg::dds_::WrenchStamped_``."""
+    *spaces, name = type_name.split("/")
+    return "::".join([*spaces, "dds_", f"{name}_"])
+
+
+def _mangled(name: str) -> str:
+    """A name as one part of a key."""
+    return name.replace("/", "%")
