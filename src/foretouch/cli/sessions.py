@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from foretouch.cli.extras import require_extras
 from foretouch.cli.options import (
     Duration,
     Json,
@@ -53,6 +54,7 @@ def teleop(
     from foretouch.session import RECORDING_INCOMPLETE, StopFlag, run_processes
 
     require_duration(duration)
+    require_extras("sim", "link", *(() if headless else ("console",)), "recordings")
     _check_material(settings.material)
     path = recording or _default_recording(report)
     require_recording(path)

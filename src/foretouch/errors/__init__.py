@@ -101,7 +101,8 @@ class DecodeError(ForetouchError):
 
 
 class MissingExtraError(ForetouchError):
-    """An optional package is missing."""
+    """An optional package is missing, or several; separated by commas, as their extras are then."""
 
     def __init__(self, package: str, extra: str) -> None:
-        super().__init__(f"{package} is not installed: pip install 'foretouch[{extra}]'")
+        verb = "are" if "," in package else "is"
+        super().__init__(f"{package} {verb} not installed: pip install 'foretouch[{extra}]'")

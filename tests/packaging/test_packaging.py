@@ -1,0 +1,130 @@
+"""What is built from this checkout, and what it is in an environment where nothing else is."""
+
+from __future__ import annotations
+
+import json
+import re
+import subprocess
+import sys
+import tarfile
+import venv
+import zipfile
+from pathlib import Path
+
+import pytest
+
+from foretouch import __version__
+
+ROOT = Path(__file__).parents[2]
+LEAN_MB = 400
+LEAN = {"numpy", "scipy", "numba", "msgspec", "typer", "rich", "joblib"}
+"""What the base asks for."""
+
+INSTALLED = """
+import importlib.metadata as metadata, json
+sizes = {}
+for found in metadata.distributions():
+    files = [file for file in found.files or [] if file.suffix != ".pyc"]
+    sizes[found.metadata["Name"]] = sum(file.locate().stat().st_size for file in files if file.locate().is_file())
+print(json.dumps(sizes))
+"""
+
+
+def run(*command: str | Path, **options: object) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([str(word) for word in command], capture_output=True, text=True, timeout=600, **options)  # type: ignore[call-overload,no-any-return]
+
+
+@pytest.fixture(scope="module")
+def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("dist")
+    done = run(sys.executable, "-m", "hatchling", "build", "-d", folder, cwd=ROOT)
+    assert done.returncode == 0, done.stderr
+    return folder
+
+
+def one(folder: Path, pattern: str) -> Path:
+    (found,) = folder.glob(pattern)
+    return found
+
+
+def test_both_distributions_are_as_the_index_wants_them(built: Path) -> None:
+    files = one(built, "*.whl"), one(built, "*.tar.gz")
+    done = run(sys.executable, "-m", "twine", "--no-color", "check", "--strict", *files)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert done.stdout.count("PASSED") == 2
+
+
+def test_the_wheel_holds_the_package_and_nothing_beside_it(built: Path) -> None:
+    with zipfile.ZipFile(one(built, "*.whl")) as wheel:
+        names = wheel.namelist()
+    info = f"foretouch-{__version__}.dist-info/"
+    assert {name.split("/")[0] + "/" for name in names} == {"foretouch/", info}
+    assert "foretouch/py.typed" in names
+    assert "foretouch/bench/baseline.json" in names
+    assert info + "licenses/LICENSE" in names
+    ours = {path.relative_to(ROOT / "src").as_posix() for path in (ROOT / "src" / "foretouch").rglob("*.py")}
+    assert {name for name in names if name.endswith(".py")} == ours
+
+
+def test_the_source_distribution_holds_what_a_test_of_it_needs(built: Path) -> None:
+    with tarfile.open(one(built, "*.tar.gz")) as source:
+        names = {name.partition("/")[2] for name in source.getnames()}
+    wanted = {"Makefile", "requirements.lock", "CITATION.cff", "Containerfile", "tools/setup", "tests/conftest.py"}
+    assert wanted <= names
+    assert not [name for name in names if name.startswith("docs/_build/") or "__pycache__" in name]
+
+
+@pytest.mark.long
+def test_the_wheel_alone_runs_in_an_empty_environment(built: Path, tmp_path: Path) -> None:
+    venv.create(tmp_path / "env", with_pip=True)
+    python = tmp_path / "env" / "bin" / "python"
+    done = run(python, "-m", "pip", "install", "--no-compile", "--only-binary", ":all:", one(built, "*.whl"))
+    assert done.returncode == 0, done.stderr
+    sizes = json.loads(run(python, "-c", INSTALLED).stdout)
+    assert {name.lower() for name in sizes} >= LEAN
+    assert not {"mujoco", "matplotlib", "viser", "pyarrow", "pandas"} & set(sizes)
+    ours = {name: size for name, size in sizes.items() if name not in ("pip", "setuptools")}
+    assert sum(ours.values()) < LEAN_MB * 1e6, sorted(ours.items(), key=lambda item: -item[1])[:5]
+
+    command = tmp_path / "env" / "bin" / "foretouch"
+    press = tmp_path / "press.csv"
+    lines = [f"{k * 1e-3:.3f},{0.01 * abs((k % 1000) / 500 - 1):.6f}" for k in range(3000)]
+    rows = [line + f",{max(0.0, 400.0 * (float(line.split(',')[1]) - 0.002)):.4f}" for line in lines]
+    press.write_text("\n".join(["time_s,position_m,force_N", *rows]) + "\n")
+    done = run(command, "identify", press, "--model", "kelvin-voigt", "--json", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    stiffness = json.loads(done.stdout)["parameters"]["stiffness"]
+    assert 360.0 < stiffness < 440.0
+
+    for words, extra in ((("teleop",), "sim"), (("simulate",), "sim"), (("leader",), "link")):
+        done = run(command, *words, cwd=tmp_path)
+        assert done.returncode != 0
+        assert re.fullmatch(rf"foretouch: .* not installed: pip install 'foretouch\[{extra}[^\]]*\]'\n", done.stderr)
+        assert not done.stdout
+
+
+def test_the_citation_is_of_this_version_and_names_the_paper() -> None:
+    from ruamel.yaml import YAML
+
+    cited = YAML(typ="safe").load(ROOT / "CITATION.cff")
+    assert cited["cff-version"] == "1.2.0"
+    assert cited["version"] == __version__
+    (paper,) = cited["references"]
+    assert paper["title"].lower().startswith("a continuous switching contact model")
+    assert paper["doi"].startswith("10.1007/")
+
+
+def test_every_package_of_the_lock_has_its_licence_listed() -> None:
+    locked = re.findall(r"^([a-z0-9][a-z0-9.-]*)==(\S+)", (ROOT / "requirements.lock").read_text(), re.MULTILINE)
+    page = (ROOT / "docs" / "licences.md").read_text()
+    rows = dict(re.findall(r"^\| (\S+) \| (\S+) \| [^|]+ \| [^|]+ \|$", page, re.MULTILINE)[1:])
+    rows.pop("---", None)
+    assert rows == dict(locked), "write the page again: .venv/bin/python docs/list_licences.py"
+
+
+def test_the_container_installs_the_lock_and_runs_the_main_job() -> None:
+    text = (ROOT / "Containerfile").read_text()
+    for word in re.search(r"^COPY (.*) \./$", text, re.MULTILINE)[1].split():  # type: ignore[index]
+        assert (ROOT / word).exists(), word
+    assert "--require-hashes -r requirements.lock" in text
+    assert 'ENTRYPOINT ["foretouch"]\nCMD ["teleop"]' in text
