@@ -19,16 +19,20 @@ import matplotlib.pyplot as plt
 import numba
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.patches import Patch
 from measured_blocks import chosen, fill
 
 from foretouch.bench import BENCHMARKS, Row, run_benchmarks
-from foretouch.bench.benchmarks import batch, growth, map, mesh
+from foretouch.bench.benchmarks import batch, growth, map, mesh, profile, steps
 from foretouch.bench.table import HEADS, cells
 from foretouch.bench.timing import interleave
 
 DOCS = Path(__file__).parent
 PAGE = DOCS / "speed.md"
 BLUE, VERMILLION, GREEN = "#0072B2", "#D55E00", "#009E73"  # Okabe and Ito's
+COLOURS = ("#0072B2", "#E69F00", "#009E73", "#56B4E9", "#D55E00", "#CC79A7", "#F0E442")
+"""Of Okabe and Ito, for the parts of a step in turn; the second time hatched."""
+
 STREAMS = (4, 16, 64, 256, 1024, 4096)
 ROUNDS = 7
 
@@ -46,9 +50,28 @@ def main(names: list[str]) -> None:
 
 def block(name: str, rows: list[Row]) -> str:
     """One benchmark's rows, ratios first, as a table of the page."""
-    lines = [f"| {' | '.join(HEADS)} |", "| --- | --: | --: | --: | --- | --- | --- |"]
-    lines += [f"| {' | '.join(cells(row))} |" for row in sorted(rows, key=lambda row: row.unit != "x")]
+    if name == "profile":
+        lines = parts_table(rows)
+    else:
+        lines = [f"| {' | '.join(HEADS)} |", "| --- | --: | --: | --: | --- | --- | --- |"]
+        lines += [f"| {' | '.join(cells(row))} |" for row in sorted(rows, key=lambda row: row.unit != "x")]
     return f"`foretouch bench --only {name}`:\n\n" + "\n".join(lines) + "\n"
+
+
+def parts_table(rows: list[Row]) -> list[str]:
+    """The parts of both steps, a line each, with what they buy."""
+    said = {row.what: cells(row)[1] for row in rows}
+    lines = ["| Part | 50 %: µs | % of the step | 99 %: µs | What it buys |", "| --- | --: | --: | --: | --- |"]
+    for side, parts in profile.PARTS.items():
+        whole = [said[profile.named(side, profile.STEP, percentile)] for percentile in profile.BANDS]
+        bare = said[profile.named(side, profile.WITHOUT, 99)]
+        note = f"Without clocks in it, the 99th percentile is {bare} µs."
+        lines.append(f"| **{side}: {profile.STEP}** | **{whole[0]}** | **100** | **{whole[1]}** | {note} |")
+        for part in parts:
+            times = [said[profile.named(side, part.name, percentile)] for percentile in profile.BANDS]
+            share = said[profile.named(side, part.name, 50, share=True)]
+            lines.append(f"| {part.name} | {times[0]} | {share} | {times[1]} | {part.buys} |")
+    return lines
 
 
 def machine() -> str:
@@ -59,7 +82,7 @@ def machine() -> str:
 
 
 def draw() -> None:
-    """Four plots, two a picture."""
+    """Plots, two a picture."""
     os.environ.setdefault("NUMBA_NUM_THREADS", "1")
     for name, panels in {"growth": (over_samples, over_streams), "size": (over_cells, over_triangles)}.items():
         figure, axes = plt.subplots(1, 2, figsize=(8.8, 3.4), layout="constrained")
@@ -71,6 +94,42 @@ def draw() -> None:
                 one.set_ylim(0.0, 1.1 * one.get_ylim()[1])
         figure.savefig(DOCS / "images" / f"speed-{name}.png", dpi=110)
         print(f"docs/images/speed-{name}.png")
+    draw_profile()
+
+
+def draw_profile() -> None:
+    """Where the time of both steps goes: bars of parts, the median step and the 99th percentile."""
+    found = profile.profile(steps.TapedSession(steps.DURATION), ROUNDS)
+    figure, axes = plt.subplots(2, 1, figsize=(9.6, 5.6), layout="constrained")
+    for one, (side, parts) in zip(axes, profile.PARTS.items(), strict=True):
+        for place, percentile in enumerate(profile.BANDS):
+            stacked(one, place, [found[side, percentile][part.name] for part in parts])
+        wholes = [found[side, percentile][profile.STEP] for percentile in profile.BANDS]
+        heads = ("median", "99th percentile")
+        one.set_yticks(range(2), [f"{head}:\n{whole:.0f} µs" for head, whole in zip(heads, wholes, strict=True)])
+        one.invert_yaxis()
+        one.set(title=f"A {side}'s step", xlabel="share of the step [%], times in µs", xlim=(0.0, 100.0))
+        patches = [Patch(label=part.name, **style(place, len(parts))) for place, part in enumerate(parts)]
+        one.legend(handles=patches, loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False, fontsize=8)
+    figure.savefig(DOCS / "images" / "speed-profile.png", dpi=110)
+    print("docs/images/speed-profile.png")
+
+
+def stacked(axes: Axes, place: int, times: list[float]) -> None:
+    """One bar of parts [us]; where there is room their time stands in them."""
+    shares = 100.0 * np.maximum(times, 0.0) / np.sum(np.maximum(times, 0.0))
+    for part, (left, share, time) in enumerate(zip(np.cumsum(shares) - shares, shares, times, strict=True)):
+        axes.barh(place, share, left=left, edgecolor="white", **style(part, len(times)))
+        if share > 4.0:
+            box = {"facecolor": "white", "edgecolor": "none", "alpha": 0.85, "pad": 1.0}
+            axes.text(left + 0.5 * share, place, f"{time:.1f}", ha="center", va="center", fontsize=8, bbox=box)
+
+
+def style(part: int, parts: int) -> dict[str, str]:
+    """Colour and hatching of a part; the last is what is left."""
+    if part == parts - 1:
+        return {"facecolor": "#BBBBBB"}
+    return {"facecolor": COLOURS[part % len(COLOURS)], "hatch": "" if part < len(COLOURS) else "///"}
 
 
 def over_samples(axes: Axes) -> None:

@@ -20,6 +20,7 @@ BENCHMARKS: dict[str, str] = {
     "map": "the contact map over one recording, and against its cells",
     "mesh": "the proxy on a mesh, against its triangles",
     "steps": "the steps of leader and follower",
+    "profile": "where the time of both steps goes, part by part",
     "simulate": "a session in simulated time",
     "loops": "a session in real time with console and recorder, beside a bare loop",
     "link": "one-way times between two processes, over TCP, TLS and QUIC",
