@@ -13,9 +13,9 @@ from numba import njit
 from numpy.typing import NDArray
 
 from foretouch.models import contact_map_work as work
-from foretouch.models.contact_map_kernel import step
+from foretouch.models.contact_map_kernel import Memory, advanced
 from foretouch.models.contact_map_layout import MEMORY
-from foretouch.models.contact_model import EXIT_SPEED, SLICE_BEYOND, SLICES, SLICES_BEYOND, ContactState
+from foretouch.models.contact_model import ContactState
 
 __all__ = ["UNTOUCHED", "advance", "exit_work", "local_slopes", "memory_of"]
 
@@ -24,32 +24,25 @@ Array = NDArray[np.float64]
 UNTOUCHED: ContactState = (math.nan,) * MEMORY
 """What a material remembers before the first sample."""
 
-_WAY_OUT = np.array([SLICES, SLICES_BEYOND, SLICE_BEYOND, EXIT_SPEED])
 _slopes, _exit_work = work.slopes, work.exit_work
 
 
-def _memory_of(state: ContactState) -> Array:
-    """A state of `MEMORY` numbers as an array; one with a number that is not finite counts as untouched."""
-    memory = np.empty(MEMORY)
-    for k in range(MEMORY):
-        memory[k] = state[k]
-        if not math.isfinite(memory[k]):
-            memory[:] = math.nan
-            break
-    return memory
+def _memory_of(state: ContactState) -> Memory:
+    """A state of `MEMORY` numbers; one with a number that is not finite counts as untouched."""
+    for number in state:
+        if not math.isfinite(number):
+            return math.nan, math.nan, math.nan, math.nan, math.nan
+    return state[0], state[1], state[2], state[3], state[4]
 
 
-memory_of: Callable[[ContactState], Array] = njit(cache=True)(_memory_of)
+memory_of: Callable[[ContactState], Memory] = njit(cache=True)(_memory_of)
 
 
 def _advance(
     flat: Array, state: ContactState, depth: float, velocity: float, period: float
 ) -> tuple[ContactState, float, float]:
     """`ContactMap.advance` of a state of `MEMORY` numbers."""
-    memory = memory_of(state)
-    force, deviation = step(flat, memory, depth, velocity, period)
-    after = (float(memory[0]), float(memory[1]), float(memory[2]), float(memory[3]), float(memory[4]))
-    return after, float(force), float(deviation)
+    return advanced(flat, memory_of(state), depth, velocity, period)
 
 
 advance: Callable[[Array, ContactState, float, float, float], tuple[ContactState, float, float]] = njit(cache=True)(
@@ -69,7 +62,7 @@ local_slopes: Callable[[Array, ContactState, float, float, float], tuple[float, 
 
 def _exit_work_of(flat: Array, state: ContactState, depth: float, offset: float, largest: float) -> tuple[float, float]:
     """`ContactMap.exit_work` of a state of `MEMORY` numbers."""
-    return _exit_work(flat, memory_of(state), depth, offset, largest, _WAY_OUT)
+    return _exit_work(flat, memory_of(state), depth, offset, largest)
 
 
 exit_work: Callable[[Array, ContactState, float, float, float], tuple[float, float]] = njit(cache=True)(_exit_work_of)

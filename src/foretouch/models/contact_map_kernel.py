@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from numba import njit
@@ -24,7 +24,6 @@ from foretouch.models.contact_map_layout import (
     FELT,
     FINE_REACH,
     KNOTS,
-    LARGEST_FEATURES,
     LARGEST_FORCE,
     LAW,
     LAW_SPEED,
@@ -49,17 +48,42 @@ from foretouch.models.contact_map_layout import (
     ZERO,
 )
 
-__all__ = ["cubic", "doubt", "experts", "features", "force_at", "judge", "locate", "rates", "remember", "run", "step"]
+__all__ = [
+    "Memory",
+    "Rates",
+    "advanced",
+    "cubic",
+    "doubt",
+    "experts",
+    "features",
+    "force_at",
+    "judge",
+    "length",
+    "locate",
+    "moved",
+    "rate_of",
+    "rates",
+    "remember",
+    "run",
+    "step",
+]
 
 Array = NDArray[np.float64]
+
+Memory: TypeAlias = tuple[float, float, float, float, float]
+"""What the material remembers [m]: positions of the two plays, then the three averages. Like rates and features these
+are numbers, which compiled code keeps in registers; a force that takes them from an array takes twice as long."""
+
+Rates: TypeAlias = tuple[float, float, float]
+Features: TypeAlias = tuple[float, float, float, float, float, float]
+
+Values: TypeAlias = Features | Array
+"""Features as either: an estimator keeps them."""
 
 _compiled: Callable[[Any], Any] = njit(cache=True, error_model="numpy")
 _inlined: Callable[[Any], Any] = njit(cache=True, error_model="numpy", forceinline=True)
 
 _COARSE_LENGTH, _FINE_LENGTH = LENGTHS
-_PLAYS = np.array(PLAYS)
-_TIMES = np.array(TIMES)
-_N_PLAYS, _N_TIMES = len(PLAYS), len(TIMES)
 
 
 def _length(kind: int) -> float:
@@ -103,86 +127,144 @@ def _locate(place: float, spacing: float, below: int, knots: int, values: Array)
 locate: Callable[[float, float, int, int, Array], int] = _compiled(_locate)
 
 
-def _rates(period: float, values: Array) -> None:
+def _rate_of(period: float) -> Rates:
     """How far the averages go towards the depth in one period."""
-    for k in range(_N_TIMES):
-        values[k] = 1.0 - math.exp(-period / _TIMES[k])
+    return (
+        1.0 - math.exp(-period / TIMES[0]),
+        1.0 - math.exp(-period / TIMES[1]),
+        1.0 - math.exp(-period / TIMES[2]),
+    )
+
+
+rate_of: Callable[[float], Rates] = _inlined(_rate_of)
+
+
+def _rates(period: float, values: Array) -> None:
+    """`rate_of` in an array of shape (3,), which is written."""
+    values[0], values[1], values[2] = rate_of(period)
 
 
 rates: Callable[[float, Array], None] = _inlined(_rates)
 
 
-def _remember(memory: Array, place: float, shares: Array) -> None:
-    """One sample of motion: plays follow where pushed, averages follow in their time.
+def _moved(memory: Memory, place: float, shares: Rates) -> Memory:
+    """Memory after one sample of motion: plays follow where pushed, averages follow in their time.
 
     Args:
-        memory: Written in place.
+        memory: Before it.
         place: Of the probe, from the origin [m], positive inside.
-        shares: `rates` of the time since the sample before.
+        shares: `rate_of` the time since the sample before.
     """
+    near, far, short, middle, long = memory
     inside = max(place, 0.0)
-    if math.isnan(memory[0]):
-        memory[:_N_PLAYS] = place
-        memory[_N_PLAYS:] = inside
-        return
-    for k in range(_N_PLAYS):
-        memory[k] = min(max(memory[k], place - _PLAYS[k]), place + _PLAYS[k])
-    for k in range(_N_TIMES):
-        memory[_N_PLAYS + k] += shares[k] * (inside - memory[_N_PLAYS + k])
+    if math.isnan(near):
+        return place, place, inside, inside, inside
+    return (
+        min(max(near, place - PLAYS[0]), place + PLAYS[0]),
+        min(max(far, place - PLAYS[1]), place + PLAYS[1]),
+        short + shares[0] * (inside - short),
+        middle + shares[1] * (inside - middle),
+        long + shares[2] * (inside - long),
+    )
+
+
+moved: Callable[[Memory, float, Rates], Memory] = _inlined(_moved)
+
+
+def _numbers_of(memory: Array) -> Memory:
+    """Memory of an array of shape (`MEMORY`,) as numbers."""
+    return memory[0], memory[1], memory[2], memory[3], memory[4]
+
+
+numbers_of: Callable[[Array], Memory] = _inlined(_numbers_of)
+
+
+def _write(numbers: Memory, memory: Array) -> None:
+    """Memory into an array of shape (`MEMORY`,)."""
+    memory[0], memory[1], memory[2], memory[3], memory[4] = numbers
+
+
+write: Callable[[Memory, Array], None] = _inlined(_write)
+
+
+def _remember(memory: Array, place: float, shares: Array) -> None:
+    """`moved` of a memory in an array, which is written."""
+    write(moved(numbers_of(memory), place, (shares[0], shares[1], shares[2])), memory)
 
 
 remember: Callable[[Array, float, Array], None] = _inlined(_remember)
 
 
 def _run(flat: Array, memory: Array, depths: Array, periods: Array) -> None:
-    """`remember` for one sample after the other."""
-    shares, period = np.empty(_N_TIMES), -1.0
+    """`moved` for one sample after the other; the memory is written."""
+    now, period = numbers_of(memory), -1.0
+    shares = rate_of(period)
     for index in range(depths.size):
         if periods[index] != period:
             period = periods[index]
-            rates(period, shares)
-        remember(memory, depths[index] - flat[ORIGIN], shares)
+            shares = rate_of(period)
+        now = moved(now, depths[index] - flat[ORIGIN], shares)
+    write(now, memory)
 
 
 run: Callable[[Array, Array, Array, Array], None] = _compiled(_run)
 
 
-def _features(memory: Array, place: float, velocity: float, values: Array) -> None:
+def _features_of(memory: Memory, place: float, velocity: float) -> Features:
     """What the force depends on beside depth, each about one in a press by hand: velocity, plays, averages."""
-    values[0] = velocity / SPEED
-    for k in range(_N_PLAYS):
-        values[1 + k] = (place - memory[k]) / _PLAYS[k]
+    near, far, short, middle, long = memory
     inside = max(place, 0.0)
-    for k in range(_N_TIMES):
-        values[1 + _N_PLAYS + k] = (inside - memory[_N_PLAYS + k]) / (2.0 * _COARSE_LENGTH)
+    return (
+        velocity / SPEED,
+        (place - near) / PLAYS[0],
+        (place - far) / PLAYS[1],
+        (inside - short) / (2.0 * _COARSE_LENGTH),
+        (inside - middle) / (2.0 * _COARSE_LENGTH),
+        (inside - long) / (2.0 * _COARSE_LENGTH),
+    )
+
+
+features_of: Callable[[Memory, float, float], Features] = _inlined(_features_of)
+
+
+def _features(memory: Array, place: float, velocity: float, values: Array) -> None:
+    """`features_of` a memory in an array, in an array of shape (`LARGEST_FEATURES`,), which is written."""
+    values[0], values[1], values[2], values[3], values[4], values[5] = features_of(numbers_of(memory), place, velocity)
 
 
 features: Callable[[Array, float, float, Array], None] = _inlined(_features)
 
 
-def _mapped(flat: Array, kind: int, place: float, values: Array) -> float:
+def _blend(flat: Array, at: int, a: float, b: float, c: float, d: float) -> float:
+    """Four splines times the weights that stand from a place on."""
+    return float(a * flat[at] + b * flat[at + 1] + c * flat[at + 2] + d * flat[at + 3])
+
+
+blend: Callable[[Array, int, float, float, float, float], float] = _inlined(_blend)
+
+
+def _mapped(flat: Array, kind: int, place: float, values: Values) -> float:
     """What a map gives at a place within what was visited, for features within their range [N]."""
     start = STARTS[kind]
     spacing = length(kind)
     below = BELOW[0] if kind == 0 else BELOW[1]
     first, a, b, c, d = cubic(place, spacing, below, start[KNOTS])
-    at = start[WEIGHTS] + first
-    force = a * flat[at] + b * flat[at + 1] + c * flat[at + 2] + d * flat[at + 3]
+    force = blend(flat, start[WEIGHTS] + first, a, b, c, d)
     knots = start[FEATURE_KNOTS]
     first, a, b, c, d = cubic(place, COARSENESS * spacing, -(-below // COARSENESS), knots)
     at = start[FEATURE_WEIGHTS] + first
     for f in range(start[FEATURE_COUNT]):
         lower, upper = flat[start[RANGES] + 2 * f], flat[start[RANGES] + 2 * f + 1]
         value = min(max(values[f], REACH * lower), REACH * upper)
-        force += value * (a * flat[at] + b * flat[at + 1] + c * flat[at + 2] + d * flat[at + 3])
+        force += value * blend(flat, at, a, b, c, d)
         at += knots
     return float(force)
 
 
-mapped: Callable[[Array, int, float, Array], float] = _inlined(_mapped)
+mapped: Callable[[Array, int, float, Values], float] = _inlined(_mapped)
 
 
-def _map_force(flat: Array, kind: int, place: float, values: Array) -> float:
+def _map_force(flat: Array, kind: int, place: float, values: Values) -> float:
     """Force of a map [N]; further in or out than ever along the slope there."""
     lowest, reached = flat[LOWEST], flat[REACHED]
     step = 0.25 * length(kind)
@@ -199,7 +281,7 @@ def _map_force(flat: Array, kind: int, place: float, values: Array) -> float:
     return float(force)
 
 
-map_force: Callable[[Array, int, float, Array], float] = _inlined(_map_force)
+map_force: Callable[[Array, int, float, Values], float] = _inlined(_map_force)
 
 
 def _law_force(flat: Array, place: float, velocity: float) -> float:
@@ -219,13 +301,13 @@ law_force: Callable[[Array, float, float], float] = _inlined(_law_force)
 
 
 def _experts(
-    flat: Array, values: Array, place: float, velocity: float, everything: bool
+    flat: Array, values: Values, place: float, velocity: float, everything: bool
 ) -> tuple[float, float, float, float]:
     """What each expert says, and the force that they agree on by their shares [N].
 
     Args:
         flat: The model.
-        values: `features` of this sample.
+        values: `features_of` this sample.
         place: From the origin [m].
         velocity: [m/s].
         everything: Whether an expert is asked even where it has no share.
@@ -247,7 +329,7 @@ def _experts(
     return law, coarse, fine, min(force, LARGEST_FORCE) if force >= 0.0 else 0.0  # 0 where it is no number
 
 
-experts: Callable[[Array, Array, float, float, bool], tuple[float, float, float, float]] = _inlined(_experts)
+experts: Callable[[Array, Values, float, float, bool], tuple[float, float, float, float]] = _inlined(_experts)
 
 
 def _judge(flat: Array, values: Array, place: float, velocity: float, everything: bool, forces: Array) -> float:
@@ -259,13 +341,12 @@ def _judge(flat: Array, values: Array, place: float, velocity: float, everything
 judge: Callable[[Array, Array, float, float, bool, Array], float] = _inlined(_judge)
 
 
-def _force_at(flat: Array, memory: Array, place: float, velocity: float, values: Array) -> float:
-    """Force at a memory that stays as it is [N]; its features are written."""
-    features(memory, place, velocity, values)
-    return experts(flat, values, place, velocity, False)[3]
+def _force_at(flat: Array, memory: Memory, place: float, velocity: float) -> float:
+    """Force at a memory [N]."""
+    return experts(flat, features_of(memory, place, velocity), place, velocity, False)[3]
 
 
-force_at: Callable[[Array, Array, float, float, Array], float] = _inlined(_force_at)
+force_at: Callable[[Array, Memory, float, float], float] = _inlined(_force_at)
 
 
 def _doubt(flat: Array, force: float, velocity: float) -> float:
@@ -277,18 +358,26 @@ def _doubt(flat: Array, force: float, velocity: float) -> float:
 doubt: Callable[[Array, float, float], float] = _inlined(_doubt)
 
 
-def _step(flat: Array, memory: Array, depth: float, velocity: float, period: float) -> tuple[float, float]:
-    """One sample of motion: the memory moves on in place; force and its standard deviation [N]."""
-    values, shares = np.empty(LARGEST_FEATURES), np.empty(_N_TIMES)
+def _advanced(flat: Array, memory: Memory, depth: float, velocity: float, period: float) -> tuple[Memory, float, float]:
+    """One sample of motion: the memory after it, the force and its standard deviation [N]."""
     place = depth - flat[ORIGIN]
-    rates(period, shares)
-    remember(memory, place, shares)
-    force = force_at(flat, memory, place, velocity, values)
+    memory = moved(memory, place, rate_of(period))
+    force = force_at(flat, memory, place, velocity)
     variance = doubt(flat, force, velocity)
     if place > flat[REACHED]:  # what the slope adds is a guess
         share = (place - flat[REACHED]) / max(place + flat[ORIGIN], 1e-9)
         variance += (min(share, 1.0) * force) ** 2
-    return force, math.sqrt(variance)
+    return memory, force, math.sqrt(variance)
+
+
+advanced: Callable[[Array, Memory, float, float, float], tuple[Memory, float, float]] = _inlined(_advanced)
+
+
+def _step(flat: Array, memory: Array, depth: float, velocity: float, period: float) -> tuple[float, float]:
+    """`advanced` of a memory in an array, which is written: force and its standard deviation [N]."""
+    after, force, deviation = advanced(flat, numbers_of(memory), depth, velocity, period)
+    write(after, memory)
+    return force, deviation
 
 
 step: Callable[[Array, Array, float, float, float], tuple[float, float]] = _compiled(_step)
