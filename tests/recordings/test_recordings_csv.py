@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from foretouch.errors import RecordingError, UnknownNameError
 from foretouch.recordings import csv_table, read_recording
-from foretouch.recordings.units import Units
+from foretouch.recordings.units import REQUIRED
 
 GOOD = "time_s,position_m,force_N\n0,0.001,0.5\n0.001,0.002,0.75\n0.002,0.003,1\n"
 
@@ -96,10 +96,11 @@ def test_unknown_units_are_refused_with_those_there_are(table, option):
 @pytest.mark.parametrize(
     ("content", "row", "problem"),
     [
-        ("time_s,position_m,force\n0,0,0\n", 1, "column force_N missing; the columns are time_s, position_m, force"),
-        ("time_s,position_mm,force_N\n0,0,0\n1,0,0\n", 1, "position_m missing.*--position-unit"),
-        ("time_s;position_m;force_N\n0;0;0\n", 1, "separate them by commas"),
-        ("0,0.001,0.5\n0.001,0.002,0.75\n", 1, "column time_s, position_m, force_N missing"),
+        ("time_s,position_m,force\n0,0,0\n", None, "the unit of force force is not known.*--map"),
+        ("time_s,position,force_N\n0,0,0\n1,0,0\n", None, "the unit of position position is not known.*mm.*--map"),
+        ("time_s;position_m;force_N\n0;0;0\n", None, "1 samples: at least 2"),
+        ("time_s;position_m;force_N\n0;0;0\n1;0\n", 3, "2 values, the header names 3 columns"),
+        ("0,0.001,0.5\n0.001,0.002,0.75\n", None, "no column is named like time; the columns are 0, 0.001, 0.5"),
         ("time_s,force_N,position_m,force_N\n0,0,0,0\n1,0,0,0\n", 1, "column force_N is there 2 times"),
         (GOOD + "0.003,0.004,abc\n", 5, "force_N is 'abc', which is no number"),
         (GOOD + "0.003,,1\n", 5, "position_m is '', which is no number"),
@@ -137,7 +138,9 @@ def test_units_count_before_the_limit_of_one_metre(table):
 
 def test_files_that_are_no_recording(table, tmp_path):
     assert "no such file" in str(refused(tmp_path / "absent.csv"))
-    assert "must end with one of .csv, .parquet, .mat, .ddf, .mcap" in str(refused(table(GOOD, "press.txt")))
+    assert "must end with one of .csv, .parquet, .mat, .ddf, .mcap, .h5, .hdf5, .db3, or be a rosbag2" in str(
+        refused(table(GOOD, "press.txt"))
+    )
     folder = tmp_path / "folder.csv"
     folder.mkdir()
     assert "is no file" in str(refused(folder))
@@ -146,7 +149,7 @@ def test_files_that_are_no_recording(table, tmp_path):
 
 def test_options_of_other_formats_are_refused(table):
     assert "--force-channel" in str(refused(table(GOOD), force_channel="logged"))
-    for suffix in (".mat", ".ddf", ".mcap"):
+    for suffix in (".ddf", ".mcap"):
         assert "states its own units" in str(refused(table(b"", "press" + suffix), position_unit="mm"))
 
 
@@ -158,11 +161,12 @@ def test_both_ways_read_the_same_bits(tmp_path_factory, forces):
     path = tmp_path_factory.mktemp("bits") / "t.csv"
     rows = "".join(f"{index / 7!r},0.{index},{force!r}\n" for index, force in enumerate(forces))
     path.write_text("time_s,position_m,force_N\n" + rows)
-    fast, careful = csv_table._read_fast(path, Units()), csv_table._read_carefully(path, Units())
+    read = csv_table.CsvTable(path)
+    fast, careful = read.read_fast(REQUIRED), read.read_carefully(REQUIRED)
     assert fast is not None
-    for name in ("time", "position", "force"):
-        assert getattr(fast, name).tobytes() == getattr(careful, name).tobytes()
-    assert fast.force.tobytes() == np.array(forces).tobytes()
+    for name in REQUIRED:
+        assert fast[name].tobytes() == careful[name].tobytes()
+    assert fast["force_N"].tobytes() == np.array(forces).tobytes()
 
 
 def test_csv_needs_no_optional_package(table, monkeypatch):
@@ -176,7 +180,7 @@ def test_a_long_table_takes_the_fast_way(tmp_path):
     with path.open("w") as file:
         file.write("time_s,position_m,force_N\n")
         file.writelines(f"{index / 1000},0.{index % 1000},{index % 17}\n" for index in range(count))
-    assert len(csv_table._read_fast(path, Units())) == count
+    assert csv_table.CsvTable(path).read_fast(REQUIRED)["force_N"].size == count
     with path.open("a") as file:
         file.write("1000,0.1,oops\n")
     assert refused(path).row == count + 2

@@ -122,12 +122,20 @@ def test_a_damaged_mat_file_gives_one_line(measured, tmp_path):
         assert "\n" not in str(caught.value)
 
 
-@pytest.mark.parametrize("content", [{"x": [1.0, 2.0]}, {"scope": [1.0]}, {"scope": {"time": [0.0, 1.0]}}])
-def test_a_mat_file_of_something_else_is_refused(tmp_path, content):
+@pytest.mark.parametrize(
+    ("content", "problem"),
+    [
+        ({"x": [1.0, 2.0]}, "no column is named like time; the columns are x"),
+        ({"scope": [1.0]}, "no column is named like time; the columns are none"),
+        ({"scope": {"time": [0.0, 1.0]}}, "no column is named like position; the columns are scope.time"),
+        ({"scope": {"time": [0.0, 1.0]}, "env_est3": [1.0]}, "no TU/e teleoperation recording"),
+    ],
+)
+def test_a_mat_file_of_something_else_is_refused(tmp_path, content, problem):
     path = tmp_path / "other.mat"
     savemat(path, content)
-    for read in (read_recording, read_leader_motion):
-        with pytest.raises(RecordingError, match="no TU/e teleoperation recording"):
+    for read, said in ((read_recording, problem), (read_leader_motion, "no TU/e teleoperation recording")):
+        with pytest.raises(RecordingError, match=said):
             read(path)
 
 

@@ -8,9 +8,11 @@
 from foretouch.recordings.calibration_file import read_calibration, write_calibration
 from foretouch.recordings.datasets import DATA_DIR, DATASETS, Dataset, Origin, fetch, fetch_all, list_datasets
 from foretouch.recordings.follower_samples import FollowerSamples, follower_samples, read_follower_samples
+from foretouch.recordings.mapping import Mapping, Signal, TimeSource, Velocity, read_mapping, write_mapping
+from foretouch.recordings.opening import SUFFIXES, open_source
 from foretouch.recordings.output import atomic_path, write_columns
 from foretouch.recordings.pose_table import POSE_COLUMNS, StaticPoses, read_poses
-from foretouch.recordings.reading import SUFFIXES, read_recording
+from foretouch.recordings.reading import Read, is_session, read_recording, read_with_notes
 from foretouch.recordings.repair import Repair, is_whole, repair_session
 from foretouch.recordings.session_reader import read_session
 from foretouch.recordings.session_writer import SessionWriter
@@ -27,23 +29,33 @@ __all__ = [
     "SUFFIXES",
     "Dataset",
     "FollowerSamples",
+    "Mapping",
     "Origin",
+    "Read",
     "Repair",
     "SessionWriter",
+    "Signal",
     "StaticPoses",
+    "TimeSource",
+    "Velocity",
     "atomic_path",
     "fetch",
     "fetch_all",
     "follower_samples",
+    "is_session",
     "is_whole",
     "list_datasets",
+    "open_source",
     "read_calibration",
     "read_follower_samples",
     "read_leader_motion",
+    "read_mapping",
     "read_poses",
     "read_recording",
     "read_session",
+    "read_with_notes",
     "repair_session",
     "write_calibration",
     "write_columns",
+    "write_mapping",
 ]

@@ -2,107 +2,135 @@
 
 Two ways with one result: pyarrow's, a few seconds for an hour at 1 kHz, and where that finds anything out of order (or
 is not installed) a careful one, line by line, which knows the row that is to blame.
+
+Columns are separated by commas, semicolons or tabs, whichever the header has most of; beside the latter two a comma in
+a number is its decimal point, as spreadsheets of many countries write.
 """
 
 from __future__ import annotations
 
 import csv
+import re
+from collections.abc import Iterator, Sequence
+from itertools import islice
 from os import PathLike
 from pathlib import Path
+from typing import Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from foretouch.errors import RecordingError
-from foretouch.quantities import Recording
-from foretouch.recordings.units import Units, to_recording, wanted_columns
+from foretouch.recordings.source import Column, Table, require_names
 
-__all__ = ["read_csv"]
+__all__ = ["CsvTable"]
+
+SEPARATORS: Final = (",", ";", "\t")
+LOOKED_AT: Final = 50
+"""Lines that tell whether numbers have a decimal comma."""
+
+_DECIMAL_COMMA = re.compile(r"\s*[-+]?\d*,\d+([eE][-+]?\d+)?\s*\Z")
 
 
-def read_csv(path: str | PathLike[str], units: Units) -> Recording:
-    """Recording from a CSV file whose header names the columns.
+class CsvTable(Table):
+    """An opened CSV file whose header names the columns.
 
     Raises:
-        RecordingError: A column is missing, a value is no finite number, or a rule of `Recording` is broken; the
-            message names the row as an editor counts lines.
+        RecordingError: No UTF-8 text, or no header.
+        OSError: The file cannot be read.
     """
-    fast = _read_fast(path, units)
-    return _read_carefully(path, units) if fast is None else fast
 
+    first_row = 2
 
-def _read_fast(path: str | PathLike[str], units: Units) -> Recording | None:
-    """The recording, or None where anything at all is out of order."""
-    try:
-        import pyarrow
-        import pyarrow.csv
-    except ModuleNotFoundError:
-        return None
-    try:
-        header = _header(path)
-        wanted = wanted_columns(path, header)
-        table = pyarrow.csv.read_csv(
-            str(path),
-            read_options=pyarrow.csv.ReadOptions(column_names=header, skip_rows=1),
-            convert_options=pyarrow.csv.ConvertOptions(
-                include_columns=wanted,
-                column_types=dict.fromkeys(wanted, pyarrow.float64()),
-                null_values=[],
-            ),
-        )
-        return to_recording(path, {name: table[name].to_numpy() for name in wanted}, units, first_row=2)
-    except (RecordingError, pyarrow.ArrowException):
-        return None
+    def __init__(self, path: str | PathLike[str]) -> None:
+        self.path, self.format = path, "CSV"
+        line = self._first_line()
+        self._separator = max(SEPARATORS, key=lambda mark: len(next(csv.reader([line], delimiter=mark))))
+        self.header = [name.strip() for name in next(csv.reader([line], delimiter=self._separator))]
+        self.columns = tuple(Column(name, "text") for name in self.header)
+        self._decimal = "."
+        if self._separator != ",":
+            cells = (cell for _, row in islice(self._rows(), LOOKED_AT) for cell in row)
+            self._decimal = "," if any(_DECIMAL_COMMA.match(cell) for cell in cells) else "."
 
+    def _first_line(self) -> str:
+        with Path(self.path).open(encoding="utf-8-sig", errors="replace", newline="") as file:
+            line = file.readline(65_536)
+        if "\0" in line or "\ufffd" in line:
+            raise RecordingError(self.path, "is no UTF-8 text: save it as CSV with UTF-8", row=1)
+        if not line.strip():
+            raise RecordingError(self.path, "has no header: the first line names the columns", row=1)
+        return line
 
-def _header(path: str | PathLike[str]) -> list[str]:
-    """Column names."""
-    with Path(path).open(encoding="utf-8-sig", errors="replace", newline="") as file:
-        line = file.readline(65_536)
-    if "\0" in line or "\ufffd" in line:
-        raise RecordingError(path, "is no UTF-8 text: save it as CSV with UTF-8", row=1)
-    if not line.strip():
-        raise RecordingError(path, "has no header: the first line names the columns", row=1)
-    return [name.strip() for name in next(csv.reader([line]))]
+    def read(self, names: Sequence[str]) -> dict[str, NDArray[np.float64]]:
+        """Columns by name.
 
+        Raises:
+            RecordingError: A column is missing or there twice, or a value is no number; the message names the row as an
+                editor counts lines.
+        """
+        require_names(self.path, self.header, names, row=1)
+        fast = self.read_fast(names)
+        return self.read_carefully(names) if fast is None else fast
 
-def _read_carefully(path: str | PathLike[str], units: Units) -> Recording:
-    header = _header(path)
-    wanted = wanted_columns(path, header)
-    places = [(name, header.index(name)) for name in wanted]
-    columns: dict[str, list[float]] = {name: [] for name in wanted}
-    lines: list[int] = []
-    with Path(path).open(encoding="utf-8-sig", errors="replace", newline="") as file:
-        rows = csv.reader(file)
+    def read_fast(self, names: Sequence[str]) -> dict[str, NDArray[np.float64]] | None:
+        """The columns, or None where anything at all is out of order."""
         try:
-            next(rows)
-            for cells in rows:
-                if not cells or (len(cells) == 1 and not cells[0].strip()):
-                    continue  # a blank line
-                if len(cells) != len(header):
-                    raise RecordingError(
-                        path, f"{len(cells)} values, the header names {len(header)} columns", row=rows.line_num
-                    )
-                for name, place in places:
-                    columns[name].append(_number(path, name, cells[place], rows.line_num))
-                lines.append(rows.line_num)
-        except csv.Error as error:
-            raise RecordingError(path, f"is no CSV: {error}", row=rows.line_num) from None
-    try:
-        return to_recording(path, {name: np.array(values) for name, values in columns.items()}, units, first_row=0)
-    except RecordingError as error:
-        if error.row is None:
-            raise
-        problem = str(error).removeprefix(f"{path}, row {error.row}: ")
-        raise RecordingError(path, problem, row=lines[error.row]) from None
+            import pyarrow
+            import pyarrow.csv
+        except ModuleNotFoundError:
+            return None
+        try:
+            table = pyarrow.csv.read_csv(
+                str(self.path),
+                read_options=pyarrow.csv.ReadOptions(column_names=self.header, skip_rows=1),
+                parse_options=pyarrow.csv.ParseOptions(delimiter=self._separator),
+                convert_options=pyarrow.csv.ConvertOptions(
+                    include_columns=list(names),
+                    column_types=dict.fromkeys(names, pyarrow.float64()),
+                    null_values=[],
+                    decimal_point=self._decimal,
+                ),
+            )
+        except pyarrow.ArrowException:
+            return None
+        return {name: table[name].to_numpy() for name in names}
 
+    def read_carefully(self, names: Sequence[str]) -> dict[str, NDArray[np.float64]]:
+        """The columns, or a `RecordingError` that names the row."""
+        places = [(name, self.header.index(name)) for name in names]
+        columns: dict[str, list[float]] = {name: [] for name in names}
+        for line, cells in self._rows():
+            if len(cells) != len(self.header):
+                problem = f"{len(cells)} values, the header names {len(self.header)} columns"
+                raise RecordingError(self.path, problem, row=line)
+            for name, place in places:
+                columns[name].append(self._number(name, cells[place], line))
+        return {name: np.array(values, dtype=np.float64) for name, values in columns.items()}
 
-def _number(path: object, name: str, cell: str, line: int) -> float:
-    text = cell.strip()
-    try:
-        if text.isascii() and "_" not in text:  # float() reads more than a table of numbers should hold
-            return float(text)
-    except ValueError:
-        pass
-    shown = text if len(text) <= 40 else text[:40] + "..."
-    hint = "" if text else " (nothing there)"
-    raise RecordingError(path, f"{name} is {shown!r}, which is no number{hint}", row=line)
+    def row_of(self, sample: int) -> int:
+        """Line of a sample, as an editor counts: blank lines, and those within quotes, count too."""
+        return next(islice(self._rows(), sample, None))[0]
+
+    def _rows(self) -> Iterator[tuple[int, list[str]]]:
+        """The line number and the cells of each row that is not blank, without the header."""
+        with Path(self.path).open(encoding="utf-8-sig", errors="replace", newline="") as file:
+            rows: Any = csv.reader(file, delimiter=self._separator)
+            try:
+                next(rows)
+                for cells in rows:
+                    if cells and not (len(cells) == 1 and not cells[0].strip()):
+                        yield rows.line_num, cells
+            except csv.Error as error:
+                raise RecordingError(self.path, f"is no CSV: {error}", row=rows.line_num) from None
+
+    def _number(self, name: str, cell: str, line: int) -> float:
+        text = cell.strip()
+        try:
+            if text.isascii() and "_" not in text:  # float() reads more than a table of numbers should hold
+                return float(text.replace(",", ".") if self._decimal == "," and "." not in text else text)
+        except ValueError:
+            pass
+        shown = text if len(text) <= 40 else text[:40] + "..."
+        hint = "" if text else " (nothing there)"
+        raise RecordingError(self.path, f"{name} is {shown!r}, which is no number{hint}", row=line)

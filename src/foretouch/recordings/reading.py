@@ -5,21 +5,37 @@ from __future__ import annotations
 import sys
 from os import PathLike
 from pathlib import Path
-from typing import Final
+from typing import NamedTuple
 
 from foretouch.errors import RecordingError, UnknownNameError
 from foretouch.quantities import Recording
 from foretouch.recordings.aurora_ddf import read_aurora
-from foretouch.recordings.csv_table import read_csv
 from foretouch.recordings.follower_samples import read_follower
-from foretouch.recordings.parquet_table import read_parquet
-from foretouch.recordings.tue_mat import FORCE_CHANNELS, read_tue
-from foretouch.recordings.units import Units
+from foretouch.recordings.guess import guess_mapping
+from foretouch.recordings.mapped import read_mapped
+from foretouch.recordings.mapping import Mapping, Signal, TimeSource, Velocity, mapping_text, read_mapping
+from foretouch.recordings.mcap_file import McapFile
+from foretouch.recordings.opening import open_source, require_readable
+from foretouch.recordings.source import Bag, Table
+from foretouch.recordings.topics import TOPICS
+from foretouch.recordings.tue_mat import FORCE_CHANNELS, is_tue, read_tue
+from foretouch.recordings.units import REQUIRED, VELOCITY, Units
 
-__all__ = ["SUFFIXES", "read_recording"]
+__all__ = ["Read", "is_session", "read_recording", "read_with_notes"]
 
-SUFFIXES: Final = (".csv", ".parquet", ".mat", ".ddf", ".mcap")
-"""Endings of the files that can be read."""
+
+class Read(NamedTuple):
+    """A recording and how it came about.
+
+    Attributes:
+        recording: What was read.
+        notes: Sentences for people: a map that was guessed, clocks, samples that were left out.
+        mapping: That it was read by, None for formats that state their own.
+    """
+
+    recording: Recording
+    notes: tuple[str, ...]
+    mapping: Mapping | None
 
 
 def read_recording(
@@ -29,57 +45,136 @@ def read_recording(
     force_unit: str = "N",
     flip: bool = False,
     force_channel: str = "raw",
+    map_file: str | PathLike[str] | None = None,
 ) -> Recording:
     """Recording from a file; its ending says which format.
 
-    - ``.csv``: a header with ``time_s``, ``position_m``, ``force_N`` and perhaps ``velocity_m_s``, in any order;
-      other columns are ignored.
-    - ``.parquet``: the same columns.
-    - ``.mat``: a TU/e teleoperation recording. ``.ddf``: an Aurora skin indentation.
-    - ``.mcap``: a session of foretouch; the follower's position and sensor force.
+    - ``.csv``, ``.parquet``: columns ``time_s``, ``position_m``, ``force_N`` and perhaps ``velocity_m_s``, or others
+      that a map names or their own names tell.
+    - ``.mat``: a TU/e teleoperation recording, or any variables by a map. ``.ddf``: an Aurora skin indentation.
+    - ``.h5``, ``.hdf5``: datasets.
+    - ``.mcap``: a session of foretouch, the follower's position and sensor force; or any ROS 2 messages.
+    - a folder, or ``.db3``: a rosbag2.
 
     Args:
         path: The file.
-        position_unit: What the positions of a CSV or Parquet file are in: ``"m"``, ``"cm"``, ``"mm"`` or ``"um"``;
-            velocities are in the same a second.
+        position_unit: What positions are in, where columns are named as above or the file does not say: ``"m"``,
+            ``"cm"``, ``"mm"`` or ``"um"``; velocities are in the same a second.
         force_unit: What its forces are in: ``"N"`` or ``"mN"``.
         flip: Whether positions grow out of the material; position and velocity then change sign.
         force_channel: For TU/e files ``"raw"`` (the force bridge) or ``"logged"`` (the low-pass filtered torque).
+        map_file: TOML file of a `Mapping`: which column or message field is what, in which unit.
 
     Raises:
         RecordingError: The file cannot be used; the message names file, row and rule.
         UnknownNameError: A unit or force channel that is not known.
         MissingExtraError: The format needs a package of the extra ``recordings``.
     """
-    file, suffix = Path(path), Path(path).suffix.lower()
+    return read_with_notes(
+        path,
+        position_unit=position_unit,
+        force_unit=force_unit,
+        flip=flip,
+        force_channel=force_channel,
+        map_file=map_file,
+    ).recording
+
+
+def read_with_notes(
+    path: str | PathLike[str],
+    *,
+    position_unit: str = "m",
+    force_unit: str = "N",
+    flip: bool = False,
+    force_channel: str = "raw",
+    map_file: str | PathLike[str] | None = None,
+) -> Read:
+    """The same with sentences on how: see `read_recording`.
+
+    Raises:
+        RecordingError: As there.
+        UnknownNameError: As there.
+        MissingExtraError: As there.
+    """
     units = Units(position_unit, force_unit, flip)
     if force_channel not in FORCE_CHANNELS:
         raise UnknownNameError("force channel", force_channel, FORCE_CHANNELS)
-    if suffix not in SUFFIXES:
-        raise RecordingError(path, f"cannot be read: its name must end with one of {', '.join(SUFFIXES)}")
-    if not file.is_file():
-        raise RecordingError(path, "is no file" if file.exists() else "no such file")
-    if suffix not in (".csv", ".parquet") and (position_unit, force_unit) != ("m", "N"):
-        raise RecordingError(path, f"a {suffix} file states its own units: leave --position-unit and --force-unit out")
+    suffix = require_readable(path)
     if suffix != ".mat" and force_channel != "raw":
         raise RecordingError(path, "only a TU/e .mat file has another --force-channel: leave it out")
     try:
-        if suffix == ".csv":
-            return _alone(read_csv(path, units))
-        if suffix == ".parquet":
-            return _alone(read_parquet(path, units))
-        if suffix == ".mat":
-            return read_tue(path, force_channel, flip=flip)
-        if suffix == ".ddf":
-            return read_aurora(path, flip=flip)
-        return read_follower(path, flip=flip)
+        if map_file is not None:
+            if units != Units() or force_channel != "raw":
+                raise RecordingError(
+                    map_file, "a map states units and signs: leave --position-unit, --force-unit, --flip out"
+                )
+            return _by_map(open_source(path), read_mapping(map_file))
+        return _by_itself(path, suffix, units, force_channel)
     except OSError as error:
         raise RecordingError(path, f"cannot be read: {error.strerror or error}") from None
 
 
-def _alone(recording: Recording) -> Recording:
-    """The recording, once what reading it took is given back: pyarrow keeps twice its size for a next table."""
+def is_session(path: str | PathLike[str]) -> bool:
+    """Whether a file is a recorded session of foretouch, or what is left of one; False for all that is not read."""
+    file = Path(path)
+    if file.suffix.lower() != ".mcap" or not file.is_file():
+        return False
+    if file.stat().st_size < 64:
+        return True  # cut off before anything was flushed, as the reader of sessions says
+    try:
+        topics = McapFile(path).topics
+    except RecordingError:
+        return True  # damaged: that reader says where
+    ours = {topic.name for topic in TOPICS.values()}
+    return not topics or any(topic.name in ours and topic.type_name.startswith("foretouch_msgs/") for topic in topics)
+
+
+def _by_itself(path: str | PathLike[str], suffix: str, units: Units, force_channel: str) -> Read:
+    """Formats that state what they hold, else a guess."""
+    stated = suffix == ".ddf" or (suffix == ".mcap" and is_session(path))
+    tue = suffix == ".mat" and is_tue(path)
+    if (stated or tue) and (units.position, units.force) != ("m", "N"):
+        raise RecordingError(path, f"a {suffix} file states its own units: leave --position-unit and --force-unit out")
+    if suffix == ".ddf":
+        return Read(read_aurora(path, flip=units.flip), (), None)
+    if tue:
+        return Read(read_tue(path, force_channel, flip=units.flip), (), None)
+    if stated:
+        return Read(read_follower(path, flip=units.flip), (), None)
+    source = open_source(path)
+    if force_channel != "raw":
+        raise RecordingError(path, "only a TU/e .mat file has another --force-channel: leave it out")
+    if isinstance(source, Table) and suffix in (".csv", ".parquet") and not source.stated_map:
+        names = [column.name for column in source.columns]
+        if set(REQUIRED) <= set(names):
+            return _by_map(source, _by_names(names, units), guessed=False)
+    mapping = guess_mapping(source).in_units(units.position, units.force, units.flip).mapping()
+    return _by_map(source, mapping, guessed=not source.stated_map)
+
+
+def _by_names(names: list[str], units: Units) -> Mapping:
+    """The map of a table whose columns are named as the contract has them."""
+    return Mapping(
+        Signal(column="position_m", unit=units.position, sign=-1 if units.flip else 1),
+        Signal(column="force_N", unit=units.force),
+        TimeSource(column="time_s"),
+        Velocity(column=VELOCITY) if VELOCITY in names else None,
+    )
+
+
+def _by_map(source: Table | Bag, mapping: Mapping, *, guessed: bool = False) -> Read:
+    recording, notes = read_mapped(source, mapping)
+    if guessed:
+        said = " ".join(mapping_text(mapping).replace("\n", "; ").replace("; ; ", " ").replace("]; ", "] ").split())
+        notes.insert(0, f"read by a guess: {said.strip('; ')}")
+    if isinstance(source, Bag) and not source.whole:
+        notes.insert(0, "was not ended by its recorder; read as far as it goes")
+    _give_back()
+    return Read(recording, tuple(notes), mapping)
+
+
+def _give_back() -> None:
+    """Give back what reading took: pyarrow keeps twice a table's size for a next one."""
     pyarrow = sys.modules.get("pyarrow")
     if pyarrow is not None:
         pyarrow.default_memory_pool().release_unused()
-    return recording

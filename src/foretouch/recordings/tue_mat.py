@@ -5,6 +5,7 @@ A person moves the leader lever, the follower lever presses a material; both are
 
 from __future__ import annotations
 
+import warnings
 from os import PathLike
 from typing import Any, Final
 
@@ -14,7 +15,7 @@ from numpy.typing import NDArray
 from foretouch.errors import RecordingError, UnknownNameError
 from foretouch.quantities import Recording
 
-__all__ = ["CONTACT_FLOOR", "FORCE_CHANNELS", "read_leader_motion", "read_tue"]
+__all__ = ["CONTACT_FLOOR", "FORCE_CHANNELS", "is_tue", "read_leader_motion", "read_tue"]
 
 LEVER = 0.075
 """Length of the levers [m]."""
@@ -27,6 +28,8 @@ CONTACT_FLOOR = 0.3
 
 FORCE_CHANNELS: Final = ("raw", "logged")
 """Forces of a file: the raw bridge, and the torque that the experiment logged."""
+
+_VARIABLES = ["scope", "env_est3"]
 
 Array = NDArray[np.float64]
 
@@ -68,14 +71,23 @@ def read_leader_motion(path: str | PathLike[str]) -> tuple[Array, Array]:
     return motion.time - motion.time[0], motion.position
 
 
+def is_tue(path: str | PathLike[str]) -> bool:
+    """Whether a file is a MATLAB file with the variables of these recordings."""
+    from scipy.io import loadmat
+
+    try:
+        with warnings.catch_warnings(action="ignore"):  # of what has no name in these files
+            return loadmat(str(path), variable_names=_VARIABLES).keys() >= set(_VARIABLES)
+    except Exception:  # of another version, or none: who reads it says so
+        return False
+
+
 def _signals(path: str | PathLike[str]) -> tuple[Array, Array, Array, Array]:
     """Time (n,), leader and follower angle (n, 2), minus operator and environment torque (n, 2), bridge (n,)."""
     from scipy.io import loadmat
 
     try:
-        content: dict[str, Any] = loadmat(
-            str(path), squeeze_me=True, struct_as_record=False, variable_names=["scope", "env_est3"]
-        )
+        content: dict[str, Any] = loadmat(str(path), squeeze_me=True, struct_as_record=False, variable_names=_VARIABLES)
     except OSError as error:
         raise RecordingError(path, f"cannot be read: {error.strerror or error}") from None
     except Exception as error:  # SciPy raises many kinds on a damaged or foreign file

@@ -1,0 +1,107 @@
+"""What the name of a column says: which quantity, and its unit. Words of several languages, as files have them."""
+
+from __future__ import annotations
+
+import re
+import unicodedata
+from typing import Final, NamedTuple
+
+__all__ = ["Named", "name_says", "rank"]
+
+TIME, POSITION, FORCE, VELOCITY = "time", "position", "force", "velocity"
+
+WORDS: Final = {
+    TIME: "time timestamp stamp seconds zeit temps tiempo tempo tijd tid czas cas aika idő 时间 時間 время",
+    POSITION: "position pos depth displacement travel indentation weg tiefe eindringtiefe lage deplacement profondeur "
+    "posicion desplazamiento profundidad posizione spostamento profondita positie verplaatsing diepte posicao "
+    "deslocamento pozycja przemieszczenie poloha 位置 位移 変位 深さ положение перемещение",
+    FORCE: "force load kraft last effort fuerza carga forza carico kracht forca sila сила усилие 力 荷重",
+    VELOCITY: "velocity vel speed geschwindigkeit vitesse velocidad velocita snelheid velocidade hastighet predkosc "
+    "速度 скорость",
+}
+"""Words of each quantity, without accents."""
+
+LETTERS: Final = {TIME: "t", POSITION: "x z s d", FORCE: "f fz fn"}
+"""Symbols of each quantity, which count where nothing better is there."""
+
+UNITS: Final = {
+    TIME: {"s": "s", "sec": "s", "sek": "s", "ms": "ms", "msec": "ms", "us": "us", "µs": "us", "ns": "ns"},
+    POSITION: {
+        "m": "m", "cm": "cm", "mm": "mm", "um": "um", "µm": "um", "rad": "rad", "deg": "deg", "°": "deg", "grad": "deg",
+        "meter": "m", "metre": "m", "meters": "m", "metres": "m", "millimeter": "mm",
+    },
+    FORCE: {"N": "N", "mN": "mN", "kN": "kN", "Nm": "Nm", "N·m": "Nm", "newton": "N", "newtons": "N"},
+}  # fmt: skip
+"""Units as files write them, to those of a map."""
+
+_bracketed = re.compile(r"[\[({<]\s*([^\])}>]*?)\s*[\])}>]\s*\Z")
+_trailing = re.compile(r"(?:(?<=\w)_|\s+in\s+|\s*/\s*|\s+)([A-Za-zµμ°·]+(?:[/_]s)?)\s*\Z")
+_word = re.compile(r"[^\W\d_]+|\d+")
+
+
+class Named(NamedTuple):
+    """What the name of a column says.
+
+    Attributes:
+        words: Its words, lower case, without accents.
+        unit: In it, as written, or empty.
+    """
+
+    words: tuple[str, ...]
+    unit: str
+
+
+def name_says(name: str, stated_unit: str = "") -> Named:
+    """Words and unit of a column's name, such as ``Weg [mm]``, ``position_mm``, ``F in N`` or ``run1/forceSensor``."""
+    text = name.replace("\u03bc", "µ").strip()
+    unit = stated_unit.replace("\u03bc", "µ").strip()
+    for pattern in (_bracketed, _trailing):
+        found = pattern.search(text)
+        if found is not None and (pattern is _bracketed or _known(found[1])):
+            text, unit = text[: found.start()], unit or found[1]
+            break
+    split = re.sub(r"(?<=[a-zß-ÿ])(?=[A-Z])", " ", text)  # camelCase
+    return Named(tuple(_plain(word) for word in _word.findall(split)), unit)
+
+
+def rank(quantity: str, named: Named) -> tuple[float, str]:
+    """How well a name fits a quantity, 0 where it does not, and its unit as a map writes it, or empty."""
+    words = [word for word in named.words if not word.isdigit()]
+    known = set(_plain(WORDS[quantity]).split())
+    unit = _unit(quantity, named.unit)
+    if named.unit and not unit and quantity != VELOCITY:
+        others = [one for one in UNITS if one != quantity and _unit(one, named.unit)]
+        if others or _is_rate(named.unit):
+            return 0.0, ""  # "force [mm]" is none
+    if quantity != VELOCITY and set(words) & set(_plain(WORDS[VELOCITY]).split()):
+        return 0.0, ""
+    if quantity == FORCE and "torque" in words:
+        return 0.0, ""
+    score = 0.0
+    if len(words) == 1 and words[0] in known:
+        score = 4.0
+    elif words and words[-1] in known:
+        score = 3.0
+    elif set(words) & known:
+        score = 2.0
+    elif words and words[-1] in LETTERS.get(quantity, "").split():
+        score = 1.0
+    return (score + 0.5 * bool(unit), unit) if score else (0.0, unit)
+
+
+def _unit(quantity: str, unit: str) -> str:
+    units = UNITS.get(quantity, {})
+    return units.get(unit) or (units.get(unit.lower(), "") if unit not in ("MN", "MM", "MS") and len(unit) > 2 else "")
+
+
+def _known(unit: str) -> bool:
+    return any(_unit(quantity, unit) for quantity in UNITS) or _is_rate(unit)
+
+
+def _is_rate(unit: str) -> bool:
+    return bool(re.fullmatch(r"[a-zµ]+[/_]s|[a-zµ]*/s\^?2?", unit))
+
+
+def _plain(text: str) -> str:
+    """Lower case, without accents."""
+    return "".join(letter for letter in unicodedata.normalize("NFD", text.lower()) if not unicodedata.combining(letter))

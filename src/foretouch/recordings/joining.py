@@ -1,0 +1,173 @@
+"""Two topics of a bag on one time: which clock is taken, and how positions come to the times of forces."""
+
+from __future__ import annotations
+
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from foretouch.errors import RecordingError
+from foretouch.recordings.source import Series
+
+__all__ = ["CLOCKS_AGREE", "Joined", "at_force_times", "clock_of", "in_time"]
+
+Array = NDArray[np.float64]
+Times = NDArray[np.int64]
+
+CLOCKS_AGREE: Final = 0.05
+"""Header stamps of two topics are taken for one clock while their distances from log time differ by less [s]; networks
+and recorders alone make some milliseconds."""
+
+LARGEST_GAP: Final = 0.1
+"""Forces within a longer time without a position [s] are left out (or than ten of its periods)."""
+
+
+class Joined(NamedTuple):
+    """Samples at the times of the forces.
+
+    Attributes:
+        time_ns: [ns], increasing, shape (n,).
+        columns: Each position column and each force column at these times, shape (n,).
+        notes: Sentences on how.
+    """
+
+    time_ns: Times
+    columns: dict[str, Array]
+    notes: list[str]
+
+
+def clock_of(source: object, series: list[Series], asked: str) -> tuple[list[Times], list[str]]:
+    """The times of each series, all by one clock, and sentences on which one and why.
+
+    Header stamps are when a sensor measured; log time is later by what network and recorder took, and differently late
+    from message to message. So stamps are taken, as long as those of all topics are on one clock: that is so where they
+    lie equally far from log time.
+
+    Args:
+        source: For messages.
+        series: One or two.
+        asked: ``"auto"``, ``"header"`` or ``"log"``.
+
+    Raises:
+        RecordingError: Header stamps are asked for and a topic has none.
+    """
+    bare = [one.topic for one in series if one.stamp_ns is None]
+    if asked == "log":
+        return [one.log_ns for one in series], ["log time is taken, as the map says"]
+    if bare:
+        if asked == "header":
+            problem = f'messages of {bare[0]} carry no stamp: [time] stamp = "log" takes the recorder\'s time'
+            raise RecordingError(source, problem)
+        others = " for both" if len(series) > 1 else ""
+        return [one.log_ns for one in series], [f"messages of {bare[0]} carry no stamp: log time is taken{others}"]
+    stamps = [one.stamp_ns for one in series if one.stamp_ns is not None]
+    late = [(one.log_ns - stamp) / 1e9 for one, stamp in zip(series, stamps, strict=True)]
+    medians = [float(np.median(one)) for one in late]
+    apart = max(medians) - min(medians)
+    if len(series) > 1 and apart > CLOCKS_AGREE:
+        names = " and ".join(one.topic for one in series)
+        said = " and ".join(_seconds(median) for median in medians)
+        problem = (
+            f"header stamps of {names} are on two clocks {_seconds(apart)} apart (log time less stamp: {said}, medians)"
+        )
+        if asked == "header":
+            return stamps, [f"{problem}; stamps are taken all the same, as the map says"]
+        jitter = max(float(np.subtract(*np.percentile(one, (95, 5)))) for one in late)
+        return [one.log_ns for one in series], [
+            f"{problem}; log time is taken for both, which jitters by {_seconds(jitter)}"
+        ]
+    notes = []
+    if max(map(abs, medians)) > CLOCKS_AGREE:
+        notes = [f"header stamps and log time are {_seconds(medians[0])} apart; header stamps are taken"]
+    return stamps, notes
+
+
+def in_time(topic: str, times: Times, columns: dict[str, Array]) -> tuple[Times, dict[str, Array], list[str]]:
+    """The samples in the order of their times, one for each time, and a sentence where some had to go."""
+    step = np.diff(times)
+    if (step > 0).all():
+        return times, columns, []
+    order = np.argsort(times, kind="stable")
+    times = times[order]
+    first = np.concatenate(([True], np.diff(times) > 0))
+    columns = {name: column[order][first] for name, column in columns.items()}
+    turned, double = int((step < 0).sum()), int((~first).sum())
+    said = [f"{turned} messages stand before earlier ones and were put in order"] if turned else []
+    said += [f"{double} messages with the time of the one before are left out"] if double else []
+    return times[first], columns, [f"{topic}: {' and '.join(said)}"]
+
+
+def at_force_times(
+    source: object,
+    method: str,
+    position_ns: Times,
+    position: dict[str, Array],
+    force_ns: Times,
+    force: dict[str, Array],
+) -> Joined:
+    r"""Positions at the times of the forces.
+
+    ``interpolate`` takes the line between the two positions around,
+
+    .. math:: x(t) = x_i + (x_{i+1} - x_i) (t - t_i) / (t_{i+1} - t_i)
+
+    which errs by the square of the period of positions, and looks less than one such period ahead. ``hold`` takes the
+    last position before, which a causal system has too; it lags by half a period on average, which looks like damping.
+
+    Args:
+        source: For messages.
+        method: ``"interpolate"`` or ``"hold"``.
+        position_ns: Times of positions [ns], increasing.
+        position: Columns at these.
+        force_ns: Times of forces [ns], increasing.
+        force: Columns at these.
+
+    Raises:
+        RecordingError: The two have less than two samples in common time.
+    """
+    if np.array_equal(position_ns, force_ns):
+        return Joined(force_ns, position | force, [])
+    before = np.searchsorted(position_ns, force_ns, side="right") - 1
+    inside = (before >= 0) & (force_ns <= position_ns[-1])
+    if inside.sum() < 2:
+        spans = " and ".join(f"{at[0] / 1e9:.3f} to {at[-1] / 1e9:.3f} s" for at in (position_ns, force_ns))
+        problem = f"positions and forces have no time in common ({spans})"
+        raise RecordingError(source, f'{problem}: if their stamps are on two clocks, give [time] stamp = "log"')
+    gaps = np.diff(position_ns)
+    longest = max(int(LARGEST_GAP * 1e9), 10 * int(np.median(gaps)))
+    after = np.minimum(before + 1, position_ns.size - 1)
+    hole = (
+        inside & (position_ns[after] - position_ns[np.maximum(before, 0)] > longest) & (position_ns[before] != force_ns)
+    )
+    kept = inside & ~hole
+    times = force_ns[kept]
+    if method == "hold":
+        joined = {name: column[before[kept]] for name, column in position.items()}
+    else:
+        at, known = (times - position_ns[0]) / 1e9, (position_ns - position_ns[0]) / 1e9
+        joined = {name: np.interp(at, known, column) for name, column in position.items()}
+    return Joined(
+        times,
+        joined | {name: column[kept] for name, column in force.items()},
+        _how(method, position_ns, force_ns, int((~inside).sum()), int(hole.sum()), longest),
+    )
+
+
+def _how(method: str, position_ns: Times, force_ns: Times, outside: int, holes: int, longest: int) -> list[str]:
+    rates = " and ".join(f"{1e9 / float(np.median(np.diff(at))):.5g}" for at in (position_ns, force_ns))
+    ways = {
+        "interpolate": "positions are interpolated to the times of forces, for holding the last one lags, which looks "
+        'like damping (it looks ahead by less than one position; join = "hold" does not)',
+        "hold": "the last position before each force is held, which is causal and lags by half a period of positions",
+    }
+    notes = [f"positions and forces come {rates} times a second: {ways[method]}"]
+    if outside:
+        notes.append(f"{outside} forces before the first or after the last position are left out")
+    if holes:
+        notes.append(f"{holes} forces in times of more than {longest / 1e9:.3g} s without a position are left out")
+    return notes
+
+
+def _seconds(seconds: float) -> str:
+    return f"{seconds:.6g} s" if abs(seconds) >= 1.0 else f"{1e3 * seconds:.4g} ms"

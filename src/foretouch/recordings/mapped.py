@@ -1,0 +1,142 @@
+"""A recording out of an opened table or bag, as a map says."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from foretouch.errors import RecordingError
+from foretouch.quantities import Recording
+from foretouch.recordings.joining import at_force_times, clock_of, in_time
+from foretouch.recordings.mapping import FORCES, LENGTHS, TIMES, Mapping, to_si
+from foretouch.recordings.source import Bag, Series, Table
+
+__all__ = ["read_mapped"]
+
+Array = NDArray[np.float64]
+
+
+def read_mapped(source: Table | Bag, mapping: Mapping) -> tuple[Recording, list[str]]:
+    """The recording, and sentences on how its samples came to one time.
+
+    Raises:
+        RecordingError: The map does not fit the file, or the values break a rule of `Recording`.
+    """
+    if isinstance(source, Table):
+        recording = _of_table(source, mapping)
+        return recording, _doubts(recording)
+    recording, notes = _of_bag(source, mapping)
+    return recording, [*notes, *_doubts(recording)]
+
+
+def _of_table(table: Table, mapping: Mapping) -> Recording:
+    if not mapping.position.column:
+        raise RecordingError(table.path, f"is a table ({table.format}): its map takes column, not topic and field")
+    time, velocity = mapping.time, mapping.velocity
+    if bool(time.column) == bool(time.rate):
+        raise RecordingError(table.path, "its map takes [time] column, or rate where no column has the time")
+    wanted = [mapping.position.column, mapping.force.column, *([velocity.column] if velocity else [])]
+    names = list(dict.fromkeys([*([time.column] if time.column else []), *wanted]))
+    columns = table.read(names)
+    lengths = {name: column.size for name, column in columns.items()}
+    if len(set(lengths.values())) > 1:
+        said = ", ".join(f"{name} {length}" for name, length in lengths.items())
+        raise RecordingError(table.path, f"columns of unequal length: {said}; take those of one measurement")
+    position, force = columns[mapping.position.column], columns[mapping.force.column]
+    seconds = np.arange(position.size) / time.rate if time.rate else _seconds(columns[time.column], time.unit)
+    speed = None if velocity is None else to_si(columns[velocity.column], mapping.position, LENGTHS)
+    try:
+        return Recording(
+            seconds,
+            to_si(position, mapping.position, LENGTHS),
+            to_si(force, mapping.force, FORCES),
+            speed,
+            name=str(table.path),
+            contact_floor=mapping.contact_floor,
+            first_row=table.first_row,
+        )
+    except RecordingError as error:
+        if error.row is None:
+            raise
+        row = table.row_of(error.row - table.first_row)
+        problem = str(error).removeprefix(f"{table.path}, row {error.row}: ")
+        raise RecordingError(table.path, problem, row=row) from None
+
+
+def _seconds(column: Array, unit: str) -> Array:
+    return column if unit == "s" else column / TIMES[unit]
+
+
+def _of_bag(bag: Bag, mapping: Mapping) -> tuple[Recording, list[str]]:
+    position, force, time = mapping.position, mapping.force, mapping.time
+    if not position.topic:
+        raise RecordingError(bag.path, f"is a bag ({bag.format}): its map takes topic and field, not column")
+    if time.column or time.rate:
+        raise RecordingError(bag.path, "is a bag, whose messages have their times: its map takes [time] stamp only")
+    extra = [mapping.velocity.field] if mapping.velocity else []
+    together = position.topic == force.topic
+    wanted = [position.field, *extra, *([force.field] if together else [])]
+    series = [bag.read(position.topic, list(dict.fromkeys(wanted)))]
+    if not together:
+        series.append(bag.read(force.topic, [force.field]))
+    for one in series:
+        _require_finite(bag, one)
+    notes = [
+        f"{one.left_out} messages of {one.topic} without these fields are left out" for one in series if one.left_out
+    ]
+    times, said = clock_of(bag.path, series, time.stamp)
+    notes += said
+    ordered = []
+    for one, at in zip(series, times, strict=True):
+        own = {_key(one.topic, name): column for name, column in one.values.items()}
+        ordered_times, ordered_columns, said = in_time(one.topic, at, own)
+        ordered.append((ordered_times, ordered_columns))
+        notes += said
+    at_force, columns = ordered[0]
+    if not together:
+        joined = at_force_times(bag.path, mapping.join, *ordered[0], *ordered[1])
+        at_force, columns = joined.time_ns, joined.columns
+        notes += joined.notes
+    since = at_force - (at_force[:1] if time.start == "first" else 0)
+    speed = None if not extra else to_si(columns[_key(position.topic, extra[0])], position, LENGTHS)
+    recording = Recording(
+        since / 1e9,
+        to_si(columns[_key(position.topic, position.field)], position, LENGTHS),
+        to_si(columns[_key(force.topic, force.field)], force, FORCES),
+        speed,
+        name=str(bag.path),
+        contact_floor=mapping.contact_floor,
+    )
+    return recording, notes
+
+
+def _key(topic: str, field: str) -> str:
+    return f"{topic} {field}"
+
+
+def _require_finite(bag: Bag, series: Series) -> None:
+    for name, values in series.values.items():
+        bad = ~np.isfinite(values)
+        if bad.any():
+            message = int(np.argmax(bad))
+            problem = (
+                f"{series.topic}: {name} of message {message + 1} is {values[message]}: every value must be finite"
+            )
+            raise RecordingError(bag.path, problem)
+
+
+def _doubts(recording: Recording) -> list[str]:
+    """A sentence where signs look wrong: what presses is deeper, and its force positive."""
+    force = recording.force - np.median(recording.force)
+    if not force.any() or np.ptp(recording.position) == 0.0:
+        return []
+    notes = []
+    strongest = force[np.argmax(np.abs(force))]
+    if strongest < 0.0 and -force.min() > 2.0 * force.max():
+        notes.append("forces are mostly negative under load: [force] sign = -1 turns them")
+    load = np.abs(force) > 0.3 * np.abs(force).max()
+    if load.any() and not load.all():
+        deeper = recording.position[load].mean() - recording.position[~load].mean()
+        if deeper < -0.05 * float(np.ptp(recording.position)):
+            notes.append("positions are smaller where the force is large: [position] sign = -1, or --flip, turns them")
+    return notes

@@ -1,0 +1,218 @@
+"""What an opened recording shows of itself before it is read: a table with columns, or a bag with topics."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from os import PathLike
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from foretouch.errors import RecordingError
+
+__all__ = [
+    "MAP_NAME",
+    "Bag",
+    "Column",
+    "Series",
+    "Table",
+    "Topic",
+    "gathered",
+    "listed",
+    "one_line",
+    "require_names",
+]
+
+MAP_NAME: Final = "foretouch_map"
+"""Under this name files of `convert_recording` carry the map that reads them."""
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Column:
+    """One column of a table, or one number in the messages of a topic.
+
+    Attributes:
+        name: As a map takes it.
+        kind: Type of its values.
+        count: Of its values; None where only reading tells.
+        unit: As the file states it, or empty.
+        example: First value, where it is at hand.
+    """
+
+    name: str
+    kind: str
+    count: int | None = None
+    unit: str = ""
+    example: float | None = None
+
+
+@dataclass(frozen=True)
+class Topic:
+    """One topic of a bag.
+
+    Attributes:
+        name: Of the topic.
+        type_name: Of its messages.
+        count: Of its messages.
+    """
+
+    name: str
+    type_name: str
+    count: int
+
+
+@dataclass(frozen=True)
+class Series:
+    """Numbers out of the messages of one topic, in the order of the file.
+
+    Attributes:
+        topic: Whose they are.
+        log_ns: When the recorder took each message [ns], shape (n,).
+        stamp_ns: Stamp in the header of each [ns], shape (n,), or None where the messages have none, or it is not set.
+        values: Field name to numbers, shape (n,).
+        left_out: Messages that have not all of the fields.
+    """
+
+    topic: str
+    log_ns: NDArray[np.int64]
+    stamp_ns: NDArray[np.int64] | None
+    values: dict[str, Array]
+    left_out: int = 0
+
+
+class Table(ABC):
+    """An opened table.
+
+    Attributes:
+        path: Of the file.
+        format: For people.
+        columns: All that hold numbers, or may.
+        first_row: Row of the first sample, as messages count.
+        stated_map: Text of the map that the file carries, or empty.
+    """
+
+    path: str | PathLike[str]
+    format: str
+    columns: tuple[Column, ...]
+    first_row: int = 1
+    stated_map: str = ""
+
+    @abstractmethod
+    def read(self, names: Sequence[str]) -> dict[str, Array]:
+        """Columns by name, all of one length.
+
+        Raises:
+            RecordingError: A column is missing or holds no numbers, or their lengths differ.
+        """
+
+    def row_of(self, sample: int) -> int:
+        """Row of a sample in the file."""
+        return self.first_row + sample
+
+
+@dataclass(eq=False)
+class Bag(ABC):
+    """An opened bag.
+
+    Attributes:
+        path: Of the file or folder.
+        format: For people.
+        topics: All of them.
+        begin_ns: Log time of the first message [ns].
+        end_ns: Of the last [ns].
+        whole: Whether it was ended by its recorder.
+        stated_map: Text of the map that the file carries, or empty.
+    """
+
+    path: str | PathLike[str]
+    format: str = ""
+    topics: tuple[Topic, ...] = ()
+    begin_ns: int = 0
+    end_ns: int = 0
+    whole: bool = True
+    stated_map: str = field(default="", repr=False)
+
+    @property
+    def duration(self) -> float:
+        """From the first to the last message [s]."""
+        return (self.end_ns - self.begin_ns) / 1e9
+
+    @abstractmethod
+    def fields(self, topic: str) -> tuple[Column, ...]:
+        """The numbers in the first message of a topic; empty where there is none, or its type is not known.
+
+        Raises:
+            RecordingError: No such topic.
+        """
+
+    @abstractmethod
+    def read(self, topic: str, fields: Sequence[str]) -> Series:
+        """Fields of all messages of a topic.
+
+        Raises:
+            RecordingError: No such topic or field, no messages, or messages that cannot be read.
+        """
+
+    def topic(self, name: str) -> Topic:
+        """A topic by its name.
+
+        Raises:
+            RecordingError: No such topic.
+        """
+        found = [topic for topic in self.topics if topic.name == name]
+        if not found:
+            raise RecordingError(self.path, f"no topic {name}; {_nearest(name, self.topics)}")
+        if len({topic.type_name for topic in found}) > 1:
+            types = ", ".join(topic.type_name for topic in found)
+            raise RecordingError(self.path, f"{name} has messages of several types: {types}: keep one of them")
+        return found[0]
+
+
+def gathered(topics: Iterable[Topic]) -> tuple[Topic, ...]:
+    """The topics, those that several publishers had (channels of one name and type) as one."""
+    counts: dict[tuple[str, str], int] = {}
+    for topic in topics:
+        key = topic.name, topic.type_name
+        counts[key] = counts.get(key, 0) + topic.count
+    return tuple(Topic(*key, count) for key, count in counts.items())
+
+
+def require_names(source: object, there: Sequence[str], names: Iterable[str], *, row: int | None = None) -> None:
+    """Refuse a table that has a column not at all, or twice.
+
+    Raises:
+        RecordingError: That.
+    """
+    missing = [name for name in names if name not in there]
+    if missing:
+        raise RecordingError(source, f"column {', '.join(missing)} missing; the columns are {listed(there)}", row=row)
+    for name in names:
+        if there.count(name) > 1:
+            raise RecordingError(source, f"column {name} is there {there.count(name)} times", row=row)
+
+
+def listed(names: Iterable[str], longest: int = 200) -> str:
+    """Names for a message, cut where they become long."""
+    text = ", ".join(repr(name)[1:-1] for name in names) or "none"
+    return text if len(text) <= longest else text[:longest] + " ..."
+
+
+def one_line(error: Exception) -> str:
+    """The text of an error of another library."""
+    return " ".join(str(error).split()) or type(error).__name__
+
+
+def _nearest(name: str, topics: Sequence[Topic]) -> str:
+    """The topics that look most like a name, where there are many."""
+    import difflib
+
+    names = [topic.name for topic in topics]
+    if len(names) <= 10:
+        return f"there are {listed(names)}"
+    near = difflib.get_close_matches(name, names, n=5, cutoff=0.3)
+    return f"of {len(names)} the nearest are {listed(near)}; `foretouch recordings inspect` lists them"
