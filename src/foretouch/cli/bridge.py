@@ -42,10 +42,10 @@ def ros2(
 
     if router in endpoints.all:
         raise LinkError(f"{router} cannot be the session's and the ROS 2 router's: give the session another port")
-    give_way()
-    stop = StopFlag().on_signals()
     graph = Graph(router, Node(domain, namespace), insecure=endpoints.insecure)
     passes_on = Bridge(graph, rate=rate, router=router, say=say)
+    give_way()
+    stop = StopFlag().on_signals()
     try:
         with open_link("bridge", endpoints, BRIDGE_CHANNELS) as link:
             passes_on.run(link, lambda: bool(stop.reason or link.version_error) or orphaned(parent))

@@ -5,7 +5,7 @@
 
 from foretouch.ros2.attachment import attachment
 from foretouch.ros2.bridge import BRIDGE_CHANNELS, Bridge
-from foretouch.ros2.clock import SessionClock
+from foretouch.ros2.clock import SessionClock, wall_offset_ns
 from foretouch.ros2.gid import publisher_gid
 from foretouch.ros2.graph import Graph
 from foretouch.ros2.keys import Node, TopicType, dds_type
@@ -29,4 +29,5 @@ __all__ = [
     "publisher_gid",
     "type_description",
     "type_hash",
+    "wall_offset_ns",
 ]

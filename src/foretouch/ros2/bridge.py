@@ -9,7 +9,7 @@ from typing import Final
 
 from foretouch.link import ZenohLink
 from foretouch.messages import Hello, LeaderState, Message, Telemetry
-from foretouch.ros2.clock import SessionClock
+from foretouch.ros2.clock import SessionClock, wall_offset_ns
 from foretouch.ros2.graph import Graph
 from foretouch.ros2.pace import Pace
 from foretouch.ros2.topics import as_ros, probe_on_a_line
@@ -33,7 +33,7 @@ POLL_PERIOD = 0.002
 """Between two looks at what has come [s]."""
 
 ROUTER_PERIOD = 2.0
-"""Between two looks for the router [s]."""
+"""Between two looks for the router, and at the clock [s]."""
 
 
 class Bridge:
@@ -57,6 +57,7 @@ class Bridge:
         self._paces = {name: Pace(rate) for name in SENDERS}
         self._on_a_line: bool | None = None  # None until the follower has said it
         self._obeyed = 0
+        self._offset_ns = 0
         self._there: bool | None = None
         self._ended = False
 
@@ -78,8 +79,9 @@ class Bridge:
             time.sleep(POLL_PERIOD)
 
     def look(self) -> None:
-        """Look for the router, and say so where that has changed."""
+        """Look for the router and at the clock that ROS 2 goes by; say so where the router has come or gone."""
         there = self._graph.connect()
+        self._offset_ns = wall_offset_ns()
         if there is self._there:
             return
         if there:
@@ -113,7 +115,7 @@ class Bridge:
         local_ns = self._clock.local_ns((SENDERS[channel], process), message.time_ns, arrival_ns)
         if not self._paces[channel].is_due(local_ns):
             return
-        stamp_ns = local_ns + time.time_ns() - time.monotonic_ns()
+        stamp_ns = local_ns + self._offset_ns
         topics = as_ros(message, stamp_ns)
         if self._on_a_line and isinstance(message, Telemetry):
             topics += probe_on_a_line(message, stamp_ns)

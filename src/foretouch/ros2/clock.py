@@ -2,15 +2,31 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Hashable
 
-__all__ = ["SessionClock"]
+__all__ = ["SessionClock", "wall_offset_ns"]
 
 BLOCK_NS = 30_000_000_000
 """The smallest transit is that of this block of time and of the one before [ns]: the last half to whole minute."""
 
 MOST_SENDERS = 64
 """So many processes of a session are told apart; beyond it, the one that was met first is forgotten."""
+
+
+READS = 5
+"""Both clocks are read so often, and the closest reading counts: a process may be put aside between the two."""
+
+
+def wall_offset_ns() -> int:
+    """What to add to this machine's monotonic clock for nanoseconds since 1970."""
+    return min(_offset() for _ in range(READS))[1]
+
+
+def _offset() -> tuple[int, int]:
+    """How long the reading took, and the offset [ns]."""
+    before, wall, after = time.monotonic_ns(), time.time_ns(), time.monotonic_ns()
+    return after - before, wall - (before + after) // 2
 
 
 class _Transit:

@@ -8,8 +8,8 @@ from foretouch.errors import SettingError
 
 __all__ = ["Pace"]
 
-EARLY = 0.25
-"""A message may be earlier than its turn by so much of a period: ticks are not quite even."""
+EARLY, EARLY_NS = 0.25, 250_000
+"""A message may be earlier than its turn by so much of a period, and at most so much [ns]: ticks are not quite even."""
 
 
 class Pace:
@@ -22,17 +22,18 @@ class Pace:
         SettingError: The rate is none.
     """
 
-    __slots__ = ("_newest_ns", "_period_ns", "_turn_ns")
+    __slots__ = ("_early_ns", "_newest_ns", "_period_ns", "_turn_ns")
 
     def __init__(self, rate: float) -> None:
         if not 0.0 < rate < math.inf:
             raise SettingError("rate", rate, "must be above 0 messages a second")
         self._period_ns = 1e9 / rate
+        self._early_ns = min(EARLY * self._period_ns, EARLY_NS)
         self._turn_ns = self._newest_ns = -math.inf
 
     def is_due(self, now_ns: int) -> bool:
         """Whether a message that was made now goes out; counts it if so."""
-        if now_ns <= self._newest_ns or now_ns < self._turn_ns - EARLY * self._period_ns:
+        if now_ns <= self._newest_ns or now_ns < self._turn_ns - self._early_ns:
             return False
         self._newest_ns = now_ns
         late = now_ns > self._turn_ns + self._period_ns

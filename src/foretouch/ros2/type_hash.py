@@ -20,7 +20,6 @@ NESTED: Final = 1
 TYPE_NUMBERS: Final = {
     "int8": 2,
     "uint8": 3,
-    "char": 3,  # rosidl takes a char of a .msg for a uint8
     "int16": 4,
     "uint16": 5,
     "int32": 6,
@@ -38,6 +37,9 @@ TYPE_NUMBERS: Final = {
 
 ARRAY, SEQUENCE = 48, 144
 """Added to the number of the element: a field of fixed length, and one of any."""
+
+EMPTY: Final = ["uint8", "structure_needs_at_least_one_member"]
+"""The one field of a message that has none: rosidl puts it there."""
 
 _TYPE = re.compile(r"(?P<element>[A-Za-z][A-Za-z0-9_/]*)(?P<many>\[(?P<length>\d*)\])?")
 _SEPARATOR = re.compile(r"^=+$", re.MULTILINE)
@@ -94,7 +96,8 @@ def _full_name(name: str, beside: str) -> str:
 
 def _fields(owner: str, text: str, definitions: dict[str, str]) -> list[dict[str, Any]]:
     lines = [line.split("#")[0].split() for line in text.splitlines()]
-    return [_field(owner, words[0], words[1], definitions) for words in lines if words and not _is_constant(words)]
+    members = [words[:2] for words in lines if words and not _is_constant(words)]
+    return [_field(owner, ros_type, name, definitions) for ros_type, name in members or [EMPTY]]
 
 
 def _is_constant(words: list[str]) -> bool:
