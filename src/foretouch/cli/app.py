@@ -13,6 +13,7 @@ from foretouch.cli import (
     calibrate,
     comparison,
     data,
+    doctor,
     keys,
     offline,
     paper,
@@ -22,6 +23,7 @@ from foretouch.cli import (
     sides,
     sweep,
 )
+from foretouch.cli.exit_codes import epilog
 from foretouch.cli.help import PanelledCommand
 
 __all__ = ["app"]
@@ -29,8 +31,8 @@ __all__ = ["app"]
 app = typer.Typer(
     name="foretouch",
     help="Model-mediated teleoperation: feel what the remote robot touches before the network can tell you.",
+    epilog=epilog(),
     no_args_is_help=True,
-    add_completion=False,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
@@ -51,7 +53,7 @@ def _root(
     pass
 
 
-for module in (sessions, sides, offline, replay, comparison, sweep, paper, bench):
+for module in (sessions, sides, offline, replay, comparison, sweep, paper, bench, doctor):
     for command in module.COMMANDS:
         app.command(cls=PanelledCommand)(command)
 app.add_typer(bridge.bridge, name="bridge")

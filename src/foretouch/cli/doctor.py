@@ -1,0 +1,116 @@
+"""The command that looks whether this machine, and the way to another, are fit for a session."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from foretouch.cli.links import Endpoints, open_link, with_endpoints
+from foretouch.cli.options import Duration, Json, print_json, require_duration, say
+from foretouch.cli.progress import progress_bar
+from foretouch.errors import LinkError, SettingError
+
+if TYPE_CHECKING:
+    from foretouch.doctor import Finding
+    from foretouch.link import ZenohLink
+    from foretouch.messages import Message
+
+__all__ = ["COMMANDS", "doctor"]
+
+WIDE = 120
+"""Columns of the table where no terminal says how wide it is."""
+
+LONGEST = 600.0
+"""The longest examination of loops and peers [s]."""
+
+
+@with_endpoints
+def doctor(
+    *,
+    endpoints: Endpoints,
+    seconds: Annotated[float, typer.Option(help="That the loops run, and that a peer is asked [s].")] = 5.0,
+    duration: Duration = None,
+    json_output: Json = False,
+) -> None:
+    """Is this machine fit for a session, and the way to another? Each check with a verdict and what mends it.
+
+    With --connect a peer is asked too: a `foretouch doctor --listen` there answers, and a session that runs there is
+    listened to. With --listen nothing is checked: it answers until Ctrl-C, or for --duration. Exit code 1 where
+    something is bad.
+
+    Example: foretouch doctor --connect tcp/127.0.0.1:7447 --seconds 5
+    """
+    if not 0.0 < seconds <= LONGEST:
+        raise SettingError("seconds", seconds, f"must be above 0 and at most {LONGEST:g}")
+    require_duration(duration)
+    if endpoints.listen:
+        if endpoints.connect:
+            raise LinkError("give --listen on one machine and --connect on the other")
+        _answer(endpoints, duration, json_output)
+        return
+    from foretouch.doctor import Verdict, examine, worst
+
+    ways = tuple(_way(endpoints, each) for each in endpoints.connect or ())
+    findings: list[Finding] = []
+    with progress_bar("looking at this machine") as bar:
+        for finding in examine(
+            seconds=seconds, keys=endpoints.keys, ways=ways, say=lambda what: bar.update(0.0, None, what)
+        ):
+            findings.append(finding)
+    verdict = worst(findings)
+    if json_output:
+        print_json({"verdict": verdict.value, "findings": [finding.as_row() for finding in findings]})
+    else:
+        _print(findings)
+    if verdict is Verdict.BAD:
+        raise typer.Exit(1)
+
+
+COMMANDS = (doctor,)
+
+
+def _print(findings: list[Finding]) -> None:
+    from rich.console import Console
+
+    from foretouch.doctor import Verdict, render_findings, worst
+
+    console = Console(highlight=False)
+    if not console.is_terminal:
+        console.width = max(console.width, WIDE)
+    console.print(render_findings(findings))
+    counts = {verdict: sum(finding.verdict is verdict for finding in findings) for verdict in Verdict}
+    said = ", ".join(f"{count} {verdict.value}" for verdict, count in counts.items() if count)
+    console.print(f"{said}; all in all: {worst(findings).value}")
+
+
+def _way(endpoints: Endpoints, endpoint: str) -> tuple[str, str, int, Callable[[Callable[[Message], None]], ZenohLink]]:
+    """To one peer; a malformed endpoint, or one that is not allowed, is refused before anything is checked."""
+    from foretouch.doctor.peer import DOCTOR_CHANNELS
+    from foretouch.link import check_endpoint
+
+    check_endpoint(endpoint, insecure=endpoints.insecure)
+    host, _, port = endpoint.partition("/")[2].rpartition(":")
+    one = endpoints._replace(connect=[endpoint])
+    return endpoint, host.strip("[]"), int(port), lambda watch: open_link("doctor", one, DOCTOR_CHANNELS, watch)
+
+
+def _answer(endpoints: Endpoints, duration: float | None, json_output: bool) -> None:
+    """Answer the questions of other doctors."""
+    from foretouch.doctor.peer import DOCTOR_CHANNELS, Answerer
+
+    end = None if duration is None else time.monotonic() + duration
+    answerer = Answerer(lambda watch: open_link("doctor", endpoints, DOCTOR_CHANNELS, watch))
+    say(f"doctor: answers on {endpoints}; Ctrl-C ends it")
+    try:
+        answerer.run(lambda: end is not None and time.monotonic() >= end)
+    except KeyboardInterrupt:  # the usual end
+        pass
+    finally:
+        answerer.close()
+    if json_output:
+        print_json({"answered": answerer.answered})
+    else:
+        typer.echo(f"{answerer.answered} questions answered")

@@ -1,0 +1,67 @@
+"""All checks, in the order in which they disturb each other least."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from foretouch.doctor.finding import Finding, Verdict
+from foretouch.doctor.graphics import check_graphics
+from foretouch.doctor.loops import LoopReport, check_loops, run_loops
+from foretouch.doctor.packages import check_extras, check_packages, check_python
+from foretouch.doctor.processors import check_cores, check_governor, check_real_time
+from foretouch.doctor.surroundings import PORTS, check_disk, check_keys, check_port, check_text
+
+if TYPE_CHECKING:
+    from foretouch.link import ZenohLink
+    from foretouch.messages import Message
+
+__all__ = ["Way", "examine"]
+
+Way = tuple[str, str, int, "Callable[[Callable[[Message], None]], ZenohLink]"]
+"""To a peer: endpoint, host, port, and what opens a link to it."""
+
+
+def examine(
+    *, seconds: float = 5.0, keys: Path | None = None, ways: tuple[Way, ...] = (), say: Callable[[str], None]
+) -> Iterator[Finding]:
+    """Make every check, and give each finding as soon as it is there.
+
+    Args:
+        seconds: That the loops run, and that each peer is asked [s], above 0.
+        keys: Folder of keys; the usual one where none is given.
+        ways: To peers, for each that is to be asked.
+        say: Told what is looked at next, where it takes long.
+    """
+    yield from (check_python(), check_packages(), check_extras(), check_cores(), check_governor())
+    yield from (check_text(), check_disk())
+    for port in PORTS:
+        yield _made(f"port {port}", functools.partial(check_port, port))
+    yield _made("keys", lambda: check_keys(keys))
+    say("drawing an image")
+    yield check_graphics()
+    say(f"running two loops for {seconds:g} s")
+    reports: dict[str, LoopReport] | str
+    try:
+        reports = run_loops(seconds)
+    except RuntimeError as error:
+        reports = str(error)
+    yield check_loops(reports)
+    yield check_real_time(None if isinstance(reports, str) else reports["session"]["slice_s"])
+    for endpoint, host, port, open_link in ways:
+        from foretouch.doctor.network import check_peer
+
+        say(f"asking {endpoint} for {seconds:g} s")
+        yield from check_peer(endpoint, host, port, open_link, seconds)
+
+
+def _made(name: str, check: Callable[[], Finding]) -> Finding:
+    """A check that needs a package, or why it could not be made."""
+    try:
+        return check()
+    except ImportError as error:
+        return Finding(
+            name, Verdict.UNKNOWN, f"{error.name} is not installed", "pip install --force-reinstall foretouch"
+        )

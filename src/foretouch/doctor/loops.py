@@ -1,0 +1,188 @@
+"""How punctual a loop at 1 kHz is on this machine: one that computes as a session does, beside one that does nothing.
+
+Both run at the same time, each in a process of its own, as leader and follower do. Where both are late it is the
+machine; where only the first is, it is what is computed in it.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import select
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+from foretouch.doctor.finding import Finding, Verdict
+from foretouch.doctor.slices import granted_slice_ns
+
+__all__ = ["LoopReport", "check_loops", "main", "run_loops"]
+
+LoopReport = dict[str, float]
+"""Of one loop: ``late_p50_s``, ``late_p99_s``, ``late_max_s``, ``compute_p50_s``, ``compute_p99_s``, ``ticks``,
+``missed`` and ``slice_s``."""
+
+KINDS = ("session", "bare")
+
+READY_PATIENCE = 180.0
+"""Compiling what a session computes takes so long [s] at most, the first time."""
+
+LATE, VERY_LATE, HOLD = 5e-4, 5e-3, 5e-2
+"""Half a period [s]; what a hand can feel as unsteady; and what makes a follower hold (`hold_after`)."""
+
+PRESS_FREQUENCY, PRESS_DEPTH, STIFFNESS, SURFACE = 1.0, 2e-3, 500.0, 0.01
+"""What is computed: a press on a spring that exists nowhere [1/s, m, N/m, m]."""
+
+
+def run_loops(seconds: float) -> dict[str, LoopReport]:
+    """Run both loops side by side.
+
+    Args:
+        seconds: How long, above 0.
+
+    Raises:
+        RuntimeError: One of them did not come to its end; what it said last.
+    """
+    with _processes(seconds) as children:
+        for kind, child in children.items():
+            _line(kind, child, READY_PATIENCE)
+        for child in children.values():
+            if child.stdin is not None:
+                child.stdin.write("go\n")
+                child.stdin.flush()
+        return {kind: json.loads(_line(kind, child, 3.0 * seconds + 30.0)) for kind, child in children.items()}
+
+
+@contextmanager
+def _processes(seconds: float) -> Iterator[dict[str, subprocess.Popen[str]]]:
+    """The two processes; none of them is left behind."""
+    pipe = subprocess.PIPE
+    children: dict[str, subprocess.Popen[str]] = {}
+    try:
+        for kind in KINDS:
+            command = [sys.executable, "-m", "foretouch.doctor.loops", kind, str(seconds)]
+            children[kind] = subprocess.Popen(command, stdin=pipe, stdout=pipe, stderr=pipe, text=True)
+        yield children
+    finally:
+        for child in children.values():
+            child.kill()
+            child.communicate()
+
+
+def _line(kind: str, child: subprocess.Popen[str], patience: float) -> str:
+    """The next line that a process says."""
+    if child.stdout is None or not select.select([child.stdout], [], [], patience)[0]:
+        raise RuntimeError(f"the {kind} loop said nothing for {patience:g} s")
+    line = child.stdout.readline()
+    if not line:
+        last = (child.stderr.read().strip().splitlines() if child.stderr else []) or ["without a word"]
+        raise RuntimeError(f"the {kind} loop ended: {last[-1]}")
+    return line
+
+
+def check_loops(reports: dict[str, LoopReport] | str) -> Finding:
+    """Judge how late ticks woke.
+
+    Good is a 99th percentile below 0.5 ms, half a period. Bad is one above 5 ms, or a single tick that came 50 ms late:
+    a follower then holds.
+
+    Args:
+        reports: Of both loops by name, or why there are none.
+    """
+    name = "loop at 1 kHz"
+    if isinstance(reports, str):
+        return Finding(name, Verdict.UNKNOWN, reports)
+    session, bare = (reports[kind] for kind in KINDS)
+    found = "woken late by " + "; ".join(f"{kind}: {_in_ms(reports[kind])}" for kind in KINDS)
+    found += f"; a tick computes {1e6 * session['compute_p50_s']:.0f} us"
+    worst_p99, worst = (max(session[key], bare[key]) for key in ("late_p99_s", "late_max_s"))
+    figures = {"session": session, "bare": bare}
+    if worst_p99 < LATE and worst < HOLD:
+        return Finding(name, Verdict.GOOD, found, figures=figures)
+    verdict = Verdict.BAD if worst_p99 >= VERY_LATE or worst >= HOLD else Verdict.WARNING
+    ours = bare["late_p99_s"] < LATE <= session["late_p99_s"]
+    found += "; the machine is punctual, what is computed is too slow" if ours else "; the machine itself is late"
+    mend = "foretouch bench --only loops" if ours else "ps -eo pid,pcpu,args --sort=-pcpu | head"
+    return Finding(name, verdict, found, mend, figures)
+
+
+def _in_ms(report: LoopReport) -> str:
+    p50, p99, largest = (1e3 * report[f"late_{which}_s"] for which in ("p50", "p99", "max"))
+    return f"p50 {p50:.3f}, p99 {p99:.3f}, most {largest:.2f} ms"
+
+
+def main(kind: str, seconds: str) -> None:
+    """Say that all is ready, wait for a line, run one loop, and print its report.
+
+    Args:
+        kind: ``session`` or ``bare``.
+        seconds: How long.
+    """
+    from foretouch.session import be_prompt
+
+    be_prompt()
+    work = _press() if kind == "session" else lambda time: None
+    sys.stdout.write("ready\n")
+    sys.stdout.flush()
+    if not sys.stdin.readline():  # who asked has gone
+        return
+    sys.stdout.write(json.dumps(_run(float(seconds), work)) + "\n")
+
+
+def _run(seconds: float, work: Callable[[float], None]) -> LoopReport:
+    """The loop, paced as both sides of a session are."""
+    from foretouch.session import SAMPLE_PERIOD
+    from foretouch.session.loop_timer import LoopTimer, steady
+
+    period_ns = round(SAMPLE_PERIOD * 1e9)
+    ticks = max(10, round(seconds / SAMPLE_PERIOD))
+    late, computed, timer = [0] * ticks, [], LoopTimer(SAMPLE_PERIOD)
+    tick = -1
+    with steady():
+        while tick < ticks - 1:
+            deadline, periods = timer.wait()
+            tick += max(1, periods)
+            for back in range(max(1, periods)):  # a deadline that was passed over is late until the one that was not
+                if tick - back < ticks:
+                    late[tick - back] = timer.woke_ns - deadline + back * period_ns
+            work(tick * SAMPLE_PERIOD)
+            computed.append(time.monotonic_ns() - timer.woke_ns)
+    return {
+        **_percentiles("late", late),
+        **_percentiles("compute", computed),
+        "ticks": float(ticks),
+        "missed": float(timer.missed),
+        "slice_s": 1e-9 * granted_slice_ns(),
+    }
+
+
+def _percentiles(name: str, values_ns: list[int]) -> dict[str, float]:
+    ordered = sorted(values_ns)
+    last = len(ordered) - 1
+    places = {"p50": 0.5, "p99": 0.99, "max": 1.0}
+    return {f"{name}_{which}_s": 1e-9 * ordered[math.ceil(share * last)] for which, share in places.items()}
+
+
+def _press() -> Callable[[float], None]:
+    """What leader and follower compute in a tick, for a press: to learn a sample, and to render a force."""
+    from foretouch.identification import Learner
+    from foretouch.session import SAMPLE_PERIOD, SessionSettings
+    from foretouch.session.warm_up import warm_up
+
+    settings = SessionSettings()
+    warm_up(settings)
+    learner = Learner(settings.make_estimator(), surface=SURFACE, force_offset=0.0)
+
+    def work(time: float) -> None:
+        depth = PRESS_DEPTH * math.sin(2.0 * math.pi * PRESS_FREQUENCY * time)
+        learner.update(time, SURFACE + depth, STIFFNESS * max(depth, 0.0))
+        if round(time / SAMPLE_PERIOD) % 20 == 0:
+            learner.learnt()
+
+    return work
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])

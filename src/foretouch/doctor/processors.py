@@ -1,0 +1,116 @@
+"""Processors: how many, how busy, at which speed, and whom the kernel runs first."""
+
+from __future__ import annotations
+
+import os
+import resource
+from collections.abc import Iterable
+from pathlib import Path
+
+from foretouch.doctor.finding import Finding, Verdict
+
+__all__ = ["check_cores", "check_governor", "check_real_time"]
+
+FEWEST_CORES = 2
+"""A session has two loops at 1 kHz, and each wants a processor when its tick is due."""
+
+BUSIEST = 0.7
+"""Load for each core from which on loops have to wait for their turn."""
+
+CPUS, CGROUP = Path("/sys/devices/system/cpu"), Path("/sys/fs/cgroup")
+
+GOVERN = "echo performance | sudo tee /sys/devices/system/cpu/cpu*/cpufreq/scaling_governor"
+
+PRIORITY = "echo '* - rtprio 20' | sudo tee /etc/security/limits.d/foretouch.conf"
+
+
+def check_cores(load: float | None = None, cores: int | None = None, group: Path = CGROUP) -> Finding:
+    """Cores that this process may use, and how much is waiting for them.
+
+    Args:
+        load: Mean number of processes that want to run, of the last minute; the system's where none is given.
+        cores: That this process may use; the system's answer where none is given.
+        group: Folder of the control group, whose ``cpu.max`` bounds a container.
+    """
+    if cores is None:
+        cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    load = os.getloadavg()[0] if load is None else load
+    quota = _quota(group)
+    usable = min(float(cores), quota or float(cores))
+    bounded = "" if quota is None else f", of which the container may use {quota:g}"
+    found = f"{cores} cores{bounded}; load {load:.1f} in the last minute"
+    figures = {"cores": cores, "quota": quota, "load": load}
+    busiest = "ps -eo pid,pcpu,args --sort=-pcpu | head"
+    if usable < FEWEST_CORES:
+        found += f"; fewer than {FEWEST_CORES}: leader and follower take turns"
+        mend = "" if quota is None else "docker update --cpus 2 CONTAINER"
+        return Finding("cores", Verdict.WARNING, found, mend, figures)
+    if load > BUSIEST * usable:
+        return Finding("cores", Verdict.WARNING, f"{found}: others want them too", busiest, figures)
+    return Finding("cores", Verdict.GOOD, found, figures=figures)
+
+
+def _quota(group: Path) -> float | None:
+    """Processors that the control group allows at most, None for no bound."""
+    try:
+        share, period = (group / "cpu.max").read_text().split()
+        return int(share) / int(period)
+    except (OSError, ValueError):  # no such file; or "max", which is no bound
+        return None
+
+
+def check_governor(cpus: Path = CPUS) -> Finding:
+    """How the speed of the processors is governed.
+
+    Args:
+        cpus: The kernel's folder of them.
+    """
+    name = "CPU governor"
+    governors: set[str] = set()
+    for path in cpus.glob("cpu[0-9]*/cpufreq/scaling_governor"):
+        try:
+            governors.add(path.read_text().strip())
+        except OSError:
+            continue
+    if not governors:
+        why = "the kernel shows no governor here, as in most virtual machines and containers"
+        return Finding(name, Verdict.UNKNOWN, why)
+    figures = {"governors": sorted(governors)}
+    found = ", ".join(sorted(governors))
+    if governors == {"performance"}:
+        return Finding(name, Verdict.GOOD, found, figures=figures)
+    return Finding(
+        name,
+        Verdict.WARNING,
+        f"{found}: a loop that mostly sleeps is run at low speed, and woken late",
+        GOVERN,
+        figures,
+    )
+
+
+def check_real_time(slice_s: float | None, limits: Iterable[int] | None = None) -> Finding:
+    """Whether a loop that asks for short slices is run at once, and what this user may ask for beyond that.
+
+    Args:
+        slice_s: Slice that the kernel gave to a loop that asked for 0.1 ms [s]; 0 where it does not say, as before
+            Linux 6.12; None where no loop was run.
+        limits: RLIMIT_RTPRIO and RLIMIT_NICE; this process's where none are given.
+    """
+    name = "real time"
+    if limits is None:
+        if not hasattr(resource, "RLIMIT_RTPRIO"):
+            return Finding(name, Verdict.UNKNOWN, "this system has no limits of real-time priority: it is not Linux")
+        limits = (resource.getrlimit(which)[0] for which in (resource.RLIMIT_RTPRIO, resource.RLIMIT_NICE))
+    priority, nice = limits
+    figures = {"slice_s": slice_s, "rtprio": priority, "nice": nice}
+    least_nice = 20 - nice if 0 <= nice <= 40 else -20 if nice < 0 else 0  # -1 is "no bound"
+    allowed = f"real-time priority {'any' if priority < 0 else priority}, nice down to {min(least_nice, 19)}"
+    if slice_s is None:
+        return Finding(name, Verdict.UNKNOWN, f"no loop was run; allowed: {allowed}", figures=figures)
+    if 0.0 < slice_s < 1e-3:
+        found = f"the kernel grants short slices ({1e3 * slice_s:g} ms); allowed: {allowed}, neither is needed"
+        return Finding(name, Verdict.GOOD, found, figures=figures)
+    found = f"the kernel ({os.uname().release}) knows no short slices, which Linux has since 6.12; allowed: {allowed}"
+    if priority != 0:
+        return Finding(name, Verdict.WARNING, found, "chrt --fifo 10 foretouch teleop", figures)
+    return Finding(name, Verdict.WARNING, found, PRIORITY, figures)
