@@ -6,7 +6,7 @@ The public interface; what is not here may change without notice. Names are impo
 - Recordings: `Recording`, `read_recording`, `read_session`, `fetch`
 - Contact models: `ContactModel`, `advance`, `make_model`
 - Identification: `make_estimator`, `Learner`, `identify`, `predict`
-- Scoring: `score`, `delayed`
+- Scoring: `score`, `delayed`; `compare`, `file_case`
 - Sessions: `SessionSettings`, `simulate`, `make_robot`, `make_operator`, `session_report`, `SessionLog`
 - Errors: `ForetouchError`
 """
@@ -17,6 +17,7 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from foretouch.comparison import compare, file_case
     from foretouch.errors import ForetouchError
     from foretouch.identification import Learner, identify, make_estimator, predict
     from foretouch.messages import SessionLog
@@ -31,6 +32,8 @@ __version__ = "0.1.0"
 
 _HOME = {
     "ForetouchError": "errors",
+    "compare": "comparison",
+    "file_case": "comparison",
     "Recording": "quantities",
     "read_recording": "recordings",
     "read_session": "recordings",
@@ -61,8 +64,10 @@ __all__ = [
     "SessionSettings",
     "__version__",
     "advance",
+    "compare",
     "delayed",
     "fetch",
+    "file_case",
     "identify",
     "make_estimator",
     "make_model",

@@ -5,7 +5,7 @@ from foretouch.comparison.combination import SWEEP, Scoring
 from foretouch.comparison.compare import combinations, compare
 from foretouch.comparison.delays import Curve, delay_curves, delay_figure, delayed_force_curve, floors
 from foretouch.comparison.page import write_comparison_page
-from foretouch.comparison.result import LocalStiffness, Prediction, Result
+from foretouch.comparison.result import LocalStiffness, Prediction, Result, Results
 from foretouch.comparison.simulated import SIMULATED, Simulated, simulate
 from foretouch.comparison.table import render_table
 from foretouch.comparison.truth import Convergence, ParameterError, Truth, convergence, unforeseeable
@@ -20,6 +20,7 @@ __all__ = [
     "ParameterError",
     "Prediction",
     "Result",
+    "Results",
     "Scoring",
     "Simulated",
     "Truth",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +13,7 @@ from foretouch.errors import RecordingError
 from foretouch.identification.learner import Learner
 from foretouch.identification.learner_run import RawSamples, run_by_sample
 from foretouch.models import ContactModel
-from foretouch.quantities import Recording
+from foretouch.quantities import Columns, Recording
 
 __all__ = ["FEWEST_CONTACT_SAMPLES", "Identification", "identify"]
 
@@ -23,7 +24,7 @@ FEWEST_CONTACT_SAMPLES = 50
 
 
 @dataclass(frozen=True)
-class Identification:
+class Identification(Columns):
     """What a recording taught.
 
     Attributes:
@@ -43,6 +44,7 @@ class Identification:
         sensor_lag_error: Standard error of that [s].
         standard_deviation: Of the force at the last sample that has a residual [N], NaN where the model carries no
             doubt.
+        time: Of the samples [s], shape (n,).
     """
 
     parameters: dict[str, float | None]
@@ -58,11 +60,16 @@ class Identification:
     sensor_lag: float | None
     sensor_lag_error: float | None
     standard_deviation: float
+    time: Array
 
     @property
     def residual_rms(self) -> float:
         """RMS of the one-step residual [N], NaN where there is none."""
         return _rms(self.residual[np.isfinite(self.residual)])
+
+    def columns(self) -> dict[str, NDArray[Any]]:
+        """Time, residual, contact, and the history of every parameter that was kept."""
+        return {"time_s": self.time, "residual_N": self.residual, "in_contact": self.in_contact} | self.history
 
 
 def identify(recording: Recording, learner: Learner, *, keep_history: bool = False) -> Identification:
@@ -107,6 +114,7 @@ def identify(recording: Recording, learner: Learner, *, keep_history: bool = Fal
         learner.lag.lag,
         learner.lag.standard_error,
         found.standard_deviation,
+        recording.time,
     )
 
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from foretouch.identification.learner import Learner, LearntModel
 from foretouch.models import Predictor
 from foretouch.models.checks import require
-from foretouch.quantities import Recording
+from foretouch.quantities import Columns, Recording
 
 __all__ = ["TIME_TOLERANCE", "Motion", "PredictedForce", "predict", "predict_motion"]
 
@@ -48,7 +48,7 @@ class Motion:
 
 
 @dataclass(frozen=True, eq=False)
-class PredictedForce:
+class PredictedForce(Columns):
     """A force predicted along a motion, one value a sample; columns of shape (n,).
 
     Attributes:
@@ -56,11 +56,22 @@ class PredictedForce:
         standard_deviation: Of that force [N], NaN where the model carries no doubt.
         jump: Force less that of the model before, had it been kept, at each sample from which on another model
             predicts [N]; 0 at all other samples.
+        time: Of the samples [s].
     """
 
     force: Array
     standard_deviation: Array
     jump: Array
+    time: Array
+
+    def columns(self) -> dict[str, Array]:
+        """Time, force, its standard deviation, and what new models changed."""
+        return {
+            "time_s": self.time,
+            "force_N": self.force,
+            "standard_deviation_N": self.standard_deviation,
+            "jump_N": self.jump,
+        }
 
 
 def predict(recording: Recording, learner: Learner, *, delay: float) -> PredictedForce:
@@ -132,7 +143,7 @@ def _run(
         forces[index] = predictor.update(now, place, speed)
         deviations[index] = predictor.standard_deviation
         jumps[index] = predictor.jump
-    return PredictedForce(forces, deviations, jumps)
+    return PredictedForce(forces, deviations, jumps, time)
 
 
 def _learn(recording: Recording, learner: Learner, expected: Array | None = None) -> Iterator[float]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -12,6 +13,7 @@ from numpy.typing import NDArray
 from foretouch.messages.schema import EmergencyStop, LeaderState, Message, ModelUpdate, Telemetry
 from foretouch.messages.spatial import CameraImage, FieldUpdate, FixtureBelief, FollowerSpace, LeaderSpace
 from foretouch.messages.stretches import side_seconds, split_session
+from foretouch.quantities import Columns
 
 __all__ = [
     "FOLLOWER_DTYPE",
@@ -42,6 +44,17 @@ def _dtype(kind: type[Message], otherwise: str = "i8") -> np.dtype[np.void]:
 
     return np.dtype([(name, column(name)) for name in kind.__struct_fields__ if name != "version"])
 
+
+_SHOWN = {
+    "hand_position": "m",
+    "position": "m",
+    "velocity": "m_s",
+    "predicted_force": "N",
+    "standard_deviation": "N",
+    "rendered_force": "N",
+    "delayed_force": "N",
+}
+"""Columns of the leader in `SessionLog.columns`, with their units."""
 
 LEADER_DTYPE = _dtype(LeaderState)
 """Columns of `SessionLog.leader`: the fields of `LeaderState`."""
@@ -79,7 +92,7 @@ class SessionRows:
 
 
 @dataclass(frozen=True)
-class SessionLog:
+class SessionLog(Columns):
     """What was said in a session.
 
     Attributes:
@@ -160,6 +173,23 @@ class SessionLog:
             return min(sides), max(sides)
 
         return max(self.stretches(), key=together)
+
+    def columns(self) -> dict[str, NDArray[Any]]:
+        """Forces and positions at equal command: what the leader did in a tick, and what the robot then felt of it.
+
+        Commands that the robot never carried out are left out, so times can be uneven.
+        """
+        paired = self.rows()
+        leader, follower = paired.leader, paired.follower
+        began = int(self.leader["time_ns"][0]) if self.leader.size else 0
+        found: dict[str, NDArray[Any]] = {"time_s": (leader["time_ns"] - began) * 1e-9}
+        for name, unit in _SHOWN.items():
+            found[f"{name}_{unit}"] = leader[name]
+        return found | {
+            "robot_position_m": follower["position"],
+            "sensor_force_N": follower["sensor_force"],
+            "in_contact": follower["in_contact"],
+        }
 
     def rows(self) -> SessionRows:
         """Pair each applied command with the first follower tick that applied it, within each stretch."""

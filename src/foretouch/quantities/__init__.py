@@ -1,5 +1,6 @@
 """What is measured: one table of names, units and signs, and the recording that holds the samples."""
 
+from foretouch.quantities.columns import Columns, as_frame, new_figure
 from foretouch.quantities.frame import Frame
 from foretouch.quantities.pose import Pose, cross_matrix
 from foretouch.quantities.recording import LARGEST_POSITION, Recording
@@ -10,10 +11,13 @@ __all__ = [
     "LARGEST_POSITION",
     "QUANTITIES",
     "STANDARD_GRAVITY",
+    "Columns",
     "Frame",
     "Pose",
     "Quantity",
     "Recording",
     "SensorCalibration",
+    "as_frame",
     "cross_matrix",
+    "new_figure",
 ]

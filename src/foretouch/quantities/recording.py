@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from foretouch.errors import RecordingError
+from foretouch.quantities.columns import Columns
 
 __all__ = ["LARGEST_POSITION", "Recording"]
 
@@ -18,7 +19,7 @@ LARGEST_POSITION = 1.0
 
 
 @dataclass(frozen=True, eq=False)
-class Recording:
+class Recording(Columns):
     """One recording, checked on construction.
 
     Attributes:
@@ -81,3 +82,8 @@ class Recording:
 
     def __len__(self) -> int:
         return int(self.time.size)
+
+    def columns(self) -> dict[str, Array]:
+        """Time, position, force, and velocity where it was measured."""
+        found = {"time_s": self.time, "position_m": self.position, "force_N": self.force}
+        return found if self.velocity is None else found | {"velocity_m_s": self.velocity}

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import importlib
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from foretouch.errors import MissingExtraError
+from foretouch.quantities import new_figure
 from foretouch.report.statuses import Stretch
 
 __all__ = [
@@ -31,22 +30,6 @@ TRUE, PREDICTED, DELAYED, RENDERED, ERROR = "#000000", "#0072B2", "#E69F00", "#0
 
 COLOURS = (PREDICTED, ERROR, RENDERED, DELAYED, "#CC79A7", "#56B4E9", TRUE)
 """The same colours for curves that stand in a row."""
-
-
-def new_figure(height: float) -> Any:
-    """An empty figure, 10 inches wide.
-
-    Args:
-        height: [inches].
-
-    Raises:
-        MissingExtraError: Matplotlib is not installed.
-    """
-    try:
-        figure = importlib.import_module("matplotlib.figure")
-    except ModuleNotFoundError:
-        raise MissingExtraError("matplotlib", "report") from None
-    return figure.Figure(figsize=(10.0, height))
 
 
 def legend(axes: Any, columns: int) -> None:

@@ -1,0 +1,174 @@
+"""What results have in common: columns over time, as NumPy, as pandas and as a plot."""
+
+from __future__ import annotations
+
+import importlib
+from abc import abstractmethod
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from foretouch.errors import MissingExtraError, UnknownNameError
+from foretouch.quantities.table import QUANTITIES
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
+
+__all__ = ["COLOURS", "Columns", "as_frame", "new_figure"]
+
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#E69F00", "#CC79A7", "#56B4E9", "#000000")
+"""Okabe and Ito's colours, which the colour-blind tell apart, for curves that stand in a row."""
+
+LINES = ("-", "--", ":", "-.")
+
+UNITS = {
+    "s": "s",
+    "m": "m",
+    "m_s": "m/s",
+    "m_s2": "m/s²",
+    "N": "N",
+    "percent": "%",
+    "us": "us",
+}
+"""By the end of a column's name, after the last underline but for velocities and accelerations."""
+
+
+class Columns:
+    """A result with columns of equal length, the time among them: one row a sample.
+
+    Names end in their unit: ``time_s``, ``position_m``, ``velocity_m_s``, ``force_N``; other numbers have none.
+    """
+
+    __slots__ = ()
+
+    @abstractmethod
+    def columns(self) -> dict[str, NDArray[Any]]:
+        """Every column by name, shape (n,) each, the time first."""
+
+    def to_numpy(self) -> NDArray[np.void]:
+        """All columns as one structured array, shape (n,): ``to_numpy()["force_N"]`` is a column."""
+        columns = self.columns()
+        size = next(iter(columns.values())).size
+        table = np.empty(size, np.dtype([(name, column.dtype) for name, column in columns.items()]))
+        for name, column in columns.items():
+            table[name] = column
+        return table
+
+    def to_pandas(self) -> pd.DataFrame:
+        """All columns as a data frame with the row's number as index.
+
+        Raises:
+            MissingExtraError: pandas is not installed.
+        """
+        return as_frame(self.columns())
+
+    def plot(self, *names: str) -> Figure:
+        """Columns over time, those of one unit in one panel.
+
+        Args:
+            *names: Of columns, without or with their unit; all where none are given.
+
+        Returns:
+            A figure of Matplotlib, of no window: ``figure.savefig("forces.png")``; notebooks show it.
+
+        Raises:
+            UnknownNameError: No such column.
+            MissingExtraError: Matplotlib is not installed.
+        """
+        columns = self.columns()
+        first, *others = columns
+        time = columns[first]
+        short = {_quantity(name): name for name in others}
+        chosen = []
+        for name in names or tuple(others):
+            if name not in columns and name not in short:
+                raise UnknownNameError("column", name, others)
+            chosen.append(name if name in columns else short[name])
+        flags = [name for name in chosen if columns[name].dtype == bool]
+        panels: dict[str, list[str]] = {}
+        for name in chosen:
+            if name not in flags:
+                # Numbers without a unit in their name share no axis.
+                panels.setdefault(_unit(name) if _suffix(name) else name, []).append(name)
+        figure: Figure = new_figure(1.0 + 2.2 * max(len(panels), 1))
+        axes = figure.subplots(max(len(panels), 1), sharex=True, squeeze=False)[:, 0]
+        for panel, names_in_it in zip(axes, panels.values(), strict=False):
+            _draw(panel, time, {name: columns[name] for name in names_in_it})
+        for panel in axes:
+            for name in flags:
+                label = _quantity(name).replace("_", " ") if panel is axes[0] else None
+                _shade(panel, time, columns[name], label)
+            if panel.get_legend_handles_labels()[1]:
+                panel.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), frameon=False, fontsize="small")
+        axes = axes[-1]
+        axes.set_xlabel(f"{_quantity(first)} [{_unit(first)}]")
+        figure.subplots_adjust(left=0.09, right=0.8, top=0.96, bottom=0.6 / figure.get_figheight(), hspace=0.2)
+        return figure
+
+
+def _draw(axes: Any, time: NDArray[Any], curves: dict[str, NDArray[Any]]) -> None:
+    """Curves of one unit in one panel, named by a legend, or by the axis where there is one alone."""
+    for number, (name, values) in enumerate(curves.items()):
+        colour, line = COLOURS[number % len(COLOURS)], LINES[number // len(COLOURS) % len(LINES)]
+        label = _quantity(name).replace("_", " ") if len(curves) > 1 else None
+        axes.plot(time, values, line, color=colour, label=label, linewidth=1.2)
+    name = next(iter(curves))
+    unit = f"[{_unit(name)}]" if _unit(name) else ""
+    axes.set_ylabel(unit if len(curves) > 1 else f"{_quantity(name).replace('_', ' ')} {unit}".strip())
+    axes.grid(alpha=0.3, linewidth=0.6)
+    axes.spines[["top", "right"]].set_visible(False)
+
+
+def _shade(axes: Any, time: NDArray[Any], flag: NDArray[np.bool_], label: str | None) -> None:
+    """The times at which a flag is set, over the whole height."""
+    whole = axes.get_xaxis_transform()
+    axes.fill_between(time, 0.0, 1.0, where=flag, step="post", transform=whole, color="0.88", label=label, zorder=0)
+
+
+def _unit(name: str) -> str:
+    """Unit of a column by the end of its name, else by the table of quantities; "" where there is none."""
+    unit = UNITS.get(_suffix(name)) or next((quantity.unit for quantity in QUANTITIES if quantity.name == name), "")
+    return "" if unit == "1" else unit
+
+
+def _quantity(name: str) -> str:
+    """Name of a column without its unit."""
+    suffix = _suffix(name)
+    return name.removesuffix(f"_{suffix}") if suffix else name
+
+
+def _suffix(name: str) -> str:
+    found = [suffix for suffix in UNITS if name.endswith(f"_{suffix}")]
+    return max(found, key=len, default="")
+
+
+def new_figure(height: float) -> Any:
+    """An empty figure, 10 inches wide.
+
+    Args:
+        height: [inches].
+
+    Raises:
+        MissingExtraError: Matplotlib is not installed.
+    """
+    try:
+        figure = importlib.import_module("matplotlib.figure")
+    except ModuleNotFoundError:
+        raise MissingExtraError("matplotlib", "report") from None
+    return figure.Figure(figsize=(10.0, height))
+
+
+def as_frame(columns: dict[str, NDArray[Any]] | list[dict[str, Any]]) -> pd.DataFrame:
+    """A data frame of columns by name, or of rows.
+
+    Raises:
+        MissingExtraError: pandas is not installed.
+    """
+    try:
+        pandas = importlib.import_module("pandas")
+    except ModuleNotFoundError:
+        raise MissingExtraError("pandas", "pandas") from None
+    frame: pd.DataFrame = pandas.DataFrame(columns)
+    return frame

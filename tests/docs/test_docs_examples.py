@@ -1,0 +1,58 @@
+"""Every example runs, is short, and says something."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+EXAMPLES = ROOT / "examples"
+PRESS = str(ROOT / "docs" / "examples" / "spring.csv")
+WORDS = {
+    "identify_a_press.py": [PRESS],
+    "predict_behind_a_delay.py": [PRESS, "0.3"],
+    "compare_laws.py": [PRESS],
+    "read_a_session.py": ["session.mcap"],
+}
+WRITTEN = {
+    "identify_a_press.py": "identified.png",
+    "compare_laws.py": "compared.png",
+    "simulate_a_session.py": "session.png",
+}
+LONGEST = 80
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("examples")
+    words = ["simulate", "--duration", "3", "--recording", "session.mcap", "--json"]
+    subprocess.run(
+        [sys.executable, "-m", "foretouch", *words], cwd=folder, check=True, capture_output=True, timeout=120
+    )
+    return folder
+
+
+def test_each_example_is_short_and_says_what_it_shows() -> None:
+    found = sorted(EXAMPLES.glob("*.py"))
+    assert len(found) >= 8
+    for path in found:
+        lines = path.read_text().splitlines()
+        assert len(lines) <= LONGEST, path.name
+        assert lines[0].startswith('"""'), path.name
+        assert f"examples/{path.name}" in path.read_text(), path.name
+
+
+@pytest.mark.parametrize("name", sorted(path.name for path in EXAMPLES.glob("*.py")))
+def test_it_runs(name: str, folder: Path) -> None:
+    words = [sys.executable, str(EXAMPLES / name), *WORDS.get(name, [])]
+    environment = os.environ | {"MPLBACKEND": "Agg"}
+    done = subprocess.run(words, cwd=folder, capture_output=True, text=True, timeout=120, env=environment)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.strip()
+    assert "nan" not in done.stdout.lower().split()
+    if name in WRITTEN:
+        assert (folder / WRITTEN[name]).read_bytes().startswith(b"\x89PNG")
