@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -19,14 +19,14 @@ from foretouch.cli.options import (
     print_json,
     say,
 )
+from foretouch.cli.progress import progress_bar
+from foretouch.cli.reading import RECORDING_HELP, MapFile, say_how_it_is_read
 
 __all__ = ["COMMANDS", "compare"]
 
 
 def compare(
-    recordings: Annotated[
-        list[Path] | None, typer.Argument(help="CSV, Parquet, MCAP of ours, TU/e .mat or Aurora .ddf; any number.")
-    ] = None,
+    recordings: Annotated[list[Path] | None, typer.Argument(help=f"{RECORDING_HELP} Any number.")] = None,
     simulated: Annotated[
         bool, typer.Option("--simulated", help="On simulated recordings too, whose truth is known.")
     ] = False,
@@ -46,6 +46,7 @@ def compare(
     force_unit: ForceUnit = "N",
     flip: Flip = False,
     force_channel: ForceChannel = "raw",
+    map_file: MapFile = None,
     score_from: Annotated[
         float | None, typer.Option(help="Scoring begins [s after the first sample]: 1.5, simulated recordings 3.")
     ] = None,
@@ -67,29 +68,38 @@ def compare(
 
     if report_directory is not None:
         make_folder(report_directory)
-    cases = [
-        comparison.file_case(
-            path, position_unit=position_unit, force_unit=force_unit, flip=flip, force_channel=force_channel
-        )
-        for path in recordings or []
-    ]
+    units: dict[str, Any] = {
+        "position_unit": position_unit,
+        "force_unit": force_unit,
+        "flip": flip,
+        "force_channel": force_channel,
+        "map_file": map_file,
+    }
+    cases = []
+    for path in recordings or []:
+        say_how_it_is_read(path, **units)
+        cases.append(comparison.file_case(path, **units))
     if simulated:
         cases += comparison.simulated_cases()
 
     def progress(done: int, total: int, result: comparison.Result) -> None:
-        said = "" if result.status == "ok" else f"  failed: {result.reason}"
-        say(f"{done:{len(str(total))}} of {total}  {result.recording}: {result.model} by {result.estimator}{said}")
+        failed = "" if result.status == "ok" else f"  failed: {result.reason}"
+        bar.update(done, total)
+        if failed or not bar.shown:
+            job = f"{result.recording}: {result.model} by {result.estimator}"
+            bar.say(f"{done:{len(str(total))}} of {total}  {job}{failed}")
 
     delays = sorted({*(delay or ()), *comparison.SWEEP}) if sweep else delay or [0.3]
-    results = comparison.compare(
-        cases,
-        models=models or (),
-        estimators=estimators or (),
-        scoring=comparison.Scoring(tuple(delays), score_from, score_to, contact_floor),
-        processes=jobs,
-        cluster=cluster,
-        progress=progress,
-    )
+    with progress_bar("comparing") as bar:
+        results = comparison.compare(
+            cases,
+            models=models or (),
+            estimators=estimators or (),
+            scoring=comparison.Scoring(tuple(delays), score_from, score_to, contact_floor),
+            processes=jobs,
+            cluster=cluster,
+            progress=progress,
+        )
     if json_output:
         print_json({"results": [result.as_row() for result in results]})
     else:

@@ -26,6 +26,7 @@ from foretouch.cli.options import (
     print_json,
     say,
 )
+from foretouch.cli.reading import RECORDING_HELP, MapFile, read_and_say
 from foretouch.cli.recordings import say_what_is_left_out
 from foretouch.errors import SettingError
 
@@ -35,7 +36,7 @@ if TYPE_CHECKING:
 
 __all__ = ["COMMANDS", "identify", "predict", "report"]
 
-RecordingPath = Annotated[Path, typer.Argument(help="CSV, Parquet, MCAP of ours, TU/e .mat or Aurora .ddf.")]
+RecordingPath = Annotated[Path, typer.Argument(help=RECORDING_HELP)]
 
 
 def identify(
@@ -52,6 +53,7 @@ def identify(
     force_unit: ForceUnit = "N",
     flip: Flip = False,
     force_channel: ForceChannel = "raw",
+    map_file: MapFile = None,
     out: Annotated[Path | None, typer.Option(help="CSV or Parquet file for the parameters at every sample.")] = None,
     json_output: Json = False,
 ) -> None:
@@ -60,14 +62,20 @@ def identify(
     Example: foretouch identify press.csv --position-unit mm --json
     """
     from foretouch import identification
-    from foretouch.recordings import read_recording, write_columns
+    from foretouch.recordings import write_columns
 
     _refuse_to_replace(recording, out)
     estimator = _estimator_for(model, estimator)
-    data = read_recording(
-        recording, position_unit=position_unit, force_unit=force_unit, flip=flip, force_channel=force_channel
+    data = read_and_say(
+        recording,
+        position_unit=position_unit,
+        force_unit=force_unit,
+        flip=flip,
+        force_channel=force_channel,
+        map_file=map_file,
     )
-    say_what_is_left_out(recording)
+    if map_file is None:
+        say_what_is_left_out(recording)
     if sensor is not None:
         data, force_offset, sensor_lag = _at_the_contact(data, sensor, force_offset, sensor_lag)
     learner = _learner(model, estimator, surface, force_offset, sensor_lag)
@@ -110,6 +118,7 @@ def predict(
     force_unit: ForceUnit = "N",
     flip: Flip = False,
     force_channel: ForceChannel = "raw",
+    map_file: MapFile = None,
     score_from: Annotated[float, typer.Option(help="Scoring begins [s after the first sample].")] = 1.5,
     score_to: Annotated[float | None, typer.Option(help="Scoring ends [s after the first sample].")] = None,
     contact_floor: Annotated[
@@ -125,7 +134,7 @@ def predict(
     Example: foretouch predict press.csv --delay 0.3 --json
     """
     from foretouch.models.checks import require
-    from foretouch.recordings import read_recording, read_session, write_columns
+    from foretouch.recordings import is_session, read_session, write_columns
     from foretouch.report import forces_under_delay, remarks, score
 
     require("delay", delay, at_least=0.0)
@@ -135,15 +144,21 @@ def predict(
     estimator = _estimator_for(model, estimator)
     learner = _learner(model, estimator, surface, force_offset, sensor_lag)
     log = None
-    if recording.suffix.lower() == ".mcap":
+    if map_file is None and is_session(recording):
         log = read_session(recording)
         found = forces_under_delay(log, learner(), delay)
     else:
-        data = read_recording(
-            recording, position_unit=position_unit, force_unit=force_unit, flip=flip, force_channel=force_channel
+        data = read_and_say(
+            recording,
+            position_unit=position_unit,
+            force_unit=force_unit,
+            flip=flip,
+            force_channel=force_channel,
+            map_file=map_file,
         )
         found = forces_under_delay(data, learner(contact_floor=data.contact_floor), delay)
-    say_what_is_left_out(recording, log)
+    if log is not None:
+        say_what_is_left_out(recording, log)
     scores = score(
         found.time,
         found.measured,

@@ -3,24 +3,28 @@
 from __future__ import annotations
 
 from dataclasses import asdict
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from foretouch.cli.options import Json, print_json, require_recording, say
+from foretouch.cli.options import Flip, ForceChannel, ForceUnit, Json, PositionUnit, print_json, require_recording, say
+from foretouch.cli.reading import RECORDING_HELP, MapFile, read_and_say
+from foretouch.errors import RecordingError, SettingError
 
 if TYPE_CHECKING:
     from foretouch.messages import SessionLog
+    from foretouch.recordings import Contents
 
 __all__ = ["recordings", "say_if_cut", "say_what_is_left_out"]
 
-recordings = typer.Typer(help="Recordings of sessions: making whole what was cut.", no_args_is_help=True)
+MOST_SHOWN = 40
+"""Topics or columns that are shown unless all are asked for."""
 
-
-@recordings.callback()
-def _group() -> None:
-    """A group of commands, even while it has only one."""
+recordings = typer.Typer(
+    help="Recordings: what is in them, other formats, making whole what was cut.", no_args_is_help=True
+)
 
 
 @recordings.command("repair")
@@ -54,12 +58,140 @@ def repair(
     typer.echo(f"{found.path}: holds {found.duration:.3f} s in {found.bytes_kept} bytes: {held}")
 
 
+@recordings.command("inspect")
+def inspect(
+    path: Annotated[Path, typer.Argument(metavar="FILE", help=RECORDING_HELP)],
+    save: Annotated[
+        Path | None, typer.Option("--save", help="TOML file for the guessed map, to be completed and given with --map.")
+    ] = None,
+    topic: Annotated[str | None, typer.Option("--topic", help="Show the fields of this topic's messages.")] = None,
+    show_all: Annotated[bool, typer.Option("--all", help=f"Show all topics, not the first {MOST_SHOWN}.")] = False,
+    json_output: Json = False,
+) -> None:
+    """Show what a recording holds, topics or columns, and the map that can be guessed.
+
+    Example: foretouch recordings inspect press.csv --save map.toml
+    """
+    from foretouch.recordings import atomic_path, inspect_recording
+
+    found = inspect_recording(path, topic)
+    if save is not None:
+        if found.guess is None:
+            raise SettingError("save", str(save), f"{path} is {found.stated}")
+        with atomic_path(save) as part:
+            part.write_text(found.guess.text(), encoding="utf-8")
+    if json_output:
+        print_json(found.as_json())
+    else:
+        _print_contents(found, topic, show_all)
+    if save is not None:
+        say(f"map: {save}")
+
+
+@recordings.command("convert")
+def convert(
+    path: Annotated[Path, typer.Argument(metavar="IN", help=RECORDING_HELP)],
+    output: Annotated[Path, typer.Argument(metavar="OUT", help="Ends with .mcap, .parquet or .csv.")],
+    map_file: MapFile = None,
+    position_unit: PositionUnit = "m",
+    force_unit: ForceUnit = "N",
+    flip: Flip = False,
+    force_channel: ForceChannel = "raw",
+    json_output: Json = False,
+) -> None:
+    """Write position and force of a recording in another format, in SI units.
+
+    Example: foretouch recordings convert press.csv press.mcap
+    """
+    from foretouch.recordings import OUTPUTS, write_recording
+
+    if output.suffix.lower() not in OUTPUTS:
+        raise RecordingError(output, f"cannot be written: its name must end with one of {', '.join(OUTPUTS)}")
+    if output.resolve() == path.resolve():
+        raise SettingError("OUT", str(output), "is the recording itself: name another file")
+    recording = read_and_say(
+        path,
+        position_unit=position_unit,
+        force_unit=force_unit,
+        flip=flip,
+        force_channel=force_channel,
+        map_file=map_file,
+    )
+    for note in write_recording(output, recording):
+        say(f"{output}: {note}")
+    seconds = float(recording.time[-1] - recording.time[0])
+    if json_output:
+        velocity = recording.velocity is not None
+        print_json({"path": str(output), "samples": len(recording), "duration_s": seconds, "velocity": velocity})
+    else:
+        typer.echo(f"{output}: {len(recording)} samples in {seconds:.3f} s")
+
+
+def _print_contents(found: Contents, topic: str | None, show_all: bool) -> None:
+    """What a recording holds, as aligned lines."""
+    span = "" if found.duration_s is None else f", {found.duration_s:.3f} s"
+    rate = "" if found.rate is None else f", {found.rate:.5g} samples a second"
+    begin = "" if not found.begin_ns else f", from {_date(found.begin_ns)}"
+    what = f"{len(found.topics)} topics" if found.topics else f"{len(found.columns)} columns"
+    typer.echo(f"{found.path}: {found.format}, {what}{span}{rate}{begin}")
+    for note in found.notes:
+        typer.echo(f"  {note}")
+    most = None if show_all else MOST_SHOWN
+    rows = [
+        (one.name, one.type_name, str(one.count), "" if (hz := found.rate_of(one)) is None else f"{hz:.5g} /s")
+        for one in found.topics[:most]
+    ]
+    if rows:
+        _print_table(("topic", "type", "messages", "rate"), rows)
+        if len(found.topics) > len(rows):
+            typer.echo(
+                f"  ... and {len(found.topics) - len(rows)} topics more: --all shows them, --topic NAME its fields"
+            )
+    if found.columns:
+        columns = [
+            (one.name, one.kind, "" if one.count is None else str(one.count), one.unit, _number(one.example))
+            for one in found.columns[:most]
+        ]
+        title = (
+            ("column", "type", "values", "unit", "") if topic is None else ("field", "type", "messages", "", "first")
+        )
+        _print_table(title, columns)
+        if len(found.columns) > len(columns):
+            typer.echo(f"  ... and {len(found.columns) - len(columns)} more: --all shows them")
+    if found.stated:
+        typer.echo(f"  {found.stated}")
+    elif found.guess is not None:
+        whole = "the map as guessed" if not found.guess.open else "the map as far as it can be guessed"
+        typer.echo(
+            f"\n# {whole}: --save FILE.toml writes it, --map FILE.toml reads by it\n{found.guess.text()}", nl=False
+        )
+
+
+def _print_table(title: tuple[str, ...], rows: list[tuple[str, ...]]) -> None:
+    """Columns as wide as they must be; an empty last one leaves no blanks."""
+    widths = [max(len(row[place]) for row in (title, *rows)) for place in range(len(title))]
+    for row in (title, *rows):
+        typer.echo("  " + "  ".join(f"{cell:<{width}}" for cell, width in zip(row, widths, strict=True)).rstrip())
+
+
+def _number(value: float | None) -> str:
+    return "" if value is None else f"{value:.6g}"
+
+
+def _date(time_ns: int) -> str:
+    """A log time as a date where it is one, else as seconds: some clocks begin when their machine did."""
+    seconds = time_ns / 1e9
+    if not 3e8 < seconds < 4e9:
+        return f"{seconds:.3f} s"
+    return datetime.fromtimestamp(seconds, tz=UTC).isoformat(timespec="milliseconds")
+
+
 def say_what_is_left_out(path: Path, log: SessionLog | None = None) -> None:
     """One line on each thing that is left out of a session's recording by those who learn from it; else nothing."""
-    from foretouch.recordings import follower_samples, read_follower_samples
+    from foretouch.recordings import follower_samples, is_session, read_follower_samples
     from foretouch.report import left_out
 
-    if path.suffix.lower() != ".mcap":
+    if not is_session(path):
         return
     say_if_cut(path)
     for sentence in left_out(read_follower_samples(path) if log is None else follower_samples(log)):

@@ -14,7 +14,7 @@ from foretouch.comparison.truth import Truth
 from foretouch.errors import UnknownNameError
 from foretouch.messages import SessionLog
 from foretouch.quantities import Recording
-from foretouch.recordings import read_recording, read_session
+from foretouch.recordings import is_session, read_recording, read_session
 
 __all__ = ["Case", "Loaded", "file_case", "load", "simulated_case", "simulated_cases"]
 
@@ -31,6 +31,7 @@ class Case:
         force_unit: Of the file.
         flip: Of the file.
         force_channel: Of the file.
+        map_file: Map of its columns or topics, absolute, empty for none.
         changed_ns: When the file was changed last, so that a worker does not take an old one for it.
     """
 
@@ -41,6 +42,7 @@ class Case:
     force_unit: str = "N"
     flip: bool = False
     force_channel: str = "raw"
+    map_file: str = ""
     changed_ns: int = 0
 
     @property
@@ -67,15 +69,17 @@ def file_case(path: str | PathLike[str], **units: Any) -> Case:
     """A recording in a file.
 
     Args:
-        path: CSV, Parquet, MCAP of ours, TU/e .mat or Aurora .ddf.
+        path: Any that `read_recording` takes.
         **units: As `read_recording` takes them.
 
     Returns:
         A case, also where the file is missing or cannot be read: its combinations fail with that reason.
     """
-    file = Path(path)
-    changed = file.stat().st_mtime_ns if file.is_file() else 0
-    return Case(str(path), path=os.path.abspath(file), changed_ns=changed, **units)
+    given = units.pop("map_file", None)
+    files = [Path(path), *([Path(given)] if given else [])]
+    changed = max(file.stat().st_mtime_ns if file.exists() else 0 for file in files)
+    map_file = os.path.abspath(given) if given else ""
+    return Case(str(path), path=os.path.abspath(path), map_file=map_file, changed_ns=changed, **units)
 
 
 def simulated_case(name: str) -> Case:
@@ -110,6 +114,7 @@ def load(case: Case) -> Loaded:
         force_unit=case.force_unit,
         flip=case.flip,
         force_channel=case.force_channel,
+        map_file=case.map_file or None,
     )
-    log = read_session(case.path) if case.path.lower().endswith(".mcap") else None
+    log = read_session(case.path) if not case.map_file and is_session(case.path) else None
     return Loaded(recording, log=log)

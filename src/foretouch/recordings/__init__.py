@@ -6,8 +6,10 @@
 """
 
 from foretouch.recordings.calibration_file import read_calibration, write_calibration
+from foretouch.recordings.convert import OUTPUTS, write_recording
 from foretouch.recordings.datasets import DATA_DIR, DATASETS, Dataset, Origin, fetch, fetch_all, list_datasets
 from foretouch.recordings.follower_samples import FollowerSamples, follower_samples, read_follower_samples
+from foretouch.recordings.inspection import Contents, inspect_recording
 from foretouch.recordings.mapping import Mapping, Signal, TimeSource, Velocity, read_mapping, write_mapping
 from foretouch.recordings.opening import SUFFIXES, open_source
 from foretouch.recordings.output import atomic_path, write_columns
@@ -24,9 +26,11 @@ __all__ = [
     "DATA_DIR",
     "FORCE_CHANNELS",
     "FORCE_UNITS",
+    "OUTPUTS",
     "POSE_COLUMNS",
     "POSITION_UNITS",
     "SUFFIXES",
+    "Contents",
     "Dataset",
     "FollowerSamples",
     "Mapping",
@@ -42,6 +46,7 @@ __all__ = [
     "fetch",
     "fetch_all",
     "follower_samples",
+    "inspect_recording",
     "is_session",
     "is_whole",
     "list_datasets",
@@ -58,4 +63,5 @@ __all__ = [
     "write_calibration",
     "write_columns",
     "write_mapping",
+    "write_recording",
 ]

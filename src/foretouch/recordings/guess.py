@@ -74,6 +74,19 @@ class Guess:
     contact_floor: float = 0.05
     stated: Mapping | None = None
 
+    @property
+    def open(self) -> tuple[str, ...]:
+        """One sentence for each thing that a map must still say; none where the guess is whole."""
+        said = list(self.problems) if self.stated is None else []
+        for name, signal, units in (("position", self.position, LENGTHS), ("force", self.force, FORCES)):
+            if self.stated is not None or signal is None:
+                continue
+            if signal.unit == UNKNOWN:
+                said.append(f"the unit of {name} {signal.place} is not known ({', '.join(units)})")
+            elif signal.unit in NEEDS_SCALE:
+                said.append(f"{name} {signal.place} is in {signal.unit} and needs a scale, {NEEDS_SCALE[signal.unit]}")
+        return tuple(said)
+
     def mapping(self) -> Mapping:
         """The map, if nothing is open.
 
@@ -82,15 +95,8 @@ class Guess:
         """
         if self.stated is not None:
             return self.stated
-        if self.problems or self.position is None or self.force is None:
-            raise RecordingError(self.path, f"{self.problems[0]}; {HELP}")
-        for name, signal, units in (("position", self.position, LENGTHS), ("force", self.force, FORCES)):
-            choices = ", ".join(units)
-            if signal.unit == UNKNOWN:
-                raise RecordingError(self.path, f"the unit of {name} {signal.place} is not known ({choices}); {HELP}")
-            if signal.unit in NEEDS_SCALE:
-                needs = f"is in {signal.unit} and needs a scale, {NEEDS_SCALE[signal.unit]}"
-                raise RecordingError(self.path, f"{name} {signal.place} {needs}; {HELP}")
+        if self.open or self.position is None or self.force is None:
+            raise RecordingError(self.path, f"{self.open[0]}; {HELP}")
         mapping = Mapping(self.position, self.force, self.time, self.velocity, contact_floor=self.contact_floor)
         check_mapping(self.path, mapping)
         return mapping
@@ -127,16 +133,10 @@ class Guess:
         """The map as TOML to be completed: what is open stands as ``?`` or as a comment."""
         if self.stated is not None:
             return f"# stated by the file itself\n{mapping_text(self.stated)}"
-        comments = [f"# open: {problem}" for problem in self.problems]
-        for name, signal, units in (("position", self.position, LENGTHS), ("force", self.force, FORCES)):
-            if signal is not None and signal.unit == UNKNOWN:
-                comments.append(
-                    f"# open: unit of {name}, one of {', '.join(units)}; rad, deg, Nm and raw need a scale too"
-                )
-            elif signal is not None and signal.unit in NEEDS_SCALE:
-                comments.append(f"# open: scale of {name}, {NEEDS_SCALE[signal.unit]}")
-            for candidate in self.candidates.get(name, ())[:20]:
-                comments.append(f"# {name} could be {candidate}")
+        comments = [f"# open: {problem}" for problem in self.open]
+        for name, candidates in self.candidates.items():
+            if len(candidates) > 1:
+                comments += [f"# {name} could be {candidate}" for candidate in candidates[:20]]
         blank = Signal(column=UNKNOWN) if self.time.column or self.time.rate else Signal(topic=UNKNOWN, field=UNKNOWN)
         mapping = Mapping(self.position or blank, self.force or blank, self.time, self.velocity)
         return "\n".join([*comments, mapping_text(mapping)])

@@ -53,13 +53,17 @@ class McapFile(RosBag):
 
     A file that ends before its index, because its writer was killed or still writes, is read as far as it goes.
 
+    Args:
+        path: Of the file.
+        peek: Look no further than the first block of a file without index: its topics, as far as that has them.
+
     Raises:
         RecordingError: It is no MCAP, or damaged.
         MissingExtraError: The packages ``mcap`` or ``rosbags`` are not installed.
         OSError: It cannot be read.
     """
 
-    def __init__(self, path: str | PathLike[str]) -> None:
+    def __init__(self, path: str | PathLike[str], *, peek: bool = False) -> None:
         super().__init__(path, "MCAP")
         self._records, self._stream = optional("mcap.records"), optional("mcap.stream_reader")
         self._schemas: dict[int, Any] = {}
@@ -71,7 +75,7 @@ class McapFile(RosBag):
                 raise RecordingError(path, "is no MCAP file: it does not begin like one")
             with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
                 if not self._read_summary(data):
-                    self._read_all(data)
+                    self._read_all(data, peek)
         self.topics = gathered(
             Topic(channel.topic, schema.name if schema else "", self._counts.get(number, 0))
             for number, channel in self._channels.items()
@@ -149,7 +153,7 @@ class McapFile(RosBag):
             record = self._parsed(METADATA, data[begin : index.offset + index.length], index.offset)
             self.stated_map = record.metadata.get("toml", "")
 
-    def _read_all(self, data: mmap.mmap) -> None:
+    def _read_all(self, data: mmap.mmap, peek: bool) -> None:
         """Go through the whole file where it has no index."""
         self.whole = data[-len(MAGIC) :] == MAGIC and len(data) > len(MAGIC)
         first: int | None = None
@@ -172,7 +176,7 @@ class McapFile(RosBag):
                     self._counts[channel] = self._counts.get(channel, 0) + 1
                     first = log_time if first is None else min(first, log_time)
                     self.end_ns = max(self.end_ns, log_time)
-            if code == FOOTER:
+            if code == FOOTER or (peek and code == CHUNK and self._channels):
                 break
         self.begin_ns = first or 0
 

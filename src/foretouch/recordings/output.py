@@ -41,7 +41,9 @@ def atomic_path(path: str | PathLike[str]) -> Iterator[Path]:
         beside.unlink(missing_ok=True)
 
 
-def write_columns(path: str | PathLike[str], columns: Mapping[str, ArrayLike]) -> None:
+def write_columns(
+    path: str | PathLike[str], columns: Mapping[str, ArrayLike], *, metadata: Mapping[str, str] | None = None
+) -> None:
     """Write columns of one length as CSV or Parquet, whichever the name ends with.
 
     Numbers in CSV are the shortest that read back as the same float64; true and false are 1 and 0.
@@ -49,6 +51,7 @@ def write_columns(path: str | PathLike[str], columns: Mapping[str, ArrayLike]) -
     Args:
         path: The file, ending with ``.csv`` or ``.parquet``.
         columns: Column name to values, shape (n,).
+        metadata: Texts that a Parquet file carries beside them; a CSV carries none.
 
     Raises:
         RecordingError: Another ending, columns of unequal length, or the file cannot be written.
@@ -66,7 +69,8 @@ def write_columns(path: str | PathLike[str], columns: Mapping[str, ArrayLike]) -
         if suffix == ".csv":
             _write_csv(part, pyarrow, arrays)
         else:
-            optional("pyarrow.parquet").write_table(pyarrow.table(arrays), part, compression="zstd")
+            table = pyarrow.table(arrays, metadata=dict(metadata) if metadata else None)
+            optional("pyarrow.parquet").write_table(table, part, compression="zstd")
 
 
 def _write_csv(part: Path, pyarrow: Any, arrays: dict[str, Any]) -> None:

@@ -122,7 +122,7 @@ def is_session(path: str | PathLike[str]) -> bool:
     if file.stat().st_size < 64:
         return True  # cut off before anything was flushed, as the reader of sessions says
     try:
-        topics = McapFile(path).topics
+        topics = McapFile(path, peek=True).topics
     except RecordingError:
         return True  # damaged: that reader says where
     ours = {topic.name for topic in TOPICS.values()}

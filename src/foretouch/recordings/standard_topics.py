@@ -42,13 +42,13 @@ MSG: builtin_interfaces/Time
 int32 sec
 uint32 nanosec
 """
-_JOINT_STATE_SCHEMA = f"""std_msgs/Header header
+JOINT_STATE_SCHEMA = f"""std_msgs/Header header
 string[] name
 float64[] position
 float64[] velocity
 float64[] effort
 {_HEADER_SCHEMA}"""
-_WRENCH_SCHEMA = f"""std_msgs/Header header
+WRENCH_SCHEMA = f"""std_msgs/Header header
 geometry_msgs/Wrench wrench
 {_HEADER_SCHEMA}{_SEPARATOR}
 MSG: geometry_msgs/Wrench
@@ -60,7 +60,7 @@ float64 x
 float64 y
 float64 z
 """
-_POSE_SCHEMA = f"""std_msgs/Header header
+POSE_SCHEMA = f"""std_msgs/Header header
 geometry_msgs/Pose pose
 {_HEADER_SCHEMA}{_SEPARATOR}
 MSG: geometry_msgs/Pose
@@ -96,11 +96,11 @@ uint32 size
 uint32 stride
 """
 
-WRENCH: Final = StandardTopic("/follower/wrench", "geometry_msgs/msg/WrenchStamped", _WRENCH_SCHEMA)
-FOLLOWER_JOINTS: Final = StandardTopic("/follower/joint_states", "sensor_msgs/msg/JointState", _JOINT_STATE_SCHEMA)
-LEADER_JOINTS: Final = StandardTopic("/leader/joint_states", "sensor_msgs/msg/JointState", _JOINT_STATE_SCHEMA)
-PROBE: Final = StandardTopic("/follower/probe", "geometry_msgs/msg/PoseStamped", _POSE_SCHEMA)
-FIXTURE: Final = StandardTopic("/camera/fixture/pose", "geometry_msgs/msg/PoseStamped", _POSE_SCHEMA)
+WRENCH: Final = StandardTopic("/follower/wrench", "geometry_msgs/msg/WrenchStamped", WRENCH_SCHEMA)
+FOLLOWER_JOINTS: Final = StandardTopic("/follower/joint_states", "sensor_msgs/msg/JointState", JOINT_STATE_SCHEMA)
+LEADER_JOINTS: Final = StandardTopic("/leader/joint_states", "sensor_msgs/msg/JointState", JOINT_STATE_SCHEMA)
+PROBE: Final = StandardTopic("/follower/probe", "geometry_msgs/msg/PoseStamped", POSE_SCHEMA)
+FIXTURE: Final = StandardTopic("/camera/fixture/pose", "geometry_msgs/msg/PoseStamped", POSE_SCHEMA)
 IMAGE: Final = StandardTopic("/camera/image/compressed", "sensor_msgs/msg/CompressedImage", _IMAGE_SCHEMA)
 MODEL: Final = StandardTopic("/follower/contact_model", CONTACT_MODEL_TYPE, _MODEL_SCHEMA)
 NUMBERS: Final = StandardTopic("/follower/contact_model/values", "std_msgs/msg/Float64MultiArray", _ARRAY_SCHEMA)

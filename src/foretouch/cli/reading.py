@@ -1,0 +1,71 @@
+"""How commands read recordings: what was guessed, joined or left out is said in one line each."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from foretouch.cli.options import say
+
+if TYPE_CHECKING:
+    from foretouch.quantities import Recording
+
+__all__ = ["RECORDING_HELP", "MapFile", "read_and_say", "say_how_it_is_read"]
+
+RECORDING_HELP = "CSV, Parquet, HDF5, MAT, MCAP, a rosbag2 folder, TU/e .mat or Aurora .ddf."
+
+MapFile = Annotated[
+    Path | None,
+    typer.Option(
+        "--map", help="TOML that says which column or topic is what, in which unit: `foretouch recordings inspect`."
+    ),
+]
+
+
+def read_and_say(
+    path: Path,
+    *,
+    position_unit: str = "m",
+    force_unit: str = "N",
+    flip: bool = False,
+    force_channel: str = "raw",
+    map_file: Path | None = None,
+) -> Recording:
+    """A recording as `foretouch.recordings.read_recording` reads it, and its notes on the error stream."""
+    from foretouch.recordings import read_with_notes
+
+    read = read_with_notes(
+        path,
+        position_unit=position_unit,
+        force_unit=force_unit,
+        flip=flip,
+        force_channel=force_channel,
+        map_file=map_file,
+    )
+    for note in read.notes:
+        say(f"{path}: {note}")
+    return read.recording
+
+
+def say_how_it_is_read(
+    path: Path, *, position_unit: str, force_unit: str, flip: bool, force_channel: str, map_file: Path | None
+) -> None:
+    """The same notes where others read the recording; nothing where it cannot be read, for they say why."""
+    from foretouch.errors import ForetouchError
+    from foretouch.recordings import is_session
+
+    if path.suffix.lower() == ".ddf" or (map_file is None and is_session(path)):
+        return
+    try:
+        read_and_say(
+            path,
+            position_unit=position_unit,
+            force_unit=force_unit,
+            flip=flip,
+            force_channel=force_channel,
+            map_file=map_file,
+        )
+    except ForetouchError:
+        return

@@ -1,0 +1,126 @@
+"""Writes a recording in another format: CSV, Parquet, or MCAP with ROS 2 messages."""
+
+from __future__ import annotations
+
+from os import PathLike
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from foretouch.errors import RecordingError
+from foretouch.quantities import Recording
+from foretouch.recordings._extra import optional
+from foretouch.recordings.cdr import pack_fields
+from foretouch.recordings.mapping import Mapping, Signal, TimeSource, Velocity, mapping_text
+from foretouch.recordings.output import atomic_path, write_columns
+from foretouch.recordings.source import MAP_NAME
+from foretouch.recordings.standard_topics import (
+    JOINT_STATE_SCHEMA,
+    POSE_SCHEMA,
+    WRENCH_SCHEMA,
+    pose,
+    wrench,
+)
+
+__all__ = ["OUTPUTS", "write_recording"]
+
+OUTPUTS: Final = (".csv", ".parquet", ".mcap")
+"""Endings of the files that can be written."""
+
+JOINTS, WRENCH, POSE = "/probe/joint_states", "/probe/wrench", "/probe/pose"
+_TOPICS: Final = {
+    JOINTS: ("sensor_msgs/msg/JointState", JOINT_STATE_SCHEMA),
+    WRENCH: ("geometry_msgs/msg/WrenchStamped", WRENCH_SCHEMA),
+    POSE: ("geometry_msgs/msg/PoseStamped", POSE_SCHEMA),
+}
+_JOINT_STATE: Final = {
+    "sec": "int32",
+    "nanosec": "uint32",
+    "frame_id": "string",
+    "name": "string[]",
+    "position": "float64[]",
+    "velocity": "float64[]",
+    "effort": "float64[]",
+}
+_GRAIN_NS: Final = 1_000_000_000
+
+
+def write_recording(path: str | PathLike[str], recording: Recording) -> list[str]:
+    """Write a recording; the ending of the name says the format. What is written reads back as the same recording.
+
+    - CSV and Parquet: ``time_s``, ``position_m``, ``force_N`` and, where it was measured, ``velocity_m_s``.
+    - MCAP: `JointState`, `WrenchStamped` (force along z) and `PoseStamped` (position along z), one of each a sample,
+      and the map that reads them, as a metadata record. Stamps and log times are the times of the recording.
+
+    Args:
+        path: The file; it is there only when it is whole.
+        recording: What to write.
+
+    Returns:
+        Sentences on what the format could not keep.
+
+    Raises:
+        RecordingError: Another ending, times that nanoseconds cannot tell apart, or the file cannot be written.
+        MissingExtraError: A package of the extra ``recordings`` is not installed.
+    """
+    suffix = Path(path).suffix.lower()
+    if suffix not in OUTPUTS:
+        raise RecordingError(path, f"cannot be written: its name must end with one of {', '.join(OUTPUTS)}")
+    if suffix == ".mcap":
+        return _write_mcap(path, recording)
+    columns = {"time_s": recording.time, "position_m": recording.position, "force_N": recording.force}
+    if recording.velocity is not None:
+        columns["velocity_m_s"] = recording.velocity
+    if suffix == ".csv":
+        write_columns(path, columns)
+        floor = recording.contact_floor
+        kept = floor == 0.05
+        return [] if kept else [f"a CSV keeps no contact floor: put contact_floor = {floor:g} into a --map for it"]
+    table = Mapping(
+        Signal(column="position_m", unit="m"),
+        Signal(column="force_N", unit="N"),
+        TimeSource(column="time_s"),
+        None if recording.velocity is None else Velocity(column="velocity_m_s"),
+        contact_floor=recording.contact_floor,
+    )
+    write_columns(path, columns, metadata={MAP_NAME: mapping_text(table)})
+    return []
+
+
+def _write_mcap(path: str | PathLike[str], recording: Recording) -> list[str]:
+    writer = optional("mcap.writer")
+    begin = min(float(recording.time[0]), 0.0)
+    stamps = np.rint((recording.time - begin) * 1e9 if begin else recording.time * 1e9).astype(np.int64)
+    if (np.diff(stamps) <= 0).any():
+        raise RecordingError(path, "cannot be written: the recording has samples less than a nanosecond apart")
+    mapping = Mapping(
+        Signal(topic=JOINTS, field="position[0]", unit="m"),
+        Signal(topic=WRENCH, field="wrench.force.z", unit="N"),
+        TimeSource(stamp="header", start="zero"),
+        None if recording.velocity is None else Velocity(field="velocity[0]"),
+        contact_floor=recording.contact_floor,
+    )
+    with atomic_path(path) as part, part.open("wb") as file:
+        mcap = writer.Writer(file, compression=writer.CompressionType.LZ4)
+        mcap.start(profile="ros2", library="foretouch")
+        channels = {}
+        for topic, (kind, schema) in _TOPICS.items():
+            number = mcap.register_schema(kind, "ros2msg", schema.encode())
+            channels[topic] = mcap.register_channel(topic, "cdr", number, {"offered_qos_profiles": ""})
+        for sequence, (topic, stamp, data) in enumerate(_messages(recording, stamps.tolist())):
+            mcap.add_message(channels[topic], stamp, data, stamp, sequence // len(_TOPICS))
+        mcap.add_metadata(MAP_NAME, {"toml": mapping_text(mapping)})
+        mcap.finish()
+    return [f"stamps cannot be negative: times begin at 0 instead of {begin:g} s"] if begin else []
+
+
+def _messages(recording: Recording, stamps: list[int]) -> Any:
+    speeds = None if recording.velocity is None else recording.velocity.tolist()
+    samples = zip(stamps, recording.position.tolist(), recording.force.tolist(), strict=True)
+    for sample, (stamp, position, force) in enumerate(samples):
+        speed = () if speeds is None else (speeds[sample],)
+        joints = (*divmod(stamp, _GRAIN_NS), "probe", ("probe",), (position,), speed, (force,))
+        yield JOINTS, stamp, pack_fields(_JOINT_STATE, joints)
+        yield WRENCH, stamp, wrench(stamp, force)
+        yield POSE, stamp, pose(stamp, (0.0, 0.0, position))

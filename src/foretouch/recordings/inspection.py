@@ -1,0 +1,172 @@
+"""What a recording holds, without reading all of it: columns or topics, and the map that can be guessed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from os import PathLike
+from typing import Any
+
+import numpy as np
+
+from foretouch.errors import RecordingError
+from foretouch.quantities import Recording
+from foretouch.recordings.aurora_ddf import CONTACT_FLOOR as AURORA_FLOOR
+from foretouch.recordings.aurora_ddf import read_aurora
+from foretouch.recordings.guess import Guess, guess_mapping
+from foretouch.recordings.mapping import TIMES, Mapping, Signal, TimeSource
+from foretouch.recordings.opening import open_source, require_readable
+from foretouch.recordings.reading import is_session
+from foretouch.recordings.source import Bag, Column, Table, Topic
+from foretouch.recordings.topics import TOPICS
+from foretouch.recordings.tue_mat import CONTACT_FLOOR as TUE_FLOOR
+from foretouch.recordings.tue_mat import LEVER, TORQUE_PER_VOLT, is_tue
+
+__all__ = ["Contents", "inspect_recording"]
+
+
+@dataclass(frozen=True)
+class Contents:
+    """What is in a file.
+
+    Attributes:
+        path: Of the file.
+        format: For people.
+        columns: Of a table; of a bag those of one topic, where it was asked for.
+        topics: Of a bag; those that the guess takes come first, then by count.
+        begin_ns: Log time of a bag's first message [ns], None where there is none.
+        duration_s: From first to last [s]; None where only reading tells, or nothing has a time.
+        rate: Samples of a table a second [1/s], None likewise.
+        stated: Why no map is needed, or empty.
+        guess: The map as far as it can be guessed, None where none is needed.
+        notes: Sentences on what is special.
+    """
+
+    path: str
+    format: str
+    columns: tuple[Column, ...] = ()
+    topics: tuple[Topic, ...] = ()
+    begin_ns: int | None = None
+    duration_s: float | None = None
+    rate: float | None = None
+    stated: str = ""
+    guess: Guess | None = None
+    notes: tuple[str, ...] = field(default=())
+
+    def rate_of(self, topic: Topic) -> float | None:
+        """Messages of a topic a second, over the whole bag [1/s]."""
+        return (topic.count - 1) / self.duration_s if topic.count > 1 and self.duration_s else None
+
+    def as_json(self) -> dict[str, Any]:
+        """All of it as plain values."""
+        guess = self.guess
+        return {
+            "path": self.path,
+            "format": self.format,
+            "begin_ns": self.begin_ns,
+            "duration_s": self.duration_s,
+            "rate_per_s": self.rate,
+            "topics": [
+                {"topic": topic.name, "type": topic.type_name, "count": topic.count, "rate_per_s": self.rate_of(topic)}
+                for topic in self.topics
+            ],
+            "columns": [
+                {"column": one.name, "type": one.kind, "count": one.count, "unit": one.unit, "example": one.example}
+                for one in self.columns
+            ],
+            "stated": self.stated,
+            "map": None if guess is None else guess.text(),
+            "open": None if guess is None else list(guess.open),
+            "notes": list(self.notes),
+        }
+
+
+def inspect_recording(path: str | PathLike[str], topic: str | None = None) -> Contents:
+    """Look into a recording.
+
+    Args:
+        path: As `read_recording` takes it.
+        topic: Of a bag, whose fields are wanted too.
+
+    Raises:
+        RecordingError: It cannot be opened, or there is no such topic.
+        MissingExtraError: The format needs a package of the extra ``recordings``.
+    """
+    suffix = require_readable(path)
+    if suffix == ".ddf":
+        return _of_aurora(path)
+    source = open_source(path)
+    return _of_table(source, suffix) if isinstance(source, Table) else _of_bag(source, topic)
+
+
+def _of_aurora(path: str | PathLike[str]) -> Contents:
+    recording = read_aurora(path)
+    columns = (Column("AI0", "length", len(recording), "mm"), Column("AI1", "force", len(recording), "mN"))
+    stated = f"an Aurora file states columns and units itself; contact floor {AURORA_FLOOR:g} N"
+    duration, rate = _span(recording)
+    return Contents(str(path), "Aurora .ddf", columns, duration_s=duration, rate=rate, stated=stated)
+
+
+def _of_table(table: Table, suffix: str) -> Contents:
+    if suffix == ".mat" and is_tue(table.path):
+        guess, stated = _tue_guess(table), "a TU/e recording, which needs no map"
+    else:
+        guess, stated = guess_mapping(table), ""
+    columns, duration, rate = table.columns, None, None
+    notes: list[str] = []
+    time = guess.time if guess.stated is None else guess.stated.time
+    if time.column in {column.name for column in columns}:
+        try:
+            seconds = table.read([time.column])[time.column] / TIMES[time.unit]
+        except RecordingError as error:
+            notes.append(str(error))
+        else:
+            columns = tuple(
+                column if column.count is not None else Column(column.name, column.kind, seconds.size, column.unit)
+                for column in columns
+            )
+            if seconds.size > 1 and np.isfinite(seconds).all():
+                duration = float(seconds[-1] - seconds[0])
+                step = float(np.median(np.diff(seconds)))
+                rate = 1.0 / step if step > 0.0 else None
+    if rate is not None and not 1.0 <= rate <= 1e5 and not stated:
+        notes.append(f"{rate:.4g} samples a second: is the unit of time {time.unit}?")
+    return Contents(
+        str(table.path), table.format, columns, duration_s=duration, rate=rate, stated=stated, guess=guess,
+        notes=tuple(notes),
+    )  # fmt: skip
+
+
+def _tue_guess(table: Table) -> Guess:
+    """What `read_tue` does with the raw force bridge, as a map."""
+    mapping = Mapping(
+        Signal(column="scope.signals[0].values[1]", unit="rad", scale=LEVER),
+        Signal(column="env_est3.signals[2].values", unit="raw", scale=TORQUE_PER_VOLT / LEVER),
+        TimeSource(column="scope.time"),
+        contact_floor=TUE_FLOOR,
+    )
+    return Guess(table.path, mapping.time, mapping.position, mapping.force, stated=mapping)
+
+
+def _of_bag(bag: Bag, topic: str | None) -> Contents:
+    session = is_session(bag.path) and any(one.name in {own.name for own in TOPICS.values()} for one in bag.topics)
+    guess = None if session else guess_mapping(bag)
+    chosen = [] if guess is None else [signal.topic for signal in (guess.position, guess.force) if signal is not None]
+    notes = [] if bag.whole else ["was not ended by its recorder: read as far as it goes"]
+    held = any(one.count for one in bag.topics)
+    if not held:
+        notes.append("holds no messages")
+    return Contents(
+        str(bag.path),
+        bag.format,
+        bag.fields(topic) if topic is not None else (),
+        tuple(sorted(bag.topics, key=lambda one: (one.name not in chosen, -one.count, one.name))),
+        bag.begin_ns if held else None,
+        bag.duration if held else None,
+        stated="a session of foretouch, which needs no map" if session else "",
+        guess=guess,
+        notes=tuple(notes),
+    )
+
+
+def _span(recording: Recording) -> tuple[float, float]:
+    return float(recording.time[-1] - recording.time[0]), float(1.0 / np.median(np.diff(recording.time)))
