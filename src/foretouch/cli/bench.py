@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from foretouch.cli.options import say
+from foretouch.cli.progress import progress_bar
 
 __all__ = ["COMMANDS", "bench"]
 
@@ -40,9 +41,12 @@ def bench(
 
     def progress(name: str, rows: object) -> None:
         done.append(name)
-        say(f"{len(done):2} of {len(dict.fromkeys(names))}  {name}: {BENCHMARKS[name]}")
+        bar.update(len(done), len(dict.fromkeys(names)))
+        bar.say(f"{len(done):2} of {len(dict.fromkeys(names))}  {name}: {BENCHMARKS[name]}")
 
-    measured = run_benchmarks(names, full=full, say=say, progress=progress)
+    with progress_bar("measuring", refreshing=False) as bar:
+        bar.update(0, len(dict.fromkeys(names)))
+        measured = run_benchmarks(names, full=full, say=bar.say, progress=progress)
     if json_output:
         typer.echo(json.dumps([row.as_row() for rows in measured.values() for row in rows], allow_nan=False))
     else:

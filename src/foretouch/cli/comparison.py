@@ -91,6 +91,7 @@ def compare(
 
     delays = sorted({*(delay or ()), *comparison.SWEEP}) if sweep else delay or [0.3]
     with progress_bar("comparing") as bar:
+        bar.pulse()
         results = comparison.compare(
             cases,
             models=models or (),

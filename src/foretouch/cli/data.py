@@ -8,7 +8,8 @@ from typing import Annotated
 
 import typer
 
-from foretouch.cli.options import Json, print_json
+from foretouch.cli.options import Json, make_folder, print_json
+from foretouch.cli.progress import progress_bar
 
 __all__ = ["datasets", "materials"]
 
@@ -37,6 +38,7 @@ def list_datasets(json_output: Json = False) -> None:
 @datasets.command("fetch")
 def fetch_dataset(
     name: Annotated[str, typer.Argument(help="A name from `foretouch datasets list`, or all.")],
+    json_output: Json = False,
 ) -> None:
     """Make measured recordings available here and print where they lie.
 
@@ -46,8 +48,18 @@ def fetch_dataset(
     """
     from foretouch import recordings
 
-    for path in recordings.fetch_all() if name == "all" else [recordings.fetch(name)]:
-        typer.echo(str(path))
+    names = [entry.name for entry in recordings.list_datasets()] if name == "all" else [name]
+    paths: dict[str, str] = {}
+    with progress_bar(f"fetching {name}") as bar:
+        bar.pulse()
+        for done, each in enumerate(names):
+            bar.update(done, len(names), f"fetching {each}")
+            paths[each] = str(recordings.fetch(each))
+    if json_output:
+        print_json({"files": paths})
+        return
+    for path in paths.values():
+        typer.echo(path)
 
 
 @materials.command("list")
@@ -93,6 +105,7 @@ def fit_material(
         raise UnknownNameError("fitted material", name, ["foam-measured"])
     fit = fit_foam([replace(read_recording(fetch(dataset)), name=dataset) for dataset in FOAM_DATASETS])
     if out is not None:
+        make_folder(out.parent)
         with atomic_path(out) as part:
             part.write_bytes(foam_fit_json(fit))
     if json_output:

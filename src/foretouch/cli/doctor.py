@@ -55,7 +55,7 @@ def doctor(
 
     ways = tuple(_way(endpoints, each) for each in endpoints.connect or ())
     findings: list[Finding] = []
-    with progress_bar("looking at this machine") as bar:
+    with progress_bar("looking at this machine", refreshing=False) as bar:
         for finding in examine(
             seconds=seconds, keys=endpoints.keys, ways=ways, say=lambda what: bar.update(0.0, None, what)
         ):

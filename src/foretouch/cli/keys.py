@@ -20,7 +20,7 @@ Days = Annotated[float, typer.Option(help="How long a certificate lasts; never l
 
 
 @keys.command("init")
-def init_keys(folder: KeysFolder = None) -> None:
+def init_keys(folder: KeysFolder = None, json_output: Json = False) -> None:
     """Make a private authority, on one machine that you trust.
 
     Example: foretouch keys init
@@ -29,7 +29,7 @@ def init_keys(folder: KeysFolder = None) -> None:
 
     opened = _open(folder)
     authority = opened.init(utc_now())
-    typer.echo(_line(opened.path / "authority.key", authority))
+    _print({opened.path / "authority.key": authority}, json_output)
     say("Next: foretouch keys issue leader, foretouch keys issue follower. authority.key stays on this machine.")
 
 
@@ -39,6 +39,7 @@ def issue_keys(
     name: Annotated[str, typer.Argument(help="Tells several of a role apart: a-z, 0-9 and -.")] = "",
     folder: KeysFolder = None,
     days: Days = 365.0,
+    json_output: Json = False,
 ) -> None:
     """Make the key and the certificate of one process.
 
@@ -49,7 +50,7 @@ def issue_keys(
     opened = _open(folder)
     identity = opened.issue(role, name, utc_now(), days)
     path = opened.path / f"{identity.common_name}.pem"
-    typer.echo(_line(path, identity))
+    _print({path: identity}, json_output)
     say(f"Copy to the machine of the {role}: authority.crt, allowed.txt, {path.name}")
 
 
@@ -61,6 +62,7 @@ def rotate_keys(
     ] = False,
     folder: KeysFolder = None,
     days: Days = 365.0,
+    json_output: Json = False,
 ) -> None:
     """Make new keys and certificates in place of those here; if anything fails, all stay as they were.
 
@@ -70,8 +72,7 @@ def rotate_keys(
 
     opened = _open(folder)
     made = opened.rotate(common_name, utc_now(), days, authority=authority)
-    for identity in made:
-        typer.echo(_line(opened.path / f"{identity.common_name}.pem", identity))
+    _print({opened.path / f"{identity.common_name}.pem": identity for identity in made}, json_output)
     if authority:
         say("Copy authority.crt and the new keys to every machine: the old ones are let in nowhere that has it.")
     elif not made:
@@ -122,6 +123,27 @@ def _open(folder: Path | None) -> KeyFolder:
     from foretouch.link import KeyFolder
 
     return KeyFolder(folder)
+
+
+def _print(made: dict[Path, Identity], json_output: bool) -> None:
+    """The certificates that were made, one a line or as one JSON object."""
+    if not json_output:
+        for path, identity in made.items():
+            typer.echo(_line(path, identity))
+        return
+    print_json(
+        {
+            "certificates": {
+                path.name: {
+                    "path": str(path),
+                    "common_name": identity.common_name,
+                    "expires": identity.expires.isoformat(),
+                    "sha256": identity.fingerprint,
+                }
+                for path, identity in made.items()
+            }
+        }
+    )
 
 
 def _line(path: Path, identity: Identity) -> str:

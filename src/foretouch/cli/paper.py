@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from foretouch.cli.options import make_folder, say
+from foretouch.cli.progress import progress_bar
 
 __all__ = ["COMMANDS", "reproduce"]
 
@@ -32,10 +33,14 @@ def reproduce(
 
     def progress(name: str, seconds: float) -> None:
         done.append(name)
-        say(f"{len(done):2} of {len(names)}  {name:<12} after {seconds:.0f} s")
+        bar.update(len(done), len(names))
+        bar.say(f"{len(done):2} of {len(names)}  {name:<12} after {seconds:.0f} s")
 
     done: list[str] = []
-    sections = run(names, progress=progress)
+    with progress_bar("making the paper again") as bar:
+        bar.update(0, len(names))
+        bar.pulse()
+        sections = run(names, progress=progress)
     if out is not None:
         say(f"report: {write_report(out, sections)}")
     claims = [claim for section in sections for claim in section.claims]

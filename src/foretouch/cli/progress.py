@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -19,13 +20,21 @@ SHOWN_AFTER = 1.0
 class Bar:
     """A bar on the error stream, or nothing where that is no terminal: the output stays clean in either case.
 
+    Args:
+        title: What is being done.
+        refreshing: Whether a thread keeps it moving; without one, it is drawn when it is told something, and disturbs
+            no measurement meanwhile.
+
     Attributes:
         shown: Whether there is a terminal to show it on.
     """
 
-    def __init__(self, title: str) -> None:
+    def __init__(self, title: str, *, refreshing: bool = True) -> None:
         self.shown = sys.stderr.isatty()
         self._title = title
+        self._refreshing = refreshing
+        self._waits: threading.Timer | None = None
+        self._drawing = threading.Lock()
         self._begun = time.monotonic()
         self._drawn: Any = None
         self._task: Any = None
@@ -40,11 +49,23 @@ class Bar:
         """
         if not self.shown:
             return
-        if self._drawn is None:
-            if time.monotonic() - self._begun < SHOWN_AFTER and total is not None:
-                return
-            self._draw()
-        self._drawn.update(self._task, completed=done, total=total, description=title or self._title)
+        if self._drawn is None and self._refreshing and time.monotonic() - self._begun < SHOWN_AFTER:
+            return
+        self._draw()
+        self._drawn.update(
+            self._task,
+            completed=done,
+            total=total,
+            description=title or self._title,
+            refresh=not self._refreshing,
+        )
+
+    def pulse(self) -> None:
+        """Be shown from `SHOWN_AFTER` on while something runs that says nothing of itself."""
+        if self.shown:
+            self._waits = threading.Timer(SHOWN_AFTER, self._draw)
+            self._waits.daemon = True
+            self._waits.start()
 
     def say(self, line: str) -> None:
         """A line for people, above the bar."""
@@ -55,29 +76,43 @@ class Bar:
 
     def close(self) -> None:
         """Take the bar away."""
-        if self._drawn is not None:
-            self._drawn.stop()
-            self._drawn = None
+        with self._drawing:
+            self.shown = False
+            if self._waits is not None:
+                self._waits.cancel()
+            if self._drawn is not None:
+                self._drawn.stop()
+                self._drawn = None
 
     def _draw(self) -> None:
+        with self._drawing:
+            if self.shown and self._drawn is None:
+                self._drawn = self._made()
+
+    def _made(self) -> Any:
+        """The bar itself, which is being shown from now on."""
         from rich.console import Console
         from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
         from rich.progress import TimeRemainingColumn as Left
 
         columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeElapsedColumn(), Left())
-        self._drawn = Progress(*columns, console=Console(stderr=True), transient=True)
-        self._task = self._drawn.add_task(self._title, total=None)
-        self._drawn.start()
+        drawn = Progress(
+            *columns, console=Console(stderr=True), transient=True, auto_refresh=self._refreshing, redirect_stdout=False
+        )
+        self._task = drawn.add_task(self._title, total=None)
+        drawn.start()
+        return drawn
 
 
 @contextmanager
-def progress_bar(title: str) -> Iterator[Bar]:
+def progress_bar(title: str, *, refreshing: bool = True) -> Iterator[Bar]:
     """A bar that is gone when the work is done, however it ends.
 
     Args:
         title: What is being done.
+        refreshing: As of `Bar`.
     """
-    bar = Bar(title)
+    bar = Bar(title, refreshing=refreshing)
     try:
         yield bar
     finally:

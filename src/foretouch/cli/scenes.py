@@ -15,13 +15,14 @@ __all__ = ["scene_session"]
 
 
 def scene_session(
-    settings: SessionSettings, duration: float
+    settings: SessionSettings, duration: float, progress: Callable[[float], None] | None = None
 ) -> Callable[[Callable[[Message, int], None] | None], SimulatedSession]:
     """Make what a simulated session in three dimensions needs; bad input is refused here, before anything is written.
 
     Args:
         settings: With a scene.
         duration: Simulated [s].
+        progress: Called now and then with the simulated time [s].
 
     Returns:
         What runs the session: it takes what records, or None.
@@ -42,7 +43,14 @@ def scene_session(
     def run(record: Callable[[Message, int], None] | None) -> SimulatedSession:
         try:
             return simulate_scene(
-                settings, scene, duration=duration, operator=operator, robot=robot, camera=camera, record=record
+                settings,
+                scene,
+                duration=duration,
+                operator=operator,
+                robot=robot,
+                camera=camera,
+                record=record,
+                progress=progress,
             )
         finally:
             if camera is not None:

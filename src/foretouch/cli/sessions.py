@@ -22,6 +22,7 @@ from foretouch.cli.options import (
     say,
     with_session_settings,
 )
+from foretouch.cli.progress import progress_bar
 from foretouch.cli.recordings import say_if_cut
 from foretouch.cli.scenes import scene_session
 from foretouch.errors import RecordingError, SettingError
@@ -102,14 +103,16 @@ def simulate(
         )
     if report is not None:
         make_folder(report)
-    start = scene_session(settings, duration) if settings.scene else _line_session(settings, duration)
-    if recording is None:
-        session = start(None)
-    else:
-        require_recording(recording)
-        with SessionWriter(recording) as writer:
-            session = start(writer.write)
-            writer.close(session.log.counts)
+    with progress_bar("simulating") as bar:
+        make = scene_session if settings.scene else _line_session
+        start = make(settings, duration, lambda now: bar.update(now, duration))
+        if recording is None:
+            session = start(None)
+        else:
+            require_recording(recording)
+            with SessionWriter(recording) as writer:
+                session = start(writer.write)
+                writer.close(session.log.counts)
     print_report(session.log, recording, report, json_output, elapsed=session.elapsed)
 
 
@@ -117,7 +120,7 @@ COMMANDS = (teleop, simulate)
 
 
 def _line_session(
-    settings: SessionSettings, duration: float
+    settings: SessionSettings, duration: float, progress: Callable[[float], None]
 ) -> Callable[[Callable[[Message, int], None] | None], SimulatedSession]:
     """Make what a simulated session along a line needs; what is returned runs it, and takes what records."""
     from foretouch.session import make_operator, make_session_robot, simulate
@@ -125,7 +128,13 @@ def _line_session(
     robot, reach = make_session_robot(settings)
     operator = make_operator(settings, surface=reach.surface, press_depth=reach.press_depth, say=say)
     run = functools.partial(
-        simulate, settings, duration=duration, operator=operator, robot=robot, description=reach_texts(reach)
+        simulate,
+        settings,
+        duration=duration,
+        operator=operator,
+        robot=robot,
+        description=reach_texts(reach),
+        progress=progress,
     )
     return lambda record: run(record=record)
 

@@ -13,7 +13,9 @@ import typer
 from foretouch.cli.links import Endpoints, insecurity, open_link, with_endpoints
 from foretouch.cli.options import (
     Duration,
+    Json,
     Parent,
+    print_json,
     require_duration,
     require_recording,
     say,
@@ -260,7 +262,7 @@ def console(
 
 
 @with_endpoints
-def stop(*, endpoints: Endpoints) -> None:
+def stop(*, endpoints: Endpoints, json_output: Json = False) -> None:
     """Stop the robot: an emergency stop, asked for again and again until the follower says that it has stopped.
 
     The robot goes back until it feels next to nothing and stays there until it is released at the follower. Exit code
@@ -273,8 +275,11 @@ def stop(*, endpoints: Endpoints) -> None:
 
     with open_link("stop", endpoints, STOPPING_CHANNELS) as link:
         heard = ask_to_stop(link, f"asked for by {_own_name()}", patience=PATIENCE)
+    if json_output:
+        print_json({"stopped": heard == Status.STOPPED, "status": None if heard is None else int(heard)})
     if heard == Status.STOPPED:
-        typer.echo("the robot has stopped: it unloads, and stays so until it is released at the follower")
+        if not json_output:
+            typer.echo("the robot has stopped: it unloads, and stays so until it is released at the follower")
         return
     sentence = next((sentence for status, sentence in STATUS_SENTENCES.items() if status == heard), "")
     doing = f"the robot {sentence}" if sentence else f"no follower is heard at {endpoints}"
