@@ -51,7 +51,7 @@ def test_bad_tables_are_refused(table, columns, problem):
 def test_missing_columns_and_foreign_files_are_refused(tmp_path):
     path = tmp_path / "press.parquet"
     pyarrow.parquet.write_table(pyarrow.table({"t": [1.0], "force_N": [1.0]}), path)
-    with pytest.raises(RecordingError, match="no column is named like position; the columns are t, force_N"):
+    with pytest.raises(RecordingError, match="column time_s, position_m missing; the columns are t, force_N"):
         read_recording(path)
     for content in (b"", b"PAR1", b"no parquet at all, but longer than a footer"):
         path.write_bytes(content)

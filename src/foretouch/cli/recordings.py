@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import asdict
 from datetime import UTC, datetime
 from pathlib import Path
@@ -167,7 +168,7 @@ def _print_contents(found: Contents, topic: str | None, show_all: bool) -> None:
         )
 
 
-def _print_table(title: tuple[str, ...], rows: list[tuple[str, ...]]) -> None:
+def _print_table(title: tuple[str, ...], rows: Sequence[tuple[str, ...]]) -> None:
     """Columns as wide as they must be; an empty last one leaves no blanks."""
     widths = [max(len(row[place]) for row in (title, *rows)) for place in range(len(title))]
     for row in (title, *rows):

@@ -16,12 +16,14 @@ MOST_COLUMNS = 64
 def column_shapes(name: str, shape: tuple[int, ...]) -> Iterator[tuple[str, int]]:
     """Name and length of each column of an array: itself where it is one line, else ``name[0]`` and so on.
 
-    Arrays of one value, of more than two dimensions or of more than 64 columns have none.
+    Arrays of no or one value, of more than two dimensions or of more than 64 columns have none.
     """
     lengths = [length for length in shape if length != 1]
+    if 0 in lengths:
+        return
     if len(lengths) == 1:
         yield name, lengths[0]
-    elif len(lengths) == 2 and 0 < min(lengths) <= MOST_COLUMNS:
+    elif len(lengths) == 2 and min(lengths) <= MOST_COLUMNS:
         yield from ((f"{name}[{place}]", max(lengths)) for place in range(min(lengths)))
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from os import PathLike
 from typing import Any
 
@@ -12,6 +12,7 @@ from foretouch.errors import RecordingError
 from foretouch.quantities import Recording
 from foretouch.recordings.aurora_ddf import CONTACT_FLOOR as AURORA_FLOOR
 from foretouch.recordings.aurora_ddf import read_aurora
+from foretouch.recordings.column_names import name_says
 from foretouch.recordings.guess import Guess, guess_mapping
 from foretouch.recordings.mapping import TIMES, Mapping, Signal, TimeSource
 from foretouch.recordings.opening import open_source, require_readable
@@ -111,7 +112,8 @@ def _of_table(table: Table, suffix: str) -> Contents:
         guess, stated = _tue_guess(table), "a TU/e recording, which needs no map"
     else:
         guess, stated = guess_mapping(table), ""
-    columns, duration, rate = table.columns, None, None
+    columns = tuple(replace(one, unit=name_says(one.name, one.unit).unit) for one in table.columns)
+    duration, rate = None, None
     notes: list[str] = []
     time = guess.time if guess.stated is None else guess.stated.time
     if time.column in {column.name for column in columns}:
@@ -121,8 +123,7 @@ def _of_table(table: Table, suffix: str) -> Contents:
             notes.append(str(error))
         else:
             columns = tuple(
-                column if column.count is not None else Column(column.name, column.kind, seconds.size, column.unit)
-                for column in columns
+                column if column.count is not None else replace(column, count=seconds.size) for column in columns
             )
             if seconds.size > 1 and np.isfinite(seconds).all():
                 duration = float(seconds[-1] - seconds[0])

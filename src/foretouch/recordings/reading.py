@@ -16,7 +16,7 @@ from foretouch.recordings.mapped import read_mapped
 from foretouch.recordings.mapping import Mapping, Signal, TimeSource, Velocity, mapping_text, read_mapping
 from foretouch.recordings.mcap_file import McapFile
 from foretouch.recordings.opening import open_source, require_readable
-from foretouch.recordings.source import Bag, Table
+from foretouch.recordings.source import Bag, Table, require_names
 from foretouch.recordings.topics import TOPICS
 from foretouch.recordings.tue_mat import FORCE_CHANNELS, is_tue, read_tue
 from foretouch.recordings.units import REQUIRED, VELOCITY, Units
@@ -148,7 +148,12 @@ def _by_itself(path: str | PathLike[str], suffix: str, units: Units, force_chann
         names = [column.name for column in source.columns]
         if set(REQUIRED) <= set(names):
             return _by_map(source, _by_names(names, units), guessed=False)
-    mapping = guess_mapping(source).in_units(units.position, units.force, units.flip).mapping()
+    guess = guess_mapping(source)
+    if guess.problems and isinstance(source, Table) and suffix in (".csv", ".parquet"):
+        names = [column.name for column in source.columns]
+        if set(REQUIRED) & set(names):  # whoever named one column so meant the others too
+            require_names(path, names, REQUIRED, row=1)
+    mapping = guess.in_units(units.position, units.force, units.flip).mapping()
     return _by_map(source, mapping, guessed=not source.stated_map)
 
 
