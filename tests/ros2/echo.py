@@ -1,14 +1,16 @@
 """What `ros2 topic echo` does, by another implementation, in a process of its own: zenoh_ros2_sdk.
 
-Usage: echo.py ROUTER_PORT NAMESPACE SECONDS; prints one line of JSON for each message, beginning with the topic.
+Usage: echo.py ROUTER_PORT NAMESPACE FILE; writes a line of JSON for each message: topic, when it came, what it says.
 """
 
 from __future__ import annotations
 
 import json
+import signal
 import sys
 import threading
 import time
+from typing import TextIO
 
 from zenoh_ros2_sdk import ROS2Subscriber
 from zenoh_ros2_sdk.utils import compute_type_hash_from_msg
@@ -45,17 +47,19 @@ def stamped(message: object) -> dict[str, object]:
     return said
 
 
-def main(port: int, namespace: str, seconds: float) -> None:
+def main(port: int, namespace: str, file: TextIO) -> None:
+    """Listen to all topics until somebody ends the process."""
+
     def note(topic: str, message: object) -> None:
         line = json.dumps([topic, time.time_ns(), stamped(message)])
         with LOCK:
-            sys.stdout.write(line + "\n")
-            sys.stdout.flush()
+            file.write(line + "\n")
+            file.flush()
 
-    subscribers = []
+    kept = []
     for topic in STANDARD:
         first, inside = schemas_inside(topic.schema)
-        subscribers.append(
+        kept.append(
             ROS2Subscriber(
                 namespace + topic.name,
                 topic.type_name,
@@ -68,10 +72,9 @@ def main(port: int, namespace: str, seconds: float) -> None:
         )
     sys.stdout.write("listening\n")
     sys.stdout.flush()
-    time.sleep(seconds)
-    for subscriber in subscribers:
-        subscriber.close()
+    signal.pause()
 
 
 if __name__ == "__main__":
-    main(int(sys.argv[1]), sys.argv[2], float(sys.argv[3]))
+    with open(sys.argv[3], "w") as heard:
+        main(int(sys.argv[1]), sys.argv[2], heard)

@@ -46,11 +46,11 @@ def running() -> Iterator[list[subprocess.Popen[str]]]:
 
 
 @pytest.mark.live
-def test_an_independent_subscriber_sees_a_running_session(running: list[subprocess.Popen[str]]) -> None:
+def test_an_independent_subscriber_sees_a_running_session(running: list[subprocess.Popen[str]], tmp_path: Path) -> None:
     pytest.importorskip("zenoh_ros2_sdk")
     there, back = free_endpoint(), free_endpoint()
     with router() as hub:
-        echo = start(HERE / "echo.py", hub.endpoint.rpartition(":")[2], "/robot1", 60)
+        echo = start(HERE / "echo.py", hub.endpoint.rpartition(":")[2], "/robot1", tmp_path / "heard")
         running.append(echo)
         assert echo.stdout is not None
         assert echo.stdout.readline() == "listening\n"
@@ -62,10 +62,11 @@ def test_an_independent_subscriber_sees_a_running_session(running: list[subproce
         begun = time.time_ns()
         ends = [process.communicate(timeout=60) for process in (leader, follower, bridge)]
         assert [process.returncode for process in (leader, follower, bridge)] == [0, 0, 0], ends
-        wait_until(lambda: not any("/foretouch" in token for token in hub.tokens))  # the node has left the graph
+        wait_until(lambda: not any("%robot1/foretouch" in token for token in hub.tokens))  # the node has left the graph
         hub_count = len(hub.samples)
-    echo.kill()
-    lines = [json.loads(line) for line in echo.communicate()[0].splitlines() if line.endswith("]")]
+    echo.send_signal(signal.SIGTERM)
+    echo.communicate(timeout=10)
+    lines = [json.loads(line) for line in (tmp_path / "heard").read_text().splitlines() if line.endswith("]")]
     said: dict[str, list[dict[str, Any]]] = {}
     for topic, heard_ns, message in lines:
         said.setdefault(topic, []).append(message | {"heard": heard_ns})
@@ -101,11 +102,10 @@ def _is_a_session(said: dict[str, list[dict[str, Any]]], begun: int) -> None:
         assert -1_000_000 < late[len(late) // 2] < 100_000_000  # ROS time, and what the bridge and the network take
     assert {leader["name"][0] for leader in leaders} == {"probe"}
     models = said["/follower/contact_model"]
-    assert {model["law"] for model in models} == {"contact-map"}
+    assert {model["law"] for model in models} <= {"", "contact-map"}  # "" before it has learnt
     assert any(model["valid"] for model in models)
-    assert [model["values"] for model in models][-3:] == [
-        array["data"] for array in said["/follower/contact_model/values"]
-    ][-3:]
+    numbers = [model["values"] for model in models]
+    assert all(array["data"] in numbers for array in said["/follower/contact_model/values"])
 
 
 @pytest.mark.live
