@@ -4,7 +4,7 @@ BIN := .venv/bin
 export PYTHON
 
 .DEFAULT_GOAL := help
-.PHONY: help setup system teleop test check test-long soak sweep bench bench-check bench-baseline docs screenshots lock clean
+.PHONY: help setup system teleop test test-interpreted check test-long soak sweep bench bench-check bench-baseline docs gallery screenshots lock clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -25,10 +25,26 @@ check: setup  ## lint, types, import rules
 	@$(BIN)/mypy
 	@$(BIN)/lint-imports
 
+# Laws, estimators, the contact map, rendering and steps, where their tests take seconds with nothing compiled.
+INTERPRETED := $(addprefix tests/models/test_models_,$(addsuffix .py,catching_up contact_map contact_map_wire laws \
+    linearisation memoryless motion predictor_catch_up way_out)) \
+  $(addprefix tests/rendering/test_rendering_,$(addsuffix .py,energy friction limits mediation passivity_control promises \
+    proxy rest share spatial_energy)) \
+  $(addprefix tests/identification/test_identification_,$(addsuffix .py,classic conditioning elementary force_zero fprls \
+    friction lag offline recursion)) \
+  $(addprefix tests/session/test_session_,$(addsuffix .py,leader safety))
+# Given a time that runs backwards, a law overflows to infinity where it is compiled, and Python raises.
+COMPILED_ONLY := test_any_motion_of_any_map_gives_a_finite_force_that_never_pulls
+
 # What starts processes in real time runs alone; the rest shares the cores.
 test: setup system check docs  ## everything that a change must pass, in under 10 minutes on 2 cores
 	@$(BIN)/pytest -m "not long and not live and not soak" --numprocesses 2 --dist loadfile $(ARGS)
 	@$(BIN)/pytest -m "live and not long" $(ARGS)
+	@$(MAKE) --no-print-directory test-interpreted
+
+test-interpreted: setup  ## laws, estimators, rendering and steps with nothing compiled (NUMBA_DISABLE_JIT=1): the same answers
+	@NUMBA_DISABLE_JIT=1 $(BIN)/pytest -m "not long and not live and not soak" --numprocesses 2 --dist loadfile \
+	    -k "not $(COMPILED_ONLY)" $(INTERPRETED)
 
 test-long: setup system  ## what takes longer, every make target among it
 	@$(BIN)/pytest -m long $(ARGS)
@@ -50,6 +66,11 @@ bench-baseline: setup  ## keep this machine's ratios as the baseline of bench-ch
 
 docs: setup  ## build the documentation site into docs/_build, warnings as errors
 	@$(BIN)/sphinx-build -q -W --keep-going -b html docs docs/_build
+
+gallery: setup  ## draw the figures of the documentation again that take seconds each (measured recordings are downloaded)
+	@for script in identifiability contact_map predictions rendering; do $(BIN)/python docs/draw_$$script.py; done
+	@$(BIN)/python docs/measure_surfaces.py
+	@$(BIN)/python docs/measure_speed.py plots
 
 screenshots: setup system  ## take the pictures of the documentation again
 	@$(BIN)/python docs/take_screenshots.py
