@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from foretouch.cli.options import Json, make_folder, print_json
-from foretouch.cli.progress import progress_bar
+from foretouch.cli.progress import progress_bar, pulsing
 
 __all__ = ["datasets", "materials"]
 
@@ -103,7 +103,8 @@ def fit_material(
 
     if name != "foam-measured":
         raise UnknownNameError("fitted material", name, ["foam-measured"])
-    fit = fit_foam([replace(read_recording(fetch(dataset)), name=dataset) for dataset in FOAM_DATASETS])
+    pressed = [replace(read_recording(fetch(dataset)), name=dataset) for dataset in FOAM_DATASETS]
+    fit = pulsing("fitting", fit_foam, pressed)
     if out is not None:
         make_folder(out.parent)
         with atomic_path(out) as part:

@@ -26,6 +26,7 @@ from foretouch.cli.options import (
     print_json,
     say,
 )
+from foretouch.cli.progress import pulsing
 from foretouch.cli.reading import RECORDING_HELP, MapFile, read_and_say
 from foretouch.cli.recordings import say_what_is_left_out
 from foretouch.errors import SettingError
@@ -79,7 +80,13 @@ def identify(
     if sensor is not None:
         data, force_offset, sensor_lag = _at_the_contact(data, sensor, force_offset, sensor_lag)
     learner = _learner(model, estimator, surface, force_offset, sensor_lag)
-    result = identification.identify(data, learner(contact_floor=data.contact_floor), keep_history=out is not None)
+    result = pulsing(
+        f"identifying from {len(data)} samples",
+        identification.identify,
+        data,
+        learner(contact_floor=data.contact_floor),
+        keep_history=out is not None,
+    )
     residual, contact = result.residual_rms, result.contact_force_rms
     content = {
         "model": model,
@@ -146,7 +153,7 @@ def predict(
     log = None
     if map_file is None and is_session(recording):
         log = read_session(recording)
-        found = forces_under_delay(log, learner(), delay)
+        found = pulsing("predicting", forces_under_delay, log, learner(), delay)
     else:
         data = read_and_say(
             recording,
@@ -156,7 +163,7 @@ def predict(
             force_channel=force_channel,
             map_file=map_file,
         )
-        found = forces_under_delay(data, learner(contact_floor=data.contact_floor), delay)
+        found = pulsing("predicting", forces_under_delay, data, learner(contact_floor=data.contact_floor), delay)
     if log is not None:
         say_what_is_left_out(recording, log)
     scores = score(

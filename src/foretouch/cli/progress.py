@@ -5,13 +5,16 @@ from __future__ import annotations
 import sys
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import Any
+from typing import Any, ParamSpec, TypeVar
 
 from foretouch.cli.options import say
 
-__all__ = ["SHOWN_AFTER", "Bar", "progress_bar"]
+__all__ = ["SHOWN_AFTER", "Bar", "progress_bar", "pulsing"]
+
+Given = ParamSpec("Given")
+Made = TypeVar("Made")
 
 SHOWN_AFTER = 1.0
 """What takes less than this [s] shows no bar."""
@@ -31,6 +34,7 @@ class Bar:
 
     def __init__(self, title: str, *, refreshing: bool = True) -> None:
         self.shown = sys.stderr.isatty()
+        self._state: dict[str, Any] = {"completed": 0.0, "total": None, "description": title}
         self._title = title
         self._refreshing = refreshing
         self._waits: threading.Timer | None = None
@@ -49,16 +53,11 @@ class Bar:
         """
         if not self.shown:
             return
+        self._state = {"completed": done, "total": total, "description": title or self._title}
         if self._drawn is None and self._refreshing and time.monotonic() - self._begun < SHOWN_AFTER:
             return
         self._draw()
-        self._drawn.update(
-            self._task,
-            completed=done,
-            total=total,
-            description=title or self._title,
-            refresh=not self._refreshing,
-        )
+        self._drawn.update(self._task, **self._state, refresh=not self._refreshing)
 
     def pulse(self) -> None:
         """Be shown from `SHOWN_AFTER` on while something runs that says nothing of itself."""
@@ -99,7 +98,7 @@ class Bar:
         drawn = Progress(
             *columns, console=Console(stderr=True), transient=True, auto_refresh=self._refreshing, redirect_stdout=False
         )
-        self._task = drawn.add_task(self._title, total=None)
+        self._task = drawn.add_task(**self._state)
         drawn.start()
         return drawn
 
@@ -117,3 +116,17 @@ def progress_bar(title: str, *, refreshing: bool = True) -> Iterator[Bar]:
         yield bar
     finally:
         bar.close()
+
+
+def pulsing(title: str, work: Callable[Given, Made], *given: Given.args, **named: Given.kwargs) -> Made:
+    """Do something that says nothing of how far it is, under a bar that only shows that it goes on.
+
+    Args:
+        title: What is being done.
+        work: Does it.
+        *given: For `work`.
+        **named: For `work`.
+    """
+    with progress_bar(title) as bar:
+        bar.pulse()
+        return work(*given, **named)

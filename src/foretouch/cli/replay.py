@@ -16,6 +16,7 @@ from foretouch.cli.options import (
     require_recording,
     say,
 )
+from foretouch.cli.progress import pulsing
 from foretouch.cli.recordings import say_if_cut
 from foretouch.errors import RecordingError, SettingError
 
@@ -94,7 +95,7 @@ def replay(
     log = _session(recording)
     changes = {name: value for name, value in given.items() if value is not None}
     settings, told = recorded_settings(log.settings, changes)
-    again = replay_under(log, settings, closed_loop)
+    again = pulsing("running the session again", replay_under, log, settings, closed_loop)
     if output is not None:
         _write(output, again)
     content = compare_replay(log, again, (*replay_notes(log, settings, closed_loop), *told))
