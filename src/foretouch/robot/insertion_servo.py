@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 __all__ = ["InsertionServo"]
 
@@ -41,22 +42,30 @@ class InsertionServo:
         force_limit: [N].
         sample_period: Of the commands [s].
         position: Where the tip is [m].
+        state: Where its numbers are kept, in an array that somebody else holds too, shape
+            (`foretouch.robot.insertion_servo_kernel.SIZE`,); None for one of its own.
     """
 
-    __slots__ = ("_kernel", "_newest", "_period", "_rail", "_state", "_velocity_gain")
+    __slots__ = ("_kernel", "_state")
 
     def __init__(
-        self, *, mass: float, damping: float, force_limit: float, sample_period: float, position: float
+        self,
+        *,
+        mass: float,
+        damping: float,
+        force_limit: float,
+        sample_period: float,
+        position: float,
+        state: NDArray[np.float64] | None = None,
     ) -> None:
         from foretouch.robot import insertion_servo_kernel as kernel  # Numba is slow to import: only when used
 
         self._kernel = kernel
-        self._rail = mass, damping, force_limit
-        self._period = sample_period
-        self._velocity_gain = 1.0 - math.exp(-2.0 * math.pi * VELOCITY_CUTOFF * sample_period)
-        self._newest = position
-        self._state = np.zeros(kernel.SIZE)
-        self._state[[kernel.COMMAND, kernel.REFERENCE]] = position
+        self._state = np.empty(kernel.SIZE) if state is None else state
+        self._state[:] = 0.0
+        self._state[[kernel.COMMAND, kernel.REFERENCE, kernel.NEWEST]] = position
+        velocity_gain = 1.0 - math.exp(-2.0 * math.pi * VELOCITY_CUTOFF * sample_period)
+        self._state[kernel.RAIL] = mass, damping, force_limit, sample_period, velocity_gain
 
     @property
     def reference(self) -> float:
@@ -75,14 +84,7 @@ class InsertionServo:
 
     def command(self, position: float) -> None:
         """Take the command of this sample period [m], finite."""
-        kernel, state = self._kernel, self._state
-        slope = (position - self._newest) / self._period
-        state[kernel.COMMAND] = self._newest
-        state[kernel.COMMAND_SLOPE] = slope
-        change = self._velocity_gain * (slope - state.item(kernel.COMMAND_VELOCITY))
-        state[kernel.COMMAND_VELOCITY_SLOPE] = change / self._period
-        state[kernel.CLIPPED] = 0.0
-        self._newest = position
+        self._kernel.take(self._state, position)
 
     def effort(self, position: float, velocity: float, contact_force: float, h: float) -> float:
         """Drive force u for the next h seconds [N], net of gravity, at most the force limit.
@@ -93,4 +95,4 @@ class InsertionServo:
             contact_force: Measured, tool compensated [N].
             h: Length of the step [s].
         """
-        return self._kernel.drive(self._state, position, velocity, contact_force, h, *self._rail)
+        return self._kernel.drive(self._state, position, velocity, contact_force, h)

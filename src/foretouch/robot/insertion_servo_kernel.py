@@ -15,17 +15,22 @@ from numpy.typing import NDArray
 __all__ = [
     "CLIPPED",
     "COMMAND",
-    "COMMAND_SLOPE",
-    "COMMAND_VELOCITY",
-    "COMMAND_VELOCITY_SLOPE",
+    "NEWEST",
+    "RAIL",
     "REFERENCE",
     "SIZE",
     "VELOCITY",
     "drive",
+    "take",
 ]
 
-COMMAND, COMMAND_SLOPE, COMMAND_VELOCITY, COMMAND_VELOCITY_SLOPE, REFERENCE, VELOCITY, CLIPPED = range(7)
-SIZE = 7
+COMMAND, COMMAND_SLOPE, COMMAND_VELOCITY, COMMAND_VELOCITY_SLOPE, REFERENCE, VELOCITY, CLIPPED, NEWEST = range(8)
+
+MASS, DAMPING, FORCE_LIMIT, PERIOD, VELOCITY_GAIN = range(8, 13)
+RAIL = slice(MASS, VELOCITY_GAIN + 1)
+"""What stays, as `InsertionServo` is given it."""
+
+SIZE = 13
 
 REFERENCE_RATE = 400.0  # how fast the reference closes in on the command [rad/s]
 LARGEST_VELOCITY = 0.5  # of the reference [m/s]
@@ -50,25 +55,30 @@ def _move_reference(state: NDArray[np.float64], h: float) -> float:
     return float(acceleration)
 
 
-move_reference: Callable[[NDArray[np.float64], float], float] = njit(cache=True)(_move_reference)
+move_reference: Callable[[NDArray[np.float64], float], float] = njit("f8(f8[::1], f8)", cache=True)(_move_reference)
 
 
-def _drive(
-    state: NDArray[np.float64],
-    position: float,
-    velocity: float,
-    contact_force: float,
-    h: float,
-    mass: float,
-    rail_damping: float,
-    force_limit: float,
-) -> float:
+def _take(state: NDArray[np.float64], position: float) -> None:
+    """See `InsertionServo.command`."""
+    slope = (position - state[NEWEST]) / state[PERIOD]
+    state[COMMAND] = state[NEWEST]
+    state[COMMAND_SLOPE] = slope
+    change = state[VELOCITY_GAIN] * (slope - state[COMMAND_VELOCITY])
+    state[COMMAND_VELOCITY_SLOPE] = change / state[PERIOD]
+    state[CLIPPED] = 0.0
+    state[NEWEST] = position
+
+
+take: Callable[[NDArray[np.float64], float], None] = njit("void(f8[::1], f8)", cache=True)(_take)
+
+
+def _drive(state: NDArray[np.float64], position: float, velocity: float, contact_force: float, h: float) -> float:
     """Drive force for the next h seconds [N]: see `InsertionServo.effort`."""
+    mass, ceiling = state[MASS], state[FORCE_LIMIT]
     stiffness, damping = SERVO_RATE * SERVO_RATE, 2.0 * SERVO_RATE
     restoring = stiffness * (state[REFERENCE] - position) + damping * (state[VELOCITY] - velocity)
-    friction = rail_damping * state[VELOCITY]
+    friction = state[DAMPING] * state[VELOCITY]
     effort = mass * (move_reference(state, h) + restoring) + friction + contact_force
-    ceiling = force_limit
     excess = contact_force - ceiling
     if excess > 0.0:  # what speed and the moving mass add: brake, and go back
         ceiling -= excess + damping * mass * max(velocity, 0.0)
@@ -80,6 +90,6 @@ def _drive(
     return float(max(effort, -LARGEST_RETRACTION))
 
 
-drive: Callable[[NDArray[np.float64], float, float, float, float, float, float, float], float] = njit(cache=True)(
-    _drive
-)
+drive: Callable[[NDArray[np.float64], float, float, float, float], float] = njit(
+    "f8(f8[::1], f8, f8, f8, f8)", cache=True
+)(_drive)

@@ -129,6 +129,8 @@ class RcmArm(Robot):
         self._build()
 
     def _build(self) -> None:
+        from foretouch.robot import rcm_arm_kernel as kernel  # Numba is slow to import: only when used
+
         mujoco = load_mujoco()
         self.mj_model = mujoco.MjModel.from_xml_string(arm_scene(self.surface, self._h))
         self.mj_data = mujoco.MjData(self.mj_model)
@@ -139,19 +141,24 @@ class RcmArm(Robot):
         self._drive = self.mj_data.ctrl[self.mj_model.actuator("insertion").id :][:1]
         self._applied = self.mj_data.xfrc_applied[self.mj_model.body("tool").id][2:3]
         self._interaction = self.mj_data.sensordata[2:3]
+        self._kernel = kernel
+        self._arm = np.zeros(kernel.SIZE)
+        self._arm[kernel.BUILT] = self._h, self._low_pass, TOOL_MASS, GRAVITY
         self._servo = InsertionServo(
             mass=MOVED_MASS,
             damping=RAIL_DAMPING,
             force_limit=self.specification.force_limit,
             sample_period=self.specification.sample_period,
             position=0.0,
+            state=self._arm[: kernel.SENSOR],
         )
         self._desired = 0.0
         self._state: ContactState = self.material.model.initial_state()
         self._contact_force = 0.0
         self._touch(0.0, 0.0)
-        self._tool = self.specification.tool_force(0.0)
-        self._sensor = self._contact_force + self._tool  # the low-pass, settled
+        tool = self.specification.tool_force(0.0)
+        self._arm[kernel.TOOL] = tool
+        self._arm[kernel.SENSOR] = self._contact_force + tool  # the low-pass, settled
         self._sample = self._measure()
 
     def read(self) -> RobotSample:
@@ -163,21 +170,18 @@ class RcmArm(Robot):
         lowest, highest = self.specification.workspace
         if math.isfinite(desired_position):
             self._desired = min(highest, max(lowest, desired_position))
-        servo = self._servo
-        servo.command(self._desired)
-        noise = self._sample.sensor_force - self._sensor - self._offset  # the drive's own copy is tared at the start
-        h = self._h
-        position, velocity = float(self._qpos[0]), float(self._qvel[0])
+        arm, kernel = self._arm, self._kernel
+        position, velocity = self._qpos.item(), self._qvel.item()
+        # The drive's own copy of the force is tared at the start.
+        noise = self._sample.sensor_force - arm.item(kernel.SENSOR) - self._offset
+        kernel.begin(arm, self._desired, noise, velocity)
         for _ in range(self._substeps):
-            effort = servo.effort(position, velocity, self._sensor + noise - self._tool, h)
-            self._drive[0] = effort - MOVED_MASS * GRAVITY
+            self._drive[0] = kernel.effort(arm, position, velocity) - MOVED_MASS * GRAVITY
             self._applied[0] = self._contact_force
             self._mj_step(self.mj_model, self.mj_data)
+            position, velocity = self._qpos.item(), self._qvel.item()
             # MuJoCo gives what the carriage does to the tool along the world's z: compression pushes it down
-            self._sensor += self._low_pass * (-float(self._interaction[0]) - self._sensor)
-            before, position, velocity = velocity, float(self._qpos[0]), float(self._qvel[0])
-            tool = TOOL_MASS * ((velocity - before) / h - GRAVITY)
-            self._tool += self._low_pass * (tool - self._tool)  # the drive's own compensation, as late as the sensor
+            kernel.sense(arm, velocity, -self._interaction.item())
             self._touch(position, velocity)
         self._sample = self._measure()
         return self._sample
@@ -188,21 +192,21 @@ class RcmArm(Robot):
         self._contact_force = min(force, LARGEST_CONTACT_FORCE) if force >= 0.0 else 0.0
 
     def _measure(self) -> RobotSample:
-        exact = float(self._qpos[0])
-        measured = exact + self.specification.encoder_noise * self._draw()
-        resolution = self.specification.encoder_resolution
+        specification, arm, exact = self.specification, self._arm, self._qpos.item()
+        measured = exact + specification.encoder_noise * self._draw()
+        resolution = specification.encoder_resolution
         if resolution > 0.0:
             measured = round(measured / resolution) * resolution
-        felt = self._sensor + self._offset + self.specification.sensor_noise * self._draw()
-        largest = self.specification.sensor_range
+        felt = arm.item(self._kernel.SENSOR) + self._offset + specification.sensor_noise * self._draw()
+        tool_force, largest = arm.item(self._kernel.TOOL), specification.sensor_range
         return RobotSample(
-            position=measured,
-            sensor_force=min(max(felt, -largest), largest),
-            acceleration=self._tool / TOOL_MASS + GRAVITY + self.specification.accelerometer_noise * self._draw(),
-            exact_force=self._contact_force,
-            exact_position=exact,
-            commanded_position=self._servo.reference,
-            clipped=self._servo.clipped,
+            measured,
+            min(max(felt, -largest), largest),
+            tool_force / TOOL_MASS + GRAVITY + specification.accelerometer_noise * self._draw(),
+            self._contact_force,
+            exact,
+            self._servo.reference,
+            self._servo.clipped,
         )
 
     def _draw(self) -> float:
