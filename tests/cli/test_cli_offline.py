@@ -131,7 +131,13 @@ def test_identify_writes_the_parameters_at_every_sample(press: Path, tmp_path: P
         assert np.isnan(written) if value is None else written == value
 
 
-@pytest.mark.parametrize(("model", "estimator"), [(model, name) for model in ESTIMATORS for name in ESTIMATORS[model]])
+SLOWEST = ("contact-map", "offline")
+PAIRS = [(model, name) for model in ESTIMATORS for name in ESTIMATORS[model]]
+
+
+@pytest.mark.parametrize(
+    ("model", "estimator"), [pytest.param(*pair, marks=pytest.mark.long) if pair == SLOWEST else pair for pair in PAIRS]
+)
 def test_identify_takes_every_model_and_estimator(press: Path, model: str, estimator: str) -> None:
     content = output_of("identify", press, "--model", model, "--estimator", estimator, "--json")
     assert (content["model"], content["estimator"], content["status"]) == (model, estimator, "ok")

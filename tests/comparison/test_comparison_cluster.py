@@ -47,6 +47,7 @@ def address() -> Iterator[str]:
             yield at
         finally:
             hands.terminate()
+            hands.wait()  # workers without a scheduler would look for it for a while
             head.terminate()
 
 
@@ -84,7 +85,8 @@ def test_a_worker_that_dies_takes_one_job_with_it(address: str) -> None:
     assert lost == {0: 0, 1: 10, 2: -2, 3: 30, 4: 40}
 
 
-def test_where_no_scheduler_is_one_line_says_so(press: Path) -> None:
+def test_where_no_scheduler_is_one_line_says_so(press: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("foretouch.comparison.cluster.PATIENCE", 0.5)
     for nowhere in (f"tcp://127.0.0.1:{free_endpoint().rpartition(':')[2]}", "nonsense://x", "tcp://"):
         with pytest.raises(LinkError, match="no Dask scheduler at"):
             comparison.compare([comparison.file_case(press)], **CHOSEN, cluster=nowhere)

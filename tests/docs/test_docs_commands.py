@@ -207,9 +207,16 @@ def run(arguments: list[str]) -> str:
     return result.stdout
 
 
+QUICK = {("simulate",): 6, ("compare",): 4, ("sweep",): 1, ("bench",): 1, ("materials", "fit"): 1}
+"""So many of those that take seconds each run at once, the others with what takes long."""
+
+
 def quick_first(text: str) -> Any:
     """Sessions in three dimensions have tests of their own, and take long."""
-    return pytest.param(text, marks=pytest.mark.long) if "--scene" in text else text
+    key = kind(text)
+    alike = [other for other in SHOWN if kind(other) == key]
+    late = "--scene" in text or alike.index(text) >= QUICK.get(key or (), len(alike))
+    return pytest.param(text, marks=pytest.mark.long) if late else text
 
 
 @pytest.mark.parametrize("text", [quick_first(text) for text in SHOWN if kind(text) in OFFLINE])
@@ -277,7 +284,8 @@ def running() -> Iterator[list[subprocess.Popen[str]]]:
 
 
 @pytest.mark.live
-@pytest.mark.parametrize("text", one_now(of("teleop")), ids=str)
+@pytest.mark.long
+@pytest.mark.parametrize("text", of("teleop"), ids=str)
 def test_a_session_runs_in_its_short_form(text: str, tmp_path: Path, running: list[subprocess.Popen[str]]) -> None:
     arguments = lasting(1.5)(shlex.split(text))
     if "--headless" not in arguments:

@@ -284,6 +284,7 @@ def within_its_bound(leader: np.ndarray[Any, Any]) -> bool:
     return bool((leader["energy"] >= -leader["energy_bound"] - 1e-12).all())
 
 
+@pytest.mark.long
 def test_only_the_leader_is_told_of_the_hand_and_the_follower_guards(
     follower_endpoint: tuple[str, Running], tmp_path: Path
 ) -> None:

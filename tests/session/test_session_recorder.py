@@ -320,6 +320,7 @@ def teleop(path: Path, seconds: float, largest_file: int | None = None) -> subpr
 
 
 @pytest.mark.live
+@pytest.mark.long
 def test_a_session_outlives_a_full_disk(tmp_path: Path) -> None:
     path = tmp_path / "session.mcap"
     with teleop(path, 5.0, 400_000) as session:

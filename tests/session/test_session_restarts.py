@@ -10,7 +10,12 @@ from lap import Lap
 
 from foretouch.messages import Status, Telemetry
 
-GRIP_OR_NONE = pytest.mark.parametrize("grip", ["none", "normal"])
+RARER = [
+    pytest.param(kind, marks=pytest.mark.long) for kind in ("dropout", "stuck", "saturated", "spikes", "encoder-jump")
+]
+"""Faults of a sensor that `make test` leaves to the tests of the watch."""
+
+GRIP_OR_NONE = pytest.mark.parametrize("grip", [pytest.param("none", marks=pytest.mark.long), "normal"])
 
 
 def statuses(said: list[Telemetry]) -> list[Status]:
@@ -185,7 +190,7 @@ def test_a_moving_robot_is_not_released() -> None:
     assert lap.following.safety.stop_reason == "now"
 
 
-@pytest.mark.parametrize("kind", ["nan", "dropout", "stuck", "saturated", "offset-step", "spikes", "encoder-jump"])
+@pytest.mark.parametrize("kind", ["nan", "offset-step", *RARER])
 def test_a_sensor_that_fails_freezes_learning_and_holds_the_robot(kind: str) -> None:
     from foretouch.robot import FaultySensor, SensorFault
 

@@ -121,12 +121,21 @@ def test_a_rendered_force_has_its_doubt_which_shrinks_where_the_hand_has_been(se
     assert np.median(doubt[time > 9.0]) < 0.7 * np.median(doubt[time < 6.0])
 
 
+def is_gentle(log: SessionLog) -> bool:
+    """Whether no more energy came out than the bound, and no update jerked."""
+    within = log.leader_space["energy"] >= -log.leader_space["energy_bound"] - 1e-12
+    return bool(within.all() and np.abs(log.leader["update_step"]).max() < 0.1)
+
+
 @sees
 def test_no_more_energy_comes_out_than_the_bound_and_no_update_jerks(seen: SessionLog) -> None:
+    assert is_gentle(seen)
+
+
+@pytest.mark.long
+def test_nor_where_a_hand_feels_it() -> None:
     held = run(12.0, grip="normal", camera=False, displacement=0.004, turn=0.03, scene="phantom")
-    for log in (seen, held):
-        assert (log.leader_space["energy"] >= -log.leader_space["energy_bound"] - 1e-12).all()
-        assert np.abs(log.leader["update_step"]).max() < 0.1
+    assert is_gentle(held)
     assert held.leader["rendered_force"].max() > 0.5
     force = np.stack([held.leader_space[f"force_{axis}"] for axis in "xyz"])
     assert np.linalg.norm(force, axis=0).max() < 10.0

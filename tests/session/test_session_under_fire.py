@@ -14,7 +14,7 @@ from foretouch.recordings import is_whole, read_session
 
 pytestmark = pytest.mark.live
 
-OFTEN = ("garbage", "leader stands still", "network cut")
+OFTEN = ("garbage", "leader stands still")
 """What `make test` does too."""
 
 RARELY = [pytest.param(name, marks=pytest.mark.long) for name in STAY if name not in OFTEN]

@@ -1,0 +1,96 @@
+"""A whole session and an identification, once compiled and once with nothing compiled: the same to nine digits.
+
+The laws, estimators and kernels by themselves are compared with closed forms in either way (`make test-interpreted`).
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from foretouch.identification import Learner, identify, make_estimator
+from foretouch.messages import SessionLog
+from foretouch.quantities import Recording
+from foretouch.session import SessionSettings, make_operator, make_session_robot, simulate
+
+pytest.importorskip("mujoco")
+
+DIGITS = 1e-9
+"""Of the largest number of a column: LLVM and Python may round a power or an exponential differently."""
+
+SIMULATED: dict[str, tuple[float, dict[str, object]]] = {
+    "open loop": (2.2, {}),
+    "a hand feels it": (3.5, {"grip": "normal", "force_delay": 0.05, "position_delay": 0.02}),
+}
+"""How long [s], and what is set."""
+
+COMPARED = ("open loop", pytest.param("a hand feels it", marks=pytest.mark.long), "identify")
+IDENTIFIED = (("contact-map", "bank"), ("continuous-switching", "fprls"), ("hunt-crossley", "exact"))
+
+
+def session(duration: float, changes: dict[str, object]) -> SessionLog:
+    settings = SessionSettings(material="hunt-crossley", loss=0.02, jitter=0.005, **changes)  # type: ignore[arg-type]
+    robot, material = make_session_robot(settings)
+    operator = make_operator(settings, surface=material.surface, press_depth=material.press_depth, say=print)
+    return simulate(settings, duration=duration, operator=operator, robot=robot).log
+
+
+def press() -> Recording:
+    """Two presses of a Hunt-Crossley material, 400 samples a second."""
+    time = np.arange(0.0, 2.0, 2.5e-3)
+    position = 0.010 - 0.005 * np.cos(2.0 * np.pi * 1.0 * time)
+    depth, velocity = np.maximum(position - 0.011, 0.0), np.gradient(position, time)
+    force = np.maximum(depth**1.4 * (3000.0 + 1500.0 * velocity), 0.0)
+    return Recording(time, position, force + 0.005 * np.random.default_rng(1).standard_normal(time.size))
+
+
+def everything(what: str) -> dict[str, np.ndarray]:
+    """All numbers that one of `COMPARED` says, in columns by name."""
+    said = {}
+    if what in SIMULATED:
+        log = session(*SIMULATED[what])
+        for side, rows in (("leader", log.leader), ("follower", log.follower)):
+            names = [name for name in rows.dtype.names or () if rows.dtype[name].kind in "fib" and name != "compute_ns"]
+            said |= {f"{side}, {name}": rows[name].astype(float) for name in names}
+        for name in ("parameters", "state"):
+            numbers = [number for model in log.models for number in getattr(model, name)]
+            said[f"models, {name}"] = np.array(numbers, dtype=float)
+        return said
+    for model, estimator in IDENTIFIED:
+        found = identify(press(), Learner(make_estimator(model, estimator)))
+        known = np.array([*found.parameters.values(), found.surface, found.force_offset], dtype=float)
+        said |= {f"{model} by {estimator}, residual": found.residual, f"{model} by {estimator}, numbers": known}
+    return said
+
+
+INTERPRETED = """
+import sys, numba, numpy
+sys.path.insert(0, {folder!r})
+from test_session_interpreted import everything
+assert numba.config.DISABLE_JIT
+numpy.savez({path!r}, **everything({what!r}))
+"""
+
+
+@pytest.mark.parametrize("what", COMPARED)
+def test_compiled_and_interpreted_are_equal(what: str, tmp_path: Path) -> None:
+    path = tmp_path / "said.npz"
+    script = INTERPRETED.format(folder=str(Path(__file__).parent), path=str(path), what=what)
+    environment = {**os.environ, "NUMBA_DISABLE_JIT": "1"}
+    subprocess.run([sys.executable, "-c", script], env=environment, check=True, timeout=300)
+    compiled = everything(what)
+    with np.load(path) as interpreted:
+        assert set(interpreted) == set(compiled)
+        for name, column in compiled.items():
+            finite = column[np.isfinite(column)]
+            tolerance = DIGITS * np.abs(finite).max(initial=0.0)
+            np.testing.assert_allclose(interpreted[name], column, rtol=0.0, atol=tolerance, err_msg=name)
+    if what in SIMULATED:
+        assert compiled["leader, predicted_force"].max() > 0.5
+        assert compiled["leader, rendered_force"].max() > 0.01
+        assert compiled["models, parameters"].size > 20
