@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import json
 import struct
+import subprocess
+import sys
 import time
 from collections.abc import Iterator
 from itertools import pairwise
+from pathlib import Path
 from typing import Any
 
 import msgspec
@@ -36,6 +40,7 @@ CHANNEL = {Telemetry: "telemetry", LeaderState: "leader", ModelUpdate: "model", 
 }
 LINE = Hello(VERSION, 1, 1, "follower", ("material", "scene"), ("foam", ""))
 NODE = Node(3, "/robot1")
+HERE = Path(__file__).parent
 
 
 @pytest.fixture(scope="module")
@@ -177,6 +182,22 @@ def test_tokens_and_keys_name_the_same_types(log: list[Message], there: Router, 
     assert publishers < there.gone
 
 
+@pytest.mark.live
+def test_another_implementation_lists_the_topics(log: list[Message], there: Router, graph: Graph) -> None:
+    pytest.importorskip("zenoh_ros2_sdk")
+    pass_on(bridge(graph), [LINE, *log[:3000]])
+    wait_until(lambda: len(there.tokens) == 7)
+    command = [sys.executable, HERE / "topic_list.py", there.endpoint.rpartition(":")[2], "3"]
+    listed = json.loads(subprocess.run(command, capture_output=True, text=True, check=True, timeout=60).stdout)
+    assert {name: topic["types"] for name, topic in listed.items()} == {
+        "/robot1" + topic.name: [topic.type_name] for topic in STANDARD if "/robot1" + topic.name in graph.sent
+    }
+    (publisher,) = listed["/robot1/follower/wrench"]["publishers"]
+    assert (publisher["node_namespace"], publisher["node_name"]) == ("/robot1", "foretouch")
+    assert publisher["type_hash"] == "RIHS01_8dc3deaf06b2ab281f9f9a742a8961c328ca7cec16e3fd6586d3a5c83fa78f77"
+    assert publisher["qos"] == "2::,5:,:,:,,"
+
+
 def test_at_most_the_rate_goes_out_evenly(log: list[Message], there: Router, graph: Graph) -> None:
     pass_on(bridge(graph, 50.0), [LINE, *log])
     assert 98 <= graph.sent["/robot1/follower/wrench"] <= 102
@@ -237,6 +258,7 @@ def _fields_of(kind: type[Message]) -> list[Any]:
     return values
 
 
+@pytest.mark.live
 def test_where_no_router_is_it_says_so_once_and_goes_on() -> None:
     endpoint, lines = free_endpoint(), []
     graph = Graph(endpoint, NODE)
