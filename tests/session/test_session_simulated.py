@@ -185,7 +185,10 @@ def test_settings_out_of_range_are_refused(changes: dict[str, float], message: s
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"operator": "nobody"}, "unknown operator 'nobody': choose one of browser, recorded, scripted"),
+        (
+            {"operator": "nobody"},
+            "unknown operator 'nobody': choose one of browser, force-dimension, gamepad, recorded, scripted",
+        ),
         ({"model": "jelly"}, "unknown model 'jelly': choose one of contact-map"),
         ({"estimator": "guess"}, "unknown estimator for contact-map 'guess': choose one of bank"),
     ],

@@ -17,6 +17,7 @@ from foretouch.cli import (
     keys,
     offline,
     paper,
+    plugins,
     recordings,
     replay,
     sessions,
@@ -61,4 +62,5 @@ app.add_typer(calibrate.calibrate, name="calibrate")
 app.add_typer(data.datasets, name="datasets")
 app.add_typer(data.materials, name="materials")
 app.add_typer(keys.keys, name="keys")
+app.add_typer(plugins.plugins, name="plugins")
 app.add_typer(recordings.recordings, name="recordings")

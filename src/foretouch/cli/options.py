@@ -135,8 +135,8 @@ def _bounded(value: Any) -> Any:
 
 
 SESSION_OPTIONS: dict[str, tuple[type, object, str]] = {
-    "material": (str, "foam-measured", "What the follower presses: `foretouch materials list`."),
-    "operator": (str, "scripted", "Who moves the leader: scripted, recorded or browser."),
+    "material": (str, "foam-measured", "What the simulated robot presses: `foretouch materials list`, or a plug-in's."),
+    "operator": (str, "scripted", "Who moves it: scripted, recorded, browser, gamepad, force-dimension, or a plug-in."),
     "model": (str, "contact-map", LAWS_HELP),
     "estimator": (str, "", "Estimator; without it the law's own. A wrong name lists them all."),
     "position_delay": (float, 0.08, "One-way delay of positions, leader to follower [s]."),
@@ -182,6 +182,7 @@ SESSION_OPTIONS: dict[str, tuple[type, object, str]] = {
     "bump": (float, 0.0, "When the fixture is bumped [s]; 0 for never."),
     "camera_delay": (float, 0.06, "From an image's exposure until it has been read [s]."),
     "image_fault": (str, "", "KIND:BEGIN:END [s]: hand, glare, frozen or dropped images meanwhile."),
+    "robot": (str, "simulated", "The follower's: simulated, or a plug-in's: `foretouch plugins`."),
     "baseline": (str, "none", "Render the delayed force instead, for comparison: delayed or delayed-tdpa."),
 }
 """Type, default and help of every option that becomes a field of `foretouch.session.SessionSettings`."""
@@ -199,7 +200,7 @@ SESSION_PANELS: dict[str, tuple[str, ...]] = {
         "leader_frame",
     ),
     "What the hand is given": ("position_scale", "force_scale", "largest_stiffness", "baseline"),
-    "Robot": ("first_touch", "approach_speed", "guarded_force", "follower_frame", "sensor_fault"),
+    "Robot": ("robot", "first_touch", "approach_speed", "guarded_force", "follower_frame", "sensor_fault"),
     "In three dimensions": ("scene", "fusion", "displacement", "turn", "bump", "camera_delay", "image_fault"),
     "Safety at the robot": (
         "force_ceiling",

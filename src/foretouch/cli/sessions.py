@@ -29,10 +29,9 @@ from foretouch.errors import RecordingError, SettingError
 
 if TYPE_CHECKING:
     from foretouch.messages import Message, SessionLog
-    from foretouch.robot import Material
     from foretouch.session import SessionSettings, SimulatedSession
 
-__all__ = ["COMMANDS", "print_report", "reach_texts", "simulate", "teleop"]
+__all__ = ["COMMANDS", "print_report", "simulate", "teleop"]
 
 RecordingFile = Annotated[Path | None, typer.Option("--recording", help="MCAP file to write.")]
 
@@ -123,10 +122,19 @@ def _line_session(
     settings: SessionSettings, duration: float, progress: Callable[[float], None]
 ) -> Callable[[Callable[[Message, int], None] | None], SimulatedSession]:
     """Make what a simulated session along a line needs; what is returned runs it, and takes what records."""
-    from foretouch.session import make_operator, make_session_robot, simulate
+    from foretouch.session import (
+        make_operator,
+        make_session_robot,
+        reach_texts,
+        require_simulated_robot,
+        require_simulated_time,
+        simulate,
+    )
 
     robot, reach = make_session_robot(settings)
+    require_simulated_robot(robot, settings)
     operator = make_operator(settings, surface=reach.surface, press_depth=reach.press_depth, say=say)
+    require_simulated_time(operator)
     run = functools.partial(
         simulate,
         settings,
@@ -137,11 +145,6 @@ def _line_session(
         progress=progress,
     )
     return lambda record: run(record=record)
-
-
-def reach_texts(material: Material) -> dict[str, str]:
-    """Where a material is in the session's frame and how deep it is pressed, for an operator to reach it."""
-    return {"surface": str(material.surface), "press_depth": str(material.press_depth)}
 
 
 def _check_material(name: str) -> None:

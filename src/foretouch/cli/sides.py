@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import getpass
 import math
 import socket
@@ -21,7 +22,6 @@ from foretouch.cli.options import (
     say,
     with_session_settings,
 )
-from foretouch.cli.sessions import reach_texts
 from foretouch.errors import LinkError, SettingError
 
 if TYPE_CHECKING:
@@ -86,6 +86,7 @@ def follower(
         be_prompt,
         make_moved_robot,
         make_session_robot,
+        reach_texts,
         run_follower,
         run_shadow,
     )
@@ -96,13 +97,17 @@ def follower(
     if settings.scene:
         _follow_in_a_scene(settings, endpoints, shadow, stop, duration, parent)
         return
-    robot, material = make_moved_robot(settings, say=say) if shadow else make_session_robot(settings)
+    robot, reach = make_moved_robot(settings, say=say) if shadow else make_session_robot(settings)
     # A shadow says by itself which settings have a part in it.
     said = {} if shadow else {name: text for name, text in settings.as_text().items() if name not in LEADER_SAYS}
-    with open_link("follower", endpoints, SHADOW_CHANNELS if shadow else FOLLOWER_CHANNELS) as link:
+    channels = SHADOW_CHANNELS if shadow else FOLLOWER_CHANNELS
+    with contextlib.closing(robot), open_link("follower", endpoints, channels) as link:
         if parent is None:
-            waits = f"the {settings.operator} operator moves it and nothing is commanded" if shadow else WAITS
-            say(f"follower: pressing {settings.material}, {waits}")
+            simulated = robot.specification.simulated
+            mover = f"the {settings.operator} operator moves it" if simulated else "somebody else moves it"
+            waits = f"{mover} and nothing is commanded" if shadow else WAITS
+            pressed = f"pressing {settings.material}" if settings.robot == "simulated" else f"robot {settings.robot}"
+            say(f"follower: {pressed}, {waits}")
         run = run_shadow if shadow else run_follower
         run(
             link,
@@ -110,7 +115,7 @@ def follower(
             settings,
             stop=stop,
             say=say,
-            description=said | reach_texts(material) | insecurity(link),
+            description=said | reach_texts(reach) | insecurity(link),
             duration=duration,
             parent=parent,
         )
@@ -135,11 +140,13 @@ def leader(
 
     Example: foretouch leader --connect tcp/127.0.0.1:7447 --duration 5
     """
+    from foretouch.devices import Device
     from foretouch.session import (
         LEADER_CHANNELS,
         SPACE_LEADER_CHANNELS,
         StopFlag,
         be_prompt,
+        close_operator,
         run_leader,
         wait_for_hello,
     )
@@ -155,20 +162,24 @@ def leader(
         if stop.reason:
             return
         moved_by = _operator(settings, hello)
-        run_leader(
-            link,
-            moved_by,
-            settings,
-            stop=stop,
-            say=say,
-            description={name: settings.as_text()[name] for name in LEADER_SAYS}
-            | {"operator": moved_by.name}
-            | insecurity(link),
-            duration=duration,
-            wait_for_recorder=wait_for_recorder,
-            parent=parent,
-            name=_leader_name(name),
-        )
+        try:
+            run_leader(
+                link,
+                moved_by,
+                settings,
+                stop=stop,
+                say=say,
+                description={name: settings.as_text()[name] for name in LEADER_SAYS}
+                | {"operator": moved_by.name}
+                | insecurity(link),
+                duration=duration,
+                wait_for_recorder=wait_for_recorder,
+                parent=parent,
+                name=_leader_name(name),
+            )
+        finally:  # a device that is felt gives no force after its session, however that ended
+            if isinstance(moved_by, Device):
+                close_operator(moved_by)
 
 
 @with_endpoints
@@ -348,7 +359,9 @@ def _leader_name(name: str | None) -> str:
 
 
 def _reach(hello: dict[str, str], name: str) -> float:
-    """A length that the follower said, for the operator to reach the material."""
+    """A length that the follower said, for the operator to reach the material; NaN where it said none."""
+    if name not in hello:
+        return math.nan
     try:
         value = float(hello[name])
     except (KeyError, ValueError):

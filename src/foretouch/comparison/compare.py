@@ -7,9 +7,9 @@ from collections.abc import Callable, Sequence
 from foretouch.comparison.cases import Case
 from foretouch.comparison.combination import Combination, Scoring, failed, try_combination
 from foretouch.comparison.parallel import run_all
-from foretouch.comparison.result import Result
+from foretouch.comparison.result import Result, Results
 from foretouch.errors import InputError, UnknownNameError
-from foretouch.identification import ESTIMATORS
+from foretouch.identification import all_estimators, load_estimator
 
 __all__ = ["combinations", "compare"]
 
@@ -26,15 +26,17 @@ def combinations(models: Sequence[str] = (), estimators: Sequence[str] = ()) -> 
     Raises:
         UnknownNameError: No such law, or an estimator that none of these laws has.
     """
+    there = all_estimators()  # with those that other packages bring
     for model in models:
-        if model not in ESTIMATORS:
-            raise UnknownNameError("model", model, ESTIMATORS)
-    chosen = list(dict.fromkeys(models)) or list(ESTIMATORS)
-    known = {name for model in chosen for name in ESTIMATORS[model]}
+        if model not in there:
+            raise UnknownNameError("model", model, there)
+    chosen = list(dict.fromkeys(models)) or list(there)
+    known = {name for model in chosen for name in there[model]}
     for estimator in estimators:
         if estimator not in known:
+            load_estimator(estimator)  # says what is wrong with another package's
             raise UnknownNameError(f"estimator for {', '.join(chosen)}", estimator, known)
-    return [(model, name) for model in chosen for name in ESTIMATORS[model] if not estimators or name in estimators]
+    return [(model, name) for model in chosen for name in there[model] if not estimators or name in estimators]
 
 
 def compare(
@@ -46,7 +48,7 @@ def compare(
     processes: int | None = None,
     cluster: str | None = None,
     progress: Progress | None = None,
-) -> list[Result]:
+) -> Results:
     """Measure every combination of law and estimator on every recording.
 
     Args:
@@ -77,4 +79,4 @@ def compare(
         results[place] = result
         if progress is not None:
             progress(len(results), len(jobs), result)
-    return [results[place] for place in range(len(jobs))]
+    return Results(results[place] for place in range(len(jobs)))

@@ -9,15 +9,19 @@ from foretouch.devices.browser import BrowserOperator
 from foretouch.devices.device import Device
 from foretouch.devices.grips import GRIPS, INTENDED_FORCE, Grip
 from foretouch.devices.hand import Hand
+from foretouch.devices.reach import UNKNOWN_REACH, Reach
 from foretouch.devices.recorded import RecordedOperator
+from foretouch.devices.resting import RestingOperator
 from foretouch.devices.scripted import ScriptedOperator
 from foretouch.devices.spatial import Keyframe, PalpatingOperator, SpatialBrowserOperator, SpatialDevice, SpatialHand
 from foretouch.devices.specification import DeviceSpecification
 
 __all__ = [
     "GRIPS",
+    "HARDWARE_OPERATORS",
     "INTENDED_FORCE",
     "OPERATORS",
+    "UNKNOWN_REACH",
     "BrowserOperator",
     "Device",
     "DeviceSpecification",
@@ -25,7 +29,9 @@ __all__ = [
     "Hand",
     "Keyframe",
     "PalpatingOperator",
+    "Reach",
     "RecordedOperator",
+    "RestingOperator",
     "ScriptedOperator",
     "SpatialBrowserOperator",
     "SpatialDevice",
@@ -33,4 +39,8 @@ __all__ = [
 ]
 
 OPERATORS = ("scripted", "recorded", "browser")
-"""Names of the operators in the package."""
+"""Names of the operators in the package that need nothing else."""
+
+HARDWARE_OPERATORS = ("gamepad", "force-dimension")
+"""Names of those that need a thing in the hand: `foretouch.devices.gamepad` and `foretouch.devices.force_dimension`,
+which are imported where they are asked for. Others come from `foretouch.plugins`."""

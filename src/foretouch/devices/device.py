@@ -23,11 +23,13 @@ class Device(ABC):
         name: Name of the device, one of `foretouch.devices.OPERATORS` for those in the package.
         closed_loop: Whether the rendered force moves the hand. Where it is False, the motion would have been the same
             without any force, and reports say so.
+        real_time: Whether somebody's own hand moves it: then it needs a session in real time.
     """
 
     __slots__ = ()
     name: ClassVar[str]
     closed_loop: ClassVar[bool]
+    real_time: ClassVar[bool] = False
 
     @abstractmethod
     def read(self, now_ns: int) -> float:
@@ -59,6 +61,9 @@ class Device(ABC):
     def clutched(self) -> bool:
         """Whether the operator holds the clutch at the newest `read`: the hand moves, the probe is to stay."""
         return False
+
+    def close(self) -> None:  # noqa: B027 - most hold nothing
+        """Give no force any more and give back what the device holds; a second call does nothing."""
 
 
 def limit_force(force: float, limit: float = FORCE_LIMIT) -> float:

@@ -29,7 +29,14 @@ from foretouch.identification.offline import (
 )
 from foretouch.identification.offline_contact_map import OfflineContactMap
 from foretouch.identification.prediction import TIME_TOLERANCE, Motion, PredictedForce, predict, predict_motion
-from foretouch.identification.registry import DEFAULT_ESTIMATORS, ESTIMATORS, make_estimator
+from foretouch.identification.registry import (
+    BUILT_IN_ESTIMATORS,
+    DEFAULT_ESTIMATORS,
+    ESTIMATORS,
+    all_estimators,
+    load_estimator,
+    make_estimator,
+)
 from foretouch.identification.rls import RLS, ForgettingRLS, SelfPerturbingRLS
 from foretouch.identification.robust import RobustOptions
 from foretouch.identification.robust_fprls import ROBUST, RobustFPRLS
@@ -51,6 +58,7 @@ from foretouch.identification.threshold_switching import SwitchingOptions, Thres
 from foretouch.identification.tool_weight import ToolWeight, fit_tool_weight
 
 __all__ = [
+    "BUILT_IN_ESTIMATORS",
     "DEFAULT_ESTIMATORS",
     "ESTIMATORS",
     "EXPERT_NAMES",
@@ -103,6 +111,7 @@ __all__ = [
     "ThresholdSwitching",
     "ToolWeight",
     "TwoStageOptions",
+    "all_estimators",
     "correct_recording",
     "find_sensor_lag",
     "fit_offline",
@@ -110,6 +119,7 @@ __all__ = [
     "fit_tool_weight",
     "fprls_many",
     "identify",
+    "load_estimator",
     "make_estimator",
     "predict",
     "predict_motion",

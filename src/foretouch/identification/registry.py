@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from foretouch.errors import UnknownNameError
+from foretouch.errors import SettingError, UnknownNameError
 from foretouch.identification.contact_map import ContactMapBank
 from foretouch.identification.estimator import Estimator
 from foretouch.identification.exact_recursive import ExactHuntCrossley, ExactKelvinVoigt, ExactRecursive
@@ -21,8 +21,16 @@ from foretouch.identification.steepest_descent import (
     SteepestDescentKelvinVoigt,
 )
 from foretouch.identification.threshold_switching import ThresholdSwitching
+from foretouch.plugins import PluginError, load_plugin, make_plugin, plugin_names
 
-__all__ = ["DEFAULT_ESTIMATORS", "ESTIMATORS", "make_estimator"]
+__all__ = [
+    "BUILT_IN_ESTIMATORS",
+    "DEFAULT_ESTIMATORS",
+    "ESTIMATORS",
+    "all_estimators",
+    "load_estimator",
+    "make_estimator",
+]
 
 ESTIMATORS: dict[str, dict[str, type[Estimator]]] = {}
 """Estimators by name of the law, then by their own name."""
@@ -65,15 +73,62 @@ DEFAULT_ESTIMATORS: dict[str, str] = {
 }
 """The estimator that is taken for a law where none is named: the paper's, or the one it compares with."""
 
+BUILT_IN_ESTIMATORS = frozenset(kind.name for kind in _KINDS)
+"""Names, whatever the law, that no other package may take."""
+
 
 def make_estimator(model: str, estimator: str) -> Estimator:
-    """A fresh estimator with its default options.
+    """A fresh estimator with its default options, of this package or of another.
 
     Raises:
         UnknownNameError: No such law, or no such estimator for it.
+        SettingError: Another package's, which learns another law.
+        PluginError: Another package's, which cannot be made.
     """
-    if model not in ESTIMATORS:
-        raise UnknownNameError("model", model, ESTIMATORS)
-    if estimator not in ESTIMATORS[model]:
-        raise UnknownNameError(f"estimator for {model}", estimator, ESTIMATORS[model])
-    return ESTIMATORS[model][estimator]()
+    if model in ESTIMATORS and estimator in ESTIMATORS[model]:
+        return ESTIMATORS[model][estimator]()
+    kind = None if estimator in BUILT_IN_ESTIMATORS else load_estimator(estimator)
+    if kind is None:
+        known = all_estimators()
+        if model not in known:
+            raise UnknownNameError("model", model, known)
+        raise UnknownNameError(f"estimator for {model}", estimator, known[model])
+    if kind.model_name != model:
+        rule = f"learns the law {kind.model_name} and not {model}: give --model {kind.model_name} with it"
+        raise SettingError("estimator", estimator, rule)
+    made = make_plugin("estimator", estimator, Estimator)  # type: ignore[type-abstract]
+    assert made is not None  # it was there a moment ago
+    return made
+
+
+def load_estimator(name: str) -> type[Estimator] | None:
+    """The class that another package brings under this name; None where none does.
+
+    Raises:
+        PluginError: It cannot be imported, or is no estimator that says this name and its law.
+    """
+    loaded = load_plugin("estimator", name, built_in=BUILT_IN_ESTIMATORS)
+    if loaded is None:
+        return None
+    plugin, kind = loaded
+    if not (isinstance(kind, type) and issubclass(kind, Estimator)):
+        raise PluginError(plugin, "is no class that derives from foretouch.identification.Estimator")
+    own, law = getattr(kind, "name", None), getattr(kind, "model_name", None)
+    if own != name:
+        raise PluginError(plugin, f"has name = {own!r}: the same as the entry point's is needed")
+    if not isinstance(law, str) or not law:
+        raise PluginError(plugin, f"has model_name = {law!r}: the name of its law is needed")
+    return kind
+
+
+def all_estimators() -> dict[str, dict[str, type[Estimator]]]:
+    """`ESTIMATORS`, with those that other packages bring and that can be used; the others are left out."""
+    known = {model: dict(kinds) for model, kinds in ESTIMATORS.items()}
+    for name in plugin_names("estimator"):
+        try:
+            kind = load_estimator(name)
+        except PluginError:
+            continue  # `foretouch plugins` says why
+        if kind is not None:
+            known.setdefault(kind.model_name, {})[name] = kind
+    return known

@@ -15,13 +15,13 @@ from foretouch.session.live import (
     wait_for_hello,
 )
 from foretouch.session.mediated import MediatedForce, mediate
-from foretouch.session.operators import make_operator
+from foretouch.session.operators import close_operator, make_operator, require_simulated_time
 from foretouch.session.processes import run_processes
 from foretouch.session.recorder import RECORDER_CHANNELS, RECORDING_INCOMPLETE, Recorder, run_recorder
 from foretouch.session.replay import Replay, replay
 from foretouch.session.replay_settings import recorded_settings
 from foretouch.session.replay_under import CLOSED_LOOP, FIXED_MOTION, material_answers, replay_notes, replay_under
-from foretouch.session.robots import make_moved_robot, make_session_robot
+from foretouch.session.robots import make_moved_robot, make_session_robot, reach_texts, require_simulated_robot
 from foretouch.session.scheduling import be_prompt, give_way
 from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
 from foretouch.session.shadow import SHADOW_CHANNELS, run_shadow
@@ -48,6 +48,7 @@ __all__ = [
     "SimulatedSession",
     "StopFlag",
     "be_prompt",
+    "close_operator",
     "framed_device",
     "framed_robot",
     "give_way",
@@ -58,10 +59,13 @@ __all__ = [
     "material_answers",
     "mediate",
     "orphaned",
+    "reach_texts",
     "recorded_settings",
     "replay",
     "replay_notes",
     "replay_under",
+    "require_simulated_robot",
+    "require_simulated_time",
     "run_follower",
     "run_leader",
     "run_processes",

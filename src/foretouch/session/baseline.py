@@ -29,6 +29,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 
+from foretouch.devices import DeviceSpecification
 from foretouch.messages import VERSION, Command, LeaderState
 from foretouch.models import MotionFilter
 from foretouch.rendering import LARGEST_FORCE, EnergyAccount, ForceLimiter, Proxy
@@ -79,8 +80,10 @@ class State:
     hand_motion: MotionFilter = field(default_factory=MotionFilter)
 
 
-def start(settings: SessionSettings, *, holder: str = "leader", epoch: int = 1) -> State:
-    """State before the first tick: see `foretouch.session.leader.start`."""
+def start(
+    settings: SessionSettings, *, holder: str = "leader", epoch: int = 1, device: DeviceSpecification | None = None
+) -> State:
+    """State before the first tick: see `foretouch.session.leader.start`; no baseline has a `device` of its own."""
     device = settings.device
     felt = settings.grip != NO_GRIP
     return State(

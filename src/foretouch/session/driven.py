@@ -11,6 +11,7 @@ from foretouch.messages import Command, Handle, Message, ModelUpdate, Telemetry
 from foretouch.robot import Robot, SpatialRobot
 from foretouch.session import follower, leader
 from foretouch.session.frames import browser_operator, framed_device, framed_robot
+from foretouch.session.operators import felt_device
 from foretouch.session.settings import SessionSettings
 from foretouch.session.sides import leading_side
 
@@ -124,7 +125,7 @@ class LineLeader:
 
     def __init__(self, operator: Device, settings: SessionSettings, holder: str, epoch: int) -> None:
         self._side = leading_side(settings)
-        self.state = self._side.start(settings, holder=holder, epoch=epoch)
+        self.state = self._side.start(settings, holder=holder, epoch=epoch, device=felt_device(operator, settings))
         self._operator = framed_device(operator, settings.frames[0])
         self._mouse: BrowserOperator | None = browser_operator(self._operator)
 

@@ -8,7 +8,15 @@ from foretouch.devices import BrowserOperator, Device, DeviceSpecification, Hand
 from foretouch.quantities import Frame
 from foretouch.robot import Robot, RobotSample
 
-__all__ = ["FramedDevice", "FramedRobot", "browser_operator", "framed_device", "framed_robot", "inverse"]
+__all__ = [
+    "FramedDevice",
+    "FramedRobot",
+    "browser_operator",
+    "device_inside",
+    "framed_device",
+    "framed_robot",
+    "inverse",
+]
 
 
 def inverse(frame: Frame) -> Frame:
@@ -28,14 +36,19 @@ def framed_robot(robot: Robot, frame: Frame) -> Robot:
 
 def browser_operator(device: Device) -> BrowserOperator | None:
     """The operator at a mouse behind a device, if that is who moves it. Handles count as the session does."""
-    while not isinstance(device, BrowserOperator):
+    device = device_inside(device)
+    return device if isinstance(device, BrowserOperator) else None
+
+
+def device_inside(device: Device) -> Device:
+    """What moves the hand: a device without the frame and the simulated hand about it."""
+    while True:
         if isinstance(device, Hand):
             device = device.intention_device
         elif isinstance(device, FramedDevice):
             device = device.device
         else:
-            return None
-    return device
+            return device
 
 
 class FramedDevice(Device):

@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
+from foretouch.devices import DeviceSpecification
 from foretouch.errors import InputError
 from foretouch.messages import VERSION, Command, LeaderState, ModelUpdate, Telemetry
 from foretouch.models import make_model
@@ -81,18 +82,27 @@ class Outputs(NamedTuple):
     record: LeaderState
 
 
-def start(settings: SessionSettings | None = None, *, holder: str = "leader", epoch: int = 1) -> State:
+def start(
+    settings: SessionSettings | None = None,
+    *,
+    holder: str = "leader",
+    epoch: int = 1,
+    device: DeviceSpecification | None = None,
+) -> State:
     """State before the first tick.
 
     Args:
         settings: Of the session.
         holder: Name of this leader, not empty: who else would command is told it.
         epoch: Of this process (`foretouch.session.lease.own_epoch`).
+        device: That a person holds and feels; None where there is none, or a simulated one with a grip.
     """
     settings = SessionSettings() if settings is None else settings
-    guarded = settings.guards()
+    guarded = settings.guards(simulated=device is None)  # a person who feels it is not simulated either
+    if device is None and settings.grip != NO_GRIP:
+        device = settings.device
     renderer = Renderer(
-        None if settings.grip == NO_GRIP else settings.device,
+        device,
         position_scale=settings.position_scale,
         force_scale=settings.force_scale,
         largest_stiffness=settings.largest_stiffness,

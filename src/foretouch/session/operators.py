@@ -1,16 +1,31 @@
-"""Operators by name."""
+"""Operators by name: of the package, with a thing in the hand, and of other packages."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
-from foretouch.devices import GRIPS, INTENDED_FORCE, BrowserOperator, Device, Hand, RecordedOperator, ScriptedOperator
-from foretouch.errors import DatasetError, SettingError
+from foretouch.devices import (
+    GRIPS,
+    HARDWARE_OPERATORS,
+    INTENDED_FORCE,
+    OPERATORS,
+    BrowserOperator,
+    Device,
+    DeviceSpecification,
+    Hand,
+    Reach,
+    RecordedOperator,
+    RestingOperator,
+    ScriptedOperator,
+)
+from foretouch.errors import DatasetError, SettingError, UnknownNameError
+from foretouch.plugins import make_plugin
 from foretouch.recordings import fetch, read_leader_motion
-from foretouch.session.frames import framed_device, inverse
+from foretouch.session.frames import device_inside, framed_device, inverse
 from foretouch.session.settings import NO_GRIP, SessionSettings
 
-__all__ = ["RECORDED_MOTION", "make_operator"]
+__all__ = ["RECORDED_MOTION", "close_operator", "felt_device", "make_operator", "require_simulated_time"]
 
 RECORDED_MOTION = "tue/b-foam"
 """Dataset whose leader lever moves the ``recorded`` operator."""
@@ -24,39 +39,114 @@ def make_operator(
 ) -> Device:
     """The operator of a session, fresh; with a grip, a hand that intends what that operator does.
 
-    It counts as the settings' leader frame says: a simulated device is built to.
+    It counts as the settings' leader frame says: a simulated device is built to. One of another package, or with a
+    thing in the hand, counts as it does by itself, and the session translates it.
 
     Args:
         settings: Of the session.
-        surface: Where the material begins [m], for the follower; the operator sees it.
-        press_depth: How deep the deepest press goes [m], there.
+        surface: Where the material begins [m], for the follower; the operator sees it. NaN where nobody knows.
+        press_depth: How deep the deepest press goes [m], there; NaN where nobody knows.
         say: Told in one line when the measured motion is not to be had and the script is used instead.
 
     Raises:
-        SettingError: A position scale by which the operator's hand cannot reach the material.
+        SettingError: A position scale by which the operator's hand cannot reach the material; an operator that has to
+            know the surface where nobody does; a device that is felt, with a simulated grip or a baseline.
+        PluginError: Another package's device, which cannot be made.
+        MissingExtraError: What the device needs is not installed.
     """
-    surface, press_depth = _hand_lengths(settings, surface, press_depth)
+    if settings.operator not in OPERATORS:
+        return _with_grip(settings, _foreign(settings, _scaled(settings, surface, press_depth)))
+    reach = _hand_lengths(settings, surface, press_depth)
     mounted = inverse(settings.frames[0])
     if settings.grip == NO_GRIP:
-        return framed_device(_intention(settings, surface, press_depth, say), mounted)
+        return framed_device(_intention(settings, *reach, say), mounted)
     grip = GRIPS[settings.grip]
-    intention = _intention(settings, surface, min(press_depth + INTENDED_FORCE / grip.stiffness, DEEPEST), say)
+    deepest = min(reach.press_depth + INTENDED_FORCE / grip.stiffness, DEEPEST) if reach.known else math.nan
+    intention = _intention(settings, reach.surface, deepest, say)
     return framed_device(Hand(intention, grip, settings.device, settings.clutch_times), mounted)
 
 
-def _hand_lengths(settings: SessionSettings, surface: float, press_depth: float) -> tuple[float, float]:
-    """Where the hand meets the surface and how deep it goes [m], so that the proxy does what the follower is to do."""
-    scale = settings.position_scale
+def felt_device(operator: Device, settings: SessionSettings) -> DeviceSpecification | None:
+    """What the operator's own device can render, where it is felt and no simulated hand holds it; else None."""
+    return operator.specification if operator.closed_loop and settings.grip == NO_GRIP else None
+
+
+def close_operator(operator: Device) -> None:
+    """Close the device that moves the hand, so that it gives no force any more."""
+    device_inside(operator).close()
+
+
+def require_simulated_time(operator: Device) -> None:
+    """Refuse a device that somebody's own hand moves.
+
+    Raises:
+        SettingError: It needs real time.
+    """
+    device = device_inside(operator)
+    if device.real_time:
+        device.close()
+        raise SettingError("operator", device.name, "is moved by your own hand and needs real time: foretouch teleop")
+
+
+def _foreign(settings: SessionSettings, reach: Reach) -> Device:
+    """A device with a thing in the hand, or of another package."""
+    name = settings.operator
+    if name == "gamepad":
+        from foretouch.devices.gamepad import open_gamepad
+
+        return open_gamepad(reach)
+    if name == "force-dimension":
+        from foretouch.devices.force_dimension import open_force_dimension
+
+        return open_force_dimension(settings.device)
+    made = make_plugin("device", name, Device, settings, reach, built_in=(*OPERATORS, *HARDWARE_OPERATORS))  # type: ignore[type-abstract]
+    if made is None:
+        raise UnknownNameError("operator", name, settings.operators())
+    return made
+
+
+def _with_grip(settings: SessionSettings, device: Device) -> Device:
+    """The device as it is, or what a simulated hand intends."""
+    if settings.grip == NO_GRIP and (not device.closed_loop or settings.baseline == "none"):
+        return device
+    if device.closed_loop:
+        device.close()
+        what = "grip" if settings.grip != NO_GRIP else "baseline"
+        rule = f"the operator {settings.operator} is felt by a hand of its own: leave {what} at none"
+        raise SettingError(what, getattr(settings, what), rule)
+    # Its own frame is about it here, so that the hand and what it intends count alike.
+    own = framed_device(device, settings.frames[0])
+    hand = Hand(own, GRIPS[settings.grip], settings.device, settings.clutch_times)
+    return framed_device(hand, inverse(settings.frames[0]))
+
+
+def _scaled(settings: SessionSettings, surface: float, press_depth: float) -> Reach:
+    """Where the hand meets the surface and how deep it goes [m]."""
+    return Reach(surface / settings.position_scale, press_depth / settings.position_scale)
+
+
+def _hand_lengths(settings: SessionSettings, surface: float, press_depth: float) -> Reach:
+    """The same for an operator of the package, so that the proxy does what the follower is to do."""
+    scale, reach = settings.position_scale, _scaled(settings, surface, press_depth)
+    if not reach.known:
+        return reach
     least = max(surface / FARTHEST_SURFACE, press_depth / DEEPEST)
     most = min(surface / NEAREST_SURFACE, press_depth / SHALLOWEST)
     if not least <= scale <= most:
         rule = f"an operator of the package reaches this material by a scale of {least:.3g} to {most:.3g}"
         raise SettingError("position_scale", scale, rule)
-    return surface / scale, press_depth / scale
+    return reach
 
 
 def _intention(settings: SessionSettings, surface: float, press_depth: float, say: Callable[[str], None]) -> Device:
     name = settings.operator
+    if not Reach(surface, press_depth).known:
+        if name == "browser":
+            return BrowserOperator(RestingOperator())
+        rule = (
+            "presses by what it knows of the surface, and this robot does not say where it is: take one that you move"
+        )
+        raise SettingError("operator", name, f"{rule}, such as browser or gamepad")
     script = ScriptedOperator(surface, press_depth, settings.seed)
     if name == "browser":
         return BrowserOperator(script, deepest=surface + 1.2 * press_depth)

@@ -13,6 +13,7 @@ from foretouch.session.settings import SessionSettings
 __all__ = ["recorded_settings"]
 
 _DEFAULTS: dict[str, Any] = {one.name: one.default for one in dataclasses.fields(SessionSettings) if one.init}
+del _DEFAULTS["robot"]  # it is played, whatever it was
 
 
 def recorded_settings(

@@ -1,24 +1,38 @@
-"""The robot of a session: a simulated arm, as the settings say; also one that somebody else moves."""
+"""The robot of a session: a simulated arm, or another package's; also one that somebody else moves."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
+from foretouch.devices import UNKNOWN_REACH, Reach
+from foretouch.errors import SettingError, UnknownNameError
+from foretouch.plugins import make_plugin
 from foretouch.robot import FaultySensor, Material, MovedRobot, Robot, SensorFault, make_robot
 from foretouch.session.frames import framed_robot, inverse
 from foretouch.session.operators import make_operator
-from foretouch.session.settings import SessionSettings
+from foretouch.session.settings import ROBOTS, SAMPLE_PERIOD, SIMULATED, SessionSettings
 from foretouch.session.shadow import shadow_settings
 
-__all__ = ["make_moved_robot", "make_session_robot"]
+__all__ = ["make_moved_robot", "make_session_robot", "reach_texts", "require_simulated_robot"]
 
 
-def make_session_robot(settings: SessionSettings) -> tuple[Robot, Material]:
-    """The simulated arm that presses the settings' material, with its faults, and that material.
+def make_session_robot(settings: SessionSettings) -> tuple[Robot, Material | Reach]:
+    """The robot of the settings, and how far what it presses is, as far as anybody knows.
 
-    It counts as the settings' follower frame says because it is built to, so that its own line of positions, in which
-    the material is given, is the session's.
+    The simulated arm counts as the settings' follower frame says because it is built to, so that its own line of
+    positions, in which the material is given, is the session's. Another package's counts as it does by itself, and the
+    session translates it; its specification rules. Where it has an attribute ``material`` that is a
+    `foretouch.robot.Material`, the operators know where to press; else they do not, and the surface is found by
+    touching.
+
+    Raises:
+        UnknownNameError: No such robot or material.
+        PluginError: Another package's robot, which cannot be made.
+        SettingError: One that does not exchange once in a sample period of the session.
     """
+    if settings.robot != SIMULATED:
+        return _foreign(settings)
     arm = make_robot(settings.material, seed=settings.seed)
     robot: Robot = arm
     if settings.sensor_fault:
@@ -27,15 +41,51 @@ def make_session_robot(settings: SessionSettings) -> tuple[Robot, Material]:
     return framed_robot(robot, inverse(settings.frames[1])), arm.material
 
 
-def make_moved_robot(settings: SessionSettings, *, say: Callable[[str], None]) -> tuple[Robot, Material]:
-    """The same arm, moved by the settings' operator as by somebody with a pendant, and the material.
+def make_moved_robot(settings: SessionSettings, *, say: Callable[[str], None]) -> tuple[Robot, Material | Reach]:
+    """The same, moved by the settings' operator as by somebody with a pendant; a real one is moved by somebody else.
 
     Args:
         settings: Of the session.
         say: Told in one line when the measured motion is not to be had and the script is used instead.
     """
     settings = shadow_settings(settings)
-    robot, material = make_session_robot(settings)
-    operator = make_operator(settings, surface=material.surface, press_depth=material.press_depth, say=say)
+    robot, reach = make_session_robot(settings)
+    if not robot.specification.simulated:
+        return robot, reach
+    operator = make_operator(settings, surface=reach.surface, press_depth=reach.press_depth, say=say)
     frame = settings.frames[1]
-    return MovedRobot(robot, lambda time: frame.outside(operator.read(round(time * 1e9)))), material
+    return MovedRobot(robot, lambda time: frame.outside(operator.read(round(time * 1e9)))), reach
+
+
+def reach_texts(reach: Material | Reach) -> dict[str, str]:
+    """Where a material is in the session's frame and how deep it is pressed, for an operator to reach it.
+
+    Nothing where nobody knows.
+    """
+    lengths = {"surface": reach.surface, "press_depth": reach.press_depth}
+    return {name: str(length) for name, length in lengths.items() if math.isfinite(length)}
+
+
+def require_simulated_robot(robot: Robot, settings: SessionSettings) -> None:
+    """Refuse a robot that does not live in simulated time.
+
+    Raises:
+        SettingError: It is a real one.
+    """
+    if not robot.specification.simulated:
+        robot.close()
+        raise SettingError("robot", settings.robot, "is a real one and needs real time: foretouch teleop")
+
+
+def _foreign(settings: SessionSettings) -> tuple[Robot, Material | Reach]:
+    robot = make_plugin("robot", settings.robot, Robot, settings, built_in=ROBOTS)  # type: ignore[type-abstract]
+    if robot is None:
+        raise UnknownNameError("robot", settings.robot, settings.robots())
+    period = getattr(getattr(robot, "specification", None), "sample_period", None)
+    if period != SAMPLE_PERIOD:
+        robot.close()
+        raise SettingError(
+            "robot", settings.robot, f"has a sample period of {period} s: a session exchanges every {SAMPLE_PERIOD:g} s"
+        )
+    material = getattr(robot, "material", None)
+    return robot, material if isinstance(material, Material) else UNKNOWN_REACH

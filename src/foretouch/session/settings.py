@@ -7,19 +7,20 @@ import itertools
 import math
 from dataclasses import dataclass, field
 
-from foretouch.devices import GRIPS, OPERATORS, DeviceSpecification
+from foretouch.devices import GRIPS, HARDWARE_OPERATORS, OPERATORS, DeviceSpecification
 from foretouch.devices.specification import COUNT_FORCE
 from foretouch.errors import SettingError, UnknownNameError
-from foretouch.identification import DEFAULT_ESTIMATORS, Estimator, make_estimator
+from foretouch.identification import DEFAULT_ESTIMATORS, ESTIMATORS, Estimator, make_estimator
 from foretouch.identification.conditioning import CONTACT_FLOOR
 from foretouch.link import Faults
 from foretouch.link.faults import LONGEST_DELAY
 from foretouch.models.checks import require
+from foretouch.plugins import load_plugin, plugin_names
 from foretouch.quantities import Frame
 from foretouch.robot import SensorFault
 from foretouch.vision import ImageFault
 
-__all__ = ["BASELINES", "FIRST_TOUCHES", "NO_GRIP", "SAMPLE_PERIOD", "SessionSettings"]
+__all__ = ["BASELINES", "FIRST_TOUCHES", "NO_GRIP", "ROBOTS", "SAMPLE_PERIOD", "SIMULATED", "SessionSettings"]
 
 SAMPLE_PERIOD = 1e-3
 """Of both loops [s]."""
@@ -32,6 +33,12 @@ ON_SILENCE = ("unload", "retreat")
 
 NO_GRIP = "none"
 """The grip of an operator whose hand the force does not move."""
+
+SIMULATED = "simulated"
+"""The robot of the package: an arm in MuJoCo that presses the settings' material."""
+
+ROBOTS = (SIMULATED,)
+"""Names of the robots in the package; others come from `foretouch.plugins`."""
 
 BASELINES = ("none", "delayed", "delayed-tdpa")
 """What renders: models, or for comparison the delayed force, without and with a passivity controller."""
@@ -62,7 +69,8 @@ class SessionSettings:
 
     Args:
         material: Name of a material of the simulated robot.
-        operator: ``"scripted"``, ``"recorded"`` or ``"browser"``.
+        operator: ``"scripted"``, ``"recorded"``, ``"browser"``, ``"gamepad"``, ``"force-dimension"``, or a device of
+            another package.
         model: Name of the law to identify.
         estimator: Name of the estimator; empty for the law's own, whose name then stands here.
         position_delay: One-way delay of commands [s], 0 to 10.
@@ -116,10 +124,12 @@ class SessionSettings:
         bump: When it is bumped to somewhere else [s]; 0 for never.
         camera_delay: From an image's exposure until it has been read [s].
         image_fault: Fault of the camera's images, as ``KIND:BEGIN:END`` in seconds; empty for none.
+        robot: ``"simulated"``, or a robot of another package.
 
     Raises:
         SettingError: A value out of range.
-        UnknownNameError: An operator, law, estimator, grip, first touch or baseline that does not exist.
+        UnknownNameError: An operator, robot, law, estimator, grip, first touch or baseline that does not exist.
+        PluginError: An operator, robot or estimator of another package, which cannot be imported.
     """
 
     material: str = "foam-measured"
@@ -170,6 +180,7 @@ class SessionSettings:
     bump: float = 0.0
     camera_delay: float = 0.06
     image_fault: str = ""
+    robot: str = SIMULATED
     command_faults: Faults = field(init=False, repr=False)
     return_faults: Faults = field(init=False, repr=False)
     device: DeviceSpecification = field(init=False, repr=False)
@@ -178,7 +189,6 @@ class SessionSettings:
 
     def __post_init__(self) -> None:
         for kind, choices in (
-            ("operator", OPERATORS),
             ("grip", (NO_GRIP, *GRIPS)),
             ("first_touch", FIRST_TOUCHES),
             ("baseline", BASELINES),
@@ -187,11 +197,15 @@ class SessionSettings:
         ):
             if getattr(self, kind) not in choices:
                 raise UnknownNameError(kind.replace("_", " "), getattr(self, kind), choices)
+        self._check_machines()
         if self.scene:
             self._check_scene()
         if not self.estimator:
             object.__setattr__(self, "estimator", DEFAULT_ESTIMATORS.get(self.model, ""))
         make_estimator(self.model, self.estimator)
+        if self.model not in ESTIMATORS:
+            rule = "is the law of another package, which the other side may not have: identify and compare take it"
+            raise SettingError("model", self.model, rule)
         for delay in ("position_delay", "force_delay"):
             if not 0.0 <= getattr(self, delay) <= LONGEST_DELAY:
                 raise SettingError(delay, getattr(self, delay), f"must lie between 0 and {LONGEST_DELAY:g} s")
@@ -224,13 +238,39 @@ class SessionSettings:
         object.__setattr__(self, "command_faults", Faults(self.position_delay, **common, seed=2 * self.seed))
         object.__setattr__(self, "return_faults", Faults(self.force_delay, **common, seed=2 * self.seed + 1))
 
+    def operators(self) -> tuple[str, ...]:
+        """Names of all operators, those of other packages too."""
+        return (*OPERATORS, *HARDWARE_OPERATORS, *plugin_names("device"))
+
+    def robots(self) -> tuple[str, ...]:
+        """Names of all robots, those of other packages too."""
+        return (*ROBOTS, *plugin_names("robot"))
+
+    def _check_machines(self) -> None:
+        """Operator and robot exist; other packages are looked through only where a name is not built in."""
+        built_in = (*OPERATORS, *HARDWARE_OPERATORS)
+        if self.operator not in built_in and load_plugin("device", self.operator) is None:
+            raise UnknownNameError("operator", self.operator, self.operators())
+        if self.robot in ROBOTS:
+            return
+        if load_plugin("robot", self.robot) is None:
+            raise UnknownNameError("robot", self.robot, self.robots())
+        if self.sensor_fault:
+            rule = f"is of the simulated robot, and robot = {self.robot!r} has sensors of its own: leave it empty"
+            raise SettingError("sensor_fault", self.sensor_fault, rule)
+
     def _check_scene(self) -> None:
         """What a session in three dimensions cannot have; its own defaults."""
         from foretouch.session.spatial.scenes import MESH_ENDINGS, SCENES
 
         if self.scene not in SCENES and not self.scene.lower().endswith(MESH_ENDINGS):
             raise UnknownNameError("scene", self.scene, (*SCENES, *(f"FILE{ending}" for ending in MESH_ENDINGS)))
-        for name, only in (("operator", ("scripted", "browser")), ("baseline", ("none",)), ("sensor_fault", ("",))):
+        for name, only in (
+            ("operator", ("scripted", "browser")),
+            ("baseline", ("none",)),
+            ("sensor_fault", ("",)),
+            ("robot", ROBOTS),
+        ):
             if getattr(self, name) not in only:
                 rule = f"is for sessions along a line; with a scene it must be {' or '.join(map(repr, only))}"
                 raise SettingError(name, getattr(self, name), rule)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 from typing import Any, Protocol
 
+from foretouch.devices import DeviceSpecification
 from foretouch.session import leader
 from foretouch.session.settings import SessionSettings
 
@@ -14,7 +15,14 @@ __all__ = ["LeadingSide", "leading_side"]
 class LeadingSide(Protocol):
     """What leads a session: a start and a step, as of `foretouch.session.leader`."""
 
-    def start(self, settings: SessionSettings, *, holder: str = "leader", epoch: int = 1) -> Any:
+    def start(
+        self,
+        settings: SessionSettings,
+        *,
+        holder: str = "leader",
+        epoch: int = 1,
+        device: DeviceSpecification | None = None,
+    ) -> Any:
         """State before the first tick."""
 
     def step(self, state: Any, inputs: leader.Inputs, now_ns: int) -> tuple[Any, leader.Outputs]:

@@ -14,6 +14,7 @@ from foretouch.session import follower, leader
 from foretouch.session.counting import follower_counts, leader_counts
 from foretouch.session.frames import framed_device, framed_robot
 from foretouch.session.operator_clock import OperatorClock
+from foretouch.session.operators import felt_device
 from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
 from foretouch.session.sides import leading_side
 from foretouch.session.warm_up import warm_up
@@ -68,7 +69,7 @@ def simulate(
     commands: FaultStage[Command] = FaultStage(settings.command_faults)
     returned: FaultStage[ModelUpdate | Telemetry] = FaultStage(settings.return_faults)
     side = leading_side(settings)
-    leading = side.start(settings)
+    leading = side.start(settings, device=felt_device(operator, settings))
     clock = OperatorClock(operator)
     following = follower.start(robot.specification, settings)
     ticks = round(duration / SAMPLE_PERIOD)

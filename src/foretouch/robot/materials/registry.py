@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from foretouch.errors import UnknownNameError
+from foretouch.plugins import make_plugin, plugin_names
 from foretouch.robot.materials.bone import bone
 from foretouch.robot.materials.foam import foam
 from foretouch.robot.materials.foam_measured import foam_measured
@@ -28,15 +29,19 @@ MATERIALS: dict[str, Callable[[], Material]] = {
     "kelvin-voigt": kelvin_voigt,
     "sponge": sponge,
 }
-"""Every material that can be pressed."""
+"""Every material of the package; others come from `foretouch.plugins`."""
 
 
 def make_material(name: str) -> Material:
-    """Material from its name.
+    """Material from its name, of this package or of another.
 
     Raises:
         UnknownNameError: No such material.
+        PluginError: Another package's, which cannot be made.
     """
-    if name not in MATERIALS:
-        raise UnknownNameError("material", name, MATERIALS)
-    return MATERIALS[name]()
+    if name in MATERIALS:
+        return MATERIALS[name]()
+    made = make_plugin("material", name, Material)
+    if made is None:
+        raise UnknownNameError("material", name, (*MATERIALS, *plugin_names("material")))
+    return made

@@ -1,0 +1,72 @@
+"""Commands about robots, devices, materials and estimators, of foretouch and of other packages."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Annotated
+
+import typer
+
+from foretouch.cli.options import Json, print_json
+
+__all__ = ["plugins"]
+
+plugins = typer.Typer(help="Robots, devices, materials and estimators: what there is, and whether it works.")
+
+BROKEN = "broken"
+MARKS = {True: "kept", False: "BROKEN", None: "not seen"}
+
+
+@plugins.callback(invoke_without_command=True)
+def list_plugins(context: typer.Context, json_output: Json = False) -> None:
+    """Robots, devices, materials and estimators, of foretouch and of other packages; the broken ones with the reason.
+
+    Example: foretouch plugins --json
+    """
+    if context.invoked_subcommand is not None:
+        return
+    from foretouch.session.conformance import catalogue
+
+    entries = catalogue()
+    if json_output:
+        rows = [dataclasses.asdict(entry) | {"status": BROKEN if entry.problem else "ok"} for entry in entries]
+        print_json({"plugins": rows})
+        return
+    for entry in entries:
+        laws = f"  of {', '.join(entry.laws)}" if entry.laws else ""
+        typer.echo(f"{entry.kind:<10} {entry.name:<20} {entry.package} {entry.version}{laws}")
+        if entry.problem:
+            typer.echo(f"{'':<10} {BROKEN}: {entry.problem}")
+
+
+@plugins.command("check")
+def check(
+    name: Annotated[str, typer.Argument(help="Of a robot, device, material or estimator.")],
+    group: Annotated[
+        str, typer.Option(help="robot, device, material or estimator; needed where two of them have the name.")
+    ] = "",
+    move: Annotated[bool, typer.Option("--move", help="Let a real robot move, 5 mm in and back, in free air.")] = False,
+    json_output: Json = False,
+) -> None:
+    """Check that a robot, device, material or estimator keeps to what sessions count on. Exit code 1 where not.
+
+    Example: foretouch plugins check hunt-crossley --group material
+    """
+    from foretouch.session.conformance import check_named, failed
+
+    kind = group.removeprefix("foretouch.").removesuffix("s")
+    titled = check_named(name, kind=kind, move=move)
+    broken = [finding for findings in titled.values() for finding in failed(findings)]
+    if json_output:
+        rows = [dataclasses.asdict(finding) | {"of": of} for of, findings in titled.items() for finding in findings]
+        print_json({"name": name, "passed": not broken, "checks": rows})
+    else:
+        for of, findings in titled.items():
+            typer.echo(of)
+            for finding in findings:
+                typer.echo(f"  {MARKS[finding.passed]:<9} {finding.check:<28} {finding.found}")
+                if finding.passed is False:
+                    typer.echo(f"  {'':<9} {'':<28} the rule: {finding.rule}")
+        typer.echo("every rule is kept" if not broken else f"{len(broken)} rules are not kept")
+    if broken:
+        raise typer.Exit(1)

@@ -1,0 +1,173 @@
+"""A gamepad as the operator's handle: a stick and a trigger move it, rumble is a cue. It gives no force."""
+
+from __future__ import annotations
+
+import math
+from typing import ClassVar, NamedTuple, Protocol
+
+from foretouch.devices.device import Device, limit_force
+from foretouch.devices.reach import UNKNOWN_REACH, Reach
+from foretouch.models.checks import require
+
+__all__ = ["NO_FORCE", "Gamepad", "Pad", "PadState", "open_gamepad"]
+
+NO_FORCE = "a gamepad gives no force feedback: its rumble is a cue of how hard is pressed, and moves nobody's hand"
+"""What a user is to know of it."""
+
+STICK_SPEED = 0.06
+"""Speed of the handle at full deflection [m/s]."""
+DEAD_ZONE = 0.15
+"""Deflections below this are a stick at rest."""
+TRACKING_RATE = 60.0
+"""Rate [1/s] of the critically damped tracker: the handle lags by 2 / rate = 33 ms."""
+LARGEST_SPEED = 0.2
+"""Bound on the speed of what the tracker follows [m/s]: a trigger is pulled within milliseconds."""
+FARTHEST, TRIGGER_REACH = 0.2, 0.02
+"""How far in the handle goes at most, and how far the trigger presses, where the surface is not known [m]."""
+PRESSES = 1.2
+"""Where it is known, the handle goes in to so many press depths."""
+LONGEST_STEP = 0.05
+"""A gap between two reads counts as at most so long [s]."""
+FULL_RUMBLE, RUMBLE_PERIOD_NS, RUMBLE_STEP = 10.0, 50_000_000, 0.02
+"""Force of the strongest rumble [N]; a pad is told a new strength no oftener than so, where it differs by so much."""
+
+
+class PadState(NamedTuple):
+    """What a pad shows.
+
+    Attributes:
+        stick: -1 (out) to 1 (in).
+        trigger: 0 (let go) to 1 (pulled).
+        clutched: Whether the clutch button is held.
+    """
+
+    stick: float
+    trigger: float
+    clutched: bool
+
+
+class Pad(Protocol):
+    """A pad: `foretouch.devices.pygame_pad.PygamePad`."""
+
+    def state(self) -> PadState | None:
+        """What it shows now; None where it is gone."""
+
+    def rumble(self, strength: float) -> None:
+        """Rumble from now on, 0 to 1."""
+
+    def close(self) -> None:
+        """Give it back."""
+
+
+class Gamepad(Device):
+    r"""A handle that a stick moves by rate and a trigger by position.
+
+    .. math:: \dot b = V s, \quad r = b + R t, \quad \ddot x = \omega^2 (r - x) - 2 \omega \dot x
+
+    with the stick s less its dead zone, the trigger t, V = 60 mm/s, the trigger's reach R and :math:`\omega = 60/s`,
+    solved exactly for every step. b stays where the stick is let go. A pad that is gone, or shows what is no number,
+    leaves the handle where it is, and without rumble.
+
+    It is an open loop: the rumble moves no hand.
+
+    Args:
+        pad: To read.
+        reach: Of the material; where it is known, trigger and stick go as far as a press does.
+
+    Raises:
+        SettingError: A reach that is no place to press.
+    """
+
+    name: ClassVar[str] = "gamepad"
+    closed_loop: ClassVar[bool] = False
+    real_time: ClassVar[bool] = True
+
+    def __init__(self, pad: Pad, reach: Reach = UNKNOWN_REACH) -> None:
+        self._farthest, self._trigger_reach = FARTHEST, TRIGGER_REACH
+        if reach.known:
+            require("surface", reach.surface, above=0.0, at_most=1.0)
+            require("press_depth", reach.press_depth, above=0.0, at_most=1.0)
+            self._trigger_reach = PRESSES * reach.press_depth
+            self._farthest = reach.surface + self._trigger_reach
+        self._pad = pad
+        self._now_ns: int | None = None
+        self._base = self._trigger = self._aim = 0.0
+        self._position = self._velocity = 0.0
+        self._clutched = self._closed = self._gone = False
+        self._told, self._told_ns = 0.0, 0
+
+    @property
+    def clutched(self) -> bool:
+        """Whether the clutch button was held at the newest `read`."""
+        return self._clutched
+
+    @property
+    def gone(self) -> bool:
+        """Whether the pad was gone at the newest `read`."""
+        return self._gone
+
+    def read(self, now_ns: int) -> float:
+        """Position of the handle [m]."""
+        now_ns = now_ns if self._now_ns is None else max(now_ns, self._now_ns)
+        period = 0.0 if self._now_ns is None else min((now_ns - self._now_ns) * 1e-9, LONGEST_STEP)
+        self._now_ns = now_ns
+        state = None if self._closed else self._pad.state()
+        self._gone = state is None or not math.isfinite(state.stick + state.trigger)
+        if state is None or self._gone:
+            self._clutched = False
+        else:
+            self._clutched = state.clutched
+            self._trigger = min(max(state.trigger, 0.0), 1.0) * self._trigger_reach
+            self._base += STICK_SPEED * _deflection(state.stick) * period
+            self._base = min(max(self._base, 0.0), self._farthest)
+        return self._track(min(self._base + self._trigger, self._farthest), period)
+
+    def render(self, force: float) -> float:
+        """Rumble as strongly as the force says [N]; the force within the limit that every device has, 0 once closed."""
+        force = 0.0 if self._closed else limit_force(force)
+        strength = 0.0 if self._gone else min(force / FULL_RUMBLE, 1.0)
+        now_ns = self._now_ns or 0
+        changed = abs(strength - self._told) >= RUMBLE_STEP or (strength == 0.0) != (self._told == 0.0)
+        if changed and (now_ns - self._told_ns >= RUMBLE_PERIOD_NS or strength == 0.0) and not self._closed:
+            self._pad.rumble(strength)
+            self._told, self._told_ns = strength, now_ns
+        return force
+
+    def close(self) -> None:
+        """End the rumble and give the pad back."""
+        if not self._closed:
+            self._closed = True
+            self._pad.rumble(0.0)
+            self._pad.close()
+
+    def _track(self, goal: float, period: float) -> float:
+        """One step of the aim towards the goal, and of the handle towards the aim [m]."""
+        step = LARGEST_SPEED * period
+        self._aim += min(max(goal - self._aim, -step), step)
+        error = self._position - self._aim
+        pull = self._velocity + TRACKING_RATE * error
+        decay = math.exp(-TRACKING_RATE * period)
+        self._position = self._aim + (error + pull * period) * decay
+        self._velocity = (self._velocity - TRACKING_RATE * pull * period) * decay
+        return self._position
+
+
+def _deflection(stick: float) -> float:
+    """A stick's deflection without its dead zone, -1 to 1."""
+    beyond = max(min(abs(stick), 1.0) - DEAD_ZONE, 0.0) / (1.0 - DEAD_ZONE)
+    return math.copysign(beyond, stick)
+
+
+def open_gamepad(reach: Reach = UNKNOWN_REACH) -> Gamepad:
+    """The first gamepad of this machine.
+
+    Args:
+        reach: Of the material.
+
+    Raises:
+        MissingExtraError: pygame is not installed.
+        SettingError: No gamepad is connected.
+    """
+    from foretouch.devices.pygame_pad import PygamePad
+
+    return Gamepad(PygamePad(), reach)

@@ -1,0 +1,115 @@
+"""From a name to what a package brings, or to one line that says what is wrong with it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection
+from typing import TypeVar
+
+from foretouch.errors import ForetouchError, InputError
+from foretouch.plugins.entry_points import Plugin, plugins_named
+
+__all__ = ["PluginError", "load_plugin", "make_plugin", "problem_of"]
+
+Made = TypeVar("Made")
+
+
+class PluginError(InputError):
+    """Something of another package cannot be used.
+
+    Args:
+        plugin: The entry point.
+        problem: What is wrong with it.
+        remedy: What to do; without one, to mend the package or to uninstall it.
+    """
+
+    def __init__(self, plugin: Plugin, problem: str, remedy: str = "") -> None:
+        remedy = remedy or f"mend {plugin.package} or uninstall it"
+        super().__init__(f"{plugin.kind} {plugin.name!r} ({plugin.place}): {problem}; {remedy}")
+        self.plugin = plugin
+        self.problem = problem
+
+
+def load_plugin(kind: str, name: str, *, built_in: Collection[str] = ()) -> tuple[Plugin, Callable[..., object]] | None:
+    """What the entry point names, imported; None where no package has this name.
+
+    Args:
+        kind: Of `foretouch.plugins.GROUPS`.
+        name: As on the command line.
+        built_in: Names that no package may take.
+
+    Raises:
+        PluginError: It is there twice, takes a built-in name, raises at import, or is nothing that could be called.
+    """
+    named = plugins_named(kind, name)
+    if not named:
+        return None
+    first = named[0]
+    if name in built_in:
+        raise PluginError(first, f"the name is that of a built-in {kind}", f"ask {first.package} for another name")
+    if len(named) > 1:
+        others = " and ".join(f"{one.package} {one.version} ({one.target})" for one in named)
+        raise PluginError(first, f"the name is there {len(named)} times: {others}", "uninstall all but one of them")
+    try:
+        target = first.import_target()
+    except (Exception, SystemExit) as error:
+        raise PluginError(first, f"raises {_said(error)} at import") from error
+    if not callable(target):
+        raise PluginError(first, f"is {_kind_of(target)} and not something to call")
+    return first, target
+
+
+def make_plugin(
+    kind: str, name: str, expected: type[Made], *arguments: object, built_in: Collection[str] = ()
+) -> Made | None:
+    """What a package's factory makes; None where no package has this name.
+
+    An error that is foretouch's own passes as it is: its line says what the factory misses.
+
+    Args:
+        kind: Of `foretouch.plugins.GROUPS`.
+        name: As on the command line.
+        expected: Class that it must be of.
+        *arguments: For the factory.
+        built_in: Names that no package may take.
+
+    Raises:
+        PluginError: As `load_plugin`, and where the factory raises or makes something else.
+    """
+    loaded = load_plugin(kind, name, built_in=built_in)
+    if loaded is None:
+        return None
+    plugin, factory = loaded
+    try:
+        made = factory(*arguments)
+    except ForetouchError:
+        raise
+    except (Exception, SystemExit) as error:
+        raise PluginError(plugin, f"raises {_said(error)} where one is to be made") from error
+    if not isinstance(made, expected):
+        raise PluginError(plugin, f"makes {_kind_of(made)} and not a {expected.__name__}")
+    return made
+
+
+def problem_of(plugin: Plugin, *, built_in: Collection[str] = ()) -> str:
+    """What is wrong with an entry point, as far as an import shows it; empty where nothing is.
+
+    Args:
+        plugin: Of `foretouch.plugins.all_plugins`.
+        built_in: Names that no package may take.
+    """
+    try:
+        load_plugin(plugin.kind, plugin.name, built_in=built_in)
+    except PluginError as error:
+        return error.problem
+    return ""
+
+
+def _said(error: BaseException) -> str:
+    """An exception in one line."""
+    text = " ".join(str(error).split())
+    return f"{type(error).__name__}: {text}" if text else type(error).__name__
+
+
+def _kind_of(value: object) -> str:
+    """A value's class for people; a class itself by its name."""
+    return f"the class {value.__name__}" if isinstance(value, type) else f"a {type(value).__name__}"

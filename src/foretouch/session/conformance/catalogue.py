@@ -1,0 +1,151 @@
+"""All robots, devices, materials and estimators that there are, and their checks by name."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib.metadata import version
+
+from foretouch.devices import HARDWARE_OPERATORS, OPERATORS, UNKNOWN_REACH, Device
+from foretouch.errors import SettingError, UnknownNameError
+from foretouch.identification import BUILT_IN_ESTIMATORS, ESTIMATORS, all_estimators, load_estimator, make_estimator
+from foretouch.plugins import GROUPS, PluginError, all_plugins, load_plugin, plugin_names, plugins_named, problem_of
+from foretouch.robot import DEFAULT_MATERIAL, MATERIALS, make_material
+from foretouch.session.conformance.device_checks import check_device
+from foretouch.session.conformance.estimator_checks import check_estimator
+from foretouch.session.conformance.finding import Finding
+from foretouch.session.conformance.material_checks import check_material
+from foretouch.session.conformance.robot_checks import check_robot
+from foretouch.session.operators import make_operator
+from foretouch.session.robots import make_session_robot
+from foretouch.session.settings import ROBOTS, SessionSettings
+
+__all__ = ["BUILT_IN", "Entry", "catalogue", "check_named"]
+
+BUILT_IN: dict[str, tuple[str, ...]] = {
+    "robot": ROBOTS,
+    "device": (*OPERATORS, *HARDWARE_OPERATORS),
+    "material": tuple(MATERIALS),
+    "estimator": tuple(sorted(BUILT_IN_ESTIMATORS)),
+}
+"""Names of the package by kind; no other may take one."""
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """One robot, device, material or estimator.
+
+    Attributes:
+        kind: Of `foretouch.plugins.GROUPS`.
+        name: As on the command line.
+        package: That it is of.
+        version: Of that package.
+        target: ``module:attribute``; empty for those of foretouch.
+        laws: That it learns, of an estimator.
+        problem: What is wrong with it; empty where nothing is.
+    """
+
+    kind: str
+    name: str
+    package: str
+    version: str
+    target: str = ""
+    laws: tuple[str, ...] = ()
+    problem: str = ""
+
+
+def catalogue() -> list[Entry]:
+    """All that there are, those of foretouch first; what other packages bring is imported to see whether it can be."""
+    own = version("foretouch")
+    entries = [
+        Entry(kind, name, "foretouch", own, laws=_laws(name) if kind == "estimator" else ())
+        for kind, names in BUILT_IN.items()
+        for name in names
+    ]
+    for plugin in all_plugins():
+        problem = problem_of(plugin, built_in=BUILT_IN[plugin.kind])
+        laws: tuple[str, ...] = ()
+        if plugin.kind == "estimator" and not problem:
+            try:
+                kind = load_estimator(plugin.name)
+                laws = () if kind is None else (kind.model_name,)
+            except PluginError as error:
+                problem = error.problem
+        entries.append(Entry(plugin.kind, plugin.name, plugin.package, plugin.version, plugin.target, laws, problem))
+    return entries
+
+
+def check_named(name: str, *, kind: str = "", move: bool = False) -> dict[str, list[Finding]]:
+    """The conformance checks of what has this name.
+
+    Args:
+        name: As on the command line.
+        kind: Of `foretouch.plugins.GROUPS`; empty where the name is of one kind alone.
+        move: Whether a real robot may be moved.
+
+    Returns:
+        Findings by title: the kind and the name; of an estimator for several laws, one for each.
+
+    Raises:
+        UnknownNameError: Nothing has this name.
+        SettingError: More than one kind has it.
+        PluginError: It is another package's and cannot be used.
+        ForetouchError: It cannot be made here, for what it says.
+    """
+    if kind and kind not in GROUPS:
+        raise UnknownNameError("group", kind, GROUPS)
+    kinds = [one for one in ((kind,) if kind else GROUPS) if name in BUILT_IN[one] or plugins_named(one, name)]
+    if not kinds:
+        one = kind or "robot, device, material or estimator"
+        raise UnknownNameError(one, name, {known for of in ((kind,) if kind else GROUPS) for known in _names(of)})
+    if len(kinds) > 1:
+        raise SettingError("name", name, f"is a {' and a '.join(kinds)}: say which with --group")
+    of = kinds[0]
+    load_plugin(of, name, built_in=BUILT_IN[of])  # a name that is taken twice is nobody's
+    return _CHECKS[of](name, move)
+
+
+def _names(kind: str) -> tuple[str, ...]:
+    return (*BUILT_IN[kind], *plugin_names(kind))
+
+
+def _laws(estimator: str) -> tuple[str, ...]:
+    return tuple(model for model, kinds in ESTIMATORS.items() if estimator in kinds)
+
+
+def _check_robot(name: str, move: bool) -> dict[str, list[Finding]]:
+    settings = SessionSettings(robot=name)
+    return {f"robot {name}": check_robot(lambda: make_session_robot(settings)[0], move=move)}
+
+
+def _check_device(name: str, _: bool) -> dict[str, list[Finding]]:
+    settings = SessionSettings(operator=name)
+    material = make_material(DEFAULT_MATERIAL)
+    surface, depth = UNKNOWN_REACH if name in HARDWARE_OPERATORS else (material.surface, material.press_depth)
+
+    def make() -> Device:
+        return make_operator(settings, surface=surface, press_depth=depth, say=lambda _: None)
+
+    return {f"device {name}": check_device(make, name=name)}
+
+
+def _check_material(name: str, _: bool) -> dict[str, list[Finding]]:
+    return {f"material {name}": check_material(lambda: make_material(name), name=name)}
+
+
+def _check_estimator(name: str, _: bool) -> dict[str, list[Finding]]:
+    load_estimator(name)
+    laws = [model for model, kinds in all_estimators().items() if name in kinds]
+    return {
+        f"estimator {name} of {law}": check_estimator(functools.partial(make_estimator, law, name), name=name)
+        for law in laws
+    }
+
+
+_CHECKS: dict[str, Callable[[str, bool], dict[str, list[Finding]]]] = {
+    "robot": _check_robot,
+    "device": _check_device,
+    "material": _check_material,
+    "estimator": _check_estimator,
+}

@@ -1,0 +1,221 @@
+"""What every device keeps to."""
+
+from __future__ import annotations
+
+import functools
+import math
+import time
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from foretouch.devices import Device, DeviceSpecification
+from foretouch.devices.device import FORCE_LIMIT
+from foretouch.errors import ForetouchError
+from foretouch.session.conformance.finding import Finding, guarded, percentile_time, skipped
+from foretouch.session.settings import SAMPLE_PERIOD
+
+__all__ = ["check_device"]
+
+TICK_NS = round(SAMPLE_PERIOD * 1e9)
+FARTHEST, FASTEST = 0.5, 1.0
+"""No hand is further from its start [m], or faster [m/s]: more is another unit, or positions that come seldom."""
+NEAREST = 1e-4
+"""Less motion than this [m] is none."""
+LONGEST_CALL = 2e-4
+"""Of a read or a render, in 99 of 100 [s]."""
+MOVING_TIME, REAL_TIME = 20.0, 4.0
+"""How long a device is watched that moves by itself, and one that somebody moves [s]."""
+PUSH = 1.0
+"""Force by which a hand is to be moved [N]."""
+
+
+def check_device(make: Callable[[], Device], *, name: str = "") -> list[Finding]:
+    """Check a device: rate, units, signs, limits, truth, fail to zero, times that go back, timing.
+
+    One of `Device.real_time` is watched for 4 s of real time, in which somebody is to move it in and out, and no force
+    above 0 is asked of it but in the check of its limits, in single ticks that end at once.
+
+    Args:
+        make: Makes a fresh one; called several times for one that is simulated, once for one in real time.
+        name: That it is to have; without one, any.
+
+    Returns:
+        One finding a check.
+
+    Raises:
+        ForetouchError: It cannot be made here, for what it says.
+    """
+    try:
+        device: object = make()
+    except ForetouchError:
+        raise  # its line says what is missing
+    except Exception as error:
+        return [Finding("made", False, f"raises {type(error).__name__}: {error}", "it can be made")]
+    if not isinstance(device, Device):
+        return [Finding("made", False, f"a {type(device).__name__}", "it is a foretouch.devices.Device")]
+    motion = functools.cache(lambda: _motion(device))
+    checks: list[tuple[str, Callable[[], Finding | list[Finding]]]] = [
+        ("name", lambda: _name(device, name)),
+        ("specification", lambda: _specification(device)),
+        ("units", lambda: _units(motion())),
+        ("rate", lambda: _rate(motion())),
+        ("sign of position", lambda: _position_sign(motion())),
+        ("times that go back", lambda: _times_back(device)),
+        ("read time", lambda: _timing(device, "read time")),
+        ("render time", lambda: _timing(device, "render time")),
+        ("force limit", lambda: _limit(device)),
+        ("no force asked, none given", lambda: _nothing(device)),
+        ("no number, no force", lambda: _no_number(device)),
+    ]
+    if not device.real_time:
+        checks.append(("same times, same motion", lambda: _repeatable(make)))
+        checks.append(("sign of force", lambda: _force_sign(make)))
+    else:
+        why = "somebody moves it: look yourself"
+        checks.append(("sign of force", lambda: skipped("sign of force", why, "force pushes the hand out")))
+    checks.append(("closed, no force", lambda: _closed(device)))
+    try:
+        return guarded(checks)
+    finally:
+        device.close()
+
+
+def _motion(device: Device) -> NDArray[np.float64]:
+    """Positions at every tick [m], shape (n,); in real time where somebody moves it."""
+    ticks = round((REAL_TIME if device.real_time else MOVING_TIME) / SAMPLE_PERIOD)
+    begin, positions = time.monotonic(), np.empty(ticks)
+    for tick in range(ticks):
+        if device.real_time:
+            time.sleep(max(begin + tick * SAMPLE_PERIOD - time.monotonic(), 0.0))
+        positions[tick] = device.read(tick * TICK_NS)
+        device.render(0.0)
+    return positions
+
+
+def _name(device: Device, name: str) -> Finding:
+    own = getattr(device, "name", None)
+    kept = isinstance(own, str) and bool(own) and (not name or own == name)
+    return Finding("name", kept, f"name = {own!r}", f"name is {name!r}" if name else "name is a text")
+
+
+def _specification(device: Device) -> Finding:
+    own, felt = device.specification, device.closed_loop
+    kept = isinstance(own, DeviceSpecification) if felt else own is None
+    rule = "a DeviceSpecification where the force moves the hand (closed_loop), else None"
+    return Finding("specification", kept, f"closed_loop = {felt}, specification = {type(own).__name__}", rule)
+
+
+def _units(motion: NDArray[np.float64]) -> Finding:
+    rule = f"positions are finite and in metres: at most {FARTHEST:g} m from 0, which is where the hand starts"
+    if not np.isfinite(motion).all():
+        return Finding("units", False, f"{np.count_nonzero(~np.isfinite(motion))} positions are no numbers", rule)
+    farthest = float(np.abs(motion).max())
+    return Finding("units", farthest <= FARTHEST, f"at most {farthest:.4g} m from 0", rule)
+
+
+def _rate(motion: NDArray[np.float64]) -> Finding:
+    largest = float(np.nanmax(np.abs(np.diff(motion))))
+    most = FASTEST * SAMPLE_PERIOD
+    rule = f"positions are new at every tick of {1e3 * SAMPLE_PERIOD:g} ms: no step is above {1e3 * most:g} mm"
+    return Finding("rate", largest <= most, f"largest step {1e3 * largest:.4g} mm", rule)
+
+
+def _position_sign(motion: NDArray[np.float64]) -> Finding:
+    inwards, outwards = float(np.nanmax(motion) - motion[0]), float(motion[0] - np.nanmin(motion))
+    rule = "positions grow into the material: it goes further in than out of where it starts"
+    if max(inwards, outwards) < NEAREST:
+        return skipped("sign of position", "it did not move: push it in while it is watched", rule)
+    found = f"{1e3 * inwards:.4g} mm in, {1e3 * outwards:.4g} mm out"
+    return Finding("sign of position", inwards > outwards, found, rule)
+
+
+def _times_back(device: Device) -> Finding:
+    now = round(3600e9)
+    there = device.read(now)
+    moved = max(abs(device.read(then) - there) for then in (now, now - 10**9, 0))
+    after = abs(device.read(now + TICK_NS) - there)
+    most = FASTEST * SAMPLE_PERIOD
+    rule = "a time that goes back counts as the newest: the hand stays, and goes on from there"
+    found = f"moved by {1e3 * moved:.4g} mm, then by {1e3 * after:.4g} mm"
+    return Finding("times that go back", moved <= most and after <= most, found, rule)
+
+
+def _timing(device: Device, check: str) -> Finding:
+    begin = round(7200e9)
+    if check == "read time":
+        taken = percentile_time(lambda index: device.read(begin + index * TICK_NS), 1000, 99.0)
+    else:
+        taken = percentile_time(lambda index: device.render(0.0), 1000, 99.0)
+    rule = f"99 of 100 take at most {1e3 * LONGEST_CALL:g} ms"
+    return Finding(check, taken <= LONGEST_CALL, f"{1e3 * taken:.4g} ms", rule)
+
+
+def _limit(device: Device) -> Finding:
+    own = device.specification
+    limit = FORCE_LIMIT if own is None else own.force_limit
+    given = []
+    for force in (1e6, math.inf):
+        given.append(device.render(force))
+        device.render(0.0)
+    kept = all(math.isfinite(force) and 0.0 <= force <= limit * (1.0 + 1e-9) for force in given)
+    rule = f"render returns what was really given, at most {limit:g} N"
+    return Finding("force limit", kept, f"{max(given):.4g} N of 1e6 N", rule)
+
+
+def _nothing(device: Device) -> Finding:
+    given = [device.render(force) for force in (0.0, -3.0, -math.inf)]
+    device.render(0.0)
+    rule = "a force of 0 or less is rendered as 0: nothing pulls a hand in"
+    return Finding("no force asked, none given", given == [0.0] * 3, f"{given} N of 0, -3 and -inf N", rule)
+
+
+def _no_number(device: Device) -> Finding:
+    given = device.render(math.nan)
+    device.render(0.0)
+    return Finding(
+        "no number, no force", given == 0.0, f"{given} N of NaN", "a force that is no number is rendered as 0"
+    )
+
+
+def _repeatable(make: Callable[[], Device]) -> Finding:
+    first, second = (_short(make()) for _ in range(2))
+    apart = float(np.abs(first - second).max())
+    rule = "motion depends on nothing but the times: two that are made alike move alike"
+    return Finding("same times, same motion", apart == 0.0, f"{1e3 * apart:.4g} mm apart", rule)
+
+
+def _short(device: Device, force: float = 0.0, begin: int = 2000) -> NDArray[np.float64]:
+    """Positions over 3 s [m], with a force from the tick `begin` on."""
+    positions = np.empty(3000)
+    for tick in range(positions.size):
+        positions[tick] = device.read(tick * TICK_NS)
+        device.render(force if tick >= begin else 0.0)
+    device.close()
+    return positions
+
+
+def _force_sign(make: Callable[[], Device]) -> Finding:
+    device = make()
+    felt = device.closed_loop
+    moved = _short(device, PUSH)[-1] - _short(make())[-1]
+    rule = "force pushes the hand out, to smaller positions; where closed_loop is False it moves nothing"
+    kept = moved < 0.0 if felt else moved == 0.0
+    return Finding("sign of force", kept, f"{PUSH:g} N for 1 s moves the hand by {1e3 * moved:.4g} mm", rule)
+
+
+def _closed(device: Device) -> Finding:
+    rule = "after close, and a second close, nothing raises and a device in somebody's hand gives no force"
+    device.render(PUSH)
+    device.close()
+    device.close()
+    position, given = device.read(round(7300e9)), device.render(PUSH)
+    held = device.real_time or (device.closed_loop and _holds(device))
+    kept = math.isfinite(position) and (given == 0.0 or not held)
+    return Finding("closed, no force", kept, f"{given:.4g} N of {PUSH:g} N after close", rule)
+
+
+def _holds(device: Device) -> bool:
+    """Whether there is anything to close: a device that is simulated in the package holds nothing."""
+    return type(device).close is not Device.close
