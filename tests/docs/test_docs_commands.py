@@ -100,7 +100,7 @@ OFFLINE: dict[tuple[str, ...], Callable[[list[str]], list[str]]] = {
 }
 """Commands that end by themselves, and their short forms."""
 
-LIVE = ("teleop", "follower", "leader", "record", "console", "stop", "camera")
+LIVE = ("teleop", "follower", "leader", "record", "console", "stop", "camera", "bridge")
 """Commands of a session in real time."""
 
 SHADOW = "--shadow"
@@ -298,7 +298,7 @@ def test_a_session_runs_in_its_short_form(text: str, tmp_path: Path, running: li
 
 def laps() -> Iterator[dict[str, str]]:
     """The commands of single sides, combined so that each is in at least one lap; robots are stopped in the first."""
-    names = [name for name in LIVE if name not in ("teleop", "stop", "camera")]
+    names = [name for name in LIVE if name not in ("teleop", "stop", "camera", "bridge")]
     sides = {name: sorted(of(name), key=lambda text: SHADOW in text) for name in names}
     stops = of("stop")
     for lap in range(max(map(len, sides.values()))):
@@ -319,6 +319,7 @@ def on_this_machine(text: str, kind: str, ports: tuple[int, int]) -> list[str]:
         ("stop", "--connect"): [0],
         ("camera", "--connect"): [0],
         ("camera", "--listen"): [1],
+        ("bridge", "--connect"): [0, 1],
     }
     for option in ("--listen", "--connect"):
         places = [i + 1 for i, word in enumerate(words) if word == option]
@@ -375,6 +376,19 @@ def test_a_camera_sees_beside_a_follower(text: str, tmp_path: Path, running: lis
     running += [start(one, tmp_path) for one in (beside, arguments)]
     for process in running:
         finish(process)
+
+
+@pytest.mark.live
+@pytest.mark.parametrize("text", of("bridge"), ids=str)
+def test_a_bridge_tries_until_it_is_told_to_end(
+    text: str, tmp_path: Path, running: list[subprocess.Popen[str]]
+) -> None:
+    arguments = on_this_machine(text, "tcp", (free_port(), free_port()))
+    running.append(start([*arguments, "--router", f"tcp/127.0.0.1:{free_port()}"], tmp_path))
+    assert running[0].stderr is not None
+    assert running[0].stderr.readline().startswith("bridge: no ROS 2 router at tcp/127.0.0.1:")
+    running[0].send_signal(signal.SIGTERM)
+    finish(running[0])
 
 
 # --- Python -----------------------------------------------------------------------------------------------------------
