@@ -18,7 +18,7 @@ BYTE_RATE, LARGEST_BURST = 43e3, 3e3
 """Models take so many bytes a second, and so many at once after a silence [bytes]: with the one that may exceed it, no
 second holds more than 50 kB. What does not fit waits, and is sent as it is known by then."""
 
-ERRORS_PERIOD_NS = 200_000_000
+ERRORS_PERIOD_NS = 500_000_000
 """Standard errors of the parameters are asked for so often [ns]."""
 
 CHANGE_TOLD_NS = 2_000_000_000
