@@ -45,6 +45,8 @@ POSITION_FIELDS = {
 """Types of messages that hold a place in metres, and its field along z."""
 
 JOINTS = "sensor_msgs/msg/JointState"
+LOOKED_INTO = 8
+"""Topics of joint states whose first message is looked into; of the others one joint is taken for a candidate."""
 PLAIN = {f"std_msgs/msg/{kind}": "data" for kind in ("Float64", "Float32")}
 
 
@@ -221,6 +223,7 @@ def _of_bag(bag: Bag) -> Guess:
 
 def _candidates(bag: Bag, quantity: str, fields: dict[str, str], unit: str) -> list[tuple[float, Signal]]:
     found: list[tuple[float, Signal]] = []
+    looked_at = 0
     for topic in bag.topics:
         if not topic.count:
             continue
@@ -230,7 +233,10 @@ def _candidates(bag: Bag, quantity: str, fields: dict[str, str], unit: str) -> l
             signal = Signal(topic=topic.name, field=fields[topic.type_name], unit=unit)
             found.append((4.0 + stamped + said, signal))
         elif topic.type_name == JOINTS and quantity == POSITION:
-            places = [column.name for column in bag.fields(topic.name) if column.name.startswith("position[")]
+            looked_at += 1
+            places = ["position[0]"]
+            if looked_at <= LOOKED_INTO:
+                places = [column.name for column in bag.fields(topic.name) if column.name.startswith("position[")]
             score = 3.0 if len(places) == 1 else 2.0
             found += [(score + said, Signal(topic=topic.name, field=place)) for place in places]
         elif topic.type_name in PLAIN and said:
