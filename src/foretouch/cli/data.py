@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from foretouch.cli.options import Json, make_folder, print_json
+from foretouch.cli.options import Json, make_folder, print_json, say
 from foretouch.cli.progress import progress_bar, pulsing
 
 __all__ = ["datasets", "materials"]
@@ -68,9 +68,15 @@ def list_materials(json_output: Json = False) -> None:
 
     Example: foretouch materials list
     """
+    from foretouch.plugins import PluginError, plugin_names
     from foretouch.robot import MATERIALS, make_material
 
     entries = {name: make_material(name) for name in MATERIALS}
+    for name in plugin_names("material"):
+        try:
+            entries.setdefault(name, make_material(name))
+        except PluginError as error:
+            say(f"left out: {error}")
     if json_output:
         print_json(
             {
