@@ -1,0 +1,1 @@
+"""A device and an estimator for foretouch."""
