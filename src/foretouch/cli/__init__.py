@@ -8,6 +8,9 @@ import sys
 POOLS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
 """Sizes of the libraries' thread pools, by variable of the environment."""
 
+INTERRUPTED = 130
+"""Exit code after Ctrl-C, as a shell gives it to whom SIGINT (2) ended: 128 + 2."""
+
 
 def main() -> None:
     """Run the `foretouch` command; a mistake of the user ends it with one line and exit code 2.
@@ -26,9 +29,13 @@ def main() -> None:
         except ForetouchError as error:
             sys.stderr.write(f"foretouch: {error}\n")
             sys.exit(2)
+        except SystemExit as end:
+            if end.code == INTERRUPTED:  # Typer ends so, without a word
+                raise KeyboardInterrupt from None
+            raise
     except KeyboardInterrupt:  # also while imports still run
         sys.stderr.write("foretouch: interrupted\n")
-        sys.exit(130)
+        sys.exit(INTERRUPTED)
 
 
-__all__ = ["main"]
+__all__ = ["INTERRUPTED", "main"]

@@ -1,0 +1,201 @@
+"""What holds of every command: an example in its help, JSON, exit codes, completion, and a quick start."""
+
+from __future__ import annotations
+
+import ast
+import inspect
+import json
+import os
+import re
+import resource
+import shlex
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import click
+import pytest
+from typer.main import get_command
+from typer.testing import CliRunner
+
+import foretouch
+from foretouch.cli import INTERRUPTED
+from foretouch.cli.app import app
+from foretouch.cli.exit_codes import EXIT_CODES
+
+DOCUMENTED = Path(__file__).resolve().parents[2] / "docs" / "command-line.md"
+
+SOURCE = Path(inspect.getfile(foretouch)).parent
+
+WITHOUT_RESULT = ("leader", "follower", "camera", "record", "console", "bridge ros2")
+"""Commands that run until they are ended, and print nothing on the output."""
+
+
+def walk(command: object, path: tuple[str, ...] = ()) -> Iterator[tuple[str, click.Command]]:
+    for name, below in getattr(command, "commands", {}).items():
+        yield from walk(below, (*path, name))
+    if not hasattr(command, "commands"):
+        yield " ".join(path), command  # type: ignore[misc]
+
+
+COMMANDS = dict(walk(get_command(app)))
+
+
+def foretouch_command(*arguments: str, **environment: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-m", "foretouch", *arguments], env=os.environ | environment, capture_output=True, text=True
+    )
+
+
+def test_there_are_commands() -> None:
+    assert len(COMMANDS) > 25
+    assert "doctor" in COMMANDS
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_help_of_every_command_has_an_example_that_it_takes(name: str) -> None:
+    result = CliRunner().invoke(app, [*name.split(), "--help"])
+    assert result.exit_code == 0, result.output
+    match = re.search(r"Example: (foretouch [^\n]*(?:\n +\S[^\n]*)*)", result.output)
+    assert match is not None, f"foretouch {name} --help shows no example"
+    words = shlex.split(" ".join(match[1].split()))[1:]
+    assert words[: len(name.split())] == name.split()
+    # What the example gives is what the command takes: an option that is not there, or a missing argument, raises.
+    COMMANDS[name].make_context(name, words[len(name.split()) :], resilient_parsing=False)
+
+
+@pytest.mark.parametrize("name", sorted(set(COMMANDS) - set(WITHOUT_RESULT)))
+def test_what_prints_a_result_prints_it_as_json_too(name: str) -> None:
+    assert "--json" in {option for parameter in COMMANDS[name].params for option in parameter.opts}
+
+
+def test_the_commands_without_a_result_are_commands() -> None:
+    assert set(WITHOUT_RESULT) <= set(COMMANDS)
+
+
+def test_completing_the_beginning_of_a_command_gives_the_command(tmp_path: Path) -> None:
+    command = Path(sys.executable).with_name("foretouch")
+    if not command.exists():
+        pytest.skip("the foretouch command is not installed beside this Python")
+    completed = subprocess.run(
+        [command],
+        env=os.environ | {"_FORETOUCH_COMPLETE": "complete_bash", "COMP_WORDS": "foretouch sim", "COMP_CWORD": "1"},
+        capture_output=True,
+        text=True,
+    )
+    assert completed.stdout.split() == ["simulate"]
+    assert completed.stderr == ""
+
+
+@pytest.mark.skipif(shutil.which("bash") is None, reason="there is no bash")
+def test_bash_completes_by_what_install_completion_writes(tmp_path: Path) -> None:
+    command = Path(sys.executable).with_name("foretouch")
+    if not command.exists():
+        pytest.skip("the foretouch command is not installed beside this Python")
+    environment = os.environ | {"HOME": str(tmp_path), "PATH": f"{command.parent}{os.pathsep}{os.environ['PATH']}"}
+    shown = subprocess.run(
+        ["bash", "-c", "foretouch --show-completion; true"],
+        env=environment,
+        capture_output=True,
+        text=True,
+    )
+    assert "complete -o default -F _foretouch_completion foretouch" in shown.stdout, shown.stderr
+    script = f'{shown.stdout}\nCOMP_WORDS=(foretouch sim); COMP_CWORD=1; _foretouch_completion foretouch; echo "${{COMPREPLY[@]}}"'
+    reply = subprocess.run(["bash", "-c", script], env=environment, capture_output=True, text=True)
+    assert reply.stdout.split() == ["simulate"], reply.stderr
+
+
+def test_help_takes_less_than_three_tenths_of_a_second_of_a_processor() -> None:
+    def processor_time() -> float:
+        used = resource.getrusage(resource.RUSAGE_CHILDREN)
+        return used.ru_utime + used.ru_stime
+
+    took = []
+    for _ in range(3):
+        before = processor_time()
+        assert foretouch_command("--help").returncode == 0
+        took.append(processor_time() - before)
+    assert min(took) < 0.3
+
+
+def test_the_page_and_the_help_list_the_exit_codes_that_there_are() -> None:
+    listed = {int(code) for code in re.findall(r"^\| (\d+) \|", DOCUMENTED.read_text(), re.MULTILINE)}
+    assert listed == set(EXIT_CODES)
+    help_text = " ".join(CliRunner().invoke(app, ["--help"]).output.split())
+    for code, (short, sentence) in EXIT_CODES.items():
+        assert f"{code} {short}" in help_text
+        assert sentence in DOCUMENTED.read_text()
+
+
+def test_every_exit_code_in_the_code_is_listed() -> None:
+    """Literal codes of `typer.Exit` and `sys.exit`, and named ones, as the modules define them."""
+    found: set[int] = set()
+    for path in [*(SOURCE / "cli").glob("*.py")]:
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.Call) and ast.unparse(node.func) in ("typer.Exit", "sys.exit") and node.args:
+                (argument,) = node.args
+                if isinstance(argument, ast.Constant):
+                    found.add(int(argument.value))
+                else:
+                    assert ast.unparse(argument) in ("code", "RECORDING_INCOMPLETE", "INTERRUPTED"), (
+                        f"{path}: {ast.unparse(node)}"
+                    )
+    from foretouch.session import RECORDING_INCOMPLETE
+
+    assert found | {0, RECORDING_INCOMPLETE, INTERRUPTED} == set(EXIT_CODES)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code"),
+    [
+        (("--version",), 0),
+        (("identify", "nothing.csv"), 2),
+        (("no-such-command",), 2),
+        (("simulate", "--no-such-option"), 2),
+    ],
+)
+def test_codes_are_as_listed(arguments: tuple[str, ...], code: int) -> None:
+    assert foretouch_command(*arguments).returncode == code
+
+
+@pytest.mark.parametrize(
+    ("arguments", "what_to_do"),
+    [
+        (("simulat",), "Did you mean 'simulate'?"),
+        (("simulate", "--durration", "3"), "--duration"),
+        (("simulate", "--material", "jelly"), "choose one of"),
+        (("simulate", "--duration", "0"), "above 0 s"),
+        (("simulate", "--recording", "out.csv"), "must end with .mcap"),
+        (("identify", "nothing.csv"), "nothing.csv"),
+        (("predict", "nothing.csv", "--delay=-1"), "at least 0"),
+        (("leader",), "give --listen or --connect"),
+        (("doctor", "--connect", "127.0.0.1"), "write it as tcp/HOST:PORT"),
+        (("doctor", "--connect", "tcp/192.0.2.1:7447"), "--insecure"),
+        (("doctor", "--seconds", "0"), "above 0"),
+        (("doctor", "--listen", "tcp/127.0.0.1:1", "--connect", "tcp/127.0.0.1:2"), "on one machine"),
+        (("datasets", "fetch", "nonsense"), "choose one of"),
+        (("bench", "--only", "nonsense"), "choose one of"),
+        (("reproduce", "--only", "nonsense"), "choose one of"),
+    ],
+)
+def test_errors_say_what_to_do_in_few_lines_and_no_traceback(arguments: tuple[str, ...], what_to_do: str) -> None:
+    done = foretouch_command(*arguments)
+    assert done.returncode == 2
+    assert done.stdout == ""
+    assert what_to_do in done.stderr
+    assert "Traceback" not in done.stderr
+    assert len(done.stderr.strip().splitlines()) <= 4
+
+
+def test_json_is_the_whole_output(tmp_path: Path) -> None:
+    folder = str(tmp_path / "keys")
+    made = {
+        name: json.loads(foretouch_command("keys", *arguments, "--keys", folder, "--json").stdout)
+        for name, arguments in {"init": ("init",), "issue": ("issue", "leader"), "rotate": ("rotate",)}.items()
+    }
+    assert set(made["init"]["certificates"]) == {"authority.key"}
+    assert set(made["issue"]["certificates"]) == set(made["rotate"]["certificates"]) == {"leader.pem"}
+    before, after = (made[name]["certificates"]["leader.pem"]["sha256"] for name in ("issue", "rotate"))
+    assert before != after

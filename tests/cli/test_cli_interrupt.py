@@ -1,0 +1,126 @@
+"""Ctrl-C, as a terminal sends it: to the whole foreground group. What was started ends, and nothing stays behind."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+pytestmark = [pytest.mark.live, pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="needs /proc")]
+
+BEGINS, ENDS = 90.0, 30.0
+"""Longest time until work has begun, and until it has ended [s]."""
+
+
+def parents() -> dict[int, int]:
+    """Parent of every process that runs, by number."""
+    found = {}
+    for path in Path("/proc").glob("[0-9]*/stat"):
+        try:
+            state, parent = path.read_text().rpartition(")")[2].split()[:2]
+        except OSError:
+            continue
+        if state != "Z":
+            found[int(path.parent.name)] = int(parent)
+    return found
+
+
+def descendants(process: int) -> set[int]:
+    """All that a process has started, and what these have."""
+    running, found = parents(), {process}
+    while more := {child for child, parent in running.items() if parent in found} - found:
+        found |= more
+    return found - {process}
+
+
+def wait(done: Callable[[], bool], patience: float) -> bool:
+    end = time.monotonic() + patience
+    while not (is_done := done()) and time.monotonic() < end:
+        time.sleep(0.1)
+    return is_done
+
+
+def interrupted(folder: Path, arguments: list[str], begun: Callable[[int], bool]) -> tuple[int, str, set[int], float]:
+    """Start a command, interrupt it when it has begun.
+
+    Returns:
+        Exit code, what it said, which processes are still there, and how long it took to end [s].
+    """
+    said = folder / "said"
+    with said.open("w") as stream:
+        process = subprocess.Popen(
+            [sys.executable, "-m", "foretouch", *arguments],
+            cwd=folder,
+            stdout=stream,
+            stderr=stream,
+            start_new_session=True,
+        )
+    started: set[int] = set()
+    try:
+        assert wait(lambda: begun(process.pid) or process.poll() is not None, BEGINS), said.read_text()
+        assert process.poll() is None, said.read_text()
+        started = descendants(process.pid)
+        assert started, f"nothing was started: {said.read_text()}"
+        at = time.monotonic()
+        os.killpg(process.pid, signal.SIGINT)
+        code = process.wait(ENDS)
+        took = time.monotonic() - at
+        wait(lambda: not started & parents().keys(), 5.0)
+        return code, said.read_text(), started & parents().keys(), took
+    finally:
+        for number in {process.pid, *started} & parents().keys():
+            os.kill(number, signal.SIGKILL)
+        process.wait()
+
+
+def test_a_session_ends_with_its_report(tmp_path: Path) -> None:
+    recording = tmp_path / "session.mcap"
+    arguments = ["teleop", "--headless", "--operator", "scripted", "--recording", str(recording)]
+    code, said, left, _ = interrupted(
+        tmp_path,
+        arguments,
+        lambda process: recording.exists() and recording.stat().st_size > 200_000 and len(descendants(process)) >= 3,
+    )
+    assert not left
+    assert code == 0, said
+    assert "Traceback" not in said
+    assert f"recording  {recording}" in said  # the last line of its report
+
+
+def test_a_comparison_ends_at_once(tmp_path: Path) -> None:
+    arguments = ["compare", "--simulated", "--jobs", "2"]
+    code, said, left, took = interrupted(
+        tmp_path, arguments, lambda process: (tmp_path / "said").read_text().count(" by ") >= 2
+    )
+    assert not left
+    assert code == 130, said
+    assert "foretouch: interrupted" in said
+    assert "Traceback" not in said
+    assert took < 10.0
+
+
+def test_a_sweep_ends_at_once_and_goes_on_from_there(tmp_path: Path) -> None:
+    arguments = ["sweep", "--out", "sweep", "--sessions", "200", "--baselines", "0", "--duration", "6", "--jobs", "2"]
+    code, said, left, took = interrupted(
+        tmp_path, arguments, lambda process: any((tmp_path / "sweep").glob("*")) and len(descendants(process)) >= 2
+    )
+    assert not left
+    assert code == 130, said
+    assert "Traceback" not in said
+    assert took < 10.0
+
+
+def test_a_doctor_ends_at_once(tmp_path: Path) -> None:
+    code, said, left, took = interrupted(
+        tmp_path, ["doctor", "--seconds", "60"], lambda process: len(descendants(process)) >= 2
+    )
+    assert not left
+    assert code == 130, said
+    assert "Traceback" not in said
+    assert took < 5.0
