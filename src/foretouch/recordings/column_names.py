@@ -57,7 +57,7 @@ def name_says(name: str, stated_unit: str = "") -> Named:
     unit = stated_unit.replace("\u03bc", "µ").strip()
     for pattern in (_bracketed, _trailing):
         found = pattern.search(text)
-        if found is not None and (pattern is _bracketed or _known(found[1])):
+        if found is not None and not found[1].isdecimal() and (pattern is _bracketed or _known(found[1])):
             text, unit = text[: found.start()], unit or found[1]
             break
     split = re.sub(r"(?<=[a-zß-ÿ])(?=[A-Z])", " ", text)  # camelCase
