@@ -231,6 +231,15 @@ def test_samples_of_sensors_that_are_not_to_be_trusted_stay_here(there: Router, 
     )
 
 
+def test_a_clock_that_is_far_ahead_and_comes_back_ends_nothing(there: Router, graph: Graph) -> None:
+    made = bridge(graph)
+    wrong = msgspec.structs.replace(TICK, time_ns=2**63 - 1)
+    for tick, message in enumerate([at(TICK, 1), wrong, at(TICK, 3), msgspec.structs.replace(TICK, time_ns=0)]):
+        made.take("telemetry", message, time.monotonic_ns() + tick)
+    assert graph.unsent == 0
+    wait_until(lambda: len(there.samples) == sum(graph.sent.values()) > 0)
+
+
 def test_in_a_scene_the_probe_is_where_the_follower_says(there: Router, graph: Graph) -> None:
     scene = Hello(VERSION, 1, 1, "follower", ("scene",), ("hill",))
     space = FollowerSpace(VERSION, 1, 1, 0.1, -0.2, 0.3, *(0.0,) * 16)
