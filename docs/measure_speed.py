@@ -1,7 +1,7 @@
 """Measure how fast everything is and write it where it stands: the blocks of `docs/speed.md`, and its plots.
 
 Usage: `.venv/bin/python docs/measure_speed.py [NAME ...]`: a benchmark each, or `plots`; without names all, which takes
-some 10 minutes.
+some 12 minutes.
 """
 
 from __future__ import annotations

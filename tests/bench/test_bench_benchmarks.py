@@ -11,6 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from foretouch.bench.benchmarks.call import CALLED, memory_growth
+from foretouch.bench.benchmarks.compare import write_recordings
 from foretouch.bench.benchmarks.growth import Streamed, slope
 from foretouch.bench.benchmarks.identify import HOUR, LONG, SHORT, foretold
 from foretouch.bench.benchmarks.mesh import SIDES, sheet, slide
@@ -143,6 +144,13 @@ def test_a_recording_is_the_same_in_every_format(ending: str, tmp_path: Path) ->
     assert read.force == pytest.approx(columns["force_N"])
     air = columns["position_m"] < SURFACE
     assert columns["force_N"][air].mean() == pytest.approx(OFFSET, abs=0.01)
+
+
+def test_many_recordings_are_files_of_their_own(tmp_path: Path) -> None:
+    pytest.importorskip("pyarrow")
+    paths = write_recordings(tmp_path, 3, 1.0)
+    assert len({path.resolve() for path in paths}) == 3
+    assert all(len(read_recording(path)) == 1000 for path in paths)
 
 
 def test_the_probe_slides_below_the_sheet() -> None:

@@ -27,12 +27,14 @@ def work(count: int) -> Callable[[], object]:
     return lambda: chain(count)
 
 
+@pytest.mark.flaky(reruns=2)  # what else a core does may slow the longer work in all of its rounds
 def test_what_is_three_times_as_slow_shows_a_three() -> None:
     times = interleave({"one": Contestant(work(50_000)), "three": Contestant(work(150_000))}, 41)
     assert times["three"].min() / times["one"].min() == pytest.approx(3.0, rel=0.1)
     assert ratio(times, "three", "one").median == pytest.approx(3.0, rel=0.5)  # other work shares the cores
 
 
+@pytest.mark.flaky(reruns=2)
 def test_times_are_of_one_unit_of_work() -> None:
     times = interleave({"few": Contestant(work(50_000), 100), "many": Contestant(work(200_000), 400)}, 41)
     assert times["many"].min() / times["few"].min() == pytest.approx(1.0, rel=0.1)
