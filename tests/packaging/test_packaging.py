@@ -96,7 +96,11 @@ def test_the_wheel_alone_runs_in_an_empty_environment(built: Path, tmp_path: Pat
     stiffness = json.loads(done.stdout)["parameters"]["stiffness"]
     assert 360.0 < stiffness < 440.0
 
-    for words, extra in ((("teleop",), "sim"), (("simulate",), "sim"), (("leader",), "link")):
+    for words, extra in (
+        (("teleop",), "sim"),
+        (("simulate",), "sim"),
+        (("leader", "--connect", "tcp/127.0.0.1:7447"), "link"),
+    ):
         done = run(command, *words, cwd=tmp_path)
         assert done.returncode != 0
         assert re.fullmatch(rf"foretouch: .* not installed: pip install 'foretouch\[{extra}[^\]]*\]'\n", done.stderr)
