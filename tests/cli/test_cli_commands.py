@@ -102,7 +102,8 @@ def test_bash_completes_by_what_install_completion_writes(tmp_path: Path) -> Non
         text=True,
     )
     assert "complete -o default -F _foretouch_completion foretouch" in shown.stdout, shown.stderr
-    script = f'{shown.stdout}\nCOMP_WORDS=(foretouch sim); COMP_CWORD=1; _foretouch_completion foretouch; echo "${{COMPREPLY[@]}}"'
+    asks = 'COMP_WORDS=(foretouch sim); COMP_CWORD=1; _foretouch_completion foretouch; echo "${COMPREPLY[@]}"'
+    script = f"{shown.stdout}\n{asks}"
     reply = subprocess.run(["bash", "-c", script], env=environment, capture_output=True, text=True)
     assert reply.stdout.split() == ["simulate"], reply.stderr
 

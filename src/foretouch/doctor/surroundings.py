@@ -27,7 +27,7 @@ def check_text() -> Finding:
     """Whether units and Greek letters can be printed, and file names read."""
     shown = {
         "output": getattr(sys.stdout, "encoding", None) or "none",
-        "locale": locale.getencoding(),
+        "locale": locale.getpreferredencoding(False),
         "file_names": sys.getfilesystemencoding(),
     }
     others = {what: name for what, name in shown.items() if name.lower().replace("-", "").replace("_", "") != "utf8"}
