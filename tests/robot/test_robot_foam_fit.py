@@ -56,6 +56,7 @@ def test_fit_is_written_whole(tmp_path: Path) -> None:
 
 
 @pytest.mark.data
+@pytest.mark.long
 def test_fit_gives_the_shipped_coefficients(measured: Callable[[str], Path]) -> None:
     shipped = shipped_foam_fit()
     fit = fit_foam([read_recording(measured(name)) for name in FOAM_DATASETS])

@@ -162,6 +162,7 @@ def follower_endpoint() -> Iterator[tuple[str, Running]]:
         yield endpoint, follower
 
 
+@pytest.mark.long
 def test_leaders_take_turns_and_anybody_stops_the_robot(follower_endpoint: tuple[str, Running]) -> None:
     """Sides that are started by hand find each other; one leader commands; the last one's end ends the follower."""
     endpoint, follower = follower_endpoint
