@@ -87,6 +87,8 @@ OFFLINE: dict[tuple[str, ...], Callable[[list[str]], list[str]]] = {
     ("datasets", "list"): as_it_is,
     ("datasets", "fetch"): as_it_is,
     ("recordings", "repair"): as_it_is,
+    ("recordings", "inspect"): as_it_is,
+    ("recordings", "convert"): as_it_is,
     ("materials", "list"): as_it_is,
     ("materials", "fit"): as_it_is,
     ("keys", "init"): in_new_keys,
@@ -100,7 +102,7 @@ OFFLINE: dict[tuple[str, ...], Callable[[list[str]], list[str]]] = {
 }
 """Commands that end by themselves, and their short forms."""
 
-LIVE = ("teleop", "follower", "leader", "record", "console", "stop", "camera", "bridge")
+LIVE = ("teleop", "follower", "leader", "record", "console", "stop", "camera", "bridge", "doctor")
 """Commands of a session in real time."""
 
 SHADOW = "--shadow"
@@ -177,6 +179,31 @@ def write_press(path: Path, scale: float = 1.0) -> dict[str, np.ndarray]:
     return {"time_s": time, "position_m": position, "force_N": force}
 
 
+def write_foreign_press(folder: Path, columns: dict[str, np.ndarray]) -> None:
+    """The same presses as a spreadsheet and as a robot would leave them: `tensile.csv`, and a rosbag2 in `bag`."""
+    rosbag2, typesys = pytest.importorskip("rosbags.rosbag2"), pytest.importorskip("rosbags.typesys")
+    rows = [f"{t:.3f};{1e3 * x:.5f};{f:.5f};gut" for t, x, f in zip(*columns.values(), strict=True)]
+    (folder / "tensile.csv").write_text("Zeit [s];Weg [mm];Kraft [N];Notiz\n" + "\n".join(rows).replace(".", ","))
+    run(["recordings", "inspect", str(folder / "tensile.csv"), "--save", str(folder / "tensile.toml")])
+    store = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
+    of = store.types
+    vector, nothing = of["geometry_msgs/msg/Vector3"], np.empty(0)
+    plugin = rosbag2.StoragePlugin.SQLITE3
+    with rosbag2.Writer(folder / "bag", version=9, storage_plugin=plugin) as writer:
+        kinds = {"/joint_states": "sensor_msgs/msg/JointState", "/ft/wrench": "geometry_msgs/msg/WrenchStamped"}
+        topics = {name: writer.add_connection(name, kind, typestore=store) for name, kind in kinds.items()}
+        for tick, (_, x, f) in enumerate(zip(*columns.values(), strict=True)):
+            stamp = of["builtin_interfaces/msg/Time"](1_700_000_000 + tick // 1000, tick % 1000 * 1_000_000)
+            header, log_ns = of["std_msgs/msg/Header"](stamp, "tool"), (1_700_000_000_000 + tick) * 1_000_000
+            wrench = of["geometry_msgs/msg/Wrench"](vector(0.0, 0.0, f), vector(0.0, 0.0, 0.0))
+            said = {"/ft/wrench": of[kinds["/ft/wrench"]](header, wrench)}
+            if tick % 2 == 0:
+                at = np.array([x / 0.075])
+                said["/joint_states"] = of[kinds["/joint_states"]](header, ["lever"], at, nothing, nothing)
+            for name, message in said.items():
+                writer.write(topics[name], log_ns, store.serialize_cdr(message, kinds[name]))
+
+
 @pytest.fixture(scope="module")
 def samples(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The files that the commands name."""
@@ -184,8 +211,9 @@ def samples(tmp_path_factory: pytest.TempPathFactory) -> Path:
     columns = write_press(folder / "press.csv")
     pyarrow, parquet = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
     parquet.write_table(pyarrow.table(columns), folder / "press.parquet")
-    for name in ("poses", "block", "spring"):
-        shutil.copy(ROOT / "docs" / "examples" / f"{name}.csv", folder)
+    for name in ("poses.csv", "block.csv", "spring.csv", "lever.toml"):
+        shutil.copy(ROOT / "docs" / "examples" / name, folder)
+    write_foreign_press(folder, columns)
     run(["calibrate", "sensor", str(folder / "poses.csv"), "--output", str(folder / "sensor.toml")])
     run(["simulate", "--duration", "2.5", "--material", "hunt-crossley", "--recording", str(folder / "session.mcap")])
     # In this process: workers that are kept would look for the files of later tests in the folder of this one.
@@ -296,9 +324,24 @@ def test_a_session_runs_in_its_short_form(text: str, tmp_path: Path, running: li
     assert list(tmp_path.rglob("*.mcap"))
 
 
+@pytest.mark.live
+@pytest.mark.parametrize("text", of("doctor"))
+def test_a_doctor_looks_and_answers(text: str, tmp_path: Path, running: list[subprocess.Popen[str]]) -> None:
+    """Who asks somebody finds nobody here; whether this machine is fit is not this test's matter."""
+    arguments = without(shlex.split(text), "--seconds")
+    if "--listen" in arguments:
+        arguments = [*without(arguments, "--listen"), "--listen", f"tcp/127.0.0.1:{free_port()}", "--duration", "1"]
+    elif "--connect" in arguments:
+        arguments = [*without(arguments, "--connect"), "--connect", f"tcp/127.0.0.1:{free_port()}"]
+    running.append(start([*arguments, "--seconds", "0.2"], tmp_path))
+    out, err = running[0].communicate(timeout=60)
+    assert running[0].returncode in (0, 1), err
+    assert "questions answered" in out if "--listen" in arguments else "all in all:" in out
+
+
 def laps() -> Iterator[dict[str, str]]:
     """The commands of single sides, combined so that each is in at least one lap; robots are stopped in the first."""
-    names = [name for name in LIVE if name not in ("teleop", "stop", "camera", "bridge")]
+    names = [name for name in LIVE if name not in ("teleop", "stop", "camera", "bridge", "doctor")]
     sides = {name: sorted(of(name), key=lambda text: SHADOW in text) for name in names}
     stops = of("stop")
     for lap in range(max(map(len, sides.values()))):
