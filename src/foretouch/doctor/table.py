@@ -16,7 +16,7 @@ STYLES = {
     Verdict.GOOD: "#56b4e9",
     Verdict.UNKNOWN: "dim",
     Verdict.WARNING: "bold #e69f00",
-    Verdict.BAD: "bold reverse #d55e00",
+    Verdict.BAD: "bold #d55e00",
 }
 """Colours of Okabe and Ito, which those who do not tell red from green tell apart too."""
 
