@@ -68,6 +68,6 @@ class Device(ABC):
 
 def limit_force(force: float, limit: float = FORCE_LIMIT) -> float:
     """The force [N] within 0 and `limit` [N]; 0 where it is not a number."""
-    if math.isnan(force):
+    if not force > 0.0:
         return 0.0
-    return min(max(force, 0.0), limit)
+    return force if force < limit else limit

@@ -24,7 +24,7 @@ def minimum_jerk(fraction: float) -> float:
     References:
         Flash and Hogan (1985), The coordination of arm movements, Journal of Neuroscience 5(7).
     """
-    tau = min(max(fraction, 0.0), 1.0)
+    tau = 0.0 if fraction < 0.0 else 1.0 if fraction > 1.0 else fraction
     return tau * tau * tau * (10.0 + tau * (6.0 * tau - 15.0))
 
 

@@ -184,7 +184,8 @@ class Predictor:
         Returns:
             The predicted force [N]: finite, never negative, 0 without a model or outside the material.
         """
-        self.catch_up()
+        if self._waiting is not None:
+            self.catch_up()
         self._sliced = False
         period = time - self._time
         self._time = time

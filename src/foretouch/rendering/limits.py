@@ -54,7 +54,7 @@ class ForceLimiter:
             period: Time since the last tick [s].
             ceiling: Never more than this [N], however fast that is; 0 or more.
         """
-        step = self._largest_rate * max(period, 0.0)
+        step = self._largest_rate * (period if period > 0.0 else 0.0)
         lowest, highest = self.force - step, self.force + step
         force = wanted if 0.0 <= wanted < math.inf else 0.0
         # Without `min` and `max`, which take longer than all the rest of it.

@@ -103,7 +103,7 @@ class Mediation:
         self.surplus = surplus
         release = 0.0
         if offset != 0.0:
-            release = abs(offset) * -math.expm1(-max(period, 0.0) / RELEASE_TIME)
+            release = abs(offset) * -math.expm1(-(period if period > 0.0 else 0.0) / RELEASE_TIME)
             release = release if release < LARGEST_STEP else LARGEST_STEP
         change = -release if offset > 0.0 else release
         self.held_back = False
@@ -114,9 +114,9 @@ class Mediation:
                 change = min(change, 0.0, -min((-bound - left) / way, LARGEST_STEP))
                 self.held_back = True
             elif offset < 0.0:
-                paid = max(left, 0.0) / way if way > 0.0 and not leaving else 0.0
+                paid = left / way if left > 0.0 and way > 0.0 and not leaving else 0.0
                 self.held_back = paid < release
-                change = min(release, paid)
+                change = paid if self.held_back else release
         offset = offset + change if self.held_back or abs(offset) >= SMALLEST_OFFSET else 0.0
         if offset < -wanted:
             offset = -wanted

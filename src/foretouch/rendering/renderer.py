@@ -246,7 +246,8 @@ class Renderer:
         if force <= PHANTOM and wanted <= PHANTOM:
             account.close()
         account.hold(force)
-        self._give_back(wanted)
+        if proxy.indexed != 0.0 or proxy.yielded != 0.0:
+            self._give_back(wanted)
         self._wanted_before, self._velocity = wanted, predictor.velocity
         if there:
             self._hand = hand
@@ -260,7 +261,8 @@ class Renderer:
         self._was_engaged = engaged
         # What is beyond the limit is never rendered: mediated, it would take minutes to come down.
         largest, jump = self.limiter.largest_force, self.predictor.jump
-        force = min(self._force_scale * predicted, largest) if engaged else 0.0
+        force = self._force_scale * predicted if engaged else 0.0
+        force = force if force < largest else largest
         if jump == 0.0 and engaged == was_engaged:
             return force, 0.0
         former = min(self._force_scale * (predicted - jump), largest) if was_engaged else 0.0
@@ -321,7 +323,7 @@ class Renderer:
     def _give_back(self, wanted: float) -> None:
         """Bring the proxy back: freely in free air, as dissipation pays in contact."""
         proxy, predictor = self.proxy, self.predictor
-        if not proxy.engaged or predictor.model is None or proxy.apart == 0.0:
+        if not proxy.engaged or predictor.model is None:
             return
         step = RETURN_SPEED * self._period
         if wanted <= PHANTOM and predictor.depth < 0.0:

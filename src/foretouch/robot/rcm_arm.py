@@ -21,7 +21,7 @@ __all__ = ["RcmArm"]
 MOVED_MASS = CARRIAGE_MASS + TOOL_MASS
 RAIL_DAMPING = 1.0  # of the insertion joint [N s/m], as in the scene
 LARGEST_CONTACT_FORCE = 1000.0  # a law that gives more, or no number, is cut here, so that the physics stay finite [N]
-NOISE_BLOCK = 4096
+NOISE_BLOCK, DRAWS = 4096, 3  # normal draws at once, and for one sample
 OFFSET_DOUBT = 0.2  # beyond the sensor's offset [N], ten times its noise
 
 
@@ -122,7 +122,6 @@ class RcmArm(Robot):
         self._h = sample_period / self._substeps
         if self._h > 6e-4:
             raise SettingError("substeps", substeps, "the physics step (sample_period / substeps) is at most 0.6 ms")
-        self._low_pass = 1.0 - math.exp(-2.0 * math.pi * sensor_bandwidth * self._h)
         self._offset = sensor_offset
         self._random = np.random.default_rng(seed)
         self._noise: list[float] = []
@@ -141,22 +140,34 @@ class RcmArm(Robot):
         self._drive = self.mj_data.ctrl[self.mj_model.actuator("insertion").id :][:1]
         self._applied = self.mj_data.xfrc_applied[self.mj_model.body("tool").id][2:3]
         self._interaction = self.mj_data.sensordata[2:3]
+        built = self.specification
         self._kernel = kernel
         self._arm = np.zeros(kernel.SIZE)
-        self._arm[kernel.BUILT] = self._h, self._low_pass, TOOL_MASS, GRAVITY
-        self._servo = InsertionServo(
+        self._arm[kernel.BUILT] = (
+            self._h,
+            1.0 - math.exp(-2.0 * math.pi * built.sensor_bandwidth * self._h),
+            TOOL_MASS,
+            GRAVITY,
+            *built.workspace,
+            built.encoder_noise,
+            built.encoder_resolution,
+            self._offset,
+            built.sensor_noise,
+            built.sensor_range,
+            built.accelerometer_noise,
+        )
+        InsertionServo(  # at work in that array
             mass=MOVED_MASS,
             damping=RAIL_DAMPING,
-            force_limit=self.specification.force_limit,
-            sample_period=self.specification.sample_period,
+            force_limit=built.force_limit,
+            sample_period=built.sample_period,
             position=0.0,
-            state=self._arm[: kernel.SENSOR],
+            state=self._arm[kernel.SERVO],
         )
-        self._desired = 0.0
         self._state: ContactState = self.material.model.initial_state()
         self._contact_force = 0.0
         self._touch(0.0, 0.0)
-        tool = self.specification.tool_force(0.0)
+        tool = built.tool_force(0.0)
         self._arm[kernel.TOOL] = tool
         self._arm[kernel.SENSOR] = self._contact_force + tool  # the low-pass, settled
         self._sample = self._measure()
@@ -167,14 +178,9 @@ class RcmArm(Robot):
 
     def exchange(self, desired_position: float) -> RobotSample:
         """Give a command, let one sample period pass, and return what the sensors show then: see `Robot`."""
-        lowest, highest = self.specification.workspace
-        if math.isfinite(desired_position):
-            self._desired = min(highest, max(lowest, desired_position))
         arm, kernel = self._arm, self._kernel
         position, velocity = self._qpos.item(), self._qvel.item()
-        # The drive's own copy of the force is tared at the start.
-        noise = self._sample.sensor_force - arm.item(kernel.SENSOR) - self._offset
-        kernel.begin(arm, self._desired, noise, velocity)
+        kernel.begin(arm, desired_position, velocity)
         for _ in range(self._substeps):
             self._drive[0] = kernel.effort(arm, position, velocity) - MOVED_MASS * GRAVITY
             self._applied[0] = self._contact_force
@@ -192,24 +198,10 @@ class RcmArm(Robot):
         self._contact_force = min(force, LARGEST_CONTACT_FORCE) if force >= 0.0 else 0.0
 
     def _measure(self) -> RobotSample:
-        specification, arm, exact = self.specification, self._arm, self._qpos.item()
-        measured = exact + specification.encoder_noise * self._draw()
-        resolution = specification.encoder_resolution
-        if resolution > 0.0:
-            measured = round(measured / resolution) * resolution
-        felt = arm.item(self._kernel.SENSOR) + self._offset + specification.sensor_noise * self._draw()
-        tool_force, largest = arm.item(self._kernel.TOOL), specification.sensor_range
-        return RobotSample(
-            measured,
-            min(max(felt, -largest), largest),
-            tool_force / TOOL_MASS + GRAVITY + specification.accelerometer_noise * self._draw(),
-            self._contact_force,
-            exact,
-            self._servo.reference,
-            self._servo.clipped,
+        noise, exact = self._noise, self._qpos.item()
+        if len(noise) < DRAWS:  # taken from the end
+            noise[:0] = self._random.standard_normal(NOISE_BLOCK).tolist()
+        position, force, acceleration, reference, clipped = self._kernel.show(
+            self._arm, exact, noise.pop(), noise.pop(), noise.pop()
         )
-
-    def _draw(self) -> float:
-        if not self._noise:
-            self._noise = self._random.standard_normal(NOISE_BLOCK).tolist()
-        return self._noise.pop()
+        return RobotSample(position, force, acceleration, self._contact_force, exact, reference, clipped)

@@ -1,46 +1,53 @@
-"""What the simulated arm's drive and force sensor do around a physics step, compiled; see `rcm_arm`.
+"""What the simulated arm's drive and sensors do around the physics steps of a sample period, compiled; see `rcm_arm`.
 
 What they remember is one array, by the places named here; it begins with the numbers of the insertion servo.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from foretouch.robot.insertion_servo_kernel import CLIPPED, REFERENCE, drive, take
 from foretouch.robot.insertion_servo_kernel import SIZE as SERVO_SIZE
-from foretouch.robot.insertion_servo_kernel import drive, take
 
-__all__ = ["BUILT", "NOISE", "SENSOR", "SIZE", "TOOL", "begin", "effort", "sense"]
+__all__ = ["BUILT", "DESIRED", "SENSOR", "SERVO", "SHOWN", "SIZE", "TOOL", "begin", "effort", "sense", "show"]
 
 Array = NDArray[np.float64]
 
-SENSOR, TOOL, NOISE, SPEED = range(SERVO_SIZE, SERVO_SIZE + 4)
-"""Behind the low-pass, the force between carriage and tool and the part of it that the tool makes [N]; what the noise of
-the sensor adds in this period [N]; velocity before the physics step [m/s]."""
+SERVO = slice(0, SERVO_SIZE)
 
-H, LOW_PASS, TOOL_MASS, GRAVITY = range(SERVO_SIZE + 4, SERVO_SIZE + 8)
-BUILT = slice(H, GRAVITY + 1)
-"""What stays: length of a physics step [s], share of the way that the low-pass goes in it, kg, m/s^2."""
+DESIRED, SENSOR, TOOL, SHOWN, NOISE, SPEED = range(SERVO_SIZE, SERVO_SIZE + 6)
+"""The newest command [m]; behind the low-pass, the force between carriage and tool, and what the tool makes of it [N];
+what the force sensor shows, and what of that the drive takes for noise [N]; velocity before the physics step [m/s]."""
 
-SIZE = SERVO_SIZE + 8
+H, LOW_PASS, TOOL_MASS, GRAVITY, LOWEST, HIGHEST = range(SERVO_SIZE + 6, SERVO_SIZE + 12)
+ENCODER_NOISE, RESOLUTION, OFFSET, SENSOR_NOISE, RANGE, ACCELEROMETER_NOISE = range(SERVO_SIZE + 12, SERVO_SIZE + 18)
+BUILT = slice(H, ACCELEROMETER_NOISE + 1)
+"""What stays: length of a physics step [s], share of the way that the low-pass goes in it, then as `RcmArm` is told."""
 
-
-def _begin(arm: Array, desired: float, noise: float, velocity: float) -> None:
-    """A sample period begins, with a command [m] and the noise that the drive has on its force [N]."""
-    take(arm[:SERVO_SIZE], desired)
-    arm[NOISE], arm[SPEED] = noise, velocity
+SIZE = SERVO_SIZE + 18
 
 
-begin: Callable[[Array, float, float, float], None] = njit("void(f8[::1], f8, f8, f8)", cache=True)(_begin)
+def _begin(arm: Array, desired: float, velocity: float) -> None:
+    """A sample period begins, with a command [m]; one that is not finite is left out."""
+    if math.isfinite(desired):
+        arm[DESIRED] = min(arm[HIGHEST], max(arm[LOWEST], desired))
+    take(arm[SERVO], arm[DESIRED])
+    arm[NOISE] = arm[SHOWN] - arm[SENSOR] - arm[OFFSET]  # the drive's own copy is tared at the start
+    arm[SPEED] = velocity
+
+
+begin: Callable[[Array, float, float], None] = njit("void(f8[::1], f8, f8)", cache=True)(_begin)
 
 
 def _effort(arm: Array, position: float, velocity: float) -> float:
     """Drive force for the next physics step [N], net of gravity."""
-    return drive(arm[:SERVO_SIZE], position, velocity, arm[SENSOR] + arm[NOISE] - arm[TOOL], arm[H])
+    return drive(arm[SERVO], position, velocity, arm[SENSOR] + arm[NOISE] - arm[TOOL], arm[H])
 
 
 effort: Callable[[Array, float, float], float] = njit("f8(f8[::1], f8, f8)", cache=True)(_effort)
@@ -55,3 +62,26 @@ def _sense(arm: Array, velocity: float, compression: float) -> None:
 
 
 sense: Callable[[Array, float, float], None] = njit("void(f8[::1], f8, f8)", cache=True)(_sense)
+
+
+def _show(
+    arm: Array, exact: float, encoder: float, sensor: float, accelerometer: float
+) -> tuple[float, float, float, float, bool]:
+    """What the sensors show at the end of a sample period, with a normal draw of noise for each.
+
+    Returns:
+        Position [m], sensor force [N], acceleration [m/s^2], the drive's own command after its limits [m], and whether
+        the force limit cut it.
+    """
+    position = exact + arm[ENCODER_NOISE] * encoder
+    if arm[RESOLUTION] > 0.0:
+        position = round(position / arm[RESOLUTION]) * arm[RESOLUTION]
+    felt = arm[SENSOR] + arm[OFFSET] + arm[SENSOR_NOISE] * sensor
+    arm[SHOWN] = min(max(felt, -arm[RANGE]), arm[RANGE])
+    acceleration = arm[TOOL] / arm[TOOL_MASS] + arm[GRAVITY] + arm[ACCELEROMETER_NOISE] * accelerometer
+    return position, arm[SHOWN], acceleration, arm[REFERENCE], arm[CLIPPED] != 0.0
+
+
+show: Callable[[Array, float, float, float, float], tuple[float, float, float, float, bool]] = njit(
+    "Tuple((f8, f8, f8, f8, b1))(f8[::1], f8, f8, f8, f8)", cache=True
+)(_show)

@@ -91,20 +91,21 @@ class Heard:
         """Note what a telemetry says, if it is the newest."""
         if not self._is_current(telemetry.run) or not self.telemetry.is_newest(telemetry.sequence):
             return
-        epoch, status = telemetry.epoch, telemetry.status
-        ours = epoch == self._epoch
-        self.in_control = ours or epoch == 0
-        self.had_control = self.had_control or ours
-        self.stopped = status == STOPPED
-        self.shadows = status == SHADOW
+        status, position = telemetry.status, telemetry.position
+        ours = telemetry.epoch == self._epoch
+        if ours:
+            self.had_control = True
+        self.in_control = ours or telemetry.epoch == 0
+        self.stopped, self.shadows = status == STOPPED, status == SHADOW
         self.position, self.force = telemetry.desired_position, telemetry.force
-        self.touching = telemetry.in_contact
-        if telemetry.position > self._deepest:
-            self._deepest = telemetry.position
-        if telemetry.in_contact:
+        self.touching = touching = telemetry.in_contact
+        if touching:
             self._touched += 1
-        if self._deepest >= self._to_relearn - AS_DEEP or self._touched >= TOUCHED_ENOUGH:
-            self.has_relearnt = True
+        if position > self._deepest:
+            self._deepest = position
+        if not self.has_relearnt:
+            felt = self._deepest >= self._to_relearn - AS_DEEP
+            self.has_relearnt = felt or self._touched >= TOUCHED_ENOUGH
 
     def is_for_us(self, model: ModelUpdate) -> bool:
         """Whether a model is the newest, and its past is what this leader commanded, or nobody."""
