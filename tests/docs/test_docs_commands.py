@@ -214,6 +214,7 @@ def samples(tmp_path_factory: pytest.TempPathFactory) -> Path:
     for name in ("poses.csv", "block.csv", "spring.csv", "lever.toml"):
         shutil.copy(ROOT / "docs" / "examples" / name, folder)
     write_foreign_press(folder, columns)
+    run(["recordings", "convert", str(folder / "press.csv"), str(folder / "press.mcap")])
     run(["calibrate", "sensor", str(folder / "poses.csv"), "--output", str(folder / "sensor.toml")])
     run(["simulate", "--duration", "2.5", "--material", "hunt-crossley", "--recording", str(folder / "session.mcap")])
     # In this process: workers that are kept would look for the files of later tests in the folder of this one.
