@@ -147,6 +147,7 @@ def leader(
         StopFlag,
         be_prompt,
         close_operator,
+        felt_texts,
         run_leader,
         wait_for_hello,
     )
@@ -171,6 +172,7 @@ def leader(
                 say=say,
                 description={name: settings.as_text()[name] for name in LEADER_SAYS}
                 | {"operator": moved_by.name}
+                | (felt_texts(moved_by, settings) if isinstance(moved_by, Device) else {})
                 | insecurity(link),
                 duration=duration,
                 wait_for_recorder=wait_for_recorder,

@@ -112,4 +112,7 @@ def _said(error: BaseException) -> str:
 
 def _kind_of(value: object) -> str:
     """A value's class for people; a class itself by its name."""
-    return f"the class {value.__name__}" if isinstance(value, type) else f"a {type(value).__name__}"
+    if isinstance(value, type):
+        return f"the class {value.__name__}"
+    name = type(value).__name__
+    return f"an {name}" if name[0].lower() in "aeiou" else f"a {name}"

@@ -42,6 +42,7 @@ AS_IT_COMES = "delayed"
 """The baseline that renders the delayed force itself."""
 
 OPEN_LOOP = "open loop: the force does not move the hand"
+OWN_HAND = "closed loop: a hand of its own holds the device {} and feels the force"
 
 FELT = 0.05
 """Rendered force from which on a tick counts as contact at the hand [N]."""
@@ -128,8 +129,12 @@ def number_of(settings: Mapping[str, str], name: str, otherwise: float) -> float
 def loop_sentence(settings: Mapping[str, str]) -> str:
     """Whether the force moves a hand, whose, and which device it holds."""
     grip = setting(settings, "grip", NO_GRIP)
-    if grip == NO_GRIP or settings.get("replay") == "open loop":
+    if settings.get("replay") == "open loop":
         return OPEN_LOOP
+    if grip == NO_GRIP:
+        return (
+            OWN_HAND.format(setting(settings, "operator", "a device")) if settings.get("felt") == "yes" else OPEN_LOOP
+        )
     mass, damping, friction, resolution = (
         number_of(settings, f"device_{name}", 0.0) for name in ("mass", "damping", "friction", "resolution")
     )
@@ -141,7 +146,7 @@ def loop_sentence(settings: Mapping[str, str]) -> str:
 
 def encoder_count(settings: Mapping[str, str]) -> float | None:
     """One count of the device's encoder [m], 0 in an open loop; None where the settings do not say."""
-    if settings.get("grip") == NO_GRIP:
+    if settings.get("grip") == NO_GRIP and settings.get("felt") != "yes":
         return 0.0
     try:
         return float(settings["device_resolution"])

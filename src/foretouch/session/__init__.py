@@ -15,7 +15,7 @@ from foretouch.session.live import (
     wait_for_hello,
 )
 from foretouch.session.mediated import MediatedForce, mediate
-from foretouch.session.operators import close_operator, make_operator, require_simulated_time
+from foretouch.session.operators import close_operator, felt_texts, make_operator, require_simulated_time
 from foretouch.session.processes import run_processes
 from foretouch.session.recorder import RECORDER_CHANNELS, RECORDING_INCOMPLETE, Recorder, run_recorder
 from foretouch.session.replay import Replay, replay
@@ -49,6 +49,7 @@ __all__ = [
     "StopFlag",
     "be_prompt",
     "close_operator",
+    "felt_texts",
     "framed_device",
     "framed_robot",
     "give_way",

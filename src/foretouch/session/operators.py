@@ -25,7 +25,7 @@ from foretouch.recordings import fetch, read_leader_motion
 from foretouch.session.frames import device_inside, framed_device, inverse
 from foretouch.session.settings import NO_GRIP, SessionSettings
 
-__all__ = ["RECORDED_MOTION", "close_operator", "felt_device", "make_operator", "require_simulated_time"]
+__all__ = ["RECORDED_MOTION", "close_operator", "felt_device", "felt_texts", "make_operator", "require_simulated_time"]
 
 RECORDED_MOTION = "tue/b-foam"
 """Dataset whose leader lever moves the ``recorded`` operator."""
@@ -69,6 +69,15 @@ def make_operator(
 def felt_device(operator: Device, settings: SessionSettings) -> DeviceSpecification | None:
     """What the operator's own device can render, where it is felt and no simulated hand holds it; else None."""
     return operator.specification if operator.closed_loop and settings.grip == NO_GRIP else None
+
+
+def felt_texts(operator: Device, settings: SessionSettings) -> dict[str, str]:
+    """What a session says of such a device, in place of what its settings say; nothing where there is none."""
+    device = felt_device(operator, settings)
+    if device is None:
+        return {}
+    numbers = {name: getattr(device, name) for name in ("mass", "damping", "friction", "resolution")}
+    return {"felt": "yes"} | {f"device_{name}": str(value) for name, value in numbers.items()}
 
 
 def close_operator(operator: Device) -> None:

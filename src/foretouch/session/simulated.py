@@ -14,7 +14,7 @@ from foretouch.session import follower, leader
 from foretouch.session.counting import follower_counts, leader_counts
 from foretouch.session.frames import framed_device, framed_robot
 from foretouch.session.operator_clock import OperatorClock
-from foretouch.session.operators import felt_device
+from foretouch.session.operators import felt_device, felt_texts
 from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
 from foretouch.session.sides import leading_side
 from foretouch.session.warm_up import warm_up
@@ -75,7 +75,7 @@ def simulate(
     ticks = round(duration / SAMPLE_PERIOD)
     led_in, followed_in = [0] * ticks, [0] * ticks  # [ns]
     leader_log, follower_log, models = [], [], []
-    texts = settings.as_text() | {"operator": operator.name} | dict(description or {})
+    texts = settings.as_text() | {"operator": operator.name} | felt_texts(operator, settings) | dict(description or {})
     if record is not None:
         record(Hello(VERSION, 1, 0, "simulation", tuple(texts), tuple(texts.values())), 0)
     sample = robot.read()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import math
 import time
@@ -79,7 +80,8 @@ def check_device(make: Callable[[], Device], *, name: str = "") -> list[Finding]
     try:
         return guarded(checks)
     finally:
-        device.close()
+        with contextlib.suppress(Exception):  # what it raises has been found
+            device.close()
 
 
 def _motion(device: Device) -> NDArray[np.float64]:

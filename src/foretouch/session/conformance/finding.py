@@ -28,6 +28,10 @@ class Finding:
     found: str
     rule: str
 
+    def __post_init__(self) -> None:
+        if self.passed is not None:  # NumPy's truth is no bool
+            object.__setattr__(self, "passed", bool(self.passed))
+
 
 def skipped(check: str, why: str, rule: str) -> Finding:
     """A check that could not be made."""

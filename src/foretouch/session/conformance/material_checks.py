@@ -50,7 +50,7 @@ def check_material(make: Callable[[], Material], *, name: str = "") -> list[Find
         return [Finding("made", False, f"raises {type(error).__name__}: {error}", "it can be made")]
     if not isinstance(material, Material):
         return [Finding("made", False, f"a {type(material).__name__}", "it is a foretouch.robot.Material")]
-    model, depth = material.model, material.press_depth
+    model, depth = material.model, min(material.press_depth, DEEPEST)
     return guarded(
         [
             ("name", lambda: _name(material, name)),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import math
 from collections.abc import Callable, Iterable
@@ -75,7 +76,8 @@ def check_robot(make: Callable[[], Robot], *, move: bool = False) -> list[Findin
     try:
         return guarded(_checks(robot, make, move))
     finally:
-        robot.close()
+        with contextlib.suppress(Exception):  # what it raises has been found
+            robot.close()
 
 
 def _checks(
