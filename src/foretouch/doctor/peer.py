@@ -1,7 +1,8 @@
 """The way to a peer: whether somebody listens there, who, and how long messages take there and back.
 
-Only `Hello` messages are sent, and only to a peer that says of itself that it is a doctor's: into a session that runs
-nothing is sent, there is listened. The role of these messages is ``doctor``, which no side of a session answers to.
+Only `Hello` messages are sent, and only where a peer says of itself that it is a doctor's and nobody else is heard:
+into a session that runs nothing is sent, there is listened. The role of these messages is ``doctor``, which no side of
+a session answers to.
 """
 
 from __future__ import annotations
@@ -34,6 +35,9 @@ RATE = 100.0
 
 PRESENCE_PERIOD = 0.25
 """A doctor says so often that it is there [s]."""
+
+SETTLING = 0.7
+"""After the first hello others are waited for so long [s]: the sides of a session say it twice a second."""
 
 LAST_PATIENCE = 2.0
 """For answers to the last questions is waited at most so long [s]."""
@@ -187,8 +191,8 @@ def ask(
             raise link.version_error
         if not heard.roles:
             return RoundTrips()
-        _wait(lambda: heard.present, 2.0 * PRESENCE_PERIOD)
-        if not heard.present:
+        _wait(lambda: False, SETTLING)
+        if not heard.present or heard.roles - {ROLE}:
             return listen_in(heard.telemetry, frozenset(heard.roles), seconds)
         sent = _question(link, heard, seconds)
         _wait(lambda: len(heard.answers) >= len(sent), LAST_PATIENCE)

@@ -29,7 +29,7 @@ def render_findings(findings: Iterable[Finding]) -> Table:
 
     table = Table(box=SIMPLE, pad_edge=False, title=None)
     table.add_column("verdict", no_wrap=True)
-    table.add_column("what", no_wrap=False, min_width=8, max_width=26, overflow="fold")
+    table.add_column("what", no_wrap=False, min_width=8, max_width=22, overflow="fold")
     table.add_column("found, and the command that helps", overflow="fold")
     for finding in findings:
         said = Text(finding.found)
