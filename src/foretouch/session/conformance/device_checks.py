@@ -7,6 +7,7 @@ import functools
 import math
 import time
 from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,15 +33,16 @@ PUSH = 1.0
 """Force by which a hand is to be moved [N]."""
 
 
-def check_device(make: Callable[[], Device], *, name: str = "") -> list[Finding]:
+def check_device(make: Callable[[], Device], *, name: str = "", watched: float = REAL_TIME) -> list[Finding]:
     """Check a device: rate, units, signs, limits, truth, fail to zero, times that go back, timing.
 
-    One of `Device.real_time` is watched for 4 s of real time, in which somebody is to move it in and out, and no force
-    above 0 is asked of it but in the check of its limits, in single ticks that end at once.
+    One of `Device.real_time` is watched for some seconds of real time, in which somebody is to move it in and out. No
+    force above 0 is asked of it but in the check of its limits, in single ticks that end at once.
 
     Args:
         make: Makes a fresh one; called several times for one that is simulated, once for one in real time.
         name: That it is to have; without one, any.
+        watched: For so long one that somebody moves [s].
 
     Returns:
         One finding a check.
@@ -56,13 +58,13 @@ def check_device(make: Callable[[], Device], *, name: str = "") -> list[Finding]
         return [Finding("made", False, f"raises {type(error).__name__}: {error}", "it can be made")]
     if not isinstance(device, Device):
         return [Finding("made", False, f"a {type(device).__name__}", "it is a foretouch.devices.Device")]
-    motion = functools.cache(lambda: _motion(device))
+    motion = functools.cache(lambda: _motion(device, watched))
     checks: list[tuple[str, Callable[[], Finding | list[Finding]]]] = [
         ("name", lambda: _name(device, name)),
         ("specification", lambda: _specification(device)),
-        ("units", lambda: _units(motion())),
+        ("units", lambda: _units(motion().position)),
         ("rate", lambda: _rate(motion())),
-        ("sign of position", lambda: _position_sign(motion())),
+        ("sign of position", lambda: _position_sign(motion().position)),
         ("times that go back", lambda: _times_back(device)),
         ("read time", lambda: _timing(device, "read time")),
         ("render time", lambda: _timing(device, "render time")),
@@ -84,16 +86,25 @@ def check_device(make: Callable[[], Device], *, name: str = "") -> list[Finding]
             device.close()
 
 
-def _motion(device: Device) -> NDArray[np.float64]:
-    """Positions at every tick [m], shape (n,); in real time where somebody moves it."""
-    ticks = round((REAL_TIME if device.real_time else MOVING_TIME) / SAMPLE_PERIOD)
-    begin, positions = time.monotonic(), np.empty(ticks)
+class Motion(NamedTuple):
+    """What a device was seen to do: positions [m], and the time since the one before [s], both of shape (n,)."""
+
+    position: NDArray[np.float64]
+    period: NDArray[np.float64]
+
+
+def _motion(device: Device, watched: float) -> Motion:
+    """The device at every tick; in real time where somebody moves it, and then as late as this machine is."""
+    ticks = round((watched if device.real_time else MOVING_TIME) / SAMPLE_PERIOD)
+    positions, times = np.empty(ticks), np.arange(ticks) * SAMPLE_PERIOD
+    begin = time.monotonic()
     for tick in range(ticks):
         if device.real_time:
             time.sleep(max(begin + tick * SAMPLE_PERIOD - time.monotonic(), 0.0))
+            times[tick] = time.monotonic() - begin
         positions[tick] = device.read(tick * TICK_NS)
         device.render(0.0)
-    return positions
+    return Motion(positions, np.maximum(np.diff(times, prepend=-SAMPLE_PERIOD), SAMPLE_PERIOD))
 
 
 def _name(device: Device, name: str) -> Finding:
@@ -117,11 +128,10 @@ def _units(motion: NDArray[np.float64]) -> Finding:
     return Finding("units", farthest <= FARTHEST, f"at most {farthest:.4g} m from 0", rule)
 
 
-def _rate(motion: NDArray[np.float64]) -> Finding:
-    largest = float(np.nanmax(np.abs(np.diff(motion))))
-    most = FASTEST * SAMPLE_PERIOD
-    rule = f"positions are new at every tick of {1e3 * SAMPLE_PERIOD:g} ms: no step is above {1e3 * most:g} mm"
-    return Finding("rate", largest <= most, f"largest step {1e3 * largest:.4g} mm", rule)
+def _rate(motion: Motion) -> Finding:
+    fastest = float(np.nanmax(np.abs(np.diff(motion.position)) / motion.period[1:]))
+    rule = f"positions are new at every tick of {1e3 * SAMPLE_PERIOD:g} ms: no step is faster than {FASTEST:g} m/s"
+    return Finding("rate", fastest <= FASTEST, f"fastest step {fastest:.4g} m/s", rule)
 
 
 def _position_sign(motion: NDArray[np.float64]) -> Finding:

@@ -87,7 +87,7 @@ def check_estimator(make: Callable[[], Estimator], *, name: str = "") -> list[Fi
     )
 
 
-def press(law: ContactModel, duration: float = 5.0) -> Recording:
+def press(law: ContactModel, duration: float = 4.0) -> Recording:
     """A second in free air, then presses of two frequencies, out of contact in between, with an offset of the sensor.
 
     Args:
