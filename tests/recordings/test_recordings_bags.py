@@ -65,6 +65,7 @@ def test_two_clocks_are_named_with_their_distance(tmp_path, by_map):
     time, _, force = press()
     read = read_with_notes(bag, map_file=by_map())
     assert "two clocks 3.2 s apart" in read.notes[0]
+    assert "begin 3.2 s apart: two clocks?" in inspect_recording(bag).notes[0]
     assert "log time is taken for both" in read.notes[0]
     assert read.recording.force.tobytes() == force.tobytes()
     assert read.recording.time.tobytes() == time.tobytes()

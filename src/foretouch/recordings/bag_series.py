@@ -61,6 +61,20 @@ class RosBag(Bag):
         places = Places(raws[0], self._definitions(found), found.type_name)
         return tuple(text for _, text in places.texts.get("name", ()))
 
+    def lateness(self, topic: str) -> float | None:
+        """Log time less header stamp of a topic's first message [s], None where there is no stamp, or no message."""
+        found = self.topic(topic)
+        try:
+            raws, log_ns = self.messages(found, 1)
+            places = [Places(raw, self._definitions(found), found.type_name) for raw in raws]
+        except (ValueError, RecordingError):
+            return None
+        stamp = [where for one in places for name in STAMP if (where := one.find(name)) is not None]
+        if len(stamp) != len(STAMP):
+            return None
+        seconds, nanoseconds = (int(np.frombuffer(raws[0], code, 1, offset)[0]) for code, offset in stamp)
+        return (int(log_ns[0]) - seconds * 1_000_000_000 - nanoseconds) / 1e9 if seconds or nanoseconds else None
+
     def read(self, topic: str, fields: Sequence[str]) -> Series:
         """As `Bag.read`."""
         found = self.topic(topic)

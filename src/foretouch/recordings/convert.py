@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
+from itertools import repeat
 from os import PathLike
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
 from foretouch.errors import RecordingError
 from foretouch.quantities import Recording
 from foretouch.recordings._extra import optional
-from foretouch.recordings.cdr import pack_fields
 from foretouch.recordings.mapping import Mapping, Signal, TimeSource, Velocity, mapping_text
 from foretouch.recordings.output import atomic_path, write_columns
 from foretouch.recordings.source import MAP_NAME
@@ -19,6 +20,7 @@ from foretouch.recordings.standard_topics import (
     JOINT_STATE_SCHEMA,
     POSE_SCHEMA,
     WRENCH_SCHEMA,
+    joint_state,
     pose,
     wrench,
 )
@@ -34,16 +36,6 @@ _TOPICS: Final = {
     WRENCH: ("geometry_msgs/msg/WrenchStamped", WRENCH_SCHEMA),
     POSE: ("geometry_msgs/msg/PoseStamped", POSE_SCHEMA),
 }
-_JOINT_STATE: Final = {
-    "sec": "int32",
-    "nanosec": "uint32",
-    "frame_id": "string",
-    "name": "string[]",
-    "position": "float64[]",
-    "velocity": "float64[]",
-    "effort": "float64[]",
-}
-_GRAIN_NS: Final = 1_000_000_000
 
 
 def write_recording(path: str | PathLike[str], recording: Recording) -> list[str]:
@@ -115,12 +107,11 @@ def _write_mcap(path: str | PathLike[str], recording: Recording) -> list[str]:
     return [f"stamps cannot be negative: times begin at 0 instead of {begin:g} s"] if begin else []
 
 
-def _messages(recording: Recording, stamps: list[int]) -> Any:
-    speeds = None if recording.velocity is None else recording.velocity.tolist()
-    samples = zip(stamps, recording.position.tolist(), recording.force.tolist(), strict=True)
-    for sample, (stamp, position, force) in enumerate(samples):
-        speed = () if speeds is None else (speeds[sample],)
-        joints = (*divmod(stamp, _GRAIN_NS), "probe", ("probe",), (position,), speed, (force,))
-        yield JOINTS, stamp, pack_fields(_JOINT_STATE, joints)
+def _messages(recording: Recording, stamps: list[int]) -> Iterator[tuple[str, int, bytes]]:
+    speeds: Iterable[float | None] = repeat(None) if recording.velocity is None else recording.velocity.tolist()
+    for stamp, position, force, speed in zip(
+        stamps, recording.position.tolist(), recording.force.tolist(), speeds, strict=False
+    ):
+        yield JOINTS, stamp, joint_state(stamp, position, speed, force)
         yield WRENCH, stamp, wrench(stamp, force)
         yield POSE, stamp, pose(stamp, (0.0, 0.0, position))

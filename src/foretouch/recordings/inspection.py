@@ -12,8 +12,10 @@ from foretouch.errors import RecordingError
 from foretouch.quantities import Recording
 from foretouch.recordings.aurora_ddf import CONTACT_FLOOR as AURORA_FLOOR
 from foretouch.recordings.aurora_ddf import read_aurora
+from foretouch.recordings.bag_series import RosBag
 from foretouch.recordings.column_names import name_says
 from foretouch.recordings.guess import Guess, guess_mapping
+from foretouch.recordings.joining import CLOCKS_AGREE
 from foretouch.recordings.mapping import TIMES, Mapping, Signal, TimeSource
 from foretouch.recordings.opening import open_source, require_readable
 from foretouch.recordings.reading import is_session
@@ -153,6 +155,12 @@ def _of_bag(bag: Bag, topic: str | None) -> Contents:
     guess = None if session else guess_mapping(bag)
     chosen = [] if guess is None else [signal.topic for signal in (guess.position, guess.force) if signal is not None]
     notes = [] if bag.whole else ["was not ended by its recorder: read as far as it goes"]
+    if isinstance(bag, RosBag):
+        late = {name: bag.lateness(name) for name in dict.fromkeys(chosen)}
+        known = {name: seconds for name, seconds in late.items() if seconds is not None}
+        if len(known) == 2 and max(known.values()) - min(known.values()) > CLOCKS_AGREE:
+            apart = max(known.values()) - min(known.values())
+            notes.append(f"header stamps of {' and '.join(known)} begin {apart:.6g} s apart: two clocks?")
     held = any(one.count for one in bag.topics)
     if not held:
         notes.append("holds no messages")

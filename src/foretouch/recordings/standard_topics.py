@@ -118,9 +118,11 @@ def _text(value: str) -> bytes:
 _FRAME, _WORLD = _text("probe"), _text("world")
 _JOINT = _FRAME + struct.pack("<I", 1) + _text("probe") + struct.pack("<I", 1)  # frame_id, one name, one position
 _ONE = struct.pack("<II", 1, 0)  # count 1, padded to the next multiple of 8
+_NONE_AND_ONE = struct.pack("<II", 0, 1)  # no velocity, one effort
 _JPEG = _text("camera") + _text("jpeg")
 _wrench = struct.Struct(f"<4siI{len(_FRAME)}s4x6d")
 _joint_state = struct.Struct(f"<4siI{len(_JOINT)}sd8sd8sd")
+_joint_at_rest = struct.Struct(f"<4siI{len(_JOINT)}sd8sd")
 _pose = struct.Struct(f"<4siI{len(_WORLD)}s4x7d")
 _image = struct.Struct(f"<4siI{len(_JPEG)}sI")
 LARGEST_SECOND = 2**31 - 1
@@ -137,8 +139,10 @@ def wrench(time_ns: int, force: float) -> bytes:
     return _wrench.pack(HEADER, *_stamp(time_ns), _FRAME, 0.0, 0.0, force, 0.0, 0.0, 0.0)
 
 
-def joint_state(time_ns: int, position: float, velocity: float, force: float) -> bytes:
-    """CDR bytes of a JointState of one joint: position [m], velocity [m/s], effort [N]."""
+def joint_state(time_ns: int, position: float, velocity: float | None, force: float) -> bytes:
+    """CDR bytes of a JointState of one joint: position [m], velocity [m/s] or none, effort [N]."""
+    if velocity is None:
+        return _joint_at_rest.pack(HEADER, *_stamp(time_ns), _JOINT, position, _NONE_AND_ONE, force)
     return _joint_state.pack(HEADER, *_stamp(time_ns), _JOINT, position, _ONE, velocity, _ONE, force)
 
 
