@@ -179,6 +179,18 @@ def test_a_guess_needs_no_map_where_types_tell(tmp_path):
     assert any("[force] sign = -1" in note for note in read.notes)
 
 
+def test_signs_that_look_wrong_are_said(tmp_path, by_map):
+    bag = write_bag(tmp_path / "bag", press_messages())
+    said = {}
+    for position in (1, -1):
+        for force in (1, -1):
+            signs = f"\nsign = {position}\n[force]\nsign = {force}\n"
+            notes = read_with_notes(bag, map_file=by_map(MAP.replace("\n[force]\n", signs))).notes
+            said[position, force] = [note.split(":")[0] for note in notes]
+    shrink, negative = "positions shrink as the force grows", "forces are mostly negative"
+    assert said == {(1, 1): [], (-1, 1): [shrink], (1, -1): [negative], (-1, -1): [negative, shrink]}
+
+
 def test_several_sensors_are_not_chosen_from(tmp_path):
     several = [(f"/ft{place}", WRENCH, BEGIN + tick, wrench(BEGIN, 1.0)) for place in (1, 2) for tick in (1, 2)]
     bag = write_bag(tmp_path / "bag", [*several, *press_messages(0.01)])

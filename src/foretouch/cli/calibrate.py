@@ -19,6 +19,7 @@ from foretouch.cli.options import (
     print_json,
     say,
 )
+from foretouch.cli.reading import MapFile, read_and_say
 from foretouch.errors import SettingError
 
 if TYPE_CHECKING:
@@ -51,6 +52,7 @@ def sensor(
     force_unit: ForceUnit = "N",
     flip: Flip = False,
     force_channel: ForceChannel = "raw",
+    map_file: MapFile = None,
     report_directory: ReportDirectory = None,
     json_output: Json = False,
 ) -> None:
@@ -63,7 +65,7 @@ def sensor(
     import msgspec
 
     from foretouch.identification import find_sensor_lag, fit_tool_weight
-    from foretouch.recordings import read_poses, read_recording
+    from foretouch.recordings import read_poses
 
     direction = _unit_vector(axis)
     before = _before(output, poses, motion)
@@ -83,8 +85,13 @@ def sensor(
         "approach_gravity": approach_gravity,
     }
     if motion is not None:
-        recording = read_recording(
-            motion, position_unit=position_unit, force_unit=force_unit, flip=flip, force_channel=force_channel
+        recording = read_and_say(
+            motion,
+            position_unit=position_unit,
+            force_unit=force_unit,
+            flip=flip,
+            force_channel=force_channel,
+            map_file=map_file,
         )
         found["sensor_lag"], found["sensor_lag_error"] = find_sensor_lag(recording)
     calibration = msgspec.structs.replace(before, **found)
@@ -104,6 +111,7 @@ def compliance(
     force_unit: ForceUnit = "N",
     flip: Flip = False,
     force_channel: ForceChannel = "raw",
+    map_file: MapFile = None,
     report_directory: ReportDirectory = None,
     json_output: Json = False,
 ) -> None:
@@ -116,13 +124,17 @@ def compliance(
     import msgspec
 
     from foretouch.identification import fit_series_compliance
-    from foretouch.recordings import read_recording
 
     before = _before(output, recording, None)
     if report_directory is not None:
         make_folder(report_directory)
-    data = read_recording(
-        recording, position_unit=position_unit, force_unit=force_unit, flip=flip, force_channel=force_channel
+    data = read_and_say(
+        recording,
+        position_unit=position_unit,
+        force_unit=force_unit,
+        flip=flip,
+        force_channel=force_channel,
+        map_file=map_file,
     )
     found = fit_series_compliance(data, sensor_lag=before.sensor_lag or 0.0)
     calibration = msgspec.structs.replace(

@@ -15,6 +15,9 @@ __all__ = ["read_mapped"]
 
 Array = NDArray[np.float64]
 
+DEEPER_WITH_LESS_FORCE = -0.5
+"""Correlation of position and force below which positions look as if they shrank with depth."""
+
 
 def read_mapped(source: Table | Bag, mapping: Mapping) -> tuple[Recording, list[str]]:
     """The recording, and sentences on how its samples came to one time.
@@ -127,16 +130,13 @@ def _require_finite(bag: Bag, series: Series) -> None:
 
 def _doubts(recording: Recording) -> list[str]:
     """A sentence where signs look wrong: what presses is deeper, and its force positive."""
-    force = recording.force - np.median(recording.force)
-    if not force.any() or np.ptp(recording.position) == 0.0:
+    force, position = recording.force, recording.position
+    if np.ptp(force) == 0.0 or np.ptp(position) == 0.0:
         return []
-    notes = []
-    strongest = force[np.argmax(np.abs(force))]
-    if strongest < 0.0 and -force.min() > 2.0 * force.max():
-        notes.append("forces are mostly negative under load: [force] sign = -1 turns them")
-    load = np.abs(force) > 0.3 * np.abs(force).max()
-    if load.any() and not load.all():
-        deeper = recording.position[load].mean() - recording.position[~load].mean()
-        if deeper < -0.05 * float(np.ptp(recording.position)):
-            notes.append("positions are smaller where the force is large: [position] sign = -1, or --flip, turns them")
+    notes, turned = [], force.min() < 0.0 and -force.min() > 2.0 * force.max()
+    if turned:
+        notes.append("forces are mostly negative: if that is under load, [force] sign = -1 turns them")
+    together = float(np.corrcoef(position, -force if turned else force)[0, 1])
+    if together < DEEPER_WITH_LESS_FORCE:
+        notes.append("positions shrink as the force grows: [position] sign = -1, or --flip, turns them")
     return notes
