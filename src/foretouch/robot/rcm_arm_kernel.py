@@ -79,7 +79,7 @@ def _show(
     felt = arm[SENSOR] + arm[OFFSET] + arm[SENSOR_NOISE] * sensor
     arm[SHOWN] = min(max(felt, -arm[RANGE]), arm[RANGE])
     acceleration = arm[TOOL] / arm[TOOL_MASS] + arm[GRAVITY] + arm[ACCELEROMETER_NOISE] * accelerometer
-    return position, arm[SHOWN], acceleration, arm[REFERENCE], arm[CLIPPED] != 0.0
+    return float(position), float(arm[SHOWN]), float(acceleration), float(arm[REFERENCE]), bool(arm[CLIPPED])
 
 
 show: Callable[[Array, float, float, float, float], tuple[float, float, float, float, bool]] = njit(
