@@ -91,6 +91,8 @@ OFFLINE: dict[tuple[str, ...], Callable[[list[str]], list[str]]] = {
     ("recordings", "convert"): as_it_is,
     ("materials", "list"): as_it_is,
     ("materials", "fit"): as_it_is,
+    ("plugins",): as_it_is,
+    ("plugins", "check"): as_it_is,
     ("keys", "init"): in_new_keys,
     ("keys", "issue"): in_new_keys,
     ("keys", "rotate"): in_new_keys,
