@@ -9,11 +9,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from packages import make_package
+from plugin_packages import make_package
 
 from foretouch.plugins import all_plugins
-
-EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "foretouch-plugin-example"
 
 
 @pytest.fixture

@@ -7,9 +7,8 @@ import sys
 from collections.abc import Callable
 
 import pytest
+from plugin_packages import EXAMPLE
 from typer.testing import CliRunner
-
-from conftest import EXAMPLE
 
 sys.path.insert(0, str(EXAMPLE / "src"))
 

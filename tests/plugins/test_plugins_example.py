@@ -12,9 +12,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from plugin_packages import EXAMPLE
 from typer.testing import CliRunner
 
-from conftest import EXAMPLE
 from foretouch.cli.app import app
 
 ROOT = EXAMPLE.parents[1]

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
+EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "foretouch-plugin-example"
+"""The package that others begin theirs with."""
 GROUPS = {one: f"foretouch.{one}s" for one in ("robot", "device", "material", "estimator")}
 
 
