@@ -88,6 +88,19 @@ def test_a_file_beside_it_that_is_none_is_replaced(path: Path, content: bytes) -
     assert beside.read_bytes()[:4] == whole[:4]
 
 
+def test_damage_to_the_file_beside_it_is_noticed_wherever_it_is(path: Path) -> None:
+    first = read_follower_samples(path)
+    beside = Path(f"{path}.samples")
+    whole = bytearray(beside.read_bytes())
+    rng = np.random.default_rng(0)
+    headers = [index for index in range(len(whole) - 30) if whole[index : index + 2] == b"PK"]
+    for _ in range(150):  # in the headers of the archive, where another exception waits behind each field
+        damaged = bytearray(whole)
+        damaged[int(rng.choice(headers)) + int(rng.integers(2, 30))] ^= int(rng.integers(1, 256))
+        beside.write_bytes(damaged)
+        assert same(read_follower_samples(path), first)
+
+
 def test_where_no_file_can_be_kept_it_is_read_each_time(path: Path) -> None:
     Path(f"{path}.samples").mkdir()
     assert same(read_follower_samples(path), read_follower_samples(path))
