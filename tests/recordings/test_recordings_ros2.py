@@ -16,6 +16,7 @@ from foretouch.messages import VERSION, CameraImage, FixtureBelief, FollowerSpac
 from foretouch.models import LAWS
 from foretouch.recordings import SessionWriter, read_session
 from foretouch.recordings.contact_model_msg import CONTACT_MODEL_MSG, CONTACT_MODEL_TYPE
+from foretouch.recordings.session_writer import POSE_EVERY
 from foretouch.recordings.topics import TOPICS
 
 MODEL = ModelUpdate(
@@ -103,7 +104,11 @@ def test_standard_types_carry_the_numbers_of_the_messages(session, read):
         )
         assert bits([force.wrench.force.z]) == bits([message.force])
         assert joints.header.stamp.sec * 10**9 + joints.header.stamp.nanosec == message.time_ns
-    (probe,) = found["/follower/probe"]
+    *along, probe = found["/follower/probe"]
+    drawn = [message for message in told if message.sequence % POSE_EVERY == 0]
+    assert bits(pose.pose.position.z for pose in along) == bits(-message.position for message in drawn)
+    assert all((pose.pose.orientation.w, pose.header.frame_id) == (1.0, "world") for pose in along)
+    assert len(drawn) == 3
     assert bits([probe.pose.position.x, probe.pose.position.y, probe.pose.position.z]) == bits([0.1, -0.2, 1 / 3])
     (fixture,) = found["/camera/fixture/pose"]
     turn = fixture.pose.orientation

@@ -9,17 +9,20 @@ from types import TracebackType
 from typing import Any
 
 from foretouch.errors import RecordingError
-from foretouch.messages import Message
+from foretouch.messages import FollowerSpace, Message, Telemetry
 from foretouch.recordings._extra import optional
 from foretouch.recordings.block_file import BlockFile
 from foretouch.recordings.mcap_index import append_index, counts_record
-from foretouch.recordings.standard_topics import BESIDE, STANDARD
+from foretouch.recordings.standard_topics import BESIDE, PROBE, STANDARD, pose_on_a_line
 from foretouch.recordings.topics import TOPICS, TRUNCATED
 
 __all__ = ["SessionWriter"]
 
 LONGEST_BLOCK = 2000
 """So many messages make a block even if nobody flushes."""
+
+POSE_EVERY = 10
+"""Of a session along a line every so-many-th telemetry is a pose, too: for tools that draw."""
 
 
 class SessionWriter:
@@ -54,6 +57,7 @@ class SessionWriter:
             kind: (numbers[topic.name], topic.layout.pack) for kind, topic in TOPICS.items()
         }
         self._standard = {topic: numbers[topic.name] for topic in STANDARD}
+        self._in_space = False
         try:
             self._file = BlockFile(path)
         except OSError as error:
@@ -89,6 +93,11 @@ class SessionWriter:
         if beside is not None:
             for topic, data in beside(message):
                 add(self._standard[topic], log_time_ns, data, time_ns, sequence)
+        if isinstance(message, FollowerSpace):
+            self._in_space = True  # and says itself where the probe is
+        elif isinstance(message, Telemetry) and not self._in_space and sequence % POSE_EVERY == 0:
+            data = pose_on_a_line(time_ns, message.position)
+            add(self._standard[PROBE], log_time_ns, data, time_ns, sequence)
         self._first = log_time_ns if self._first is None else self._first
         self._last = log_time_ns
         self._messages += 1

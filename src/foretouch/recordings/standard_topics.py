@@ -151,6 +151,14 @@ def pose(time_ns: int, place: Sequence[float], turn: Sequence[float] = (0.0, 0.0
     return _pose.pack(HEADER, *_stamp(time_ns), _WORLD, *place, *quaternion(turn))
 
 
+def pose_on_a_line(time_ns: int, position: float) -> bytes:
+    """CDR bytes of the probe's pose in a session along a line, at a position [m].
+
+    z of the world points out of the surface, as the force does: deeper is down.
+    """
+    return pose(time_ns, (0.0, 0.0, -position))
+
+
 def quaternion(turn: Sequence[float]) -> tuple[float, float, float, float]:
     r"""The quaternion (x, y, z, w) of a rotation vector [rad].
 

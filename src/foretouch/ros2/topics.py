@@ -7,7 +7,7 @@ from typing import Final
 import msgspec
 
 from foretouch.messages import Message, Telemetry
-from foretouch.recordings.standard_topics import BESIDE, FIXTURE, MODEL, NUMBERS, PROBE, StandardTopic, pose
+from foretouch.recordings.standard_topics import BESIDE, FIXTURE, MODEL, NUMBERS, PROBE, StandardTopic, pose_on_a_line
 from foretouch.ros2.keys import TopicType
 from foretouch.ros2.qos import DEFAULT, SENSOR_DATA, Qos
 from foretouch.ros2.type_hash import type_hash
@@ -55,4 +55,4 @@ def probe_on_a_line(telemetry: Telemetry, stamp_ns: int) -> tuple[tuple[Standard
         telemetry: Of the follower.
         stamp_ns: Nanoseconds since 1970.
     """
-    return () if telemetry.validity else ((PROBE, pose(stamp_ns, (0.0, 0.0, -telemetry.position))),)
+    return () if telemetry.validity else ((PROBE, pose_on_a_line(stamp_ns, telemetry.position)),)
