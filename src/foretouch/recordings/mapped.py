@@ -17,6 +17,8 @@ Array = NDArray[np.float64]
 
 DEEPER_WITH_LESS_FORCE = -0.5
 """Correlation of position and force below which positions look as if they shrank with depth."""
+LEAST_CHANGE = 1e-9
+"""Over the largest value: what changes by less says nothing of signs."""
 
 
 def read_mapped(source: Table | Bag, mapping: Mapping) -> tuple[Recording, list[str]]:
@@ -128,10 +130,16 @@ def _require_finite(bag: Bag, series: Series) -> None:
             raise RecordingError(bag.path, problem)
 
 
+def _of_size_one(values: Array) -> Array:
+    """Values over the largest of them, which may be too large to be squared."""
+    largest = float(np.abs(values).max())
+    return values / largest if largest > 0.0 else values
+
+
 def _doubts(recording: Recording) -> list[str]:
     """A sentence where signs look wrong: what presses is deeper, and its force positive."""
-    force, position = recording.force, recording.position
-    if np.ptp(force) == 0.0 or np.ptp(position) == 0.0:
+    force, position = _of_size_one(recording.force), _of_size_one(recording.position)
+    if np.ptp(force) < LEAST_CHANGE or np.ptp(position) < LEAST_CHANGE:
         return []
     notes, turned = [], force.min() < 0.0 and -force.min() > 2.0 * force.max()
     if turned:
