@@ -24,8 +24,9 @@ def said_by(code: str) -> str:
 
 def test_a_prompt_process_wakes_within_a_microsecond_of_what_it_asked_for_and_so_do_its_threads() -> None:
     said = said_by(
-        "import threading\n"
-        "from foretouch.session.scheduling import PROMPT_NS, SLACK_NS, USUAL_NS, be_prompt, wakes_late_ns\n"
+        "import ctypes, threading\n"
+        "from foretouch.session.scheduling import PROMPT_NS, SET_TIMER_SLACK, USUAL_NS, be_prompt, wakes_late_ns\n"
+        "ctypes.CDLL(None).prctl(SET_TIMER_SLACK, ctypes.c_ulong(50_000), 0, 0, 0)\n"  # the parent may have been prompt
         "assert wakes_late_ns() == USUAL_NS\n"
         "be_prompt()\n"
         "seen = []\n"
