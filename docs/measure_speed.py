@@ -1,15 +1,21 @@
 """Measure how fast everything is and write it where it stands: the blocks of `docs/speed.md`, and its plots.
 
 Usage: `.venv/bin/python docs/measure_speed.py [NAME ...]`: a benchmark each, or `plots`; without names all, which takes
-some 12 minutes.
+some quarter of an hour. Each block says when, at which commit and under which load it was measured.
 """
 
 from __future__ import annotations
 
 import os
+
+os.environ["NUMBA_NUM_THREADS"] = "1"  # before anything imports Numba: plots are measured on one core
+
 import platform
+import shutil
+import subprocess
 import sys
 from collections.abc import Callable
+from datetime import UTC, datetime
 from pathlib import Path
 
 import matplotlib
@@ -43,19 +49,20 @@ def main(names: list[str]) -> None:
         if name == "plots":
             draw()
             continue
+        when = circumstances()
         rows = run_benchmarks([name], say=print)[name]
-        fill(PAGE, {name: block(name, rows), "machine": machine() + "\n"})
+        fill(PAGE, {name: block(name, rows, when), "machine": machine() + "\n"})
         print(name)
 
 
-def block(name: str, rows: list[Row]) -> str:
-    """One benchmark's rows, ratios first, as a table of the page."""
+def block(name: str, rows: list[Row], when: str) -> str:
+    """One benchmark's rows, ratios first, as a table of the page, and when they were measured."""
     if name == "profile":
         lines = parts_table(rows)
     else:
         lines = [f"| {' | '.join(HEADS)} |", "| --- | --: | --: | --: | --- | --- | --- |"]
         lines += [f"| {' | '.join(cells(row))} |" for row in sorted(rows, key=lambda row: row.unit != "x")]
-    return f"`foretouch bench --only {name}`:\n\n" + "\n".join(lines) + "\n"
+    return f"`foretouch bench --only {name}`, {when}:\n\n" + "\n".join(lines) + "\n"
 
 
 def parts_table(rows: list[Row]) -> list[str]:
@@ -76,14 +83,25 @@ def parts_table(rows: list[Row]) -> list[str]:
 
 def machine() -> str:
     """What it was measured on."""
-    load = f", {os.getloadavg()[0]:.1f} processes running or waiting on average" if hasattr(os, "getloadavg") else ""
     versions = f"Python {platform.python_version()}, NumPy {np.__version__}, Numba {numba.__version__}"
-    return f"Measured last on {platform.machine()}, {os.cpu_count()} cores{load}; {versions}."
+    return f"Measured on {platform.machine()}, {os.cpu_count()} cores; {versions}."
+
+
+def circumstances() -> str:
+    """The date, the commit, and what else the machine did just before."""
+    said = [f"{datetime.now(UTC):%Y-%m-%d}"]
+    git = shutil.which("git")
+    if git is not None:
+        asked = [git, "-C", str(DOCS), "rev-parse", "--short", "HEAD"]
+        done = subprocess.run(asked, capture_output=True, text=True, check=False)
+        said += [f"commit {done.stdout.strip()}"] if done.returncode == 0 else []
+    if hasattr(os, "getloadavg"):
+        said.append(f"{os.getloadavg()[0]:.1f} processes running or waiting on average before")
+    return ", ".join(said)
 
 
 def draw() -> None:
     """Plots, two a picture."""
-    os.environ.setdefault("NUMBA_NUM_THREADS", "1")
     for name, panels in {"growth": (over_samples, over_streams), "size": (over_cells, over_triangles)}.items():
         figure, axes = plt.subplots(1, 2, figsize=(8.8, 3.4), layout="constrained")
         for panel, one in zip(panels, axes, strict=True):

@@ -9,10 +9,13 @@ import pytest
 from foretouch.bench.check import (
     BAND,
     SHORT_BAND,
+    STALE,
+    Checked,
     check,
     compare,
     measure_ratios,
     read_baseline,
+    try_to_write,
     write_baseline,
 )
 from foretouch.errors import RecordingError
@@ -54,6 +57,28 @@ def test_what_one_side_does_not_know_fails() -> None:
     assert "not in the baseline" in new.sentence
     assert not old.passed
     assert "not measured any more" in old.sentence
+
+
+def test_a_baseline_that_is_staler_than_the_code_passes_and_is_said() -> None:
+    below, just = Checked("a", 2.0 * STALE - 0.01, 2.0, BAND), Checked("a", 2.0 * STALE + 0.01, 2.0, BAND)
+    assert below.passed
+    assert just.passed
+    assert below.sentence == (
+        "a: 1.59, 0.80 times the baseline of 2: below the baseline by more than the noise: write it anew"
+    )
+    assert just.sentence.endswith("within the band of 1.6")
+
+
+def test_whether_a_baseline_can_be_kept_is_seen_before(tmp_path: Path) -> None:
+    path = tmp_path / "baseline.json"
+    try_to_write(path)
+    assert not path.exists()
+    path.write_text("{}")
+    try_to_write(path)
+    assert path.read_text() == "{}"
+    for wrong in (tmp_path, tmp_path / "none" / "baseline.json"):
+        with pytest.raises(RecordingError, match="cannot be written"):
+            try_to_write(wrong)
 
 
 def test_a_baseline_is_kept_and_read(tmp_path: Path) -> None:

@@ -2,16 +2,24 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
+import os
+import signal
 import subprocess
 import sys
+import time
+import uuid
+from pathlib import Path
 from typing import Any
 
 import pytest
 from typer.testing import CliRunner
 
 from foretouch.bench import BENCHMARKS, benchmark, read_baseline
+from foretouch.bench.children import children
 from foretouch.cli.app import app
+from foretouch.errors import ForetouchError
 
 ROW = {"what": str, "figure": float, "unit": str, "reach": float | None, "reached": bool | None}
 
@@ -36,6 +44,105 @@ def test_an_unknown_name_is_one_line_and_exit_code_2() -> None:
     assert done.stderr.splitlines() == [
         f"foretouch: unknown benchmark 'starting': choose one of {', '.join(sorted(BENCHMARKS))}"
     ]
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (("--check", "--only", "batch"), "--check and --only"),
+        (("--check", "--full"), "--check and --full"),
+        (("--write-baseline", "kept.json", "--check"), "--write-baseline and --check"),
+        (("--write-baseline", "kept.json", "--json"), "--write-baseline and --json"),
+        (("--write-baseline", "kept.json", "--only", "batch"), "--write-baseline and --only"),
+    ],
+)
+def test_options_that_do_not_go_together_are_one_line(
+    options: tuple[str, ...], said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    result = CliRunner().invoke(app, ["bench", *options])
+    assert isinstance(result.exception, ForetouchError)  # one line and exit code 2
+    assert str(result.exception) == f"{said} do not go together: leave out one of them"
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_baseline_that_cannot_be_kept_is_refused_before_measuring(tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "foretouch", "bench", "--write-baseline", str(tmp_path / "none" / "kept.json")]
+    begin = time.monotonic()
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert time.monotonic() - begin < 15.0  # all ratios take a minute
+    assert done.returncode == 2
+    assert done.stderr.splitlines() == [
+        f"foretouch: {tmp_path / 'none' / 'kept.json'}: cannot be written: No such file or directory"
+    ]
+
+
+def test_each_table_is_printed_when_its_benchmark_ends() -> None:
+    command = [sys.executable, "-m", "foretouch", "bench", "--only", "batch", "--only", "startup"]
+    with children() as started:
+        asked = started.start(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
+        assert asked.stdout is not None
+        lines: list[str] = []
+        while "the same in NumPy" not in "".join(lines[-1:]):  # a row of the first, while the second runs
+            lines.append(asked.stdout.readline())
+            assert lines[-1], "it ended"
+        assert asked.poll() is None
+    assert "startup" not in "".join(lines)
+
+
+MARK = "FORETOUCH_TEST_OF_BENCH"
+
+
+def marked(mark: str) -> list[int]:
+    """Processes that have a mark in their environment."""
+    found = []
+    for folder in Path("/proc").glob("[0-9]*"):
+        with contextlib.suppress(OSError):
+            if f"{MARK}={mark}".encode() in (folder / "environ").read_bytes():
+                found.append(int(folder.name))
+    return found
+
+
+@pytest.mark.skipif(not Path("/proc/self/environ").exists(), reason="it looks for processes in /proc")
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+def test_who_ends_the_parent_alone_leaves_nothing_running_and_has_what_was_done(number: int) -> None:
+    mark = uuid.uuid4().hex
+    command = [sys.executable, "-m", "foretouch", "bench", "--json", "--only", "batch", "--only", "startup"]
+    with children() as started:
+        pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+        asked = started.start(command, env={**os.environ, MARK: mark}, **pipes)
+        assert asked.stderr is not None
+        assert asked.stderr.readline().startswith(" 1 of 2  batch")
+        until = time.monotonic() + 30.0
+        while len(marked(mark)) < 4:  # the command, the benchmark, who times, who is timed
+            assert time.monotonic() < until
+            time.sleep(0.01)
+        os.kill(asked.pid, number)
+        output, said = asked.communicate(timeout=30.0)
+        left = marked(mark)
+    assert not left
+    assert asked.returncode == 130
+    assert said.splitlines() == ["1 of 2 benchmarks were done", "foretouch: interrupted"]
+    assert len(json.loads(output)) == 4
+
+
+def test_what_a_child_started_ends_with_it_even_if_it_does_not_want_to() -> None:
+    stubborn = "import signal, time; signal.signal(signal.SIGTERM, signal.SIG_IGN); print('ready', flush=True)"
+    script = (
+        f"import subprocess, sys, time; subprocess.Popen([sys.executable, '-c', {stubborn + '; time.sleep(60)'!r}])\n"
+        "time.sleep(60)"
+    )
+    mark = uuid.uuid4().hex
+    with children(grace=0.5) as started:
+        pipes = {"stdout": subprocess.PIPE, "text": True, "env": {**os.environ, MARK: mark}}
+        child = started.start([sys.executable, "-c", script], **pipes)
+        assert child.stdout is not None
+        assert child.stdout.readline() == "ready\n"
+    assert child.returncode == -signal.SIGTERM
+    until = time.monotonic() + 5.0
+    while Path("/proc/self/environ").exists() and marked(mark):
+        assert time.monotonic() < until
+        time.sleep(0.01)
 
 
 def test_every_benchmark_can_be_had() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import subprocess
 import sys
 from pathlib import Path
 
@@ -29,7 +30,15 @@ def test_a_block_is_a_table_with_ratios_first(monkeypatch: pytest.MonkeyPatch) -
     import measure_speed
 
     rows = [Row("a time", 2.0, "us", 1.0), Row("a ratio", 3.0, "x", 2.0, True, (2.5, 3.5), 7)]
-    lines = measure_speed.block("call", rows).splitlines()
-    assert lines[0] == "`foretouch bench --only call`:"
+    lines = measure_speed.block("call", rows, "2026-01-02, commit abc").splitlines()
+    assert lines[0] == "`foretouch bench --only call`, 2026-01-02, commit abc:"
     assert lines[4:] == ["| a ratio | 3 | 2.5 to 3.5 | 7 | x | ≥ 2 | yes |", "| a time | 2 |  | 1 | us | ≤ 1 | no |"]
-    assert measure_speed.machine().startswith("Measured last on ")
+    assert measure_speed.machine().startswith("Measured on ")
+    assert re.match(r"\d{4}-\d\d-\d\d(, commit [0-9a-f]+)?(, \d+\.\d processes |$)", measure_speed.circumstances())
+
+
+def test_plots_are_measured_on_one_core() -> None:
+    pytest.importorskip("matplotlib")
+    asked = "import measure_speed, numba; print(numba.config.NUMBA_NUM_THREADS)"
+    done = subprocess.run([sys.executable, "-c", asked], cwd=DOCS, capture_output=True, text=True, check=True)
+    assert done.stdout == "1\n"

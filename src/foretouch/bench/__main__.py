@@ -7,6 +7,7 @@ import sys
 import msgspec
 
 from foretouch.bench.benchmarks import benchmark
+from foretouch.bench.children import interruptible
 from foretouch.bench.rows import Row, Scope
 from foretouch.errors import MissingExtraError
 
@@ -26,7 +27,10 @@ def main(name: str, *options: str) -> None:
 
     rows: list[Row] = []
     try:
-        rows = benchmark(name)(Scope("--full" in options, say))
+        with interruptible():
+            rows = benchmark(name)(Scope("--full" in options, say))
+    except KeyboardInterrupt:  # by who started it, who says so
+        sys.exit(130)
     except MissingExtraError as error:
         say(f"{name} is left out: {error}")
     sys.stdout.write(msgspec.json.encode(rows).decode() + "\n")

@@ -25,10 +25,24 @@ from foretouch.bench.reference import rank_one_updates, recursion_over
 from foretouch.bench.timing import Contestant, once
 from foretouch.errors import RecordingError
 
-__all__ = ["BAND", "SHORT_BAND", "Checked", "check", "compare", "measure_ratios", "read_baseline", "write_baseline"]
+__all__ = [
+    "BAND",
+    "SHORT_BAND",
+    "STALE",
+    "Checked",
+    "check",
+    "compare",
+    "measure_ratios",
+    "read_baseline",
+    "try_to_write",
+    "write_baseline",
+]
 
 BAND, SHORT_BAND = 1.6, 2.5
 """A ratio may be so many times its baseline; the short form has few rounds."""
+
+STALE = 0.8
+"""What is below so many times its baseline is so by more than noise, and might become slower unseen."""
 
 ROUNDS, SHORT_ROUNDS, TURNS, ATTEMPTS = 40, 4, 6, 3
 """Rounds have one session and so many turns of all else; and how often rounds are added where a ratio is beyond."""
@@ -80,10 +94,12 @@ class Checked:
             return f"{self.name}: in the baseline, but not measured any more: write the baseline anew"
         if self.baseline is None:
             return f"{self.name}: {self.ratio:.3g}, and not in the baseline: write the baseline anew"
-        verdict = "within" if self.passed else "BEYOND"
+        verdict = f"{'within' if self.passed else 'BEYOND'} the band of {self.band:g}"
+        if self.ratio < STALE * self.baseline:
+            verdict = "below the baseline by more than the noise: write it anew"
         return (
             f"{self.name}: {self.ratio:.3g}, {self.ratio / self.baseline:.2f} times the baseline of "
-            f"{self.baseline:.3g}: {verdict} the band of {self.band:g}"
+            f"{self.baseline:.3g}: {verdict}"
         )
 
 
@@ -178,6 +194,25 @@ def read_baseline(path: Path | None = None) -> Measured:
         return msgspec.json.decode(content, type=Measured)
     except (OSError, msgspec.DecodeError) as error:
         raise RecordingError(path or "the committed baseline", f"no baseline of ratios: {error}") from None
+
+
+def try_to_write(path: Path) -> None:
+    """See whether a baseline can be kept there, before a minute is spent on it; what is there stays as it is.
+
+    Args:
+        path: The file.
+
+    Raises:
+        RecordingError: It cannot be written.
+    """
+    new = not path.exists()
+    try:
+        with path.open("ab"):
+            pass
+        if new:
+            path.unlink()
+    except OSError as error:
+        raise RecordingError(path, f"cannot be written: {error.strerror}") from None
 
 
 def write_baseline(path: Path, measured: Mapping[str, float]) -> None:

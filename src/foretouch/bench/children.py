@@ -1,25 +1,48 @@
-"""Fresh processes, timed, with what they did to memory."""
+"""Fresh processes: timed, with what they did to memory, and none that outlives who started it."""
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
+import signal
 import subprocess
 import sys
 import tempfile
-from collections.abc import Sequence
+import threading
+import time
+from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from foretouch.bench import launcher
 from foretouch.errors import ForetouchError
 
-__all__ = ["ONE_THREAD", "Ended", "environment", "measure_process"]
+__all__ = [
+    "GRACE",
+    "ONE_THREAD",
+    "Children",
+    "Ended",
+    "children",
+    "environment",
+    "interruptible",
+    "last_line",
+    "measure_process",
+]
 
 ONE_THREAD = dict.fromkeys(
     ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS", "VECLIB_MAXIMUM_THREADS"), "1"
 )
 """No pool of threads takes a core that another contestant has."""
+
+GRACE = 5.0
+"""Who is asked to end is killed after so long [s]."""
+
+ENDINGS = (signal.SIGTERM, signal.SIGHUP)
+"""That end a process, besides SIGINT: its children, in sessions of their own, hear nothing of them."""
+
+SHOWN = 4
+"""So many arguments of a process that failed are named."""
 
 
 class Ended(NamedTuple):
@@ -34,6 +57,96 @@ class Ended(NamedTuple):
     seconds: float
     peak: int
     output: str
+
+
+class Children:
+    """Processes, each leading a session of its own, so that what they start in turn ends with them."""
+
+    def __init__(self) -> None:
+        self._running: list[subprocess.Popen[Any]] = []
+
+    def start(self, command: Sequence[str], **options: Any) -> subprocess.Popen[Any]:
+        """Start one, with nothing to read and one thread a pool.
+
+        Args:
+            command: And its arguments.
+            **options: Of `subprocess.Popen`.
+        """
+        given = {"stdin": subprocess.DEVNULL, "env": environment(), "start_new_session": True, **options}
+        self._running.append(subprocess.Popen(command, **given))
+        return self._running[-1]
+
+    def end(self, grace: float) -> None:
+        """Ask all to end that have not, and kill what is left of them and of what they started.
+
+        Args:
+            grace: All of them together have so long [s].
+        """
+        asked = [process for process in self._running if process.poll() is None]
+        for process in asked:
+            _signal(process, signal.SIGTERM)
+        until = time.monotonic() + grace
+        for process in asked:
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                process.wait(max(0.0, until - time.monotonic()))
+        for process in self._running:
+            _signal(process, signal.SIGKILL)
+            process.wait()
+            for pipe in (process.stdout, process.stderr):
+                if pipe is not None:
+                    pipe.close()
+
+
+def _signal(process: subprocess.Popen[Any], number: int) -> None:
+    with contextlib.suppress(ProcessLookupError, PermissionError):  # nobody is left
+        os.killpg(process.pid, number)
+
+
+@contextlib.contextmanager
+def children(grace: float = GRACE) -> Iterator[Children]:
+    """Start processes; however this ends, none of them is left.
+
+    Args:
+        grace: As of `Children.end`.
+    """
+    started = Children()
+    try:
+        yield started
+    finally:
+        with _undisturbed():
+            started.end(grace)
+
+
+@contextlib.contextmanager
+def _undisturbed() -> Iterator[None]:
+    """Whoever is impatient does not leave processes behind."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = {number: signal.signal(number, signal.SIG_IGN) for number in (signal.SIGINT, *ENDINGS)}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+@contextlib.contextmanager
+def interruptible() -> Iterator[None]:
+    """SIGTERM and SIGHUP are as Ctrl-C meanwhile: `KeyboardInterrupt`, so that everything on the way out is done."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+
+    def interrupt(number: int, frame: object) -> None:
+        raise KeyboardInterrupt
+
+    before = {number: signal.signal(number, interrupt) for number in ENDINGS}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 def environment() -> dict[str, str]:
@@ -51,15 +164,26 @@ def measure_process(arguments: Sequence[str]) -> Ended:
         tempfile.TemporaryDirectory() as folder,
         tempfile.TemporaryFile("w+") as out,
         tempfile.TemporaryFile("w+") as err,
+        children() as started,
     ):
         result = Path(folder) / "result.json"
         command = [sys.executable, "-I", launcher.__file__, str(result), sys.executable, *arguments]
-        subprocess.run(command, stdin=subprocess.DEVNULL, stdout=out, stderr=err, env=environment(), check=True)
-        measured = json.loads(result.read_text())
+        code = started.start(command, stdout=out, stderr=err).wait()
+        measured = json.loads(result.read_text()) if code == 0 else {"code": code}
         out.seek(0)
         err.seek(0)
         output, said = out.read(), err.read()
     if measured["code"]:
-        last = said.strip().splitlines()[-1:] or ["it said nothing"]
-        raise ForetouchError(f"{' '.join(arguments)}: exit code {measured['code']}: {last[0]}")
+        raise ForetouchError(f"{_named(arguments)}: exit code {measured['code']}: {last_line(said)}")
     return Ended(measured["seconds"], measured["peak"] * (1 if sys.platform == "darwin" else 1024), output)
+
+
+def last_line(said: str) -> str:
+    """The last line of what a process said, which is why it failed."""
+    return (said.strip().splitlines() or ["it said nothing"])[-1]
+
+
+def _named(arguments: Sequence[str]) -> str:
+    """A command in a line: not all of its files."""
+    left = len(arguments) - SHOWN
+    return " ".join(arguments[:SHOWN]) + (f" and {left} arguments more" if left > 0 else "")

@@ -8,7 +8,10 @@ perturbation. What each calls these differs:
   prediction comes first and divides P by mu, so that P begins at mu p I.
 - river `BayesianLinearRegression`: `smoothing` = mu weights a sample by (1 - mu) beta, so beta = 1 / (1 - mu); its
   prior with smoothing is I / `alpha` as a precision, so alpha = p. It inverts a matrix in each step. Without smoothing,
-  mu = 1, it does not: then beta = 1, and its prior is I / alpha as a covariance, so alpha = 1 / p.
+  mu = 1, it does not: then beta = 1, and its prior is I / alpha as a covariance, so alpha = 1 / p. It learns alone,
+  `learn_one`: nobody asks it for the prediction before.
+
+Each is given a sample a call, which is what its interface has.
 """
 
 from __future__ import annotations
@@ -74,7 +77,6 @@ def _river(problem: Problem, forgetting_factor: float = FORGETTING_FACTOR) -> Pe
     def run() -> Array:
         learner = linear_model.BayesianLinearRegression(alpha=alpha, beta=beta, smoothing=smoothing)
         for row, target in zip(rows, targets, strict=True):
-            learner.predict_one(row)  # the innovation, which the others compute too
             learner.learn_one(row, target)
         # theta_i is the prediction of the unit vector i.
         return np.array([learner.predict_one({name: float(name == one) for name in names}) for one in names])

@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 import msgspec
 
 from foretouch.bench.benchmarks import BENCHMARKS
-from foretouch.bench.children import environment
+from foretouch.bench.children import GRACE, children
 from foretouch.bench.rows import Row
 from foretouch.errors import UnknownNameError
 
@@ -51,9 +51,8 @@ def run_benchmarks(
 
 def _run(name: str, full: bool, say: Callable[[str], None]) -> list[Row] | None:
     command = [sys.executable, "-m", "foretouch.bench", name, *(["--full"] if full else [])]
-    with subprocess.Popen(
-        command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment()
-    ) as child:
+    with children(grace=3.0 * GRACE) as started:  # it has processes of its own to end first
+        child = started.start(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
         assert child.stdout is not None
         assert child.stderr is not None
         last = ""
@@ -62,6 +61,7 @@ def _run(name: str, full: bool, say: Callable[[str], None]) -> list[Row] | None:
             if line.startswith("foretouch: "):
                 say(line.removeprefix("foretouch: ").rstrip())
         output = child.stdout.read()
+        child.wait()
     if child.returncode:
         say(f"the benchmark {name} failed, exit code {child.returncode}: {last}")
         return None

@@ -22,12 +22,13 @@ def cells(row: Row) -> tuple[str, ...]:
 
 
 def render_table(done: Mapping[str, Sequence[Row]]) -> Table:
-    """One table of all benchmarks, ratios first in each.
+    """One table of some benchmarks, ratios first in each, as wide as there is room.
 
     Args:
         done: Rows by benchmark.
     """
-    table = Table(*HEADS, title="foretouch bench", title_justify="left", header_style="bold")
+    table = Table(*HEADS, header_style="bold", expand=True)
+    table.columns[0].ratio = 1
     for column in (1, 2, 3):
         table.columns[column].justify = "right"
     for name, rows in done.items():

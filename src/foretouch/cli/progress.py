@@ -73,6 +73,17 @@ class Bar:
         else:
             self._drawn.console.print(line, highlight=False, markup=False, soft_wrap=True)
 
+    @contextmanager
+    def aside(self) -> Iterator[None]:
+        """The bar is away meanwhile: the output stream may be the same terminal."""
+        if self._drawn is not None:
+            self._drawn.stop()
+        try:
+            yield
+        finally:
+            if self._drawn is not None:
+                self._drawn.start()
+
     def close(self) -> None:
         """Take the bar away."""
         with self._drawing:

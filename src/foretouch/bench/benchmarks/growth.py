@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import gc
 import time
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
+from foretouch.bench.memory import resident_bytes
 from foretouch.bench.press import OPTIONS, press
 from foretouch.bench.rows import Row, Scope
 from foretouch.identification import FPRLS
@@ -75,19 +75,9 @@ def _stream(size: int) -> Streamed:
         for _ in range(size // BLOCK):
             estimator.run(block.depth, block.velocity, block.force)
         seconds = time.perf_counter() - start
-        return Streamed(size, seconds, _memory())
+        return Streamed(size, seconds, resident_bytes())
     finally:
         gc.enable()
-
-
-def _memory() -> int:
-    """Bytes that this process holds now."""
-    path = Path("/proc/self/statm")
-    if not path.exists():
-        return 0
-    import resource
-
-    return int(path.read_text().split()[1]) * resource.getpagesize()
 
 
 def measure(scope: Scope) -> list[Row]:

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from foretouch.bench.children import environment
+from foretouch.bench.children import children
 from foretouch.bench.rows import Row, Scope
 from foretouch.bench.timing import spread
 from foretouch.bench.wire import DELAYED, KEY, KINDS, STRETCH, open_wire
@@ -62,7 +62,8 @@ def one_way_times(kinds: tuple[str, ...], stretches: int) -> dict[str, Times]:
                     opened[kind].declare_subscriber(KEY, _receiver(found[kind].append))
             wires = [f"{kind}={endpoint}" for kind, endpoint in ends.items()]
             command = [sys.executable, "-m", "foretouch.bench.wire", str(folder), str(stretches), *wires]
-            with subprocess.Popen(command, env=environment()) as sender, steady():
+            with children() as started, steady():
+                sender = started.start(command)
                 _wait(sender, opened.get(DELAYED), found[DELAYED].append)
         finally:
             for each in opened.values():

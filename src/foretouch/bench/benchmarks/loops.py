@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from foretouch.bench.children import environment, measure_process
+from foretouch.bench.children import children, last_line, measure_process
 from foretouch.bench.lateness import CAUSES, LATE_NS, Ticks, causes, ticks_of
 from foretouch.bench.rows import Row, Scope
 from foretouch.bench.side import read_notes
@@ -38,8 +38,8 @@ ENDING = 20.0
 
 REACH_MS = 0.1
 
-SAID = "said.txt"
-"""What the processes of a session say to people."""
+NAMES = ("leader", "recorder", "console", "follower")
+"""Processes of a session, in the order in which they are waited for."""
 
 Round = dict[str, tuple[Ticks, dict[str, int]]]
 """Ticks of each side, and why some are late."""
@@ -76,9 +76,13 @@ def session_round(folder: Path, seconds: float) -> Round:
             codes = [process.wait(seconds + 60.0 if not place else ENDING) for place, process in enumerate(running)]
         except subprocess.TimeoutExpired as error:
             raise ForetouchError(f"a process of the session did not end: {error}") from None
-    if any(codes):
-        last = (folder / SAID).read_text().strip().splitlines()[-1:] or ["they said nothing"]
-        raise ForetouchError(f"processes of the session ended with exit codes {codes}: {last[0]}")
+    failed = [
+        f"{name} ended with exit code {code}: {last_line(_said(folder, name).read_text(errors='replace'))}"
+        for name, code in zip(NAMES, codes, strict=True)
+        if code
+    ]
+    if failed:
+        raise ForetouchError(f"a session failed: {'; '.join(failed)}")
     log = read_session(recording)
     found: Round = {}
     for side, rows in (("leader", log.leader), ("follower", log.follower)):
@@ -102,30 +106,25 @@ def _processes(
     def side(name: str) -> list[str]:
         return ["-m", "foretouch.bench.side", str(notes[name]), "foretouch", name]
 
-    commands = [
-        [*side("follower"), "--listen", follower],
-        [*module, "console", "--port", port, *watching],
-        [*module, "record", str(recording), *watching],
-        [*side("leader"), "--listen", leader, "--connect", follower, "--wait-for-recorder", "--duration", str(seconds)],
-    ]
-    quiet = subprocess.DEVNULL
-    running: list[subprocess.Popen[bytes]] = []
-    try:
-        with (folder / SAID).open("wb") as said:
-            for command in commands:
+    leading = ["--listen", leader, "--connect", follower, "--wait-for-recorder", "--duration", str(seconds)]
+    commands = {
+        "follower": [*side("follower"), "--listen", follower],
+        "console": [*module, "console", "--port", port, *watching],
+        "recorder": [*module, "record", str(recording), *watching],
+        "leader": [*side("leader"), *leading],
+    }
+    running = {}
+    with children() as started:
+        for name, command in commands.items():
+            with _said(folder, name).open("wb") as said:
                 full = [sys.executable, *command]
-                process = subprocess.Popen(full, cwd=folder, stdin=quiet, stdout=quiet, stderr=said, env=environment())
-                running.insert(0, process)
-        yield running
-    finally:
-        for process in running:
-            if process.poll() is None:
-                process.terminate()
-                with contextlib.suppress(subprocess.TimeoutExpired):
-                    process.wait(10.0)
-            if process.poll() is None:
-                process.kill()
-                process.wait()
+                running[name] = started.start(full, cwd=folder, stdout=subprocess.DEVNULL, stderr=said)
+        yield [running[name] for name in NAMES]
+
+
+def _said(folder: Path, name: str) -> Path:
+    """What a process of a session says to people."""
+    return folder / f"{name}-said.txt"
 
 
 def measure(scope: Scope) -> list[Row]:
