@@ -100,6 +100,7 @@ def compare(
             processes=jobs,
             cluster=cluster,
             progress=progress,
+            say=bar.say,
         )
     if json_output:
         print_json({"results": [result.as_row() for result in results]})

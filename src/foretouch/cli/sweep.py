@@ -58,7 +58,7 @@ def sweep(
     compared = min(100, sessions) if baselines is None else baselines
     plan = Plan(12, 2, 4.0, seed) if quick else Plan(sessions, compared, duration, seed)
     with _progress() as progress:
-        rows = run_sweep(out, plan, processes=jobs, cluster=cluster, progress=progress)
+        rows = run_sweep(out, plan, processes=jobs, cluster=cluster, progress=progress, say=say)
     page = write_sweep_page(out, rows)
     content = summary(rows)
     if json_output:

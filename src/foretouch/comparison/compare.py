@@ -48,6 +48,7 @@ def compare(
     processes: int | None = None,
     cluster: str | None = None,
     progress: Progress | None = None,
+    say: Callable[[str], None] = lambda line: None,
 ) -> Results:
     """Measure every combination of law and estimator on every recording.
 
@@ -59,6 +60,7 @@ def compare(
         processes: At a time; None for as many as there are cores.
         cluster: Address of a Dask scheduler whose workers do it; None for this machine.
         progress: Called with the number of results so far, that of all, and the newest.
+        say: Told, in a line for people, where a cluster has no workers left and new ones are waited for.
 
     Returns:
         One result for each combination, those that failed too, in the order of the recordings.
@@ -75,7 +77,7 @@ def compare(
     pairs = combinations(models, estimators)
     jobs = [Combination(case, model, name, scoring) for case in cases for model, name in pairs]
     results: dict[int, Result] = {}
-    for place, result in run_all(try_combination, jobs, processes=processes, cluster=cluster, lost=failed):
+    for place, result in run_all(try_combination, jobs, processes=processes, cluster=cluster, lost=failed, say=say):
         results[place] = result
         if progress is not None:
             progress(len(results), len(jobs), result)

@@ -22,6 +22,7 @@ def run_all(
     processes: int | None = None,
     cluster: str | None = None,
     lost: Callable[[Job, str], Outcome],
+    say: Callable[[str], None] = lambda line: None,
 ) -> Iterator[tuple[int, Outcome]]:
     """Do all jobs, side by side.
 
@@ -34,6 +35,7 @@ def run_all(
         processes: At a time; None for as many as there are cores. 1 works in this process.
         cluster: Address of a Dask scheduler whose workers do them; None for this machine's.
         lost: Outcome of a job whose process died, from the job and the reason.
+        say: As of `run_on_cluster`.
 
     Yields:
         Place of the job in `jobs` and its outcome, as they are done.
@@ -43,7 +45,7 @@ def run_all(
         MissingExtraError: As `run_on_cluster`.
     """
     if cluster is not None:
-        yield from run_on_cluster(work, jobs, cluster, lost=lost)
+        yield from run_on_cluster(work, jobs, cluster, lost=lost, say=say)
         return
     count = min(processes or os.cpu_count() or 1, len(jobs))
     if count < 2:

@@ -64,6 +64,7 @@ def run_sweep(
     processes: int | None = None,
     cluster: str | None = None,
     progress: Progress | None = None,
+    say: Callable[[str], None] = lambda line: None,
 ) -> list[Outcome]:
     """Run all sessions of a plan that the folder does not have yet.
 
@@ -73,6 +74,7 @@ def run_sweep(
         processes: At a time; None for as many as there are cores.
         cluster: Address of a Dask scheduler whose workers do it; None for this machine.
         progress: Called with the number of rows so far, that of all, and the newest.
+        say: Told, in a line for people, where a cluster has no workers left and new ones are waited for.
 
     Returns:
         One row for each session of the plan, those that failed too, in its order.
@@ -86,7 +88,7 @@ def run_sweep(
     store = Store(folder, seed=plan.seed, duration=plan.duration)
     missing = [case for case in cases if (case.number, case.baseline) not in store.rows]
     done = len(cases) - len(missing)
-    for _, row in run_all(run_case, missing, processes=processes, cluster=cluster, lost=failed):
+    for _, row in run_all(run_case, missing, processes=processes, cluster=cluster, lost=failed, say=say):
         store.add(row)
         done += 1
         if progress is not None:
