@@ -88,6 +88,8 @@ def run_on_cluster(
                     outcome = future.result(timeout=PATIENCE)
                 except TimeoutError:  # its worker died with it: it is done once more
                     done.add(future)
+                    if reason := watch.gives_up():
+                        break
                     continue
                 except Exception as error:
                     outcome = lost(job, watch.gives_up() or f"its result could not be fetched: {_reason(error)}")
