@@ -88,6 +88,7 @@ def test_a_side_notes_its_collections(tmp_path: Path) -> None:
 def test_an_hour_is_foretold_from_a_line() -> None:
     short, long = (SHORT, 2.0 + 0.01 * SHORT), (LONG, 2.0 + 0.01 * LONG)
     assert foretold(short, long) == pytest.approx(2.0 + 0.01 * HOUR)
+    assert foretold((SHORT, 2.1), (LONG, 2.0)) == 2.0
 
 
 def test_the_recording_from_which_a_cache_is_foretold_has_one(tmp_path: Path) -> None:
@@ -96,6 +97,20 @@ def test_the_recording_from_which_a_cache_is_foretold_has_one(tmp_path: Path) ->
     write_recording(path, seconds)
     byte_rate = path.stat().st_size / seconds
     assert byte_rate * SHORT < LARGE < byte_rate * LONG
+
+
+def test_an_hour_is_foretold_and_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("mcap")
+    monkeypatch.setattr(identify, "REACHES", {"MCAP": identify.REACHES["MCAP"]})
+    for name, value in {"RUNS": 1, "SHORT": 4.0, "LONG": 8.0}.items():
+        monkeypatch.setattr(identify, name, value)
+    rows = identify.measure(Scope(False, pytest.fail))
+    assert [row.what.partition("MCAP")[2] for row in rows] == [
+        ": memory over that of the columns (of 10 min)",
+        " (foretold from 1 and 10 min, the least of 1 runs)",
+        ", read again by the samples kept beside it (foretold from 1 s and 10 min, the least of 1 runs)",
+    ]
+    assert all(row.figure > 0.5 for row in rows[1:])  # a process starts
 
 
 def test_a_missing_package_leaves_out_the_rows_of_its_format_alone(monkeypatch: pytest.MonkeyPatch) -> None:

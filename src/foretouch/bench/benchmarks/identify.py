@@ -21,8 +21,8 @@ __all__ = ["foretold", "measure"]
 BRIEF, SHORT, LONG, HOUR = 1.0, 60.0, 600.0, 3600.0
 """Lengths of recordings [s]."""
 
-RUNS = 3
-"""Of each recording from which an hour is foretold; noise only adds."""
+RUNS = 5
+"""Of each recording from which an hour is foretold, by turns; noise only adds."""
 
 REACHES = {"CSV": (".csv", 6.0), "Parquet": (".parquet", 3.0), "MCAP": (".mcap", 60.0)}
 """Ending, and what an hour is to take at most [s]."""
@@ -37,13 +37,13 @@ CACHE = "by the samples kept beside it"
 
 
 def foretold(short: tuple[float, float], long: tuple[float, float]) -> float:
-    """What an hour takes, by a line through two recordings.
+    """What an hour takes, by a line through two recordings; one that falls is noise, and taken as level.
 
     Args:
         short: Length [s], and what it took.
         long: The same of a longer one.
     """
-    return long[1] + (long[1] - short[1]) * (HOUR - long[0]) / (long[0] - short[0])
+    return long[1] + max(0.0, long[1] - short[1]) * (HOUR - long[0]) / (long[0] - short[0])
 
 
 def measure(scope: Scope) -> list[Row]:
@@ -60,47 +60,47 @@ def measure(scope: Scope) -> list[Row]:
 
 def _of_format(folder: Path, name: str, ending: str, reach: float, full: bool) -> list[Row]:
     what = f"identify 1 h at 1 kHz, {name}"
-    read_twice = ending == ".mcap"
-    brief, _ = _identify(folder, ending, BRIEF, 1, read_twice=False)
-    if full or not read_twice:
-        first, again = _identify(folder, ending, HOUR, 1, read_twice=read_twice)
-        seconds, seconds_again, length, how, how_again = first.seconds, again.seconds, HOUR, "", ""
-    else:
-        seconds, seconds_again, first = _foretold(folder, ending)
-        length, how, how_again = LONG, " (foretold from 1 and 10 min)", " (foretold from 1 s and 10 min)"
-    share = (first.peak - brief.peak) / ((length - BRIEF) * RATE * 8 * COLUMNS)
-    of = "" if length == HOUR else " (of 10 min)"
+    kept = ending == ".mcap"
+    lengths = (BRIEF, HOUR) if full or not kept else (BRIEF, SHORT, LONG)
+    runs = 1 if lengths[-1] == HOUR else RUNS
+    first, again = _identify(folder, ending, lengths, runs, kept)
+    seconds, seconds_again = first[lengths[-1]].seconds, again.seconds
+    of = how = how_again = ""
+    if lengths[-1] != HOUR:
+        seconds_again = foretold((BRIEF, first[BRIEF].seconds), (LONG, seconds_again))
+        seconds = foretold((SHORT, first[SHORT].seconds), (LONG, seconds))
+        of, quickest = " (of 10 min)", f"the least of {runs} runs"
+        how, how_again = f" (foretold from 1 and 10 min, {quickest})", f" (foretold from 1 s and 10 min, {quickest})"
+    share = (first[lengths[-1]].peak - first[BRIEF].peak) / ((lengths[-1] - BRIEF) * RATE * 8 * COLUMNS)
     rows = [
         Row(f"{what}: memory over that of the columns{of}", share, "x", LARGEST_SHARE),
-        Row(f"{what}{how}", seconds, "s", reach),
+        Row(f"{what}{how}", seconds, "s", reach, rounds=runs),
     ]
-    if read_twice:
-        rows.append(Row(f"{what}, read again {CACHE}{how_again}", seconds_again, "s", REACH_AGAIN))
+    if kept:
+        rows.append(Row(f"{what}, read again {CACHE}{how_again}", seconds_again, "s", REACH_AGAIN, rounds=runs))
     return rows
 
 
-def _foretold(folder: Path, ending: str) -> tuple[float, float, Ended]:
-    """Seconds of an hour at first and read again, and the run of the longest recording."""
-    brief, _ = _identify(folder, ending, BRIEF, RUNS, read_twice=False)
-    short, _ = _identify(folder, ending, SHORT, RUNS, read_twice=False)
-    long, again = _identify(folder, ending, LONG, RUNS, read_twice=True)
-    at_first = foretold((SHORT, short.seconds), (LONG, long.seconds))
-    return at_first, foretold((BRIEF, brief.seconds), (LONG, again.seconds)), long
-
-
-def _identify(folder: Path, ending: str, seconds: float, runs: int, *, read_twice: bool) -> tuple[Ended, Ended]:
-    """The quickest run at first and that of the recording read again, or at first too where it is not."""
-    path = folder / f"press-{seconds:g}{ending}"
-    write_recording(path, seconds)
-    command = ["-m", "foretouch", "identify", str(path), "--json"]
-    first, again = [], []
+def _identify(
+    folder: Path, ending: str, lengths: tuple[float, ...], runs: int, kept: bool
+) -> tuple[dict[float, Ended], Ended]:
+    """The quickest run of each length, which take turns, and the quickest of the last read again, if that is `kept`."""
+    paths = {seconds: folder / f"press-{seconds:g}{ending}" for seconds in lengths}
+    for seconds, path in paths.items():
+        write_recording(path, seconds)
+    first: dict[float, list[Ended]] = {seconds: [] for seconds in lengths}
+    again: list[Ended] = []
     for _ in range(runs):
-        first.append(measure_process(command))
-        if read_twice:
+        for seconds, path in paths.items():
+            command = ["-m", "foretouch", "identify", str(path), "--json"]
+            first[seconds].append(measure_process(command))
+        if kept:
             again.append(measure_process(command))
-        for kept in folder.iterdir():  # beside it, so that the next run reads the recording
-            if kept != path:
-                kept.unlink()
-    path.unlink()
-    quickest = min(first, key=lambda one: one.seconds)
-    return quickest, min(again, key=lambda one: one.seconds) if again else quickest
+        for beside in set(folder.iterdir()) - set(paths.values()):  # so that the next run reads the recording
+            beside.unlink()
+    quickest = {seconds: min(ended, key=_seconds) for seconds, ended in first.items()}
+    return quickest, min(again, key=_seconds, default=quickest[lengths[-1]])
+
+
+def _seconds(ended: Ended) -> float:
+    return ended.seconds
