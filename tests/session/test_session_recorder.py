@@ -79,6 +79,7 @@ def memory(path: Path, hours: float) -> np.ndarray:
     return np.array([float(line.split()[2]) for line in done.stdout.splitlines()])
 
 
+@pytest.mark.long
 def test_a_minute_takes_no_memory(tmp_path: Path) -> None:
     curve = memory(tmp_path / "session.mcap", 1 / 60)
     assert curve.size == 11
