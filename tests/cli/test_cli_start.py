@@ -4,6 +4,7 @@ import json
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -34,3 +35,12 @@ def test_pools_of_threads_are_bounded_unless_somebody_says_otherwise() -> None:
     )
     assert run(script).split()[-2:] == ["1", "1"]
     assert run(script, OPENBLAS_NUM_THREADS="2").split()[-2] == "2"
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no device that is always full")
+def test_an_output_that_is_full_is_said_in_one_line() -> None:
+    with Path("/dev/full").open("w") as full:
+        done = subprocess.run(
+            [sys.executable, "-m", "foretouch", "plugins", "--json"], stdout=full, stderr=subprocess.PIPE, text=True
+        )
+    assert (done.returncode, done.stderr) == (2, "foretouch: the output cannot be written: No space left on device\n")

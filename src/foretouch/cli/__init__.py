@@ -29,6 +29,14 @@ def main() -> None:
         except ForetouchError as error:
             sys.stderr.write(f"foretouch: {error}\n")
             sys.exit(2)
+        except BrokenPipeError:
+            raise  # who reads has gone: Typer ends quietly
+        except OSError as error:
+            if error.filename is not None:
+                raise
+            sys.stderr.write(f"foretouch: the output cannot be written: {error.strerror or error}\n")
+            sys.stdout = open(os.devnull, "w")  # noqa: SIM115 - what is left in it would be tried again at the end
+            sys.exit(2)
         except SystemExit as end:
             if end.code == INTERRUPTED:  # Typer ends so, without a word
                 raise KeyboardInterrupt from None

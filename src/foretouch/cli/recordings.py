@@ -75,6 +75,12 @@ def inspect(
     """
     from foretouch.recordings import atomic_path, inspect_recording
 
+    if save is not None:
+        _require_elsewhere("save", save, path)
+        if save.suffix.lower() != ".toml":
+            raise SettingError("save", str(save), "must end with .toml")
+        if save.exists():
+            raise SettingError("save", str(save), "is there already: remove it, or name another file")
     found = inspect_recording(path, topic)
     if save is not None:
         if found.guess is None:
@@ -108,8 +114,7 @@ def convert(
 
     if output.suffix.lower() not in OUTPUTS:
         raise RecordingError(output, f"cannot be written: its name must end with one of {', '.join(OUTPUTS)}")
-    if output.resolve() == path.resolve():
-        raise SettingError("OUT", str(output), "is the recording itself: name another file")
+    _require_elsewhere("OUT", output, path)
     recording = read_and_say(
         path,
         position_unit=position_unit,
@@ -126,6 +131,13 @@ def convert(
         print_json({"path": str(output), "samples": len(recording), "duration_s": seconds, "velocity": velocity})
     else:
         typer.echo(f"{output}: {len(recording)} samples in {seconds:.3f} s")
+
+
+def _require_elsewhere(name: str, output: Path, path: Path) -> None:
+    """Refuse an output that is the recording, or stands in its folder where that is a bag."""
+    written, read = output.resolve(), path.resolve()
+    if written == read or (read.is_dir() and read in written.parents):
+        raise SettingError(name, str(output), "is the recording itself, or within it: name another file")
 
 
 def _print_contents(found: Contents, topic: str | None, show_all: bool) -> None:

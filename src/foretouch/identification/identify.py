@@ -82,7 +82,9 @@ def identify(recording: Recording, learner: Learner, *, keep_history: bool = Fal
 
     Raises:
         RecordingError: Fewer than 50 samples in contact, or never enough for a model.
+        InputError: A learner that has learnt before.
     """
+    learner.require_fresh()
     estimator = learner.estimator
     history = _History(len(recording)) if keep_history else None
     columns = recording.time, recording.position, recording.force, recording.velocity

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from foretouch.errors import InputError
 from foretouch.identification.conditioning import CONTACT_FLOOR, Conditioner, ContactSample
 from foretouch.identification.contact_map import ContactMapBank
 from foretouch.identification.estimator import Estimator, Status
@@ -73,6 +74,15 @@ class Learner:
         self.lag = SensorLag()
         self.sample = ContactSample(math.nan, math.nan, 0.0, 0.0, False)
         self.status = Status.FREE_AIR
+
+    def require_fresh(self) -> None:
+        """Refuse to go on where samples of something else have been learnt from.
+
+        Raises:
+            InputError: They have.
+        """
+        if not math.isnan(self.sample.time):
+            raise InputError("the learner has learnt from samples before: make a fresh one for each recording")
 
     def update(self, time: float, position: float, force: float, velocity: float | None = None) -> ContactSample:
         """Learn from one raw sample (`Conditioner.update`) and return it conditioned."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import re
 import unicodedata
 from typing import Final, NamedTuple
@@ -25,7 +26,10 @@ LETTERS: Final = {TIME: "t", POSITION: "x z s d", FORCE: "f fz fn"}
 """Symbols of each quantity, which count where nothing better is there."""
 
 UNITS: Final = {
-    TIME: {"s": "s", "sec": "s", "sek": "s", "ms": "ms", "msec": "ms", "us": "us", "µs": "us", "ns": "ns"},
+    TIME: {
+        "s": "s", "sec": "s", "sek": "s", "ms": "ms", "msec": "ms", "us": "us", "µs": "us", "ns": "ns", "min": "min",
+        "h": "h",
+    },
     POSITION: {
         "m": "m", "cm": "cm", "mm": "mm", "um": "um", "µm": "um", "rad": "rad", "deg": "deg", "°": "deg", "grad": "deg",
         "meter": "m", "metre": "m", "meters": "m", "metres": "m", "millimeter": "mm",
@@ -67,13 +71,13 @@ def name_says(name: str, stated_unit: str = "") -> Named:
 def rank(quantity: str, named: Named) -> tuple[float, str]:
     """How well a name fits a quantity, 0 where it does not, and its unit as a map writes it, or empty."""
     words = [word for word in named.words if not word.isdigit()]
-    known = set(_plain(WORDS[quantity]).split())
+    known = _words(quantity)
     unit = _unit(quantity, named.unit)
     if named.unit and not unit and quantity != VELOCITY:
         others = [one for one in UNITS if one != quantity and _unit(one, named.unit)]
         if others or _is_rate(named.unit):
             return 0.0, ""  # "force [mm]" is none
-    if quantity != VELOCITY and set(words) & set(_plain(WORDS[VELOCITY]).split()):
+    if quantity != VELOCITY and set(words) & _words(VELOCITY):
         return 0.0, ""
     if quantity == FORCE and "torque" in words:
         return 0.0, ""
@@ -87,6 +91,11 @@ def rank(quantity: str, named: Named) -> tuple[float, str]:
     elif words and words[-1] in LETTERS.get(quantity, "").split():
         score = 1.0
     return (score + 0.5 * bool(unit), unit) if score else (0.0, unit)
+
+
+@functools.cache
+def _words(quantity: str) -> frozenset[str]:
+    return frozenset(_plain(WORDS[quantity]).split())
 
 
 def _unit(quantity: str, unit: str) -> str:

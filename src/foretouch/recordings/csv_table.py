@@ -32,6 +32,17 @@ LOOKED_AT: Final = 50
 _DECIMAL_COMMA = re.compile(r"\s*[-+]?\d*,\d+([eE][-+]?\d+)?\s*\Z")
 
 
+def _encoding(path: str | PathLike[str]) -> str:
+    """UTF-8, or what spreadsheets of western Europe write where the header is no UTF-8."""
+    with Path(path).open("rb") as file:
+        line = file.readline(65_536)
+    try:
+        line.decode("utf-8")
+    except UnicodeDecodeError:
+        return "utf-8-sig" if b"\0" in line else "cp1252"
+    return "utf-8-sig"
+
+
 class CsvTable(Table):
     """An opened CSV file whose header names the columns.
 
@@ -44,6 +55,7 @@ class CsvTable(Table):
 
     def __init__(self, path: str | PathLike[str]) -> None:
         self.path, self.format = path, "CSV"
+        self._encoding = _encoding(path)
         line = self._first_line()
         self._separator = max(SEPARATORS, key=lambda mark: len(next(csv.reader([line], delimiter=mark))))
         self.header = [name.strip() for name in next(csv.reader([line], delimiter=self._separator))]
@@ -54,12 +66,13 @@ class CsvTable(Table):
             self._decimal = "," if any(_DECIMAL_COMMA.match(cell) for cell in cells) else "."
 
     def _first_line(self) -> str:
-        with Path(self.path).open(encoding="utf-8-sig", errors="replace", newline="") as file:
+        with Path(self.path).open(encoding=self._encoding, errors="replace", newline="") as file:
             line = file.readline(65_536)
         if "\0" in line or "\ufffd" in line:
             raise RecordingError(self.path, "is no UTF-8 text: save it as CSV with UTF-8", row=1)
-        if not line.strip():
-            raise RecordingError(self.path, "has no header: the first line names the columns", row=1)
+        if not line.strip() or line.lstrip().startswith("#"):
+            what = "has a remark" if line.strip() else "has no header"
+            raise RecordingError(self.path, f"{what} where the first line has to name the columns", row=1)
         return line
 
     def read(self, names: Sequence[str]) -> dict[str, NDArray[np.float64]]:
@@ -83,7 +96,9 @@ class CsvTable(Table):
         try:
             table = pyarrow.csv.read_csv(
                 str(self.path),
-                read_options=pyarrow.csv.ReadOptions(column_names=self.header, skip_rows=1),
+                read_options=pyarrow.csv.ReadOptions(
+                    column_names=self.header, skip_rows=1, encoding=self._encoding.removesuffix("-sig")
+                ),
                 parse_options=pyarrow.csv.ParseOptions(delimiter=self._separator),
                 convert_options=pyarrow.csv.ConvertOptions(
                     include_columns=list(names),
@@ -114,7 +129,7 @@ class CsvTable(Table):
 
     def _rows(self) -> Iterator[tuple[int, list[str]]]:
         """The line number and the cells of each row that is not blank, without the header."""
-        with Path(self.path).open(encoding="utf-8-sig", errors="replace", newline="") as file:
+        with Path(self.path).open(encoding=self._encoding, errors="replace", newline="") as file:
             rows: Any = csv.reader(file, delimiter=self._separator)
             try:
                 next(rows)
@@ -127,10 +142,13 @@ class CsvTable(Table):
     def _number(self, name: str, cell: str, line: int) -> float:
         text = cell.strip()
         try:
-            if text.isascii() and "_" not in text:  # float() reads more than a table of numbers should hold
-                return float(text.replace(",", ".") if self._decimal == "," and "." not in text else text)
+            # float() reads more than a table of numbers should hold; beside decimal commas a point is of thousands.
+            if text.isascii() and "_" not in text and not (self._decimal == "," and "." in text):
+                return float(text.replace(",", "."))
         except ValueError:
             pass
         shown = text if len(text) <= 40 else text[:40] + "..."
         hint = "" if text else " (nothing there)"
+        if self._decimal == "," and "." in text:
+            hint = ": other numbers have a decimal comma, so write this one without a point"
         raise RecordingError(self.path, f"{name} is {shown!r}, which is no number{hint}", row=line)

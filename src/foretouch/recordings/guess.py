@@ -12,6 +12,7 @@ from foretouch.recordings.mapping import (
     FORCES,
     LENGTHS,
     NEEDS_SCALE,
+    TIMES,
     UNKNOWN,
     Mapping,
     Signal,
@@ -181,7 +182,10 @@ def _of_table(table: Table) -> Guess:
         problems.append(several if names else f"no column is named like {quantity}; the columns are {there}")
     time, unit = found.get(TIME, (UNKNOWN, "s"))
     if TIME in found and not unit:
-        unit = "s"  # that of nearly all; a time in another unit has steps that a look at the rate shows
+        stated = named[time].unit
+        unit = "s"  # that of nearly all; a time in another unit has steps that `read_with_notes` looks at
+        if stated:
+            problems.append(f"the unit of time {time} is not known ({', '.join(TIMES)})")
     position, force = (
         Signal(column=found[name][0], unit=found[name][1] or UNKNOWN) if name in found else None
         for name in (POSITION, FORCE)

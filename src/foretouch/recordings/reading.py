@@ -7,11 +7,14 @@ from os import PathLike
 from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
+
 from foretouch.errors import RecordingError, UnknownNameError
 from foretouch.quantities import Recording
 from foretouch.recordings.aurora_ddf import read_aurora
+from foretouch.recordings.column_names import name_says
 from foretouch.recordings.follower_samples import read_follower
-from foretouch.recordings.guess import guess_mapping
+from foretouch.recordings.guess import HELP, guess_mapping
 from foretouch.recordings.mapped import read_mapped
 from foretouch.recordings.mapping import Mapping, Signal, TimeSource, Velocity, mapping_text, read_mapping
 from foretouch.recordings.mcap_file import McapFile
@@ -22,6 +25,10 @@ from foretouch.recordings.tue_mat import FORCE_CHANNELS, is_tue, read_tue
 from foretouch.recordings.units import REQUIRED, VELOCITY, Units
 
 __all__ = ["Read", "is_session", "read_recording", "read_with_notes"]
+
+
+SHORTEST_STEP, LONGEST_STEP = 2e-5, 0.2
+"""Steps of a recording of presses lie between these [s]."""
 
 
 class Read(NamedTuple):
@@ -48,6 +55,8 @@ def read_recording(
     map_file: str | PathLike[str] | None = None,
 ) -> Recording:
     """Recording from a file; its ending says which format.
+
+    What was guessed, and what looks wrong (signs, clocks), is told by `read_with_notes` alone.
 
     - ``.csv``, ``.parquet``: columns ``time_s``, ``position_m``, ``force_N`` and perhaps ``velocity_m_s``, or others
       that a map names or their own names tell.
@@ -149,7 +158,8 @@ def _by_itself(path: str | PathLike[str], suffix: str, units: Units, force_chann
         if set(REQUIRED) <= set(names):
             return _by_map(source, _by_names(names, units), guessed=False)
     guess = guess_mapping(source)
-    if guess.problems and isinstance(source, Table) and suffix in (".csv", ".parquet"):
+    missing = guess.problems and not any(guess.candidates.values())
+    if missing and isinstance(source, Table) and suffix in (".csv", ".parquet"):
         names = [column.name for column in source.columns]
         if set(REQUIRED) & set(names):  # whoever named one column so meant the others too
             require_names(path, names, REQUIRED, row=1)
@@ -169,6 +179,8 @@ def _by_names(names: list[str], units: Units) -> Mapping:
 
 def _by_map(source: Table | Bag, mapping: Mapping, *, guessed: bool = False) -> Read:
     recording, notes = read_mapped(source, mapping)
+    if guessed and isinstance(source, Table):
+        _require_likely_times(source, mapping, recording)
     if guessed:
         said = " ".join(mapping_text(mapping).replace("\n", "; ").replace("; ; ", " ").replace("]; ", "] ").split())
         notes.insert(0, f"read by a guess: {said.strip('; ')}")
@@ -176,6 +188,21 @@ def _by_map(source: Table | Bag, mapping: Mapping, *, guessed: bool = False) -> 
         notes.insert(0, "was not ended by its recorder; read as far as it goes")
     _give_back()
     return Read(recording, tuple(notes), mapping)
+
+
+def _require_likely_times(table: Table, mapping: Mapping, recording: Recording) -> None:
+    """Refuse times whose unit nobody states, and that as seconds have steps that no recording of presses has.
+
+    Raises:
+        RecordingError: They are milliseconds, as it seems, or something else.
+    """
+    stated = next((column.unit for column in table.columns if column.name == mapping.time.column), "")
+    if not mapping.time.column or mapping.time.unit != "s" or name_says(mapping.time.column, stated).unit:
+        return
+    step = float(np.median(np.diff(recording.time)))
+    if not SHORTEST_STEP <= step <= LONGEST_STEP:
+        problem = f"time {mapping.time.column} states no unit, and in seconds its steps are {step:.3g} s; {HELP}"
+        raise RecordingError(table.path, problem)
 
 
 def _give_back() -> None:
