@@ -68,7 +68,7 @@ def test_units_signs_and_scales_against_their_definition(
     np.testing.assert_allclose(got.position, sign * scale * FACTORS[unit] * x, rtol=1e-14)
     np.testing.assert_allclose(got.velocity, sign * scale * FACTORS[unit] * 2 * x, rtol=1e-14)
     np.testing.assert_allclose(got.force, force_sign * scale * FORCE_FACTORS[force_unit] * 1e3 * x, rtol=1e-14)
-    seconds = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}[time_unit]
+    seconds = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0}[time_unit]
     np.testing.assert_allclose(got.time, seconds * np.arange(x.size), rtol=1e-15)
 
 
@@ -89,7 +89,7 @@ GOOD = '[time]\ncolumn="t"\n[position]\ncolumn="x"\nunit="mm"\n[force]\ncolumn="
         ('column="x"', 'column="x"\ntopic="/x"', r"\[position\] takes either column, or topic and field"),
         ('column="x"', 'topic="/x"', r"\[position\] takes either column, or topic and field"),
         ('column="x"', 'topic="/x"\nfield="y"', r"both a column, or both a topic"),
-        ('column="t"', 'column="t"\nunit="min"', r"\[time\] unit 'min' is not known: give one of s, ms, us, ns"),
+        ('column="t"', 'column="t"\nunit="day"', r"\[time\] unit 'day' is not known: give one of s, ms, us, ns, min, h"),
         ('column="t"', "rate=-1.0", r"rate = -1"),
         ('column="t"', 'stamp="gps"', r"is no map:.*gps"),
         ("[force]", "[power]", r"is no map:.*it takes \[time\], \[position\] and \[force\]"),

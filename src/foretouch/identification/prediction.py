@@ -90,10 +90,8 @@ def predict(recording: Recording, learner: Learner, *, delay: float) -> Predicte
 
     Raises:
         SettingError: delay is negative or not finite.
-        InputError: A learner that has learnt before.
     """
     require("delay", delay, at_least=0.0)
-    learner.require_fresh()
     learner.estimator.expect_delay(delay)
     models = ((time + delay, index + 1, learner.learnt()) for index, time in enumerate(_learn(recording, learner)))
     return _run(recording.time, recording.position, _velocities(recording), models)
@@ -109,11 +107,7 @@ def predict_motion(recording: Recording, learner: Learner, motion: Motion) -> Pr
 
     Returns:
         At each sample of the motion.
-
-    Raises:
-        InputError: A learner that has learnt before.
     """
-    learner.require_fresh()
     models = _sent(_learn(recording, learner, motion.expected), learner, motion)
     return _run(motion.time, motion.position, repeat(None), models)
 

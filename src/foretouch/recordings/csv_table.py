@@ -33,13 +33,13 @@ _DECIMAL_COMMA = re.compile(r"\s*[-+]?\d*,\d+([eE][-+]?\d+)?\s*\Z")
 
 
 def _encoding(path: str | PathLike[str]) -> str:
-    """UTF-8, or what spreadsheets of western Europe write where the header is no UTF-8."""
+    """UTF-8, or what spreadsheets of western Europe write where the header is no UTF-8 but text."""
     with Path(path).open("rb") as file:
-        line = file.readline(65_536)
+        beginning = file.read(65_536)
     try:
-        line.decode("utf-8")
+        beginning.partition(b"\n")[0].decode("utf-8")
     except UnicodeDecodeError:
-        return "utf-8-sig" if b"\0" in line else "cp1252"
+        return "utf-8-sig" if b"\0" in beginning else "cp1252"
     return "utf-8-sig"
 
 
