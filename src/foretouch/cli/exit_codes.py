@@ -19,7 +19,10 @@ EXIT_CODES: dict[int, tuple[str, str]] = {
         "the recording is not all there",
         "The session went on to its end, but its recording is not all there, or not where it was asked for",
     ),
-    130: ("interrupted by Ctrl-C", "Interrupted by Ctrl-C, with nothing left running. A session in real time ends so with code 0"),
+    130: (
+        "interrupted by Ctrl-C",
+        "Interrupted by Ctrl-C, with nothing left running. A session in real time ends so with code 0",
+    ),
 }
 """By code, in a few words for the help, and in a sentence for the documentation."""
 
