@@ -56,7 +56,7 @@ soak: setup  ## hours: a recorder of ten hours of session at 1 kHz, and its memo
 sweep: setup  ## 1,000 simulated sessions and their page in out/sweep, in under 2 hours on 2 cores; it goes on where it was ended
 	@$(BIN)/foretouch sweep --out out/sweep $(ARGS)
 
-bench: setup  ## how fast everything is, beside peers and beside what is asked for, in some 12 minutes (ARGS="--only fprls")
+bench: setup  ## how fast everything is, beside peers and beside what is asked for, in some 7 minutes (ARGS="--only fprls")
 	@$(BIN)/foretouch bench $(ARGS)
 
 bench-check: setup  ## is anything slower than it was? ratios against the committed baseline, in a minute

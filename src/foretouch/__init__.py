@@ -3,7 +3,7 @@
 The public interface; what is not here may change without notice. Names are imported when they are first used, so that
 `import foretouch` costs nothing.
 
-- Recordings: `Recording`, `read_recording`, `read_session`, `fetch`
+- Recordings: `Recording`, `read_recording`, `read_with_notes`, `read_session`, `fetch`
 - Contact models: `ContactModel`, `advance`, `make_model`
 - Identification: `make_estimator`, `Learner`, `identify`, `predict`
 - Scoring: `score`, `delayed`; `compare`, `file_case`
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from foretouch.messages import SessionLog
     from foretouch.models import ContactModel, advance, make_model
     from foretouch.quantities import Recording
-    from foretouch.recordings import fetch, read_recording, read_session
+    from foretouch.recordings import fetch, read_recording, read_session, read_with_notes
     from foretouch.report import delayed, score, session_report
     from foretouch.robot import make_robot
     from foretouch.session import SessionSettings, make_operator, simulate
@@ -37,6 +37,7 @@ _HOME = {
     "Recording": "quantities",
     "read_recording": "recordings",
     "read_session": "recordings",
+    "read_with_notes": "recordings",
     "fetch": "recordings",
     "ContactModel": "models",
     "advance": "models",
@@ -76,6 +77,7 @@ __all__ = [
     "predict",
     "read_recording",
     "read_session",
+    "read_with_notes",
     "score",
     "session_report",
     "simulate",
