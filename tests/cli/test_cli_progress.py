@@ -62,6 +62,7 @@ def test_without_a_terminal_nothing_is_shown() -> None:
     assert json.loads(done.stdout)["timing"]
 
 
+@pytest.mark.long
 def test_a_comparison_shows_a_bar_on_a_terminal_and_lines_elsewhere(tmp_path: Path) -> None:
     code = command("compare", "--simulated", "--models", "kelvin-voigt", "--estimators", "rls", "--jobs", 1, "--json")
     out, shown = on_a_terminal(code)

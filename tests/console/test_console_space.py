@@ -175,6 +175,7 @@ def test_a_robot_that_begins_anew_is_not_mixed_with_the_one_before() -> None:
     assert space.field(1) is None
 
 
+@pytest.mark.long
 def test_what_ages_the_pose_is_said() -> None:
     log = recorded()
     watched = heard_until(log, 5.0)

@@ -24,6 +24,7 @@ WRITTEN = {
     "simulate_a_session.py": "session.png",
 }
 LONGEST = 80
+NAMES = sorted(path.name for path in EXAMPLES.glob("*.py"))
 
 
 @pytest.fixture(scope="module")
@@ -46,7 +47,9 @@ def test_each_example_is_short_and_says_what_it_shows() -> None:
         assert f"examples/{path.name}" in path.read_text(), path.name
 
 
-@pytest.mark.parametrize("name", sorted(path.name for path in EXAMPLES.glob("*.py")))
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=pytest.mark.long) if name == "compare_laws.py" else name for name in NAMES]
+)
 def test_it_runs(name: str, folder: Path) -> None:
     words = [sys.executable, str(EXAMPLES / name), *WORDS.get(name, [])]
     environment = os.environ | {"MPLBACKEND": "Agg"}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from presses import press, true_force
 
@@ -24,6 +24,7 @@ def changed(recording: Recording, *, force_from: float = np.inf, position_from: 
     return Recording(recording.time, position, force)
 
 
+@settings(max_examples=12)
 @given(st.sampled_from([0.0, 0.001, 0.05, 0.3, 1.0]), st.floats(1.2, 3.5))
 def test_the_future_is_not_used(delay: float, now: float) -> None:
     recording = press(duration=4.0, noise=0.01)

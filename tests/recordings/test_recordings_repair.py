@@ -94,6 +94,7 @@ def check_a_cut(content, length, folder):
     return after.follower.size
 
 
+@pytest.mark.long
 def test_a_file_cut_at_every_so_many_bytes_becomes_whole(session, tmp_path):
     sizes = [check_a_cut(session, length, tmp_path) for length in range(0, len(session), 149)]
     assert sorted(sizes) == sizes

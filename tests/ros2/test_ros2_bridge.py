@@ -97,6 +97,7 @@ def reader() -> Any:
     return store
 
 
+@pytest.mark.live
 def test_every_number_of_a_session_is_read_by_another_implementation(
     log: list[Message], there: Router, graph: Graph
 ) -> None:

@@ -29,7 +29,11 @@ SIMULATED: dict[str, tuple[float, dict[str, object]]] = {
 }
 """How long [s], and what is set."""
 
-COMPARED = ("open loop", pytest.param("a hand feels it", marks=pytest.mark.long), "identify")
+COMPARED = (
+    pytest.param("open loop", marks=pytest.mark.long),
+    pytest.param("a hand feels it", marks=pytest.mark.long),
+    "identify",
+)
 IDENTIFIED = (("contact-map", "bank"), ("continuous-switching", "fprls"), ("hunt-crossley", "exact"))
 
 

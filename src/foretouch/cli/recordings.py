@@ -79,12 +79,12 @@ def inspect(
         _require_elsewhere("save", save, path)
         if save.suffix.lower() != ".toml":
             raise SettingError("save", str(save), "must end with .toml")
-        if save.exists():
-            raise SettingError("save", str(save), "is there already: remove it, or name another file")
     found = inspect_recording(path, topic)
     if save is not None:
         if found.guess is None:
             raise SettingError("save", str(save), f"{path} is {found.stated}")
+        if save.exists() and save.read_text(encoding="utf-8", errors="replace") != found.guess.text():
+            raise SettingError("save", str(save), "says something else already: remove it, or name another file")
         with atomic_path(save) as part:
             part.write_text(found.guess.text(), encoding="utf-8")
     if json_output:
