@@ -93,6 +93,7 @@ def test_a_session_ends_with_its_report(tmp_path: Path) -> None:
     assert f"recording  {recording}" in said  # the last line of its report
 
 
+@pytest.mark.long
 def test_a_comparison_ends_at_once(tmp_path: Path) -> None:
     arguments = ["compare", "--simulated", "--jobs", "2"]
     code, said, left, took = interrupted(
@@ -105,6 +106,7 @@ def test_a_comparison_ends_at_once(tmp_path: Path) -> None:
     assert took < 10.0
 
 
+@pytest.mark.long
 def test_a_sweep_ends_at_once_and_goes_on_from_there(tmp_path: Path) -> None:
     arguments = ["sweep", "--out", "sweep", "--sessions", "200", "--baselines", "0", "--duration", "6", "--jobs", "2"]
     code, said, left, took = interrupted(

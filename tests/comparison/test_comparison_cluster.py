@@ -84,6 +84,7 @@ def timeless(result: comparison.Result) -> dict[str, Any]:
     return replace(result, us_per_sample=None).as_row()
 
 
+@pytest.mark.long
 def test_a_worker_that_dies_takes_one_job_with_it(address: str) -> None:
     def work(job: int) -> int:
         if job == 2:
@@ -146,6 +147,7 @@ def command(patience: float, *addresses: str) -> list[str]:
     return [sys.executable, "-c", PROGRAM, str(patience), *addresses]
 
 
+@pytest.mark.long
 def test_a_port_that_is_no_scheduler_is_one_line_and_no_traceback() -> None:
     with socket.create_server(("127.0.0.1", 0)) as web, socket.create_server(("127.0.0.1", 0)) as mute:
         for server, answer in ((web, b"HTTP/1.1 400 Bad Request\r\n\r\n"), (mute, b"")):
@@ -185,6 +187,7 @@ def said_where_one_is_killed(at: str, victim: subprocess.Popen[bytes]) -> list[s
     return said.splitlines()
 
 
+@pytest.mark.long
 def test_workers_that_stay_away_are_waited_for_and_given_up() -> None:
     with started(1, "--no-nanny") as (at, _, hands):
         said = said_where_one_is_killed(at, hands)
@@ -192,6 +195,7 @@ def test_workers_that_stay_away_are_waited_for_and_given_up() -> None:
     assert said[-2:] == [f"{place} the cluster showed no workers for 1 s" for place in (2, 3)]
 
 
+@pytest.mark.long
 def test_a_scheduler_that_dies_is_said_in_each_row_that_is_left() -> None:
     with started(1, "--no-nanny") as (at, head, hands):
         said = said_where_one_is_killed(at, head)

@@ -81,6 +81,7 @@ def test_a_delay_and_losses_of_the_network_are_measured() -> None:
     assert "foretouch simulate --position-delay 0.06" in finding.mend
 
 
+@pytest.mark.long
 def test_jitter_that_makes_a_follower_hold_is_a_warning() -> None:
     with answering(Faults(delay=0.1, jitter=0.08, seed=1)) as endpoint:
         found = checked(endpoint)
@@ -90,6 +91,7 @@ def test_jitter_that_makes_a_follower_hold_is_a_warning() -> None:
     assert "--jitter" in mend
 
 
+@pytest.mark.long
 def test_two_who_ask_at_once_count_their_own_answers_alone() -> None:
     with answering() as endpoint:
         results: list[RoundTrips] = []
@@ -148,6 +150,7 @@ def test_another_program_at_the_port_is_a_warning() -> None:
     assert "no side of a session is heard" in found["link"][1]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("beside_a_doctor", [False, True])
 def test_a_session_is_listened_to_and_nothing_is_sent_into_it(beside_a_doctor: bool) -> None:
     """A follower that loses every tenth of its messages; what arrives there is counted. A doctor may be there too."""
@@ -189,6 +192,7 @@ def test_a_session_is_listened_to_and_nothing_is_sent_into_it(beside_a_doctor: b
     assert "the round trip needs a doctor there" in judge_round_trips("link", heard, "").found
 
 
+@pytest.mark.long
 def test_a_peer_of_another_version_is_bad() -> None:
     endpoint, ended = free_endpoint(), threading.Event()
     link = ZenohLink(listen=[endpoint], subscribe=())
@@ -213,6 +217,7 @@ def test_a_peer_of_another_version_is_bad() -> None:
     assert mend.startswith("pip install")
 
 
+@pytest.mark.long
 def test_between_machines_watchers_ask_and_answer(tmp_path: Path) -> None:
     pytest.importorskip("cryptography")
     folder = KeyFolder(tmp_path / "keys")

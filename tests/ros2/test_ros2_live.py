@@ -124,6 +124,7 @@ def _is_the_session(said: dict[str, list[dict[str, Any]]], log: SessionLog) -> N
     assert all(array["data"] in numbers for array in said["/follower/contact_model/values"])
 
 
+@pytest.mark.long
 @pytest.mark.live
 def test_without_a_router_it_says_so_once_and_ctrl_c_ends_it(running: list[subprocess.Popen[str]]) -> None:
     session, hub = free_endpoint(), free_endpoint()
@@ -139,6 +140,7 @@ def test_without_a_router_it_says_so_once_and_ctrl_c_ends_it(running: list[subpr
     assert (bridge.returncode, out, err) == (0, "", "")
 
 
+@pytest.mark.long
 @pytest.mark.live
 def test_it_ends_with_the_session(running: list[subprocess.Popen[str]]) -> None:
     session = free_endpoint()
