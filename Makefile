@@ -2,6 +2,8 @@
 SHELL := /bin/bash
 BIN := .venv/bin
 export PYTHON
+# Hundreds of tests start a Python; without bytecode each would compile anew what it imports.
+unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
 .PHONY: help setup system teleop test test-interpreted check test-long soak sweep bench bench-check bench-baseline docs gallery screenshots lock clean
@@ -38,9 +40,10 @@ INTERPRETED := $(addprefix tests/models/test_models_,$(addsuffix .py,catching_up
 COMPILED_ONLY := test_any_motion_of_any_map or test_a_call_of_the_map_is_the_kernel
 
 # What starts processes in real time runs alone; the rest shares the cores.
-test: setup system check docs  ## everything that a change must pass, in under 10 minutes on 2 cores
+test: setup system  ## everything that a change must pass, in under 10 minutes on 2 cores
+	@$(MAKE) --no-print-directory --jobs 2 --output-sync check docs
 	@$(BIN)/pytest -m "not long and not live and not soak" --numprocesses 2 --dist loadfile $(ARGS)
-	@$(BIN)/pytest -m "live and not long" $(ARGS)
+	@$(BIN)/pytest -m "live and not long" $(ARGS) $$(grep -rl 'mark\.live' tests)
 	@$(MAKE) --no-print-directory test-interpreted
 
 test-interpreted: setup  ## laws, estimators, rendering and steps with nothing compiled (NUMBA_DISABLE_JIT=1): the same answers

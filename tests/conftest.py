@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 from collections.abc import Callable
 from pathlib import Path
@@ -11,6 +12,9 @@ from hypothesis import settings
 
 settings.register_profile("foretouch", derandomize=True, deadline=None, max_examples=30)
 settings.load_profile("foretouch")
+
+# With all that is imported here each full collection takes a quarter of a second: a seventh of all time.
+gc.set_threshold(200_000, 20, 100)
 
 REAL_TIME = ("live", "browser")
 """Tests with these marks run processes in real time. A shared machine may stand still for a second, which no deadline

@@ -100,6 +100,7 @@ def test_the_recording_from_which_a_cache_is_foretold_has_one(tmp_path: Path) ->
     assert byte_rate * SHORT < LARGE < byte_rate * LONG
 
 
+@pytest.mark.long
 def test_an_hour_is_foretold_and_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("mcap")
     monkeypatch.setattr(identify, "REACHES", {"MCAP": identify.REACHES["MCAP"]})
@@ -114,6 +115,7 @@ def test_an_hour_is_foretold_and_says_so(monkeypatch: pytest.MonkeyPatch) -> Non
     assert all(row.figure > 0.5 for row in rows[1:])  # a process starts
 
 
+@pytest.mark.long
 def test_a_missing_package_leaves_out_the_rows_of_its_format_alone(monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("pyarrow")
     monkeypatch.setattr(identify, "HOUR", 20.0)

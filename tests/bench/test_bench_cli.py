@@ -77,6 +77,7 @@ def test_a_baseline_that_cannot_be_kept_is_refused_before_measuring(tmp_path: Pa
     ]
 
 
+@pytest.mark.long
 def test_each_table_is_printed_when_its_benchmark_ends() -> None:
     command = [sys.executable, "-m", "foretouch", "bench", "--only", "batch", "--only", "startup"]
     with children() as started:
@@ -193,6 +194,7 @@ def test_a_session_is_timed_beside_a_bare_loop(tmp_path: Any) -> None:
         assert sum(why.values()) == int((ticks.late_ns > 500_000).sum())
 
 
+@pytest.mark.long
 def test_what_is_missing_is_said_and_left_out(tmp_path: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "mujoco.py").write_text("raise ImportError('No module named mujoco')\n")
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))

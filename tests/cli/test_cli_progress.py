@@ -47,6 +47,7 @@ def command(*arguments: object) -> str:
     return COMMAND.format(arguments=", ".join(repr(str(argument)) for argument in arguments))
 
 
+@pytest.mark.long
 def test_a_long_simulation_shows_how_far_it_is_and_keeps_its_output_clean() -> None:
     arguments = ("simulate", "--duration", 40, "--model", "kelvin-voigt", "--material", "kelvin-voigt", "--json")
     out, shown = on_a_terminal(command(*arguments))

@@ -37,6 +37,20 @@ def test_pools_of_threads_are_bounded_unless_somebody_says_otherwise() -> None:
     assert run(script, OPENBLAS_NUM_THREADS="2").split()[-2] == "2"
 
 
+def test_ctrl_c_while_something_is_imported_is_no_error_of_it() -> None:
+    script = (
+        "import sys, foretouch.cli.app as app\n"
+        "from foretouch.cli import main\n"
+        "def importing():\n"
+        "    try: raise KeyboardInterrupt\n"
+        "    except KeyboardInterrupt as error: raise ImportError('initialization failed') from error\n"
+        "app.app = importing\n"
+        "main()"
+    )
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (130, "foretouch: interrupted\n")
+
+
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no device that is always full")
 def test_an_output_that_is_full_is_said_in_one_line() -> None:
     with Path("/dev/full").open("w") as full:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import os
+import signal
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -185,6 +186,22 @@ def test_a_process_that_dies_takes_nothing_with_it() -> None:
 
     outcomes = dict(run_all(work, range(5), processes=2, lost=lambda job, reason: -job if "died" in reason else 0))
     assert outcomes == {0: 0, 1: 10, 2: -2, 3: 30, 4: 40}
+
+
+def test_worker_processes_do_not_hear_ctrl_c_and_this_one_does() -> None:
+    def deaf(job: int) -> bool:
+        return signal.SIGINT in signal.pthread_sigmask(signal.SIG_BLOCK, ())
+
+    assert deaf(0) is False
+    shut_workers_down()  # those of another test began with another mask
+    assert dict(run_all(deaf, range(2), processes=2, lost=lambda job, reason: False)) == {0: True, 1: True}
+    assert deaf(0) is False
+
+
+def shut_workers_down() -> None:
+    from joblib.externals.loky import get_reusable_executor
+
+    get_reusable_executor().shutdown(wait=True)
 
 
 def test_numbers_that_are_not_finite_are_none_in_json() -> None:

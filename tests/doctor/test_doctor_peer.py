@@ -69,6 +69,7 @@ def test_a_peer_beside_answers_every_question_at_once() -> None:
     assert heard.percentile(1.0) == max(heard.times)
 
 
+@pytest.mark.long
 def test_a_delay_and_losses_of_the_network_are_measured() -> None:
     with answering(Faults(delay=0.12, loss=0.3, seed=4)) as endpoint:
         heard = ask(connecting(endpoint), 3.0)
@@ -140,6 +141,7 @@ def test_an_endpoint_that_answers_nothing_is_bad(monkeypatch: pytest.MonkeyPatch
     assert mend == f"on the other machine: sudo ufw allow {address[1]}/tcp"
 
 
+@pytest.mark.long
 def test_another_program_at_the_port_is_a_warning() -> None:
     with socket.socket() as other:
         other.bind(("127.0.0.1", 0))

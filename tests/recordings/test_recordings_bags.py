@@ -152,7 +152,7 @@ def test_what_is_wrong_with_a_bag_is_said_in_one_line(tmp_path, by_map):
     assert "takes topic and field, not column" in refused(
         bag, map_file=by_map('[time]\ncolumn="t"\n[position]\ncolumn="x"\nunit="m"\n[force]\ncolumn="f"\nunit="N"\n')
     )
-    assert "unit of position /joint_states position[0] is not known" in refused(bag)
+    assert "unit of the position /joint_states position[0] is not known" in refused(bag)
     nan = write_bag(tmp_path / "nan", [*press_messages(0.1), ("/ft", WRENCH, BEGIN + 10**9, wrench(BEGIN, np.nan))])
     assert "/ft: wrench.force.z of message 101 is nan: every value must be finite" in refused(nan, map_file=by_map())
     empty = write_bag(tmp_path / "empty", [], topics=[("/ft", WRENCH)])

@@ -142,7 +142,7 @@ def test_inspect_prints_what_is_there_and_saves_the_map(tmp_path):
     lines = done.output.splitlines()
     assert lines[2].split() == ["/ft", "geometry_msgs/msg/WrenchStamped", "500", "1000", "/s"]
     assert "... and 12 topics more" in done.output
-    assert "# open: the unit of position /joint_states position[0] is not known" in done.output
+    assert "# open: the unit of the position /joint_states position[0] is not known" in done.output
     assert "/other49" in run("inspect", bag, "--all").output
     text = (tmp_path / "map.toml").read_text()
     (tmp_path / "map.toml").write_text(text.replace('"?"', '"rad"\nscale = 0.075'))

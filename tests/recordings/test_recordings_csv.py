@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from foretouch.errors import RecordingError, UnknownNameError
-from foretouch.recordings import csv_table, read_recording
+from foretouch.errors import RecordingError, RecordingWarning, UnknownNameError
+from foretouch.recordings import csv_table, read_recording, read_with_notes
 from foretouch.recordings.units import REQUIRED
 
 GOOD = "time_s,position_m,force_N\n0,0.001,0.5\n0.001,0.002,0.75\n0.002,0.003,1\n"
@@ -96,11 +96,11 @@ def test_unknown_units_are_refused_with_those_there_are(table, option):
 @pytest.mark.parametrize(
     ("content", "row", "problem"),
     [
-        ("time_s,position_m,force\n0,0,0\n", None, "the unit of force force is not known.*--map"),
-        ("time_s,position,force_N\n0,0,0\n1,0,0\n", None, "the unit of position position is not known.*mm.*--map"),
+        ("time_s,position_m,force\n0,0,0\n", None, "the unit of the force force is not known.*--map"),
+        ("time_s,position,force_N\n0,0,0\n1,0,0\n", None, "the unit of the position position is not known.*mm.*--map"),
         ("time_s;position_m;force_N\n0;0;0\n", None, "1 samples: at least 2"),
         ("time_s;position_m;force_N\n0;0;0\n1;0\n", 3, "2 values, the header names 3 columns"),
-        ("0,0.001,0.5\n0.001,0.002,0.75\n", None, "no column is named like time; the columns are 0, 0.001, 0.5"),
+        ("0,0.001,0.5\n0.001,0.002,0.75\n", None, r"columns have no names but numbers \(0, 0.001, 0.5\): write"),
         ("time_s,force_N,position_m,force_N\n0,0,0,0\n1,0,0,0\n", 1, "column force_N is there 2 times"),
         (GOOD + "0.003,0.004,abc\n", 5, "force_N is 'abc', which is no number"),
         (GOOD + "0.003,,1\n", 5, "position_m is '', which is no number"),
@@ -128,6 +128,46 @@ def test_bad_tables_are_refused_with_row_and_rule(table, content, row, problem):
     assert error.row == row
     assert re.search(problem, str(error)), str(error)
     assert row is None or f"row {row}: " in str(error)
+
+
+def test_a_row_of_units_below_the_header(table):
+    numbers = "0,1,0.5\n0.001,2,0.75\n0.002,3,1\n"
+    for units in ("s,mm,N", "(s),(mm),(N)", " [s] , [mm] , [N] "):
+        read = read_with_notes(table(f"Time,Travel,Load\n{units}\n{numbers}"))
+        assert_good(read.recording)
+        assert read.recording.first_row == 3
+        assert "read by a guess" in read.notes[0]
+    assert refused(table(f"Time,Travel,Load\ns,mm,N\n{numbers}0.002,3,1\n")).row == 6
+    assert "the unit of the force Load is not known" in str(refused(table(f"Time,Travel,Load\ns,mm,\n{numbers}")))
+
+
+def test_a_row_of_units_that_are_not_those_of_the_names(table):
+    error = str(refused(table(GOOD.replace("N\n", "N\ns,mm,N\n", 1))))
+    assert "column position_m is in m by its name, and in mm as the file states it elsewhere" in error
+
+
+@pytest.mark.parametrize(
+    "above", ["# made by a machine\n", "% a\n\n# b, with, commas, and more\n", "# \u00b5 and \u00b0\n"]
+)
+def test_remarks_above_the_header(table, above):
+    for heading in (GOOD, "# " + GOOD):
+        content = above + heading
+        assert_good(read_recording(table(content)))
+        assert refused(table(content + "x,0,0\n")).row == content.count("\n") + 1
+
+
+def test_what_numpy_writes(tmp_path):
+    path = tmp_path / "press.csv"
+    rows = [[0.0, 0.001, 0.5], [0.001, 0.002, 0.75], [0.002, 0.003, 1.0]]
+    np.savetxt(path, rows, delimiter=",", header="made by NumPy\ntime_s,position_m,force_N")
+    assert_good(read_recording(path))
+
+
+def test_a_guess_is_a_warning_and_a_stated_recording_is_none(table):
+    with pytest.warns(RecordingWarning, match=r"press.csv: read by a guess: .*unit = .mm") as caught:
+        assert_good(read_recording(table("Zeit [s],Weg [mm],Kraft [N]\n0,1,0.5\n0.001,2,0.75\n0.002,3,1\n")))
+    assert [warning.filename for warning in caught] == [__file__]
+    assert_good(read_recording(table(GOOD)))  # warnings are errors here
 
 
 def test_units_count_before_the_limit_of_one_metre(table):

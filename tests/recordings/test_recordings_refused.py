@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 from foretouch.cli.app import app
 from foretouch.errors import InputError, RecordingError, SettingError
 from foretouch.identification import Learner, identify, make_estimator
-from foretouch.recordings import read_recording
+from foretouch.recordings import read_recording, read_with_notes
 
 TIME = np.arange(2000) * 1e-3
 POSITION = 5e-3 * (1.0 - np.cos(2.0 * np.pi * TIME))
@@ -64,16 +64,26 @@ def test_what_a_western_spreadsheet_writes_is_read(tmp_path: Path) -> None:
     np.testing.assert_allclose(read_recording(path).position, POSITION, atol=1e-9)
 
 
-def test_a_remark_above_the_header_is_named(tmp_path: Path) -> None:
+def test_a_remark_that_names_no_columns_is_no_header(tmp_path: Path) -> None:
     path = written(tmp_path / "remark.csv", "# made by a machine", TIME, POSITION, FORCE)
-    with pytest.raises(RecordingError, match="row 1: has a remark where the first line has to name the columns"):
+    with pytest.raises(RecordingError, match="columns have no names but numbers"):
         read_recording(path)
 
 
+def test_what_was_asked_for_is_not_taken_for_what_was_measured(tmp_path: Path) -> None:
+    header = "time_s,position_command_mm,position_actual_mm,force_setpoint_N,force_N"
+    path = written(tmp_path / "two.csv", header, TIME, 0.0 * POSITION, 1e3 * POSITION, 0.0 * FORCE, FORCE)
+    read = read_with_notes(path).recording
+    np.testing.assert_allclose(read.position, POSITION, atol=1e-8)
+    np.testing.assert_allclose(read.force, FORCE, atol=1e-5)
+    with pytest.raises(RecordingError, match=r"force_N missing; the columns are .* force_setpoint_N"):
+        read_with_notes(written(tmp_path / "set.csv", "time_s,position_mm,force_setpoint_N", TIME, POSITION, FORCE))
+
+
 def test_several_candidates_are_named_although_one_column_has_its_agreed_name(tmp_path: Path) -> None:
-    header = "time_s,position_command_mm,position_actual_mm,force_N"
+    header = "time_s,position_left_mm,position_right_mm,force_N"
     path = written(tmp_path / "two.csv", header, TIME, 1e3 * POSITION, 1e3 * POSITION, FORCE)
-    with pytest.raises(RecordingError, match=r"several columns could be position: position_command_mm.*--map"):
+    with pytest.raises(RecordingError, match=r"several columns could be position: position_left_mm.*--map"):
         read_recording(path)
 
 

@@ -78,6 +78,7 @@ def surplus(log: SessionLog) -> float:
 
 @pytest.mark.parametrize("which", ["delayed", "delayed-tdpa"])
 @pytest.mark.parametrize("round_trip", [0.0, 0.02])
+@pytest.mark.long
 def test_soft_foam_in_a_normal_grip_is_stable_at_short_delays(which: str, round_trip: float) -> None:
     log = held(which, "foam-measured", "normal", round_trip)
     assert swing(log) < 1e-5
@@ -108,6 +109,7 @@ def test_passivity_control_keeps_the_hand_still_there_and_takes_the_force_away(
     assert np.mean(log.leader["rendered_force"][-3000:]) < 0.3 * np.mean(log.follower["exact_force"][-3000:])
 
 
+@pytest.mark.long
 def test_a_grip_that_is_stiffer_than_the_material_is_stable_at_any_delay() -> None:
     assert swing(held("delayed", "hunt-crossley", "stiff", 0.4)) < 1e-5
 
@@ -121,12 +123,14 @@ def test_without_a_delay_the_force_is_nearly_right_and_with_one_it_is_not() -> N
     assert right["prediction_error_percent"] == pytest.approx(right["rendered_error_percent"], abs=1.0)
 
 
+@pytest.mark.long
 def test_palpating_with_passivity_control_gives_out_no_more_than_ticks_do() -> None:
     for grip in GRIPS:
         assert surplus(palpated("delayed-tdpa", "foam-measured", grip, 0.4)) < 2e-4
 
 
 @pytest.mark.parametrize("which", ["delayed", "delayed-tdpa"])
+@pytest.mark.long
 def test_it_repeats_to_the_last_bit(which: str) -> None:
     settings = made(which, "hunt-crossley", "soft", 0.1, jitter=0.01, loss=0.1, burst=5.0, seed=3)
     logs = [run(ScriptedOperator(0.02, 0.01, 3), settings, 3.0) for _ in range(2)]

@@ -336,6 +336,7 @@ def test_a_session_outlives_a_full_disk(tmp_path: Path) -> None:
 
 
 @pytest.mark.live
+@pytest.mark.long
 def test_a_session_outlives_its_recorder(tmp_path: Path) -> None:
     path = tmp_path / "session.mcap"
     with teleop(path, 5.0) as session:

@@ -88,6 +88,7 @@ def seen() -> SessionLog:
 
 
 @sees
+@pytest.mark.long
 def test_after_the_first_touches_and_after_a_bump_the_fixture_is_where_it_is_rendered(seen: SessionLog) -> None:
     assert errors(seen, 0.01)[0] > 10.0  # it stands elsewhere than both sides believed
     for time in (10.5, 11.4, 12.7, 13.9):
@@ -99,6 +100,7 @@ def test_after_the_first_touches_and_after_a_bump_the_fixture_is_where_it_is_ren
 
 
 @sees
+@pytest.mark.long
 def test_forces_are_predicted_where_the_delayed_ones_are_wrong(seen: SessionLog) -> None:
     rows = seen.rows()
     pressed = rows.follower["in_contact"] & (rows.follower["time_ns"] > 8e9)
@@ -111,6 +113,7 @@ def test_forces_are_predicted_where_the_delayed_ones_are_wrong(seen: SessionLog)
 
 
 @sees
+@pytest.mark.long
 def test_a_rendered_force_has_its_doubt_which_shrinks_where_the_hand_has_been(seen: SessionLog) -> None:
     leader = seen.leader
     pressed = leader["predicted_force"] > 0.3
@@ -128,6 +131,7 @@ def is_gentle(log: SessionLog) -> bool:
 
 
 @sees
+@pytest.mark.long
 def test_no_more_energy_comes_out_than_the_bound_and_no_update_jerks(seen: SessionLog) -> None:
     assert is_gentle(seen)
 

@@ -41,9 +41,20 @@ def main() -> None:
             if end.code == INTERRUPTED:  # Typer ends so, without a word
                 raise KeyboardInterrupt from None
             raise
+        except Exception as error:
+            if _was_interrupted(error):
+                raise KeyboardInterrupt from None
+            raise
     except KeyboardInterrupt:  # also while imports still run
         sys.stderr.write("foretouch: interrupted\n")
         sys.exit(INTERRUPTED)
+
+
+def _was_interrupted(error: BaseException | None) -> bool:
+    """Whether Ctrl-C is behind an error: what is being imported then may raise one of its own."""
+    while error is not None and not isinstance(error, KeyboardInterrupt):
+        error = error.__cause__ or error.__context__
+    return error is not None
 
 
 __all__ = ["INTERRUPTED", "main"]

@@ -14,7 +14,7 @@ from foretouch.comparison.truth import Truth
 from foretouch.errors import UnknownNameError
 from foretouch.messages import SessionLog
 from foretouch.quantities import Recording
-from foretouch.recordings import is_session, read_recording, read_session
+from foretouch.recordings import is_session, read_session, read_with_notes
 
 __all__ = ["Case", "Loaded", "file_case", "load", "simulated_case", "simulated_cases"]
 
@@ -108,7 +108,7 @@ def load(case: Case) -> Loaded:
     if case.simulated:
         made = simulate(case.name)
         return Loaded(made.recording, made.truth)
-    recording = read_recording(
+    read = read_with_notes(
         case.path,
         position_unit=case.position_unit,
         force_unit=case.force_unit,
@@ -117,4 +117,4 @@ def load(case: Case) -> Loaded:
         map_file=case.map_file or None,
     )
     log = read_session(case.path) if not case.map_file and is_session(case.path) else None
-    return Loaded(recording, log=log)
+    return Loaded(read.recording, log=log)

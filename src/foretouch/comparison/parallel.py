@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import os
+import signal
 import warnings
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from typing import TypeVar
 
 from foretouch.comparison.cluster import run_on_cluster
@@ -80,6 +82,20 @@ def _side_by_side(
 
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", "A worker stopped while some jobs", UserWarning)  # memory leaks, it thinks
-        yield from Parallel(n_jobs=count, backend="loky", return_as="generator_unordered", batch_size=1)(
-            delayed(one)(place, jobs[place]) for place in places
-        )
+        parallel = Parallel(n_jobs=count, backend="loky", return_as="generator_unordered", batch_size=1)
+        with _deaf_to_interrupts():
+            outcomes = parallel(delayed(one)(place, jobs[place]) for place in places)
+        yield from outcomes
+
+
+@contextmanager
+def _deaf_to_interrupts() -> Iterator[None]:
+    """What is started meanwhile never hears Ctrl-C: its parent does, and ends it, without a traceback of each."""
+    from multiprocessing import resource_tracker
+
+    resource_tracker.ensure_running()  # before, for where this starts the tracker it lifts any mask
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # inherited; heard here a moment later
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)

@@ -11,6 +11,8 @@
     ├── DecodeError           bytes that are no message of ours (counted and dropped inside a session)
     └── MissingExtraError     a package of an optional extra is not installed: exit code 2
 
+and one warning, `RecordingWarning`: a recording that was read, and what was guessed to read it.
+
 Every message is one line that says what was found, where, which rule it breaks and what to do. Inside a control
 loop nothing raises: a step returns a status with a sentence instead.
 """
@@ -28,6 +30,7 @@ __all__ = [
     "MissingExtraError",
     "PeerVersionError",
     "RecordingError",
+    "RecordingWarning",
     "SettingError",
     "UnknownNameError",
 ]
@@ -35,6 +38,10 @@ __all__ = [
 
 class ForetouchError(Exception):
     """Base of every error that foretouch raises on purpose; its text is one line for the user."""
+
+
+class RecordingWarning(UserWarning):
+    """What was guessed where a recording was read, or looks wrong in it; its text is one line for the user."""
 
 
 class InputError(ForetouchError):

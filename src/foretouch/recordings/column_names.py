@@ -7,7 +7,7 @@ import re
 import unicodedata
 from typing import Final, NamedTuple
 
-__all__ = ["Named", "name_says", "rank"]
+__all__ = ["Named", "is_unit", "name_says", "rank"]
 
 TIME, POSITION, FORCE, VELOCITY = "time", "position", "force", "velocity"
 
@@ -21,6 +21,9 @@ WORDS: Final = {
     "速度 скорость",
 }
 """Words of each quantity, without accents."""
+
+ASKED_FOR: Final = "setpoint desired target commanded command cmd reference ref soll sollwert consigne"
+"""Words of what was asked for and not measured."""
 
 LETTERS: Final = {TIME: "t", POSITION: "x z s d", FORCE: "f fz fn"}
 """Symbols of each quantity, which count where nothing better is there."""
@@ -79,7 +82,7 @@ def rank(quantity: str, named: Named) -> tuple[float, str]:
             return 0.0, ""  # "force [mm]" is none
     if quantity != VELOCITY and set(words) & _words(VELOCITY):
         return 0.0, ""
-    if quantity == FORCE and "torque" in words:
+    if (quantity == FORCE and "torque" in words) or set(ASKED_FOR.split()) & set(words):
         return 0.0, ""
     score = 0.0
     if len(words) == 1 and words[0] in known:
@@ -93,6 +96,11 @@ def rank(quantity: str, named: Named) -> tuple[float, str]:
     return (score + 0.5 * bool(unit), unit) if score else (0.0, unit)
 
 
+def is_unit(text: str) -> bool:
+    """Whether a text is a unit alone, such as ``mm``, ``[kN]`` or ``(mm/s)``."""
+    return _known(text.strip().strip("[](){}<> ").replace("\u03bc", "µ"))
+
+
 @functools.cache
 def _words(quantity: str) -> frozenset[str]:
     return frozenset(_plain(WORDS[quantity]).split())
@@ -100,7 +108,7 @@ def _words(quantity: str) -> frozenset[str]:
 
 def _unit(quantity: str, unit: str) -> str:
     units = UNITS.get(quantity, {})
-    return units.get(unit) or (units.get(unit.lower(), "") if unit not in ("MN", "MM", "MS") and len(unit) > 2 else "")
+    return units.get(unit) or (units.get(unit.lower(), "") if len(unit) > 1 else "")
 
 
 def _known(unit: str) -> bool:

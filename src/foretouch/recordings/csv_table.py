@@ -5,6 +5,9 @@ is not installed) a careful one, line by line, which knows the row that is to bl
 
 Columns are separated by commas, semicolons or tabs, whichever the header has most of; beside the latter two a comma in
 a number is its decimal point, as spreadsheets of many countries write.
+
+Remarks (``#`` or ``%``) may stand above the header, or be it, as NumPy's ``savetxt`` writes; a row of units may stand
+below it, as testing machines write.
 """
 
 from __future__ import annotations
@@ -12,15 +15,17 @@ from __future__ import annotations
 import csv
 import re
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from itertools import islice
 from os import PathLike
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, TextIO
 
 import numpy as np
 from numpy.typing import NDArray
 
 from foretouch.errors import RecordingError
+from foretouch.recordings.column_names import is_unit
 from foretouch.recordings.source import Column, Table, require_names
 
 __all__ = ["CsvTable"]
@@ -29,18 +34,42 @@ SEPARATORS: Final = (",", ";", "\t")
 LOOKED_AT: Final = 50
 """Lines that tell whether numbers have a decimal comma."""
 
+REMARKS: Final = ("#", "%")
+"""What lines that are no samples begin with."""
+LONGEST_LINE: Final = 65_536
+"""Characters of a line above the samples."""
+
 _DECIMAL_COMMA = re.compile(r"\s*[-+]?\d*,\d+([eE][-+]?\d+)?\s*\Z")
 
 
 def _encoding(path: str | PathLike[str]) -> str:
-    """UTF-8, or what spreadsheets of western Europe write where the header is no UTF-8 but text."""
+    """UTF-8, or what spreadsheets of western Europe write where the beginning is no UTF-8 but text."""
     with Path(path).open("rb") as file:
-        beginning = file.read(65_536)
+        beginning = file.read(LONGEST_LINE)
     try:
-        beginning.partition(b"\n")[0].decode("utf-8")
+        (beginning.rpartition(b"\n")[0] or beginning).decode("utf-8")
     except UnicodeDecodeError:
         return "utf-8-sig" if b"\0" in beginning else "cp1252"
     return "utf-8-sig"
+
+
+@dataclass(frozen=True)
+class _Top:
+    """What stands above the samples.
+
+    Attributes:
+        separator: Between columns.
+        names: Of the columns.
+        units: Of each, empty where none stand below the names.
+        row: Of the names, as an editor counts.
+        lines: Above the first sample.
+    """
+
+    separator: str
+    names: list[str]
+    units: list[str]
+    row: int
+    lines: int
 
 
 class CsvTable(Table):
@@ -51,28 +80,40 @@ class CsvTable(Table):
         OSError: The file cannot be read.
     """
 
-    first_row = 2
-
     def __init__(self, path: str | PathLike[str]) -> None:
         self.path, self.format = path, "CSV"
         self._encoding = _encoding(path)
-        line = self._first_line()
-        self._separator = max(SEPARATORS, key=lambda mark: len(next(csv.reader([line], delimiter=mark))))
-        self.header = [name.strip() for name in next(csv.reader([line], delimiter=self._separator))]
-        self.columns = tuple(Column(name, "text") for name in self.header)
+        top = self._top()
+        self._separator, self.header, self._skipped = top.separator, top.names, top.lines
+        self._header_row, self.first_row = top.row, top.lines + 1
+        self.columns = tuple(Column(name, "text", unit=unit) for name, unit in zip(top.names, top.units, strict=True))
         self._decimal = "."
         if self._separator != ",":
             cells = (cell for _, row in islice(self._rows(), LOOKED_AT) for cell in row)
             self._decimal = "," if any(_DECIMAL_COMMA.match(cell) for cell in cells) else "."
 
-    def _first_line(self) -> str:
+    def _top(self) -> _Top:
         with Path(self.path).open(encoding=self._encoding, errors="replace", newline="") as file:
-            line = file.readline(65_536)
+            remark, lines, line = "", 1, self._line(file, 1)
+            while line and (not line.strip() or line.lstrip().startswith(REMARKS)):
+                remark = line.strip().lstrip("".join(REMARKS)) or remark
+                lines += 1
+                line = self._line(file, lines)
+            below = self._line(file, lines + 1) if line else ""
+        if not line:
+            raise RecordingError(self.path, "has no header where the first line has to name the columns", row=1)
+        separator = max(SEPARATORS, key=lambda mark: len(_cells(line, mark)))
+        names, above, units = _cells(line, separator), _cells(remark, separator), _cells(below, separator)
+        if any(map(_is_number, names)) and len(above) == len(names) and not any(map(_is_number, above)):
+            return _Top(separator, above, [""] * len(above), lines - 1, lines - 1)
+        if len(units) == len(names) and any(map(is_unit, units)) and not any(map(_is_number, units)):
+            return _Top(separator, names, [unit.strip("[](){}<> ") for unit in units], lines, lines + 1)
+        return _Top(separator, names, [""] * len(names), lines, lines)
+
+    def _line(self, file: TextIO, row: int) -> str:
+        line = file.readline(LONGEST_LINE)
         if "\0" in line or "\ufffd" in line:
-            raise RecordingError(self.path, "is no UTF-8 text: save it as CSV with UTF-8", row=1)
-        if not line.strip() or line.lstrip().startswith("#"):
-            what = "has a remark" if line.strip() else "has no header"
-            raise RecordingError(self.path, f"{what} where the first line has to name the columns", row=1)
+            raise RecordingError(self.path, "is no UTF-8 text: save it as CSV with UTF-8", row=row)
         return line
 
     def read(self, names: Sequence[str]) -> dict[str, NDArray[np.float64]]:
@@ -82,7 +123,7 @@ class CsvTable(Table):
             RecordingError: A column is missing or there twice, or a value is no number; the message names the row as an
                 editor counts lines.
         """
-        require_names(self.path, self.header, names, row=1)
+        require_names(self.path, self.header, names, row=self._header_row)
         fast = self.read_fast(names)
         return self.read_carefully(names) if fast is None else fast
 
@@ -97,7 +138,7 @@ class CsvTable(Table):
             table = pyarrow.csv.read_csv(
                 str(self.path),
                 read_options=pyarrow.csv.ReadOptions(
-                    column_names=self.header, skip_rows=1, encoding=self._encoding.removesuffix("-sig")
+                    column_names=self.header, skip_rows=self._skipped, encoding=self._encoding.removesuffix("-sig")
                 ),
                 parse_options=pyarrow.csv.ParseOptions(delimiter=self._separator),
                 convert_options=pyarrow.csv.ConvertOptions(
@@ -130,14 +171,15 @@ class CsvTable(Table):
     def _rows(self) -> Iterator[tuple[int, list[str]]]:
         """The line number and the cells of each row that is not blank, without the header."""
         with Path(self.path).open(encoding=self._encoding, errors="replace", newline="") as file:
+            for _ in range(self._skipped):
+                file.readline()
             rows: Any = csv.reader(file, delimiter=self._separator)
             try:
-                next(rows)
                 for cells in rows:
                     if cells and not (len(cells) == 1 and not cells[0].strip()):
-                        yield rows.line_num, cells
+                        yield self._skipped + rows.line_num, cells
             except csv.Error as error:
-                raise RecordingError(self.path, f"is no CSV: {error}", row=rows.line_num) from None
+                raise RecordingError(self.path, f"is no CSV: {error}", row=self._skipped + rows.line_num) from None
 
     def _number(self, name: str, cell: str, line: int) -> float:
         text = cell.strip()
@@ -152,3 +194,15 @@ class CsvTable(Table):
         if self._decimal == "," and "." in text:
             hint = ": other numbers have a decimal comma, so write this one without a point"
         raise RecordingError(self.path, f"{name} is {shown!r}, which is no number{hint}", row=line)
+
+
+def _cells(line: str, separator: str) -> list[str]:
+    return [cell.strip() for cell in next(csv.reader([line], delimiter=separator), [])]
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text.replace(",", "."))
+    except ValueError:
+        return False
+    return True

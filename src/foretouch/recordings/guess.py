@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, field, replace
 
 import msgspec
@@ -46,6 +47,8 @@ POSITION_FIELDS = {
 """Types of messages that hold a place in metres, and its field along z."""
 
 JOINTS = "sensor_msgs/msg/JointState"
+_NUMBER = re.compile(r"[-+]?[\d.,]+(e[-+]?\d+)?\s*\Z", re.IGNORECASE)
+
 LOOKED_INTO = 8
 """Topics of joint states whose first message is looked into; of the others one joint is taken for a candidate."""
 PLAIN = {f"std_msgs/msg/{kind}": "data" for kind in ("Float64", "Float32")}
@@ -85,7 +88,7 @@ class Guess:
             if self.stated is not None or signal is None:
                 continue
             if signal.unit == UNKNOWN:
-                said.append(f"the unit of {name} {signal.place} is not known ({', '.join(units)})")
+                said.append(f"the unit of the {name} {signal.place} is not known ({', '.join(units)})")
             elif signal.unit in NEEDS_SCALE:
                 said.append(f"{name} {signal.place} is in {signal.unit} and needs a scale, {NEEDS_SCALE[signal.unit]}")
         return tuple(said)
@@ -166,6 +169,9 @@ def guess_mapping(source: Table | Bag) -> Guess:
 
 def _of_table(table: Table) -> Guess:
     named = {column.name: name_says(column.name, column.unit) for column in table.columns}
+    if named and all(_NUMBER.match(name) for name in named):
+        problem = f"columns have no names but numbers ({listed(named)}): write a line above them that names them"
+        return Guess(table.path, TimeSource(column=UNKNOWN), problems=(problem,))
     problems: list[str] = []
     candidates: dict[str, tuple[str, ...]] = {}
     found: dict[str, tuple[str, str]] = {}
@@ -180,6 +186,10 @@ def _of_table(table: Table) -> Guess:
         there = listed(column.name for column in table.columns)
         several = f"several columns could be {quantity}: {listed(names)}"
         problems.append(several if names else f"no column is named like {quantity}; the columns are {there}")
+    for quantity, (name, unit) in found.items():
+        own = rank(quantity, name_says(name))[1]
+        if own and unit != own:
+            problems.append(f"column {name} is in {own} by its name, and in {unit} as the file states it elsewhere")
     time, unit = found.get(TIME, (UNKNOWN, "s"))
     if TIME in found and not unit:
         stated = named[time].unit

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import sys
+import warnings
 from os import PathLike
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
-from foretouch.errors import RecordingError, UnknownNameError
+from foretouch.errors import RecordingError, RecordingWarning, UnknownNameError
 from foretouch.quantities import Recording
 from foretouch.recordings.aurora_ddf import read_aurora
 from foretouch.recordings.column_names import name_says
@@ -56,7 +57,8 @@ def read_recording(
 ) -> Recording:
     """Recording from a file; its ending says which format.
 
-    What was guessed, and what looks wrong (signs, clocks), is told by `read_with_notes` alone.
+    What was guessed, and what looks wrong (signs, clocks), is a `foretouch.errors.RecordingWarning`; a map that is
+    given leaves nothing to guess, and `read_with_notes` returns the sentences.
 
     - ``.csv``, ``.parquet``: columns ``time_s``, ``position_m``, ``force_N`` and perhaps ``velocity_m_s``, or others
       that a map names or their own names tell.
@@ -79,14 +81,17 @@ def read_recording(
         UnknownNameError: A unit or force channel that is not known.
         MissingExtraError: The format needs a package of the extra ``recordings``.
     """
-    return read_with_notes(
+    read = read_with_notes(
         path,
         position_unit=position_unit,
         force_unit=force_unit,
         flip=flip,
         force_channel=force_channel,
         map_file=map_file,
-    ).recording
+    )
+    for note in read.notes:
+        warnings.warn(f"{path}: {note}", RecordingWarning, stacklevel=2)
+    return read.recording
 
 
 def read_with_notes(
@@ -155,7 +160,7 @@ def _by_itself(path: str | PathLike[str], suffix: str, units: Units, force_chann
         raise RecordingError(path, "only a TU/e .mat file has another --force-channel: leave it out")
     if isinstance(source, Table) and suffix in (".csv", ".parquet") and not source.stated_map:
         names = [column.name for column in source.columns]
-        if set(REQUIRED) <= set(names):
+        if set(REQUIRED) <= set(names) and not any(column.unit for column in source.columns):
             return _by_map(source, _by_names(names, units), guessed=False)
     guess = guess_mapping(source)
     missing = guess.problems and not any(guess.candidates.values())

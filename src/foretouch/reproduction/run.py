@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import os
 import time
 from collections.abc import Callable, Iterator, Sequence
 from html import escape
 from pathlib import Path
 
+from foretouch.comparison.parallel import run_all
 from foretouch.errors import InputError
 from foretouch.recordings import atomic_path, write_columns
 from foretouch.report import embedded, table, write_html
@@ -41,15 +41,11 @@ def reproduce(names: Sequence[str], *, progress: Callable[[str, float], None] | 
 
 def _made(names: Sequence[str]) -> Iterator[Section]:
     """The sections as they are done."""
-    if len(names) < 2:
-        yield from map(make_section, names)
-        return
-    from joblib import Parallel, delayed
 
-    workers = min(len(names), os.cpu_count() or 1)
-    yield from Parallel(n_jobs=workers, return_as="generator_unordered", batch_size=1)(
-        delayed(make_section)(name) for name in names
-    )
+    def lost(name: str, reason: str) -> Section:
+        raise RuntimeError(f"section {name}: {reason}")
+
+    yield from (section for _, section in run_all(make_section, names, lost=lost))
 
 
 def write_report(directory: Path, sections: Sequence[Section]) -> Path:
