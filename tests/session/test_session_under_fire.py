@@ -72,4 +72,5 @@ def test_ctrl_c_ends_all_of_it_cleanly_and_the_recording_is_whole(fire: Fire) ->
     log = read_session(fire.recording)
     assert log.counts["recorder_dropped"] == 0
     # Who stood still for longer than the network waits is connected anew; what is missing is counted.
-    assert fire.not_recorded(log) <= log.counts["recorder_missed"] < 1000
+    # The last of each side has no successor by which its absence would be noticed.
+    assert fire.not_recorded(log) - 2 <= log.counts["recorder_missed"] < 1000

@@ -22,17 +22,23 @@ def main() -> None:
         os.environ.setdefault(pool, "1")
     try:
         from foretouch.cli.app import app
-        from foretouch.errors import ForetouchError
+        from foretouch.errors import ForetouchError, SideError
 
         try:
             app()
+        except SideError as error:
+            import traceback
+
+            traceback.print_exception(error.__cause__)  # for the author of a driver
+            sys.stderr.write(f"foretouch: {error}\n")
+            sys.exit(1)
         except ForetouchError as error:
             sys.stderr.write(f"foretouch: {error}\n")
             sys.exit(2)
         except BrokenPipeError:
             raise  # who reads has gone: Typer ends quietly
         except OSError as error:
-            if error.filename is not None:
+            if not _was_output(error):
                 raise
             sys.stderr.write(f"foretouch: the output cannot be written: {error.strerror or error}\n")
             sys.stdout = open(os.devnull, "w")  # noqa: SIM115 - what is left in it would be tried again at the end
@@ -48,6 +54,14 @@ def main() -> None:
     except KeyboardInterrupt:  # also while imports still run
         sys.stderr.write("foretouch: interrupted\n")
         sys.exit(INTERRUPTED)
+
+
+def _was_output(error: OSError) -> bool:
+    """Whether it was raised where the output is written, and not by a file or by a driver."""
+    frame = error.__traceback__
+    while frame is not None and frame.tb_next is not None:
+        frame = frame.tb_next
+    return frame is not None and frame.tb_frame.f_code.co_name == "echo"
 
 
 def _was_interrupted(error: BaseException | None) -> bool:

@@ -8,6 +8,7 @@
     │   └── DatasetError      a measured file is not here and cannot be fetched
     ├── LinkError             the network: a port in use, no peer: exit code 2
     │   └── PeerVersionError  the peer speaks another version of the messages
+    ├── SideError             the loop of a side raised, as a driver may: exit code 1, and its traceback
     ├── DecodeError           bytes that are no message of ours (counted and dropped inside a session)
     └── MissingExtraError     a package of an optional extra is not installed: exit code 2
 
@@ -32,6 +33,7 @@ __all__ = [
     "RecordingError",
     "RecordingWarning",
     "SettingError",
+    "SideError",
     "UnknownNameError",
 ]
 
@@ -87,6 +89,10 @@ class SettingError(InputError):
 
 class DatasetError(InputError):
     """A measured file is neither in ``FORETOUCH_DATA_DIR`` nor in the cache, and could not be fetched."""
+
+
+class SideError(ForetouchError):
+    """The loop of a side raised, and its session was ended in order; what was raised is the ``__cause__``."""
 
 
 class LinkError(ForetouchError):

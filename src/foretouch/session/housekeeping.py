@@ -95,7 +95,7 @@ class Housekeeper(threading.Thread):
     ) -> None:
         super().__init__(name="housekeeping", daemon=True)
         self._link = link
-        self._role = role
+        self.role = role
         self._describe = describe
         self._stop_flag = stop
         self._say = say
@@ -124,7 +124,7 @@ class Housekeeper(threading.Thread):
         texts = self._describe()
         self._hellos += 1
         self._link.publish(
-            Hello(VERSION, self._hellos, time.monotonic_ns(), self._role, tuple(texts), tuple(texts.values()))
+            Hello(VERSION, self._hellos, time.monotonic_ns(), self.role, tuple(texts), tuple(texts.values()))
         )
 
     def close(self, reason: str, epoch: int = 0) -> None:
@@ -142,7 +142,7 @@ class Housekeeper(threading.Thread):
             self._heard[hello.role] = dict(zip(hello.names, hello.values, strict=False))
         news = "" if self._news is None else self._news(self._heard)
         if news and news != self._told:
-            self._say(f"{self._role}: {news}")
+            self._say(f"{self.role}: {news}")
         self._told = news
 
     def _report_undecodable(self) -> None:
@@ -150,5 +150,5 @@ class Housekeeper(threading.Thread):
         if total > self._reported:
             error = self._link.version_error
             because = f" ({error})" if isinstance(error, PeerVersionError) else ""
-            self._say(f"{self._role}: {total - self._reported} messages did not decode and were dropped{because}")
+            self._say(f"{self.role}: {total - self._reported} messages did not decode and were dropped{because}")
             self._reported = total

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 
 from foretouch.devices import Device, SpatialDevice
+from foretouch.errors import SideError
 from foretouch.link import ASKING_PERIOD_NS, FaultStage, ZenohLink, new_press
 from foretouch.messages import PROCESS, VERSION, Command, EmergencyStop, Message
 from foretouch.robot import Robot, SpatialRobot
@@ -124,41 +126,43 @@ def run_follower(
     woke, compute = 0, 0
     end = None if duration is None else time.monotonic_ns() + round(duration * 1e9)
     with steady():
-        while not stop.reason:
-            now, periods = timer.wait()
-            for _ in range(min(periods, LONGEST_CATCH_UP)):
-                driven.exchange()
-            for arrival, command in link.take("command"):
-                stage.push(arrival, command)
-            if link.inboxes["settings"]:
-                chosen = link.take("settings")[-1][1]
-                stage.change(delay=chosen.position_delay, jitter=chosen.jitter, loss=chosen.loss, outage=chosen.outage)
-                state.freshness.begin_way()
-            for _, last_word in link.take("stop"):
-                if last_word.epoch in (0, state.lease.epoch):
-                    stop.set(last_word.reason or "the session was ended")
-            if end is not None and now >= end:
-                stop.set("the duration is over")
-            # Taken only where it is there: a signal may come at any moment, and is not to be lost.
-            emergency, release = stop.emergency, stop.release
-            if emergency:
-                stop.emergency = ""
-            if release:
-                stop.release = False
-            for _, asked in link.take("emergency"):  # no fault that is simulated is in its way
-                if asked.press not in presses:
-                    emergency = emergency or asked.reason or "no reason given"
-                    if asked.press:
-                        presses.append(asked.press)
-            driven.listen(link)
-            due, period = stage.pop_due(now), timer.woke_ns - woke if woke else 0
-            woke = timer.woke_ns
-            start = time.perf_counter_ns()
-            said = driven.tick(due, period, compute, now, stop=emergency, release=release)
-            compute = time.perf_counter_ns() - start
-            for message in said:
-                link.publish(message)
-        house.close(stop.reason)
+        with _ended_in_order(house, stop):
+            while not stop.reason:
+                now, periods = timer.wait()
+                for _ in range(min(periods, LONGEST_CATCH_UP)):
+                    driven.exchange()
+                for arrival, command in link.take("command"):
+                    stage.push(arrival, command)
+                if link.inboxes["settings"]:
+                    chosen = link.take("settings")[-1][1]
+                    stage.change(
+                        delay=chosen.position_delay, jitter=chosen.jitter, loss=chosen.loss, outage=chosen.outage
+                    )
+                    state.freshness.begin_way()
+                for _, last_word in link.take("stop"):
+                    if last_word.epoch in (0, state.lease.epoch):
+                        stop.set(last_word.reason or "the session was ended")
+                if end is not None and now >= end:
+                    stop.set("the duration is over")
+                # Taken only where it is there: a signal may come at any moment, and is not to be lost.
+                emergency, release = stop.emergency, stop.release
+                if emergency:
+                    stop.emergency = ""
+                if release:
+                    stop.release = False
+                for _, asked in link.take("emergency"):  # no fault that is simulated is in its way
+                    if asked.press not in presses:
+                        emergency = emergency or asked.reason or "no reason given"
+                        if asked.press:
+                            presses.append(asked.press)
+                driven.listen(link)
+                due, period = stage.pop_due(now), timer.woke_ns - woke if woke else 0
+                woke = timer.woke_ns
+                start = time.perf_counter_ns()
+                said = driven.tick(due, period, compute, now, stop=emergency, release=release)
+                compute = time.perf_counter_ns() - start
+                for message in said:
+                    link.publish(message)
         _leave(driven, timer)
 
 
@@ -215,7 +219,7 @@ def run_leader(
     woke, compute = 0, 0
     asked, asked_ns, press, answered = 0, 0, 0, 0
     end = None if duration is None else time.monotonic_ns() + round(duration * 1e9)
-    with steady():
+    with _ended_in_order(house, stop, state.epoch), steady():
         while not stop.reason:
             now, _ = timer.wait()
             operator_ns = clock.read(now, coupled=state.heard.run > 0)
@@ -247,4 +251,20 @@ def run_leader(
             compute = time.perf_counter_ns() - start
             for message in said:
                 link.publish(message)
-    house.close(stop.reason, state.epoch)
+
+
+@contextmanager
+def _ended_in_order(house: Housekeeper, stop: StopFlag, epoch: int = 0) -> Iterator[None]:
+    """Say the last word of a side, also where its loop raises, as the driver of a device or robot may.
+
+    Raises:
+        SideError: From whatever the loop raised.
+    """
+    try:
+        yield
+    except Exception as error:
+        failed = SideError(f"the {house.role} failed: {type(error).__name__}: {error}")
+        stop.set(str(failed))
+        raise failed from error
+    finally:
+        house.close(stop.reason, epoch)

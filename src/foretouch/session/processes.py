@@ -62,7 +62,7 @@ def run_processes(
         code = supervisor.watch()
     finally:
         supervisor.end()
-    return code or (RECORDING_INCOMPLETE if supervisor.incomplete else 0)
+    return code or supervisor.failed or (RECORDING_INCOMPLETE if supervisor.incomplete else 0)
 
 
 class _Supervisor:
@@ -95,6 +95,12 @@ class _Supervisor:
     def incomplete(self) -> bool:
         """Whether a recording is not all there."""
         return any(recorder.process.returncode for recorder in self._recorders)
+
+    @property
+    def failed(self) -> int:
+        """Exit code of a side that failed, and whose last word ended the others before anybody looked; else 0."""
+        codes = (child.process.returncode or 0 for child in self._children if child.role not in WATCHERS)
+        return next((code for code in codes if code > 0), 0)
 
     def start(self, console_port: int | None) -> None:
         """Start everything; the leader last, and its time counts from then on."""
