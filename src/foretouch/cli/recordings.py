@@ -148,8 +148,10 @@ def _print_contents(found: Contents, topic: str | None, show_all: bool) -> None:
     begin = "" if not found.begin_ns else f", from {_date(found.begin_ns)}"
     what = f"{len(found.topics)} topics" if found.topics else f"{len(found.columns)} columns"
     typer.echo(f"{found.path}: {found.format}, {what}{span}{rate}{begin}")
+    beside_the_map = () if found.guess is None else found.guess.notes
     for note in found.notes:
-        typer.echo(f"  {note}")
+        if note not in beside_the_map:
+            typer.echo(f"  {note}")
     most = None if show_all else MOST_SHOWN
     rows = [
         (one.name, one.type_name, str(one.count), "" if (hz := found.rate_of(one)) is None else f"{hz:.5g} /s")

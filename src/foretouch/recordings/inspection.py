@@ -12,10 +12,9 @@ from foretouch.errors import RecordingError
 from foretouch.quantities import Recording
 from foretouch.recordings.aurora_ddf import CONTACT_FLOOR as AURORA_FLOOR
 from foretouch.recordings.aurora_ddf import read_aurora
-from foretouch.recordings.bag_series import RosBag
 from foretouch.recordings.column_names import name_says
 from foretouch.recordings.guess import Guess, guess_mapping
-from foretouch.recordings.joining import CLOCKS_AGREE
+from foretouch.recordings.joining import clocks_of
 from foretouch.recordings.mapping import TIMES, Mapping, Signal, TimeSource
 from foretouch.recordings.opening import open_source, require_readable
 from foretouch.recordings.reading import is_session
@@ -25,6 +24,9 @@ from foretouch.recordings.tue_mat import CONTACT_FLOOR as TUE_FLOOR
 from foretouch.recordings.tue_mat import LEVER, TORQUE_PER_VOLT, is_tue
 
 __all__ = ["Contents", "inspect_recording"]
+
+FIRST_LOOK = 2**18
+"""So many bytes of a topic's messages tell which clock stamps them."""
 
 
 @dataclass(frozen=True)
@@ -155,12 +157,8 @@ def _of_bag(bag: Bag, topic: str | None) -> Contents:
     guess = None if session else guess_mapping(bag)
     chosen = [] if guess is None else [signal.topic for signal in (guess.position, guess.force) if signal is not None]
     notes = [] if bag.whole else ["was not ended by its recorder: read as far as it goes"]
-    if isinstance(bag, RosBag):
-        late = {name: bag.lateness(name) for name in dict.fromkeys(chosen)}
-        known = {name: seconds for name, seconds in late.items() if seconds is not None}
-        if len(known) == 2 and max(known.values()) - min(known.values()) > CLOCKS_AGREE:
-            apart = max(known.values()) - min(known.values())
-            notes.append(f"header stamps of {' and '.join(known)} begin {apart:.6g} s apart: two clocks?")
+    notes += _clock_note(bag, list(dict.fromkeys(chosen)))
+    notes += [] if guess is None else guess.notes
     held = any(one.count for one in bag.topics)
     if not held:
         notes.append("holds no messages")
@@ -175,6 +173,19 @@ def _of_bag(bag: Bag, topic: str | None) -> Contents:
         guess=guess,
         notes=tuple(notes),
     )
+
+
+def _clock_note(bag: Bag, topics: list[str]) -> list[str]:
+    """A sentence where the first stamps of the topics are on two clocks, as it seems."""
+    if len(topics) < 2:
+        return []
+    try:
+        clocks = clocks_of([bag.read(topic, [], within=FIRST_LOOK) for topic in topics])
+    except RecordingError:
+        return []  # whoever reads the whole says why
+    if clocks is None or not clocks.differ:
+        return []
+    return [f"header stamps begin {clocks.apart:.6g} s apart: two clocks? ({clocks.said})"]
 
 
 def _span(recording: Recording) -> tuple[float, float]:

@@ -169,7 +169,8 @@ def _by_itself(path: str | PathLike[str], suffix: str, units: Units, force_chann
         if set(REQUIRED) & set(names):  # whoever named one column so meant the others too
             require_names(path, names, REQUIRED, row=1)
     mapping = guess.in_units(units.position, units.force, units.flip).mapping()
-    return _by_map(source, mapping, guessed=not source.stated_map)
+    read = _by_map(source, mapping, guessed=not source.stated_map)
+    return read._replace(notes=(*read.notes, *guess.notes))
 
 
 def _by_names(names: list[str], units: Units) -> Mapping:

@@ -151,11 +151,24 @@ class Bag(ABC):
         """
 
     @abstractmethod
-    def read(self, topic: str, fields: Sequence[str]) -> Series:
+    def read(self, topic: str, fields: Sequence[str], within: int | None = None) -> Series:
         """Fields of all messages of a topic.
+
+        Args:
+            topic: Its name.
+            fields: None for the times alone.
+            within: So many bytes of messages, the first ones, or about so; all without it.
 
         Raises:
             RecordingError: No such topic or field, no messages, or messages that cannot be read.
+        """
+
+    @abstractmethod
+    def first_rate(self, topic: str, most: int) -> float:
+        """How often the first so many messages of a topic come [1/s]; 0 where there are not two, or at one time.
+
+        Raises:
+            RecordingError: No such topic, or the file is damaged.
         """
 
     def topic(self, name: str) -> Topic:
