@@ -81,10 +81,10 @@ class RosBag(Bag):
             raise RecordingError(self.path, f"{topic}: {error}") from None
         if not present.any():
             self._refuse(found, raws[0], fields)
-        kept = {name: array[present] for name, array in values.items()}
+        kept = {name: values[name][present] for name in fields}
         stamps = None
         if stamped:
-            seconds, nanoseconds = (kept.pop(name).astype(np.int64) for name in STAMP)
+            seconds, nanoseconds = (values[name][present].astype(np.int64) for name in STAMP)
             stamps = seconds * 1_000_000_000 + nanoseconds
             stamps = stamps if stamps.any() else None
         return Series(topic, log_ns[present], stamps, kept, int((~present).sum()))

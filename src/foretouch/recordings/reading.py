@@ -190,7 +190,9 @@ def _by_map(source: Table | Bag, mapping: Mapping, *, guessed: bool = False) -> 
     if guessed:
         said = " ".join(mapping_text(mapping).replace("\n", "; ").replace("; ; ", " ").replace("]; ", "] ").split())
         notes.insert(0, f"read by a guess: {said.strip('; ')}")
-    if isinstance(source, Bag) and not source.whole:
+    if isinstance(source, Table):
+        notes += source.notes
+    elif not source.whole:
         notes.insert(0, "was not ended by its recorder; read as far as it goes")
     _give_back()
     return Read(recording, tuple(notes), mapping)
