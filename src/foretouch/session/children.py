@@ -59,7 +59,7 @@ class Child:
     def listen(self) -> None:
         """Hear the beats of its loop (`foretouch.session.housekeeping.BEAT`); what else it prints is dropped."""
         pipe, now = self.process.stdout, time.monotonic()
-        if pipe is None:
+        if pipe is None or pipe.closed:
             return
         said = b""
         while part := _read(pipe.fileno()):
