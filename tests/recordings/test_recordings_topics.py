@@ -8,7 +8,7 @@ from made_bags import BEGIN, JOINT, MAP, TYPES, WRENCH, header, joint, press, pr
 from rosbags.rosbag2 import Reader, StoragePlugin
 
 from foretouch.errors import RecordingError
-from foretouch.recordings import inspect_recording, read_with_notes
+from foretouch.recordings import inspect_recording, inspection, open_source, read_with_notes
 
 POSE = "geometry_msgs/msg/PoseStamped"
 POINT = "geometry_msgs/msg/Point"
@@ -220,3 +220,52 @@ def test_aligned_in_one_topic_and_without_stamps(tmp_path):
     )
     bag = write_bag(tmp_path / "bare", [*bare, *(("/ft", WRENCH, at, wrench(at, 1.0)) for at in times(100))])
     assert 'messages of /x carry no stamp: [time] stamp = "log"' in refused(bag, map_file=map_file)
+
+
+def test_the_fields_of_a_topic_have_their_range(tmp_path, monkeypatch):
+    forces = press(0.5)[2]
+    bag = write_bag(tmp_path / "bag", pressed(0.5))
+    found = inspect_recording(bag, "/ft/wrench")
+    by_name = {column.name: column for column in found.columns}
+    along = by_name["wrench.force.z"]
+    assert (along.example, along.smallest, along.largest) == (forces[0], forces.min(), forces.max())
+    assert (by_name["wrench.torque.x"].smallest, by_name["wrench.torque.x"].largest) == (0.0, 0.0)
+    assert by_name["header.stamp.nanosec"].largest == 499_000_000.0
+    assert not any("first" in note for note in found.notes)
+    monkeypatch.setattr(inspection, "LONG_LOOK", 10_000)
+    short = inspect_recording(bag, "/ft/wrench")
+    (said,) = [note for note in short.notes if "smallest and largest are those of the first" in note]
+    looked_at = int(re.search(r"first (\d+) messages", said)[1])
+    assert 50 < looked_at < 500
+    largest = next(column.largest for column in short.columns if column.name == "wrench.force.z")
+    assert largest == forces[:looked_at].max()
+
+
+def test_a_field_that_is_not_finite_or_not_always_there(tmp_path):
+    values = [np.nan, 1.0, np.inf, -2.0]
+    messages = [("/ft", WRENCH, at, wrench(at, value)) for at, value in zip(times(4, 1.0), values, strict=True)]
+    joints = [
+        ("/joint_states", JOINT, at, joint(at, [0.5] * (1 + tick % 2), ["a", "b"][: 1 + tick % 2]))
+        for tick, at in enumerate(times(4, 1.0))
+    ]
+    bag = write_bag(tmp_path / "bag", [*messages, *joints])
+    by_name = {column.name: column for column in inspect_recording(bag, "/ft").columns}
+    assert (by_name["wrench.force.z"].smallest, by_name["wrench.force.z"].largest) == (-2.0, 1.0)
+    assert [column.smallest for column in inspect_recording(bag, "/joint_states").columns][-1] == 0.5
+
+
+def test_a_stamp_may_be_a_field(tmp_path):
+    series = open_source(write_bag(tmp_path / "bag", pressed(0.1))).read("/ft/wrench", ["header.stamp.sec"])
+    assert series.values["header.stamp.sec"].tolist() == [BEGIN // 10**9] * 100
+    assert series.stamp_ns is not None
+
+
+def test_a_saved_map_says_what_becomes_of_its_remarks(tmp_path):
+    bag = write_bag(tmp_path / "bag", press_messages(0.2))
+    guess = inspect_recording(bag).guess
+    remarks = (
+        "# lines with # are remarks: fill in below what is open, and delete them\n# open: the unit of the position"
+    )
+    assert guess.text().startswith(remarks)
+    whole = inspect_recording(write_bag(tmp_path / "whole", pressed(0.2))).guess
+    assert "#" not in whole.text()
