@@ -115,7 +115,6 @@ def test_who_does_not_end_is_killed_and_nobody_waits_longer(
     begin: Callable[..., Child], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(children, "PATIENCE", 1.0)
-    monkeypatch.setattr(children.wait_for, "__kwdefaults__", children.wait_for.__kwdefaults__ | {"patience": 1.0})
     leader, follower = begin(STAYS), begin(BEATS.replace("COUNT", "3"), "follower")
     assert leader.process.stdout is not None
     assert select.select([leader.process.stdout], [], [], 20.0)[0]  # it ignores the signal by now

@@ -122,17 +122,17 @@ def _stopped(process: int) -> bool:
 
 
 def wait_for(
-    children: Iterable[Child], *, patience: float = PATIENCE, meanwhile: Callable[[], None] = lambda: None
+    children: Iterable[Child], *, patience: float | None = None, meanwhile: Callable[[], None] = lambda: None
 ) -> None:
     """Wait until all have ended.
 
     Args:
         children: To wait for.
-        patience: At most so long [s].
+        patience: At most so long [s]; None for `PATIENCE`.
         meanwhile: Called in every round.
     """
     waited = list(children)
-    end = time.monotonic() + patience
+    end = time.monotonic() + (PATIENCE if patience is None else patience)
     while time.monotonic() < end and any(child.running for child in waited):
         meanwhile()
         for child in waited:
