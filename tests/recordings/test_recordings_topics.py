@@ -4,8 +4,9 @@ import re
 
 import numpy as np
 import pytest
-from made_bags import BEGIN, JOINT, MAP, TYPES, WRENCH, header, joint, press, press_messages, wrench, write_bag
-from rosbags.rosbag2 import Reader, StoragePlugin
+from made_bags import BEGIN, JOINT, MAP, STORE, TYPES, WRENCH, header, joint, press, press_messages, wrench, write_bag
+from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
+from rosbags.rosbag2 import Reader, StoragePlugin, Writer, reader, storage_mcap, storage_sqlite3
 
 from foretouch.errors import RecordingError
 from foretouch.recordings import inspect_recording, inspection, open_source, read_with_notes
@@ -131,6 +132,30 @@ def test_a_bag_is_opened_once_and_closed_with_its_source(tmp_path, plugin, monke
     found = inspect_recording(bag, "/tool/pose")
     assert [column.name for column in found.columns][-1] == "pose.orientation.w"
     assert done == ["open", "close"]
+
+
+@pytest.mark.parametrize("plugin", [StoragePlugin.SQLITE3, StoragePlugin.MCAP])
+def test_equal_profiles_of_topics_are_parsed_once(tmp_path, plugin, monkeypatch):
+    """By `rosbags` it takes seconds for thousands of topics."""
+    endless = QosTime(2**31 - 1, 2**32 - 1)
+    spans = (endless, endless, QosLiveliness.AUTOMATIC, endless)
+    profiles = [
+        Qos(QosHistory.KEEP_LAST, depth, QosReliability.RELIABLE, QosDurability.VOLATILE, *spans, False)
+        for depth in (1, 5)
+    ]
+    with Writer(tmp_path / "bag", version=8, storage_plugin=plugin) as writer:
+        for place in range(20):
+            own = [profiles[place % 2]]
+            topic = writer.add_connection(f"/robot/{place}", WRENCH, typestore=STORE, offered_qos_profiles=own)
+            writer.write(topic, BEGIN + place, STORE.serialize_cdr(wrench(BEGIN, place), WRENCH))
+    parsed = []
+    for module in (reader, storage_sqlite3, storage_mcap):
+        real = module.parse_qos
+        monkeypatch.setattr(module, "parse_qos", lambda text, real=real: (parsed.append(text), real(text))[1])
+    bag = open_source(tmp_path / "bag")
+    assert len(bag.topics) == 20
+    assert bag.read("/robot/7", ["wrench.force.z"]).values["wrench.force.z"].tolist() == [7.0]
+    assert 2 <= len(parsed) <= 4  # of the metadata and of the storage
 
 
 @pytest.mark.parametrize("axis", ["x", "y"])
