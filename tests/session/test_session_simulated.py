@@ -71,6 +71,12 @@ def test_the_recording_holds_the_session(tmp_path: Path) -> None:
     assert read.counts == log.counts
 
 
+def test_its_columns_are_those_of_its_log(session: SimulatedSession) -> None:
+    np.testing.assert_array_equal(session.to_numpy(), session.log.to_numpy())
+    assert len(session.to_pandas()) == session.log.rows().leader.size
+    assert session.plot("predicted_force").axes
+
+
 def test_commands_and_models_take_their_delays(session: SimulatedSession) -> None:
     log = session.log
     rows = log.rows()
