@@ -74,7 +74,7 @@ KeysFolder = Annotated[
 ]
 Parent = Annotated[int | None, typer.Option(hidden=True)]
 PositionUnit = Annotated[str, typer.Option(help="Unit of positions in the file: m, cm, mm or um.")]
-ForceUnit = Annotated[str, typer.Option(help="Unit of forces in the file: N or mN.")]
+ForceUnit = Annotated[str, typer.Option(help="Unit of forces in the file: N, mN or kN.")]
 Flip = Annotated[bool, typer.Option("--flip", help="Positions in the file shrink with depth.")]
 ForceChannel = Annotated[str, typer.Option(help="Force of a TU/e file: raw bridge or logged torque.")]
 Surface = Annotated[str, typer.Option(help="Position of the surface [m], or auto.")]

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from foretouch.cli.options import say
+from foretouch.cli.progress import pulsing
 
 if TYPE_CHECKING:
     from foretouch.quantities import Recording
@@ -36,7 +37,9 @@ def read_and_say(
     """A recording as `foretouch.recordings.read_recording` reads it, and its notes on the error stream."""
     from foretouch.recordings import read_with_notes
 
-    read = read_with_notes(
+    read = pulsing(
+        f"reading {path.name}",
+        read_with_notes,
         path,
         position_unit=position_unit,
         force_unit=force_unit,

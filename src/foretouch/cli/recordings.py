@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from foretouch.cli.options import Flip, ForceChannel, ForceUnit, Json, PositionUnit, print_json, require_recording, say
+from foretouch.cli.progress import pulsing
 from foretouch.cli.reading import RECORDING_HELP, MapFile, read_and_say
 from foretouch.errors import RecordingError, SettingError
 
@@ -79,7 +80,7 @@ def inspect(
         _require_elsewhere("save", save, path)
         if save.suffix.lower() != ".toml":
             raise SettingError("save", str(save), "must end with .toml")
-    found = inspect_recording(path, topic)
+    found = pulsing(f"looking into {path.name}", inspect_recording, path, topic)
     if save is not None:
         if found.guess is None:
             raise SettingError("save", str(save), f"{path} is {found.stated}")
@@ -123,7 +124,7 @@ def convert(
         force_channel=force_channel,
         map_file=map_file,
     )
-    for note in write_recording(output, recording):
+    for note in pulsing(f"writing {output.name}", write_recording, output, recording):
         say(f"{output}: {note}")
     seconds = float(recording.time[-1] - recording.time[0])
     if json_output:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import weakref
 from collections.abc import Iterator
 from itertools import islice
 from os import PathLike
@@ -23,6 +24,8 @@ __all__ = ["Rosbag2"]
 class Rosbag2(RosBag):
     """An opened rosbag2.
 
+    It stays open until nobody has it any more: opening parses the metadata of all topics, seconds for thousands.
+
     Args:
         path: Its folder, with ``metadata.yaml``, or one ``.db3`` file.
 
@@ -37,7 +40,8 @@ class Rosbag2(RosBag):
         if Path(path).is_dir() and not (Path(path) / "metadata.yaml").is_file():
             problem = "is a folder without metadata.yaml, so no whole rosbag2: `ros2 bag reindex` makes one"
             raise RecordingError(path, problem)
-        with self._reader() as reader:
+        with self._plain_errors():
+            self._reader = reader = self._opened()
             self._definitions_by_type = {
                 found.msgtype: (found.msgdef.data, "ros2idl" if found.msgdef.format.name == "IDL" else "ros2msg")
                 for found in reader.connections
@@ -54,17 +58,24 @@ class Rosbag2(RosBag):
 
     def messages(self, topic: Topic, most: int | None = None) -> tuple[list[bytes], NDArray[np.int64]]:
         """As `RosBag.messages`."""
-        with self._reader() as reader:
-            wanted = [found for found in reader.connections if found.topic == topic.name]
-            pairs = [(bytes(raw), at) for _, at, raw in islice(reader.messages(wanted), most)] if wanted else []
+        with self._plain_errors():
+            wanted = [found for found in self._reader.connections if found.topic == topic.name]
+            found = contextlib.closing(self._reader.messages(wanted)) if wanted else contextlib.nullcontext(())
+            with found as messages:
+                pairs = [(bytes(raw), at) for _, at, raw in islice(messages, most)]
         raws, times = zip(*pairs, strict=True) if pairs else ((), ())
         return list(raws), np.array(times, dtype=np.int64)
 
+    def _opened(self) -> Any:
+        reader = self._rosbag2.Reader(Path(self.path))
+        reader.open()
+        weakref.finalize(self, reader.close)
+        return reader
+
     @contextlib.contextmanager
-    def _reader(self) -> Iterator[Any]:
+    def _plain_errors(self) -> Iterator[None]:
         try:
-            with self._rosbag2.Reader(Path(self.path)) as reader:
-                yield reader
+            yield
         except RecordingError:
             raise
         except Exception as error:  # YAML, sqlite, zstd and rosbags have their own errors
