@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
-from plugin_packages import make_package
+from plugin_sessions import run_with
 
 from foretouch.recordings import is_whole, read_session
 
@@ -35,7 +32,7 @@ class Torn(Device):
         return 0.0
 
 
-def make(settings, reach):
+def torn(settings, reach):
     return Torn()
 """
 
@@ -43,15 +40,17 @@ ROBOT = """
 from foretouch.robot import make_robot
 
 
-def make(settings):
+def torn(settings):
     robot = make_robot("hunt-crossley", seed=1)
-    move, left = robot.exchange, [8000]
+    move, left = robot.exchange, [1000]
 
     def exchange(desired):
-        left[0] -= 1
+        sample = move(desired)
+        if left[0] < 1000 or sample.exact_force > 0.5:  # from the first press on: then there is a leader
+            left[0] -= 1
         if left[0] < 0:
             raise OSError("the drive is gone")
-        return move(desired)
+        return sample
 
     robot.exchange = exchange
     return robot
@@ -69,32 +68,15 @@ def make(settings):
             "the follower failed: OSError: the drive is gone",
         ),
     ],
+    ids=["device", "robot"],
 )
 def test_the_session_ends_in_order_and_says_why(
     tmp_path: Path, kind: str, source: str, options: tuple[str, ...], said: str
 ) -> None:
-    site = make_package(tmp_path / "site", "torn", {kind: {"torn": "torn:make"}}, source)
-    done = subprocess.run(
-        [
-            sys.executable,
-            "-m",
-            "foretouch",
-            "teleop",
-            "--headless",
-            "--duration",
-            "60",
-            "--recording",
-            "s.mcap",
-            *options,
-        ],
-        capture_output=True,
-        text=True,
-        cwd=tmp_path,
-        env=os.environ | {"PYTHONPATH": os.pathsep.join([str(site), os.environ.get("PYTHONPATH", "")])},
-        timeout=60,
-    )
-    assert done.returncode == 1, done.stderr
-    assert f"foretouch: {said}\n" in done.stderr
-    assert "in read" in done.stderr if kind == "device" else "in exchange" in done.stderr
+    teleop = ("teleop", "--headless", "--duration", 60, "--recording", "s.mcap")
+    ran = run_with(tmp_path, kind, source, "torn", *teleop, *options)
+    assert ran.code == 1, ran.err
+    assert f"foretouch: {said}\n" in ran.err
+    assert "in read" in ran.err if kind == "device" else "in exchange" in ran.err
     assert is_whole(tmp_path / "s.mcap")
     assert read_session(tmp_path / "s.mcap").leader.size > 100

@@ -75,7 +75,7 @@ def test_velocity_is_read_where_it_is_there(table):
 
 
 @pytest.mark.parametrize(("unit", "factor"), [("m", 1.0), ("cm", 100.0), ("mm", 1000.0), ("um", 1e6)])
-@pytest.mark.parametrize(("force_unit", "force_factor"), [("N", 1.0), ("mN", 1000.0)])
+@pytest.mark.parametrize(("force_unit", "force_factor"), [("N", 1.0), ("mN", 1000.0), ("kN", 1e-3)])
 @pytest.mark.parametrize("flip", [False, True])
 def test_units_and_flip(table, unit, factor, force_unit, force_factor, flip):
     content = "time_s,position_m,force_N,velocity_m_s\n0,0.5,0.25,3\n1,0.75,0.3,4\n"
@@ -154,6 +154,54 @@ def test_remarks_above_the_header(table, above):
         content = above + heading
         assert_good(read_recording(table(content)))
         assert refused(table(content + "x,0,0\n")).row == content.count("\n") + 1
+
+
+ROWS = "0.000,1,0.5\n0.001,2,0.75\n0.002,3,1\n"
+HEADER = "Time (s),Extension (mm),Load (N)\n"
+
+
+@pytest.mark.parametrize(
+    ("above", "header", "lines"),
+    [
+        ("Sample: A12\nDate: 2024-02-01\n\n", HEADER, 2),
+        ("Sample: A12\n", HEADER, 1),
+        ('"Sample","A12"\n"Speed","5"\nOperator\n', HEADER, 3),
+        ("Sample,A12,\nSpeed,5,\n,,\n", HEADER, 3),  # as wide as the widest, as spreadsheets write
+        ("# remark\n\nSample: A12\n", HEADER, 1),
+        ("Sample: A12\nby one, two, and three\n", HEADER, 2),
+        ("Sample: A12\n\n", "Time,Extension,Load\n(s),(mm),(N)\n", 1),
+        ("Sample: A12\n" + 48 * "x\n", HEADER, 49),
+    ],
+)
+def test_lines_on_the_sample_above_the_header_are_passed_over(table, above, header, lines):
+    content = above + header + ROWS
+    read = read_with_notes(table(content))
+    assert_good(read.recording)
+    row = above.count("\n") + 1
+    assert f"the columns are named in line {row}; {lines} lines above are passed over" in read.notes
+    assert read.recording.first_row == row + header.count("\n")
+    error = refused(table(content + "x,0,0\n"))
+    assert error.row == content.count("\n") + 1
+
+
+@pytest.mark.parametrize("separator", [";", "\t"])
+def test_lines_on_the_sample_beside_decimal_commas(table, separator):
+    rows = "Prüfzeit;Standardweg;Standardkraft\ns;mm;kN\n0,000;1,0;0,0005\n0,001;2,0;0,00075\n0,002;3,0;0,001\n"
+    content = "Probe: A12, die zweite\n\n" + rows.replace(";", separator)
+    assert_good(read_recording(table(content.encode("cp1252"))))
+
+
+@pytest.mark.parametrize(
+    ("content", "problem"),
+    [
+        ("Sample: A12\n" + 60 * "x\n" + HEADER + ROWS, "no column is named like time; the columns are Sample: A12"),
+        ("Sample: A12\n" + ROWS, "no column is named like time; the columns are Sample: A12"),
+        ("depth,force\n1,2\n2,3\n", "no column is named like time; the columns are depth, force"),
+        (HEADER + "Sample,A12,\n" + ROWS, "row 2: Time .s. is 'Sample', which is no number"),
+    ],
+)
+def test_a_header_is_not_sought_where_none_is_likely(table, content, problem):
+    assert re.search(problem, str(refused(table(content))))
 
 
 def test_what_numpy_writes(tmp_path):

@@ -130,6 +130,13 @@ def test_every_unit_that_is_no_length_or_force_asks_for_its_scale():
         ("toolPosition", POSITION, ""), ("x", POSITION, ""), ("lever position_rad", POSITION, "rad"),
         ("force_N", FORCE, "N"), ("Kraft [mN]", FORCE, "mN"), ("Kraft in N", FORCE, "N"), ("fuerza", FORCE, ""),
         ("сила", FORCE, ""), ("run1/force_kN", FORCE, "kN"), ("Fz", FORCE, ""),
+        ("Extension (mm)", POSITION, "mm"), ("Compressive extension", POSITION, ""), ("Crosshead", POSITION, ""),
+        ("Stroke", POSITION, ""), ("Disp.", POSITION, ""), ("Deflection [mm]", POSITION, "mm"),
+        ("Elongation [mm]", POSITION, "mm"), ("Traverse [mm]", POSITION, "mm"), ("Hub", POSITION, ""),
+        ("Prüfzeit [s]", TIME, "s"), ("Standardweg [mm]", POSITION, "mm"), ("Standardkraft [kN]", FORCE, "kN"),
+        ("Traversenweg", POSITION, ""), ("Prüfkraft", FORCE, ""), ("Prüflast", FORCE, ""), ("Kolbenhub", POSITION, ""),
+        ("Längenänderung", POSITION, ""), ("Running Time", TIME, ""), ("Axial Force (kN)", FORCE, "kN"),
+        ("travel", POSITION, ""),
     ],
 )  # fmt: skip
 def test_names_in_several_languages_are_understood(name, quantity, unit):
@@ -140,7 +147,26 @@ def test_names_in_several_languages_are_understood(name, quantity, unit):
     assert scores[quantity] > 0.0
 
 
-@pytest.mark.parametrize("name", ["force [mm]", "position [N]", "velocity_m_s", "torque force [Nm]", "note", "index"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        "force [mm]",
+        "position [N]",
+        "velocity_m_s",
+        "torque force [Nm]",
+        "note",
+        "index",
+        "Sollkraft",
+        "blast",
+        "level",
+        "Kraftgeschwindigkeit",
+    ],
+)
 def test_names_that_contradict_their_unit_are_not_taken(name):
     quantity = {"p": POSITION}.get(name[0], FORCE)
     assert rank(quantity, name_says(name))[0] == 0.0
+
+
+@pytest.mark.parametrize("name", ["Elongation (%)", "Sollweg [mm]", "Prüfgeschwindigkeit [mm/s]", "Crosshead speed"])
+def test_what_is_no_measured_position(name):
+    assert rank(POSITION, name_says(name))[0] == 0.0

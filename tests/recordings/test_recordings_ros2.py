@@ -126,7 +126,10 @@ def test_the_definitions_are_those_of_ros_2(session):
             if not connection.msgtype.startswith("foretouch_msgs/"):
                 assert there[connection.msgtype][1] == known[connection.msgtype][1], connection.msgtype
         names = [name for name, _ in there[CONTACT_MODEL_TYPE][1]]
-    assert names == [line.split()[1] for line in CONTACT_MODEL_MSG.splitlines()]
+    fields = [part.splitlines() for part in CONTACT_MODEL_MSG.split("\n\n")[1:]]
+    assert names == [line.split()[1] for part in fields for line in part if not line.startswith("#")]
+    assert all(part[0].startswith("# ") for part in fields)  # each says what it is; names and values together
+    assert len(fields) == len(names) - 1
 
 
 def test_a_recording_from_before_the_message_had_its_name_is_read(session, tmp_path):

@@ -110,6 +110,6 @@ def test_the_source_package_defines_the_message_that_is_sent() -> None:
     assert f"project({package})" in build
     assert f'"msg/{kind}.msg"' in build
     assert f"<name>{package}</name>" in manifest
-    for used in set(re.findall(r"(\w+)/\w+", CONTACT_MODEL_MSG)):
+    for used in set(re.findall(r"^(\w+)/\w+", CONTACT_MODEL_MSG, re.MULTILINE)):
         assert f"<depend>{used}</depend>" in manifest
         assert f"find_package({used} REQUIRED)" in build

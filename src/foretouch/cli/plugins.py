@@ -52,21 +52,26 @@ def check(
 
     Example: foretouch plugins check hunt-crossley --group material
     """
-    from foretouch.session.conformance import check_named, failed
+    from foretouch.session.conformance import Finding, check_named, failed
 
     kind = group.removeprefix("foretouch.").removesuffix("s")
-    titled = check_named(name, kind=kind, move=move)
+    headed: set[str] = set()
+
+    def tell(of: str, finding: Finding) -> None:
+        """Print what is known at once: a check of a device takes seconds."""
+        if of not in headed:
+            typer.echo(of)
+            headed.add(of)
+        typer.echo(f"  {MARKS[finding.passed]:<9} {finding.check:<28} {finding.found}")
+        if finding.passed is False:
+            typer.echo(f"  {'':<9} {'':<28} the rule: {finding.rule}")
+
+    titled = check_named(name, kind=kind, move=move, tell=(lambda of, finding: None) if json_output else tell)
     broken = [finding for findings in titled.values() for finding in failed(findings)]
     if json_output:
         rows = [dataclasses.asdict(finding) | {"of": of} for of, findings in titled.items() for finding in findings]
         print_json({"name": name, "passed": not broken, "checks": rows})
     else:
-        for of, findings in titled.items():
-            typer.echo(of)
-            for finding in findings:
-                typer.echo(f"  {MARKS[finding.passed]:<9} {finding.check:<28} {finding.found}")
-                if finding.passed is False:
-                    typer.echo(f"  {'':<9} {'':<28} the rule: {finding.rule}")
         typer.echo("every rule is kept" if not broken else f"{len(broken)} rules are not kept")
     if broken:
         raise typer.Exit(1)

@@ -18,6 +18,7 @@ from foretouch.errors import RecordingError, SettingError
 if TYPE_CHECKING:
     from foretouch.messages import SessionLog
     from foretouch.recordings import Contents
+    from foretouch.recordings.source import Column
 
 __all__ = ["recordings", "say_if_cut", "say_what_is_left_out"]
 
@@ -148,8 +149,10 @@ def _print_contents(found: Contents, topic: str | None, show_all: bool) -> None:
     begin = "" if not found.begin_ns else f", from {_date(found.begin_ns)}"
     what = f"{len(found.topics)} topics" if found.topics else f"{len(found.columns)} columns"
     typer.echo(f"{found.path}: {found.format}, {what}{span}{rate}{begin}")
+    beside_the_map = () if found.guess is None else found.guess.notes
     for note in found.notes:
-        typer.echo(f"  {note}")
+        if note not in beside_the_map:
+            typer.echo(f"  {note}")
     most = None if show_all else MOST_SHOWN
     rows = [
         (one.name, one.type_name, str(one.count), "" if (hz := found.rate_of(one)) is None else f"{hz:.5g} /s")
@@ -162,13 +165,7 @@ def _print_contents(found: Contents, topic: str | None, show_all: bool) -> None:
                 f"  ... and {len(found.topics) - len(rows)} topics more: --all shows them, --topic NAME its fields"
             )
     if found.columns:
-        columns = [
-            (one.name, one.kind, "" if one.count is None else str(one.count), one.unit, _number(one.example))
-            for one in found.columns[:most]
-        ]
-        title = (
-            ("column", "type", "values", "unit", "") if topic is None else ("field", "type", "messages", "", "first")
-        )
+        title, columns = _table_of(found.columns[:most], topic is not None)
         _print_table(title, columns)
         if len(found.columns) > len(columns):
             typer.echo(f"  ... and {len(found.columns) - len(columns)} more: --all shows them")
@@ -179,6 +176,19 @@ def _print_contents(found: Contents, topic: str | None, show_all: bool) -> None:
         typer.echo(
             f"\n# {whole}: --save FILE.toml writes it, --map FILE.toml reads by it\n{found.guess.text()}", nl=False
         )
+
+
+def _table_of(shown: Sequence[Column], of_topic: bool) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
+    """Title and lines of the columns of a table, or of the fields of a topic's messages."""
+    counts = ["" if one.count is None else str(one.count) for one in shown]
+    if not of_topic:
+        return ("column", "type", "values", "unit"), [
+            (one.name, one.kind, count, one.unit) for one, count in zip(shown, counts, strict=True)
+        ]
+    return ("field", "type", "messages", "first", "smallest", "largest"), [
+        (one.name, one.kind, count, _number(one.example), _number(one.smallest), _number(one.largest))
+        for one, count in zip(shown, counts, strict=True)
+    ]
 
 
 def _print_table(title: tuple[str, ...], rows: Sequence[tuple[str, ...]]) -> None:

@@ -168,6 +168,9 @@ def _report_recorded(path: Path, directory: Path | None, json_output: bool, *, a
     except RecordingError as error:
         say(f"no report: {error}")
         return
+    if not log.leader.size and not json_output:  # who reads JSON is given the object that there always is
+        say(f"no report: the session never began, and {path} holds no tick of a leader")
+        return
     if not all_of_it:
         ticks = [table["time_ns"] for table in (log.leader, log.follower) if table.size]
         kept = max((float(times[-1] - times[0]) * 1e-9 for times in ticks), default=0.0)

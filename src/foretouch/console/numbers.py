@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -10,6 +11,7 @@ from foretouch.console.force_panel import Numbers
 from foretouch.console.plots import SECONDS
 from foretouch.console.watched import Watched
 from foretouch.console.window import NAN, Window
+from foretouch.session.settings import SIMULATED
 
 __all__ = ["numbers_of"]
 
@@ -47,10 +49,17 @@ def numbers_of(
         prediction_error=window.prediction_error,
         delayed_error=window.delayed_error,
         status=status,
-        names=" · ".join(shown.settings[name] for name in NAMES if name in shown.settings),
+        names=" · ".join(_names(shown.settings)),
         deviation=NAN if leader is None else leader.standard_deviation,
         hand_ahead=shown.hand_ahead,
         warnings=warnings,
         again=again,
         again_errors=errors,
     )
+
+
+def _names(settings: Mapping[str, str]) -> list[str]:
+    """What is pressed, and by what it is learnt; a robot of another package has a material of its own."""
+    robot = settings.get("robot", SIMULATED)
+    own = [] if robot == SIMULATED else [f"robot {robot}"]
+    return own + [settings[name] for name in NAMES if name in settings and not (own and name == "material")]

@@ -12,6 +12,9 @@ __all__ = ["PluginError", "load_plugin", "make_plugin", "problem_of"]
 
 Made = TypeVar("Made")
 
+CONNECT = "connect the {} and switch it on, and see that you have the right to open it"
+"""What to do where a factory could not open something of the system."""
+
 
 class PluginError(InputError):
     """Something of another package cannot be used.
@@ -84,7 +87,8 @@ def make_plugin(
     except ForetouchError:
         raise
     except (Exception, SystemExit) as error:
-        raise PluginError(plugin, f"raises {_said(error)} where one is to be made") from error
+        remedy = CONNECT.format(kind) if isinstance(error, OSError) else ""
+        raise PluginError(plugin, f"raises {_said(error)} where one is to be made", remedy) from error
     if not isinstance(made, expected):
         raise PluginError(plugin, f"makes {_kind_of(made)} and not a {expected.__name__}")
     return made

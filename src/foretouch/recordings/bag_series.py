@@ -61,24 +61,16 @@ class RosBag(Bag):
         places = Places(raws[0], self._definitions(found), found.type_name)
         return tuple(text for _, text in places.texts.get("name", ()))
 
-    def lateness(self, topic: str) -> float | None:
-        """Log time less header stamp of a topic's first message [s], None where there is no stamp, or no message."""
-        found = self.topic(topic)
-        try:
-            raws, log_ns = self.messages(found, 1)
-            places = [Places(raw, self._definitions(found), found.type_name) for raw in raws]
-        except (ValueError, RecordingError):
-            return None
-        stamp = [where for one in places for name in STAMP if (where := one.find(name)) is not None]
-        if len(stamp) != len(STAMP):
-            return None
-        seconds, nanoseconds = (int(np.frombuffer(raws[0], code, 1, offset)[0]) for code, offset in stamp)
-        return (int(log_ns[0]) - seconds * 1_000_000_000 - nanoseconds) / 1e9 if seconds or nanoseconds else None
+    def first_rate(self, topic: str, most: int) -> float:
+        """As `Bag.first_rate`."""
+        _, log_ns = self.messages(self.topic(topic), most)
+        seconds = float(np.ptp(log_ns)) / 1e9 if log_ns.size else 0.0
+        return (log_ns.size - 1) / seconds if seconds > 0.0 else 0.0
 
-    def read(self, topic: str, fields: Sequence[str]) -> Series:
+    def read(self, topic: str, fields: Sequence[str], within: int | None = None) -> Series:
         """As `Bag.read`."""
         found = self.topic(topic)
-        raws, log_ns = self.messages(found)
+        raws, log_ns = self.messages(found, None if within is None else self._fitting(found, within))
         if not raws:
             raise RecordingError(self.path, f"{topic} has no messages")
         try:
@@ -89,13 +81,18 @@ class RosBag(Bag):
             raise RecordingError(self.path, f"{topic}: {error}") from None
         if not present.any():
             self._refuse(found, raws[0], fields)
-        kept = {name: array[present] for name, array in values.items()}
+        kept = {name: values[name][present] for name in fields}
         stamps = None
         if stamped:
-            seconds, nanoseconds = (kept.pop(name).astype(np.int64) for name in STAMP)
+            seconds, nanoseconds = (values[name][present].astype(np.int64) for name in STAMP)
             stamps = seconds * 1_000_000_000 + nanoseconds
             stamps = stamps if stamps.any() else None
         return Series(topic, log_ns[present], stamps, kept, int((~present).sum()))
+
+    def _fitting(self, topic: Topic, size: int) -> int:
+        """How many messages of a topic are of so many bytes, by its first one; at least one."""
+        raws, _ = self.messages(topic, 1)
+        return max(1, size // max(1, len(raws[0]))) if raws else 1
 
     def _definitions(self, topic: Topic) -> Definitions:
         return _definitions(topic.type_name, *self.definition(topic))

@@ -13,7 +13,8 @@ TIME, POSITION, FORCE, VELOCITY = "time", "position", "force", "velocity"
 
 WORDS: Final = {
     TIME: "time timestamp stamp seconds zeit temps tiempo tempo tijd tid czas cas aika idő 时间 時間 время",
-    POSITION: "position pos depth displacement travel indentation weg tiefe eindringtiefe lage deplacement profondeur "
+    POSITION: "position pos depth displacement disp travel indentation extension elongation deflection crosshead "
+    "stroke weg tiefe eindringtiefe lage hub traverse verformung langenanderung deplacement profondeur "
     "posicion desplazamiento profundidad posizione spostamento profondita positie verplaatsing diepte posicao "
     "deslocamento pozycja przemieszczenie poloha 位置 位移 変位 深さ положение перемещение",
     FORCE: "force load kraft last effort fuerza carga forza carico kracht forca sila сила усилие 力 荷重",
@@ -21,6 +22,12 @@ WORDS: Final = {
     "速度 скорость",
 }
 """Words of each quantity, without accents."""
+
+COMPOUNDS: Final = ("zeit", "weg", "hub", "tiefe", "kraft", "last", "geschwindigkeit")
+"""German words that others are put before, as in ``Prüfzeit``, ``Standardweg`` or ``Sollkraft``."""
+
+SHORTEST_PART: Final = 3
+"""Letters before such a word."""
 
 ASKED_FOR: Final = "setpoint desired target commanded command cmd reference ref soll sollwert consigne"
 """Words of what was asked for and not measured."""
@@ -68,7 +75,7 @@ def name_says(name: str, stated_unit: str = "") -> Named:
             text, unit = text[: found.start()], unit or found[1]
             break
     split = re.sub(r"(?<=[a-zß-ÿ])(?=[A-Z])", " ", text)  # camelCase
-    return Named(tuple(_plain(word) for word in _word.findall(split)), unit)
+    return Named(tuple(part for word in _word.findall(split) for part in _parts(_plain(word))), unit)
 
 
 def rank(quantity: str, named: Named) -> tuple[float, str]:
@@ -76,6 +83,8 @@ def rank(quantity: str, named: Named) -> tuple[float, str]:
     words = [word for word in named.words if not word.isdigit()]
     known = _words(quantity)
     unit = _unit(quantity, named.unit)
+    if named.unit == "%":
+        return 0.0, ""  # of a length, and so a strain
     if named.unit and not unit and quantity != VELOCITY:
         others = [one for one in UNITS if one != quantity and _unit(one, named.unit)]
         if others or _is_rate(named.unit):
@@ -99,6 +108,16 @@ def rank(quantity: str, named: Named) -> tuple[float, str]:
 def is_unit(text: str) -> bool:
     """Whether a text is a unit alone, such as ``mm``, ``[kN]`` or ``(mm/s)``."""
     return _known(text.strip().strip("[](){}<> ").replace("\u03bc", "µ"))
+
+
+def _parts(word: str) -> tuple[str, ...]:
+    """A word, or the two that it is put together of."""
+    if any(word in _words(quantity) for quantity in WORDS):
+        return (word,)
+    for end in COMPOUNDS:
+        if word.endswith(end) and len(word) >= len(end) + SHORTEST_PART:
+            return word.removesuffix(end), end
+    return (word,)
 
 
 @functools.cache

@@ -7,7 +7,8 @@ Columns are separated by commas, semicolons or tabs, whichever the header has mo
 a number is its decimal point, as spreadsheets of many countries write.
 
 Remarks (``#`` or ``%``) may stand above the header, or be it, as NumPy's ``savetxt`` writes; a row of units may stand
-below it, as testing machines write.
+below it, as testing machines write. They also write lines on the sample above it, with one or two cells each: these are
+passed over where a header of three columns or more comes within 50 lines, with numbers below it.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from __future__ import annotations
 import csv
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import islice
 from os import PathLike
 from pathlib import Path
@@ -32,7 +33,9 @@ __all__ = ["CsvTable"]
 
 SEPARATORS: Final = (",", ";", "\t")
 LOOKED_AT: Final = 50
-"""Lines that tell whether numbers have a decimal comma."""
+"""Lines that tell whether numbers have a decimal comma, and within which the header stands."""
+FEWEST: Final = 3
+"""Columns of a header that other lines may stand above: time, position and force."""
 
 REMARKS: Final = ("#", "%")
 """What lines that are no samples begin with."""
@@ -63,6 +66,7 @@ class _Top:
         units: Of each, empty where none stand below the names.
         row: Of the names, as an editor counts.
         lines: Above the first sample.
+        passed_over: Lines above the names that are no remarks.
     """
 
     separator: str
@@ -70,6 +74,7 @@ class _Top:
     units: list[str]
     row: int
     lines: int
+    passed_over: int = 0
 
 
 class CsvTable(Table):
@@ -86,6 +91,8 @@ class CsvTable(Table):
         top = self._top()
         self._separator, self.header, self._skipped = top.separator, top.names, top.lines
         self._header_row, self.first_row = top.row, top.lines + 1
+        if top.passed_over:
+            self.notes = (f"the columns are named in line {top.row}; {top.passed_over} lines above are passed over",)
         self.columns = tuple(Column(name, "text", unit=unit) for name, unit in zip(top.names, top.units, strict=True))
         self._decimal = "."
         if self._separator != ",":
@@ -99,16 +106,19 @@ class CsvTable(Table):
                 remark = line.strip().lstrip("".join(REMARKS)) or remark
                 lines += 1
                 line = self._line(file, lines)
-            below = self._line(file, lines + 1) if line else ""
-        if not line:
-            raise RecordingError(self.path, "has no header where the first line has to name the columns", row=1)
-        separator = max(SEPARATORS, key=lambda mark: len(_cells(line, mark)))
-        names, above, units = _cells(line, separator), _cells(remark, separator), _cells(below, separator)
+            if not line:
+                raise RecordingError(self.path, "has no header where the first line has to name the columns", row=1)
+            below = [self._line(file, lines + 1)]
+            if _filled(line) < FEWEST:
+                below += [self._line(file, lines + 1 + more) for more in range(1, LOOKED_AT)]
+                found = _under_a_preamble(lines + 1, below)
+                if found is not None:
+                    return replace(found, passed_over=found.passed_over + 1)
+        separator = _separator_of(line)
+        names, above = _cells(line, separator), _cells(remark, separator)
         if any(map(_is_number, names)) and len(above) == len(names) and not any(map(_is_number, above)):
             return _Top(separator, above, [""] * len(above), lines - 1, lines - 1)
-        if len(units) == len(names) and any(map(is_unit, units)) and not any(map(_is_number, units)):
-            return _Top(separator, names, [unit.strip("[](){}<> ") for unit in units], lines, lines + 1)
-        return _Top(separator, names, [""] * len(names), lines, lines)
+        return _header(separator, names, below[0], lines)
 
     def _line(self, file: TextIO, row: int) -> str:
         line = file.readline(LONGEST_LINE)
@@ -194,6 +204,43 @@ class CsvTable(Table):
         if self._decimal == "," and "." in text:
             hint = ": other numbers have a decimal comma, so write this one without a point"
         raise RecordingError(self.path, f"{name} is {shown!r}, which is no number{hint}", row=line)
+
+
+def _separator_of(line: str) -> str:
+    return max(SEPARATORS, key=lambda mark: len(_cells(line, mark)))
+
+
+def _header(separator: str, names: list[str], below: str, row: int) -> _Top:
+    """The names in a row, with the units below them where that line has these."""
+    units = _cells(below, separator)
+    if len(units) == len(names) and any(map(is_unit, units)) and not any(map(_is_number, units)):
+        return _Top(separator, names, [unit.strip("[](){}<> ") for unit in units], row, row + 1)
+    return _Top(separator, names, [""] * len(names), row, row)
+
+
+def _under_a_preamble(first: int, lines: list[str]) -> _Top | None:
+    """The header below lines of fewer columns: names, perhaps units, and then as many cells with numbers among them.
+
+    Args:
+        first: Row of the first of the lines.
+        lines: Below the first one that has fewer.
+    """
+    for place, line in enumerate(lines[:-1]):
+        separator = _separator_of(line)
+        names = _cells(line, separator)
+        if _filled(line) < FEWEST or any(map(_is_number, names)):
+            continue
+        top = _header(separator, names, lines[place + 1], first + place)
+        samples = lines[top.lines - first + 1 :]
+        cells = _cells(samples[0], separator) if samples else []
+        if len(cells) == len(names) and sum(map(_is_number, cells)) >= FEWEST:
+            return replace(top, passed_over=sum(bool(above.strip()) for above in lines[:place]))
+    return None
+
+
+def _filled(line: str) -> int:
+    """Cells of a line that are not empty: spreadsheets make all lines as wide as the widest."""
+    return sum(bool(cell) for cell in _cells(line, _separator_of(line)))
 
 
 def _cells(line: str, separator: str) -> list[str]:

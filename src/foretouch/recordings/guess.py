@@ -24,34 +24,16 @@ from foretouch.recordings.mapping import (
     parse_mapping,
 )
 from foretouch.recordings.source import Bag, Column, Table, listed
+from foretouch.recordings.topic_choice import axis_note, choose_topic
 
 __all__ = ["Guess", "guess_mapping"]
 
 HELP = "`foretouch recordings inspect` writes what is known with --save FILE.toml: complete it, and give it with --map"
 
-FORCE_FIELDS = {
-    "geometry_msgs/msg/WrenchStamped": "wrench.force.z",
-    "geometry_msgs/msg/Wrench": "force.z",
-}
-"""Types of messages that hold a force in newtons, and its field along z."""
-
-POSITION_FIELDS = {
-    "geometry_msgs/msg/PoseStamped": "pose.position.z",
-    "geometry_msgs/msg/PointStamped": "point.z",
-    "geometry_msgs/msg/TransformStamped": "transform.translation.z",
-    "geometry_msgs/msg/PoseWithCovarianceStamped": "pose.pose.position.z",
-    "nav_msgs/msg/Odometry": "pose.pose.position.z",
-    "geometry_msgs/msg/Pose": "position.z",
-    "geometry_msgs/msg/Point": "z",
-}
-"""Types of messages that hold a place in metres, and its field along z."""
-
-JOINTS = "sensor_msgs/msg/JointState"
 _NUMBER = re.compile(r"[-+]?[\d.,]+(e[-+]?\d+)?\s*\Z", re.IGNORECASE)
 
-LOOKED_INTO = 8
-"""Topics of joint states whose first message is looked into; of the others one joint is taken for a candidate."""
-PLAIN = {f"std_msgs/msg/{kind}": "data" for kind in ("Float64", "Float32")}
+NAMED = 5
+"""So many candidates are named in a map that is to be completed."""
 
 
 @dataclass(frozen=True)
@@ -65,7 +47,8 @@ class Guess:
         force: Of the sensor, likewise.
         velocity: Of the probe, where it is there.
         problems: One sentence for each thing that is open.
-        candidates: What `position` and `force` might be, where there are several.
+        notes: One sentence for each thing that should be known of what was guessed.
+        candidates: What `position` and `force` might be, where there are several; the likeliest first.
         contact_floor: Of a map that the file carries.
         stated: The map that the file carries, which then is taken.
     """
@@ -76,6 +59,7 @@ class Guess:
     force: Signal | None = None
     velocity: Velocity | None = None
     problems: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
     candidates: dict[str, tuple[str, ...]] = field(default_factory=dict)
     contact_floor: float = 0.05
     stated: Mapping | None = None
@@ -139,10 +123,14 @@ class Guess:
         """The map as TOML to be completed: what is open stands as ``?`` or as a comment."""
         if self.stated is not None:
             return f"# stated by the file itself\n{mapping_text(self.stated)}"
-        comments = [f"# open: {problem}" for problem in self.open]
+        comments = ["# lines with # are remarks: fill in below what is open, and delete them"] if self.open else []
+        comments += [f"# {note}" for note in self.notes]
+        comments += [f"# open: {problem}" for problem in self.open]
         for name, candidates in self.candidates.items():
             if len(candidates) > 1:
-                comments += [f"# {name} could be {candidate}" for candidate in candidates[:20]]
+                comments += [f"# {name} could be {candidate}" for candidate in candidates[:NAMED]]
+            if len(candidates) > NAMED:
+                comments.append(f"# and {len(candidates) - NAMED} more")
         blank = Signal(column=UNKNOWN) if self.time.column or self.time.rate else Signal(topic=UNKNOWN, field=UNKNOWN)
         mapping = Mapping(self.position or blank, self.force or blank, self.time, self.velocity)
         return "\n".join([*comments, mapping_text(mapping)])
@@ -152,8 +140,8 @@ def guess_mapping(source: Table | Bag) -> Guess:
     """Guess which column or field is time, position, force and velocity.
 
     A map that the file carries, as those of `convert_recording` do, is taken as it is. Else columns go by the words and
-    units in their names, in several languages; topics by the type of their messages, and then by words in their names.
-    Several that fit equally well are not chosen from.
+    units in their names, in several languages; topics by the type of their messages and by how often these come
+    (`choose_topic`). Several that fit equally well are not chosen from.
 
     Raises:
         RecordingError: The map that the file carries is none.
@@ -201,7 +189,9 @@ def _of_table(table: Table) -> Guess:
         for name in (POSITION, FORCE)
     )
     velocity = _velocity(table.columns, position)
-    return Guess(table.path, TimeSource(column=time, unit=unit), position, force, velocity, tuple(problems), candidates)
+    return Guess(
+        table.path, TimeSource(column=time, unit=unit), position, force, velocity, tuple(problems), (), candidates
+    )  # fmt: skip
 
 
 def _velocity(columns: tuple[Column, ...], position: Signal | None) -> Velocity | None:
@@ -216,47 +206,14 @@ def _velocity(columns: tuple[Column, ...], position: Signal | None) -> Velocity 
 
 
 def _of_bag(bag: Bag) -> Guess:
-    problems: list[str] = []
-    candidates: dict[str, tuple[str, ...]] = {}
-    chosen: dict[str, Signal | None] = {}
     if not any(topic.count for topic in bag.topics):
         return Guess(bag.path, problems=("holds no messages",))
-    for quantity, fields, unit in ((POSITION, POSITION_FIELDS, "m"), (FORCE, FORCE_FIELDS, "N")):
-        signals = _candidates(bag, quantity, fields, unit)
-        best = max((score for score, _ in signals), default=0.0)
-        first = [signal for score, signal in signals if score == best]
-        chosen[quantity] = first[0] if len(first) == 1 else None
-        candidates[quantity] = tuple(signal.place for _, signal in sorted(signals, key=lambda one: -one[0]))
-        if len(first) > 1:
-            there = listed(signal.place for signal in first)
-            problems.append(f"several topics could be {quantity}: {there}")
-        elif not first:
-            problems.append(f"no topic has messages of a type with a {quantity}; its topics: {_types(bag)}")
-    return Guess(bag.path, TimeSource(), chosen[POSITION], chosen[FORCE], None, tuple(problems), candidates)
-
-
-def _candidates(bag: Bag, quantity: str, fields: dict[str, str], unit: str) -> list[tuple[float, Signal]]:
-    found: list[tuple[float, Signal]] = []
-    looked_at = 0
-    for topic in bag.topics:
-        if not topic.count:
-            continue
-        said = 1.0 if rank(quantity, name_says(topic.name))[0] > 0.0 else 0.0
-        if topic.type_name in fields:
-            stamped = 1.0 if topic.type_name.endswith("Stamped") else 0.0
-            signal = Signal(topic=topic.name, field=fields[topic.type_name], unit=unit)
-            found.append((4.0 + stamped + said, signal))
-        elif topic.type_name == JOINTS and quantity == POSITION:
-            looked_at += 1
-            places = ["position[0]"]
-            if looked_at <= LOOKED_INTO:
-                places = [column.name for column in bag.fields(topic.name) if column.name.startswith("position[")]
-            score = 3.0 if len(places) == 1 else 2.0
-            found += [(score + said, Signal(topic=topic.name, field=place)) for place in places]
-        elif topic.type_name in PLAIN and said:
-            found.append((1.0, Signal(topic=topic.name, field=PLAIN[topic.type_name])))
-    return found
-
-
-def _types(bag: Bag) -> str:
-    return listed(f"{topic.name} ({topic.type_name})" for topic in bag.topics)
+    chosen = {quantity: choose_topic(bag, quantity) for quantity in (POSITION, FORCE)}
+    problems = [problem for one in chosen.values() for problem in one.problems]
+    notes = [note for one in chosen.values() for note in one.notes]
+    for quantity, one in chosen.items():
+        if one.signal is not None:
+            notes += axis_note(bag, quantity, one.signal)
+    candidates = {quantity: one.candidates for quantity, one in chosen.items()}
+    position, force = (one.signal for one in chosen.values())
+    return Guess(bag.path, TimeSource(), position, force, None, tuple(problems), tuple(notes), candidates)

@@ -7,15 +7,15 @@ from os import PathLike
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from foretouch.errors import RecordingError
 from foretouch.quantities import Recording
 from foretouch.recordings.aurora_ddf import CONTACT_FLOOR as AURORA_FLOOR
 from foretouch.recordings.aurora_ddf import read_aurora
-from foretouch.recordings.bag_series import RosBag
 from foretouch.recordings.column_names import name_says
 from foretouch.recordings.guess import Guess, guess_mapping
-from foretouch.recordings.joining import CLOCKS_AGREE
+from foretouch.recordings.joining import clocks_of
 from foretouch.recordings.mapping import TIMES, Mapping, Signal, TimeSource
 from foretouch.recordings.opening import open_source, require_readable
 from foretouch.recordings.reading import is_session
@@ -25,6 +25,11 @@ from foretouch.recordings.tue_mat import CONTACT_FLOOR as TUE_FLOOR
 from foretouch.recordings.tue_mat import LEVER, TORQUE_PER_VOLT, is_tue
 
 __all__ = ["Contents", "inspect_recording"]
+
+FIRST_LOOK = 2**18
+"""So many bytes of a topic's messages tell which clock stamps them."""
+LONG_LOOK = 2**28
+"""So many bytes of messages of a topic that was asked for are looked through."""
 
 
 @dataclass(frozen=True)
@@ -73,7 +78,15 @@ class Contents:
                 for topic in self.topics
             ],
             "columns": [
-                {"column": one.name, "type": one.kind, "count": one.count, "unit": one.unit, "example": one.example}
+                {
+                    "column": one.name,
+                    "type": one.kind,
+                    "count": one.count,
+                    "unit": one.unit,
+                    "example": one.example,
+                    "smallest": one.smallest,
+                    "largest": one.largest,
+                }
                 for one in self.columns
             ],
             "stated": self.stated,
@@ -116,7 +129,7 @@ def _of_table(table: Table, suffix: str) -> Contents:
         guess, stated = guess_mapping(table), ""
     columns = tuple(replace(one, unit=name_says(one.name, one.unit).unit) for one in table.columns)
     duration, rate = None, None
-    notes: list[str] = []
+    notes = list(table.notes)
     time = guess.time if guess.stated is None else guess.stated.time
     if time.column in {column.name for column in columns}:
         try:
@@ -155,19 +168,20 @@ def _of_bag(bag: Bag, topic: str | None) -> Contents:
     guess = None if session else guess_mapping(bag)
     chosen = [] if guess is None else [signal.topic for signal in (guess.position, guess.force) if signal is not None]
     notes = [] if bag.whole else ["was not ended by its recorder: read as far as it goes"]
-    if isinstance(bag, RosBag):
-        late = {name: bag.lateness(name) for name in dict.fromkeys(chosen)}
-        known = {name: seconds for name, seconds in late.items() if seconds is not None}
-        if len(known) == 2 and max(known.values()) - min(known.values()) > CLOCKS_AGREE:
-            apart = max(known.values()) - min(known.values())
-            notes.append(f"header stamps of {' and '.join(known)} begin {apart:.6g} s apart: two clocks?")
+    notes += _clock_note(bag, list(dict.fromkeys(chosen)))
+    notes += [] if guess is None else guess.notes
+    columns: tuple[Column, ...] = ()
+    if topic is not None:
+        columns, looked_at = _looked_through(bag, topic, bag.fields(topic))
+        if 0 < looked_at < bag.topic(topic).count:
+            notes.append(f"{topic}: smallest and largest are those of the first {looked_at} messages")
     held = any(one.count for one in bag.topics)
     if not held:
         notes.append("holds no messages")
     return Contents(
         str(bag.path),
         bag.format,
-        bag.fields(topic) if topic is not None else (),
+        columns,
         tuple(sorted(bag.topics, key=lambda one: (one.name not in chosen, -one.count, one.name))),
         bag.begin_ns if held else None,
         bag.duration if held else None,
@@ -175,6 +189,35 @@ def _of_bag(bag: Bag, topic: str | None) -> Contents:
         guess=guess,
         notes=tuple(notes),
     )
+
+
+def _looked_through(bag: Bag, topic: str, columns: tuple[Column, ...]) -> tuple[tuple[Column, ...], int]:
+    """The fields of a topic with the range of their values, and of how many messages that is."""
+    try:
+        series = bag.read(topic, [column.name for column in columns], within=LONG_LOOK)
+    except RecordingError:
+        return columns, 0  # whoever reads them says why
+    return tuple(
+        _ranged(column, series.values[column.name]) for column in columns
+    ), series.log_ns.size + series.left_out
+
+
+def _ranged(column: Column, values: NDArray[np.float64]) -> Column:
+    finite = values[np.isfinite(values)]
+    return replace(column, smallest=float(finite.min()), largest=float(finite.max())) if finite.size else column
+
+
+def _clock_note(bag: Bag, topics: list[str]) -> list[str]:
+    """A sentence where the first stamps of the topics are on two clocks, as it seems."""
+    if len(topics) < 2:
+        return []
+    try:
+        clocks = clocks_of([bag.read(topic, [], within=FIRST_LOOK) for topic in topics])
+    except RecordingError:
+        return []  # whoever reads the whole says why
+    if clocks is None or not clocks.differ:
+        return []
+    return [f"header stamps begin {clocks.apart:.6g} s apart: two clocks? ({clocks.said})"]
 
 
 def _span(recording: Recording) -> tuple[float, float]:

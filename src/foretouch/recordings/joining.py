@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from foretouch.errors import RecordingError
 from foretouch.recordings.source import Series
 
-__all__ = ["CLOCKS_AGREE", "Joined", "at_force_times", "clock_of", "in_time"]
+__all__ = ["CLOCKS_AGREE", "Clocks", "Joined", "at_force_times", "clock_of", "clocks_of", "in_time"]
 
 Array = NDArray[np.float64]
 Times = NDArray[np.int64]
@@ -18,6 +18,9 @@ Times = NDArray[np.int64]
 CLOCKS_AGREE: Final = 0.05
 """Header stamps of two topics are taken for one clock while their distances from log time differ by less [s]; networks
 and recorders alone make some milliseconds."""
+
+LEAST_SAID: Final = 2e-3
+"""Smaller distances [s] are what networks make."""
 
 LARGEST_GAP: Final = 0.1
 """Forces within a longer time without a position [s] are left out (or than ten of its periods)."""
@@ -37,50 +40,112 @@ class Joined(NamedTuple):
     notes: list[str]
 
 
+class Clocks(NamedTuple):
+    """How far the header stamps of topics lie from log time.
+
+    Attributes:
+        topics: Names.
+        medians: Of log time less stamp, for each [s].
+        spread: Largest range of the middle half of that, over the topics [s].
+        jitter: Largest range of the middle nine tenths [s].
+        period: Of the topic that comes less often [s].
+    """
+
+    topics: tuple[str, ...]
+    medians: tuple[float, ...]
+    spread: float
+    jitter: float
+    period: float
+
+    @property
+    def apart(self) -> float:
+        """Distance of the medians [s]."""
+        return max(self.medians) - min(self.medians)
+
+    @property
+    def differ(self) -> bool:
+        """Whether that is more than the spread of its own estimate, one sample, and what networks make."""
+        return len(self.topics) > 1 and self.apart > max(LEAST_SAID, self.spread, self.period)
+
+    @property
+    def said(self) -> str:
+        """The medians, for people."""
+        each = (f"{_seconds(median)} for {topic}" for topic, median in zip(self.topics, self.medians, strict=True))
+        return f"log time less stamp is {' and '.join(each)}, medians"
+
+
+def clocks_of(series: list[Series]) -> Clocks | None:
+    """The distances of the stamps of each series from log time, None where one has no stamps."""
+    stamps = [one.stamp_ns for one in series if one.stamp_ns is not None]
+    if not stamps or len(stamps) < len(series):
+        return None
+    late = [(one.log_ns - stamp) / 1e9 for one, stamp in zip(series, stamps, strict=True)]
+    steps = [float(np.median(np.abs(np.diff(stamp)))) / 1e9 for stamp in stamps if stamp.size > 1]
+    return Clocks(
+        tuple(one.topic for one in series),
+        tuple(float(np.median(one)) for one in late),
+        max(float(np.subtract(*np.percentile(one, (75, 25)))) for one in late),
+        max(float(np.subtract(*np.percentile(one, (95, 5)))) for one in late),
+        max(steps, default=0.0),
+    )
+
+
 def clock_of(source: object, series: list[Series], asked: str) -> tuple[list[Times], list[str]]:
     """The times of each series, all by one clock, and sentences on which one and why.
 
     Header stamps are when a sensor measured; log time is later by what network and recorder took, and differently late
     from message to message. So stamps are taken, as long as those of all topics are on one clock: that is so where they
-    lie equally far from log time.
+    lie equally far from log time. Where they do not, either clocks differ or one topic takes longer to the recorder,
+    and the file does not say which: within `CLOCKS_AGREE` stamps are taken as they are, and the distance is said.
 
     Args:
         source: For messages.
-        series: One or two.
-        asked: ``"auto"``, ``"header"`` or ``"log"``.
+        series: One, or positions and forces.
+        asked: ``"auto"``, ``"header"``, ``"log"`` or ``"aligned"``: stamps, those of positions moved by the distance of
+            the medians.
 
     Raises:
         RecordingError: Header stamps are asked for and a topic has none.
     """
-    bare = [one.topic for one in series if one.stamp_ns is None]
+    log = [one.log_ns for one in series]
     if asked == "log":
-        return [one.log_ns for one in series], ["log time is taken, as the map says"]
-    if bare:
-        if asked == "header":
-            problem = f'messages of {bare[0]} carry no stamp: [time] stamp = "log" takes the recorder\'s time'
+        return log, ["log time is taken, as the map says"]
+    stamps = [one.stamp_ns for one in series if one.stamp_ns is not None]
+    clocks = clocks_of(series)
+    if clocks is None:
+        bare = next(one.topic for one in series if one.stamp_ns is None)
+        if asked != "auto":
+            problem = f'messages of {bare} carry no stamp: [time] stamp = "log" takes the recorder\'s time'
             raise RecordingError(source, problem)
         others = " for both" if len(series) > 1 else ""
-        return [one.log_ns for one in series], [f"messages of {bare[0]} carry no stamp: log time is taken{others}"]
-    stamps = [one.stamp_ns for one in series if one.stamp_ns is not None]
-    late = [(one.log_ns - stamp) / 1e9 for one, stamp in zip(series, stamps, strict=True)]
-    medians = [float(np.median(one)) for one in late]
-    apart = max(medians) - min(medians)
-    if len(series) > 1 and apart > CLOCKS_AGREE:
-        names = " and ".join(one.topic for one in series)
-        said = " and ".join(_seconds(median) for median in medians)
-        problem = (
-            f"header stamps of {names} are on two clocks {_seconds(apart)} apart (log time less stamp: {said}, medians)"
-        )
+        return log, [f"messages of {bare} carry no stamp: log time is taken{others}"]
+    if asked == "aligned":
+        return _aligned(stamps, clocks)
+    if len(series) > 1 and clocks.apart > CLOCKS_AGREE:
+        names = " and ".join(clocks.topics)
+        problem = f"header stamps of {names} are on two clocks {_seconds(clocks.apart)} apart ({clocks.said})"
         if asked == "header":
             return stamps, [f"{problem}; stamps are taken all the same, as the map says"]
-        jitter = max(float(np.subtract(*np.percentile(one, (95, 5)))) for one in late)
-        return [one.log_ns for one in series], [
-            f"{problem}; log time is taken for both, which jitters by {_seconds(jitter)}"
+        how = f"log time is taken for both, which jitters by {_seconds(clocks.jitter)}"
+        return log, [f'{problem}; {how}; [time] stamp = "aligned" takes stamps, less that distance']
+    if asked == "auto" and clocks.differ:
+        problem = f"{clocks.said}: two clocks {_seconds(clocks.apart)} apart, or one topic that is that much later"
+        return stamps, [
+            f'{problem}; header stamps are taken as they are, [time] stamp = "aligned" takes them less that distance'
         ]
     notes = []
-    if max(map(abs, medians)) > CLOCKS_AGREE:
-        notes = [f"header stamps and log time are {_seconds(medians[0])} apart; header stamps are taken"]
+    if max(map(abs, clocks.medians)) > CLOCKS_AGREE:
+        notes = [f"header stamps and log time are {_seconds(clocks.medians[0])} apart; header stamps are taken"]
     return stamps, notes
+
+
+def _aligned(stamps: list[Times], clocks: Clocks) -> tuple[list[Times], list[str]]:
+    """Stamps, the first series moved so that its median distance from log time is that of the last."""
+    if len(stamps) < 2:
+        return stamps, []
+    shift = clocks.medians[0] - clocks.medians[-1]
+    said = f"stamps of {clocks.topics[0]} are moved by {_seconds(shift)} (spread {_seconds(clocks.spread)})"
+    return [stamps[0] + round(shift * 1e9), *stamps[1:]], [f"{said}, as the map says: {clocks.said}"]
 
 
 def in_time(topic: str, times: Times, columns: dict[str, Array]) -> tuple[Times, dict[str, Array], list[str]]:
@@ -133,7 +198,9 @@ def at_force_times(
     if inside.sum() < 2:
         spans = " and ".join(f"{at[0] / 1e9:.3f} to {at[-1] / 1e9:.3f} s" for at in (position_ns, force_ns))
         problem = f"positions and forces have no time in common ({spans})"
-        raise RecordingError(source, f'{problem}: if their stamps are on two clocks, give [time] stamp = "log"')
+        raise RecordingError(
+            source, f'{problem}: if their stamps are on two clocks, give [time] stamp = "aligned" or "log"'
+        )
     gaps = np.diff(position_ns)
     longest = max(int(LARGEST_GAP * 1e9), 10 * int(np.median(gaps)))
     after = np.minimum(before + 1, position_ns.size - 1)

@@ -10,6 +10,7 @@ from foretouch.quantities import Recording
 from foretouch.recordings.joining import at_force_times, clock_of, in_time
 from foretouch.recordings.mapping import FORCES, LENGTHS, TIMES, Mapping, to_si
 from foretouch.recordings.source import Bag, Series, Table
+from foretouch.recordings.topic_choice import LEAST_RATE
 
 __all__ = ["read_mapped"]
 
@@ -100,6 +101,7 @@ def _of_bag(bag: Bag, mapping: Mapping) -> tuple[Recording, list[str]]:
         ordered.append((ordered_times, ordered_columns))
         notes += said
     at_force, columns = ordered[0]
+    notes += _too_rare(position.topic, at_force)
     if not together:
         joined = at_force_times(bag.path, mapping.join, *ordered[0], *ordered[1])
         at_force, columns = joined.time_ns, joined.columns
@@ -115,6 +117,14 @@ def _of_bag(bag: Bag, mapping: Mapping) -> tuple[Recording, list[str]]:
         contact_floor=mapping.contact_floor,
     )
     return recording, notes
+
+
+def _too_rare(topic: str, times: NDArray[np.int64]) -> list[str]:
+    """A sentence where positions come so rarely that a press lies between two of them."""
+    rate = 1e9 / float(np.median(np.diff(times))) if times.size > 1 else 0.0
+    if rate >= LEAST_RATE:
+        return []
+    return [f"positions of {topic} come {rate:.3g} times a second: a press that is felt needs {LEAST_RATE:g} or more"]
 
 
 def _key(topic: str, field: str) -> str:

@@ -63,7 +63,8 @@ class TimeSource(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         column: Of a table.
         unit: Of that column, one of `TIMES`.
         rate: Samples a second [1/s], where a table has no such column; 0 where it has one.
-        stamp: Of a bag: ``"header"`` (when the sensor measured), ``"log"`` (when the recorder took it), or ``"auto"``:
+        stamp: Of a bag: ``"header"`` (when the sensor measured), ``"log"`` (when the recorder took it), ``"aligned"``
+            (header stamps, those of positions moved so that both topics are equally far from log time), or ``"auto"``:
             header stamps as long as those of both topics are on one clock.
         start: ``"first"``: time counts from the first sample; ``"zero"``: it is the stamp itself in seconds.
     """
@@ -71,7 +72,7 @@ class TimeSource(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     column: str = ""
     unit: str = "s"
     rate: float = 0.0
-    stamp: Literal["auto", "header", "log"] = "auto"
+    stamp: Literal["auto", "header", "log", "aligned"] = "auto"
     start: Literal["first", "zero"] = "first"
 
 

@@ -169,7 +169,8 @@ def _by_itself(path: str | PathLike[str], suffix: str, units: Units, force_chann
         if set(REQUIRED) & set(names):  # whoever named one column so meant the others too
             require_names(path, names, REQUIRED, row=1)
     mapping = guess.in_units(units.position, units.force, units.flip).mapping()
-    return _by_map(source, mapping, guessed=not source.stated_map)
+    read = _by_map(source, mapping, guessed=not source.stated_map)
+    return read._replace(notes=(*read.notes, *guess.notes))
 
 
 def _by_names(names: list[str], units: Units) -> Mapping:
@@ -189,7 +190,9 @@ def _by_map(source: Table | Bag, mapping: Mapping, *, guessed: bool = False) -> 
     if guessed:
         said = " ".join(mapping_text(mapping).replace("\n", "; ").replace("; ; ", " ").replace("]; ", "] ").split())
         notes.insert(0, f"read by a guess: {said.strip('; ')}")
-    if isinstance(source, Bag) and not source.whole:
+    if isinstance(source, Table):
+        notes += source.notes
+    elif not source.whole:
         notes.insert(0, "was not ended by its recorder; read as far as it goes")
     _give_back()
     return Read(recording, tuple(notes), mapping)

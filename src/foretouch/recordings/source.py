@@ -42,6 +42,8 @@ class Column:
         count: Of its values; None where only reading tells.
         unit: As the file states it, or empty.
         example: First value, where it is at hand.
+        smallest: Finite value, where the messages of its topic were looked through.
+        largest: Likewise.
     """
 
     name: str
@@ -49,6 +51,8 @@ class Column:
     count: int | None = None
     unit: str = ""
     example: float | None = None
+    smallest: float | None = None
+    largest: float | None = None
 
 
 @dataclass(frozen=True)
@@ -94,6 +98,7 @@ class Table(ABC):
         columns: All that hold numbers, or may.
         first_row: Row of the first sample, as messages count.
         stated_map: Text of the map that the file carries, or empty.
+        notes: Sentences on what was passed over.
     """
 
     path: str | PathLike[str]
@@ -101,6 +106,7 @@ class Table(ABC):
     columns: tuple[Column, ...]
     first_row: int = 1
     stated_map: str = ""
+    notes: tuple[str, ...] = ()
 
     @abstractmethod
     def read(self, names: Sequence[str]) -> dict[str, Array]:
@@ -151,11 +157,24 @@ class Bag(ABC):
         """
 
     @abstractmethod
-    def read(self, topic: str, fields: Sequence[str]) -> Series:
+    def read(self, topic: str, fields: Sequence[str], within: int | None = None) -> Series:
         """Fields of all messages of a topic.
+
+        Args:
+            topic: Its name.
+            fields: None for the times alone.
+            within: So many bytes of messages, the first ones, or about so; all without it.
 
         Raises:
             RecordingError: No such topic or field, no messages, or messages that cannot be read.
+        """
+
+    @abstractmethod
+    def first_rate(self, topic: str, most: int) -> float:
+        """How often the first so many messages of a topic come [1/s]; 0 where there are not two, or at one time.
+
+        Raises:
+            RecordingError: No such topic, or the file is damaged.
         """
 
     def topic(self, name: str) -> Topic:

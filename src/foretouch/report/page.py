@@ -28,6 +28,7 @@ from foretouch.report.hand_text import baseline_sentence, stability_word
 from foretouch.report.html import embedded, named_values, write_html
 from foretouch.report.numbers import number
 from foretouch.report.pairs import Pairs, not_scored, pair
+from foretouch.report.pressed import pressed
 from foretouch.report.safety_text import stretch_sentence
 from foretouch.report.scene import SceneFindings, look_at_scene
 from foretouch.report.scene_drawing import contact_figure, map_figure, pose_figure
@@ -115,8 +116,8 @@ def _sentences(said: list[Finding]) -> list[str]:
 
 def _summary(report: dict[str, Any]) -> str:
     chosen = report["settings"]
-    names = ("scene", "material", "operator")
-    words = [f"{report['duration_s']:.1f} s", *(chosen[key] for key in names if chosen.get(key))]
+    named = (f"{name} {what}" if name == "robot" else what for name, what in pressed(chosen).items())
+    words = [f"{report['duration_s']:.1f} s", *named, *filter(None, [chosen.get("operator")])]
     return f"{', '.join(words)}; {report['loop']}. Status: {report['status']}."
 
 

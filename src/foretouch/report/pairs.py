@@ -12,7 +12,7 @@ from foretouch.messages import ModelUpdate, SessionLog
 from foretouch.models import ContactModel, Predictor, make_model
 from foretouch.report.statuses import away, trusted
 
-__all__ = ["Pairs", "force_at_follower", "model_of", "not_scored", "pair"]
+__all__ = ["Pairs", "force_at_follower", "model_of", "not_scored", "nowhere", "pair"]
 
 Array = NDArray[np.float64]
 
@@ -54,10 +54,25 @@ def pair(log: SessionLog) -> Pairs:
 def not_scored(pairs: Pairs) -> NDArray[np.bool_]:
     """Rows in which the robot was not where the command said, or the hand did not lead it.
 
-    It guarded a first touch or did something else than follow (`foretouch.report.statuses.away`), or the clutch was
-    pressed.
+    It guarded a first touch or did something else than follow (`foretouch.report.statuses.away`), the clutch was
+    pressed, or the device gave no position: robot and model then stay where they are, and what is easily predicted
+    there is felt by nobody.
     """
-    return np.asarray(pairs.follower["guarded"] | away(pairs.follower) | ~pairs.leader["engaged"])
+    led = pairs.leader["engaged"] & ~nowhere(pairs.leader)
+    return np.asarray(pairs.follower["guarded"] | away(pairs.follower) | ~led)
+
+
+def nowhere(leader: NDArray[np.void]) -> NDArray[np.bool_]:
+    """Rows in which the operator's device gave no position.
+
+    There are none in a recording of old, which has commands and no hand.
+
+    Args:
+        leader: Rows of `SessionLog.leader`.
+    """
+    known = np.isfinite(leader["hand_position"])
+    recorded = known.any() or not np.isfinite(leader["position"]).any()
+    return np.asarray(~known & recorded)
 
 
 def model_of(update: ModelUpdate) -> ContactModel | None:

@@ -20,7 +20,7 @@ from foretouch.report.hand import (
     renders_models,
     setting,
 )
-from foretouch.report.pairs import Pairs, force_at_follower, model_of, not_scored, pair
+from foretouch.report.pairs import Pairs, force_at_follower, model_of, not_scored, nowhere, pair
 from foretouch.report.perception import time_to_accuracy, update_jumps
 from foretouch.report.scene import in_scene, look_at_scene, scene_figures
 from foretouch.report.scene_rows import has_scene
@@ -53,9 +53,9 @@ def session_report(
     True, predicted, rendered and delayed force are compared at equal command sequence, one row per applied command
     (`foretouch.report.pair`), and scored by `foretouch.report.score` at the time of the follower's tick. The true
     force is the follower's compensated sensor force; the rendered one is divided by the force scale. Rows in which the
-    follower guarded a first touch, did something else than follow, or in which the clutch was pressed, are counted and
-    not scored; rows whose sensors were not to be trusted are counted and left out. A figure is None where there is
-    nothing to measure it on.
+    follower guarded a first touch, did something else than follow, or in which the clutch was pressed or the device
+    gave no position, are counted and not scored; rows whose sensors were not to be trusted are counted and left out. A
+    figure is None where there is nothing to measure it on.
 
     Where a side ended and began again, all figures are of the longest stretch (`SessionLog.longest`), but for
     ``stretches``, ``safety``, ``messages`` and ``counts``, which are of the whole session.
@@ -102,6 +102,8 @@ def session_report(
         "guarded_samples": int(follower["guarded"].sum()),
         "away_samples": int((away(follower) & ~joining(follower)).sum()),
         "faulty_samples": int((log.follower["validity"] > 0).sum()),
+        # In three dimensions a hand has no place on the normal before it is coupled.
+        "nowhere_samples": 0 if has_scene(log) else int(nowhere(log.leader).sum()),
         "score_from_s": score_from,
         "score_to_s": score_to,
         "contact_force_rms_N": main.contact_force_rms_N,
@@ -251,8 +253,16 @@ def _timing(table: NDArray[np.void], rate: float) -> dict[str, Any]:
         "period_ms": _spread(period * 1e-6),
         "compute_us": _spread(table["compute_ns"] * 1e-3),
         "late_ticks": int((period > LATE * 1e9 / rate).sum()),
+        "ticks_per_s": _ticks_per_s(table),
         "ticks": int(table.size),
+        "rate": rate,
     }
+
+
+def _ticks_per_s(table: NDArray[np.void]) -> float | None:
+    """How often the loop really ran, pauses of a process that was stopped among it."""
+    duration = float(np.ptp(table["time_ns"])) * 1e-9 if table.size else 0.0
+    return (table.size - 1) / duration if duration > 0.0 else None
 
 
 def _spread(values: Array) -> dict[str, float | None]:

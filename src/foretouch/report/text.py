@@ -16,6 +16,7 @@ from foretouch.report.hand_text import (
     stability,
 )
 from foretouch.report.numbers import figure, number
+from foretouch.report.pressed import late_sentences, nowhere_sentence, out_of_reach, pressed
 from foretouch.report.safety_text import safety_lines, safety_sentences, stretch_sentence
 from foretouch.report.scene_text import scene_lines, scene_sentences
 from foretouch.report.scores import STATUSES
@@ -69,12 +70,14 @@ def findings(report: Mapping[str, Any]) -> list[Finding]:
     said = [
         Finding(INSECURE if insecure else "", False),
         *(Finding(text, False) for text in safety_sentences(report)),
+        *(Finding(text, False) for text in (*late_sentences(report), nowhere_sentence(report))),
         Finding(instability(report), False),
         Finding(stability(report), True),
         *(Finding(sentence(report), False) for sentence in (guard_sentence, phantom_sentence, device_sentence)),
         *(Finding(text, False) for text in scene_sentences(report)),
     ]
-    said = [finding for finding in said if finding.text] + scoring_findings(report)
+    said += [*scoring_findings(report), Finding(out_of_reach(report), False)]
+    said = [finding for finding in said if finding.text]
     for side, what in (("leader", "rendered force"), ("follower", "robot's command")):
         if report["clipped"][side]:
             said.append(Finding(f"The limits cut the {what} in {report['clipped'][side]:,} ticks.", False))
@@ -109,7 +112,7 @@ def scoring_findings(figures: Mapping[str, Any]) -> list[Finding]:
 
 def _heading(report: Mapping[str, Any]) -> str:
     chosen = report["settings"]
-    words = [f"{report['duration_s']:.1f} s"]
+    words = [f"{report['duration_s']:.1f} s", *(f"{name} {what}" for name, what in pressed(chosen).items())]
     for name, unit in _SHOWN.items():
         if chosen.get(name):
             words.append(f"{name.replace('_', ' ')} {chosen[name]}{unit}")
@@ -119,7 +122,7 @@ def _heading(report: Mapping[str, Any]) -> str:
     return "\n".join(line for line in lines if line)
 
 
-_SHOWN = {"scene": "", "material": "", "operator": "", "estimator": "", "position_delay": " s", "force_delay": " s"}
+_SHOWN = {"operator": "", "estimator": "", "position_delay": " s", "force_delay": " s"}
 
 
 def _forces(report: Mapping[str, Any]) -> list[str]:
@@ -174,8 +177,12 @@ def _forces(report: Mapping[str, Any]) -> list[str]:
 
 
 def _left_out(report: Mapping[str, Any]) -> list[str]:
-    """What is not scored because the robot did not follow, or its sensors failed."""
-    named = (("away_samples", "the robot not following"), ("faulty_samples", "sensors not to be trusted"))
+    """What is not scored because the robot did not follow, its sensors failed, or the device did."""
+    named = (
+        ("away_samples", "the robot not following"),
+        ("faulty_samples", "sensors not to be trusted"),
+        ("nowhere_samples", "no position of the device"),
+    )
     said = [f"{report[name]:,} with {what}" for name, what in named if report[name]]
     return [f"  not scored: {', '.join(said)}"] if said else []
 

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 
-__all__ = ["PATIENCE", "POLL_PERIOD", "Child", "end_session", "retire", "start", "wait_for"]
+from foretouch.session.housekeeping import BEAT
+
+__all__ = ["PATIENCE", "POLL_PERIOD", "SIDES", "Child", "end_session", "retire", "start", "wait_for"]
 
 PATIENCE = 8.0
 """A process that is to end has so long [s] to end by itself; then it is told to, then it is killed."""
@@ -17,14 +21,68 @@ PATIENCE = 8.0
 POLL_PERIOD = 0.05
 """Between two looks at the processes [s]."""
 
+SIDES = ("follower", "leader")
+"""Roles whose loops are listened to, in the order in which they begin."""
+
+INSISTENCE = 4.0
+"""A process that has not ended within `PATIENCE` though it was told to, and is told again, has so long [s]."""
+
+BEGINNING = 180.0
+"""A side has so long [s] to begin: on a machine that has never run it, much is compiled first."""
+
+LONGEST_LOOK = 0.5
+"""Time between two looks counts as so much [s] at most: whoever looks may have been stopped meanwhile."""
+
 
 @dataclass
 class Child:
-    """One process of a session: its role, and when it was started [s]."""
+    """One process of a session.
+
+    Attributes:
+        role: The `foretouch` command.
+        process: That runs it.
+        started: When it was started [s].
+        lasts: Its loop ends by itself after so long [s], infinite without an end.
+        begun: When the first beat of its loop was heard [s], None before.
+        silence: Time without a beat since [s], as far as it was listened to and not stopped by a signal.
+        listened: When it was listened to last [s].
+    """
 
     role: str
     process: subprocess.Popen[bytes]
     started: float = field(default_factory=time.monotonic)
+    lasts: float = float("inf")
+    begun: float | None = None
+    silence: float = 0.0
+    listened: float = field(default_factory=time.monotonic)
+
+    def listen(self) -> None:
+        """Hear the beats of its loop (`foretouch.session.housekeeping.BEAT`); what else it prints is dropped."""
+        pipe, now = self.process.stdout, time.monotonic()
+        if pipe is None or pipe.closed:
+            return
+        said = b""
+        while part := _read(pipe.fileno()):
+            said += part
+        self.silence += min(now - self.listened, LONGEST_LOOK)
+        self.listened = now
+        if BEAT in said or self.begun is None or _stopped(self.process.pid):
+            self.silence = 0.0
+        if BEAT in said and self.begun is None:
+            self.begun = now
+
+    def hangs(self) -> str:
+        """What is wrong with its loop, as far as its beats tell; empty while nothing is."""
+        now = time.monotonic()
+        if not self.running:
+            return ""
+        if self.begun is None:
+            return f"has not begun within {BEGINNING:g} s" if now - self.started > BEGINNING else ""
+        if self.silence > PATIENCE:
+            return f"hangs: nothing has come of it for {PATIENCE:g} s"
+        if now - self.begun > self.lasts + PATIENCE:
+            return f"hangs: it has not ended {PATIENCE:g} s after its duration"
+        return ""
 
     @property
     def running(self) -> bool:
@@ -40,23 +98,45 @@ def start(role: str, arguments: Sequence[str]) -> Child:
         arguments: Its options.
     """
     command = [sys.executable, "-m", "foretouch", role, *arguments]
-    return Child(
-        role,
-        subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, start_new_session=True),
-    )
+    heard = subprocess.PIPE if role in SIDES else subprocess.DEVNULL
+    process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=heard, start_new_session=True)
+    if process.stdout is not None:
+        os.set_blocking(process.stdout.fileno(), False)
+    return Child(role, process)
 
 
-def wait_for(children: Iterable[Child], *, meanwhile: Callable[[], None] = lambda: None) -> None:
-    """Wait until all have ended, for at most `PATIENCE`.
+def _read(descriptor: int) -> bytes:
+    """What there is to read, without waiting for more."""
+    try:
+        return os.read(descriptor, 65536)
+    except BlockingIOError:
+        return b""
+
+
+def _stopped(process: int) -> bool:
+    """Whether a process was stopped by a signal, and is no worse for it; False where the system does not say."""
+    try:
+        return Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0] in "Tt"
+    except (OSError, IndexError):
+        return False
+
+
+def wait_for(
+    children: Iterable[Child], *, patience: float = PATIENCE, meanwhile: Callable[[], None] = lambda: None
+) -> None:
+    """Wait until all have ended.
 
     Args:
         children: To wait for.
+        patience: At most so long [s].
         meanwhile: Called in every round.
     """
     waited = list(children)
-    end = time.monotonic() + PATIENCE
+    end = time.monotonic() + patience
     while time.monotonic() < end and any(child.running for child in waited):
         meanwhile()
+        for child in waited:
+            child.listen()
         time.sleep(POLL_PERIOD)
 
 
@@ -77,19 +157,34 @@ def retire(children: Iterable[Child], *, meanwhile: Callable[[], None] = lambda:
     wait_for(leaving)
 
 
-def end_session(children: Sequence[Child]) -> None:
+def end_session(children: Sequence[Child]) -> list[Child]:
     """End all processes: the leader first, whose last word ends the others; then, or if it has none, by signal.
 
     Args:
         children: Of the session.
+
+    Returns:
+        Those that had to be killed.
     """
     leading = next((child for child in children if child.role == "leader" and child.running), None)
     if leading is not None:
         leading.process.terminate()
+    patience = PATIENCE
     if leading is not None or all(child.process.poll() in (None, 0) for child in children):
         wait_for(children)
-    for insist in (subprocess.Popen.terminate, subprocess.Popen.kill):
-        for child in children:
-            if child.running:
-                insist(child.process)
-        wait_for(children)
+        patience = INSISTENCE
+    killed = _kill([] if leading is None else [leading])
+    for child in children:
+        if child.running:
+            child.process.terminate()
+    wait_for(children, patience=patience)
+    return killed + _kill(children)
+
+
+def _kill(children: Iterable[Child]) -> list[Child]:
+    """Kill those that still run; they are returned."""
+    killed = [child for child in children if child.running]
+    for child in killed:
+        child.process.kill()
+    wait_for(killed)
+    return killed

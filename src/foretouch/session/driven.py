@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any, Protocol
 
@@ -55,10 +56,12 @@ class DrivenLeader(Protocol):
     Attributes:
         channels: That it listens to beside those of every leader.
         state: Of the leader along the line or the normal, or of a baseline.
+        nowhere: Ticks in which the device gave no position: the hand then counts as not moved.
     """
 
     channels: tuple[str, ...]
     state: Any
+    nowhere: int
 
     def take(self, handle: Handle, now_ns: int) -> None:
         """Take what the browser says of its handle."""
@@ -126,6 +129,7 @@ class LineLeader:
     def __init__(self, operator: Device, settings: SessionSettings, holder: str, epoch: int) -> None:
         self._side = leading_side(settings)
         self.state = self._side.start(settings, holder=holder, epoch=epoch, device=felt_device(operator, settings))
+        self.nowhere = 0
         self._operator = framed_device(operator, settings.frames[0])
         self._mouse: BrowserOperator | None = browser_operator(self._operator)
 
@@ -139,8 +143,11 @@ class LineLeader:
     ) -> list[Message]:
         """See `DrivenLeader.tick`."""
         operator = self._operator
+        position = operator.read(operator_ns)
+        if not math.isfinite(position):
+            self.nowhere += 1
         inputs = leader.Inputs(
-            operator.read(operator_ns),
+            position,
             [message for message in arrived if type(message) is ModelUpdate],
             [message for message in arrived if type(message) is Telemetry],
             period_ns,

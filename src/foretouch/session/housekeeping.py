@@ -1,9 +1,11 @@
-"""What a live process does beside its loop: say who it is, report what did not decode, notice that it should end."""
+"""What a live process does beside its loop: say who it is, what did not decode, notice that it should end or hangs."""
 
 from __future__ import annotations
 
+import contextlib
 import os
 import signal
+import sys
 import threading
 import time
 from collections.abc import Callable, Mapping
@@ -12,12 +14,18 @@ from types import FrameType
 from foretouch.errors import PeerVersionError
 from foretouch.link import ZenohLink
 from foretouch.messages import VERSION, Hello, Stop
+from foretouch.session.hanging import LoopWatch
 
-__all__ = ["ORPHANED", "Housekeeper", "StopFlag", "orphaned"]
+__all__ = ["BEAT", "ORPHANED", "Housekeeper", "StopFlag", "orphaned"]
 
 HELLO_PERIOD = 0.5
 """Between two `Hello` messages [s]."""
 
+BEAT = b"\x06"
+"""Written to the standard output, for a parent process, once in every `HELLO_PERIOD` in which the loop has ticked."""
+
+CLOSING = 1.0
+"""The driver of a loop that hangs has so long [s] to close."""
 
 ORPHANED = "the parent process has gone"
 """Reason to stop when `orphaned`."""
@@ -70,7 +78,9 @@ class StopFlag:
 class Housekeeper(threading.Thread):
     """Publishes `Hello` twice a second, takes those of others, and says what people have to know, once a second.
 
-    It runs on a thread of its own, so that the loop neither prints nor waits.
+    It runs on a thread of its own, so that the loop neither prints nor waits. Where the loop hangs (`LoopWatch`) it
+    says so, publishes the last word, lets the driver close if it still can, and ends the process with exit code 1:
+    nobody else in it could.
 
     Args:
         link: To speak on.
@@ -81,6 +91,12 @@ class Housekeeper(threading.Thread):
         parent: Process id of the parent whose end ends this process too.
         news: Gives what people have to know now, "" for nothing, from what others said last (name: value, by role);
             called on this thread. It is said where it changes.
+        epoch: Of a leader, for its `Stop`.
+        release: Closes the driver of the robot or device; called only where the loop hangs, on a third thread.
+
+    Attributes:
+        role: As given.
+        loop: For the loop, which writes its ticks there.
     """
 
     def __init__(
@@ -92,6 +108,9 @@ class Housekeeper(threading.Thread):
         say: Callable[[str], None],
         parent: int | None = None,
         news: Callable[[Mapping[str, Mapping[str, str]]], str] | None = None,
+        *,
+        epoch: int = 0,
+        release: Callable[[], None] | None = None,
     ) -> None:
         super().__init__(name="housekeeping", daemon=True)
         self._link = link
@@ -101,6 +120,9 @@ class Housekeeper(threading.Thread):
         self._say = say
         self._parent = parent
         self._news = news
+        self._epoch = epoch
+        self._release = release
+        self.loop = LoopWatch(HELLO_PERIOD)
         self._told = ""
         self._heard: dict[str, dict[str, str]] = {}
         self._hellos = 0
@@ -111,6 +133,7 @@ class Housekeeper(threading.Thread):
         """Work until `close`."""
         count = 0
         while not self._ended.wait(HELLO_PERIOD):
+            self._look_at_loop()
             self.say_hello()
             self._tell_news()
             count += 1
@@ -127,14 +150,40 @@ class Housekeeper(threading.Thread):
             Hello(VERSION, self._hellos, time.monotonic_ns(), self.role, tuple(texts), tuple(texts.values()))
         )
 
-    def close(self, reason: str, epoch: int = 0) -> None:
+    def close(self, reason: str) -> None:
         """Publish the last `Hello` and, unless it ends quietly, a `Stop`, a leader's with its epoch; end the thread."""
         self._ended.set()
         self.join()
+        self._say_last(reason)
+        self._report_undecodable()
+
+    def _say_last(self, reason: str) -> None:
         self.say_hello()
         if not self._stop_flag.quiet:
-            self._link.publish(Stop(VERSION, 1, time.monotonic_ns(), reason[:400], epoch))
-        self._report_undecodable()
+            self._link.publish(Stop(VERSION, 1, time.monotonic_ns(), reason[:400], self._epoch))
+
+    def _look_at_loop(self) -> None:
+        """Tell the parent that the loop goes on, or end the process where it does not."""
+        moved = self.loop.look()
+        if moved and self._parent is not None:
+            with contextlib.suppress(OSError):  # the parent has gone
+                os.write(1, BEAT)
+        stuck = self.loop.stuck
+        if stuck and not self._ended.is_set():
+            self._give_up(f"the {self.role} hangs: {stuck}")
+
+    def _give_up(self, reason: str) -> None:
+        """End a process whose loop does not."""
+        alone = "; its robot hears nothing any more: stop it by its own switch if it presses"
+        self._say(reason + (alone if self.role == "follower" else ""))
+        self._say_last(reason)
+        if self._release is not None:
+            closing = threading.Thread(target=self._release, name="closing", daemon=True)
+            closing.start()
+            closing.join(CLOSING)
+        time.sleep(HELLO_PERIOD)  # the last word is on its way
+        sys.stderr.flush()
+        os._exit(1)
 
     def _tell_news(self) -> None:
         """Hear what others say of themselves, and say what is new."""

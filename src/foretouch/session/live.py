@@ -19,6 +19,7 @@ from foretouch.session.lease import own_epoch
 from foretouch.session.loop_timer import LoopTimer, steady
 from foretouch.session.news import follower_news, follower_says, leader_news
 from foretouch.session.operator_clock import OperatorClock
+from foretouch.session.operators import close_operator
 from foretouch.session.safety import REST_FORCE
 from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
 from foretouch.session.warm_up import warm_up
@@ -28,6 +29,7 @@ __all__ = [
     "LEADER_CHANNELS",
     "SPACE_FOLLOWER_CHANNELS",
     "SPACE_LEADER_CHANNELS",
+    "ended_in_order",
     "run_follower",
     "run_leader",
     "wait_for_hello",
@@ -126,15 +128,19 @@ def run_follower(
         told = follower_says(state) | as_texts(follower_counts(state) | link_counts("follower", link))
         return description | told
 
-    house = Housekeeper(link, "follower", describe, stop, say, parent, lambda _: follower_news(state))
+    house = Housekeeper(
+        link, "follower", describe, stop, say, parent, lambda _: follower_news(state), release=robot.close
+    )
     house.start()
+    loop = house.loop
     timer = LoopTimer(SAMPLE_PERIOD)
     woke, compute = 0, 0
     end = None if duration is None else time.monotonic_ns() + round(duration * 1e9)
     with steady():
-        with _ended_in_order(house, stop):
+        with ended_in_order(house, stop):
             while not stop.reason:
                 now, periods = timer.wait()
+                loop.ticked = now
                 for _ in range(min(periods, LONGEST_CATCH_UP)):
                     driven.exchange()
                 for arrival, command in link.take("command"):
@@ -215,20 +221,31 @@ def run_leader(
 
     heard_ns = time.monotonic_ns()
 
-    def news(heard: Mapping[str, Mapping[str, str]]) -> str:
-        return leader_news(state.heard, heard.get("follower", {}), (time.monotonic_ns() - heard_ns) * 1e-9)
+    lost_before = 0
 
-    house = Housekeeper(link, "leader", describe, stop, say, parent, news)
+    def news(heard: Mapping[str, Mapping[str, str]]) -> str:
+        nonlocal lost_before
+        nowhere, lost_before = driven.nowhere > lost_before, driven.nowhere
+        silence = (time.monotonic_ns() - heard_ns) * 1e-9
+        return leader_news(state.heard, heard.get("follower", {}), silence, nowhere=nowhere)
+
+    def release() -> None:
+        if isinstance(operator, Device):
+            close_operator(operator)
+
+    house = Housekeeper(link, "leader", describe, stop, say, parent, news, epoch=state.epoch, release=release)
     house.start()
+    loop = house.loop
     if wait_for_recorder and not wait_for_hello(link, {"recorder"}, stop, timeout=RECORDER_PATIENCE):
         say(f"leader: no recorder after {RECORDER_PATIENCE:g} s; going on without it")
     timer = LoopTimer(SAMPLE_PERIOD)
     woke, compute = 0, 0
     asked, asked_ns, press, answered = 0, 0, 0, 0
     end = None if duration is None else time.monotonic_ns() + round(duration * 1e9)
-    with _ended_in_order(house, stop, state.epoch), steady():
+    with ended_in_order(house, stop), steady():
         while not stop.reason:
             now, _ = timer.wait()
+            loop.ticked = now
             operator_ns = clock.read(now, coupled=state.heard.run > 0)
             for channel in ("model", "telemetry", *driven.channels):
                 for arrival, message in link.take(channel):
@@ -262,8 +279,12 @@ def run_leader(
 
 
 @contextmanager
-def _ended_in_order(house: Housekeeper, stop: StopFlag, epoch: int = 0) -> Iterator[None]:
+def ended_in_order(house: Housekeeper, stop: StopFlag) -> Iterator[None]:
     """Say the last word of a side, also where its loop raises, as the driver of a device or robot may.
+
+    Args:
+        house: Of that side.
+        stop: Its reason is the last word's.
 
     Raises:
         SideError: From whatever the loop raised.
@@ -275,4 +296,4 @@ def _ended_in_order(house: Housekeeper, stop: StopFlag, epoch: int = 0) -> Itera
         stop.set(str(failed))
         raise failed from error
     finally:
-        house.close(stop.reason, epoch)
+        house.close(stop.reason)

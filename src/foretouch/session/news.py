@@ -44,14 +44,17 @@ def follower_news(state: follower.State) -> str:
     return ""
 
 
-def leader_news(heard: Heard, follower_texts: Mapping[str, str], silence: float = 0.0) -> str:
+def leader_news(heard: Heard, follower_texts: Mapping[str, str], silence: float = 0.0, *, nowhere: bool = False) -> str:
     """One sentence for an operator whose commands are not obeyed, or who does not know whether they are; else "".
 
     Args:
         heard: Of the follower.
         follower_texts: What its newest `Hello` says.
         silence: Time since anything came of it [s].
+        nowhere: Whether the operator's device gives no position.
     """
+    if nowhere:
+        return "the device gives no position: the last one is held"
     if heard.run and silence > LONGEST_SILENCE:
         return "nothing is heard of the follower: the hand feels the newest model, whatever the robot does"
     if heard.shadows:

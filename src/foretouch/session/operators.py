@@ -23,12 +23,18 @@ from foretouch.errors import DatasetError, SettingError, UnknownNameError
 from foretouch.plugins import make_plugin
 from foretouch.recordings import fetch, read_leader_motion
 from foretouch.session.frames import device_inside, framed_device, inverse
-from foretouch.session.settings import NO_GRIP, SessionSettings
+from foretouch.session.settings import NO_GRIP, SIMULATED, SessionSettings
 
 __all__ = ["RECORDED_MOTION", "close_operator", "felt_device", "felt_texts", "make_operator", "require_simulated_time"]
 
 RECORDED_MOTION = "tue/b-foam"
 """Dataset whose leader lever moves the ``recorded`` operator."""
+
+STAYS_IN_THE_AIR = (
+    "does not say where its surface is, so a script stays in the air: take the handle in the console, or an operator "
+    "with a hand (gamepad, your own device)"
+)
+"""What an operator is told of a robot that is not known to press anything."""
 
 NEAREST_SURFACE, FARTHEST_SURFACE, SHALLOWEST, DEEPEST = 0.001, 0.2, 0.0005, 0.1
 """How near and far a surface can be for the operators, and how deep they press at least and at most [m]."""
@@ -151,6 +157,8 @@ def _intention(settings: SessionSettings, surface: float, press_depth: float, sa
     name = settings.operator
     if not Reach(surface, press_depth).known:
         if name == "browser":
+            robot = "the robot" if settings.robot == SIMULATED else f"robot {settings.robot!r}"
+            say(f"operator: {robot} {STAYS_IN_THE_AIR}")
             return BrowserOperator(RestingOperator())
         rule = (
             "presses by what it knows of the surface, and this robot does not say where it is: take one that you move"

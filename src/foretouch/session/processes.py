@@ -11,7 +11,7 @@ from pathlib import Path
 from foretouch.errors import ForetouchError
 from foretouch.link import ZenohLink, free_endpoint
 from foretouch.messages import Choice
-from foretouch.session.children import POLL_PERIOD, Child, end_session, retire, start
+from foretouch.session.children import POLL_PERIOD, SIDES, Child, end_session, retire, start, wait_for
 from foretouch.session.choices import CHOICE_CHANNELS, Desk, choose, with_faults
 from foretouch.session.housekeeping import StopFlag
 from foretouch.session.recorder import RECORDING_INCOMPLETE
@@ -24,6 +24,9 @@ WATCHERS = {"console": "console", "record": "recorder", "camera": "camera"}
 
 SETTLING = 15.0
 """A side that fails within so long [s] after a choice is started again as it was before it."""
+
+SLOW_BEGINNING = 30.0
+"""A side that has not begun for so long [s] is told of."""
 
 ENDING = 3.0
 """A session that somebody ended ends so long [s] afterwards, though no leader was there then to hear of it."""
@@ -90,6 +93,8 @@ class _Supervisor:
         if self._camera:
             self._watching += ["--connect", self._camera]
         self._begun: float | None = None
+        self._awaited = False
+        self._hung = False
 
     @property
     def incomplete(self) -> bool:
@@ -99,6 +104,8 @@ class _Supervisor:
     @property
     def failed(self) -> int:
         """Exit code of a side that failed, and whose last word ended the others before anybody looked; else 0."""
+        if self._hung:
+            return 1
         codes = (child.process.returncode or 0 for child in self._children if child.role not in WATCHERS)
         return next((code for code in codes if code > 0), 0)
 
@@ -127,6 +134,8 @@ class _Supervisor:
                 code = self._judge(child)
                 if code is not None:
                     return code
+            if self._one_hangs():
+                return 1
             self._pass_on()
             if self._desk is not None:
                 for choice in self._desk.hear():
@@ -139,9 +148,35 @@ class _Supervisor:
 
     def end(self) -> None:
         """End all processes."""
-        end_session(self._children)
+        for child in end_session(self._children):
+            self._hung = self._hung or child.role in SIDES
+            self._say(f"the {child.role} did not end and was killed")
         if self._desk is not None:
             self._desk.close()
+
+    def _one_hangs(self) -> bool:
+        """Whether a side hangs; it is killed, for it has not ended by itself where it could."""
+        sides = [child for role in SIDES for child in self._children if child.role == role]
+        for child in sides:
+            child.listen()
+            if why := child.hangs():
+                self._say(f"the {child.role} {why}; it is killed, and the session ended")
+                child.process.kill()
+                wait_for([child])
+                return True
+            if child.begun is None:  # the leader waits for the follower
+                self._tell_of_waiting(child)
+                break
+        return False
+
+    def _tell_of_waiting(self, child: Child) -> None:
+        if not self._awaited and time.monotonic() - child.started > SLOW_BEGINNING:
+            self._awaited = True
+            what = "robot" if child.role == "follower" else "device"
+            self._say(
+                f"the {child.role} has not begun for {SLOW_BEGINNING:g} s: the first time of all much is compiled; "
+                f"else its {what} does not answer (Ctrl-C ends the session)"
+            )
 
     def _judge(self, child: Child) -> int | None:
         """The exit code of the session where this process has ended it, None where it goes on."""
@@ -222,6 +257,8 @@ class _Supervisor:
     def _meanwhile(self) -> None:
         """What does not wait for a process that ends."""
         self._pass_on()
+        for child in self._children:
+            child.listen()
         if self._desk is not None:
             self._desk.say()
 
@@ -264,14 +301,18 @@ class _Supervisor:
         ends = ["--listen", self._leader, "--connect", self._follower]
         recorded = any(child.role == "record" for child in self._children)
         wait = ["--wait-for-recorder"] if recorded else []
-        self._children.append(start("leader", [*ends, *wait, *self._time_left(), *self._chosen(), *self._common]))
+        lasts = self._time_left()
+        limit = [] if lasts is None else ["--duration", str(lasts)]
+        leader = start("leader", [*ends, *wait, *limit, *self._chosen(), *self._common])
+        leader.lasts = leader.lasts if lasts is None else lasts
+        self._children.append(leader)
 
-    def _time_left(self) -> list[str]:
+    def _time_left(self) -> float | None:
+        """How long the leader's loop is to last [s], None without an end."""
         if self._duration is None:
-            return []
+            return None
         self._begun = time.monotonic() if self._begun is None else self._begun
-        left = self._duration - (time.monotonic() - self._begun)
-        return ["--duration", str(max(left, 0.1))]
+        return max(self._duration - (time.monotonic() - self._begun), 0.1)
 
     def _chosen(self) -> list[str]:
         """The settings as options of `foretouch leader` and `foretouch follower`."""

@@ -23,7 +23,7 @@ from foretouch.session.counting import as_texts, follower_counts, leader_counts,
 from foretouch.session.frames import framed_robot
 from foretouch.session.housekeeping import Housekeeper, StopFlag
 from foretouch.session.lease import own_epoch
-from foretouch.session.live import LONGEST_CATCH_UP
+from foretouch.session.live import LONGEST_CATCH_UP, ended_in_order
 from foretouch.session.loop_timer import LoopTimer, steady
 from foretouch.session.news import shadow_news
 from foretouch.session.settings import NO_GRIP, SAMPLE_PERIOD, SessionSettings
@@ -193,15 +193,17 @@ def run_shadow(
         counts = leader_counts(state.leading) | follower_counts(state.following) | link_counts("follower", link)
         return texts | {PROCESS: str(epoch), "control": "nobody", "trouble": news()} | as_texts(counts)
 
-    house = Housekeeper(link, "follower", describe, stop, say, parent, lambda _: news())
+    house = Housekeeper(link, "follower", describe, stop, say, parent, lambda _: news(), release=robot.close)
     house.start()
+    loop = house.loop
     timer = LoopTimer(SAMPLE_PERIOD)
     sample = robot.read()
     woke, compute = 0, 0
     end = None if duration is None else time.monotonic_ns() + round(duration * 1e9)
-    with steady():
+    with ended_in_order(house, stop), steady():
         while not stop.reason:
             now, periods = timer.wait()
+            loop.ticked = now
             for _ in range(min(periods, LONGEST_CATCH_UP)):
                 sample = robot.exchange(math.nan)
             if link.inboxes["settings"]:
@@ -230,7 +232,6 @@ def run_shadow(
             link.publish(outputs.telemetry)
             if outputs.model is not None:
                 link.publish(outputs.model)
-    house.close(stop.reason)
     score, delay = state.score, state.returned.delay
     say(f"shadow: {score.sentence(delay)}")
     figures = {

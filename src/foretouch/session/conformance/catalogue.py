@@ -12,9 +12,10 @@ from foretouch.errors import SettingError, UnknownNameError
 from foretouch.identification import BUILT_IN_ESTIMATORS, ESTIMATORS, all_estimators, load_estimator, make_estimator
 from foretouch.plugins import GROUPS, PluginError, all_plugins, load_plugin, plugin_names, plugins_named, problem_of
 from foretouch.robot import DEFAULT_MATERIAL, MATERIALS, make_material
+from foretouch.session.conformance.answering import watched
 from foretouch.session.conformance.device_checks import check_device
 from foretouch.session.conformance.estimator_checks import check_estimator
-from foretouch.session.conformance.finding import Finding
+from foretouch.session.conformance.finding import Finding, told
 from foretouch.session.conformance.material_checks import check_material
 from foretouch.session.conformance.robot_checks import check_robot
 from foretouch.session.operators import make_operator
@@ -30,6 +31,10 @@ BUILT_IN: dict[str, tuple[str, ...]] = {
     "estimator": tuple(sorted(BUILT_IN_ESTIMATORS)),
 }
 """Names of the package by kind; no other may take one."""
+
+
+Tell = Callable[[str, Finding], None]
+"""Is told a title and a finding."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,13 +81,18 @@ def catalogue() -> list[Entry]:
     return entries
 
 
-def check_named(name: str, *, kind: str = "", move: bool = False) -> dict[str, list[Finding]]:
+def check_named(
+    name: str, *, kind: str = "", move: bool = False, tell: Callable[[str, Finding], None] = lambda of, finding: None
+) -> dict[str, list[Finding]]:
     """The conformance checks of what has this name.
+
+    A device or robot that does not answer any more is left alone after some seconds; the last finding is then of that.
 
     Args:
         name: As on the command line.
         kind: Of `foretouch.plugins.GROUPS`; empty where the name is of one kind alone.
         move: Whether a real robot may be moved.
+        tell: Told each finding, with its title, as soon as it is known.
 
     Returns:
         Findings by title: the kind and the name; of an estimator for several laws, one for each.
@@ -103,7 +113,7 @@ def check_named(name: str, *, kind: str = "", move: bool = False) -> dict[str, l
         raise SettingError("name", name, f"is a {' and a '.join(kinds)}: say which with --group")
     of = kinds[0]
     load_plugin(of, name, built_in=BUILT_IN[of])  # a name that is taken twice is nobody's
-    return _CHECKS[of](name, move)
+    return _CHECKS[of](name, move, tell)
 
 
 def _names(kind: str) -> tuple[str, ...]:
@@ -114,12 +124,14 @@ def _laws(estimator: str) -> tuple[str, ...]:
     return tuple(model for model, kinds in ESTIMATORS.items() if estimator in kinds)
 
 
-def _check_robot(name: str, move: bool) -> dict[str, list[Finding]]:
+def _check_robot(name: str, move: bool, tell: Tell) -> dict[str, list[Finding]]:
     settings = SessionSettings(robot=name)
-    return {f"robot {name}": check_robot(lambda: make_session_robot(settings)[0], move=move)}
+    return _watched(
+        f"robot {name}", lambda to: check_robot(lambda: make_session_robot(settings)[0], move=move, tell=to), tell
+    )
 
 
-def _check_device(name: str, _: bool) -> dict[str, list[Finding]]:
+def _check_device(name: str, _: bool, tell: Tell) -> dict[str, list[Finding]]:
     settings = SessionSettings(operator=name)
     material = make_material(DEFAULT_MATERIAL)
     surface, depth = UNKNOWN_REACH if name in HARDWARE_OPERATORS else (material.surface, material.press_depth)
@@ -127,23 +139,41 @@ def _check_device(name: str, _: bool) -> dict[str, list[Finding]]:
     def make() -> Device:
         return make_operator(settings, surface=surface, press_depth=depth, say=lambda _: None)
 
-    return {f"device {name}": check_device(make, name=name)}
+    return _watched(f"device {name}", lambda to: check_device(make, name=name, tell=to), tell)
 
 
-def _check_material(name: str, _: bool) -> dict[str, list[Finding]]:
-    return {f"material {name}": check_material(lambda: make_material(name), name=name)}
+def _watched(
+    title: str, check: Callable[[Callable[[Finding], None]], list[Finding]], tell: Tell
+) -> dict[str, list[Finding]]:
+    """The findings of what may hang, by their title."""
+    found: list[Finding] = []
+
+    def hear(finding: Finding) -> None:
+        found.append(finding)
+        tell(title, finding)
+
+    watched(check, hear)
+    return {title: found}
 
 
-def _check_estimator(name: str, _: bool) -> dict[str, list[Finding]]:
+def _check_material(name: str, _: bool, tell: Tell) -> dict[str, list[Finding]]:
+    title = f"material {name}"
+    found = check_material(lambda: make_material(name), name=name)
+    return {title: told(found, functools.partial(tell, title))}
+
+
+def _check_estimator(name: str, _: bool, tell: Tell) -> dict[str, list[Finding]]:
     load_estimator(name)
     laws = [model for model, kinds in all_estimators().items() if name in kinds]
-    return {
-        f"estimator {name} of {law}": check_estimator(functools.partial(make_estimator, law, name), name=name)
-        for law in laws
-    }
+    found = {}
+    for law in laws:
+        title = f"estimator {name} of {law}"
+        findings = check_estimator(functools.partial(make_estimator, law, name), name=name)
+        found[title] = told(findings, functools.partial(tell, title))
+    return found
 
 
-_CHECKS: dict[str, Callable[[str, bool], dict[str, list[Finding]]]] = {
+_CHECKS: dict[str, Callable[[str, bool, Tell], dict[str, list[Finding]]]] = {
     "robot": _check_robot,
     "device": _check_device,
     "material": _check_material,

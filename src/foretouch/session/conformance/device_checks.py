@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from foretouch.devices import Device, DeviceSpecification
 from foretouch.devices.device import FORCE_LIMIT
 from foretouch.errors import ForetouchError
-from foretouch.session.conformance.finding import Finding, guarded, percentile_time, skipped
+from foretouch.session.conformance.finding import Finding, guarded, nobody, percentile_time, skipped, told, too_slow
 from foretouch.session.settings import SAMPLE_PERIOD
 
 __all__ = ["check_device"]
@@ -27,22 +27,33 @@ NEAREST = 1e-4
 """Less motion than this [m] is none."""
 LONGEST_CALL = 2e-4
 """Of a read or a render, in 99 of 100 [s]."""
+FAR_TOO_LONG = 1e-3
+"""Of one at the median [s]: a whole tick, and nothing else is looked at."""
+TIME_RULE = f"99 of 100 take at most {1e3 * LONGEST_CALL:g} ms"
 MOVING_TIME, REAL_TIME = 20.0, 4.0
 """How long a device is watched that moves by itself, and one that somebody moves [s]."""
 PUSH = 1.0
 """Force by which a hand is to be moved [N]."""
 
 
-def check_device(make: Callable[[], Device], *, name: str = "", watched: float = REAL_TIME) -> list[Finding]:
+def check_device(
+    make: Callable[[], Device],
+    *,
+    name: str = "",
+    watched: float = REAL_TIME,
+    tell: Callable[[Finding], None] = nobody,
+) -> list[Finding]:
     """Check a device: rate, units, signs, limits, truth, fail to zero, times that go back, timing.
 
     One of `Device.real_time` is watched for some seconds of real time, in which somebody is to move it in and out. No
-    force above 0 is asked of it but in the check of its limits, in single ticks that end at once.
+    force above 0 is asked of it but in the check of its limits, in single ticks that end at once. Of one that is far
+    too slow the time is told and nothing else looked at.
 
     Args:
         make: Makes a fresh one; called several times for one that is simulated, once for one in real time.
         name: That it is to have; without one, any.
         watched: For so long one that somebody moves [s].
+        tell: Told each finding as soon as it is known.
 
     Returns:
         One finding a check.
@@ -55,9 +66,9 @@ def check_device(make: Callable[[], Device], *, name: str = "", watched: float =
     except ForetouchError:
         raise  # its line says what is missing
     except Exception as error:
-        return [Finding("made", False, f"raises {type(error).__name__}: {error}", "it can be made")]
+        return told([Finding("made", False, f"raises {type(error).__name__}: {error}", "it can be made")], tell)
     if not isinstance(device, Device):
-        return [Finding("made", False, f"a {type(device).__name__}", "it is a foretouch.devices.Device")]
+        return told([Finding("made", False, f"a {type(device).__name__}", "it is a foretouch.devices.Device")], tell)
     motion = functools.cache(lambda: _motion(device, watched))
     checks: list[tuple[str, Callable[[], Finding | list[Finding]]]] = [
         ("name", lambda: _name(device, name)),
@@ -80,10 +91,24 @@ def check_device(make: Callable[[], Device], *, name: str = "", watched: float =
         checks.append(("sign of force", lambda: skipped("sign of force", why, "force pushes the hand out")))
     checks.append(("closed, no force", lambda: _closed(device)))
     try:
-        return guarded(checks)
+        return told(_slow(device, [check for check, _ in checks]), tell) or guarded(checks, tell)
     finally:
         with contextlib.suppress(Exception):  # what it raises has been found
             device.close()
+
+
+def _slow(device: Device, checks: list[str]) -> list[Finding]:
+    """What is found of a device that is far too slow, all at one time, so that its hand stays where it begins."""
+    calls: dict[str, Callable[[], object]] = {
+        "read time": lambda: device.read(0),
+        "render time": lambda: device.render(0.0),
+    }
+    for check, call in calls.items():
+        others = [other for other in checks if other != check]
+        with contextlib.suppress(Exception):  # what raises is found by the checks themselves
+            if found := too_slow(check, call, LONGEST_CALL, FAR_TOO_LONG, TIME_RULE, others):
+                return found
+    return []
 
 
 class Motion(NamedTuple):
@@ -160,8 +185,7 @@ def _timing(device: Device, check: str) -> Finding:
         taken = percentile_time(lambda index: device.read(begin + index * TICK_NS), 1000, 99.0)
     else:
         taken = percentile_time(lambda index: device.render(0.0), 1000, 99.0)
-    rule = f"99 of 100 take at most {1e3 * LONGEST_CALL:g} ms"
-    return Finding(check, taken <= LONGEST_CALL, f"{1e3 * taken:.4g} ms", rule)
+    return Finding(check, taken <= LONGEST_CALL, f"{1e3 * taken:.4g} ms", TIME_RULE)
 
 
 def _limit(device: Device) -> Finding:

@@ -9,7 +9,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-__all__ = ["Finding", "failed", "guarded", "percentile_time", "skipped"]
+__all__ = ["Finding", "failed", "guarded", "nobody", "percentile_time", "skipped", "told", "too_slow"]
+
+
+LONGEST_LOOK = 2.0
+"""Of calls that are slow, ten at least and as many as end within so long [s] are timed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,11 +47,25 @@ def failed(findings: Iterable[Finding]) -> list[Finding]:
     return [finding for finding in findings if finding.passed is False]
 
 
-def guarded(checks: Sequence[tuple[str, Callable[[], Finding | list[Finding]]]]) -> list[Finding]:
+def nobody(finding: Finding) -> None:
+    """Is told of findings, and passes over them."""
+
+
+def told(findings: list[Finding], tell: Callable[[Finding], None]) -> list[Finding]:
+    """The findings, after they were told."""
+    for finding in findings:
+        tell(finding)
+    return findings
+
+
+def guarded(
+    checks: Sequence[tuple[str, Callable[[], Finding | list[Finding]]]], tell: Callable[[Finding], None] = nobody
+) -> list[Finding]:
     """Make each check; one in which what is checked raises has failed by that.
 
     Args:
         checks: Name and check.
+        tell: Told each finding as soon as it is known.
     """
     findings: list[Finding] = []
     for name, check in checks:
@@ -56,8 +74,37 @@ def guarded(checks: Sequence[tuple[str, Callable[[], Finding | list[Finding]]]])
         except Exception as error:
             said = " ".join(f"{type(error).__name__}: {error}".split())
             made = Finding(name, False, f"raises {said}", "nothing raises while a session runs")
-        findings += made if isinstance(made, list) else [made]
+        for finding in made if isinstance(made, list) else [made]:
+            findings.append(finding)
+            tell(finding)
     return findings
+
+
+def too_slow(
+    check: str, call: Callable[[], object], limit: float, gross: float, rule: str, others: Iterable[str]
+) -> list[Finding]:
+    """What is found of something so slow that to look at all of it would take minutes; nothing where it is not.
+
+    Args:
+        check: Name of the check of the time.
+        call: Whose time it is; a hundred are made.
+        limit: That it keeps [s].
+        gross: Longer than this [s], at the median, and nothing else is looked at.
+        rule: Of the check.
+        others: Names of the checks that are then left out.
+    """
+    begin = time.perf_counter()
+    taken: list[float] = []
+    while len(taken) < 100 and (len(taken) < 10 or time.perf_counter() - begin < LONGEST_LOOK):
+        before = time.perf_counter()
+        call()
+        taken.append(time.perf_counter() - before)
+    median = float(np.median(taken))
+    if median <= gross:
+        return []
+    found = f"{1e3 * median:.4g} ms at the median of {len(taken)}, {median / limit:.0f} times as long"
+    why = f"not looked at, for a call takes {1e3 * median:.4g} ms"
+    return [Finding(check, False, found, rule), *(skipped(name, why, "mend the time first") for name in others)]
 
 
 def percentile_time(call: Callable[[int], object], calls: int, percentile: float, rounds: int = 3) -> float:

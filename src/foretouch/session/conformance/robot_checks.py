@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from foretouch.errors import ForetouchError
 from foretouch.robot import Robot, RobotSample, RobotSpecification
-from foretouch.session.conformance.finding import Finding, guarded, percentile_time, skipped
+from foretouch.session.conformance.finding import Finding, guarded, nobody, percentile_time, skipped, told, too_slow
 from foretouch.session.settings import SAMPLE_PERIOD
 
 __all__ = ["check_robot"]
@@ -41,11 +41,16 @@ STILL = 1e-3
 """A robot that is told nothing moves by no more than this [m]."""
 TOUCH = 0.3
 """Less force than this [N] is no contact."""
+FAR_TOO_LONG = 3e-3
+"""Of an exchange at the median [s]: nothing else is looked at."""
+TIME_RULE = f"99 of 100 exchanges take at most the sample period, {1e3 * SAMPLE_PERIOD:g} ms"
 HELD = 1.05
 """The force that is held in the end may be so many times the limit: sensors have noise."""
 
 
-def check_robot(make: Callable[[], Robot], *, move: bool = False) -> list[Finding]:
+def check_robot(
+    make: Callable[[], Robot], *, move: bool = False, tell: Callable[[Finding], None] = nobody
+) -> list[Finding]:
     """Check a robot: specification, units, signs, limits, nonsense, timing.
 
     A real one is only read and given no command; with `move` it is also moved, 5 mm into where it points and back, so
@@ -54,6 +59,7 @@ def check_robot(make: Callable[[], Robot], *, move: bool = False) -> list[Findin
     Args:
         make: Makes a fresh one; called several times for one that is simulated.
         move: Whether a real one may be moved.
+        tell: Told each finding as soon as it is known.
 
     Returns:
         One finding a check.
@@ -66,15 +72,16 @@ def check_robot(make: Callable[[], Robot], *, move: bool = False) -> list[Findin
     except ForetouchError:
         raise
     except Exception as error:
-        return [Finding("made", False, f"raises {type(error).__name__}: {error}", "it can be made")]
+        return told([Finding("made", False, f"raises {type(error).__name__}: {error}", "it can be made")], tell)
     if not isinstance(robot, Robot):
-        return [Finding("made", False, f"a {type(robot).__name__}", "it is a foretouch.robot.Robot")]
+        return told([Finding("made", False, f"a {type(robot).__name__}", "it is a foretouch.robot.Robot")], tell)
     specification = getattr(robot, "specification", None)
     if not isinstance(specification, RobotSpecification):
         rule = "it has a RobotSpecification from the beginning"
-        return [Finding("specification", False, f"a {type(specification).__name__}", rule)]
+        return told([Finding("specification", False, f"a {type(specification).__name__}", rule)], tell)
+    checks = _checks(robot, make, move)
     try:
-        return guarded(_checks(robot, make, move))
+        return told(_slow(robot, [check for check, _ in checks]), tell) or guarded(checks, tell)
     finally:
         with contextlib.suppress(Exception):  # what it raises has been found
             robot.close()
@@ -103,6 +110,16 @@ def _checks(
         ("force limit", if_allowed("force limit", simulated, lambda: _force_limit(robot, pressed()))),
         ("close", lambda: _close(robot)),
     ]
+
+
+def _slow(robot: Robot, checks: list[str]) -> list[Finding]:
+    """What is found of a robot whose exchange is far too slow; it is told to go nowhere."""
+    others = [other for other in checks if other != "exchange time"]
+    with contextlib.suppress(Exception):  # what raises is found by the checks themselves
+        return too_slow(
+            "exchange time", lambda: robot.exchange(math.nan), SAMPLE_PERIOD, FAR_TOO_LONG, TIME_RULE, others
+        )
+    return []
 
 
 def _specification(own: RobotSpecification) -> Finding:
@@ -162,8 +179,7 @@ def _nonsense(robot: Robot) -> Finding:
 
 def _timing(robot: Robot) -> Finding:
     taken = percentile_time(lambda _: robot.exchange(math.nan), 300, 99.0)
-    rule = f"99 of 100 exchanges take at most the sample period, {1e3 * SAMPLE_PERIOD:g} ms"
-    return Finding("exchange time", taken <= SAMPLE_PERIOD, f"{1e3 * taken:.4g} ms", rule)
+    return Finding("exchange time", taken <= SAMPLE_PERIOD, f"{1e3 * taken:.4g} ms", TIME_RULE)
 
 
 def _follows(robot: Robot) -> Finding:

@@ -84,6 +84,7 @@ class SpaceLeader:
     """
 
     channels: tuple[str, ...] = ("follower-space", "field")
+    nowhere = 0
 
     def __init__(self, operator: SpatialDevice, settings: SessionSettings, holder: str, epoch: int) -> None:
         scene = make_scene(settings.scene)
