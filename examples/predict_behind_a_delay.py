@@ -7,7 +7,8 @@ import sys
 
 import foretouch
 
-recording, delay = foretouch.read_recording(sys.argv[1]), float(sys.argv[2])
+path, delay = sys.argv[1], float(sys.argv[2] if len(sys.argv) > 2 else 0.3)
+recording = foretouch.read_recording(path)
 learner = foretouch.Learner(foretouch.make_estimator("contact-map", "bank"))
 
 predicted = foretouch.predict(recording, learner, delay=delay)

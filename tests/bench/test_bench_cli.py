@@ -19,7 +19,7 @@ from typer.testing import CliRunner
 from foretouch.bench import BENCHMARKS, benchmark, read_baseline
 from foretouch.bench.children import children
 from foretouch.cli.app import app
-from foretouch.errors import ForetouchError
+from foretouch.errors import ForetouchError, install_command
 
 ROW = {"what": str, "figure": float, "unit": str, "reach": float | None, "reached": bool | None}
 
@@ -200,7 +200,7 @@ def test_what_is_missing_is_said_and_left_out(tmp_path: Any, monkeypatch: pytest
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
     result = CliRunner().invoke(app, ["bench", "--json", "--only", "simulate", "--only", "batch"])
     assert result.exit_code == 0
-    assert "simulate is left out: mujoco is not installed: pip install 'foretouch[sim]'" in result.stderr
+    assert f"simulate is left out: mujoco is not installed: {install_command('sim')}" in result.stderr
     assert {row["unit"] for row in json.loads(result.stdout)} == {"x", "ns/sample"}
 
 

@@ -9,7 +9,7 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from foretouch.cli.app import app
-from foretouch.errors import InputError
+from foretouch.errors import InputError, install_command
 from foretouch.messages import VERSION, Hello, LeaderSpace, LeaderState, Telemetry
 from foretouch.recordings import SessionWriter, read_session
 
@@ -63,7 +63,7 @@ def test_without_what_draws_images_it_goes_on_and_says_what_to_install(monkeypat
     result = run("simulate", "--scene", "plane", "--duration", 0.3, "--json")
     assert result.exit_code == 0
     (line,) = result.stderr.strip().splitlines()
-    assert "pip install 'foretouch[vision]'" in line
+    assert install_command("vision") in line
     assert line.endswith("the session goes on without it")
 
 

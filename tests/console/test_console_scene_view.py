@@ -6,6 +6,7 @@ import math
 import sys
 import time
 from collections.abc import Callable, Iterator
+from html import escape
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +23,7 @@ from foretouch.console.overlay import can_draw
 from foretouch.console.plots import number
 from foretouch.console.space_scene import ANCHORS
 from foretouch.console.stiffness_colours import StiffnessScale
+from foretouch.errors import install_command
 from foretouch.messages import VERSION, CameraImage, FollowerSpace, Hello, LeaderSpace, LeaderState
 from foretouch.session.spatial import make_scene
 
@@ -111,7 +113,7 @@ def test_a_broken_opencv_ends_nothing(console: Console, monkeypatch: pytest.Monk
     console._space._image.toggle_overlay()
     draw(console)
     assert console._space._image._over.disabled
-    assert "pip install &#x27;foretouch[vision]&#x27;" in console._space._image._text.content
+    assert escape(install_command("vision")) in console._space._image._text.content
 
 
 def state(console: Console) -> LeaderState:

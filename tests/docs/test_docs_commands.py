@@ -5,6 +5,7 @@ A command that is not one of `OFFLINE` or `LIVE` fails here: give a new one its 
 
 from __future__ import annotations
 
+import json
 import re
 import shlex
 import shutil
@@ -402,13 +403,16 @@ def test_the_sides_run_one_by_one(
     leader = lasting(1.5)(on_this_machine(lap["leader"], kind, ports))
     recorder = on_this_machine(lap["record"], kind, ports)
     console = [*without(on_this_machine(lap["console"], kind, ports), "--port"), "--port", str(free_port())]
-    running += [start(arguments, tmp_path) for arguments in (follower, recorder, console)]
+    running += [start([*arguments, "--json"], tmp_path) for arguments in (follower, recorder, console)]
     if "stop" in lap:
         stop_the_robot(on_this_machine(lap["stop"], kind, ports), tmp_path)
     waits = "--listen" in leader and recorder.count("--connect") == 2
-    running.append(start([*leader, "--wait-for-recorder"] if waits else leader, tmp_path))
-    for process in reversed(running):
-        finish(process)
+    running.append(start([*leader, "--json", *(["--wait-for-recorder"] if waits else [])], tmp_path))
+    said = [json.loads(finish(process)) for process in reversed(running)]
+    assert all(one["ended"] for one in said)
+    assert said[0]["commands_sent"] > 1000
+    assert said[0]["ended"] == said[-1]["ended"] == "the duration is over"
+    assert [one["problem"] for one in said if "recording" in one] == [None]
     assert (tmp_path / recorder[1]).stat().st_size > 10_000
 
 
@@ -418,10 +422,11 @@ def test_a_camera_sees_beside_a_follower(text: str, tmp_path: Path, running: lis
     ports = (free_port(), free_port())
     arguments = on_this_machine(text, "tcp", ports)
     scene = arguments[arguments.index("--scene") + 1]
-    beside = ["follower", "--scene", scene, "--listen", f"tcp/127.0.0.1:{ports[0]}", "--duration", "3"]
-    running += [start(one, tmp_path) for one in (beside, arguments)]
-    for process in running:
-        finish(process)
+    beside = ["follower", "--scene", scene, "--listen", f"tcp/127.0.0.1:{ports[0]}", "--duration", "4"]
+    running += [start([*one, "--json"], tmp_path) for one in (arguments, beside)]  # that a camera is there in time
+    watching, following = (json.loads(finish(process)) for process in running)
+    assert following["telemetry_sent"] > 2000
+    assert watching["images_used"] > 0
 
 
 @pytest.mark.live
@@ -430,11 +435,11 @@ def test_a_bridge_tries_until_it_is_told_to_end(
     text: str, tmp_path: Path, running: list[subprocess.Popen[str]]
 ) -> None:
     arguments = on_this_machine(text, "tcp", (free_port(), free_port()))
-    running.append(start([*arguments, "--router", f"tcp/127.0.0.1:{free_port()}"], tmp_path))
+    running.append(start([*arguments, "--json", "--router", f"tcp/127.0.0.1:{free_port()}"], tmp_path))
     assert running[0].stderr is not None
     assert running[0].stderr.readline().startswith("bridge: no ROS 2 router at tcp/127.0.0.1:")
     running[0].send_signal(signal.SIGTERM)
-    finish(running[0])
+    assert json.loads(finish(running[0])) == {"ended": "terminated", "sent": {}, "unsent": 0}
 
 
 # --- Python -----------------------------------------------------------------------------------------------------------

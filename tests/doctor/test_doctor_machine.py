@@ -21,6 +21,7 @@ from foretouch.doctor.loops import check_loops, run_loops
 from foretouch.doctor.packages import check_extras, check_packages, check_python, parts_of, satisfies
 from foretouch.doctor.processors import check_cores, check_governor, check_real_time
 from foretouch.doctor.surroundings import check_disk, check_keys, check_port, check_text
+from foretouch.errors import install_command
 from foretouch.link import KeyFolder
 
 NOW = datetime(2030, 1, 1, tzinfo=UTC)
@@ -57,11 +58,11 @@ def test_extras_that_no_session_needs_are_no_warning() -> None:
     lines = ['numpy>=2.0; extra == "sim"', 'no-such-package-of-ours; extra == "gamepad"', 'x; extra == "dev"']
     finding = check_extras(lines)
     assert finding.verdict is Verdict.GOOD
-    assert finding.mend == "pip install 'foretouch[gamepad]'"
+    assert finding.mend == install_command("gamepad")
     assert finding.figures["complete"] == ["sim"]
     needed = check_extras(["no-such-package-of-ours<2; extra == 'link'", *lines])
     assert needed.verdict is Verdict.WARNING
-    assert needed.mend == "pip install 'foretouch[link]'"
+    assert needed.mend == install_command("link")
     assert "no-such-package-of-ours is not installed" in needed.found
 
 

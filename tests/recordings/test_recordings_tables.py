@@ -194,5 +194,5 @@ def test_parquet_of_pandas(tmp_path):
 def test_a_missing_package_names_the_extra(tmp_path, monkeypatch, module, name):
     (tmp_path / name).write_bytes(b"")
     monkeypatch.setitem(sys.modules, module, None)
-    with pytest.raises(MissingExtraError, match=r"is not installed: pip install 'foretouch\[recordings\]'"):
+    with pytest.raises(MissingExtraError, match=r"is not installed: pip install .*\[recordings\]'"):
         read_recording(tmp_path / name)

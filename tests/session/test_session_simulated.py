@@ -71,6 +71,14 @@ def test_the_recording_holds_the_session(tmp_path: Path) -> None:
     assert read.counts == log.counts
 
 
+def test_its_columns_are_those_of_its_log(session: SimulatedSession) -> None:
+    own, of_the_log = session.to_numpy(), session.log.to_numpy()
+    for name in of_the_log.dtype.names:
+        np.testing.assert_array_equal(own[name], of_the_log[name])
+    assert len(session.to_pandas()) == session.log.rows().leader.size
+    assert session.plot("predicted_force").axes
+
+
 def test_commands_and_models_take_their_delays(session: SimulatedSession) -> None:
     log = session.log
     rows = log.rows()

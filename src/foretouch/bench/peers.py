@@ -25,6 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foretouch.bench.press import FORGETTING_FACTOR, INITIAL_COVARIANCE, Problem
+from foretouch.errors import install_command
 
 __all__ = ["PEERS", "RIVER_WITHOUT_FORGETTING", "Peer", "peer"]
 
@@ -112,7 +113,7 @@ def peer(name: str, problem: Problem, say: Callable[[str], None]) -> Peer | None
         return PEERS[name](problem)
     except ImportError as error:
         package = name.partition(",")[0]
-        say(f"{package} is left out ({error}): pip install 'foretouch[bench]'")
+        say(f"{package} is left out ({error}): {install_command('bench')}")
         return None
 
 

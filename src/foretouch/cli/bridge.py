@@ -6,8 +6,8 @@ from typing import Annotated
 
 import typer
 
-from foretouch.cli.links import Endpoints, open_link, with_endpoints
-from foretouch.cli.options import Parent, say
+from foretouch.cli.links import ENDED, Endpoints, open_link, with_endpoints
+from foretouch.cli.options import Json, Parent, print_json, say
 from foretouch.errors import LinkError
 
 __all__ = ["bridge"]
@@ -31,6 +31,7 @@ def ros2(
     domain: Annotated[int, typer.Option(envvar="ROS_DOMAIN_ID", help="Of the ROS 2 graph, 0 to 232.")] = 0,
     namespace: Annotated[str, typer.Option(help="Before the names of the topics, such as /robot1.")] = "/",
     rate: Annotated[float, typer.Option(help="Messages a second of each topic at most.")] = 100.0,
+    json_output: Json = False,
     parent: Parent = None,
 ) -> None:
     """Publish a session's wrench, joint states, pose and contact model for ROS 2, which need not be installed here.
@@ -53,5 +54,7 @@ def ros2(
                 raise link.version_error
     finally:
         graph.close()
+    if json_output:
+        print_json({"ended": stop.reason or ENDED, "sent": graph.sent, "unsent": graph.unsent})
     for name, count in sorted(graph.sent.items()):
         say(f"bridge: {name} {count} messages")

@@ -16,7 +16,11 @@ if TYPE_CHECKING:
     from foretouch.link import ZenohLink
     from foretouch.messages import Message
 
-__all__ = ["Endpoints", "insecurity", "open_link", "with_endpoints"]
+__all__ = ["ENDED", "Endpoints", "insecurity", "open_link", "with_endpoints"]
+
+
+ENDED = "the session was ended"
+"""Why a process that only listens has ended, where nobody told it to."""
 
 
 class Endpoints(NamedTuple):

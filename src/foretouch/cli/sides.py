@@ -6,12 +6,13 @@ import contextlib
 import getpass
 import math
 import socket
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from foretouch.cli.links import Endpoints, insecurity, open_link, with_endpoints
+from foretouch.cli.links import ENDED, Endpoints, insecurity, open_link, with_endpoints
 from foretouch.cli.options import (
     Duration,
     Json,
@@ -71,6 +72,7 @@ def follower(
     shadow: Annotated[
         bool, typer.Option("--shadow", help="Estimate and predict, command nothing: somebody else moves the robot.")
     ] = False,
+    json_output: Json = False,
     parent: Parent = None,
 ) -> None:
     """The follower's side alone: the robot, what it presses, and the identification.
@@ -95,7 +97,9 @@ def follower(
     be_prompt()
     stop = StopFlag().on_signals()
     if settings.scene:
-        _follow_in_a_scene(settings, endpoints, shadow, stop, duration, parent)
+        in_scene = _follow_in_a_scene(settings, endpoints, shadow, stop, duration, parent)
+        if json_output:
+            print_json(in_scene)
         return
     robot, reach = make_moved_robot(settings, say=say) if shadow else make_session_robot(settings)
     # A shadow says by itself which settings have a part in it.
@@ -109,7 +113,7 @@ def follower(
             pressed = f"pressing {settings.material}" if settings.robot == "simulated" else f"robot {settings.robot}"
             say(f"follower: {pressed}, {waits}")
         run = run_shadow if shadow else run_follower
-        run(
+        ran: Mapping[str, Any] = run(
             link,
             robot,
             settings,
@@ -119,6 +123,8 @@ def follower(
             duration=duration,
             parent=parent,
         )
+    if json_output:
+        print_json(ran)
 
 
 @with_session_settings()
@@ -134,6 +140,7 @@ def leader(
     name: Annotated[
         str | None, typer.Option(help="What others are told who holds control; USER@HOST without it.")
     ] = None,
+    json_output: Json = False,
     parent: Parent = None,
 ) -> None:
     """The leader's side alone: the operator and the virtual environment. Waits for a follower.
@@ -161,10 +168,12 @@ def leader(
             say("leader: waiting for a follower")
         hello = wait_for_hello(link, {"follower"}, stop, parent=parent).get("follower", {})
         if stop.reason:
+            if json_output:
+                print_json({"ended": stop.reason})
             return
         moved_by = _operator(settings, hello)
         try:
-            run_leader(
+            ran = run_leader(
                 link,
                 moved_by,
                 settings,
@@ -182,6 +191,8 @@ def leader(
         finally:  # a device that is felt gives no force after its session, however that ended
             if isinstance(moved_by, Device):
                 close_operator(moved_by)
+    if json_output:
+        print_json(ran)
 
 
 @with_endpoints
@@ -189,6 +200,7 @@ def record(
     *,
     path: Annotated[Path, typer.Argument(help="MCAP file to write.")],
     endpoints: Endpoints,
+    json_output: Json = False,
     parent: Parent = None,
 ) -> None:
     """Record a session that runs elsewhere, until it ends or Ctrl-C.
@@ -201,15 +213,18 @@ def record(
 
     require_recording(path)
     give_way()
+    stop = StopFlag().on_signals()
     with open_link("recorder", endpoints, RECORDER_CHANNELS) as link:
-        problem = run_recorder(link, path, stop=StopFlag().on_signals(), say=say, parent=parent)
+        problem = run_recorder(link, path, stop=stop, say=say, parent=parent)
+    if json_output:
+        print_json({"ended": stop.reason or ENDED, "recording": str(path), "problem": problem or None})
     if problem:
         raise typer.Exit(RECORDING_INCOMPLETE)
 
 
 @with_session_settings()
 @with_endpoints
-def camera(*, settings: Any, endpoints: Endpoints, parent: Parent = None) -> None:
+def camera(*, settings: Any, endpoints: Endpoints, json_output: Json = False, parent: Parent = None) -> None:
     """The camera at the follower of a scene: simulated images, and where they and the touches show the fixture.
 
     It stands beside the follower, on the same machine, in a process of its own.
@@ -230,7 +245,7 @@ def camera(*, settings: Any, endpoints: Endpoints, parent: Parent = None) -> Non
         say(line)
     with open_link("camera", endpoints, CAMERA_CHANNELS) as link:
         texts = {"camera": "there is none" if drawn is None else "there is one", "camera_missing": "".join(missing)}
-        run_camera(
+        ran = run_camera(
             link,
             scene,
             drawn,
@@ -239,6 +254,8 @@ def camera(*, settings: Any, endpoints: Endpoints, parent: Parent = None) -> Non
             parent=parent,
             description=lambda: texts | insecurity(link),
         )
+    if json_output:
+        print_json(ran)
 
 
 @with_endpoints
@@ -247,6 +264,7 @@ def console(
     endpoints: Endpoints,
     port: Annotated[int, typer.Option(help="On 127.0.0.1.")] = 8080,
     recordings: Annotated[Path, typer.Option(help="Folder whose recordings can be looked at.")] = Path(),
+    json_output: Json = False,
     parent: Parent = None,
 ) -> None:
     """Watch a session in the browser, take its handle, and look at recordings.
@@ -272,6 +290,8 @@ def console(
         shown.close()
         if link.version_error is not None:
             raise link.version_error
+    if json_output:
+        print_json({"ended": stop.reason or ENDED, "url": shown.url})
 
 
 @with_endpoints
@@ -310,7 +330,7 @@ WATCHED_CHANNELS = (
 
 def _follow_in_a_scene(
     settings: Any, endpoints: Endpoints, shadow: bool, stop: StopFlag, duration: float | None, parent: int | None
-) -> None:
+) -> dict[str, str | int]:
     """The follower's side of a session in three dimensions."""
     from foretouch.session import FOLLOWER_CHANNELS, SPACE_FOLLOWER_CHANNELS, run_follower
     from foretouch.session.spatial import make_scene, make_spatial_robot
@@ -323,7 +343,7 @@ def _follow_in_a_scene(
         if parent is None:
             say(f"follower: pressing {settings.material} on the scene {settings.scene}, {WAITS}")
         description = said | insecurity(link)
-        run_follower(
+        return run_follower(
             link, robot, settings, stop=stop, say=say, description=description, duration=duration, parent=parent
         )
 

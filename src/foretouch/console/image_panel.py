@@ -15,13 +15,14 @@ from foretouch.console.palette import VERMILLION, css
 from foretouch.console.space_heard import fixture_of
 from foretouch.console.watched import Watched
 from foretouch.console.window import Array
+from foretouch.errors import install_command
 from foretouch.messages import CameraImage, LeaderSpace
 
 __all__ = ["DRAW_PROBE", "NO_IMAGE", "ImagePanel", "missing_image"]
 
 DRAW_PROBE = "Probe over image"
 WHAT_IS_DRAWN = "Draw the virtual probe (blue) and the fixture as rendered (green) over the delayed image"
-NO_OPENCV = "OpenCV is not here: the probe cannot be drawn over images. pip install 'foretouch[vision]'"
+NO_OPENCV = "OpenCV is not here: the probe cannot be drawn over images. "
 NO_CAMERA = "There is no camera at the robot."
 NOT_USED = ("contact", "none")
 """With these values of ``fusion`` no image is needed."""
@@ -108,7 +109,7 @@ class ImagePanel:
             if image.reason:
                 lines.append(f"No pose from it: {image.reason}.")
         if image is not None and not self._can_draw:
-            lines.append(NO_OPENCV)
+            lines.append(NO_OPENCV + install_command("vision"))
         wrong = image is None or bool(image.reason)
         colour = css(VERMILLION) if wrong else "#555"
         text = (

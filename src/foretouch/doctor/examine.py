@@ -13,6 +13,7 @@ from foretouch.doctor.loops import LoopReport, check_loops, run_loops
 from foretouch.doctor.packages import check_extras, check_packages, check_python
 from foretouch.doctor.processors import check_cores, check_governor, check_real_time
 from foretouch.doctor.surroundings import PORTS, check_disk, check_keys, check_port, check_text
+from foretouch.errors import install_command
 
 if TYPE_CHECKING:
     from foretouch.link import ZenohLink
@@ -62,6 +63,4 @@ def _made(name: str, check: Callable[[], Finding]) -> Finding:
     try:
         return check()
     except ImportError as error:
-        return Finding(
-            name, Verdict.UNKNOWN, f"{error.name} is not installed", "pip install --force-reinstall foretouch"
-        )
+        return Finding(name, Verdict.UNKNOWN, f"{error.name} is not installed", install_command(again=True))

@@ -48,7 +48,7 @@ def check_graphics() -> Finding:
 
 def main() -> None:
     """Draw, and print as JSON what came of it."""
-    from foretouch.errors import MissingExtraError
+    from foretouch.errors import MissingExtraError, install_command
     from foretouch.robot.camera_scene import MESA_PACKAGES, MissingGraphicsError
 
     try:
@@ -56,7 +56,7 @@ def main() -> None:
     except MissingGraphicsError as error:
         told = {"problem": str(error), "extra": False, "mend": f"sudo apt-get install {MESA_PACKAGES}"}
     except MissingExtraError as error:
-        told = {"problem": str(error), "extra": True, "mend": "pip install 'foretouch[sim]'"}
+        told = {"problem": str(error), "extra": True, "mend": install_command("sim")}
     sys.stdout.write(json.dumps(told) + "\n")
 
 

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from foretouch.doctor.finding import Finding, Verdict
-from foretouch.errors import ForetouchError, PeerVersionError
+from foretouch.errors import ForetouchError, PeerVersionError, install_command
 
 if TYPE_CHECKING:
     from foretouch.doctor.peer import RoundTrips
@@ -73,7 +73,7 @@ def check_peer(
     try:
         heard = ask(open_link, seconds)
     except PeerVersionError as error:
-        return [reached, Finding(f"link {endpoint}", Verdict.BAD, str(error), "pip install --upgrade foretouch")]
+        return [reached, Finding(f"link {endpoint}", Verdict.BAD, str(error), install_command(again=True))]
     except ForetouchError as error:
         return [reached, Finding(f"link {endpoint}", Verdict.BAD, str(error), "foretouch keys show")]
     return [reached, judge_round_trips(f"link {endpoint}", heard, there)]

@@ -10,6 +10,7 @@ from importlib import metadata
 from typing import Any
 
 from foretouch.doctor.finding import Finding, Verdict
+from foretouch.errors import install_command
 
 __all__ = ["check_extras", "check_packages", "check_python", "parts_of", "satisfies"]
 
@@ -47,7 +48,7 @@ def check_packages(requirements: Iterable[str] | None = None) -> Finding:
     problems = _problems(needed)
     figures: dict[str, Any] = {"needed": {name: _version(name) for name in needed}, "problems": problems}
     if problems:
-        mend = "pip install --upgrade --force-reinstall foretouch"
+        mend = install_command(again=True)
         return Finding("packages", Verdict.BAD, "; ".join(problems.values()), mend, figures)
     found = ", ".join(f"{name} {_version(name)}" for name in needed)
     return Finding("packages", Verdict.GOOD, found, figures=figures)
@@ -72,7 +73,7 @@ def check_extras(requirements: Iterable[str] | None = None) -> Finding:
     if missed:
         details = "; ".join(text for extra in missed for text in problems[extra])
         found += f" ({details})"
-    mend = f"pip install 'foretouch[{','.join(missed or problems)}]'"
+    mend = install_command(*(missed or problems))
     return Finding("extras", Verdict.WARNING if missed else Verdict.GOOD, found, mend, figures)
 
 

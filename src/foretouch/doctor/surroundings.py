@@ -12,7 +12,7 @@ from datetime import datetime
 from pathlib import Path
 
 from foretouch.doctor.finding import Finding, Verdict
-from foretouch.errors import ForetouchError, LinkError, MissingExtraError
+from foretouch.errors import ForetouchError, LinkError, MissingExtraError, install_command
 
 __all__ = ["PORTS", "check_disk", "check_keys", "check_port", "check_text"]
 
@@ -100,7 +100,7 @@ def check_keys(folder: Path | None = None, *, now: datetime | None = None) -> Fi
         authority, here, _ = keys.read()
         stranger = [name for name, identity in here.items() if not identity.issued_by(authority)]
     except MissingExtraError as error:
-        return Finding("keys", Verdict.UNKNOWN, str(error), "pip install 'foretouch[security]'")
+        return Finding("keys", Verdict.UNKNOWN, str(error), install_command("security"))
     except ForetouchError as error:
         mend = str(error).rpartition(": ")[2]
         command = mend if mend.startswith(("chmod", "mkdir")) else "foretouch keys show"

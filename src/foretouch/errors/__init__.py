@@ -22,6 +22,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
+from foretouch.errors.installing import install_command
+
 __all__ = [
     "DatasetError",
     "DecodeError",
@@ -35,6 +37,7 @@ __all__ = [
     "SettingError",
     "SideError",
     "UnknownNameError",
+    "install_command",
 ]
 
 
@@ -118,4 +121,4 @@ class MissingExtraError(ForetouchError):
 
     def __init__(self, package: str, extra: str) -> None:
         verb = "are" if "," in package else "is"
-        super().__init__(f"{package} {verb} not installed: pip install 'foretouch[{extra}]'")
+        super().__init__(f"{package} {verb} not installed: {install_command(extra)}")

@@ -99,7 +99,7 @@ def run_follower(
     description: dict[str, str],
     duration: float | None = None,
     parent: int | None = None,
-) -> None:
+) -> dict[str, str | int]:
     """Run the follower's loop until a `Stop` arrives, `stop` is set, or `duration` [s] is over.
 
     Args:
@@ -111,6 +111,12 @@ def run_follower(
         description: Texts for the `Hello` messages.
         duration: [s], None for no end.
         parent: Process whose end ends this one.
+
+    Returns:
+        Why it ended, as ``ended``, and what was counted, by name.
+
+    Raises:
+        SideError: The loop raised.
     """
     warm_up(settings)
     stage: FaultStage[Command] = FaultStage(settings.command_faults)
@@ -170,6 +176,7 @@ def run_follower(
                 for message in said:
                     link.publish(message)
         _leave(driven, timer)
+    return {"ended": stop.reason} | follower_counts(state) | link_counts("follower", link)
 
 
 def _leave(driven: DrivenFollower, timer: LoopTimer) -> None:
@@ -194,13 +201,13 @@ def run_leader(
     wait_for_recorder: bool = False,
     parent: int | None = None,
     name: str = "leader",
-) -> None:
+) -> dict[str, str | int]:
     """Run the leader's loop until a `Stop` arrives, `stop` is set, or `duration` [s] is over.
 
     Arguments as for `run_follower`; `link` has `LEADER_CHANNELS`, and in three dimensions `SPACE_LEADER_CHANNELS`;
     `operator` moves the handle, and along a line counts as the settings' leader frame says; with `wait_for_recorder`
     the loop begins once a recorder listens, or after `RECORDER_PATIENCE`. Other leaders are told the `name` of this
-    one.
+    one. Returns and raises as that does.
     """
     warm_up(settings)
     stage: FaultStage[Message] = FaultStage(settings.return_faults)
@@ -268,6 +275,7 @@ def run_leader(
             compute = time.perf_counter_ns() - start
             for message in said:
                 link.publish(message)
+    return {"ended": stop.reason} | leader_counts(state) | link_counts("leader", link)
 
 
 @contextmanager

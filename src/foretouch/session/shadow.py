@@ -159,7 +159,7 @@ def run_shadow(
     description: dict[str, str],
     duration: float | None = None,
     parent: int | None = None,
-) -> None:
+) -> dict[str, str | int | float]:
     """Watch a robot until a `Stop` arrives, `stop` is set, or `duration` [s] is over; then say how well it went.
 
     An emergency stop stops nothing here, and who asks for one is told so. The console's force delay is taken, and
@@ -174,6 +174,9 @@ def run_shadow(
         description: Further texts for the `Hello` messages.
         duration: [s], None for no end.
         parent: Process whose end ends this one.
+
+    Returns:
+        Why it ended, as ``ended``, how well it went, and what was counted, by name.
     """
     settings = shadow_settings(settings)
     warm_up(settings)
@@ -229,4 +232,13 @@ def run_shadow(
             link.publish(outputs.telemetry)
             if outputs.model is not None:
                 link.publish(outputs.model)
-    say(f"shadow: {state.score.sentence(state.returned.delay)}")
+    score, delay = state.score, state.returned.delay
+    say(f"shadow: {score.sentence(delay)}")
+    figures = {
+        "force_delay_s": delay,
+        "contact_time_s": score.contact_time,
+        "contact_force_rms_N": score.contact_force_rms,
+        "prediction_error_percent": score.prediction_error_percent,
+        "delayed_force_error_percent": score.delayed_force_error_percent,
+    }
+    return {"ended": stop.reason} | figures | follower_counts(state.following) | link_counts("follower", link)

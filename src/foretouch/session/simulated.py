@@ -5,10 +5,14 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import Any
+
+from numpy.typing import NDArray
 
 from foretouch.devices import Device
 from foretouch.link import FaultStage
 from foretouch.messages import VERSION, Command, Hello, Message, ModelUpdate, SessionLog, Telemetry
+from foretouch.quantities import Columns
 from foretouch.robot import Robot
 from foretouch.session import follower, leader
 from foretouch.session.counting import follower_counts, leader_counts
@@ -25,8 +29,8 @@ _PERIOD_NS = round(SAMPLE_PERIOD * 1e9)
 
 
 @dataclass(frozen=True)
-class SimulatedSession:
-    """A simulated session.
+class SimulatedSession(Columns):
+    """A simulated session; its columns are those of its log.
 
     Attributes:
         log: What was said; its `compute_ns` columns hold what the steps really took on this machine, which is the
@@ -38,6 +42,10 @@ class SimulatedSession:
     log: SessionLog
     duration: float
     elapsed: float
+
+    def columns(self) -> dict[str, NDArray[Any]]:
+        """See `SessionLog.columns`."""
+        return self.log.columns()
 
 
 def simulate(

@@ -35,7 +35,7 @@ def run_camera(
     stop: StopFlag,
     parent: int | None = None,
     description: Callable[[], Mapping[str, str]] = dict,
-) -> None:
+) -> dict[str, str | int]:
     """Take images, track the fixture, and publish both, until a `Stop` has arrived or `stop` is set.
 
     Args:
@@ -46,6 +46,9 @@ def run_camera(
         stop: Looked at in every round.
         parent: Process whose end ends this one.
         description: Gives the texts of the `Hello` messages.
+
+    Returns:
+        Why it ended, as ``ended``, and what the tracker used and refused, by name.
     """
     state: tracker.State | None = None
     epoch = own_epoch()
@@ -82,6 +85,8 @@ def run_camera(
             if orphaned(parent):
                 stop.set(ORPHANED)
         time.sleep(POLL_PERIOD)
+    used = {} if state is None else tracker.counts(state)
+    return {"ended": stop.reason or "the session was ended"} | used
 
 
 def _begin(scene: Scene, settings: SessionSettings, space: FollowerSpace, epoch: int) -> tracker.State:

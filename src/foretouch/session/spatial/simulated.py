@@ -159,11 +159,7 @@ def simulate_scene(
             progress(now_ns * 1e-9)
     elapsed = time.perf_counter() - began
     counts = leader_counts(leading.inner) | follower_counts(following.inner)
-    counts |= {
-        "images_used": tracking.images,
-        "contacts_used": tracking.contacts,
-        "seen_refused": tracking.refused,
-    }
+    counts |= tracker.counts(tracking)
     log = SessionLog.from_messages(
         logs["leader"],
         logs["follower"],

@@ -16,7 +16,7 @@ from foretouch.messages import VERSION, CameraImage, FixtureBelief, FollowerSpac
 from foretouch.quantities import Pose
 from foretouch.vision import ContactSeen, FixtureFilter, FusionSettings, ImageSeen, TouchedSurface, Verdict
 
-__all__ = ["State", "start", "step"]
+__all__ = ["State", "counts", "start", "step"]
 
 TOUCH_DEVIATION = 2e-4
 """Standard deviation of where a touch puts the surface along its normal [m]: encoders, sensor noise, softness."""
@@ -67,6 +67,11 @@ class State:
     images: int = 0
     contacts: int = 0
     refused: int = 0
+
+
+def counts(state: State) -> dict[str, int]:
+    """What was used of images and touches, and what was refused."""
+    return {"images_used": state.images, "contacts_used": state.contacts, "seen_refused": state.refused}
 
 
 def start(
