@@ -15,7 +15,7 @@ setup:  ## make .venv from the lock and install foretouch into it
 	@tools/setup
 
 system:  ## install the system packages that the browser and camera tests need (Debian; elsewhere set FORETOUCH_BROWSER)
-	@tools/system libegl1 libegl-mesa0 libgl1-mesa-dri || echo "system: the tests of camera images will be skipped" >&2
+	@tools/system libegl1 libegl-mesa0 libgl1-mesa-dri libopengl0 || echo "system: the tests of camera images will be skipped" >&2
 	@[ -n "$$FORETOUCH_BROWSER" ] || tools/system chromium fonts-dejavu-core || echo "system: the browser tests will be skipped" >&2
 
 teleop: setup  ## the main job: leader, follower, console and recorder (options: make teleop ARGS="--headless --duration 20")

@@ -14,6 +14,7 @@ from pathlib import Path
 import pytest
 
 from foretouch import __version__
+from foretouch.robot.camera_scene import MESA_PACKAGES
 
 ROOT = Path(__file__).parents[2]
 LEAN_MB = 400
@@ -69,7 +70,15 @@ def test_the_wheel_holds_the_package_and_nothing_beside_it(built: Path) -> None:
 def test_the_source_distribution_holds_what_a_test_of_it_needs(built: Path) -> None:
     with tarfile.open(one(built, "*.tar.gz")) as source:
         names = {name.partition("/")[2] for name in source.getnames()}
-    wanted = {"Makefile", "requirements.lock", "CITATION.cff", "Containerfile", "tools/setup", "tests/conftest.py"}
+    wanted = {
+        "Makefile",
+        "requirements.lock",
+        "CITATION.cff",
+        "Containerfile",
+        ".dockerignore",
+        "tools/setup",
+        "tests/conftest.py",
+    }
     assert wanted <= names
     assert not [name for name in names if name.startswith("docs/_build/") or "__pycache__" in name]
 
@@ -128,7 +137,13 @@ def test_every_package_of_the_lock_has_its_licence_listed() -> None:
 
 def test_the_container_installs_the_lock_and_runs_the_main_job() -> None:
     text = (ROOT / "Containerfile").read_text()
-    for word in re.search(r"^COPY (.*) \./$", text, re.MULTILINE)[1].split():  # type: ignore[index]
+    copied = [word for words in re.findall(r"^COPY (.*) \S+$", text, re.MULTILINE) for word in words.split()]
+    assert {"requirements.lock", "pyproject.toml", "src"} <= set(copied)
+    sent = re.findall(r"^!(\S+)$", (ROOT / ".dockerignore").read_text(), re.MULTILINE)
+    assert sorted(copied) == sorted(sent), "what the build copies is what it is sent"
+    for word in copied:
         assert (ROOT / word).exists(), word
     assert "--require-hashes -r requirements.lock" in text
+    (packages,) = re.findall(r"apt-get install -y --no-install-recommends (.*?) \\\n", text)
+    assert packages == MESA_PACKAGES
     assert 'ENTRYPOINT ["foretouch"]\nCMD ["teleop"]' in text

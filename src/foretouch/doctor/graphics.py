@@ -36,7 +36,8 @@ def check_graphics() -> Finding:
     except (ValueError, IndexError):
         last = (child.stderr.strip().splitlines() or ["without a word"])[-1]
         found = f"drawing ended with exit code {child.returncode}: {last}"
-        return Finding(name, Verdict.WARNING, found, "sudo apt-get install libegl1 libegl-mesa0 libgl1-mesa-dri")
+        mend = "sudo apt-get install libegl1 libegl-mesa0 libgl1-mesa-dri libopengl0"
+        return Finding(name, Verdict.WARNING, found, mend)
     if "problem" in drawn:
         verdict = Verdict.UNKNOWN if drawn["extra"] else Verdict.WARNING
         return Finding(name, verdict, drawn["problem"], drawn["mend"])

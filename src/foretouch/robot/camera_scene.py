@@ -16,7 +16,7 @@ from foretouch.robot.engine import load_mujoco
 
 __all__ = ["MESA_PACKAGES", "CameraScene", "MissingGraphicsError", "graphics_library"]
 
-MESA_PACKAGES = "libegl1 libegl-mesa0 libgl1-mesa-dri"
+MESA_PACKAGES = "libegl1 libegl-mesa0 libgl1-mesa-dri libopengl0"
 """Debian packages that let MuJoCo draw without a display."""
 
 THICKNESS = 2e-3
