@@ -202,7 +202,8 @@ class SessionSettings:
             self._check_scene()
         if not self.estimator:
             object.__setattr__(self, "estimator", DEFAULT_ESTIMATORS.get(self.model, ""))
-        make_estimator(self.model, self.estimator)
+        if self.estimator not in ESTIMATORS.get(self.model, ()):  # one of ours is not made here: that compiles
+            make_estimator(self.model, self.estimator)
         if self.model not in ESTIMATORS:
             rule = "is the law of another package, which the other side may not have: identify and compare take it"
             raise SettingError("model", self.model, rule)
