@@ -123,3 +123,11 @@ def test_who_does_not_end_is_killed_and_nobody_waits_longer(
     assert time.monotonic() - begun < 4.0
     assert leader.process.returncode == -signal.SIGKILL
     assert follower.process.returncode == -signal.SIGTERM
+
+
+def test_a_leader_that_is_ending_keeps_its_exit_code(begin: Callable[..., Child]) -> None:
+    """The follower has heard its last word and was faster."""
+    leader, follower = begin("import sys, time\ntime.sleep(1.0)\nsys.exit(1)"), begin("", "follower")
+    listen(follower, lambda: not follower.running)
+    assert end_session([follower, leader]) == []
+    assert leader.process.returncode == 1

@@ -27,6 +27,10 @@ SIDES = ("follower", "leader")
 INSISTENCE = 4.0
 """A process that has not ended within `PATIENCE` though it was told to, and is told again, has so long [s]."""
 
+GOING = 2.0
+"""Where the other side has ended in order, the leader's last word has been said: it has so long [s] to end with an exit
+code of its own, for a signal that comes while an interpreter ends would take its place."""
+
 BEGINNING = 180.0
 """A side has so long [s] to begin: on a machine that has never run it, much is compiled first."""
 
@@ -168,7 +172,10 @@ def end_session(children: Sequence[Child]) -> list[Child]:
     """
     leading = next((child for child in children if child.role == "leader" and child.running), None)
     if leading is not None:
-        leading.process.terminate()
+        if any(child.role in SIDES and child.process.poll() == 0 for child in children):
+            wait_for([leading], patience=GOING)
+        if leading.running:
+            leading.process.terminate()
     patience = PATIENCE
     if leading is not None or all(child.process.poll() in (None, 0) for child in children):
         wait_for(children)
