@@ -45,7 +45,7 @@ def test_no_such_port():
 
 def test_without_viser_it_says_what_to_install(monkeypatch):
     monkeypatch.setitem(sys.modules, "viser", None)
-    with pytest.raises(MissingExtraError, match=r"foretouch\[console\]"):
+    with pytest.raises(MissingExtraError, match=r"\[console\]"):
         Console(0, lambda message: None)
 
 

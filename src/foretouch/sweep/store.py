@@ -26,7 +26,17 @@ ROOMS = (
 SHOWING = {
     "report": (
         *("calibration_page", "drawing", "figures", "forces", "hand_drawing", "hand_text", "html", "numbers", "page"),
-        *("remarks", "replay", "replay_page", "safety_text", "scene_drawing", "scene_text", "text", "thinning"),
+        *(
+            "pressed",
+            "remarks",
+            "replay",
+            "replay_page",
+            "safety_text",
+            "scene_drawing",
+            "scene_text",
+            "text",
+            "thinning",
+        ),
     ),
     "sweep": ("curves", "figures", "page", "summary", "totals"),
 }
