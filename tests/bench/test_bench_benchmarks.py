@@ -154,12 +154,14 @@ class Hoarder(Estimator):
 
 
 @pytest.mark.parametrize("name", CALLED)
+@pytest.mark.long
 def test_memory_does_not_grow_with_calls_and_growth_is_found(name: str) -> None:
     pressed = samples(press(6_000))
     assert memory_growth(CALLED[name][0](), pressed) < 100_000  # some pages of 4,096 bytes, in 3,000 calls
     assert memory_growth(Hoarder(), pressed) > 5_000 * 3_000
 
 
+@pytest.mark.long
 def test_a_session_on_tape_is_the_same_again() -> None:
     session = TapedSession(1.6)
     first, second = session.times(), session.times()

@@ -106,6 +106,7 @@ def marked(mark: str) -> list[int]:
 
 @pytest.mark.skipif(not Path("/proc/self/environ").exists(), reason="it looks for processes in /proc")
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+@pytest.mark.long
 def test_who_ends_the_parent_alone_leaves_nothing_running_and_has_what_was_done(number: int) -> None:
     mark = uuid.uuid4().hex
     command = [sys.executable, "-m", "foretouch", "bench", "--json", "--only", "batch", "--only", "startup"]
@@ -204,6 +205,7 @@ def test_what_is_missing_is_said_and_left_out(tmp_path: Any, monkeypatch: pytest
     assert {row["unit"] for row in json.loads(result.stdout)} == {"x", "ns/sample"}
 
 
+@pytest.mark.long
 def test_a_benchmark_that_fails_is_said_and_the_others_go_on(tmp_path: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "mujoco.py").write_text("raise RuntimeError('no luck')\n")
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))

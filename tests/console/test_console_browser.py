@@ -160,6 +160,7 @@ def test_dragging_the_handle_presses(bench):
     assert sum(not message.held for message in messages[before:]) == 1
 
 
+@pytest.mark.long
 def test_dragging_up_lifts_and_begins_where_the_hand_is(bench):
     before = len(bench.session.of(Handle))
     drag_handle(bench.page, -8.0, seconds=0.5, hold=0.2)

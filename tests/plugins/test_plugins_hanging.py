@@ -39,12 +39,13 @@ def processes_in(folder: Path) -> list[int]:
     ("kind", "call", "said"),
     [
         ("device", "read", "the leader hangs: no tick for 3 s, in read (made_up.py, line "),
-        ("device", "held", "the leader hangs: nothing has come of it for 8 s; it is killed"),
-        ("device", "close", "the leader did not end and was killed"),
-        (
-            "robot",
-            "stuck",
-            "the follower hangs: no tick for 3 s, in exchange (made_up.py, line ",
+        pytest.param(
+            "device", "held", "the leader hangs: nothing has come of it for 8 s; it is killed", marks=pytest.mark.long
+        ),
+        pytest.param("device", "close", "the leader did not end and was killed", marks=pytest.mark.long),
+        pytest.param(
+            *("robot", "stuck", "the follower hangs: no tick for 3 s, in exchange (made_up.py, line "),
+            marks=pytest.mark.long,
         ),
     ],
     ids=["read", "held", "close", "robot"],
@@ -65,6 +66,7 @@ def test_a_session_ends_where_a_call_of_a_driver_does_not_come_back(
 
 
 @pytest.mark.live
+@pytest.mark.long
 def test_a_side_that_was_stopped_by_a_signal_and_goes_on_is_not_ended(tmp_path: Path) -> None:
     """For longer than a loop may hang, and longer than its beats may be missing."""
     site = make_package(tmp_path / "site", "made-up", {"device": {"close": "made_up:close"}}, hanging_drivers.DEVICE)

@@ -49,6 +49,7 @@ def test_what_is_far_too_slow_is_told_first_and_nothing_else_looked_at(
     assert told == [(title, finding) for finding in findings]
 
 
+@pytest.mark.long
 def test_what_is_late_by_less_is_looked_at_altogether() -> None:
     def call() -> None:
         end = time.perf_counter() + 5e-4
@@ -65,6 +66,7 @@ def test_what_is_late_by_less_is_looked_at_altogether() -> None:
     assert "at the median of 10," in found.found
 
 
+@pytest.mark.long
 def test_a_call_that_does_not_come_back_is_told_after_some_seconds(install: Callable[..., None]) -> None:
     install("made-up", {"device": {"hung": "made_up:hung"}}, odd_drivers.DEVICE)
     begun = time.monotonic()
@@ -122,6 +124,7 @@ def test_many_calls_are_no_long_one_and_what_a_check_raises_is_raised() -> None:
 
 
 @pytest.mark.live
+@pytest.mark.long
 def test_a_loop_that_its_device_keeps_late_is_said_first(tmp_path: Path) -> None:
     ran = run_with(tmp_path, "device", odd_drivers.DEVICE, "slow", *TELEOP, "--operator", "slow", "--report", "out")
     assert ran.code == 0, ran.err
@@ -136,6 +139,7 @@ def test_a_loop_that_its_device_keeps_late_is_said_first(tmp_path: Path) -> None
 
 
 @pytest.mark.live
+@pytest.mark.long
 def test_an_operator_is_told_that_the_device_gives_no_position(tmp_path: Path) -> None:
     ran = run_with(tmp_path, "device", odd_drivers.DEVICE, "blind", *TELEOP, "--operator", "blind")
     assert ran.code == 0, ran.err

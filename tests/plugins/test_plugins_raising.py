@@ -60,7 +60,10 @@ def torn(settings):
 @pytest.mark.parametrize(
     ("kind", "source", "options", "said"),
     [
-        ("device", DEVICE, ("--operator", "torn"), "the leader failed: OSError: the cable is torn"),
+        pytest.param(
+            *("device", DEVICE, ("--operator", "torn"), "the leader failed: OSError: the cable is torn"),
+            marks=pytest.mark.long,
+        ),
         (
             "robot",
             ROBOT,

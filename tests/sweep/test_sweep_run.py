@@ -44,6 +44,7 @@ def rows(folder: Path) -> dict[tuple[int, str], Outcome]:
     return read_store(folder / FILE_NAME)[1]
 
 
+@pytest.mark.long
 def test_every_session_ran_and_was_measured(rows: dict[tuple[int, str], Outcome]) -> None:
     assert len(rows) == 16
     for row in rows.values():
@@ -56,6 +57,7 @@ def test_every_session_ran_and_was_measured(rows: dict[tuple[int, str], Outcome]
         assert (row.duration_s, row.round_trip_s, row.options) == (case.duration, case.round_trip, case.options)
 
 
+@pytest.mark.long
 def test_ours_are_stable_and_keep_their_bounds(rows: dict[tuple[int, str], Outcome]) -> None:
     ours = [row for row in rows.values() if row.baseline == "none"]
     for row in ours:
@@ -66,6 +68,7 @@ def test_ours_are_stable_and_keep_their_bounds(rows: dict[tuple[int, str], Outco
     assert float(np.median(felt)) < 50.0
 
 
+@pytest.mark.long
 def test_what_is_there_is_not_run_again(folder: Path, tmp_path: Path) -> None:
     lines = (folder / FILE_NAME).read_bytes().splitlines(keepends=True)
     other = tmp_path / FILE_NAME
@@ -79,12 +82,14 @@ def test_what_is_there_is_not_run_again(folder: Path, tmp_path: Path) -> None:
     assert len(other.read_bytes().splitlines()) == 17
 
 
+@pytest.mark.long
 def test_a_larger_sweep_goes_on_from_a_smaller(folder: Path) -> None:
     told: list[int] = []
     run_sweep(folder, Plan(3, 0, 4.0), processes=1, progress=lambda done, *_: told.append(done))
     assert told == []
 
 
+@pytest.mark.long
 def test_any_session_replays_bit_identical(folder: Path, rows: dict[tuple[int, str], Outcome]) -> None:
     compared = next(number for number, baseline in rows if baseline == "delayed")
     for number, baseline in ((1, "none"), (compared, "delayed")):
@@ -98,6 +103,7 @@ def test_any_session_replays_bit_identical(folder: Path, rows: dict[tuple[int, s
         assert content["again"]["digest"] == rows[number, baseline].digest
 
 
+@pytest.mark.long
 def test_its_command_is_the_same_session_too(folder: Path, tmp_path: Path) -> None:
     row = read_store(folder / FILE_NAME)[1][2, "none"]
     path = tmp_path / "again.mcap"
@@ -110,6 +116,7 @@ def test_its_command_is_the_same_session_too(folder: Path, tmp_path: Path) -> No
     assert digest(here) == row.digest
 
 
+@pytest.mark.long
 def test_a_replay_that_differs_says_where(folder: Path, tmp_path: Path) -> None:
     header, stored = read_store(folder / FILE_NAME)
     store = Store(tmp_path, seed=header.seed, duration=header.duration_s)
@@ -121,6 +128,7 @@ def test_a_replay_that_differs_says_where(folder: Path, tmp_path: Path) -> None:
     assert run("sweep", "--out", str(tmp_path), "--replay", "3").exit_code == 1
 
 
+@pytest.mark.long
 def test_the_digest_sees_one_bit(folder: Path) -> None:
     log = log_of(draw_case(4, duration=4.0))[0]
     leader = log.leader.copy()
