@@ -109,7 +109,8 @@ def test_the_parts_add_up_and_each_is_there(session: TapedSession) -> None:
         assert timed[side].took.size > 100
         assert timed[side].parts.sum(axis=1) == pytest.approx(timed[side].took)
         for place, part in enumerate(parts):
-            assert timed[side].parts[:, place].sum() > 0.0, f"{side}: nothing calls what is {part.name}"
+            # What is left over is a difference, which a busy machine makes negative.
+            assert part.name == ELSE or timed[side].parts[:, place].sum() > 0.0, f"{side}: nothing calls {part.name}"
             assert part.buys.endswith(".")
 
 
