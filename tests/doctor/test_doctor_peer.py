@@ -262,6 +262,7 @@ def test_figures_of_nothing_are_none() -> None:
     assert judge_round_trips("link", RoundTrips(frozenset({"doctor"}), 10), "there").verdict is Verdict.BAD
 
 
+@pytest.mark.long
 def test_the_command_answers_and_asks(tmp_path: Path) -> None:
     endpoint, unused = free_endpoint(), free_endpoint()
     answers = subprocess.Popen(

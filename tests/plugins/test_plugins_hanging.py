@@ -38,7 +38,9 @@ def processes_in(folder: Path) -> list[int]:
 @pytest.mark.parametrize(
     ("kind", "call", "said"),
     [
-        ("device", "read", "the leader hangs: no tick for 3 s, in read (made_up.py, line "),
+        pytest.param(
+            *("device", "read", "the leader hangs: no tick for 3 s, in read (made_up.py, line "), marks=pytest.mark.long
+        ),
         pytest.param(
             "device", "held", "the leader hangs: nothing has come of it for 8 s; it is killed", marks=pytest.mark.long
         ),

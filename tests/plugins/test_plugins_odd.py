@@ -186,6 +186,7 @@ def test_a_robot_of_another_package_is_named_in_place_of_a_material(
 
 
 @pytest.mark.live
+@pytest.mark.long
 def test_a_session_that_never_began_has_one_line_and_no_report(tmp_path: Path) -> None:
     ran = run_with(tmp_path, "device", odd_drivers.DEVICE, "cant", *TELEOP, "--operator", "cant")
     assert ran.code == 2

@@ -23,6 +23,7 @@ def foretouch(*arguments: object, timeout: float = 90.0) -> subprocess.Completed
     return subprocess.run(command, capture_output=True, text=True, timeout=timeout, check=False)
 
 
+@pytest.mark.long
 def test_a_scene_is_pressed_seen_and_recorded(tmp_path: Path) -> None:
     path = tmp_path / "scene.mcap"
     ended = foretouch(
