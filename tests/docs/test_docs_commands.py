@@ -239,19 +239,7 @@ def run(arguments: list[str]) -> str:
     return result.stdout
 
 
-QUICK = {("simulate",): 6, ("compare",): 4, ("sweep",): 1, ("bench",): 1, ("materials", "fit"): 1}
-"""So many of those that take seconds each run at once, the others with what takes long."""
-
-
-def quick_first(text: str) -> Any:
-    """Sessions in three dimensions have tests of their own, and take long."""
-    key = kind(text)
-    alike = [other for other in SHOWN if kind(other) == key]
-    late = "--scene" in text or alike.index(text) >= QUICK.get(key or (), len(alike))
-    return pytest.param(text, marks=pytest.mark.long) if late else text
-
-
-@pytest.mark.parametrize("text", [quick_first(text) for text in SHOWN if kind(text) in OFFLINE])
+@pytest.mark.parametrize("text", [text for text in SHOWN if kind(text) in OFFLINE])
 def test_a_command_runs_in_its_short_form(text: str, folder: Path, measured: Callable[[str], Path]) -> None:
     key = kind(text)
     assert key is not None
