@@ -10,7 +10,7 @@ import threading
 import time
 from pathlib import Path
 
-import hanging_drivers
+import failing_drivers
 import pytest
 from plugin_packages import make_package
 from plugin_sessions import COMMAND, environment, run_with
@@ -55,7 +55,7 @@ def processes_in(folder: Path) -> list[int]:
 def test_a_session_ends_where_a_call_of_a_driver_does_not_come_back(
     tmp_path: Path, kind: str, call: str, said: str
 ) -> None:
-    source = hanging_drivers.DEVICE if kind == "device" else hanging_drivers.ROBOT
+    source = failing_drivers.DEVICE if kind == "device" else failing_drivers.ROBOT
     options = ("--operator", call) if kind == "device" else ("--robot", call, "--operator", "scripted")
     teleop = ("teleop", "--headless", "--duration", 5 if kind == "device" else 60, "--recording", "s.mcap")
     ran = run_with(tmp_path, kind, source, call, *teleop, *options, seconds=LONGEST)
@@ -71,7 +71,7 @@ def test_a_session_ends_where_a_call_of_a_driver_does_not_come_back(
 @pytest.mark.long
 def test_a_side_that_was_stopped_by_a_signal_and_goes_on_is_not_ended(tmp_path: Path) -> None:
     """For longer than a loop may hang, and longer than its beats may be missing."""
-    site = make_package(tmp_path / "site", "made-up", {"device": {"close": "made_up:close"}}, hanging_drivers.DEVICE)
+    site = make_package(tmp_path / "site", "made-up", {"device": {"close": "made_up:close"}}, failing_drivers.DEVICE)
     options = ["--headless", "--duration", "20", "--recording", "s.mcap", "--operator", "scripted"]
     with subprocess.Popen(
         [*COMMAND, "teleop", *options], cwd=tmp_path, env=environment(site), stderr=subprocess.PIPE, text=True

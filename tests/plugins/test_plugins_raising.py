@@ -5,56 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from failing_drivers import DEVICE, ROBOT
 from plugin_sessions import run_with
 
 from foretouch.recordings import is_whole, read_session
 
 pytestmark = pytest.mark.live
-
-DEVICE = """
-from foretouch.devices import Device
-
-
-class Torn(Device):
-    name = "torn"
-    closed_loop = False
-    real_time = False
-
-    left = 2000
-
-    def read(self, now_ns):
-        self.left -= 1
-        if self.left < 0:
-            raise OSError("the cable is torn")
-        return 0.0
-
-    def render(self, force):
-        return 0.0
-
-
-def torn(settings, reach):
-    return Torn()
-"""
-
-ROBOT = """
-from foretouch.robot import make_robot
-
-
-def torn(settings):
-    robot = make_robot("hunt-crossley", seed=1)
-    move, left = robot.exchange, [1000]
-
-    def exchange(desired):
-        sample = move(desired)
-        if left[0] < 1000 or sample.exact_force > 0.5:  # from the first press on: then there is a leader
-            left[0] -= 1
-        if left[0] < 0:
-            raise OSError("the drive is gone")
-        return sample
-
-    robot.exchange = exchange
-    return robot
-"""
 
 
 @pytest.mark.parametrize(

@@ -23,6 +23,7 @@ from foretouch.cli import (
     sessions,
     sides,
     sweep,
+    watchers,
 )
 from foretouch.cli.exit_codes import epilog
 from foretouch.cli.help import PanelledCommand
@@ -54,7 +55,7 @@ def _root(
     pass
 
 
-for module in (sessions, sides, offline, replay, comparison, sweep, paper, bench, doctor):
+for module in (sessions, sides, watchers, offline, replay, comparison, sweep, paper, bench, doctor):
     for command in module.COMMANDS:
         app.command(cls=PanelledCommand)(command)
 app.add_typer(bridge.bridge, name="bridge")

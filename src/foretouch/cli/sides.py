@@ -1,4 +1,4 @@
-"""Commands that run one side of a session, or watch it: each a process of its own, on this machine or another."""
+"""Commands that run one side of a session, or stop its robot: each a process of its own, on this machine or another."""
 
 from __future__ import annotations
 
@@ -7,19 +7,17 @@ import getpass
 import math
 import socket
 from collections.abc import Mapping
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from foretouch.cli.links import ENDED, Endpoints, insecurity, open_link, with_endpoints
+from foretouch.cli.links import Endpoints, insecurity, open_link, with_endpoints
 from foretouch.cli.options import (
     Duration,
     Json,
     Parent,
     print_json,
     require_duration,
-    require_recording,
     say,
     with_session_settings,
 )
@@ -27,10 +25,9 @@ from foretouch.errors import LinkError, SettingError
 
 if TYPE_CHECKING:
     from foretouch.devices import Device, SpatialDevice
-    from foretouch.messages import Message
     from foretouch.session import StopFlag
 
-__all__ = ["COMMANDS", "camera", "console", "follower", "leader", "record", "stop"]
+__all__ = ["COMMANDS", "follower", "leader", "stop"]
 
 LONGEST_NAME = 64
 """Characters of a leader's name that a command carries."""
@@ -81,48 +78,13 @@ def follower(
 
     Example: foretouch follower --listen tcp/127.0.0.1:7447 --duration 5
     """
-    from foretouch.session import (
-        FOLLOWER_CHANNELS,
-        SHADOW_CHANNELS,
-        StopFlag,
-        be_prompt,
-        make_moved_robot,
-        make_session_robot,
-        reach_texts,
-        run_follower,
-        run_shadow,
-    )
+    from foretouch.session import StopFlag, be_prompt
 
     require_duration(duration)
     be_prompt()
     stop = StopFlag().on_signals()
-    if settings.scene:
-        in_scene = _follow_in_a_scene(settings, endpoints, shadow, stop, duration, parent)
-        if json_output:
-            print_json(in_scene)
-        return
-    robot, reach = make_moved_robot(settings, say=say) if shadow else make_session_robot(settings)
-    # A shadow says by itself which settings have a part in it.
-    said = {} if shadow else {name: text for name, text in settings.as_text().items() if name not in LEADER_SAYS}
-    channels = SHADOW_CHANNELS if shadow else FOLLOWER_CHANNELS
-    with contextlib.closing(robot), open_link("follower", endpoints, channels) as link:
-        if parent is None:
-            simulated = robot.specification.simulated
-            mover = f"the {settings.operator} operator moves it" if simulated else "somebody else moves it"
-            waits = f"{mover} and nothing is commanded" if shadow else WAITS
-            pressed = f"pressing {settings.material}" if settings.robot == "simulated" else f"robot {settings.robot}"
-            say(f"follower: {pressed}, {waits}")
-        run = run_shadow if shadow else run_follower
-        ran: Mapping[str, Any] = run(
-            link,
-            robot,
-            settings,
-            stop=stop,
-            say=say,
-            description=said | reach_texts(reach) | insecurity(link),
-            duration=duration,
-            parent=parent,
-        )
+    follow = _follow_in_a_scene if settings.scene else _follow_along_a_line
+    ran = follow(settings, endpoints, shadow, stop, duration, parent)
     if json_output:
         print_json(ran)
 
@@ -196,105 +158,6 @@ def leader(
 
 
 @with_endpoints
-def record(
-    *,
-    path: Annotated[Path, typer.Argument(help="MCAP file to write.")],
-    endpoints: Endpoints,
-    json_output: Json = False,
-    parent: Parent = None,
-) -> None:
-    """Record a session that runs elsewhere, until it ends or Ctrl-C.
-
-    Where the disk is full or the file is removed meanwhile it says so at once, stays, and ends with exit code 3.
-
-    Example: foretouch record session.mcap --connect tcp/127.0.0.1:7447 --connect tcp/127.0.0.1:7448
-    """
-    from foretouch.session import RECORDER_CHANNELS, RECORDING_INCOMPLETE, StopFlag, give_way, run_recorder
-
-    require_recording(path)
-    give_way()
-    stop = StopFlag().on_signals()
-    with open_link("recorder", endpoints, RECORDER_CHANNELS) as link:
-        problem = run_recorder(link, path, stop=stop, say=say, parent=parent)
-    if json_output:
-        print_json({"ended": stop.reason or ENDED, "recording": str(path), "problem": problem or None})
-    if problem:
-        raise typer.Exit(RECORDING_INCOMPLETE)
-
-
-@with_session_settings()
-@with_endpoints
-def camera(*, settings: Any, endpoints: Endpoints, json_output: Json = False, parent: Parent = None) -> None:
-    """The camera at the follower of a scene: simulated images, and where they and the touches show the fixture.
-
-    It stands beside the follower, on the same machine, in a process of its own.
-
-    Example: foretouch camera --scene hill --listen tcp/127.0.0.1:7449 --connect tcp/127.0.0.1:7447
-    """
-    from foretouch.session import StopFlag, give_way
-    from foretouch.session.spatial import CAMERA_CHANNELS, make_camera, make_scene, run_camera
-
-    if not settings.scene:
-        raise SettingError("scene", settings.scene, "is needed for a camera: plane, hill, phantom, or a mesh")
-    give_way()
-    scene = make_scene(settings.scene)
-    sees = settings.fusion in ("full", "image") or parent is not None
-    missing: list[str] = []
-    drawn = make_camera(settings, scene, say=missing.append) if sees else None
-    for line in missing:
-        say(line)
-    with open_link("camera", endpoints, CAMERA_CHANNELS) as link:
-        texts = {"camera": "there is none" if drawn is None else "there is one", "camera_missing": "".join(missing)}
-        ran = run_camera(
-            link,
-            scene,
-            drawn,
-            settings,
-            stop=StopFlag().on_signals(),
-            parent=parent,
-            description=lambda: texts | insecurity(link),
-        )
-    if json_output:
-        print_json(ran)
-
-
-@with_endpoints
-def console(
-    *,
-    endpoints: Endpoints,
-    port: Annotated[int, typer.Option(help="On 127.0.0.1.")] = 8080,
-    recordings: Annotated[Path, typer.Option(help="Folder whose recordings can be looked at.")] = Path(),
-    json_output: Json = False,
-    parent: Parent = None,
-) -> None:
-    """Watch a session in the browser, take its handle, and look at recordings.
-
-    Example: foretouch console --connect tcp/127.0.0.1:7447 --connect tcp/127.0.0.1:7448
-    """
-    from foretouch.console import Console
-    from foretouch.messages import Stop
-    from foretouch.session import StopFlag, give_way, orphaned
-
-    give_way()
-    stop = StopFlag().on_signals()
-    shown = Console(port, lambda message: link.publish(message), recordings=recordings)
-
-    def watch(message: Message) -> None:
-        if isinstance(message, Stop):
-            stop.set(message.reason)
-        shown.watch(message)
-
-    with open_link("console", endpoints, WATCHED_CHANNELS, watch) as link:
-        say(f"console: {shown.url}")
-        shown.run(lambda: bool(stop.reason or link.version_error) or orphaned(parent))
-        shown.close()
-        if link.version_error is not None:
-            raise link.version_error
-    if json_output:
-        print_json({"ended": stop.reason or ENDED, "url": shown.url})
-
-
-@with_endpoints
 def stop(*, endpoints: Endpoints, json_output: Json = False) -> None:
     """Stop the robot: an emergency stop, asked for again and again until the follower says that it has stopped.
 
@@ -320,17 +183,50 @@ def stop(*, endpoints: Endpoints, json_output: Json = False) -> None:
     raise typer.Exit(1)
 
 
-COMMANDS = (leader, follower, camera, stop, record, console)
+COMMANDS = (leader, follower, stop)
 
-WATCHED_CHANNELS = (
-    "telemetry", "leader", "model", "hello", "stop", "follower-space", "leader-space", "field", "fixture", "image"
-)  # fmt: skip
-"""What the console's link receives."""
+
+def _follow_along_a_line(
+    settings: Any, endpoints: Endpoints, shadow: bool, stop: StopFlag, duration: float | None, parent: int | None
+) -> Mapping[str, Any]:
+    """The follower's side of a session along a line, or a shadow of it; why it ended, and what it counted."""
+    from foretouch.session import (
+        FOLLOWER_CHANNELS,
+        SHADOW_CHANNELS,
+        make_moved_robot,
+        make_session_robot,
+        reach_texts,
+        run_follower,
+        run_shadow,
+    )
+
+    robot, reach = make_moved_robot(settings, say=say) if shadow else make_session_robot(settings)
+    # A shadow says by itself which settings have a part in it.
+    said = {} if shadow else {name: text for name, text in settings.as_text().items() if name not in LEADER_SAYS}
+    channels = SHADOW_CHANNELS if shadow else FOLLOWER_CHANNELS
+    with contextlib.closing(robot), open_link("follower", endpoints, channels) as link:
+        if parent is None:
+            simulated = robot.specification.simulated
+            mover = f"the {settings.operator} operator moves it" if simulated else "somebody else moves it"
+            waits = f"{mover} and nothing is commanded" if shadow else WAITS
+            pressed = f"pressing {settings.material}" if settings.robot == "simulated" else f"robot {settings.robot}"
+            say(f"follower: {pressed}, {waits}")
+        run = run_shadow if shadow else run_follower
+        return run(
+            link,
+            robot,
+            settings,
+            stop=stop,
+            say=say,
+            description=said | reach_texts(reach) | insecurity(link),
+            duration=duration,
+            parent=parent,
+        )
 
 
 def _follow_in_a_scene(
     settings: Any, endpoints: Endpoints, shadow: bool, stop: StopFlag, duration: float | None, parent: int | None
-) -> dict[str, str | int]:
+) -> Mapping[str, Any]:
     """The follower's side of a session in three dimensions."""
     from foretouch.session import FOLLOWER_CHANNELS, SPACE_FOLLOWER_CHANNELS, run_follower
     from foretouch.session.spatial import make_scene, make_spatial_robot

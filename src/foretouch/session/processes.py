@@ -195,7 +195,7 @@ class _Supervisor:
         if code != 0:
             self._say(f"the {child.role} process ended with exit code {code}")
             return code if code > 0 else 1
-        return 0 if child.role in ("leader", "follower") else None
+        return 0 if child.role in SIDES else None
 
     def _goes_back(self, child: Child) -> bool:
         """Whether a side that failed soon after a choice was started again as it was before."""

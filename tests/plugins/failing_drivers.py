@@ -1,4 +1,4 @@
-"""Drivers whose calls do not come back, as modules of packages that are made for a test."""
+"""Drivers that fail against their promises, as modules of packages that are made for a test: by name, how they do."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import ctypes, threading, time
 from foretouch.devices import Device
 
 
-class Hung(Device):
+class Failing(Device):
     closed_loop = False
     real_time = False
 
@@ -19,6 +19,8 @@ class Hung(Device):
         self.reads += 1
         if self.name == "read" and self.reads > 2000:
             threading.Event().wait()
+        if self.name == "torn" and self.reads > 2000:
+            raise OSError("the cable is torn")
         if self.name == "held" and self.reads > 2000:
             ctypes.PyDLL(None).sleep(1000)  # as a binding in C that keeps the interpreter
         return 0.0
@@ -32,15 +34,19 @@ class Hung(Device):
 
 
 def read(settings, reach):
-    return Hung("read")
+    return Failing("read")
+
+
+def torn(settings, reach):
+    return Failing("torn")
 
 
 def held(settings, reach):
-    return Hung("held")
+    return Failing("held")
 
 
 def close(settings, reach):
-    return Hung("close")
+    return Failing("close")
 """
 
 ROBOT = """
@@ -50,6 +56,17 @@ from foretouch.robot import make_robot
 
 
 def stuck(settings):
+    return failing(threading.Event().wait)
+
+
+def torn(settings):
+    def fail():
+        raise OSError("the drive is gone")
+
+    return failing(fail)
+
+
+def failing(fail):
     robot = make_robot("hunt-crossley", seed=1)
     move, left = robot.exchange, [1000]
 
@@ -58,7 +75,7 @@ def stuck(settings):
         if left[0] < 1000 or sample.exact_force > 0.5:  # from the first press on: then there is a leader
             left[0] -= 1
         if left[0] < 0:
-            threading.Event().wait()
+            fail()
         return sample
 
     robot.exchange = exchange
