@@ -11,7 +11,13 @@ from foretouch.report.statuses import fault_name
 
 __all__ = ["left_out", "safety_lines", "safety_sentences", "stretch_sentence"]
 
-REFUSED = {"stale": "stale", "overtaken": "overtaken or copied", "future": "from the future", "of_others": "of others"}
+REFUSED = {
+    "stale": "stale",
+    "overtaken": "overtaken or copied",
+    "future": "from the future",
+    "of_others": "of others",
+    "before_release": "from before a release",
+}
 """Commands that were refused, in words."""
 
 

@@ -26,7 +26,7 @@ A_MOMENT_NS = 100_000_000
 FOUND_WITHIN_NS = 100_000_000
 """A fault of the sensors is found no later than so long after it began [ns], but for steps in contact."""
 
-REFUSALS = ("stale", "overtaken", "future", "of_others")
+REFUSALS = ("stale", "overtaken", "future", "of_others", "before_release")
 """Why commands were refused, as their counters are called."""
 
 
