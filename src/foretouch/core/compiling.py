@@ -49,7 +49,7 @@ def compiled(what: Any = "", /, **options: Any) -> Any:
     Args:
         what: A function of numbers, arrays and tuples; or its types, in Numba's terms; or nothing, to compile for the
             types of each call.
-        options: Of `numba.njit`, such as ``error_model`` and ``forceinline``. Never ``fastmath``: tests for NaN go.
+        **options: Of `numba.njit`, such as ``error_model`` and ``forceinline``. Never ``fastmath``: tests for NaN go.
     """
     if callable(what):
         return compiled()(what)
