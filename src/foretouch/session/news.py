@@ -40,7 +40,7 @@ def follower_news(state: follower.State) -> str:
         again = f"; once that is mended: kill -USR2 {os.getpid()}"
         return f"the robot holds its place and learns nothing: {SENSOR_SENTENCES[watch.state]}{again}"
     if safety.status in (Status.HOLDING, Status.UNLOADING, Status.RETREATING, Status.TOO_SLOW) and state.lease.epoch:
-        return f"the robot {STATUS_SENTENCES[safety.status]}"
+        return "; ".join(filter(None, (f"the robot {STATUS_SENTENCES[safety.status]}", failure_news(state))))
     return failure_news(state)
 
 

@@ -49,8 +49,8 @@ STEP_TIME = 3e-4
 ROUND = 1.1 * SAMPLE_PERIOD
 """An exchange of such a driver, with a step before it, comes round once in a cycle, give or take a tenth [s]."""
 TIME_RULE = (
-    f"99 of 100 exchanges take at most the sample period, {1e3 * SAMPLE_PERIOD:g} ms; where they wait for the next cycle "
-    f"of a bus, with {1e3 * STEP_TIME:g} ms of other work before each at most {1e3 * ROUND:g} ms in all"
+    f"99 of 100 exchanges take at most the sample period, {1e3 * SAMPLE_PERIOD:g} ms; where they wait for the next "
+    f"cycle of a bus, with {1e3 * STEP_TIME:g} ms of other work before each at most {1e3 * ROUND:g} ms in all"
 )
 HELD = 1.05
 """The force that is held in the end may be so many times the limit: sensors have noise."""
