@@ -88,6 +88,13 @@ def test_a_shadow_says_that_it_can_stop_nothing() -> None:
     assert robot_alerts(heard, NOW) == (f"E{trouble[1:]}.",)
 
 
+def test_a_fault_of_the_followers_step_is_told_whatever_the_robot_does() -> None:
+    trouble = "the follower has a fault: ValueError raised in its learning; nothing more is learnt"
+    for status in (Status.FOLLOWING, Status.RETURNING, Status.SHADOW):
+        heard = watched(state(), telemetry(status=status), hello("follower", trouble=trouble))
+        assert robot_alerts(heard, NOW) == (f"T{trouble[1:]}.",)
+
+
 def test_a_sensor_fault_is_told_once() -> None:
     sentence = SENSOR_SENTENCES[SensorState.STUCK]
     fault = telemetry(status=Status.SENSOR_FAULT, validity=SensorState.STUCK)

@@ -16,6 +16,9 @@ INSECURE = "INSECURE: nothing is encrypted and nobody is checked; anybody on thi
 RECORDER_SILENT = 3.0
 """A recorder speaks twice a second; it is silent when nothing has come for so long [s]."""
 
+FAULT = "the follower has a fault"
+"""Stands in what the robot's side says where something raised there, whatever the robot does."""
+
 RELEASE = "kill -USR2"
 """Stands in what the robot's side says where it waits for somebody to let it go on."""
 
@@ -109,7 +112,7 @@ def _silence(watched: Watched, now: float) -> str:
 def _robot(watched: Watched, telemetry: Telemetry) -> str:
     """What the robot does instead of following, and how it is let go on; nothing before the first leader."""
     status, trouble = telemetry.status, watched.trouble
-    if status == Status.SHADOW and trouble:
+    if (status == Status.SHADOW and trouble) or FAULT in trouble:
         return _said_there(trouble)
     if status in CALM or not (telemetry.epoch or status in (Status.STOPPED, Status.SENSOR_FAULT)):
         return ""
