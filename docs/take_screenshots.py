@@ -14,9 +14,6 @@ from __future__ import annotations
 import subprocess
 import sys
 import tempfile
-import time
-import urllib.error
-import urllib.request
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -25,6 +22,7 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT / "tests" / "console"))  # the mouse and the browser are the tests' own
 
 from console_driver import choose, held_handle, held_in_space, open_page, open_tab  # noqa: E402
+from visitors import Printed  # noqa: E402
 
 from foretouch.console.alarm import LATCHED, READY  # noqa: E402
 from foretouch.console.space import SPACE_INSTRUCTION  # noqa: E402
@@ -71,9 +69,10 @@ def _session(port: int, options: tuple[str, ...], take: Callable[[str], None], i
             "pressed.mcap",
             *options,
         ]
-        session = subprocess.Popen(command, cwd=folder, stdout=subprocess.DEVNULL)
+        quiet = subprocess.DEVNULL
+        session = subprocess.Popen(command, cwd=folder, stdout=quiet, stderr=subprocess.PIPE, text=True)
         try:
-            take(f"http://127.0.0.1:{port}")
+            take(Printed(session).address())
         finally:
             session.terminate()
             session.wait(120)  # it writes its report
@@ -85,7 +84,6 @@ def _session(port: int, options: tuple[str, ...], take: Callable[[str], None], i
 
 def _take(url: str) -> None:
     """Watch for a while, look at what was recorded, press while the robot is still behind; then stop it."""
-    _wait_for(url)
     with open_page(url, 1280, 900) as (page, _):
         page.wait_for_timeout(1000 * WATCHED)
         _close_notices(page)
@@ -107,7 +105,6 @@ def _take(url: str) -> None:
 
 def _take_scene(url: str) -> None:
     """Watch the script palpate, then press with the mouse."""
-    _wait_for(url)
     with open_page(url, 1440, 900, SPACE_INSTRUCTION) as (page, _):
         page.keyboard.press("o")
         page.wait_for_timeout(1000 * PALPATED)
@@ -155,17 +152,6 @@ def _close_notices(page: Any) -> None:
     """Close what the viewer says about rendering without a graphics card."""
     for button in page.locator(".mantine-Notification-closeButton").all():
         button.click()
-
-
-def _wait_for(url: str) -> None:
-    end = time.monotonic() + 30.0
-    while time.monotonic() < end:
-        try:
-            urllib.request.urlopen(url, timeout=1.0).close()
-            return
-        except (urllib.error.URLError, OSError):
-            time.sleep(0.2)
-    raise SystemExit(f"the console did not come up at {url}")
 
 
 def _shrink(path: Path) -> None:

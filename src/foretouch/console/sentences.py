@@ -16,6 +16,9 @@ INSECURE = "INSECURE: nothing is encrypted and nobody is checked; anybody on thi
 RECORDER_SILENT = 3.0
 """A recorder speaks twice a second; it is silent when nothing has come for so long [s]."""
 
+NOBODY_YET = "No robot has been heard yet: nothing that is pressed here reaches one."
+"""Until anybody speaks."""
+
 RELEASE = "kill -USR2"
 """Stands in what the robot's side says where it waits for somebody to let it go on."""
 
@@ -96,9 +99,13 @@ def _recording(watched: Watched, now: float) -> str:
 
 
 def _silence(watched: Watched, now: float) -> str:
-    """Which of the sides has fallen silent while the other speaks."""
+    """Which of the sides is silent."""
     robot, leader = watched.robot_silence(now), watched.leader_silence(now)
-    if robot > SILENT > leader:
+    if watched.heard == -math.inf:
+        return NOBODY_YET
+    if robot > SILENT and leader > SILENT and math.isfinite(robot):
+        return f"Neither side has been heard for {min(robot, leader):.1f} s: nobody here knows what the robot does."
+    if robot > SILENT:
         since = f"for {robot:.1f} s" if math.isfinite(robot) else "from the beginning"
         return f"The robot's side has been silent {since}: nobody here knows what it does."
     if leader > SILENT > robot and math.isfinite(leader):

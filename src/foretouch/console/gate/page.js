@@ -1,0 +1,52 @@
+// Says that nothing comes from the console any more. It runs in the page and needs nobody's answer for it.
+(() => {
+  const LONGEST = 500; // without a beat [ms]; ten beats come in a second
+  const LOOK = 100; // between two looks [ms]; a page that is too busy to look does not count that as silence
+  const TOLD_AGAIN = 1000; // [ms]
+  let beat = "", silence = 0, looked = performance.now(), since = looked, told = 0;
+  const box = document.createElement("div");
+  box.id = "foretouch-lost";
+  box.setAttribute("role", "alert");
+  box.style.cssText =
+    "display:none;position:fixed;left:12px;bottom:12px;z-index:100000;box-sizing:border-box;pointer-events:none;" +
+    "width:min(560px, calc(100vw - 24px));min-height:76px;padding:10px 14px;background:#000;color:#fff;" +
+    "border:4px solid #d55e00;border-radius:10px;font:16px/1.35 sans-serif";
+  const style = document.createElement("style");
+  style.textContent =
+    "html.foretouch-lost div:has(> .foretouch-alarm) + div > button{visibility:hidden !important}" +
+    "html.foretouch-lost #root{filter:grayscale(1) opacity(0.55)}";
+  const head = document.createElement("b");
+  head.style.cssText = "display:block;font-size:19px;color:#ffb27a";
+  head.textContent = "\u26a0 LOST_TEXT";
+  const text = document.createElement("span");
+  box.append(head, text);
+  const look = () => {
+    const now = performance.now();
+    const waited = Math.min(now - looked, 2 * LOOK);
+    looked = now;
+    const found = document.querySelector("[BEAT_ATTRIBUTE]");
+    const next = found ? found.getAttribute("BEAT_ATTRIBUTE") : beat;
+    if (next !== beat || document.hidden) {
+      beat = next;
+      silence = 0;
+      since = now;
+    } else {
+      silence += waited;
+    }
+    const lost = silence > LONGEST;
+    document.documentElement.classList.toggle("foretouch-lost", lost);
+    box.style.display = lost ? "block" : "none";
+    if (lost && now - told > TOLD_AGAIN) {
+      told = now;
+      const seconds = Math.round((now - since) / 1000);
+      text.textContent =
+        beat === ""
+          ? "It is still loading, or the console refuses it. No emergency stop from here yet."
+          : `Nothing has come from it for ${Math.max(seconds, 1)} s. What is pressed here does not arrive, the ` +
+            "emergency stop neither: stop the robot at its own machine, or with \u201cforetouch stop\u201d. A console that " +
+            "was started again has a new address, in its terminal.";
+    }
+  };
+  document.documentElement.append(style, box);
+  setInterval(look, LOOK);
+})();
