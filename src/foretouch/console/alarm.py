@@ -92,7 +92,8 @@ def _box_html(alerts: tuple[str, ...]) -> str:
         return ""
     lines = "".join(f'<div style="padding:2px 0">&#9888; {html.escape(alert)}</div>' for alert in alerts)
     return (
-        f'<div role="alert" style="{_PLACE}bottom:92px;width:max(366px, min(560px, calc(100vw - 492px)));'
+        f'<div role="alert" class="foretouch-alerts" style="{_PLACE}bottom:92px;'
+        "width:max(366px, min(560px, calc(100vw - 492px)));"
         f"box-sizing:border-box;pointer-events:none;overflow-wrap:anywhere;background:#fff;color:{css(INK)};"
         f'border:3px solid {css(VERMILLION)};border-radius:8px;padding:6px 10px;font-weight:600">{lines}</div>'
     )

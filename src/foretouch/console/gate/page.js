@@ -13,7 +13,8 @@
     "border:4px solid #d55e00;border-radius:10px;font:16px/1.35 sans-serif";
   const style = document.createElement("style");
   style.textContent =
-    "html.foretouch-lost div:has(> .foretouch-alarm) + div > button{visibility:hidden !important}" +
+    "html.foretouch-lost :is(div:has(> .foretouch-alarm) + div > button, .foretouch-alerts)" +
+    "{visibility:hidden !important}" +
     "html.foretouch-lost #root{filter:grayscale(1) opacity(0.55)}";
   const head = document.createElement("b");
   head.style.cssText = "display:block;font-size:19px;color:#ffb27a";
@@ -36,15 +37,19 @@
     const lost = silence > LONGEST;
     document.documentElement.classList.toggle("foretouch-lost", lost);
     box.style.display = lost ? "block" : "none";
+    if (!lost) {
+      text.textContent = "";
+      told = 0;
+    }
     if (lost && now - told > TOLD_AGAIN) {
       told = now;
       const seconds = Math.round((now - since) / 1000);
       text.textContent =
         beat === ""
           ? "It is still loading, or the console refuses it. No emergency stop from here yet."
-          : `Nothing has come from it for ${Math.max(seconds, 1)} s. What is pressed here does not arrive, the ` +
-            "emergency stop neither: stop the robot at its own machine, or with \u201cforetouch stop\u201d. A console that " +
-            "was started again has a new address, in its terminal.";
+          : `Nothing has come from it for ${Math.max(seconds, 1)} s. Nothing that is pressed here arrives, nor does the ` +
+            "emergency stop: stop the robot at its own machine, or with \u201cforetouch stop\u201d. " +
+            "A console that was started again has a new address, in its terminal.";
     }
   };
   document.documentElement.append(style, box);

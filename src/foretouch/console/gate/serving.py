@@ -208,6 +208,14 @@ def _connection_type(gate: _Gate) -> type[ServerConnection]:
             else:
                 super().data_received(data)
 
+        def send_data(self) -> None:
+            # In one piece: of a page that pings and is gone each single answer would fail, and be told of.
+            writes = self.protocol.writes
+            if len(writes) > 2:
+                end = [part for part in writes[-1:] if not part]  # an empty part ends the stream
+                self.protocol.writes = [b"".join(writes), *end]
+            super().send_data()
+
         async def recv(self, decode: bool | None = None) -> Any:
             while True:
                 raw = await super().recv(decode)
