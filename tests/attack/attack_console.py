@@ -38,6 +38,8 @@ SEED = 7
 GUESSES, RANDOM_MESSAGES = 500, 1000
 FLOOD = 4.0
 """Length of each flood [s]."""
+STILL = 1.0
+"""A page stands still to which nothing has come for so long [s]; else some 30 pictures a second do."""
 MOST_GROWTH = 60e6
 """Of the console's memory by all of this together [byte]."""
 PUBLISHED = ("handle", "settings", "choice", "stop", "emergency")
@@ -199,12 +201,12 @@ def floods(target: Target) -> Iterator[Tally]:
         "pings": lambda page: page.socket.socket.sendall(b"\x89\x80abcd" * 100),
     }
     for what, pour in kinds.items():
-        tally = Tally(f"flood of {what}, {FLOOD:g} s: the other page stood still")
+        tally = Tally(f"flood of {what}, {FLOOD:g} s: another page stood still for {STILL:g} s")
         with page_of(target.visitor) as honest:
             end = time.monotonic() + FLOOD
             while time.monotonic() < end:
                 tally.tried += _pour(target.visitor, pour, min(end, time.monotonic() + 0.5))
-                tally.got_in += not honest.hear(0.3)
+                tally.got_in += _stands_still(honest)
         yield tally
 
 
@@ -310,6 +312,15 @@ def _pour(visitor: Visitor, pour: Callable[[Page], None], end: float) -> int:
             pour(page)
             sent += 1
     return sent
+
+
+def _stands_still(page: Page) -> bool:
+    """Whether nothing comes to a page."""
+    end = time.monotonic() + STILL
+    while time.monotonic() < end:
+        if page.hear(0.1):
+            return False
+    return True
 
 
 def _random_message(generator: random.Random, kind: type[Any], controls: list[str]) -> dict[str, Any]:

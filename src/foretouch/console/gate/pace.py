@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-__all__ = ["LARGEST_BACKLOG", "MOST_BYTES", "MOST_CONNECTIONS", "MOST_PAGES", "Volume", "Wait"]
+__all__ = ["LARGEST_BACKLOG", "MOST_BYTES", "MOST_CONNECTIONS", "MOST_PAGES", "READ_AT_ONCE", "Volume", "Wait"]
 
 RATE, BURST = 250.0, 500.0
 """Messages per second that are heard of one page in the long run, and at once after a pause: a mouse that drags causes
@@ -10,6 +10,8 @@ fewer than 100. What comes faster waits where it comes from."""
 MOST_BYTES = 262_144
 """A page that sends more within a second is cut off: it sends some 30 kB when a mouse drags. Frames that say nothing
 (pings, empty ones) cost some microseconds each and do not wait."""
+READ_AT_ONCE = 8_192
+"""Between two reads of one page the others have their turn [byte]: some 1,300 pings of 6 bytes, a few milliseconds."""
 LARGEST_BACKLOG = 16_777_216
 """A page that sends while more than so much waits for it to be read is cut off [byte]."""
 MOST_PAGES = 16

@@ -1,9 +1,9 @@
 // Says that nothing comes from the console any more. It runs in the page and needs nobody's answer for it.
 (() => {
-  const LONGEST = 500; // without a beat [ms]; ten beats come in a second
+  const LONGEST = 700; // without a beat [ms]; ten beats come in a second, and a second is what is promised
   const LOOK = 100; // between two looks [ms]; a page that is too busy to look does not count that as silence
   const TOLD_AGAIN = 1000; // [ms]
-  let beat = "", silence = 0, looked = performance.now(), since = looked, told = 0;
+  let beat = "", silence = 0, looked = performance.now(), since = looked, told = -Infinity;
   const box = document.createElement("div");
   box.id = "foretouch-lost";
   box.setAttribute("role", "alert");
@@ -14,8 +14,9 @@
   const style = document.createElement("style");
   style.textContent =
     "html.foretouch-lost :is(div:has(> .foretouch-alarm) + div > button, .foretouch-alerts)" +
-    "{visibility:hidden !important}" +
-    "html.foretouch-lost #root{filter:grayscale(1) opacity(0.55)}";
+    "{opacity:0 !important}" + // nobody takes it for one that works; it is still pressed, should the console come back
+    "html.foretouch-lost::after{content:'';position:fixed;inset:0;z-index:99999;pointer-events:none;" +
+    "background:rgba(255,255,255,0.6)}";
   const head = document.createElement("b");
   head.style.cssText = "display:block;font-size:19px;color:#ffb27a";
   head.textContent = "\u26a0 LOST_TEXT";
@@ -39,7 +40,7 @@
     box.style.display = lost ? "block" : "none";
     if (!lost) {
       text.textContent = "";
-      told = 0;
+      told = -Infinity;
     }
     if (lost && now - told > TOLD_AGAIN) {
       told = now;
@@ -47,8 +48,8 @@
       text.textContent =
         beat === ""
           ? "It is still loading, or the console refuses it. No emergency stop from here yet."
-          : `Nothing has come from it for ${Math.max(seconds, 1)} s. Nothing that is pressed here arrives, nor does the ` +
-            "emergency stop: stop the robot at its own machine, or with \u201cforetouch stop\u201d. " +
+          : `Nothing has come from it for ${Math.max(seconds, 1)} s. What is pressed here may not arrive, nor may the ` +
+            "emergency stop (Space): stop the robot at its own machine, or with \u201cforetouch stop\u201d. " +
             "A console that was started again has a new address, in its terminal.";
     }
   };

@@ -17,7 +17,7 @@ from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any
 
 from foretouch.console.gate.entrance import Entrance
-from foretouch.console.gate.pace import LARGEST_BACKLOG, MOST_CONNECTIONS, MOST_PAGES, Volume, Wait
+from foretouch.console.gate.pace import LARGEST_BACKLOG, MOST_CONNECTIONS, MOST_PAGES, READ_AT_ONCE, Volume, Wait
 from foretouch.console.gate.page import with_watch
 from foretouch.console.gate.permitted import LARGEST_MESSAGE, permitted
 from foretouch.errors import LinkError
@@ -192,6 +192,7 @@ def _connection_type(gate: _Gate) -> type[ServerConnection]:
 
         def connection_made(self, transport: Any) -> None:
             super().connection_made(transport)
+            transport.max_size = READ_AT_ONCE
             gate.connections.add(self)
             if len(gate.connections) > MOST_CONNECTIONS:
                 transport.abort()
