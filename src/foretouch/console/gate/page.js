@@ -1,7 +1,8 @@
 // Says that nothing comes from the console any more. It runs in the page and needs nobody's answer for it.
 (() => {
-  const LONGEST = 700; // without a beat [ms]; ten beats come in a second, and a second is what is promised
-  const LOOK = 100; // between two looks [ms]; a page that is too busy to look does not count that as silence
+  const LONGEST = 600; // without a beat [ms]; ten beats come in a second, and a second is what is promised
+  const LOOK = 50; // between two looks at least [ms]
+  const LONGEST_LOOK = 250; // [ms]; what comes is shown when a frame is drawn: slow frames are no silence of the console
   const TOLD_AGAIN = 1000; // [ms]
   let beat = "", silence = 0, looked = performance.now(), since = looked, told = -Infinity;
   const box = document.createElement("div");
@@ -23,8 +24,10 @@
   const text = document.createElement("span");
   box.append(head, text);
   const look = () => {
+    requestAnimationFrame(look);
     const now = performance.now();
-    const waited = Math.min(now - looked, 2 * LOOK);
+    if (now - looked < LOOK) return;
+    const waited = Math.min(now - looked, LONGEST_LOOK);
     looked = now;
     const found = document.querySelector("[BEAT_ATTRIBUTE]");
     const next = found ? found.getAttribute("BEAT_ATTRIBUTE") : beat;
@@ -54,5 +57,5 @@
     }
   };
   document.documentElement.append(style, box);
-  setInterval(look, LOOK);
+  look();
 })();
