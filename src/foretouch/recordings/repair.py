@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from foretouch.errors import RecordingError
+from foretouch.files import within_budget
 from foretouch.recordings._extra import optional
 from foretouch.recordings.block_file import BlockFile, being_written
 from foretouch.recordings.mcap_index import (
@@ -85,7 +86,9 @@ def is_whole(path: str | PathLike[str]) -> bool:
     return end.startswith(RECORD.pack(FOOTER, _footer.size)) and end.endswith(MAGIC)
 
 
-def repair_session(path: str | PathLike[str], output: str | PathLike[str] | None = None) -> Repair:
+def repair_session(
+    path: str | PathLike[str], output: str | PathLike[str] | None = None, *, budget: float | None = None
+) -> Repair:
     """Make a recording whole: keep every block that can be read, byte by byte, and write the index anew.
 
     What ends before its index gets the counter ``truncated``. A recording that is whole stays as it is.
@@ -93,6 +96,7 @@ def repair_session(path: str | PathLike[str], output: str | PathLike[str] | None
     Args:
         path: MCAP file, of any writer.
         output: Where the whole recording goes; without it, it takes the place of the file. Neither is ever half there.
+        budget: How many times the usual memory and time this may take (`foretouch.files.budget_for`).
 
     Returns:
         What there is in it.
@@ -101,6 +105,10 @@ def repair_session(path: str | PathLike[str], output: str | PathLike[str] | None
         RecordingError: No such file, no MCAP, still being written, nothing in it, or the output cannot be written.
         MissingExtraError: The package ``mcap`` is not installed.
     """
+    return within_budget(path, budget, _repair, path, output)
+
+
+def _repair(path: str | PathLike[str], output: str | PathLike[str] | None) -> Repair:
     try:
         if being_written(path):
             raise RecordingError(path, "is still being written: end its recorder first")

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foretouch.errors import RecordingError
+from foretouch.files import within_budget
 from foretouch.messages import (
     FOLLOWER_DTYPE,
     FOLLOWER_SPACE_DTYPE,
@@ -66,7 +67,7 @@ are enough."""
 _PAGE: Final = mmap.ALLOCATIONGRANULARITY
 
 
-def read_session(path: str | PathLike[str]) -> SessionLog:
+def read_session(path: str | PathLike[str], *, budget: float | None = None) -> SessionLog:
     """The session that an MCAP file of `SessionWriter` holds; every number bit by bit as it was written.
 
     Settings, counters and news are those of the hello messages of both sides. A file that ends before its index,
@@ -74,10 +75,19 @@ def read_session(path: str | PathLike[str]) -> SessionLog:
     that messages did not have when the file was written have their defaults, and fields that they have no more are
     passed over.
 
+    Args:
+        path: The file.
+        budget: How many times the usual memory and time its reading may take (`foretouch.files.budget_for`).
+
     Raises:
-        RecordingError: No such file, no MCAP, no foretouch session in it, another version's, or damaged.
+        RecordingError: No such file, no MCAP, no foretouch session in it, another version's, damaged, or over the
+            budget.
         MissingExtraError: The package ``mcap`` is not installed.
     """
+    return within_budget(path, budget, _read_all, path)
+
+
+def _read_all(path: str | PathLike[str]) -> SessionLog:
     return _read(path, _COLUMNS, (*_KEPT, Hello))
 
 
