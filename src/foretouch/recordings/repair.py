@@ -31,6 +31,7 @@ from foretouch.recordings.mcap_index import (
     RECORD,
     SCHEMA,
     append_index,
+    chunk_content,
     counts_record,
     message_head,
     record_bytes,
@@ -232,8 +233,7 @@ class _Scan:
     def _chunk(self, record: bytes) -> _Chunk:
         """A chunk whose messages can all be read; what it says itself is taken over."""
         head = self._records.Chunk.read(self._stream.ReadDataStream(BytesIO(record[RECORD.size :])))
-        inside, length = self._stream.get_chunk_data_stream(head, validate_crc=True)
-        content = bytes(inside.read(length))
+        content = chunk_content(head)
         chunk, reached = _Chunk(), 0
         found: list[tuple[int, bytes]] = []
         for code, start, end in records_in(lambda at, size: content[at : at + size], 0, len(content)):

@@ -37,7 +37,17 @@ from foretouch.messages import (
 from foretouch.messages.session_log import in_order
 from foretouch.recordings._extra import optional
 from foretouch.recordings.cdr import Layout
-from foretouch.recordings.mcap_index import CHANNEL, CHUNK, FOOTER, MAGIC, MESSAGE, METADATA, RECORD, SCHEMA
+from foretouch.recordings.mcap_index import (
+    CHANNEL,
+    CHUNK,
+    FOOTER,
+    MAGIC,
+    MESSAGE,
+    METADATA,
+    RECORD,
+    SCHEMA,
+    chunk_content,
+)
 from foretouch.recordings.topics import COUNTS, TOPICS, TRUNCATED
 
 __all__ = ["read_samples", "read_session"]
@@ -217,8 +227,7 @@ class _Scan:
         elif code == CHANNEL:
             self._channel(record)
         elif code == CHUNK:
-            inside, length = self._stream.get_chunk_data_stream(record, validate_crc=True)
-            self._records_of(bytes(inside.read(length)), 0)
+            self._records_of(chunk_content(record), 0)
         elif record.name == COUNTS:
             self._counts |= {name: int(count) for name, count in record.metadata.items()}
 
