@@ -68,7 +68,10 @@ class Budget(NamedTuple):
 def budget_for(path: str | PathLike[str], factor: float | None = None) -> Budget | None:
     r"""The budget of a file or folder of :math:`S` bytes, with the factor :math:`c`.
 
-    .. math:: \text{memory} = c \max(0.9\,\text{GB},\ 3 S), \qquad \text{time} = c \max(15\,\text{s},\ 0.4\,\text{s/MB}\ S)
+    .. math::
+
+        \text{memory} = c \max(0.9\,\text{GB},\ 3 S), \qquad
+        \text{time} = c \max(15\,\text{s},\ 0.4\,\text{s/MB}\ S)
 
     Args:
         path: The file; one that is not there has the budget of an empty one.

@@ -35,5 +35,8 @@ def open_parcel(descriptor: int) -> Any:
     content = memoryview(mmap.mmap(descriptor, 0, access=mmap.ACCESS_COPY))
     (length,) = _end.unpack(content[-_end.size :])
     spans, body = pickle.loads(content[-_end.size - length : -_end.size])
-    parts = [content[start : start + size] for start, size, _ in spans]
-    return pickle.loads(body, buffers=[part.toreadonly() if span[2] else part for part, span in zip(parts, spans)])
+    parts = []
+    for start, size, fixed in spans:
+        part = content[start : start + size]
+        parts.append(part.toreadonly() if fixed else part)
+    return pickle.loads(body, buffers=parts)

@@ -14,7 +14,6 @@ import signal
 import socket
 import traceback
 from contextlib import suppress
-from pathlib import Path
 from typing import Any
 
 from foretouch.errors import ForetouchError
@@ -40,19 +39,23 @@ LIBRARIES = {
 it."""
 
 
+IDLE = 20.0
+"""So long [s] it waits for a next file: a session that runs for hours has no use for what it has imported."""
+
+
 class _TimeUp(BaseException):
     """Raised where the processor time is over; no reader takes it for an error of the file."""
 
 
 def serve(descriptor: int) -> None:
-    """Read files as long as somebody asks for it.
+    """Read files as long as somebody asks for it, and not for hours.
 
     Args:
         descriptor: Of the socket to who asks. Each message is the ending of a file and the module of its reader; the
             parcel of a request comes beside it, and the answer takes its place.
     """
     asked = socket.socket(fileno=descriptor)
-    while True:
+    while select.select([descriptor], [], [], IDLE)[0]:
         said, parcels, _, _ = socket.recv_fds(asked, within.LONGEST_WORD, 1)
         if not parcels:
             return
@@ -80,7 +83,7 @@ def _waited_for(copy: int, asked: socket.socket) -> bytes | None:
     """How the copy ended; None where nobody waits for it any more: then it was killed."""
     process = os.pidfd_open(copy)
     try:
-        if asked in select.select([asked, process], [], [])[0]:
+        if asked.fileno() in select.select([asked.fileno(), process], [], [])[0]:
             os.kill(copy, signal.SIGKILL)
             os.waitpid(copy, 0)
             return None
@@ -115,11 +118,17 @@ def _limit(budget: Any) -> None:
         raise _TimeUp
 
     signal.signal(signal.SIGXCPU, time_up)
-    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    _lower(resource.RLIMIT_CORE, 0, 0)
     # What is written counts, too: the answer, and files that are made out of the one that is read.
-    resource.setrlimit(resource.RLIMIT_FSIZE, (budget.memory, budget.memory))
-    resource.setrlimit(resource.RLIMIT_DATA, (budget.memory, budget.memory))
-    resource.setrlimit(resource.RLIMIT_CPU, (budget.seconds, budget.seconds + 2))
+    _lower(resource.RLIMIT_FSIZE, budget.memory, budget.memory)
+    _lower(resource.RLIMIT_DATA, budget.memory, budget.memory)
+    _lower(resource.RLIMIT_CPU, budget.seconds, budget.seconds + 2)
+
+
+def _lower(limit: int, soft: int, hard: int) -> None:
+    """Set a limit, unless it is lower already."""
+    given = [most if most != resource.RLIM_INFINITY else hard for most in resource.getrlimit(limit)]
+    resource.setrlimit(limit, (min(soft, *given), min(hard, given[1])))
 
 
 def _outcome(request: Any) -> tuple[str, object]:

@@ -62,6 +62,7 @@ def within_budget(
     path: str | PathLike[str],
     factor: float | None,
     read: Callable[Given, Made],
+    /,
     *given: Given.args,
     **named: Given.kwargs,
 ) -> Made:
@@ -94,12 +95,12 @@ def within_budget(
         write_parcel(parcel, Request(read, given, named, budget, folder))
         ending = "" if Path(path).is_dir() else Path(path).suffix.lower()
         ended = _ask(f"{ending[:16]}\n{read.__module__}", parcel, budget)
-        kind, found = open_parcel(parcel) if ended.code == 0 else (_kind(ended, budget), ended.code)
+        outcome: tuple[str, Any] = open_parcel(parcel) if ended.code == 0 else (_kind(ended, budget), ended.code)
     finally:
         os.close(parcel)
+    kind, found = outcome
     if kind == "made":
-        made: Made = found
-        return made
+        return found  # type: ignore[no-any-return]
     if kind == "raised":
         raise found
     error = RecordingError(path, _problem(kind, found, budget))
@@ -160,12 +161,18 @@ class _Server:
                 start_new_session=True,  # Ctrl-C is for whoever asks
             )
 
-    def ask(self, word: str, parcel: int, patience: float) -> _Ended:
-        """Have a parcel read, whose place the answer takes."""
+    def ask(self, word: str, parcel: int, patience: float) -> _Ended | None:
+        """Have a parcel read, whose place the answer takes; None where the server had gone before it was asked."""
         self._socket.settimeout(patience)
-        socket.send_fds(self._socket, [word.encode()], [parcel])
-        said = self._socket.recv(ENDED.size)
-        return _Ended(*ENDED.unpack(said)) if said else _Ended(self.process.wait() or 1, 0.0)
+        try:
+            socket.send_fds(self._socket, [word.encode()], [parcel])
+            said = self._socket.recv(ENDED.size)
+        except ConnectionError:
+            said = b""
+        if said:
+            return _Ended(*ENDED.unpack(said))
+        code = self.process.wait()
+        return _Ended(code, 0.0) if code else None
 
     def close(self) -> None:
         """Let it end."""
@@ -186,21 +193,23 @@ def _ask(word: str, parcel: int, budget: Budget) -> _Ended:
     """Have a parcel read; the process that does it is started where there is none."""
     global _server
     with _lock:
-        if _server is not None and _server.process.poll() is not None:
-            _close()
-        if _server is None:
-            _server = _Server()
         try:
-            return _server.ask(word, parcel, PATIENCE * budget.seconds + STARTING)
+            while True:
+                if _server is None:
+                    _server = _Server()
+                ended = _server.ask(word, parcel, PATIENCE * budget.seconds + STARTING)
+                if ended is not None:
+                    return ended
+                close()
         except TimeoutError:
-            _close()
+            close()
             return _Ended(-signal.SIGXCPU, 0.0)
         except BaseException:  # Ctrl-C among them: whoever reads is ended with its server
-            _close()
+            close()
             raise
 
 
-def _close() -> None:
+def close() -> None:
     global _server
     if _server is not None:
         _server.close()
@@ -215,5 +224,5 @@ def _in_a_copy() -> None:
         _server = None
 
 
-atexit.register(_close)
+atexit.register(close)
 os.register_at_fork(after_in_child=_in_a_copy)

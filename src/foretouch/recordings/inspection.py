@@ -97,9 +97,7 @@ class Contents:
         }
 
 
-def inspect_recording(
-    path: str | PathLike[str], topic: str | None = None, *, budget: float | None = None
-) -> Contents:
+def inspect_recording(path: str | PathLike[str], topic: str | None = None, *, budget: float | None = None) -> Contents:
     """Look into a recording.
 
     Args:

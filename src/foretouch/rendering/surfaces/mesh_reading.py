@@ -135,8 +135,7 @@ def _loaded(file: Path) -> Any:
         raise InputError(f"{file}: no mesh could be read from it ({_short(error)})") from None
     if not isinstance(mesh, trimesh.Trimesh) or len(mesh.faces) == 0:
         raise InputError(f"{file}: there is no triangle in it, or it is cut off")
-    if len(mesh.faces) > MOST_TRIANGLES:
-        raise InputError(f"{file}: {len(mesh.faces)} triangles, at most {MOST_TRIANGLES} are taken: reduce it")
+    _check_count(mesh, file)
     if not np.isfinite(mesh.vertices).all():
         raise InputError(f"{file}: some coordinates are no finite numbers: export it again")
     return mesh
@@ -159,14 +158,22 @@ def _repaired(mesh: Any, file: Path) -> Any:
         raise InputError(f"{file}: the mesh could not be repaired ({_short(error)}): export it again") from None
     if len(mesh.faces) == 0:
         raise InputError(f"{file}: no triangle in it has an area: is it in metres?")
+    _check_count(mesh, file)  # of loose triangles each is a hole, too, that was filled
     return mesh
+
+
+def _check_count(mesh: Any, file: Path) -> None:
+    if len(mesh.faces) > MOST_TRIANGLES:
+        raise InputError(f"{file}: {len(mesh.faces)} triangles, at most {MOST_TRIANGLES} are taken: reduce it")
 
 
 def _filled(mesh: Any) -> Any:
     """Small holes filled; as it was where holes that touch would give an edge a third triangle."""
-    filled = mesh.copy()
-    _trimesh().repair.fill_holes(filled)
-    return filled if np.bincount(filled.edges_unique_inverse).max() <= 2 else mesh
+    vertices, faces = mesh.vertices.copy(), mesh.faces.copy()
+    _trimesh().repair.fill_holes(mesh)
+    if np.bincount(mesh.edges_unique_inverse).max() <= 2:
+        return mesh
+    return _trimesh().Trimesh(vertices, faces, process=False)
 
 
 def _short(error: Exception) -> str:

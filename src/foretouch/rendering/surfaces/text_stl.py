@@ -1,4 +1,4 @@
-"""Reads STL as text, line by line: trimesh passes over what it cannot read, and a surface with a hole is felt as one."""
+"""Reads STL as text, line by line: trimesh passes over what it cannot read, and a hole in a surface is felt."""
 
 from __future__ import annotations
 
