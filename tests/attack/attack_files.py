@@ -20,7 +20,6 @@ import tempfile
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator
-from contextlib import suppress
 from pathlib import Path
 
 import bombs
@@ -160,6 +159,7 @@ class Attack:
         self.failures: list[str] = []
         self.slowest = (0.0, "")
         self.largest = 0
+        self.memory = ""
 
     def file(self, path: Path, label: str) -> None:
         """Give a file to each of its readers."""
@@ -188,27 +188,26 @@ class Attack:
         elif path.suffix == ".toml":
             command = ["identify", str(self.aside / "a.csv"), "--map", str(path)]
         self.tried["command"] += 1
-        begun = time.perf_counter()
         done = subprocess.run([sys.executable, "-m", "foretouch", *command], capture_output=True, text=True)
         if "Traceback" in done.stderr + done.stdout or done.returncode not in (0, 2):
             self.failures.append(f"{path.name}, command: exit code {done.returncode}: {done.stderr[-200:]}")
         if done.returncode == 2 and len(done.stderr.strip().splitlines()) != 1:
             self.failures.append(f"{path.name}, command: not one line: {done.stderr[-300:]}")
-        self.slowest = max(self.slowest, (time.perf_counter() - begun, f"{path.name}, command"))
 
-    def memory(self) -> float:
-        """Most that any process took that read a file, or this one beyond what it began with [bytes]."""
+    def weigh(self) -> None:
+        """See how much memory the processes took that read all files so far; none of another kind has run before."""
         within.close()
-        return 1024.0 * resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss
+        most = 1024.0 * resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss
+        allowed = max(MOST_MEMORY, 4.0 * self.largest)
+        self.memory = f"most memory of a process that reads: {most / 1e6:.0f} MB"
+        if most > allowed:
+            self.failures.append(f"{most / 1e6:.0f} MB taken, where {allowed / 1e6:.0f} are allowed")
 
     def told(self) -> bool:
         """Print it; whether nothing failed."""
-        most, allowed = self.memory(), max(MOST_MEMORY, 4.0 * self.largest)
-        if most > allowed:
-            self.failures.append(f"{most / 1e6:.0f} MB taken, where {allowed / 1e6:.0f} are allowed")
         for name, times in sorted(self.tried.items()):
             print(f"{name:<14} {times:5d} tried, {self.read[name]:4d} read, the others refused in one line")
-        print(f"slowest: {self.slowest[0]:.1f} s ({self.slowest[1]}); most memory of a process: {most / 1e6:.0f} MB")
+        print(f"slowest: {self.slowest[0]:.1f} s ({self.slowest[1]}); {self.memory}")
         for failure in self.failures:
             print(f"FAILED {failure}")
         print("nothing failed" if not self.failures else f"{len(self.failures)} failed")
@@ -245,10 +244,9 @@ def main(arguments: list[str] | None = None) -> int:
             path = folder / bomb
             write(path)
             attack.file(path, bomb)
-            if given.commands:
-                attack.command(path)
-            with suppress(OSError):
-                path.unlink()
+        attack.weigh()
+        for bomb in bombs.BOMBS if given.commands else ():
+            attack.command(folder / bomb)
         count = len(bombs.BOMBS) - given.quick * len(bombs.SLOW)
         print(f"{len(honest)} honest files, {given.files} damaged ones, {count} bombs")
         return 0 if attack.told() else 1

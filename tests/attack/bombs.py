@@ -57,9 +57,11 @@ def message(data: bytes, at: int = 0) -> bytes:
     return record(records.Message(1, at, data, at, at))
 
 
-def packed_zeros(size: int) -> bytes:
+def packed_zeros(size: int, head: bytes = b"") -> bytes:
+    """Zeros after a head, of this size together; who makes them does not hold them."""
     packer = zstandard.ZstdCompressor().compressobj(size=size)
-    return b"".join(packer.compress(BLOCK) for _ in range(size // len(BLOCK))) + packer.flush()
+    parts = [packer.compress(head)] + [packer.compress(BLOCK) for _ in range((size - len(head)) // len(BLOCK))]
+    return b"".join([*parts, packer.compress(bytes((size - len(head)) % len(BLOCK))), packer.flush()])
 
 
 @bomb("zstd.mcap")
@@ -74,15 +76,17 @@ def _(path: Path) -> None:
 
 @bomb("lz4-that-lies.mcap")
 def _(path: Path) -> None:
-    bag(path, chunk("lz4", lz4.frame.compress(BLOCK * 64, store_size=False), 1000))
+    packer = lz4.frame.LZ4FrameCompressor()
+    parts = [packer.begin(), *(packer.compress(BLOCK) for _ in range(64)), packer.flush()]
+    bag(path, chunk("lz4", b"".join(parts), 1000))
 
 
 @bomb("forty-chunks.mcap")
 def _(path: Path) -> None:
     """Each as large as one may be, a single message, and all of them 10 GB."""
     size = 2**28
-    body = record(records.Message(1, 0, b"\0\1\0\0" + bytes(size - 35), 0, 0))
-    bag(path, *[chunk("zstd", zstandard.compress(body), size)] * 40)
+    head = struct.pack("<BQHIQQ", 5, size - 9, 1, 0, 0, 0) + b"\0\1\0\0"
+    bag(path, *[chunk("zstd", packed_zeros(size, head), size)] * 40)
 
 
 @bomb("nested.mcap")
@@ -190,12 +194,12 @@ def _(path: Path) -> None:
 
 @bomb("deep.toml")
 def _(path: Path) -> None:
-    path.write_text("a = " + "[" * 30_000 + "]" * 30_000)
+    path.write_text("a = " + "[" * 8_000 + "]" * 8_000)
 
 
 @bomb("long-key.toml")
 def _(path: Path) -> None:
-    path.write_text("[" + ".".join("a" * 30_000) + "]\nx = 1\n")
+    path.write_text("[" + ".".join("a" * 8_000) + "]\nx = 1\n")
 
 
 @bomb("long.toml")
