@@ -164,9 +164,9 @@ class Telemetry(Message, frozen=True, array_like=True, gc=False):
     Attributes:
         command_sequence: The command applied in this tick, 0 before the first.
         desired_position: Position that the robot was told to take [m].
-        position: Probe position from the encoders [m].
+        position: Probe position from the encoders, at the tip where it is calibrated what gives way before it [m].
         velocity: Estimated from the positions, causally [m/s].
-        sensor_force: Sensor force less weight and inertia of the tool, offset still in it [N].
+        sensor_force: Sensor force less weight and inertia of the tool, offset still in it unless it is calibrated [N].
         force: The same less the offset that the follower found in free air [N].
         exact_force: The simulator's own contact force [N]; NaN on a robot, where nobody knows it.
         in_contact: The follower's own judgement.
