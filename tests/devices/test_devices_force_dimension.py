@@ -77,7 +77,7 @@ def binding() -> Binding:
 
 @pytest.fixture
 def device(binding: Binding) -> Iterator[ForceDimension]:
-    made = ForceDimension(binding, DeviceSpecification(force_limit=8.0))
+    made = ForceDimension(binding, DeviceSpecification(damping=2.0, force_limit=8.0))
     yield made
     made.close()
 

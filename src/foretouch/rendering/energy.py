@@ -13,8 +13,9 @@ __all__ = ["EnergyAccount", "Ledger"]
 SMALLEST_COUNT = 1e-6
 """[m]."""
 
-WAY_BACK = 1e-8
-"""Share of the largest force that is never cut: with it, whoever presses again builds it up anew within some steps."""
+WAY_BACK = 1e-3
+"""Part of the largest force that is not cut, as long as half a count of the encoder pays for it: with it, whoever
+presses again builds the force up anew within some ten steps. Of a tenth it is the same but for three of them."""
 
 FASTEST_HAND = 2.0
 """No hand that holds a handle is faster [m/s]: what a position goes beyond that in a tick is no motion but an encoder's
@@ -128,11 +129,11 @@ class Ledger:
         largest, delta = self.largest_force, self._share
         reach = self.largest_step - 0.5 * self._count
         ceiling = (1.0 + 2.0 * delta) * largest - delta * held + self.energy / reach
-        least = WAY_BACK * largest
-        if ceiling >= least:
+        if ceiling >= WAY_BACK * largest:
             return ceiling
-        spent = (delta * held + (1.0 + delta) * least) * self.largest_step
-        return least if self.energy - spent >= -self.bound else max(ceiling, 0.0)
+        left = (self.energy + self.bound) / self.largest_step - delta * held  # of the half count, as a force
+        least = min(WAY_BACK * largest, left / (1.0 + delta))
+        return max(ceiling, least, 0.0)
 
     def _pass(self, period: float) -> float:
         """Let a tick pass that took this time [s]; for how long of it the force acted beyond the nominal period [s]."""
@@ -142,16 +143,16 @@ class Ledger:
         self._elapsed += period
         return late
 
-    def _late_time(self) -> float:
-        """Since the newest position, beyond the nominal period [s]."""
-        return self._elapsed - self._period
+    def _arrive(self, distance: float) -> tuple[float, float, float]:
+        """At a new position, so far from the one before [m]: the parts of that way by which each force is booked.
 
-    def _nominal(self, distance: float) -> float:
-        """Part of a step [m] to a new position that counts as made in the nominal period."""
-        elapsed, self._elapsed = self._elapsed, 0.0
-        part = self._period / elapsed if elapsed > self._period else 1.0
-        longest = FASTEST_HAND * self._period
-        return part if part * distance <= longest else longest / distance
+        Returns:
+            For the nominal force, in E and in L [-], and for what acted beyond the nominal period, in L [1/s].
+        """
+        elapsed, self._elapsed = max(self._elapsed, self._period), 0.0
+        even, longest = self._period / elapsed, FASTEST_HAND * self._period
+        part = even if not even * distance > longest else longest / distance
+        return part, even - part, 1.0 / elapsed
 
     def _book(self, work: float, late: float, step: float, *, pressed: bool) -> None:
         """Book a nominal step [m], its work and the late one [J]."""
@@ -214,13 +215,10 @@ class EnergyAccount(Ledger):
         if not math.isfinite(position):
             return
         moved, self._position = position - self._position, position
-        acted, late_time = self._acted, self._late_time()
-        late, self._late = (self._late / late_time if late_time > 0.0 else acted), 0.0
-        part = self._nominal(abs(moved))
-        if math.isnan(moved):  # the first
-            return
-        step = part * moved
-        self._book(acted * step, late * (moved - step), abs(step), pressed=acted > 0.0)
+        part, beyond, rate = self._arrive(abs(moved))
+        acted, late, self._late = self._acted * moved, self._late * moved, 0.0
+        if not math.isnan(moved):  # the first
+            self._book(part * acted, beyond * acted + rate * late, part * abs(moved), pressed=self._acted > 0.0)
 
     def hold(self, force: float) -> None:
         """From now on this force acts [N], 0 or more."""

@@ -70,15 +70,13 @@ class SpatialEnergyAccount(Ledger):
         if not all(map(math.isfinite, place)):
             return
         before, self._place = self._place, place
-        acted, late_time = self._acted, self._late_time()
-        late, self._late = (_mixed(self._late, 1.0 / late_time) if late_time > 0.0 else acted), NOTHING
         moved = NOTHING if before is None else _mixed(place, 1.0, before, -1.0)
         distance = _size(moved)
-        part = self._nominal(distance)
-        if before is None:
-            return
-        work, rest = -part * _dot(acted, moved), -(1.0 - part) * _dot(late, moved)
-        self._book(work, rest, part * distance, pressed=acted != NOTHING)
+        part, beyond, rate = self._arrive(distance)
+        acted, late, self._late = -_dot(self._acted, moved), -_dot(self._late, moved), NOTHING
+        if before is not None:
+            pressed = self._acted != NOTHING
+            self._book(part * acted, beyond * acted + rate * late, part * distance, pressed=pressed)
 
     def hold(self, force: Vector) -> Vector:
         """Hold a force [N] from now on, cut to the ceiling; returns what is held."""
