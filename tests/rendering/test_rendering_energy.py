@@ -65,7 +65,7 @@ def test_whoever_takes_more_than_that_meets_the_ceiling():
     cut = int(np.argmax(forces < 3.0))
     assert cut == 66
     assert account.energy >= -account.bound * (1.0 + 1e-12)
-    assert account.energy == pytest.approx(-3.0 * (step + 0.5 * count), rel=0.01)
+    assert -3.0 * (step + count) <= account.energy <= -3.0 * (step + 0.5 * count)
 
 
 motions = st.lists(
@@ -164,7 +164,7 @@ def test_a_debt_is_kept_over_contacts_and_paid_by_the_next_press():
     account.close()
     assert account.energy == debt
     account.hold(0.0)
-    press(lambda x: 1.0, np.arange(-4, 20) * 1e-4, account)
+    press(lambda x: 1.0, np.arange(-4, 40) * 1e-4, account)
     assert account.energy > 0.0
 
 

@@ -67,7 +67,7 @@ class DeviceSpecification:
     force_limit: float = 10.0
     resolution: float = 1e-5
     delay: float = 5e-4
-    watchdog: float = 0.02
+    watchdog: float = 0.0
 
     def __post_init__(self) -> None:
         require("mass", self.mass, at_least=1e-3, at_most=10.0)

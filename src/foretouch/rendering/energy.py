@@ -15,7 +15,7 @@ SMALLEST_COUNT = 1e-6
 
 WAY_BACK = 1e-3
 """Part of the largest force that is not cut, as long as half a count of the encoder pays for it: with it, whoever
-presses again builds the force up anew within some ten steps. Of a tenth it is the same but for three of them."""
+presses again builds the force up anew, doubling it in each step; ten times less takes some three steps more."""
 
 FASTEST_HAND = 2.0
 """No hand that holds a handle is faster [m/s]: what a position goes beyond that in a tick is no motion but an encoder's
