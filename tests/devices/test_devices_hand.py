@@ -295,8 +295,8 @@ def test_a_force_acts_a_delay_later_and_no_longer_than_the_watchdog_lets_it():
     hand = Hand(At(0.0), Grip(0.0, 0.0, 0.0), device)
     hand.read(0)
     hand.render(1.0)
-    for time, acted in ((1e-3, 5e-4), (1.1e-2, 1.05e-2), (2.05e-2, 2e-2)):
-        hand.read(round(time * 1e9))
+    for now, acted in ((1e-3, 5e-4), (1.1e-2, 1.05e-2), (2.05e-2, 2e-2)):
+        hand.read(round(now * 1e9))
         assert hand.exact_velocity == pytest.approx(-10.0 * acted, rel=1e-9)
         assert hand.exact_position == pytest.approx(-5.0 * acted**2, rel=1e-9)
     hand.read(10**8)

@@ -92,10 +92,11 @@ def energy_figures(leader: Rows, device: BookedDevice | None = NO_DEVICE) -> dic
         device: The hand's, None where nobody knows it.
 
     Returns:
-        ``certificate_holds``: by `energy_account` no tick had E below its bound by 1e-9 J, and the leader said the same.
-        ``energy_agrees``: whether it did, within 1e-9 J. ``net_energy_J``: the smallest E, 0 where it was never
-        negative. ``energy_bound_J``: the bound in that tick, or the largest where E was never negative. ``energy_margin_J``:
-        the smallest distance of E from its bound. ``energy_used_percent``: the largest share of its bound that E took.
+        ``certificate_holds``: by `energy_account` no tick had E below its bound by 1e-9 J, and the leader said the
+        same. ``energy_agrees``: whether it did, within 1e-9 J. ``net_energy_J``: the smallest E, 0 where it was never
+        negative. ``energy_bound_J``: the bound in that tick, or the largest where E was never negative.
+        ``energy_margin_J``: the smallest distance of E from its bound. ``energy_used_percent``: the largest share of its
+        bound that E took.
         ``net_energy_exact_J``: the smallest of `exact_energy`, None on a device. ``largest_energy_cut_N``: how much
         further the rendered force fell in one tick than the mediated force, at most, and never more than it fell: what
         the ceiling of energy cut. ``late_energy_J``: the smallest L, which nothing bounds and no verdict asks for.

@@ -46,7 +46,7 @@ def energy_figure(leader: Rows, account: Account) -> Any:
     whole.set_title("Energy account: debts are kept, surplus is forgiven after each contact")
     legend(whole, columns=2)
     near.plot(
-        *thinned(time, -bound), color=ERROR, linewidth=1.0, label="its bound: one tick, the delay and one encoder count"
+        *thinned(time, -bound), color=ERROR, linewidth=1.0, label="its bound: a tick, the delay, an encoder count"
     )
     deepest = _largest(bound) or max(_largest(-energy), 1e-6)
     near.set_ylim(-1.4 * deepest, 1.4 * deepest)

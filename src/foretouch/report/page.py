@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 
 from foretouch.messages import SessionLog
 from foretouch.models import LAWS
+from foretouch.report.booked import booked_device
 from foretouch.report.energy import energy_account
 from foretouch.report.figures import (
     force_figure,
@@ -172,7 +173,7 @@ def _session_figures(log: SessionLog, report: dict[str, Any]) -> list[str]:
     if (log.leader["energy_bound"] > 0.0).any():
         leader = log.leader if scene is None else scene.rows.leader
         account = energy_account(leader, booked_device(log.settings)) if scene is None else scene.account
-        drawn.append(embedded(energy_figure(leader, account), "Energy account of each contact, and its bound"))
+        drawn.append(embedded(energy_figure(leader, account), "Energy account of the session, and its bound"))
     if any(model.law in LAWS for model in log.models):
         drawn.append(embedded(model_figure(log.models, start, away), "Identified parameters over time"))
     if scene is None and pairs.time.size:

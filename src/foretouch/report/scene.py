@@ -12,6 +12,7 @@ import numpy as np
 from foretouch.errors import ForetouchError
 from foretouch.messages import SessionLog
 from foretouch.models import MaterialField
+from foretouch.report.booked import booked_device
 from foretouch.report.energy import Account
 from foretouch.report.hand import number_of, setting
 from foretouch.report.pairs import Pairs

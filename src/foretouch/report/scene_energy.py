@@ -44,8 +44,8 @@ def spatial_energy_figures(rows: SceneRows, account: Account) -> dict[str, Any]:
 
     Returns:
         ``net_energy_J``: the smallest E, 0 where it was never negative; ``energy_margin_J``: its smallest distance from
-        the bound; ``energy_bound_J``: the bound in that tick; ``late_energy_J``: the smallest L; ``energy_agrees``: within
-        1e-9 J; ``certificate_holds``: both.
+        the bound; ``energy_bound_J``: the bound in that tick; ``late_energy_J``: the smallest L; ``energy_agrees``:
+        within 1e-9 J; ``certificate_holds``: both.
     """
     energy, bound, late = account
     hand = rows.hand
