@@ -11,7 +11,16 @@ from foretouch.rendering.energy import SAMPLE_PERIOD
 from foretouch.rendering.renderer import FARTHEST, PHANTOM
 from foretouch.report.booked import NO_DEVICE, Booked, BookedDevice, book
 
-__all__ = ["ROUNDING", "Account", "energy_account", "energy_figures", "exact_energy", "has_account", "summed_account"]
+__all__ = [
+    "ROUNDING",
+    "Account",
+    "energy_account",
+    "energy_figures",
+    "exact_energy",
+    "has_account",
+    "lost_rows",
+    "summed_account",
+]
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -60,7 +69,7 @@ def energy_account(leader: Rows, device: BookedDevice | None = NO_DEVICE) -> Acc
     force, place = -leader["rendered_force"][:, None], leader["hand_position"][:, None]
     place = np.where(np.abs(place) <= FARTHEST, place, np.nan)
     booked = book(force, place, 1e-9 * leader["period_ns"], device)
-    return summed_account(leader, booked, leader["rendered_force"], _lost(leader), device)
+    return summed_account(leader, booked, leader["rendered_force"], lost_rows(leader, np.isfinite(place[:, 0])), device)
 
 
 def summed_account(told: Rows, booked: Booked, force: Array, lost: Flags, device: BookedDevice) -> Account:
@@ -95,11 +104,11 @@ def energy_figures(leader: Rows, device: BookedDevice | None = NO_DEVICE) -> dic
         ``certificate_holds``: by `energy_account` no tick had E below its bound by 1e-9 J, and the leader said the
         same. ``energy_agrees``: whether it did, within 1e-9 J. ``net_energy_J``: the smallest E, 0 where it was never
         negative. ``energy_bound_J``: the bound in that tick, or the largest where E was never negative.
-        ``energy_margin_J``: the smallest distance of E from its bound. ``energy_used_percent``: the largest share of its
-        bound that E took.
-        ``net_energy_exact_J``: the smallest of `exact_energy`, None on a device. ``largest_energy_cut_N``: how much
-        further the rendered force fell in one tick than the mediated force, at most, and never more than it fell: what
-        the ceiling of energy cut. ``late_energy_J``: the smallest L, which nothing bounds and no verdict asks for.
+        ``energy_margin_J``: the smallest distance of E from its bound. ``energy_used_percent``: the largest part of its
+        bound that E took. ``net_energy_exact_J``: the smallest of `exact_energy`, None on a device.
+        ``largest_energy_cut_N``: how much further the rendered force fell in one tick than the mediated force, at most,
+        and never more than it fell: what the ceiling of energy cut. ``late_energy_J``: the smallest L, which nothing
+        bounds and no verdict asks for.
     """
     names = ("energy_bound_J", "energy_margin_J", "energy_used_percent", "net_energy_exact_J", "largest_energy_cut_N")
     if not has_account(leader):
@@ -152,17 +161,27 @@ def exact_energy(leader: Rows, device: BookedDevice | None = NO_DEVICE) -> Array
     place, force = leader["exact_hand_position"][:, None], leader["rendered_force"]
     if device is None:
         return np.full(force.size, np.nan)
-    period, lost = 1e-9 * leader["period_ns"], _lost(leader)
+    period, lost = 1e-9 * leader["period_ns"], lost_rows(leader, np.isfinite(leader["hand_position"]))
     shown, exact = (book(-force[:, None], x, period, device) for x in (leader["hand_position"][:, None], place))
     held = np.concatenate((np.zeros(min(1, force.size)), force[:-1]))
     begins = _begins(leader["energy"], shown.work, held > PHANTOM, lost)
     return np.where(np.isfinite(place[:, 0]), _summed(leader["energy"], exact.work, begins, lost), np.nan)
 
 
-def _lost(leader: Rows) -> Flags:
-    """Whether the row before is missing, or of another process, which keeps an account of its own."""
-    lost = np.diff(leader["sequence"], prepend=0) != 1  # a leader counts from 1
-    lost |= np.diff(leader["epoch"], prepend=leader["epoch"][:1]) != 0
+def lost_rows(told: Rows, there: Flags) -> Flags:
+    """Where the leader has to be believed: after rows that are missing, or are of another process, and a little longer.
+
+    Each process keeps an account of its own. What acted after a gap is known from the second position on.
+
+    Args:
+        told: Rows with ``sequence`` and ``epoch``.
+        there: Whether the position of each is known.
+    """
+    lost = np.diff(told["sequence"], prepend=0) != 1  # a leader counts from 1
+    lost |= np.diff(told["epoch"], prepend=told["epoch"][:1]) != 0
+    for row in np.flatnonzero(lost).tolist():
+        found = np.flatnonzero(there[row:])
+        lost[row : row + int(found[0]) + 2 if found.size else None] = True
     return np.asarray(lost)
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foretouch.report.booked import BookedDevice, book
-from foretouch.report.energy import ROUNDING, Account, summed_account
+from foretouch.report.energy import ROUNDING, Account, lost_rows, summed_account
 from foretouch.report.scene_rows import SceneRows, vectors
 
 __all__ = ["spatial_account", "spatial_energy_figures"]
@@ -33,7 +33,7 @@ def spatial_account(rows: SceneRows, *, position_scale: float, device: BookedDev
     place, force = vectors(told, "hand") / position_scale, vectors(told, "force")
     place[~np.isfinite(rows.leader["hand_position"])] = np.nan
     coupled = rows.leader["engaged"]
-    lost = np.diff(told["sequence"], prepend=0) != 1  # a leader counts from 1
+    lost = lost_rows(told, np.isfinite(place).all(axis=1))
     lost |= ~coupled | ~np.concatenate((coupled[:1], coupled[:-1]))
     booked = book(force, place, 1e-9 * rows.leader["period_ns"], device)
     return summed_account(told, booked, np.linalg.norm(force, axis=1), lost, device)

@@ -330,8 +330,8 @@ def _space(state: State, footing: Footing, force: Vector, now_ns: int) -> Leader
         math.sqrt(sum(value * value for value in deviation[3:])),
         math.inf if model is None else model.fixture_age,
         state.coefficient,
-        state.account.energy,
-        state.account.bound,
+        inner.renderer.energy,
+        inner.renderer.energy_bound,
         inner.epoch,
-        state.account.late_energy,
+        inner.renderer.late_energy,
     )
