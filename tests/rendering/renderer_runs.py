@@ -42,9 +42,26 @@ def powers(lowest: float, largest: float) -> st.SearchStrategy[float]:
     return st.floats(lowest, largest).map(lambda exponent: 10.0**exponent)
 
 
+class StifferOut(KelvinVoigt):
+    """A model that gives back more than it takes: twice as stiff for a hand that leaves."""
+
+    def advance(self, state, depth, velocity, sample_period):  # type: ignore[no-untyped-def]
+        state, force, deviation = super().advance(state, depth, velocity, sample_period)
+        return state, force * (2.0 if velocity < 0.0 else 1.0), deviation
+
+
+class OnlyOut(KelvinVoigt):
+    """A model that does not resist, and pushes whoever leaves, before its surface too."""
+
+    def advance(self, state, depth, velocity, sample_period):  # type: ignore[no-untyped-def]
+        return state, (self.stiffness * 1e-3 if velocity < -1e-3 and depth > -0.01 else 0.0), math.nan
+
+
 stiffness, damping = powers(-1.0, 7.0), st.just(0.0) | powers(-2.0, 4.0)
 laws: st.SearchStrategy[ContactModel] = st.one_of(
     st.builds(KelvinVoigt, stiffness, damping),
+    st.builds(StifferOut, stiffness, damping),
+    st.builds(OnlyOut, stiffness, damping),
     st.builds(HuntCrossley, stiffness, damping, st.floats(0.5, 2.5)),
     st.builds(ContinuousSwitching, stiffness, damping, st.floats(0.0, 1.5), st.floats(0.01, 1.0)),
     st.builds(

@@ -73,7 +73,7 @@ class ForceDimension(Device):
     """A device of Force Dimension along one of its axes. 0 is where the hand is when it is opened.
 
     The force is limited here, in the SDK (`setMaxForce`) and by the device. It is zero after `close`, where a read has
-    failed ten times in a row (a device that is unplugged: then the position holds), and where nobody has rendered for
+    failed ten times in a row (a device that is unplugged), and where nobody has rendered for
     50 ms, by a thread of its own and, where the device can, by its own watchdog after 20 ms.
 
     Args:
@@ -135,23 +135,24 @@ class ForceDimension(Device):
 
     @property
     def dead(self) -> bool:
-        """Whether its reads have failed too often: its position holds, and it gives no force."""
+        """Whether its reads have failed too often: it shows no position any more, and gives no force."""
         return self._failed >= FAILURES
 
     def read(self, now_ns: int) -> float:
-        """Position of the hand [m]; the one before where the device shows none."""
+        """Position of the hand [m]; no number where the device shows none, so that no force is held on a guess."""
         if self._closed:
             return self._position
         answer = self._binding.getPosition(self._place, self._id)
         place = self._direction * self._place[self._axis]
         if answer in SUCCESS and math.isfinite(place):
-            if not self.dead:
-                self._failed, self._position = 0, place - self._origin
+            if self.dead:
+                return math.nan
+            self._failed, self._position = 0, place - self._origin
             return self._position
         self._failed += 1
         if self._failed == FAILURES:
             self._set(0.0)
-        return self._position
+        return math.nan
 
     def render(self, force: float) -> float:
         """Give the hand a force [N], and return what it was really given."""

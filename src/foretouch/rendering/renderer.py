@@ -241,7 +241,7 @@ class Renderer:
         held = period if period < self._period else self._period
         force = self.limiter.update(mediated, held, mediated if mediated < ceiling else ceiling)
         self.mediation.wind_down(force)
-        if force <= PHANTOM and wanted <= PHANTOM:
+        if there and force <= PHANTOM and wanted <= PHANTOM:  # of a hand that is not seen nobody knows
             account.close()
         account.hold(force)
         if proxy.indexed != 0.0 or proxy.yielded != 0.0:
