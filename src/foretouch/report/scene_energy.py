@@ -33,7 +33,7 @@ def spatial_account(rows: SceneRows, *, position_scale: float, device: BookedDev
     place, force = vectors(told, "hand") / position_scale, vectors(told, "force")
     place[~np.isfinite(rows.leader["hand_position"])] = np.nan
     coupled = rows.leader["engaged"]
-    lost = lost_rows(told, np.isfinite(place).all(axis=1))
+    lost = lost_rows(told, np.asarray(np.isfinite(place).all(axis=1)))
     lost |= ~coupled | ~np.concatenate((coupled[:1], coupled[:-1]))
     booked = book(force, place, 1e-9 * rows.leader["period_ns"], device)
     return summed_account(told, booked, np.linalg.norm(force, axis=1), lost, device)
