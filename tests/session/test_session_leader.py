@@ -65,7 +65,7 @@ def test_the_force_is_the_model_s_within_the_rate_limit() -> None:
     outputs = run({1: model(1)}, pressed=100)
     law = HuntCrossley(3000.0, 0.0, 1.4)
     expected = law.advance((), 0.01, 0.0, 1e-3)[1]
-    assert outputs[-1].record.rendered_force == pytest.approx(expected, rel=2e-3)
+    assert outputs[-1].record.rendered_force == pytest.approx(expected, rel=5e-3)
     jumps = np.abs(np.diff([o.record.rendered_force for o in outputs]))
     assert jumps.max() < 0.2
     assert not any(o.record.clipped for o in outputs)

@@ -227,13 +227,15 @@ class LeaderState(Message, frozen=True, array_like=True, gc=False):
         intended_position: Where the hand wants to be [m]; NaN where nobody knows.
         mediated_force: For the hand after mediation and scale, before the limits [N].
         update_step: Part of this tick's change of `mediated_force` that models made, and not motion [N].
-        energy: That the hand has put into the rendered force in this contact, up to this tick [J].
+        energy: That the hand has put into the rendered force, up to this tick [J]: debts of the session are kept,
+            surplus is forgiven at the loss of each contact.
         energy_bound: That it may have given out at most: see `foretouch.rendering.EnergyAccount` [J].
         rendered_share: Share of the hand's motion that the proxy takes part in: 1 where the device can carry the model,
             NaN where no model is rendered.
         engaged: Whether hand and proxy are coupled: no clutch is pressed, and the follower obeys this leader.
         epoch: Of this leader's process, as in its commands.
         run: Of the follower that is heard, 0 before the first.
+        late_energy: That late ticks and missing positions have taken beside it and not given back, never positive [J].
     """
 
     position: float
@@ -259,6 +261,7 @@ class LeaderState(Message, frozen=True, array_like=True, gc=False):
     engaged: bool = True
     epoch: Count = 0
     run: Count = 0
+    late_energy: float = 0.0
 
 
 class Handle(Message, frozen=True, array_like=True, gc=False):
