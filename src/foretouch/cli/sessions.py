@@ -57,9 +57,11 @@ def teleop(
     require_extras("sim", "link", *(() if headless else ("console",)), "recordings")
     _check_material(settings.material)
     path = recording or _default_recording(report)
-    require_recording(path)
+    if recording is not None:
+        require_recording(recording)
     if report is not None:
         make_folder(report)
+    require_recording(path)
     if not headless:
         from foretouch.console import require_free_port
 
@@ -100,6 +102,8 @@ def simulate(
         raise SettingError(
             "operator", settings.operator, "needs real time: use `foretouch teleop`, or scripted or recorded"
         )
+    if recording is not None:
+        require_recording(recording)
     if report is not None:
         make_folder(report)
     with progress_bar("simulating") as bar:
@@ -108,7 +112,6 @@ def simulate(
         if recording is None:
             session = start(None)
         else:
-            require_recording(recording)
             with SessionWriter(recording) as writer:
                 session = start(writer.write)
                 writer.close(session.log.counts)
