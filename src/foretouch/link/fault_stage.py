@@ -20,7 +20,7 @@ COPY_LATER = (0.001, 0.02)
 """The copy of a message comes so much later than the first [s], uniformly distributed."""
 
 
-MOST_HELD = 2**17
+MOST_HELD = 2**18
 """Messages that wait, of one direction; more are dropped. With the longest delay, jitter and stall that there are, a
 session's own are fewer than 100,000."""
 
