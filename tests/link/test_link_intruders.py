@@ -130,6 +130,41 @@ def test_no_peer_speaks_in_another_s_name(ours: KeyFolder, role: str) -> None:
         assert receiver.undecodable > 0
 
 
+@pytest.mark.live
+def test_nobody_commands_in_another_s_name(ours: KeyFolder) -> None:
+    """Another leader's certificate: it hears name and epoch of who holds control, and they are of no use to it."""
+    endpoint = free_endpoint("tls")
+    authority, here, allowed = ours.read()
+    if "leader.bob" not in allowed:
+        ours.issue("leader", "bob", NOW)
+        authority, here, allowed = ours.read()
+    true = msgspec.structs.replace(COMMAND, epoch=77)
+    with (
+        link(load("follower", ours.path), listen=[endpoint], subscribe=["command"]) as follower,
+        intruder(connect=endpoint, identity=here["leader.bob"], trusts=authority) as bob,
+        link(load("leader", ours.path), connect=[endpoint]) as leader,
+    ):
+        assert leader.name == "leader"
+        arrived: list[Command] = []
+
+        def turn() -> list[Command]:
+            leader.publish(true)
+            forged = msgspec.structs.replace(true, sequence=MARK)
+            own = msgspec.structs.replace(forged, holder="leader.bob")
+            for key in ("command", "command/leader", "command/leader.bob", "command/follower", "command/x"):
+                bob.put(f"foretouch/{key}", encode(forged))
+                bob.put(f"foretouch/{key}", encode(own))
+            arrived.extend(message for _, message in follower.take("command"))
+            return arrived
+
+        until(lambda: {one.holder for one in turn()} == {"leader", "leader.bob"})
+        for _ in range(50):
+            turn()
+            time.sleep(0.01)
+        assert {(one.holder, one.sequence == MARK) for one in arrived} == {("leader", False), ("leader.bob", True)}
+        assert follower.undecodable > 0, "what came under bob's own key in another's name"
+
+
 def test_who_may_say_what() -> None:
     assert set(may_publish("follower")) >= {"telemetry", "model", "hello", "stop"}
     assert set(may_publish("leader")) >= {"command", "leader", "hello", "settings", "stop"}

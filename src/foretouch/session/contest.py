@@ -8,7 +8,7 @@ from foretouch.session.lease import LEASE, ControlLease
 __all__ = ["Contest"]
 
 MANY = 20
-"""Another leader is told of once so many of its commands have come within `WINDOW_NS`: one that has just been killed may
+"""Another leader is told of once so many of its commands have come within `WINDOW_NS`: one that was just killed may
 have some under way."""
 
 WINDOW_NS = 1_000_000_000
@@ -24,8 +24,8 @@ class Contest:
     Between machines a leader is known by its certificate, so that nobody else can speak with its name; on one machine,
     or where two hold the same key, somebody can. The commands of one process come over one connection in the order in
     which they were made, and each has the number after the last one's. So where a second speaks with its name and
-    epoch, some number is not larger than the one that came before it, whatever numbers the second chooses: between those
-    of the first none is free. One such number is enough, for one command far ahead silences the leader for seconds.
+    epoch, some number is not larger than the one that came before it, whatever numbers the second chooses: between
+    those of the first none is free. One is enough, for one command far ahead silences the leader for seconds.
 
     It decides nothing: who is obeyed, `ControlLease` says. It is asked in every tick and keeps three names.
 
@@ -34,7 +34,8 @@ class Contest:
     """
 
     __slots__ = (
-        "_begun_ns", "_collides", "_contender", "_counted", "_epoch", "_former", "_holder", "_last", "_lease", "_since_ns"
+        "_begun_ns", "_collides", "_contender", "_counted", "_epoch", "_former", "_holder", "_last", "_lease",
+        "_since_ns"
     )  # fmt: skip
 
     def __init__(self, lease: ControlLease) -> None:
