@@ -6,7 +6,7 @@ export PYTHON
 unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
-.PHONY: help setup system teleop test test-interpreted check test-long soak sweep bench bench-check bench-baseline docs gallery screenshots lock clean
+.PHONY: help setup system teleop test test-interpreted check test-long attack soak sweep bench bench-check bench-baseline docs gallery screenshots lock clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -52,6 +52,9 @@ test-interpreted: setup  ## laws, estimators, rendering and steps with nothing c
 
 test-long: setup system  ## what takes longer, every make target among it
 	@$(BIN)/pytest -m long $(ARGS)
+
+attack: setup  ## try to get in, to take control, and to break it with words and files, on loopback, in some minutes
+	@failed=0; for script in tests/attack/attack_*.py; do $(BIN)/python $$script || failed=1; done; exit $$failed
 
 soak: setup  ## hours: a recorder of ten hours of session at 1 kHz, and its memory; an hour of faults (FIRE_MINUTES)
 	@$(BIN)/pytest -m soak -s $(ARGS)
