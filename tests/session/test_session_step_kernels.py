@@ -2,29 +2,19 @@
 
 from __future__ import annotations
 
-import ast
-import hashlib
-import inspect
 import math
 import os
 import random
 import subprocess
 import sys
-from types import ModuleType
-from typing import Any
 
 import pytest
 
-from foretouch.identification import SensorWatch, offset_step, sensor_watch, sensor_watch_kernel
+from foretouch.identification import SensorWatch, sensor_watch_kernel
 from foretouch.session import (
-    force_guard,
     force_guard_kernel,
-    motion_limits,
     motion_limits_kernel,
     safety_kernel,
-)
-from foretouch.session import (
-    safety as rules,
 )
 from foretouch.session.force_guard import PATIENCE, SOFTEST, ForceGuard
 from foretouch.session.motion_limits import MotionLimits
@@ -37,14 +27,6 @@ KERNELS = (
     motion_limits_kernel.limited,
     safety_kernel.keep_safe,
     sensor_watch_kernel.look,
-)
-
-GUARDING, MOVING = (force_guard, force_guard_kernel), (motion_limits, motion_limits_kernel)
-MADE_OF = (
-    (force_guard_kernel, (force_guard,)),
-    (motion_limits_kernel, (motion_limits,)),
-    (safety_kernel, (rules, *GUARDING, *MOVING)),
-    (sensor_watch_kernel, (sensor_watch, offset_step)),
 )
 
 
@@ -124,30 +106,6 @@ def test_a_whole_number_compiles_nothing_and_is_the_same() -> None:
         said.append(answers)
     assert said[0] == said[1]
     assert [len(getattr(kernel, "signatures", [None])) for kernel in KERNELS] == [1] * len(KERNELS)
-
-
-def code_of(module: ModuleType) -> str:
-    """Its source without comments and docstrings."""
-    tree = ast.parse(inspect.getsource(module))
-    for node in ast.walk(tree):
-        for name in ("body", "orelse"):
-            lines = getattr(node, name, None)
-            if isinstance(lines, list):
-                setattr(node, name, [line for line in lines if not is_text(line)] or [ast.Pass()])
-    return ast.unparse(ast.fix_missing_locations(tree))
-
-
-def is_text(line: ast.AST) -> bool:
-    return isinstance(line, ast.Expr) and isinstance(line.value, ast.Constant) and isinstance(line.value.value, str)
-
-
-@pytest.mark.parametrize(("kernel", "made_of"), MADE_OF)
-def test_a_kernel_is_not_taken_from_the_cache_where_what_it_is_made_of_has_changed(
-    kernel: Any, made_of: tuple[ModuleType, ...]
-) -> None:
-    """Numba looks for changes in the kernel's own file alone: a constant from elsewhere would stay the old one."""
-    digest = hashlib.sha256("".join(code_of(module) for module in made_of).encode()).hexdigest()[:16]
-    assert digest == kernel.MADE_OF, f"write MADE_OF = {digest!r} in {kernel.__file__}"
 
 
 def test_two_that_share_an_array_with_others_do_not_disturb_each_other() -> None:

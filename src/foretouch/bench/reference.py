@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from foretouch.bench.press import FORGETTING_FACTOR, INITIAL_COVARIANCE, Problem
+from foretouch.core.compiling import compiled
 
 __all__ = ["bare_call", "rank_one_updates", "recursion_over"]
 
@@ -38,7 +36,7 @@ def _recursion(regressors: Array, targets: Array, forgetting_factor: float, init
     return theta
 
 
-_compiled: Callable[[Array, Array, float, float], Array] = njit(cache=True)(_recursion)
+_compiled = compiled(_recursion)
 
 
 def recursion_over(problem: Problem) -> Array:
@@ -55,7 +53,7 @@ def _add(state: Array, one: float, other: float, third: float, fourth: float) ->
     return 1
 
 
-bare_call: Callable[[Array, float, float, float, float], int] = njit(cache=True)(_add)
+bare_call = compiled(_add)
 """A compiled call with an array and four numbers that does next to nothing: what any call from Python costs."""
 
 
@@ -66,7 +64,7 @@ def _enlarge(matrix: Array, vector: Array, rounds: int) -> None:
                 matrix[i, j] += vector[i] * vector[j]
 
 
-_compiled_enlarge: Callable[[Array, Array, int], None] = njit(cache=True)(_enlarge)
+_compiled_enlarge = compiled(_enlarge)
 
 
 def rank_one_updates(rounds: int) -> Array:

@@ -9,11 +9,11 @@ heavy damping; in steps that are short against every time constant a few of them
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from foretouch.core.compiling import compiled
 
 __all__ = ["BOTH", "DAMPING", "FRICTION", "MASS", "POSITION", "STIFFNESS", "VELOCITY", "move"]
 
@@ -60,7 +60,7 @@ def _series(position: float, velocity: float, push: float, slope: float, constan
         terms[n + 2] = force / (constants[MASS] * (n + 1) * (n + 2))
 
 
-_terms: Callable[[float, float, float, float, Array, Array], None] = njit(cache=True)(_series)
+_terms = compiled(_series)
 
 
 def _position(terms: Array, time: float) -> float:
@@ -71,7 +71,7 @@ def _position(terms: Array, time: float) -> float:
     return value
 
 
-_position_at: Callable[[Array, float], float] = njit(cache=True)(_position)
+_position_at = compiled(_position)
 
 
 def _velocity(terms: Array, time: float) -> float:
@@ -82,7 +82,7 @@ def _velocity(terms: Array, time: float) -> float:
     return value
 
 
-_velocity_at: Callable[[Array, float], float] = njit(cache=True)(_velocity)
+_velocity_at = compiled(_velocity)
 
 
 def _stop(terms: Array, way: float, time: float) -> float:
@@ -97,7 +97,7 @@ def _stop(terms: Array, way: float, time: float) -> float:
     return late
 
 
-_stops_at: Callable[[Array, float, float], float] = njit(cache=True)(_stop)
+_stops_at = compiled(_stop)
 
 
 def _step(state: Array, constants: Array, aim: float, aim_speed: float, force: float, period: float) -> None:
@@ -137,7 +137,7 @@ def _step(state: Array, constants: Array, aim: float, aim_speed: float, force: f
     state[VELOCITY] = 0.0
 
 
-_short_step: Callable[[Array, Array, float, float, float, float], None] = njit(cache=True)(_step)
+_short_step = compiled(_step)
 
 
 def _move(state: Array, constants: Array, aim: float, aim_speed: float, force: float, period: float) -> None:
@@ -159,4 +159,4 @@ def _move(state: Array, constants: Array, aim: float, aim_speed: float, force: f
         _short_step(state, constants, aim + aim_speed * n * step, aim_speed, force, step)
 
 
-move: Callable[[Array, Array, float, float, float, float], None] = njit(cache=True)(_move)
+move = compiled(_move)

@@ -6,7 +6,9 @@ from collections.abc import Callable
 from typing import TypeVar
 
 import numpy as np
-from numba import config, njit
+from numba import config
+
+from foretouch.core.compiling import compiled
 
 __all__ = ["entry_point"]
 
@@ -25,5 +27,4 @@ def entry_point(function: Function, *, parallel: bool = False) -> Function:
     if config.DISABLE_JIT:
         quiet: Function = np.errstate(all="ignore")(function)
         return quiet
-    compiled: Function = njit(cache=True, error_model="numpy", parallel=parallel)(function)
-    return compiled
+    return compiled(error_model="numpy", parallel=parallel)(function)

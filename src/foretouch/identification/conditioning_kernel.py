@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from foretouch.core.compiling import compiled
 from foretouch.identification.conditioning_layout import (
     BLOCK_BEFORE,
     BLOCK_LOWEST,
@@ -49,8 +48,8 @@ __all__ = ["CONTACT_FLOOR", "OFFSET_WINDOW", "condition", "is_full", "lose_surfa
 
 Array = NDArray[np.float64]
 
-_compiled: Callable[[Any], Any] = njit(cache=True, error_model="numpy")
-_inlined: Callable[[Any], Any] = njit(cache=True, error_model="numpy", forceinline=True)
+_compiled = compiled(error_model="numpy")
+_inlined = compiled(error_model="numpy", forceinline=True)
 
 OFFSET_WINDOW = 0.05
 """Length [s] of the window whose lowest mean so far is taken for the force in free air."""

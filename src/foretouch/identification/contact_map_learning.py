@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from foretouch.core.compiling import compiled
 from foretouch.identification.contact_map_notes import (
     ALARMS,
     BEFORE,
@@ -55,8 +54,8 @@ __all__ = ["ALARM_FROM", "CHANGED", "FADING", "FAILED", "LEARNT", "PERIOD", "lea
 
 Array = NDArray[np.float64]
 
-_compiled: Callable[[Any], Any] = njit(cache=True, error_model="numpy")
-_inlined: Callable[[Any], Any] = njit(cache=True, error_model="numpy", forceinline=True)
+_compiled = compiled(error_model="numpy")
+_inlined = compiled(error_model="numpy", forceinline=True)
 
 PERIOD = 0.004
 """Between two samples that are learnt from [s]."""

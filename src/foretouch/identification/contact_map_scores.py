@@ -7,12 +7,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from foretouch.core.compiling import compiled
 from foretouch.identification.contact_map_notes import (
     ABSENT,
     CONTACT,
@@ -39,8 +38,8 @@ __all__ = ["CONTACT_SHARE", "FIRST_DOUBT", "SHARPNESS", "allot", "score"]
 
 Array = NDArray[np.float64]
 
-_compiled: Callable[[Any], Any] = njit(cache=True, error_model="numpy")
-_inlined: Callable[[Any], Any] = njit(cache=True, error_model="numpy", forceinline=True)
+_compiled = compiled(error_model="numpy")
+_inlined = compiled(error_model="numpy", forceinline=True)
 
 SCORE_TIME = 1.0
 """Scores fade in so much time in contact [s]."""

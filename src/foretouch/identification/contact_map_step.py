@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from foretouch.core.compiling import compiled
 from foretouch.identification.contact_map_learning import ALARM_FROM, CHANGED, FAILED, PERIOD, learn, restart
 from foretouch.identification.contact_map_notes import (
     ABSENT,
@@ -75,8 +74,8 @@ __all__ = [
 
 Array = NDArray[np.float64]
 
-_compiled: Callable[[Any], Any] = njit(cache=True, error_model="numpy")
-_inlined: Callable[[Any], Any] = njit(cache=True, error_model="numpy", forceinline=True)
+_compiled = compiled(error_model="numpy")
+_inlined = compiled(error_model="numpy", forceinline=True)
 
 FEWEST_UPDATES = 8
 """No force is rendered from fewer samples."""

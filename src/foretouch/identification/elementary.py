@@ -9,11 +9,12 @@ and tables, loops over them become vector instructions; interpreted they give th
 from __future__ import annotations
 
 import struct
-from collections.abc import Callable
 from typing import Any
 
-from numba import njit, types
+from numba import types
 from numba.extending import intrinsic, overload
+
+from foretouch.core.compiling import compiled
 
 __all__ = ["LARGEST_EXPONENT", "exponential", "logarithm"]
 
@@ -98,14 +99,14 @@ def _exponential(x: float) -> float:
     return (1.0 + (r + (0.5 * r2 + (r2 * r) * tail))) * scale
 
 
-logarithm: Callable[[float], float] = njit(cache=True, error_model="numpy", forceinline=True)(_logarithm)
+logarithm = compiled(error_model="numpy", forceinline=True)(_logarithm)
 r"""ln x of a positive normal number, within one unit in the last place.
 
 With :math:`x = 2^k (1 + f)`, :math:`1 + f` within :math:`\sqrt{1/2}` to :math:`\sqrt 2`, and :math:`s = f / (2 + f)`:
 :math:`\ln x = k \ln 2 + 2\,(s + s^3/3 + s^5/5 + \dots)`, to the term of :math:`s^{19}`.
 """
 
-exponential: Callable[[float], float] = njit(cache=True, error_model="numpy", forceinline=True)(_exponential)
+exponential = compiled(error_model="numpy", forceinline=True)(_exponential)
 r"""exp(x), within one unit in the last place; arguments count as within -708 to 708, NaN as -708.
 
 With :math:`x = k \ln 2 + r`, :math:`2^k` times the series of :math:`e^r` to the term of :math:`r^{14}`.

@@ -7,12 +7,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from foretouch.core.compiling import compiled
 from foretouch.identification.exact_layout import (
     ALPHA_LOWER,
     ANCHOR_DEPTH,
@@ -47,8 +46,8 @@ __all__ = [
 
 Array = NDArray[np.float64]
 
-_compiled: Callable[[Any], Any] = njit(cache=True, error_model="numpy")
-_inlined: Callable[[Any], Any] = njit(cache=True, error_model="numpy", forceinline=True)
+_compiled = compiled(error_model="numpy")
+_inlined = compiled(error_model="numpy", forceinline=True)
 
 FEWEST_UPDATES = 20
 """No force is rendered from fewer samples."""

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from foretouch.core.compiling import compiled
 from foretouch.identification.exact_belief import SMALLEST_FORCE, begin, drift, move_reference, project, restart
 from foretouch.identification.exact_layout import (
     ALARM,
@@ -57,8 +56,8 @@ __all__ = ["CHANGED", "FAILED", "FREE_AIR", "HELD", "LEARNT", "UNUSABLE", "run",
 
 Array = NDArray[np.float64]
 
-_compiled: Callable[[Any], Any] = njit(cache=True, error_model="numpy")
-_inlined: Callable[[Any], Any] = njit(cache=True, error_model="numpy", forceinline=True)
+_compiled = compiled(error_model="numpy")
+_inlined = compiled(error_model="numpy", forceinline=True)
 
 LEARNT, CHANGED, HELD, UNUSABLE, FAILED, FREE_AIR = range(6)
 """What a step did."""

@@ -9,9 +9,10 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numba import njit, prange
+from numba import prange
 from numpy.typing import NDArray
 
+from foretouch.core.compiling import compiled
 from foretouch.identification.compiling import entry_point
 from foretouch.identification.fprls_lanes import (
     BUFFER,
@@ -30,7 +31,7 @@ __all__ = ["regressors_parallel", "regressors_serial", "run_parallel", "run_seri
 
 Array = NDArray[np.float64]
 
-_compiled: Callable[[Any], Any] = njit(cache=True, error_model="numpy")
+_compiled = compiled(error_model="numpy")
 
 
 def _block(

@@ -26,8 +26,10 @@ from statistics import median
 from time import perf_counter
 from typing import Any
 
-from numba import njit, types
+from numba import types
 from numba.extending import intrinsic, overload
+
+from foretouch.core.compiling import compiled
 
 __all__ = ["Latencies", "measure_latencies"]
 
@@ -78,9 +80,7 @@ def _divides(x: float, a: float, links: int) -> float:
 
 
 Chain = Callable[[float, float, int], float]
-CHAINS: tuple[Chain, ...] = tuple(
-    njit(cache=True, error_model="numpy")(chain) for chain in (_sums, _products, _fmas, _divides)
-)
+CHAINS: tuple[Chain, ...] = tuple(compiled(error_model="numpy")(chain) for chain in (_sums, _products, _fmas, _divides))
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numba import njit
 
+from foretouch.core.compiling import compiled
 from foretouch.identification.elementary import exponential
 from foretouch.identification.fprls_layout import (
     GATED,
@@ -22,7 +21,7 @@ FADED = 40.0
 """exp(-40) of the share of mu that fades is no longer a digit of it."""
 
 
-_inlined: Callable[[Any], Any] = njit(cache=True, error_model="numpy", forceinline=True)
+_inlined = compiled(error_model="numpy", forceinline=True)
 
 
 def _refusal(depth: float, velocity: float, force: float, gate_depth: float, gate_force: float) -> int:

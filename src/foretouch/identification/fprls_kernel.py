@@ -17,13 +17,12 @@ P is symmetric: its lower triangle is kept, ten numbers, row by row.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from foretouch.core.compiling import compiled
 from foretouch.identification.elementary import exponential
 from foretouch.identification.fprls_layout import (
     BEFORE,
@@ -44,7 +43,7 @@ Array = NDArray[np.float64]
 Four = tuple[float, float, float, float]
 Triangle = tuple[float, float, float, float, float, float, float, float, float, float]
 
-_inlined: Callable[[Any], Any] = njit(cache=True, error_model="numpy", forceinline=True)
+_inlined = compiled(error_model="numpy", forceinline=True)
 
 
 def _enlarge(p: Triangle, perturbation: float, resetting: bool, limit: float) -> Triangle:

@@ -7,13 +7,12 @@ selected.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from foretouch.core.compiling import compiled
 from foretouch.identification.elementary import logarithm
 from foretouch.identification.fprls_features import bounded_rate, forgetting, refusal, weight_of
 from foretouch.identification.fprls_kernel import learn, rules_of
@@ -71,7 +70,7 @@ LOG_DEPTH, RATE_SEEN, LOG_FORCE = 25 * LANES, 26 * LANES, 27 * LANES
 MEMORY, INVERSE_MEMORY, NOISE, SPEED = 28 * LANES, 29 * LANES, 30 * LANES, 31 * LANES
 BUFFER = 32 * LANES
 
-_compiled: Callable[[Any], Any] = njit(cache=True, error_model="numpy")
+_compiled = compiled(error_model="numpy")
 
 
 def _set_first(buffer: Array, options: Array, lane: int) -> None:
@@ -198,7 +197,7 @@ begin: Any = _compiled(_begin)
 load: Any = _compiled(_load)
 begin_again: Any = _compiled(_begin_again)
 
-_inlined: Callable[[Any], Any] = njit(cache=True, error_model="numpy", forceinline=True)
+_inlined = compiled(error_model="numpy", forceinline=True)
 inlined_features: Any = _inlined(_features)
 inlined_recur: Any = _inlined(_recur)
 

@@ -10,9 +10,9 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from foretouch.core.compiling import compiled
 from foretouch.identification.compiling import entry_point
 from foretouch.identification.elementary import logarithm
 from foretouch.identification.fprls_features import bounded_rate, forgetting, refusal, weight_of
@@ -51,7 +51,7 @@ LOG_DEPTH, RATE_SEEN, LOG_FORCE = 4 * BLOCK, 5 * BLOCK, 6 * BLOCK
 MEMORY, INVERSE_MEMORY, WEIGHTS, NOISE = 7 * BLOCK, 8 * BLOCK, 9 * BLOCK, 10 * BLOCK
 SCRATCH = 11 * BLOCK
 
-_inlined: Callable[[Any], Any] = njit(cache=True, error_model="numpy", forceinline=True)
+_inlined = compiled(error_model="numpy", forceinline=True)
 
 
 def _take_all(
@@ -71,7 +71,7 @@ def _take_all(
     return depth.size, depth[-1]
 
 
-take_all: Any = njit(cache=True, error_model="numpy")(_take_all)
+take_all: Any = compiled(error_model="numpy")(_take_all)
 
 
 def _gather(
@@ -134,8 +134,8 @@ def _features(scratch: Array, count: int, options: Array) -> None:
             scratch[NOISE + i] = scratch[MEMORY + i] / weight
 
 
-gather: Any = njit(cache=True, error_model="numpy")(_gather)
-features: Any = njit(cache=True, error_model="numpy")(_features)
+gather: Any = compiled(error_model="numpy")(_gather)
+features: Any = compiled(error_model="numpy")(_features)
 
 
 def _recur(
@@ -201,7 +201,7 @@ def _recur(
     return fresh
 
 
-recur: Any = njit(cache=True, error_model="numpy")(_recur)
+recur: Any = compiled(error_model="numpy")(_recur)
 
 
 def _run(

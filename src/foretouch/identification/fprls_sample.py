@@ -6,9 +6,10 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numba import config, njit
+from numba import config
 from numpy.typing import NDArray
 
+from foretouch.core.compiling import compiled
 from foretouch.identification.compiling import entry_point
 from foretouch.identification.elementary import logarithm
 from foretouch.identification.fprls_features import bounded_rate, forgetting, refusal, weight_of
@@ -44,7 +45,7 @@ Array = NDArray[np.float64]
 
 BINS_PER_LOG = BINS_PER_DECADE / np.log(10.0)
 
-_inlined: Callable[[Any], Any] = njit(cache=True, error_model="numpy", forceinline=True)
+_inlined = compiled(error_model="numpy", forceinline=True)
 
 
 def _restart(state: Array, options: Array) -> None:
@@ -81,7 +82,7 @@ def _forget_depths(state: Array) -> None:
 
 
 count_depth: Any = _inlined(_count_depth)
-forget_depths: Any = njit(cache=True)(_forget_depths)
+forget_depths: Any = compiled(_forget_depths)
 
 
 def _update(state: Array, options: Array, depth: float, velocity: float, force: float, in_contact: bool) -> int:

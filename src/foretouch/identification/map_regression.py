@@ -18,12 +18,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from foretouch.core.compiling import compiled
 from foretouch.identification.contact_map_prior import NOISE, elastic_prior, feature_prior
 from foretouch.models.contact_map_kernel import cubic
 from foretouch.models.contact_map_layout import ABOVE, BELOW, COARSE, COARSENESS, FINE, LARGEST_FEATURES, LENGTHS
@@ -54,8 +54,8 @@ _LAYOUTS = np.array([COARSE, FINE])
 _COARSE_LENGTH, _FINE_LENGTH = LENGTHS
 _FINE_FROM, _FINE_TO = -BELOW[1] * LENGTHS[1], ABOVE[1] * LENGTHS[1]
 
-_compiled: Callable[[Any], Any] = njit(cache=True, error_model="numpy")
-_inlined: Callable[[Any], Any] = njit(cache=True, error_model="numpy", forceinline=True)
+_compiled = compiled(error_model="numpy")
+_inlined = compiled(error_model="numpy", forceinline=True)
 
 
 class MapRegression(NamedTuple):

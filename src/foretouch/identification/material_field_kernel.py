@@ -8,8 +8,9 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from foretouch.core.compiling import compiled
 
 __all__ = ["UNKNOWNS", "carry_over", "laws_of", "learn"]
 
@@ -54,7 +55,7 @@ def _carry_over(covariance: Array, before: Ints, after: Ints, joint: Array) -> A
     return out
 
 
-carry_over: Callable[[Array, Ints, Ints, Array], Array] = njit(cache=True)(_carry_over)
+carry_over = compiled(_carry_over)
 """See `_carry_over`."""
 
 
@@ -71,7 +72,7 @@ def _forget(joint: Array, at: Ints, weights: Array, limits: Array, share: float)
                 joint[j, i] *= growth
 
 
-_grow: Callable[[Array, Ints, Array, Array, float], None] = njit(cache=True)(_forget)
+_grow = compiled(_forget)
 
 
 def _joseph(joint: Array, h: Array, gain: Array, noise: float) -> None:
@@ -94,7 +95,7 @@ def _joseph(joint: Array, h: Array, gain: Array, noise: float) -> None:
             joint[j, i] = joint[i, j]
 
 
-_update_covariance: Callable[[Array, Array, Array, float], None] = njit(cache=True)(_joseph)
+_update_covariance = compiled(_joseph)
 
 
 def _learn(
@@ -159,7 +160,7 @@ def _learn(
 
 
 learn: Callable[[Array, Array, Array, Ints, Array, Array, tuple[float, float, float], float, float, float], float] = (
-    njit(cache=True)(_learn)
+    compiled(_learn)
 )
 """See `_learn`."""
 
@@ -195,5 +196,5 @@ def _laws_of(
         out[row, 3] = max(variance, 0.0) ** 0.5
 
 
-laws_of: Callable[[Array, Array, Ints, Array, float, Array, Array], None] = njit(cache=True)(_laws_of)
+laws_of = compiled(_laws_of)
 """See `_laws_of`."""

@@ -17,11 +17,11 @@ Nothing is said from two samples that span more than 3 ms, nor of smaller steps.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from foretouch.core.compiling import compiled
 
 __all__ = ["SIZE", "begin_steps", "find_step", "restart_steps"]
 
@@ -95,7 +95,7 @@ def _set_out(step: Array, position: float, force: float, goes_on: bool) -> None:
     step[GOES_ON] = 1.0 if goes_on else 0.0
 
 
-_sets_out: Callable[[Array, float, float, bool], None] = njit(cache=True)(_set_out)
+_sets_out = compiled(_set_out)
 
 
 def _restart(step: Array) -> None:
@@ -106,7 +106,7 @@ def _restart(step: Array) -> None:
     _sets_out(step, -math.inf, 0.0, False)  # the first sample lies further in
 
 
-restart_steps: Callable[[Array], None] = njit(cache=True)(_restart)
+restart_steps = compiled(_restart)
 
 
 def _begin(step: Array) -> None:
@@ -115,7 +115,7 @@ def _begin(step: Array) -> None:
     restart_steps(step)
 
 
-begin_steps: Callable[[Array], None] = njit(cache=True)(_begin)
+begin_steps = compiled(_begin)
 
 
 def _is_step(step: Array, force: float) -> bool:
@@ -126,7 +126,7 @@ def _is_step(step: Array, force: float) -> bool:
     return bool(abs(second - step[LEVEL]) <= 4.0 * spread + 0.1 * step[LEAST_STEP])
 
 
-_has_stepped: Callable[[Array, float], bool] = njit(cache=True)(_is_step)
+_has_stepped = compiled(_is_step)
 
 
 def _learn(step: Array, period: float) -> None:
@@ -141,7 +141,7 @@ def _learn(step: Array, period: float) -> None:
     step[VARIANCE] += share * ((1.0 - share) * away * away - step[VARIANCE])
 
 
-_learnt: Callable[[Array, float], None] = njit(cache=True)(_learn)
+_learnt = compiled(_learn)
 
 
 def _judge(step: Array, force: float) -> None:
@@ -153,7 +153,7 @@ def _judge(step: Array, force: float) -> None:
     step[QUIET] = 0.0
 
 
-_judged: Callable[[Array, float], None] = njit(cache=True)(_judge)
+_judged = compiled(_judge)
 
 
 def _stays(step: Array, position: float, force: float, period: float) -> bool:
@@ -176,7 +176,7 @@ def _stays(step: Array, position: float, force: float, period: float) -> bool:
     return bool(step[HIGH] - step[LOW] <= STILL or step[LEVEL_AFTER] < step[ZERO] - step[LEAST_STEP])
 
 
-_has_stayed: Callable[[Array, float, float, float], bool] = njit(cache=True)(_stays)
+_has_stayed = compiled(_stays)
 
 
 def _moves_freely(step: Array, position: float, force: float, period: float) -> bool:
@@ -208,7 +208,7 @@ def _moves_freely(step: Array, position: float, force: float, period: float) -> 
     return False
 
 
-_is_free: Callable[[Array, float, float, float], bool] = njit(cache=True)(_moves_freely)
+_is_free = compiled(_moves_freely)
 
 
 def _find(step: Array, position: float, force: float, period: float) -> bool:
@@ -234,4 +234,4 @@ def _find(step: Array, position: float, force: float, period: float) -> bool:
     return found
 
 
-find_step: Callable[[Array, float, float, float], bool] = njit(cache=True)(_find)
+find_step = compiled(_find)

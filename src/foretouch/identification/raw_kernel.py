@@ -10,9 +10,9 @@ import math
 from collections.abc import Callable
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from foretouch.core.compiling import compiled
 from foretouch.identification.conditioning_kernel import condition, is_full, lose_surface
 from foretouch.identification.conditioning_layout import OFFSET, SURFACE
 from foretouch.identification.contact_map_notes import (
@@ -85,7 +85,7 @@ def _adopt(flat: Array, model: Array, short: Array) -> bool:
     return True
 
 
-adopt: Callable[[Array, Array, Array], bool] = njit(cache=True, error_model="numpy")(_adopt)
+adopt = compiled(error_model="numpy")(_adopt)
 
 
 def _expect(notes: Array, state: Array, depth: float, velocity: float, period: float) -> float:
@@ -117,7 +117,7 @@ def _expect(notes: Array, state: Array, depth: float, velocity: float, period: f
     return float(force)
 
 
-expect: Callable[[Array, Array, float, float, float], float] = njit(cache=True, error_model="numpy")(_expect)
+expect = compiled(error_model="numpy")(_expect)
 
 
 def _run(
@@ -163,6 +163,6 @@ def _run(
     return rows.shape[1], code
 
 
-run_raw: Callable[[Array, Array, Array, Array, Array, bool, NDArray[np.bool_], Array, Array], tuple[int, int]] = njit(
-    cache=True, error_model="numpy"
-)(_run)
+run_raw: Callable[[Array, Array, Array, Array, Array, bool, NDArray[np.bool_], Array, Array], tuple[int, int]] = (
+    compiled(error_model="numpy")(_run)
+)

@@ -6,8 +6,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from foretouch.core.compiling import compiled
 
 __all__ = ["DepthSummary", "Recovered", "inverse_power_fit", "recover"]
 
@@ -118,7 +119,7 @@ def inverse_power_fit(inverse_depth: Array, weights: Array, alpha: float) -> tup
     return (second * plain - first * crossed) / determinant, (one * crossed - first * plain) / determinant
 
 
-_compiled_fit = njit(cache=True)(inverse_power_fit)
+_compiled_fit = compiled(inverse_power_fit)
 
 
 def _switching_of_share(inverse_depth: Array, weights: Array, reference: float, share: float) -> float:
@@ -134,7 +135,7 @@ def _switching_of_share(inverse_depth: Array, weights: Array, reference: float, 
     return 0.5 * (low + high)
 
 
-_compiled_switching = njit(cache=True)(_switching_of_share)
+_compiled_switching = compiled(_switching_of_share)
 
 
 def recover(linear: tuple[float, float, float, float], covariance: Array | None, depths: DepthSummary) -> Recovered:

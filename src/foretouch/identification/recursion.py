@@ -6,8 +6,9 @@ import math
 from typing import Literal
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from foretouch.core.compiling import compiled
 
 __all__ = [
     "BROKEN",
@@ -48,7 +49,7 @@ def _perturb(covariance: Array, perturbation: float, resetting: bool, trace_limi
         covariance[i, i] += enlargement
 
 
-_compiled_perturb = njit(cache=True)(_perturb)
+_compiled_perturb = compiled(_perturb)
 
 
 def _step(
@@ -112,7 +113,7 @@ def _step(
     return PERTURBED if tripped else LEARNT
 
 
-_compiled_step = njit(cache=True)(_step)
+_compiled_step = compiled(_step)
 
 
 class Recursion:

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from foretouch.core.compiling import compiled
 
 __all__ = ["MEANS", "ORIGIN", "PRODUCTS", "SIZE", "TIME", "WEIGHT", "clear", "take"]
 
@@ -32,7 +32,7 @@ def _clear(state: Array) -> None:
     state[ORIGIN : ORIGIN + 2] = math.nan
 
 
-clear: Callable[[Array], None] = njit(cache=True)(_clear)
+clear = compiled(_clear)
 
 
 def _take(state: Array, position: float, velocity: float, force: float, period: float) -> None:
@@ -60,4 +60,4 @@ def _take(state: Array, position: float, velocity: float, force: float, period: 
     state[PRODUCTS + 5] = kept * (state[PRODUCTS + 5] + share * (f * f))
 
 
-take: Callable[[Array, float, float, float, float], None] = njit(cache=True, error_model="numpy")(_take)
+take = compiled(error_model="numpy")(_take)

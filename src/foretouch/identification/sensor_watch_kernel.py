@@ -7,12 +7,11 @@ loop.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from foretouch.core.compiling import compiled
 from foretouch.identification.offset_step import LEAST_STEP as STEP_LEAST
 from foretouch.identification.offset_step import SIZE as STEP_SIZE
 from foretouch.identification.offset_step import begin_steps, find_step, restart_steps
@@ -35,9 +34,6 @@ from foretouch.identification.sensor_watch import (
 __all__ = ["LOWEST", "SIZE", "STEP", "STEP_LEAST", "begin", "look"]
 
 Array = NDArray[np.float64]
-
-MADE_OF = "72c6039ba370bbff"
-"""Digest of the files that are compiled into this one: Numba's cache sees a change in this file alone."""
 
 STATE, TIME, BAD_UNTIL = 0, 1, 2
 """Places in the array: the newest judgement, the time of the newest sample, and until when a transient fault lasts
@@ -77,7 +73,7 @@ def _restart(watch: Array) -> None:
     restart_steps(watch[STEP:])
 
 
-_restarted: Callable[[Array], None] = njit(cache=True)(_restart)
+_restarted = compiled(_restart)
 
 
 def _begin(watch: Array) -> None:
@@ -89,7 +85,7 @@ def _begin(watch: Array) -> None:
     begin_steps(watch[STEP:])
 
 
-begin: Callable[[Array], None] = njit("void(f8[::1])", cache=True)(_begin)
+begin = compiled("void(f8[::1])")(_begin)
 
 
 def _say(watch: Array, found: int, time: float) -> int:
@@ -105,7 +101,7 @@ def _say(watch: Array, found: int, time: float) -> int:
     return state
 
 
-_said: Callable[[Array, int, float], int] = njit(cache=True)(_say)
+_said = compiled(_say)
 
 
 def _repeats(watch: Array, position: float, force: float, period: float) -> int:
@@ -137,7 +133,7 @@ def _repeats(watch: Array, position: float, force: float, period: float) -> int:
     return GOOD
 
 
-_repeated: Callable[[Array, float, float, float], int] = njit(cache=True)(_repeats)
+_repeated = compiled(_repeats)
 
 
 def _is_spike(watch: Array, position: float, force: float, period: float) -> bool:
@@ -160,7 +156,7 @@ def _is_spike(watch: Array, position: float, force: float, period: float) -> boo
     return bool(found)
 
 
-_spikes: Callable[[Array, float, float, float], bool] = njit(cache=True)(_is_spike)
+_spikes = compiled(_is_spike)
 
 
 def _compare(watch: Array, position: float, force: float, contact: float, period: float) -> int:
@@ -185,7 +181,7 @@ def _compare(watch: Array, position: float, force: float, contact: float, period
     return OFFSET_STEP if stepped else GOOD
 
 
-_compared: Callable[[Array, float, float, float, float], int] = njit(cache=True)(_compare)
+_compared = compiled(_compare)
 
 
 def _look(watch: Array, time: float, position: float, force: float, tool_force: float) -> int:
@@ -222,4 +218,4 @@ def _look(watch: Array, time: float, position: float, force: float, tool_force: 
     return _said(watch, found, time)
 
 
-look: Callable[[Array, float, float, float, float], int] = njit("i8(f8[::1], f8, f8, f8, f8)", cache=True)(_look)
+look = compiled("i8(f8[::1], f8, f8, f8, f8)")(_look)

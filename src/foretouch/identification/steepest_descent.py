@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from foretouch.core.compiling import compiled
 from foretouch.errors import SettingError
 from foretouch.identification.conditioning import ContactSample
 from foretouch.identification.estimator import Estimator, Status
@@ -107,7 +106,7 @@ def _update(
     return True
 
 
-_compiled_update: Callable[[Array, Array, Array, float, float, float, float], bool] = njit(cache=True)(_update)
+_compiled_update = compiled(_update)
 
 
 class _SteepestDescent(Estimator):

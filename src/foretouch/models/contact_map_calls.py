@@ -6,12 +6,11 @@ A call into compiled code takes 0.3 us whatever it does, and each array that is 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from foretouch.core.compiling import compiled
 from foretouch.models import contact_map_work as work
 from foretouch.models.contact_map_kernel import Memory, advanced
 from foretouch.models.contact_map_layout import MEMORY
@@ -35,7 +34,7 @@ def _memory_of(state: ContactState) -> Memory:
     return state[0], state[1], state[2], state[3], state[4]
 
 
-memory_of: Callable[[ContactState], Memory] = njit(cache=True)(_memory_of)
+memory_of = compiled(_memory_of)
 
 
 def _advance(
@@ -45,9 +44,7 @@ def _advance(
     return advanced(flat, memory_of(state), depth, velocity, period)
 
 
-advance: Callable[[Array, ContactState, float, float, float], tuple[ContactState, float, float]] = njit(cache=True)(
-    _advance
-)
+advance = compiled(_advance)
 
 
 def _local_slopes(flat: Array, state: ContactState, depth: float, velocity: float, reach: float) -> tuple[float, float]:
@@ -55,9 +52,7 @@ def _local_slopes(flat: Array, state: ContactState, depth: float, velocity: floa
     return _slopes(flat, memory_of(state), depth, velocity, reach)
 
 
-local_slopes: Callable[[Array, ContactState, float, float, float], tuple[float, float]] = njit(cache=True)(
-    _local_slopes
-)
+local_slopes = compiled(_local_slopes)
 
 
 def _exit_work_of(flat: Array, state: ContactState, depth: float, offset: float, largest: float) -> tuple[float, float]:
@@ -65,4 +60,4 @@ def _exit_work_of(flat: Array, state: ContactState, depth: float, offset: float,
     return _exit_work(flat, memory_of(state), depth, offset, largest)
 
 
-exit_work: Callable[[Array, ContactState, float, float, float], tuple[float, float]] = njit(cache=True)(_exit_work_of)
+exit_work = compiled(_exit_work_of)

@@ -8,12 +8,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from foretouch.core.compiling import compiled
 from foretouch.models.contact_map_layout import (
     BELOW,
     COARSENESS,
@@ -80,8 +80,8 @@ Features: TypeAlias = tuple[float, float, float, float, float, float]
 Values: TypeAlias = Features | Array
 """Features as either: an estimator keeps them."""
 
-_compiled: Callable[[Any], Any] = njit(cache=True, error_model="numpy")
-_inlined: Callable[[Any], Any] = njit(cache=True, error_model="numpy", forceinline=True)
+_compiled = compiled(error_model="numpy")
+_inlined = compiled(error_model="numpy", forceinline=True)
 
 _COARSE_LENGTH, _FINE_LENGTH = LENGTHS
 

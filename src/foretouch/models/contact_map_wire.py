@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from foretouch.core.compiling import compiled
 from foretouch.models.contact_map_kernel import cubic, length
 from foretouch.models.contact_map_layout import (
     BELOW,
@@ -43,7 +42,7 @@ def _window(flat: Array, spacing: float, below: int, knots: int) -> tuple[int, i
     return first, cubic(flat[REACHED], spacing, below, knots)[0] + 4
 
 
-window: Callable[[Array, float, int, int], tuple[int, int]] = njit(cache=True)(_window)
+window = compiled(_window)
 
 
 def _transfer(flat: Array, packed: Array, unpacking: bool) -> int:
@@ -86,7 +85,7 @@ def _transfer(flat: Array, packed: Array, unpacking: bool) -> int:
     return size
 
 
-transfer: Callable[[Array, Array, bool], int] = njit(cache=True)(_transfer)
+transfer = compiled(_transfer)
 
 
 def pack(flat: Array) -> bytes:
@@ -116,7 +115,7 @@ def _sensible(short: Array) -> bool:
     return good and short[LOWEST] <= short[REACHED]
 
 
-sensible: Callable[[Array], bool] = njit(cache=True)(_sensible)
+sensible = compiled(_sensible)
 
 
 def unpack(content: bytes) -> Array | None:

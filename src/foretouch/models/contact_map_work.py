@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from foretouch.core.compiling import compiled
 from foretouch.models.contact_map_kernel import Memory, force_at, moved, rate_of
 from foretouch.models.contact_map_layout import ORIGIN
 from foretouch.models.contact_model import EXIT_SPEED, SLICE_BEYOND, SLICES, SLICES_BEYOND, SPEED_STEP
@@ -28,7 +26,7 @@ def _slopes(flat: Array, memory: Memory, depth: float, velocity: float, reach: f
     return max(abs(deeper - here), abs(here - shallower)) / reach, (faster - slower) / (2.0 * SPEED_STEP)
 
 
-slopes: Callable[[Array, Memory, float, float, float], tuple[float, float]] = njit(cache=True)(_slopes)
+slopes = compiled(_slopes)
 
 
 def _exit_work(flat: Array, memory: Memory, depth: float, offset: float, largest: float) -> tuple[float, float]:
@@ -65,4 +63,4 @@ def _exit_work(flat: Array, memory: Memory, depth: float, offset: float, largest
     return energy, way
 
 
-exit_work: Callable[[Array, Memory, float, float, float], tuple[float, float]] = njit(cache=True)(_exit_work)
+exit_work = compiled(_exit_work)

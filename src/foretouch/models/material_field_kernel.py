@@ -6,11 +6,11 @@ A node's key (i, j, k) is packed into one whole number that sorts as the key doe
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from foretouch.core.compiling import compiled
 
 __all__ = ["CORNERS", "HALF", "NUMBERS", "blend", "blend_many", "cell_of"]
 
@@ -53,7 +53,7 @@ def _cell_of(x: float, y: float, z: float, spacing: float, codes: Codes, weights
         weights[corner] = (fu if di else 1.0 - fu) * (fv if dj else 1.0 - fv) * (fw if dk else 1.0 - fw)
 
 
-cell_of: Callable[[float, float, float, float, Codes, Array], None] = njit(cache=True)(_cell_of)
+cell_of = compiled(_cell_of)
 
 
 def _blend(
@@ -93,9 +93,7 @@ def _blend(
     return a, b, c, math.sqrt(variance + (missing * unknown[3]) ** 2), known
 
 
-blend: Callable[[Codes, Array, Array, float, float, float, float], tuple[float, float, float, float, float]] = njit(
-    cache=True
-)(_blend)
+blend = compiled(_blend)
 
 
 def _blend_many(codes: Codes, values: Array, unknown: Array, spacing: float, points: Array, out: Array) -> None:
@@ -107,4 +105,4 @@ def _blend_many(codes: Codes, values: Array, unknown: Array, spacing: float, poi
         out[row, 0], out[row, 1], out[row, 2], out[row, 3], out[row, 4] = a, b, c, deviation, known
 
 
-blend_many: Callable[[Codes, Array, Array, float, Array, Array], None] = njit(cache=True)(_blend_many)
+blend_many = compiled(_blend_many)

@@ -6,11 +6,11 @@ What it remembers is one array, by the places named here.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from foretouch.core.compiling import compiled
 
 __all__ = [
     "CLIPPED",
@@ -55,7 +55,7 @@ def _move_reference(state: NDArray[np.float64], h: float) -> float:
     return float(acceleration)
 
 
-move_reference: Callable[[NDArray[np.float64], float], float] = njit("f8(f8[::1], f8)", cache=True)(_move_reference)
+move_reference = compiled("f8(f8[::1], f8)")(_move_reference)
 
 
 def _take(state: NDArray[np.float64], position: float) -> None:
@@ -69,7 +69,7 @@ def _take(state: NDArray[np.float64], position: float) -> None:
     state[NEWEST] = position
 
 
-take: Callable[[NDArray[np.float64], float], None] = njit("void(f8[::1], f8)", cache=True)(_take)
+take = compiled("void(f8[::1], f8)")(_take)
 
 
 def _drive(state: NDArray[np.float64], position: float, velocity: float, contact_force: float, h: float) -> float:
@@ -90,6 +90,4 @@ def _drive(state: NDArray[np.float64], position: float, velocity: float, contact
     return float(max(effort, -LARGEST_RETRACTION))
 
 
-drive: Callable[[NDArray[np.float64], float, float, float, float], float] = njit(
-    "f8(f8[::1], f8, f8, f8, f8)", cache=True
-)(_drive)
+drive = compiled("f8(f8[::1], f8, f8, f8, f8)")(_drive)

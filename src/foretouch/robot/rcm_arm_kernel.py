@@ -6,12 +6,11 @@ What they remember is one array, by the places named here; it begins with the nu
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from foretouch.core.compiling import compiled
 from foretouch.robot.insertion_servo_kernel import CLIPPED, REFERENCE, drive, take
 from foretouch.robot.insertion_servo_kernel import SIZE as SERVO_SIZE
 
@@ -42,7 +41,7 @@ def _begin(arm: Array, desired: float, velocity: float) -> None:
     arm[SPEED] = velocity
 
 
-begin: Callable[[Array, float, float], None] = njit("void(f8[::1], f8, f8)", cache=True)(_begin)
+begin = compiled("void(f8[::1], f8, f8)")(_begin)
 
 
 def _effort(arm: Array, position: float, velocity: float) -> float:
@@ -50,7 +49,7 @@ def _effort(arm: Array, position: float, velocity: float) -> float:
     return drive(arm[SERVO], position, velocity, arm[SENSOR] + arm[NOISE] - arm[TOOL], arm[H])
 
 
-effort: Callable[[Array, float, float], float] = njit("f8(f8[::1], f8, f8)", cache=True)(_effort)
+effort = compiled("f8(f8[::1], f8, f8)")(_effort)
 
 
 def _sense(arm: Array, velocity: float, compression: float) -> None:
@@ -61,7 +60,7 @@ def _sense(arm: Array, velocity: float, compression: float) -> None:
     arm[SPEED] = velocity
 
 
-sense: Callable[[Array, float, float], None] = njit("void(f8[::1], f8, f8)", cache=True)(_sense)
+sense = compiled("void(f8[::1], f8, f8)")(_sense)
 
 
 def _show(
@@ -82,6 +81,4 @@ def _show(
     return float(position), float(arm[SHOWN]), float(acceleration), float(arm[REFERENCE]), bool(arm[CLIPPED])
 
 
-show: Callable[[Array, float, float, float, float], tuple[float, float, float, float, bool]] = njit(
-    "Tuple((f8, f8, f8, f8, b1))(f8[::1], f8, f8, f8, f8)", cache=True
-)(_show)
+show = compiled("Tuple((f8, f8, f8, f8, b1))(f8[::1], f8, f8, f8, f8)")(_show)

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from foretouch.core.compiling import compiled
 from foretouch.session.force_guard import (
     AWAY,
     DAMPING,
@@ -29,9 +28,6 @@ __all__ = ["SIZE", "allowed_speed", "forget", "observe"]
 
 Array = NDArray[np.float64]
 
-MADE_OF = "ae16d6405a53ec7e"
-"""Digest of the files that are compiled into this one: Numba's cache sees a change in this file alone."""
-
 FORCE = 3
 """Place in the array, behind those of what `ForceGuard` tells, of the newest force [N]; NaN where nobody knows it."""
 
@@ -50,7 +46,7 @@ def _forget(guard: Array) -> None:
     guard[STIFFNESS], guard[STEEPEST], guard[ENTRY_SPEED], guard[TICKS] = SOFTEST, 0.0, 0.0, 0.0
 
 
-forget: Callable[[Array], None] = njit("void(f8[::1])", cache=True)(_forget)
+forget = compiled("void(f8[::1])")(_forget)
 
 
 def _observe(guard: Array, position: float, force: float, in_contact: bool, speed: float) -> None:
@@ -82,9 +78,7 @@ def _observe(guard: Array, position: float, force: float, in_contact: bool, spee
     guard[STEEPEST] = max(guard[STEEPEST], force / max(depth, IMPACT_DEPTH))
 
 
-observe: Callable[[Array, float, float, bool, float], None] = njit("void(f8[::1], f8, f8, b1, f8)", cache=True)(
-    _observe
-)
+observe = compiled("void(f8[::1], f8, f8, b1, f8)")(_observe)
 
 
 def _allowed(guard: Array, limit: float, damping: float) -> float:
@@ -95,4 +89,4 @@ def _allowed(guard: Array, limit: float, damping: float) -> float:
     return float(missing / (guard[STIFFNESS] * PATIENCE + (damping if missing > 0.0 else 0.0)))
 
 
-allowed_speed: Callable[[Array, float, float], float] = njit("f8(f8[::1], f8, f8)", cache=True)(_allowed)
+allowed_speed = compiled("f8(f8[::1], f8, f8)")(_allowed)

@@ -7,20 +7,16 @@ says a whole number where a fraction came before is no reason to compile anew in
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from foretouch.core.compiling import compiled
 from foretouch.session.motion_limits import ACCELERATION, BRAKING, EMERGENCY, LOCKING, POSITION, RATE, VELOCITY
 
 __all__ = ["BEFORE", "CAUGHT", "SIZE", "SPEED", "limited"]
 
 Array = NDArray[np.float64]
-
-MADE_OF = "fca7e17bdf49f19d"
-"""Digest of the files that are compiled into this one: Numba's cache sees a change in this file alone."""
 
 BEFORE, STREAM, CAUGHT = 3, 4, 5
 """Places in the array, behind those of the path, of what is known of the stream: its newest position [m], its
@@ -36,7 +32,7 @@ def _clip(value: float, largest: float) -> float:
     return min(max(value, -largest), largest)
 
 
-_clipped: Callable[[float, float], float] = njit(cache=True)(_clip)
+_clipped = compiled(_clip)
 
 
 def _limit(path: Array, wanted: float, upwards: float, shifted: float) -> float:
@@ -76,4 +72,4 @@ def _limit(path: Array, wanted: float, upwards: float, shifted: float) -> float:
     return float(path[POSITION])
 
 
-limited: Callable[[Array, float, float, float], float] = njit("f8(f8[::1], f8, f8, f8)", cache=True)(_limit)
+limited = compiled("f8(f8[::1], f8, f8, f8)")(_limit)

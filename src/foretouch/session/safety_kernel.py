@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from foretouch.core.compiling import compiled
 from foretouch.messages import Status
 from foretouch.session.force_guard import DAMPING, PATIENCE, STEEPEST
 from foretouch.session.force_guard_kernel import SIZE as GUARD_SIZE
@@ -35,9 +34,6 @@ __all__ = ["AIM", "FORCE", "GUARD", "MOTION", "NEW", "PERIOD", "SIZE", "keep_saf
 
 Array = NDArray[np.float64]
 
-MADE_OF = "f090598a6537e124"
-"""Digest of the files that are compiled into this one: Numba's cache sees a change in this file alone."""
-
 AIM, RETURNING, MET, NEW = 0, 1, 2, 3
 """Places in the array: where it is to be [m]; whether it is on the way back to the commands; for how many ticks it has
 been with them; whether it has not followed yet."""
@@ -61,7 +57,7 @@ FOLLOWING, GUARDED, RETURNS = int(Status.FOLLOWING), int(Status.GUARDED), int(St
 HOLDING, UNLOADING, RETREATING = int(Status.HOLDING), int(Status.UNLOADING), int(Status.RETREATING)
 STOPPED, SENSOR_FAULT = int(Status.STOPPED), int(Status.SENSOR_FAULT)
 
-_impact: Callable[[float, float, float], float] = njit(cache=True)(impact_speed)
+_impact = compiled(impact_speed)
 
 
 def _decide(memory: Array, stopped: bool, silence: float, faulty: bool) -> int:
@@ -80,7 +76,7 @@ def _decide(memory: Array, stopped: bool, silence: float, faulty: bool) -> int:
     return status
 
 
-_decided: Callable[[Array, bool, float, bool], int] = njit(cache=True)(_decide)
+_decided = compiled(_decide)
 
 
 def _fastest(memory: Array, status: int, position: float, surface: float, surface_doubt: float) -> float:
@@ -111,8 +107,8 @@ def _approach(memory: Array, surface: float, surface_doubt: float, stiffness: fl
     return math.sqrt(slow * slow + memory[ACCELERATION] * way)
 
 
-_towards: Callable[[Array, float, float, float, float], float] = njit(cache=True)(_approach)
-_fastest_now: Callable[[Array, int, float, float, float], float] = njit(cache=True)(_fastest)
+_towards = compiled(_approach)
+_fastest_now = compiled(_fastest)
 
 
 def _rejoin(memory: Array, desired: float, aim: float) -> None:
@@ -124,7 +120,7 @@ def _rejoin(memory: Array, desired: float, aim: float) -> None:
     memory[NEW] = memory[RETURNING] if first else 0.0
 
 
-_rejoined: Callable[[Array, float, float], None] = njit(cache=True)(_rejoin)
+_rejoined = compiled(_rejoin)
 
 
 def _within(memory: Array, wanted: float, surface: float) -> float:
@@ -135,7 +131,7 @@ def _within(memory: Array, wanted: float, surface: float) -> float:
     return float(min(max(wanted, lowest), highest))
 
 
-_clipped: Callable[[Array, float, float], float] = njit(cache=True)(_within)
+_clipped = compiled(_within)
 
 
 def _keep_safe(
@@ -195,6 +191,4 @@ def _keep_safe(
     return told, status, faulty or not abs(force) <= REST_FORCE
 
 
-keep_safe: Callable[
-    [Array, bool, float, float, float, bool, float, float, bool, bool, float], tuple[float, int, bool]
-] = njit("Tuple((f8, i8, b1))(f8[::1], b1, f8, f8, f8, b1, f8, f8, b1, b1, f8)", cache=True)(_keep_safe)
+keep_safe = compiled("Tuple((f8, i8, b1))(f8[::1], b1, f8, f8, f8, b1, f8, f8, b1, b1, f8)")(_keep_safe)

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from foretouch.core.compiling import compiled
 from foretouch.rendering.surfaces.triangle_kernel import crossing, nearest
 
 __all__ = ["LEAF", "STACK", "build_boxes", "find_crossing", "find_nearest"]
@@ -67,7 +65,7 @@ def _away(box: Array, x: float, y: float, z: float) -> float:
     return float(dx * dx + dy * dy + dz * dz)
 
 
-_box_distance: Callable[[Array, float, float, float], float] = njit(cache=True)(_away)
+_box_distance = compiled(_away)
 
 
 def _find_nearest(
@@ -100,9 +98,7 @@ def _find_nearest(
     return found, best
 
 
-find_nearest: Callable[[Array, Array, Ints, float, float, float, int], tuple[int, float]] = njit(cache=True)(
-    _find_nearest
-)
+find_nearest = compiled(_find_nearest)
 
 
 def _reaches(box: Array, at: tuple[float, float, float], way: tuple[float, float, float], until: float) -> bool:
@@ -119,9 +115,7 @@ def _reaches(box: Array, at: tuple[float, float, float], way: tuple[float, float
     return enter <= leave + 1e-9
 
 
-_segment_meets: Callable[[Array, tuple[float, float, float], tuple[float, float, float], float], bool] = njit(
-    cache=True
-)(_reaches)
+_segment_meets = compiled(_reaches)
 
 
 def _find_crossing(
@@ -154,6 +148,4 @@ def _find_crossing(
     return found, best
 
 
-find_crossing: Callable[
-    [Array, Array, Ints, tuple[float, float, float], tuple[float, float, float]], tuple[int, float]
-] = njit(cache=True)(_find_crossing)
+find_crossing = compiled(_find_crossing)

@@ -15,12 +15,11 @@ References:
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from foretouch.core.compiling import compiled
 from foretouch.rendering.surfaces.boxes import find_crossing, find_nearest
 from foretouch.rendering.surfaces.triangle_kernel import EDGE_NORMALS, FACE, NORMAL, VERTEX_NORMALS, nearest, side
 
@@ -61,7 +60,7 @@ def _at(triangles: Array, triangle: int, x: float, y: float, z: float) -> Spot:
     return triangle, distance, px, py, pz, feature
 
 
-_spot: Callable[[Array, int, float, float, float], Spot] = njit(cache=True)(_at)
+_spot = compiled(_at)
 
 
 def _slide(
@@ -92,7 +91,7 @@ def _slide(
     return here, False
 
 
-_walk: Callable[[Array, Ints, Ints, Ints, int, float, float, float], tuple[Spot, bool]] = njit(cache=True)(_slide)
+_walk = compiled(_slide)
 
 
 def _beyond(links: Ints, spot: Spot) -> bool:
@@ -102,7 +101,7 @@ def _beyond(links: Ints, spot: Spot) -> bool:
     return bool(spot[5] < FACE and links[spot[0], NEIGHBOURS + spot[5] - 3] < 0)
 
 
-_on_border: Callable[[Ints, Spot], bool] = njit(cache=True)(_beyond)
+_on_border = compiled(_beyond)
 
 
 def _below(triangles: Array, spot: Spot, x: float, y: float, z: float) -> bool:
@@ -110,7 +109,7 @@ def _below(triangles: Array, spot: Spot, x: float, y: float, z: float) -> bool:
     return side(triangles[spot[0]], spot[5], x - spot[2], y - spot[3], z - spot[4]) < 0.0
 
 
-_is_inside: Callable[[Array, Spot, float, float, float], bool] = njit(cache=True)(_below)
+_is_inside = compiled(_below)
 
 
 def _note(triangles: Array, memory: Array, spot: Spot, touching: bool, x: float, y: float, z: float) -> None:
@@ -137,7 +136,7 @@ def _note(triangles: Array, memory: Array, spot: Spot, touching: bool, x: float,
         memory[NORMAL_AT + k] = triangles[spot[0], at + k]
 
 
-_remember: Callable[[Array, Array, Spot, bool, float, float, float], None] = njit(cache=True)(_note)
+_remember = compiled(_note)
 
 
 def _enter(
@@ -172,7 +171,7 @@ def _enter(
     return False
 
 
-_come_in: Callable[..., bool] = njit(cache=True)(_enter)
+_come_in = compiled(_enter)
 
 
 def _follow(
@@ -237,5 +236,5 @@ def _follow(
     memory[IN_FRONT] = 0.0 if border or inside else 1.0
 
 
-follow: Callable[..., None] = njit(cache=True)(_follow)
+follow = compiled(_follow)
 """See `_follow`."""

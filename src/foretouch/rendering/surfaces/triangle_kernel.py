@@ -6,11 +6,10 @@ inside from outside. Its features: 0 to 2 are the corners, 3 to 5 the edges from
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from foretouch.core.compiling import compiled
 
 __all__ = ["EDGE_NORMALS", "FACE", "NORMAL", "SIZE", "VERTEX_NORMALS", "crossing", "nearest", "side"]
 
@@ -69,7 +68,7 @@ def _nearest(t: Array, px: float, py: float, pz: float) -> tuple[float, float, f
     return dx * dx + dy * dy + dz * dz, x, y, z, feature
 
 
-nearest: Callable[[Array, float, float, float], tuple[float, float, float, float, int]] = njit(cache=True)(_nearest)
+nearest = compiled(_nearest)
 
 
 def _side(t: Array, feature: int, dx: float, dy: float, dz: float) -> float:
@@ -87,7 +86,7 @@ def _side(t: Array, feature: int, dx: float, dy: float, dz: float) -> float:
     return float(t[at] * dx + t[at + 1] * dy + t[at + 2] * dz)
 
 
-side: Callable[[Array, int, float, float, float], float] = njit(cache=True)(_side)
+side = compiled(_side)
 
 
 def _crossing(t: Array, x: float, y: float, z: float, dx: float, dy: float, dz: float) -> float:
@@ -117,4 +116,4 @@ def _crossing(t: Array, x: float, y: float, z: float, dx: float, dy: float, dz: 
     return float(share)
 
 
-crossing: Callable[[Array, float, float, float, float, float, float], float] = njit(cache=True)(_crossing)
+crossing = compiled(_crossing)

@@ -7,11 +7,11 @@ branches slip force [N] and relaxation time [s]. One table keeps the call short.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from foretouch.core.compiling import compiled
 
 __all__ = ["branch_response", "step"]
 
@@ -34,8 +34,8 @@ def _area(y: float, start: float, end: float) -> float:
     return 0.5 * (y - start) * (y - start) / (end - start)
 
 
-ramp: Callable[[float, float, float], float] = njit(cache=True)(_ramp)
-area: Callable[[float, float, float], float] = njit(cache=True)(_area)
+ramp = compiled(_ramp)
+area = compiled(_area)
 
 
 def _mean_ramp(before: float, after: float, start: float, end: float) -> float:
@@ -52,8 +52,8 @@ def _load_branch(load: float, way: float, h: float, stiffness: float, slip: floa
     return min(slip, max(-slip, load))
 
 
-mean_ramp: Callable[[float, float, float, float], float] = njit(cache=True)(_mean_ramp)
-load_branch: Callable[[float, float, float, float, float, float], float] = njit(cache=True)(_load_branch)
+mean_ramp = compiled(_mean_ramp)
+load_branch = compiled(_load_branch)
 
 
 def _total_force(loads: Array, before: float, after: float, h: float, table: Array, springs: int) -> float:
@@ -68,7 +68,7 @@ def _total_force(loads: Array, before: float, after: float, h: float, table: Arr
     return force
 
 
-total_force: Callable[[Array, float, float, float, Array, int], float] = njit(cache=True)(_total_force)
+total_force = compiled(_total_force)
 
 
 def _step(state: tuple[float, ...], depth: float, h: float, table: Array, springs: int) -> Array:
@@ -115,5 +115,5 @@ def _branch_response(deflection: Array, h: float, start: float, end: float, slip
     return response
 
 
-step: Callable[[tuple[float, ...], float, float, Array, int], Array] = njit(cache=True)(_step)
-branch_response: Callable[[Array, float, float, float, float, float], Array] = njit(cache=True)(_branch_response)
+step = compiled(_step)
+branch_response = compiled(_branch_response)

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from foretouch.core.compiling import compiled
 
 __all__ = ["step"]
 
@@ -43,7 +43,7 @@ def _solve_force(depth: float, force: float, shifts: State, table: Array) -> flo
     return force
 
 
-solve_force: Callable[[float, float, State, Array], float] = njit(cache=True)(_solve_force)
+solve_force = compiled(_solve_force)
 
 
 def _step(state: State, depth: float, h: float, compliance: float, table: Array) -> State:
@@ -58,4 +58,4 @@ def _step(state: State, depth: float, h: float, compliance: float, table: Array)
     return 0.0, first, second, third
 
 
-step: Callable[[State, float, float, float, Array], State] = njit(cache=True)(_step)
+step = compiled(_step)

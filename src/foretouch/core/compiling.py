@@ -1,0 +1,158 @@
+"""The one way in which kernels are compiled, and when compiled code is still good.
+
+Numba keeps compiled code for the next process, and compiles again where the file of a function has changed. It does not
+see what a kernel takes from other files: a function that is inlined, a constant. So what is kept here lies in a folder
+that is named by a digest of the kernel's module and of every module of foretouch that it imports, straight or through
+others: with one changed character in any of them, nothing that was compiled before is found. The folder is the user's,
+so that another copy of the same sources finds it, too.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import re
+import shutil
+import tempfile
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from functools import cache
+from pathlib import Path
+from typing import Any, TypeVar, overload
+
+import numba
+from numba.core import caching
+
+__all__ = ["compiled", "compiled_folder", "digest_of", "imported"]
+
+Function = TypeVar("Function", bound=Callable[..., Any])
+
+PACKAGE = Path(__file__).resolve().parents[1]
+
+IMPORT = re.compile(r"^(?:from|import) +(foretouch[\w.]*)(?: +import +(\([^)]*\)|[^\n]*))?", re.MULTILINE)
+"""An import at the margin: a kernel has no other, for it cannot import while it runs."""
+
+KEPT = 8
+"""Versions of what is compiled of a module that stay: for some copies and branches on one machine. Each is at most a
+few megabytes."""
+
+
+@overload
+def compiled(function: Function, /) -> Function: ...
+@overload
+def compiled(signature: str = "", /, **options: Any) -> Callable[[Function], Function]: ...
+def compiled(what: Any = "", /, **options: Any) -> Any:
+    """A compiled function, or a decorator that compiles: loaded where it was compiled of the same sources before.
+
+    Where there is no folder to keep it in, it is compiled in each process.
+
+    Args:
+        what: A function of numbers, arrays and tuples; or its types, in Numba's terms; or nothing, to compile for the
+            types of each call.
+        **options: Of `numba.njit`, such as ``error_model`` and ``forceinline``. Never ``fastmath``: tests for NaN go.
+    """
+    if callable(what):
+        return compiled()(what)
+
+    def compile_one(function: Function) -> Function:
+        kept = compiled_folder(function.__code__.co_filename) is not None
+        types = (what,) if what else ()
+        made: Function = numba.njit(*types, cache=kept, **options)(function)
+        return made
+
+    return compile_one
+
+
+@cache
+def compiled_folder(source: str) -> Path | None:
+    """The folder where is kept what is compiled of a source file; None where none can be made.
+
+    It is below ``NUMBA_CACHE_DIR``, where that is set, or the user's cache folder.
+    """
+    home = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
+    root = Path(numba.config.CACHE_DIR or Path(home, "foretouch", "compiled"))
+    name = Path(source).stem
+    folder = root / f"{name}-{digest_of(Path(source))}"
+    try:
+        if not folder.is_dir():
+            # Nobody else may write what is loaded from here and run.
+            root.mkdir(mode=0o700, parents=True, exist_ok=True)
+            folder.mkdir(mode=0o700, exist_ok=True)
+            _forget_old(root, name)
+        with tempfile.TemporaryFile(dir=folder):
+            return folder
+    except OSError:
+        return None
+
+
+def _forget_old(root: Path, name: str) -> None:
+    """Remove what was compiled of versions of a module before the newest."""
+    with suppress(OSError):  # another process may remove the same
+        versions = sorted(root.glob(f"{name}-{'[0-9a-f]' * 16}"), key=lambda folder: folder.stat().st_mtime)
+        for folder in versions[:-KEPT]:
+            shutil.rmtree(folder, ignore_errors=True)
+
+
+@cache
+def digest_of(source: Path) -> str:
+    """Of a module's source, of all modules of foretouch that it imports at its margin, and of Numba's version."""
+    found = hashlib.sha256(numba.__version__.encode())
+    for path in sorted(_closure(source)):
+        found.update(path.name.encode() + _text(path).encode())
+    return found.hexdigest()[:16]
+
+
+def _closure(source: Path) -> set[Path]:
+    seen, waiting = {source}, [source]
+    while waiting:
+        fresh = set(imported(waiting.pop())) - seen
+        seen |= fresh
+        waiting += fresh
+    return seen
+
+
+@cache
+def imported(source: Path) -> frozenset[Path]:
+    """The sources of the modules of foretouch that a module imports at its margin."""
+    return frozenset(_named(_text(source)))
+
+
+def _named(text: str) -> Iterator[Path]:
+    for statement in IMPORT.finditer(text):
+        module, names = statement[1], statement[2] or ""
+        path = PACKAGE.joinpath(*module.split(".")[1:])
+        yield path / "__init__.py" if path.is_dir() else path.with_suffix(".py")
+        for name in re.findall(r"\w+", names) if path.is_dir() else ():
+            if (path / f"{name}.py").is_file():
+                yield path / f"{name}.py"
+
+
+@cache
+def _text(path: Path) -> str:
+    return path.read_text()
+
+
+class _KeptByDigest(caching._CacheLocator):  # type: ignore[misc]  # Numba is not typed
+    """Where Numba keeps what it compiled of foretouch, and only of foretouch."""
+
+    def __init__(self, line: int, folder: Path) -> None:
+        self._line, self._folder = line, folder
+
+    def get_cache_path(self) -> str:
+        return str(self._folder)
+
+    def get_source_stamp(self) -> str:
+        return self._folder.name
+
+    def get_disambiguator(self) -> str:
+        return str(self._line)
+
+    @classmethod
+    def from_function(cls, function: Any, source: str) -> _KeptByDigest | None:
+        if not Path(source).is_relative_to(PACKAGE):
+            return None
+        folder = compiled_folder(source)
+        return None if folder is None else cls(function.__code__.co_firstlineno, folder)
+
+
+caching.CacheImpl._locator_classes.insert(0, _KeptByDigest)

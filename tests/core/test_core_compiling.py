@@ -1,0 +1,121 @@
+"""Compiled code is that of the sources as they are."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+from shutil import copytree, ignore_patterns
+
+import numpy as np
+import pytest
+from numba import config
+from numba.core import caching
+
+from foretouch.core import compiling
+from foretouch.session import safety, safety_kernel
+
+PACKAGE = compiling.PACKAGE
+
+SPEED = """
+from foretouch.session import force_guard_kernel, safety_kernel
+from foretouch.session.force_guard import ForceGuard
+
+guard = ForceGuard()
+guard.observe(0.0, 1.0, False)
+kernels = force_guard_kernel.allowed_speed, safety_kernel.keep_safe
+print(guard.speed(15.0), *(sum(kernel.stats.cache_hits.values()) for kernel in kernels))
+"""
+"""The guard's speed far from anything: a force over 50 N/m times 10 ms, the latter a constant of another file."""
+
+
+def copy_of_the_package(folder: Path) -> Path:
+    copytree(PACKAGE, folder / "foretouch", ignore=ignore_patterns("__pycache__"))
+    return folder
+
+
+def run_in(folder: Path, kept: Path) -> tuple[float, int, int]:
+    """What the guard says in a process of its own that imports this copy, and how much it found compiled."""
+    environment = os.environ | {"PYTHONPATH": str(folder), "NUMBA_CACHE_DIR": str(kept), "PYTHONDONTWRITEBYTECODE": "1"}
+    environment.pop("NUMBA_DISABLE_JIT", None)
+    done = subprocess.run([sys.executable, "-c", SPEED], env=environment, capture_output=True, text=True, check=True)
+    speed, guards, safeties = done.stdout.split()
+    return float(speed), int(guards), int(safeties)
+
+
+def test_a_constant_that_changes_in_another_file_is_compiled_anew(tmp_path: Path) -> None:
+    first, second, kept = copy_of_the_package(tmp_path / "first"), tmp_path / "second", tmp_path / "kept"
+    assert run_in(first, kept) == (pytest.approx(14.0 / (50.0 * 0.01)), 0, 0)
+    # Another copy of the same sources, as of a second clone, finds what was compiled of the first.
+    copy_of_the_package(second)
+    assert run_in(second, kept) == (pytest.approx(14.0 / (50.0 * 0.01)), 1, 1)
+    rules = second / "foretouch" / "session" / "force_guard.py"
+    rules.write_text(rules.read_text().replace("PATIENCE = 0.01\n", "PATIENCE = 0.04\n"))
+    assert run_in(second, kept) == (pytest.approx(14.0 / (50.0 * 0.04)), 0, 0)
+    assert run_in(first, kept) == (pytest.approx(14.0 / (50.0 * 0.01)), 1, 1)
+
+
+def test_the_digest_follows_imports_through_other_modules() -> None:
+    session = PACKAGE / "session"
+    sources = [session / f"{name}.py" for name in ("safety_kernel", "force_guard_kernel", "force_guard")]
+    assert {sources[1], PACKAGE / "messages" / "__init__.py"} <= compiling.imported(sources[0])
+    assert sources[2] in compiling.imported(sources[1])
+    assert len({compiling.digest_of(source) for source in sources}) == 3
+
+
+def test_a_module_of_kernels_imports_at_its_margin_alone() -> None:
+    """The digest sees no other imports."""
+    for path in PACKAGE.rglob("*.py"):
+        text = path.read_text()
+        if "import compiled\n" in text:
+            assert not [line for line in text.splitlines() if line.startswith(" ") and "from foretouch" in line], path
+
+
+def test_all_kernels_are_compiled_in_the_one_way() -> None:
+    others = [path for path in PACKAGE.rglob("*.py") if "njit" in path.read_text() and path != Path(compiling.__file__)]
+    assert others == []
+
+
+def test_numba_keeps_what_is_compiled_of_us_where_we_say_and_of_others_where_it_likes() -> None:
+    if config.DISABLE_JIT:
+        pytest.skip("nothing is compiled")
+    folder = compiling.compiled_folder(safety_kernel.__file__)
+    assert folder is not None
+    assert folder.name == f"safety_kernel-{compiling.digest_of(Path(safety_kernel.__file__))}"
+    assert safety_kernel.keep_safe._cache.cache_path == str(folder)
+    assert list(folder.glob("safety_kernel._keep_safe-*.nbi"))
+    assert caching.CacheImpl._locator_classes[0].from_function(np.sum, np.__file__) is None
+
+
+def test_where_nothing_can_be_kept_it_is_compiled_all_the_same(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    taken = tmp_path / "taken"
+    taken.write_text("a file, not a folder")
+    monkeypatch.setattr(config, "CACHE_DIR", str(taken))
+    source = str(PACKAGE / "session" / "safety.py")
+    compiling.compiled_folder.cache_clear()
+    try:
+        assert compiling.compiled_folder(source) is None
+        impact = compiling.compiled(safety.impact_speed)
+        assert impact(15.0, 0.4, 1e5) == pytest.approx(0.075)
+    finally:
+        compiling.compiled_folder.cache_clear()
+
+
+def test_versions_before_the_newest_are_removed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(config, "CACHE_DIR", str(tmp_path))
+    for number in range(12):
+        folder = tmp_path / f"safety-{number:016x}"
+        folder.mkdir()
+        os.utime(folder, (number, number))
+    (tmp_path / "safety_kernel-0000000000000000").mkdir()
+    compiling.compiled_folder.cache_clear()
+    try:
+        folder = compiling.compiled_folder(str(PACKAGE / "session" / "safety.py"))
+    finally:
+        compiling.compiled_folder.cache_clear()
+    assert folder is not None
+    left = sorted(tmp_path.glob("safety-*"))
+    assert folder in left
+    assert len(left) == compiling.KEPT
+    assert (tmp_path / "safety_kernel-0000000000000000").is_dir()
