@@ -4,9 +4,9 @@ A block begins with `<!-- measured: NAME of DIGEST -->` and ends with `<!-- end 
 is that of the sources which the figures depend on (`docs/measured_sources.py` says where their measuring begins). Where
 the sources are others by now, the block must say so to its readers, by the sentence `EARLIER` at its top.
 
-Usage: `.venv/bin/python docs/measured_blocks.py` names every block that is of earlier code and does not say so, with what
-has changed since, and ends with 1 if there is one; it is a part of `make check`. With `--mark` it writes the sentence
-into these blocks, and takes it away where the sources are those of the figures again.
+Usage: `.venv/bin/python docs/measured_blocks.py` names every block that is of earlier code and does not say so, with
+what has changed since, and ends with 1 if there is one; it is a part of `make check`. With `--mark` it writes the
+sentence into these blocks, and takes it away where the sources are those of the figures again.
 """
 
 from __future__ import annotations

@@ -21,6 +21,7 @@ Key = tuple[str, str]
 IGNORED = (
     # what only says, shows or refuses
     *("measured_blocks", "foretouch.console", "foretouch.errors", "foretouch.plugins", "foretouch.ros2"),
+    "foretouch.core.compiling",
     *(f"foretouch.cli.{name}" for name in ("exit_codes", "extras", "help", "options", "progress")),
     *(f"foretouch.report.{name}" for name in ("calibration_page", "drawing", "figures", "html", "page", "thinning")),
     *(f"foretouch.report.{name}" for name in ("hand_drawing", "hand_text", "replay_page", "safety_text", "text")),
@@ -42,24 +43,35 @@ COMPARE = "foretouch.cli.comparison:compare"
 FETCH = "foretouch.recordings.datasets:fetch"
 IDENTIFY = "foretouch.cli.offline:identify"
 PREDICT = "foretouch.cli.offline:predict"
+LIVE = (
+    "foretouch.cli.sessions:teleop",
+    "foretouch.cli.sides:leader",
+    "foretouch.cli.sides:follower",
+    "foretouch.cli.watchers:record",
+)
+"""The processes of a session in real time."""
+
 REPLAY = "foretouch.cli.replay:replay"
 SIMULATE = "foretouch.cli.sessions:simulate"
 
 _OF_PAGES: dict[str, dict[str, tuple[str, ...]]] = {
     "README.md": {"session": ("measure_results:session", SIMULATE)},
     "docs/baselines.md": {name: (f"compare_baselines:{name}",) for name in ("compared", "damped")},
-    "docs/console.md": {"console": ("measure_console:main", "foretouch.console.*")},
+    "docs/console.md": {"console": ("measure_console:main", *LIVE, "foretouch.cli.watchers:console")},
     "docs/contact-map.md": {
-        f"design-{name}": ("compare_designs:measure", "compare_designs:summary")
-        for name in ("experts", "learners", "features", "forgetting", "shares", "beyond")
+        "floors": ("measure_results:floors", IDENTIFY, FETCH),
+        **dict.fromkeys(
+            [f"design-{name}" for name in ("experts", "learners", "features", "forgetting", "shares", "beyond")],
+            ("compare_designs:measure", "compare_designs:summary"),
+        ),
     },
-    "docs/identifiability.md": {name: ("draw_identifiability:shares",) for name in ("bounds", "twins")},
+    "docs/faults.md": {"faults": ("measure_faults:main", "test_session_soak_fire", *LIVE)},
+    "docs/identifiability.md": dict.fromkeys(("bounds", "twins"), ("draw_identifiability:shares",)),
     "docs/replay.md": {name: (f"measure_results:{name}", SIMULATE, REPLAY) for name in ("replay", "replays")},
     "docs/results.md": {
         "reach": ("measure_results:reach", PREDICT, COMPARE, FETCH),
         "reach-simulated": ("measure_results:reach_simulated", COMPARE),
         "identifications": ("measure_results:identifications", IDENTIFY, FETCH),
-        "floors": ("measure_results:floors", IDENTIFY, FETCH),
         "estimators": ("measure_results:estimators", COMPARE, FETCH),
         "simulated": ("measure_results:simulated", COMPARE),
         "claims": ("measure_results:claims", "foretouch.reproduction.*"),
@@ -70,7 +82,7 @@ _OF_PAGES: dict[str, dict[str, tuple[str, ...]]] = {
     "docs/rooms/vision.md": {"vision": ("measure_vision:main",)},
     "docs/safety.md": {name: (f"measure_impacts:{name}",) for name in ("masses", "impacts", "sessions", "unloading")},
     "docs/scale.md": {
-        "costs": ("measure_scale:costs", "foretouch.recordings.session_writer"),
+        "costs": ("measure_scale:costs", "foretouch.recordings.session_writer", *LIVE),
         "fleet": ("measure_scale:fleet", "measure_scale:costs"),
     },
     "docs/scenes.md": {name: (f"measure_scenes:{name}",) for name in ("fusion", "images", "palpation", "hand")},
@@ -78,8 +90,9 @@ _OF_PAGES: dict[str, dict[str, tuple[str, ...]]] = {
         "machine": ("measure_speed:machine",),
         **{
             name: ("measure_speed:block", f"foretouch.bench.benchmarks.{name}")
-            for name in ("fprls", "batch", "call", "map", "mesh", "steps", "profile", "loops", "link", "simulate")
+            for name in ("fprls", "batch", "call", "map", "mesh", "steps", "profile", "link", "simulate")
         },
+        "loops": ("measure_speed:block", "foretouch.bench.benchmarks.loops", *LIVE),
         **{
             name: ("measure_speed:block", f"foretouch.bench.benchmarks.{name}", command)
             for name, command in (("identify", IDENTIFY), ("compare", COMPARE), ("growth", IDENTIFY))

@@ -26,6 +26,7 @@ Definition = tuple[str, str]
 IMPORTED, WHOLE = "", "*"
 DATA_FILE = re.compile(r"'(\w+\.json)'")
 MODULE = re.compile(r"\w+(\.\w+)+", re.ASCII)
+IMPORTS, NAMES = (ast.Import, ast.ImportFrom), (ast.Attribute, ast.Name)
 FUNCTIONS = (ast.FunctionDef, ast.AsyncFunctionDef)
 
 
@@ -53,7 +54,7 @@ class Module:
             return
         if isinstance(statement, ast.If) and "__main__" in ast.dump(statement.test):
             return
-        if isinstance(statement, ast.Import | ast.ImportFrom):
+        if isinstance(statement, IMPORTS):
             self.imports.update(self.imported(statement))
             return
         names = list(bound(statement))
@@ -171,10 +172,10 @@ class Sources:
             nodes = list(run(statement))
             imports = dict(module.imports)
             for node in nodes:
-                if isinstance(node, ast.Import | ast.ImportFrom):
+                if isinstance(node, IMPORTS):
                     imports.update(module.imported(node))
             for node in nodes:
-                if isinstance(node, ast.Attribute | ast.Name) and (words := dotted(node)):
+                if isinstance(node, NAMES) and (words := dotted(node)):
                     if words[0] in imports:
                         yield self._through(imports[words[0]], words[1:])
                     elif words[0] in module.statements:
