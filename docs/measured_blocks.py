@@ -37,11 +37,16 @@ _AT_BEGIN = {} if __name__ == "__main__" else digests(sources_of())
 """The digests when a script began, for that is the code which it loaded."""
 
 
-def fill(page: Path, measured: Mapping[str, str]) -> None:
+def fill(page: Path, measured: Mapping[str, str], *, current: bool = True) -> None:
     """Put what was measured, by name, into the blocks of a page; blocks of other names stay as they are.
 
     The page is read only now: somebody may have written to it while measuring. Where the sources of a block were
     changed meanwhile, nobody knows which of them gave the figures: the block says that it is of earlier code.
+
+    Args:
+        page: Below the root of the project.
+        measured: Text of each block.
+        current: Whether this process measured it; what was kept by an earlier one may be of earlier code.
     """
     now = digests(sources_of())
 
@@ -50,7 +55,7 @@ def fill(page: Path, measured: Mapping[str, str]) -> None:
         if name not in measured:
             return block[0]
         key = key_of(page, name)
-        if now[key] == _AT_BEGIN[key]:
+        if current and now[key] == _AT_BEGIN[key]:
             return written(name, now[key], measured[name])
         return written(name, UNKNOWN, EARLIER + measured[name])
 
@@ -163,11 +168,14 @@ def git(*arguments: str) -> str | None:
 def main(arguments: list[str]) -> None:
     """Check, or mark."""
     sources = sources_of()
-    if arguments == ["--mark"]:
-        mark(sources)
-    elif arguments:
+    if arguments not in ([], ["--mark"]):
         raise SystemExit("usage: measured_blocks.py [--mark]")
-    found = list(problems(sources))
+    try:
+        if arguments:
+            mark(sources)
+        found = list(problems(sources))
+    except LookupError as error:
+        raise SystemExit(f"docs/measured_sources.py: {error}") from None
     for problem in found:
         print(problem, file=sys.stderr)
     if found:
