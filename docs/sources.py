@@ -26,7 +26,8 @@ Definition = tuple[str, str]
 IMPORTED, WHOLE = "", "*"
 DATA_FILE = re.compile(r"'(\w+\.json)'")
 MODULE = re.compile(r"\w+(\.\w+)+", re.ASCII)
-IMPORTS, NAMES = (ast.Import, ast.ImportFrom), (ast.Attribute, ast.Name)
+IMPORTS = (ast.Import, ast.ImportFrom)
+LEADING = frozenset((*IMPORTS, ast.Attribute, ast.Name, ast.Constant))
 FUNCTIONS = (ast.FunctionDef, ast.AsyncFunctionDef)
 
 
@@ -44,7 +45,7 @@ class Module:
         self.package = name if path.name == "__init__.py" else name.rpartition(".")[0]
         self.statements: dict[str, list[ast.stmt]] = {}
         self.imports: dict[str, Definition] = {}
-        self._digests: dict[str, str] = {}
+        self._read: dict[str, tuple[str, list[ast.AST]]] = {}
         for statement in without_docstrings(ast.parse(text)).body:
             self._sort(statement)
 
@@ -78,14 +79,22 @@ class Module:
 
     def digest(self, name: str) -> str:
         """Of the syntax of what defines a name, and of the data files beside the module that it names."""
-        if name not in self._digests:
-            text = "\n".join(syntax(statement) for statement in self.statements.get(name, ()))
+        return self._reading(name)[0]
+
+    def followed(self, name: str) -> list[ast.AST]:
+        """The nodes of what defines a name that may lead elsewhere."""
+        return self._reading(name)[1]
+
+    def _reading(self, name: str) -> tuple[str, list[ast.AST]]:
+        if name not in self._read:
+            nodes: list[ast.AST] = []
+            text = "\n".join([syntax(statement, nodes) for statement in self.statements.get(name, ())])
             digest = hashlib.sha256(text.encode())
             for file in DATA_FILE.findall(text):
                 if (path := self.path.parent / file).is_file():
                     digest.update(path.read_bytes())
-            self._digests[name] = digest.hexdigest()
-        return self._digests[name]
+            self._read[name] = digest.hexdigest(), nodes
+        return self._read[name]
 
 
 class Sources:
@@ -168,20 +177,18 @@ class Sources:
             yield from ((module.name, one) for one in module.statements)
             if module.package == module.name:
                 yield from module.imports.values()
-        for statement in module.statements.get(name, ()):
-            nodes = list(run(statement))
-            imports = dict(module.imports)
-            for node in nodes:
-                if isinstance(node, IMPORTS):
-                    imports.update(module.imported(node))
-            for node in nodes:
-                if isinstance(node, NAMES) and (words := dotted(node)):
-                    if words[0] in imports:
-                        yield self._through(imports[words[0]], words[1:])
-                    elif words[0] in module.statements:
-                        yield module.name, words[0]
-                elif isinstance(node, ast.Constant) and isinstance(node.value, str) and MODULE.fullmatch(node.value):
-                    yield node.value, WHOLE
+        nodes, imports = module.followed(name), dict(module.imports)
+        for node in nodes:
+            if isinstance(node, IMPORTS):
+                imports.update(module.imported(node))
+        for node in nodes:
+            if isinstance(node, ast.Constant):
+                yield node.value, WHOLE
+            elif words := dotted(node):
+                if words[0] in imports:
+                    yield self._through(imports[words[0]], words[1:])
+                elif words[0] in module.statements:
+                    yield module.name, words[0]
 
     def _through(self, target: Definition, words: list[str]) -> Definition:
         """What is asked of something that was imported, as far as that is a module."""
@@ -212,13 +219,31 @@ def digest_of(reached: Mapping[Definition, str]) -> str:
     return hashlib.sha256(text.encode()).hexdigest()[:10]
 
 
-def syntax(node: object) -> str:
-    """A tree as text, alike on every version of Python: what is empty is left out, for newer ones have more of that."""
-    if isinstance(node, ast.AST):
-        fields = ((name, getattr(node, name, None)) for name in node._fields if name not in ("ctx", "kind"))
-        inner = ",".join([f"{name}={syntax(value)}" for name, value in fields if value is not None and value != []])
-        return f"{type(node).__name__}({inner})"
-    return f"[{','.join([syntax(one) for one in node])}]" if isinstance(node, list) else repr(node)
+def syntax(node: object, leading: list[ast.AST] | None = None) -> str:
+    """A tree as text, alike on every version of Python: what is empty is left out, for newer ones have more of that.
+
+    Args:
+        node: The tree, or a list of trees.
+        leading: Takes every name, import and name of a module in it that is run, so not those of annotations of
+            arguments; of ``a.b.c`` the whole and not its parts.
+    """
+    if isinstance(node, list):
+        return f"[{','.join([syntax(one, leading) for one in node])}]"
+    if not isinstance(node, ast.AST):
+        return repr(node)
+    kind, inner = type(node), leading
+    if leading is not None and kind in LEADING:
+        if kind is not ast.Constant or (isinstance(node.value, str) and MODULE.fullmatch(node.value)):  # type: ignore[attr-defined]
+            leading.append(node)
+        inner = None if dotted(node) else leading
+    parts = []
+    for name in node._fields:
+        value = getattr(node, name, None)
+        if value is None or value == [] or name in ("ctx", "kind"):
+            continue
+        unread = name == "returns" or (name == "annotation" and kind is ast.arg)
+        parts.append(f"{name}={syntax(value, None if unread else inner)}")
+    return f"{kind.__name__}({','.join(parts)})"
 
 
 def without_docstrings(tree: ast.Module) -> ast.Module:
@@ -258,25 +283,10 @@ def loads(node: ast.Name) -> bool:
     return isinstance(node.ctx, ast.Load)
 
 
-def dotted(node: ast.expr) -> list[str]:
+def dotted(node: ast.AST) -> list[str]:
     """The words of ``a.b.c``; none where it begins with something else than a name."""
     words: list[str] = []
     while isinstance(node, ast.Attribute):
         words.append(node.attr)
         node = node.value
     return [node.id, *reversed(words)] if isinstance(node, ast.Name) else []
-
-
-def run(statement: ast.stmt) -> Iterator[ast.AST]:
-    """All nodes of a statement that are run: not the annotations of functions, nor inner parts of ``a.b.c``."""
-    waiting: list[ast.AST] = [statement]
-    while waiting:
-        node = waiting.pop()
-        yield node
-        if isinstance(node, ast.Attribute) and dotted(node):
-            continue
-        if isinstance(node, FUNCTIONS):
-            arguments = node.args
-            waiting += [*node.body, *node.decorator_list, *arguments.defaults, *filter(None, arguments.kw_defaults)]
-        else:
-            waiting.extend(ast.iter_child_nodes(node))
