@@ -5,8 +5,8 @@
 prints its figures; this script runs those commands, two at a time, and puts what they print into the blocks.
 
 Usage: `.venv/bin/python docs/measure_results.py [NAME ...]`, without names for all blocks. It needs the measured
-recordings (a network, or FORETOUCH_DATA_DIR). On two cores `reach` takes two minutes, `reach-simulated` SIMULATED, and
-all about ALLOFIT.
+recordings (a network, or FORETOUCH_DATA_DIR). On two cores that do nothing else `reach` takes some two minutes;
+`reach-simulated`, of eight seeds, took half an hour on two that did much else.
 """
 
 from __future__ import annotations

@@ -341,6 +341,8 @@ def test_verdicts_follow_from_the_medians(docs: SimpleNamespace) -> None:
         assert (row["Reached"] == "yes") == (error <= asked), row["Recording"]
         assert held >= 4 if row["Reached"] == "yes" else held <= 4
         assert (held == 8) == (worst <= asked)
+    missed = [row["Recording"] for row in rows if row["Reached"] == "no"]
+    assert f"Not reached: {' and '.join(missed)}." in (ROOT / "docs" / "results.md").read_text()
 
 
 def test_failures_count_as_worse_than_every_number(docs: SimpleNamespace) -> None:
