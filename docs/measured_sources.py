@@ -21,7 +21,7 @@ Key = tuple[str, str]
 IGNORED = (
     # what only says, shows or refuses
     *("measured_blocks", "foretouch.console", "foretouch.errors", "foretouch.plugins", "foretouch.ros2"),
-    "foretouch.core.compiling",
+    *("foretouch.core.compiling", "foretouch.files"),
     *(f"foretouch.cli.{name}" for name in ("exit_codes", "extras", "help", "options", "progress")),
     *(f"foretouch.report.{name}" for name in ("calibration_page", "drawing", "figures", "html", "page", "thinning")),
     *(f"foretouch.report.{name}" for name in ("hand_drawing", "hand_text", "replay_page", "safety_text", "text")),

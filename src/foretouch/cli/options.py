@@ -183,6 +183,11 @@ SESSION_OPTIONS: dict[str, tuple[type, object, str]] = {
     "camera_delay": (float, 0.06, "From an image's exposure until it has been read [s]."),
     "image_fault": (str, "", "KIND:BEGIN:END [s]: hand, glare, frozen or dropped images meanwhile."),
     "robot": (str, "simulated", "The follower's: simulated, or a plug-in's: `foretouch plugins`."),
+    "calibration": (
+        str,
+        "",
+        "TOML file of `foretouch calibrate` for the robot's sensor; read where the robot is.",
+    ),
     "baseline": (str, "none", "Render the delayed force instead, for comparison: delayed or delayed-tdpa."),
 }
 """Type, default and help of every option that becomes a field of `foretouch.session.SessionSettings`."""
@@ -200,7 +205,15 @@ SESSION_PANELS: dict[str, tuple[str, ...]] = {
         "leader_frame",
     ),
     "What the hand is given": ("position_scale", "force_scale", "largest_stiffness", "baseline"),
-    "Robot": ("robot", "first_touch", "approach_speed", "guarded_force", "follower_frame", "sensor_fault"),
+    "Robot": (
+        "robot",
+        "calibration",
+        "first_touch",
+        "approach_speed",
+        "guarded_force",
+        "follower_frame",
+        "sensor_fault",
+    ),
     "In three dimensions": ("scene", "fusion", "displacement", "turn", "bump", "camera_delay", "image_fault"),
     "Safety at the robot": (
         "force_ceiling",

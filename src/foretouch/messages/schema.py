@@ -29,7 +29,7 @@ __all__ = [
     "Telemetry",
 ]
 
-VERSION = 6
+VERSION = 7
 """Version of the schema. It changes with every change of a field; peers must agree."""
 
 Count = Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)]
@@ -57,6 +57,7 @@ class Status(IntEnum):
     STOPPED = 6
     SENSOR_FAULT = 7
     SHADOW = 8
+    TOO_SLOW = 9
 
 
 STATUS_SENTENCES = {
@@ -69,6 +70,7 @@ STATUS_SENTENCES = {
     Status.STOPPED: "emergency stop: unloaded, until it is released at the follower",
     Status.SENSOR_FAULT: "its sensors are not to be trusted: learns nothing and holds its place",
     Status.SHADOW: "learns and predicts, and commands nothing: somebody else moves the robot",
+    Status.TOO_SLOW: "makes fewer than 500 ticks a second, too few to be safe: holds its place",
 }
 """What each `Status` means, as the end of a sentence that begins with "The robot"."""
 
@@ -97,6 +99,9 @@ class Command(Message, frozen=True, array_like=True, gc=False):
         holder: Name of the leader, for people.
         epoch: Of the leader's process: no other has the same, and who was started later has a larger one.
         place: Desired place of the probe in three dimensions; empty in a session along a line.
+        telemetry_sequence: `sequence` of the newest telemetry that the leader had heard, 0 before the first: what the
+            follower said until then the leader knew.
+        run: Epoch of the follower's process that said it, 0 before the first.
     """
 
     position: float
@@ -105,6 +110,8 @@ class Command(Message, frozen=True, array_like=True, gc=False):
     holder: Name = ""
     epoch: Count = 0
     place: Place = ()
+    telemetry_sequence: Count = 0
+    run: Count = 0
 
 
 class ModelUpdate(Message, frozen=True, array_like=True, gc=False):

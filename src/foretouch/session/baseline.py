@@ -124,7 +124,18 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
     rendered = state.limiter.force
     state.sequence += 1
     settings = state.settings
-    command = Command(VERSION, state.sequence, now_ns, proxy.position, 0, settings.guards(), state.holder, state.epoch)
+    command = Command(
+        VERSION,
+        state.sequence,
+        now_ns,
+        proxy.position,
+        0,
+        settings.guards(),
+        state.holder,
+        state.epoch,
+        telemetry_sequence=heard.telemetry.newest,
+        run=heard.run,
+    )
     record = LeaderState(
         VERSION,
         state.sequence,

@@ -155,6 +155,8 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
         state.guarded,
         state.holder,
         state.epoch,
+        telemetry_sequence=heard.telemetry.newest,
+        run=heard.run,
     )
     record = LeaderState(
         VERSION,

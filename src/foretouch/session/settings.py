@@ -125,6 +125,8 @@ class SessionSettings:
         camera_delay: From an image's exposure until it has been read [s].
         image_fault: Fault of the camera's images, as ``KIND:BEGIN:END`` in seconds; empty for none.
         robot: ``"simulated"``, or a robot of another package.
+        calibration: File of the calibration of the robot's force sensor (`foretouch.session.calibrated`); empty for
+            none. It is read where the robot is.
 
     Raises:
         SettingError: A value out of range.
@@ -181,6 +183,7 @@ class SessionSettings:
     camera_delay: float = 0.06
     image_fault: str = ""
     robot: str = SIMULATED
+    calibration: str = ""
     command_faults: Faults = field(init=False, repr=False)
     return_faults: Faults = field(init=False, repr=False)
     device: DeviceSpecification = field(init=False, repr=False)
