@@ -93,7 +93,7 @@ class MotionLimits:
         self._begun, self._limited, self._moved = kernel.begin, kernel.limited, kernel.moved
         self._path = np.zeros(kernel.SIZE) if path is None else path
         self._asked = self._path[kernel.WANTED : kernel.SPEED]
-        self._path[POSITION] = math.nan
+        self._path[POSITION:VELOCITY] = math.nan
         self._path[kernel.SPEED :] = speed, acceleration, jerk, sample_period, gain
 
     @property
