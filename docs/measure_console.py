@@ -18,8 +18,6 @@ import subprocess
 import sys
 import tempfile
 import time
-import urllib.error
-import urllib.request
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -30,6 +28,7 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT / "tests" / "console"))  # the mouse and the browser are the tests' own
 
 from console_driver import held_handle, open_page, take_handle  # noqa: E402
+from visitors import Printed  # noqa: E402
 
 from foretouch.link import free_endpoint  # noqa: E402
 from foretouch.recordings import read_session  # noqa: E402
@@ -62,15 +61,15 @@ def main(seconds: float, rounds: int) -> None:
         print(f"{name:28}{side:10}{median:8.3f}{most:8.2f}{mosts:>14}{late:7.2f} %{lates:>14} %")
 
 
-def measure(runs: dict[str, Callable[[str, float], Stretch]], seconds: float, rounds: int) -> dict[Key, np.ndarray]:
+def measure(runs: dict[str, Callable[[Printed, float], Stretch]], seconds: float, rounds: int) -> dict[Key, np.ndarray]:
     """By what the browser did and side of the session: `figures` of each round."""
     stretches: dict[str, list[Stretch]] = {name: [] for name in runs}
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "session.mcap"
-        with session(path) as url:
+        with session(path) as printed:
             for _ in range(rounds):
                 for name, behave in runs.items():
-                    stretches[name].append(behave(url, seconds))
+                    stretches[name].append(behave(printed, seconds))
         log = read_session(path)
     return {
         (name, side): np.array([figures(rows, stretch) for stretch in of_it])
@@ -80,16 +79,16 @@ def measure(runs: dict[str, Callable[[str, float], Stretch]], seconds: float, ro
 
 
 @contextlib.contextmanager
-def session(path: Path) -> Iterator[str]:
-    """A session with a console, recorded at the path; the console's address."""
+def session(path: Path) -> Iterator[Printed]:
+    """A session with a console, recorded at the path; what it prints, with the console's addresses."""
     port = int(free_endpoint().rpartition(":")[2])
     command = [sys.executable, "-m", "foretouch", "teleop", "--port", str(port), "--recording", str(path)]
-    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
-    with subprocess.Popen([*command, "--material", "hunt-crossley"], **quiet) as running:  # type: ignore[call-overload]
+    command += ["--material", "hunt-crossley"]
+    with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True) as running:
         try:
-            url = f"http://127.0.0.1:{port}"
-            wait_for(url)
-            yield url
+            printed = Printed(running)
+            printed.wait()
+            yield printed
         finally:
             running.send_signal(signal.SIGINT)
 
@@ -111,23 +110,23 @@ def watch(seconds: float, wait: Callable[[float], None] = time.sleep) -> Stretch
     return begin, time.monotonic_ns()
 
 
-def nobody(url: str, seconds: float) -> Stretch:
+def nobody(printed: Printed, seconds: float) -> Stretch:
     """No browser."""
     return watch(seconds)
 
 
-def one_that_presses(url: str, seconds: float) -> Stretch:
+def one_that_presses(printed: Printed, seconds: float) -> Stretch:
     """A browser that draws, and a mouse on the handle."""
-    with open_page(url) as (page, _):
+    with open_page(printed.address()) as (page, _):
         print(f"page up {page.evaluate('performance.now()') / 1000:.1f} s after its address was opened")
         give_way(page)
         with held_handle(page, 8.0):
             return watch(seconds, lambda s: page.wait_for_timeout(1000 * s))
 
 
-def one_that_stands_still(url: str, seconds: float) -> Stretch:
+def one_that_stands_still(printed: Printed, seconds: float) -> Stretch:
     """A browser whose processes are stopped: it reads nothing any more."""
-    with open_page(url) as (page, _):
+    with open_page(printed.address()) as (page, _):
         stopped = processes_of(page)
         for pid in stopped:
             os.kill(pid, signal.SIGSTOP)
@@ -138,15 +137,15 @@ def one_that_stands_still(url: str, seconds: float) -> Stretch:
                 os.kill(pid, signal.SIGCONT)
 
 
-def one_that_is_closed(url: str, seconds: float) -> Stretch:
+def one_that_is_closed(printed: Printed, seconds: float) -> Stretch:
     """A tab that is closed while it holds the handle."""
-    with open_page(url) as (page, _):
+    with open_page(printed.address()) as (page, _):
         take_handle(page, 8.0)
         page.close()
         return watch(seconds)
 
 
-RUNS: dict[str, Callable[[str, float], Stretch]] = {
+RUNS: dict[str, Callable[[Printed, float], Stretch]] = {
     "no browser": nobody,
     "browser stopped (SIGSTOP)": one_that_stands_still,
     "tab closed while it presses": one_that_is_closed,
@@ -169,18 +168,6 @@ def processes_of(page: Any) -> list[int]:
         for process in session.send("SystemInfo.getProcessInfo")["processInfo"]
         if process["type"] != "browser"
     ]
-
-
-def wait_for(url: str) -> None:
-    """Wait until a console answers."""
-    end = time.monotonic() + 30.0
-    while time.monotonic() < end:
-        try:
-            urllib.request.urlopen(url, timeout=1.0).close()
-            return
-        except (urllib.error.URLError, OSError):
-            time.sleep(0.2)
-    raise SystemExit(f"the console did not come up at {url}")
 
 
 if __name__ == "__main__":

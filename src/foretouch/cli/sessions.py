@@ -51,11 +51,12 @@ def teleop(
 
     Example: foretouch teleop --headless --duration 20 --operator recorded --report out
     """
-    from foretouch.session import RECORDING_INCOMPLETE, StopFlag, run_processes
+    from foretouch.session import RECORDING_INCOMPLETE, StopFlag, run_processes, session_calibration
 
     require_duration(duration)
     require_extras("sim", "link", *(() if headless else ("console",)), "recordings")
     _check_material(settings.material)
+    session_calibration(settings)  # the follower reads it again; here, who typed it is told before anything starts
     path = recording or _default_recording(report)
     require_recording(path)
     if report is not None:

@@ -48,6 +48,8 @@ LEADER_SAYS = (
     "device_damping",
     "device_friction",
     "device_resolution",
+    "device_delay",
+    "device_watchdog",
     "largest_stiffness",
     "position_scale",
     "force_scale",
@@ -78,9 +80,10 @@ def follower(
 
     Example: foretouch follower --listen tcp/127.0.0.1:7447 --duration 5
     """
-    from foretouch.session import StopFlag, be_prompt
+    from foretouch.session import StopFlag, be_prompt, session_calibration
 
     require_duration(duration)
+    session_calibration(settings)  # told before anything is opened
     be_prompt()
     stop = StopFlag().on_signals()
     follow = _follow_in_a_scene if settings.scene else _follow_along_a_line

@@ -21,6 +21,7 @@ loop nothing raises: a step returns a status with a sentence instead.
 from __future__ import annotations
 
 from collections.abc import Iterable
+from typing import Any
 
 from foretouch.errors.installing import install_command
 
@@ -43,6 +44,16 @@ __all__ = [
 
 class ForetouchError(Exception):
     """Base of every error that foretouch raises on purpose; its text is one line for the user."""
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """From process to process: as it is, not made again of its text."""
+        return _as_it_was, (type(self), self.args), self.__dict__
+
+
+def _as_it_was(kind: type[ForetouchError], args: tuple[Any, ...]) -> ForetouchError:
+    error = kind.__new__(kind)
+    error.args = args
+    return error
 
 
 class RecordingWarning(UserWarning):

@@ -29,7 +29,7 @@ __all__ = [
     "Telemetry",
 ]
 
-VERSION = 6
+VERSION = 7
 """Version of the schema. It changes with every change of a field; peers must agree."""
 
 Count = Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)]
@@ -57,6 +57,7 @@ class Status(IntEnum):
     STOPPED = 6
     SENSOR_FAULT = 7
     SHADOW = 8
+    TOO_SLOW = 9
 
 
 STATUS_SENTENCES = {
@@ -69,6 +70,7 @@ STATUS_SENTENCES = {
     Status.STOPPED: "emergency stop: unloaded, until it is released at the follower",
     Status.SENSOR_FAULT: "its sensors are not to be trusted: learns nothing and holds its place",
     Status.SHADOW: "learns and predicts, and commands nothing: somebody else moves the robot",
+    Status.TOO_SLOW: "makes fewer than 500 ticks a second, too few to be safe: holds its place",
 }
 """What each `Status` means, as the end of a sentence that begins with "The robot"."""
 
@@ -97,6 +99,9 @@ class Command(Message, frozen=True, array_like=True, gc=False):
         holder: Name of the leader, for people.
         epoch: Of the leader's process: no other has the same, and who was started later has a larger one.
         place: Desired place of the probe in three dimensions; empty in a session along a line.
+        telemetry_sequence: `sequence` of the newest telemetry that the leader had heard, 0 before the first: what the
+            follower said until then the leader knew.
+        run: Epoch of the follower's process that said it, 0 before the first.
     """
 
     position: float
@@ -105,6 +110,8 @@ class Command(Message, frozen=True, array_like=True, gc=False):
     holder: Name = ""
     epoch: Count = 0
     place: Place = ()
+    telemetry_sequence: Count = 0
+    run: Count = 0
 
 
 class ModelUpdate(Message, frozen=True, array_like=True, gc=False):
@@ -157,9 +164,9 @@ class Telemetry(Message, frozen=True, array_like=True, gc=False):
     Attributes:
         command_sequence: The command applied in this tick, 0 before the first.
         desired_position: Position that the robot was told to take [m].
-        position: Probe position from the encoders [m].
+        position: Probe position from the encoders, at the tip where it is calibrated what gives way before it [m].
         velocity: Estimated from the positions, causally [m/s].
-        sensor_force: Sensor force less weight and inertia of the tool, offset still in it [N].
+        sensor_force: Sensor force less weight and inertia of the tool, offset still in it unless it is calibrated [N].
         force: The same less the offset that the follower found in free air [N].
         exact_force: The simulator's own contact force [N]; NaN on a robot, where nobody knows it.
         in_contact: The follower's own judgement.
@@ -220,13 +227,15 @@ class LeaderState(Message, frozen=True, array_like=True, gc=False):
         intended_position: Where the hand wants to be [m]; NaN where nobody knows.
         mediated_force: For the hand after mediation and scale, before the limits [N].
         update_step: Part of this tick's change of `mediated_force` that models made, and not motion [N].
-        energy: That the hand has put into the rendered force in this contact, up to this tick [J].
+        energy: That the hand has put into the rendered force, up to this tick [J]: debts of the session are kept,
+            surplus is forgiven at the loss of each contact.
         energy_bound: That it may have given out at most: see `foretouch.rendering.EnergyAccount` [J].
         rendered_share: Share of the hand's motion that the proxy takes part in: 1 where the device can carry the model,
             NaN where no model is rendered.
         engaged: Whether hand and proxy are coupled: no clutch is pressed, and the follower obeys this leader.
         epoch: Of this leader's process, as in its commands.
         run: Of the follower that is heard, 0 before the first.
+        late_energy: That late ticks and missing positions have taken beside it and not given back, never positive [J].
     """
 
     position: float
@@ -252,6 +261,7 @@ class LeaderState(Message, frozen=True, array_like=True, gc=False):
     engaged: bool = True
     epoch: Count = 0
     run: Count = 0
+    late_energy: float = 0.0
 
 
 class Handle(Message, frozen=True, array_like=True, gc=False):

@@ -215,17 +215,24 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
         inputs: Of this tick.
         now_ns: This side's monotonic clock [ns].
     """
-    for belief in inputs.beliefs:
-        _believe(state, belief, now_ns)
     inner, sample, line, course = state.inner, inputs.sample, state.line, state.course
+    failures = inner.failures
+    try:
+        for belief in inputs.beliefs:
+            _believe(state, belief, now_ns)
+    except Exception as error:
+        failures.note("what it believes of the fixture", error)
     before = line.offset
     footing = line.follow(sample.place)
     _share_offset(state, before)
     force = subtract(sample.force, state.bias)
-    commands = [_with_position(command) for command in inputs.commands]
+    commands = _with_positions(state, inputs.commands)
     estimator = inner.learner.estimator
-    if isinstance(estimator, MaterialFieldLearner):
-        estimator.touch_at(footing.inner_point)
+    if failures.learns and isinstance(estimator, MaterialFieldLearner):
+        try:
+            estimator.touch_at(footing.inner_point)
+        except Exception as error:
+            failures.stop_learning("its learning in space", error)
     # What pulls is no contact of this surface: learnt as the sensor's offset, it would hide one.
     felt = dot(force, footing.normal)
     if felt < -LARGEST_PULL:
@@ -249,16 +256,11 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
         commands, along, inputs.period_ns, inputs.compute_ns, inputs.stop, inputs.release, inputs.ended
     )
     _, allowed = follower.step(inner, told, now_ns)
-    _learn_beside_the_law(state, footing, sample, sideways)
+    model, materials = _learn_in_space(state, footing, sample, sideways, allowed.model, now_ns)
     desired, desired_along = state.last.update(course, allowed.desired_position)
-    model = allowed.model
-    return state, Outputs(
-        desired,
-        msgspec.structs.replace(allowed.telemetry, desired_position=desired_along),
-        None if model is None else _with_fixture(state, model, now_ns),
-        _space(state, sample, footing, force, desired, now_ns),
-        _field_due(state, now_ns),
-    )
+    space = _space(state, sample, footing, force, desired, now_ns)
+    telemetry = msgspec.structs.replace(allowed.telemetry, desired_position=desired_along)
+    return state, Outputs(desired, telemetry, model, space, materials)
 
 
 def _way(state: State, sample: SpatialSample, sideways: Vector, sliding: float) -> Way:
@@ -304,11 +306,34 @@ def _share_offset(state: State, before: float) -> None:
         state.last.line.offset = state.line.offset
 
 
+def _with_positions(state: State, commands: list[Command]) -> list[Command]:
+    """Commands with a position that says only whether they have a place: the course says where it is on the normal."""
+    try:
+        return [_with_position(command) for command in commands]
+    except Exception as error:
+        state.inner.failures.note("its commands in space", error)
+        return []
+
+
 def _with_position(command: Command) -> Command:
-    """A command with a position that says only whether its place is one: where it is along the normal is seen later."""
     place = command.place
     known = len(place) == 3 and all(map(math.isfinite, place))
     return msgspec.structs.replace(command, position=max(map(abs, place)) if known else math.nan)
+
+
+def _learn_in_space(
+    state: State, footing: Footing, sample: SpatialSample, sideways: Vector, model: ModelUpdate | None, now_ns: int
+) -> tuple[ModelUpdate | None, FieldUpdate | None]:
+    """Learn what is beside the law; the model with its fixture and the materials that are due."""
+    failures = state.inner.failures
+    if not failures.learns:
+        return None, None
+    try:
+        _learn_beside_the_law(state, footing, sample, sideways)
+        return None if model is None else _with_fixture(state, model, now_ns), _field_due(state, now_ns)
+    except Exception as error:
+        failures.stop_learning("its learning in space", error)
+        return None, None
 
 
 def _learn_beside_the_law(state: State, footing: Footing, sample: SpatialSample, sideways: Vector) -> None:
