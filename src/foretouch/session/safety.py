@@ -10,7 +10,7 @@ import numpy as np
 from foretouch.messages import Status
 from foretouch.models.checks import require
 from foretouch.session.force_guard import ForceGuard
-from foretouch.session.motion_limits import MotionLimits
+from foretouch.session.motion_limits import POSITION, VELOCITY, MotionLimits
 
 __all__ = ["REST_FORCE", "Safety", "SafetyLimits", "impact_speed"]
 
@@ -123,7 +123,10 @@ class Safety:
        or no contact began at 10 mm/s or more. Clipping the force alone would come too late: an impact peaks at about
        :math:`v \sqrt{m K}`, and what damps pushes with :math:`b v` at once.
     5. **Depth and workspace.**
-    6. **Speed, acceleration, jerk** (`MotionLimits`).
+    6. **Speed, acceleration, jerk** (`MotionLimits`), from where the robot is in the first tick, at rest.
+
+    On a surface in space the first five are reckoned along its normal, and the last once that is a place again: see
+    `in_space`.
 
     It never raises; a command that is no number counts as none.
 
@@ -137,18 +140,20 @@ class Safety:
         pressing: Whether the robot feels more than 1 N, or nobody knows what it feels.
     """
 
-    __slots__ = ("_keep", "_memory", "_motion", "pressing", "status", "stop_reason")
+    __slots__ = ("_keep", "_kernel", "_limits", "_memory", "_motion", "_path", "pressing", "status", "stop_reason")
 
     def __init__(self, limits: SafetyLimits, sample_period: float) -> None:
         # Imported here: it brings a compiler along, and imports the numbers above.
         from foretouch.session import safety_kernel as kernel
 
-        self._keep = kernel.keep_safe
+        self._kernel, self._keep = kernel, kernel.keep_safe
         self._memory = np.zeros(kernel.SIZE)
         ForceGuard(self._memory[kernel.GUARD : kernel.MOTION])
-        path = self._memory[kernel.MOTION :]
-        self._motion = MotionLimits(limits.speed, limits.acceleration, limits.jerk, sample_period, path=path)
+        self._path = self._memory[kernel.MOTION :]
+        self._limits = limits.speed, limits.acceleration, limits.jerk, sample_period
+        self._motion = MotionLimits(*self._limits, path=self._path)
         self._memory[kernel.AIM] = math.nan
+        self._memory[kernel.NEAREST] = -math.inf
         self._memory[kernel.NEW] = 1.0  # it has not followed yet: nothing leads from anywhere
         self._memory[kernel.FORCE : kernel.PERIOD] = (
             limits.force,
@@ -167,6 +172,40 @@ class Safety:
         self.stop_reason = ""
         self.pressing = False
 
+    def in_space(self) -> MotionLimits:
+        """Leave the last rule to who brings the aim into space: its limits, for places there.
+
+        From then on `update` returns the aim, and `went` is told in each tick what came of it.
+        """
+        self._memory[self._kernel.IN_SPACE] = 1.0
+        self._motion = MotionLimits(*self._limits)
+        return self._motion
+
+    @property
+    def fastest(self) -> float:
+        """Speed at which the robot may go deeper now, negative where it has to go back [m/s]."""
+        return float(self._memory[self._kernel.FASTEST])
+
+    @property
+    def shifted(self) -> float:
+        """By how far the aim was set elsewhere in the newest tick [m], not positive: no motion of it."""
+        return float(self._memory[self._kernel.SHIFTED])
+
+    def went(self, position: float, velocity: float, nearest: float) -> None:
+        """In space: where the robot was told to be.
+
+        Args:
+            position: Along the normal that the aim is on [m].
+            velocity: Towards the surface [m/s].
+            nearest: Where that place itself is against the surface [m].
+        """
+        self._path[POSITION], self._path[VELOCITY] = position, velocity
+        self._memory[self._kernel.NEAREST] = nearest
+
+    def go_on_from(self, position: float) -> None:
+        """On a line: the robot was told this position by somebody else [m]; the path goes on there, at rest."""
+        self._motion.begin(position)
+
     def stop(self, reason: str) -> None:
         """Emergency stop: latches; the first reason stays."""
         self.stop_reason = self.stop_reason or reason or "no reason given"
@@ -178,7 +217,7 @@ class Safety:
             velocity: Of the robot [m/s].
             force: That it feels [N].
         """
-        still = abs(self._motion.velocity) <= REST_SPEED and abs(velocity) <= SEEN_AT_REST
+        still = self._motion.speed <= REST_SPEED and abs(velocity) <= SEEN_AT_REST
         if not (still and abs(force) <= REST_FORCE):
             return False
         self.stop_reason = ""
@@ -197,7 +236,7 @@ class Safety:
         guarded: bool = False,
         surface_doubt: float = 0.0,
     ) -> float:
-        """One tick: the position for the robot [m].
+        """One tick: the position for the robot, in space the aim [m]; no number before it is known where the robot is.
 
         Args:
             desired: What the commands say [m].

@@ -14,7 +14,7 @@ from foretouch.session.force_guard_kernel import SIZE as GUARD_SIZE
 from foretouch.session.force_guard_kernel import allowed_speed, observe
 from foretouch.session.motion_limits import POSITION, VELOCITY
 from foretouch.session.motion_limits_kernel import SIZE as MOTION_SIZE
-from foretouch.session.motion_limits_kernel import limited
+from foretouch.session.motion_limits_kernel import begin, limited
 from foretouch.session.safety import (
     AIMED,
     CLEARANCE,
@@ -30,7 +30,20 @@ from foretouch.session.safety import (
     impact_speed,
 )
 
-__all__ = ["AIM", "FORCE", "GUARD", "MOTION", "NEW", "PERIOD", "SIZE", "keep_safe"]
+__all__ = [
+    "AIM",
+    "FASTEST",
+    "FORCE",
+    "GUARD",
+    "IN_SPACE",
+    "MOTION",
+    "NEAREST",
+    "NEW",
+    "PERIOD",
+    "SHIFTED",
+    "SIZE",
+    "keep_safe",
+]
 
 Array = NDArray[np.float64]
 
@@ -45,11 +58,19 @@ HOLD_AFTER, UNLOAD_AFTER, RETREATS = 12, 13, 14
 PERIOD = 15
 """T [s]."""
 
-GUARD = 16
+IN_SPACE, NEAREST = 16, 17
+"""Whether the aim is brought into space, and the motion limited there; and where the place that the robot was told
+there is against the surface [m], which on a curved one is not quite the aim."""
+
+FASTEST, SHIFTED = 18, 19
+"""What the motion limits are told beside the aim: how fast it may go deeper, negative where it has to go back [m/s],
+and by how far the aim was set elsewhere [m]."""
+
+GUARD = 20
 """From here on the numbers of its `ForceGuard`."""
 
 MOTION = GUARD + GUARD_SIZE
-"""And of its `MotionLimits`."""
+"""And of its `MotionLimits`; in space the position and velocity in it are those along the normal."""
 
 SIZE = MOTION + MOTION_SIZE
 
@@ -103,7 +124,7 @@ def _approach(memory: Array, surface: float, surface_doubt: float, stiffness: fl
     slow = _impact(IMPACT_SHARE * memory[FORCE], memory[MASS], stiffness)
     if damping > 0.0:
         slow = min(slow, DAMPING_SHARE * memory[FORCE] / damping)
-    way = 0.0 if math.isnan(surface) else max(surface - MARGIN - surface_doubt - memory[AIM], 0.0)
+    way = 0.0 if math.isnan(surface) else max(surface - MARGIN - surface_doubt - max(memory[AIM], memory[NEAREST]), 0.0)
     return math.sqrt(slow * slow + memory[ACCELERATION] * way)
 
 
@@ -163,11 +184,12 @@ def _keep_safe(
         surface_doubt: [m].
 
     Returns:
-        The position for the robot [m], what was done (a `Status`), and whether it presses.
+        The position for the robot, in space the aim [m], what was done (a `Status`), and whether it presses.
     """
     guard, motion = memory[GUARD:MOTION], memory[MOTION:]
-    if math.isnan(memory[AIM]):
-        memory[AIM] = position if math.isfinite(position) else desired
+    if math.isnan(motion[POSITION]) and math.isfinite(position):
+        begin(motion, position, 0.0, 0.0)
+        memory[AIM] = position
     if faulty:
         observe(guard, math.nan, math.nan, False, 0.0)
     else:
@@ -187,7 +209,8 @@ def _keep_safe(
     if guarded and status == FOLLOWING:
         status = GUARDED
     memory[AIM] = _clipped(memory, aim, surface)
-    told = limited(motion, memory[AIM], max(fastest, 0.0), shifted)
+    memory[FASTEST], memory[SHIFTED] = fastest, shifted
+    told = memory[AIM] if memory[IN_SPACE] != 0.0 else limited(motion, memory[AIM], max(fastest, 0.0), shifted)
     return told, status, faulty or not abs(force) <= REST_FORCE
 
 
