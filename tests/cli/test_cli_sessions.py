@@ -133,7 +133,7 @@ def test_without_the_measured_hand_the_script_presses_and_says_so(
         ),
         (
             ("simulate", "--grip", "soft", "--device-damping", "0"),
-            "device_damping = 0.0: must be at least 0.0005 N s/m with a grip",
+            "device_damping = 0.0: must be at least 0.001 N s/m with a grip",
         ),
         (
             ("simulate", "--device-friction", "-1"),
@@ -141,7 +141,7 @@ def test_without_the_measured_hand_the_script_presses_and_says_so(
         ),
         (
             ("simulate", "--largest-stiffness", "4001"),
-            "damping at 1000 Hz carries at most 2 b / T = 4000 N/m",
+            "delay at 1000 Hz carries at most b / (T / 2 + d) = 2000 N/m",
         ),
         (
             ("simulate", "--grip", "soft", "--device-resolution", "1e-4", "--largest-stiffness", "2001"),
@@ -159,7 +159,7 @@ def test_without_the_measured_hand_the_script_presses_and_says_so(
             ("simulate", "--guarded-force", "0.2"),
             "guarded_force = 0.2: must lie between 0.5 and 15 N: sensor noise",
         ),
-        (("simulate", "--grip", "soft", "--device-damping", "1e-9"), "device_damping = 1e-09: must be at least 0.0005"),
+        (("simulate", "--grip", "soft", "--device-damping", "1e-9"), "device_damping = 1e-09: must be at least 0.001"),
         (("simulate", "--device-resolution", "0.01"), "device_resolution = 0.01: must be finite and at least 0 and at"),
         (("simulate", "--largest-stiffness", "-1"), "largest_stiffness = -1.0: must be finite and at least 0"),
         (
@@ -184,7 +184,7 @@ def test_without_the_measured_hand_the_script_presses_and_says_so(
         (("simulate", "--loss", "0.7", "--burst", "2"), "take at most 0.666, or burst = 1 for independent losses"),
         (
             ("teleop", "--grip", "soft", "--device-damping", "0"),
-            "device_damping = 0.0: must be at least 0.0005 N s/m with a grip",
+            "device_damping = 0.0: must be at least 0.001 N s/m with a grip",
         ),
         (("teleop", "--port", "70000"), "port = 70000: must be 0 to 65535"),
         (("teleop", "--material", "jelly"), "unknown material 'jelly'"),

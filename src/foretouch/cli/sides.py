@@ -48,6 +48,8 @@ LEADER_SAYS = (
     "device_damping",
     "device_friction",
     "device_resolution",
+    "device_delay",
+    "device_watchdog",
     "largest_stiffness",
     "position_scale",
     "force_scale",

@@ -174,9 +174,9 @@ class Telemetry(Message, frozen=True, array_like=True, gc=False):
     Attributes:
         command_sequence: The command applied in this tick, 0 before the first.
         desired_position: Position that the robot was told to take [m].
-        position: Probe position from the encoders [m].
+        position: Probe position from the encoders, at the tip where it is calibrated what gives way before it [m].
         velocity: Estimated from the positions, causally [m/s].
-        sensor_force: Sensor force less weight and inertia of the tool, offset still in it [N].
+        sensor_force: Sensor force less weight and inertia of the tool, offset still in it unless it is calibrated [N].
         force: The same less the offset that the follower found in free air [N].
         exact_force: The simulator's own contact force [N]; NaN on a robot, where nobody knows it.
         in_contact: The follower's own judgement.
@@ -237,13 +237,15 @@ class LeaderState(Message, frozen=True, array_like=True, gc=False):
         intended_position: Where the hand wants to be [m]; NaN where nobody knows.
         mediated_force: For the hand after mediation and scale, before the limits [N].
         update_step: Part of this tick's change of `mediated_force` that models made, and not motion [N].
-        energy: That the hand has put into the rendered force in this contact, up to this tick [J].
+        energy: That the hand has put into the rendered force, up to this tick [J]: debts of the session are kept,
+            surplus is forgiven at the loss of each contact.
         energy_bound: That it may have given out at most: see `foretouch.rendering.EnergyAccount` [J].
         rendered_share: Share of the hand's motion that the proxy takes part in: 1 where the device can carry the model,
             NaN where no model is rendered.
         engaged: Whether hand and proxy are coupled: no clutch is pressed, and the follower obeys this leader.
         epoch: Of this leader's process, as in its commands.
         run: Of the follower that is heard, 0 before the first.
+        late_energy: That late ticks and missing positions have taken beside it and not given back, never positive [J].
     """
 
     position: float
@@ -269,6 +271,7 @@ class LeaderState(Message, frozen=True, array_like=True, gc=False):
     engaged: bool = True
     epoch: Count = 0
     run: Count = 0
+    late_energy: float = 0.0
 
 
 class Handle(Message, frozen=True, array_like=True, gc=False):

@@ -127,9 +127,10 @@ class LeaderSpace(Message, frozen=True, array_like=True, gc=False):
         fixture_turn: Standard deviation of its turn [rad].
         fixture_age: Since an image showed it, as the follower said, and the way of that message is not in it [s].
         friction: Coefficient that is rendered.
-        energy: That the hand has put into the force in this contact, in all directions [J].
+        energy: That the hand has put into the force, in all directions: see `LeaderState` [J].
         energy_bound: That it may have given out at most [J].
         epoch: Of this leader's process.
+        late_energy: That late ticks and missing positions have taken beside it, never positive [J].
     """
 
     hand_x: float
@@ -162,6 +163,7 @@ class LeaderSpace(Message, frozen=True, array_like=True, gc=False):
     energy: float
     energy_bound: float
     epoch: Count = 0
+    late_energy: float = 0.0
 
 
 class FieldUpdate(Message, frozen=True, array_like=True, gc=False):

@@ -317,8 +317,9 @@ class _Supervisor:
 
     def _chosen(self) -> list[str]:
         """The settings as options of `foretouch leader` and `foretouch follower`."""
-        texts = self._settings.as_text().items()
-        return [part for name, value in texts for part in (f"--{name.replace('_', '-')}", value)]
+        settings = self._settings
+        stated = [(name, text) for name, text in settings.as_text().items() if getattr(settings, name) is not None]
+        return [part for name, value in stated for part in (f"--{name.replace('_', '-')}", value)]
 
 
 def _next_name(path: Path) -> Path:
