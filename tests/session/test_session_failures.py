@@ -24,6 +24,7 @@ from foretouch.session.playout import Playout
 from foretouch.session.safety import REST_FORCE, Safety
 from foretouch.session.spatial import follower as space
 from foretouch.session.spatial import make_scene, make_spatial_robot
+from foretouch.session.spatial.line import SurfaceLine
 
 LINE = SessionSettings(material="hunt-crossley", first_touch="guarded", approach_speed=0.05, guarded_force=10.0)
 SCENE = SessionSettings(scene="plane", displacement=0.0, turn=0.0, fusion="none")
@@ -165,6 +166,7 @@ def test_a_robot_whose_exchange_raises_is_unloaded_if_it_takes_the_next(
     [
         (LINE, Safety, "update"),
         (SCENE, Safety, "update"),
+        (SCENE, SurfaceLine, "follow"),
         (SCENE, space, "_place"),
         (SCENE, space, "_space"),
         (LINE, Spoken, "publish"),

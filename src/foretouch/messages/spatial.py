@@ -13,13 +13,16 @@ import msgspec
 
 from foretouch.messages.schema import Count, Message, Text
 
-__all__ = ["CameraImage", "FieldUpdate", "FixtureBelief", "FollowerSpace", "LeaderSpace"]
+__all__ = ["LARGEST_JPEG", "CameraImage", "FieldUpdate", "FixtureBelief", "FollowerSpace", "LeaderSpace"]
 
 POSE_NUMBERS = 6
 CAMERA_NUMBERS = 15
 
 Field = Annotated[bytes, msgspec.Meta(max_length=32_768)]
-Jpeg = Annotated[bytes, msgspec.Meta(max_length=60_000)]
+LARGEST_JPEG = 45_000
+"""[bytes]: with everything else that a `CameraImage` may hold it is less than `foretouch.messages.LARGEST_MESSAGE`."""
+
+Jpeg = Annotated[bytes, msgspec.Meta(max_length=LARGEST_JPEG)]
 Pose = Annotated[tuple[float, ...], msgspec.Meta(max_length=POSE_NUMBERS)]
 Covariance = Annotated[tuple[float, ...], msgspec.Meta(max_length=POSE_NUMBERS**2)]
 Camera = Annotated[tuple[float, ...], msgspec.Meta(max_length=CAMERA_NUMBERS)]
@@ -180,7 +183,7 @@ class CameraImage(Message, frozen=True, array_like=True, gc=False):
 
     Attributes:
         tick: `Telemetry.sequence` of the follower's tick that it shows; by it and no clock the image has its time.
-        jpeg: The image, 60 kB at most; empty where the stream dropped it.
+        jpeg: The image, 45 kB at most; empty where the stream dropped it.
         pose: Of the fixture in the world, 6 numbers; empty where the image shows no board.
         covariance: Of that pose's error on the right (`foretouch.quantities.Pose`), 36 numbers, row by row; or empty.
         markers: Of the board that were found.

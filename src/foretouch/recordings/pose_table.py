@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foretouch.errors import RecordingError
+from foretouch.files import within_budget
 
 __all__ = ["POSE_COLUMNS", "StaticPoses", "read_poses"]
 
@@ -59,6 +60,10 @@ def read_poses(path: str | PathLike[str]) -> StaticPoses:
         RecordingError: The file cannot be read, a column is missing, or a value is no finite number; the message names
             the row.
     """
+    return within_budget(path, None, _poses_in, path)
+
+
+def _poses_in(path: str | PathLike[str]) -> StaticPoses:
     header, rows, lines = _table(path)
     force = _columns(path, header, rows, lines, FORCE)
     torque = _columns(path, header, rows, lines, TORQUE) if any(name in header for name in TORQUE) else None
