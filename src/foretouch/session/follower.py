@@ -28,6 +28,10 @@ __all__ = ["Inputs", "Outputs", "State", "start", "step"]
 # What every tick asks for: a member of an enumeration costs more to look up than to compare.
 GOOD = SensorState.GOOD
 FRESH, FUTURE = Arrival.FRESH, Arrival.FUTURE
+EFFORT_FROM, EFFORT_DOUBT = 0.5, 0.5
+"""From this share of the force ceiling on, what the drive pushes with counts as felt, less so much [N]: friction of the
+drive is in it."""
+
 HOLDING, RETREATING = int(Status.HOLDING), int(Status.RETREATING)
 
 
@@ -53,7 +57,9 @@ class State:
         faulty_ticks: Ticks whose sensors were not believed.
         guards: Whether this side's settings guard first touches.
         guarded: Whether they are: by these, or because a command of this leader asks for it.
-        surface_doubt: The surface may be nearer than where it was felt by so much [m]; on a line it is not.
+        surface_doubt: The air is free up to so far before the surface that was felt [m]: in space, where the robot comes
+            to a place that it has not gone through itself; infinite on a line, where it has.
+        slid: By how much the probe has moved across the surface since the last tick [m]; on a line it does not.
     """
 
     specification: RobotSpecification
@@ -73,7 +79,8 @@ class State:
     faulty_ticks: int = 0
     guards: bool = False
     guarded: bool = False
-    surface_doubt: float = 0.0
+    surface_doubt: float = math.inf
+    slid: float = 0.0
 
 
 class Inputs(NamedTuple):
@@ -165,7 +172,15 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
     # Weight and inertia of the tool beyond the sensor are no contact.
     tool_force = state.specification.tool_force(sample.acceleration)
     sensor_force = sample.sensor_force - tool_force
-    validity = state.watch.update(now_ns * 1e-9, sample.position, sample.sensor_force, tool_force)
+    validity = state.watch.update(
+        now_ns * 1e-9,
+        sample.position,
+        sample.sensor_force,
+        tool_force,
+        zero=learner.conditioner.force_offset,
+        effort=sample.effort - state.specification.moved_mass * sample.acceleration,
+        slid=state.slid,
+    )
     faulty = validity is not GOOD
     model = None
     if state.start_ns is None and playout.applied:
@@ -239,6 +254,8 @@ def _allowed(
     # Who begins in contact learns that force as the sensor's offset: what no offset explains is felt.
     unexplained = sensor_force - state.specification.largest_offset
     felt = max(learnt_from.force, unexplained)
+    if state.watch.effort > EFFORT_FROM * safety.limits.force:  # a second witness, where a wrong sensor would do harm
+        felt = max(felt, state.watch.effort - EFFORT_DOUBT)
     touches = learnt_from.in_contact or unexplained > CONTACT_FLOOR
     if inputs.stop:
         safety.stop(inputs.stop)
@@ -265,6 +282,7 @@ def _allowed(
         faulty=faulty,
         guarded=first_touch.guarded,
         surface_doubt=state.surface_doubt,
+        doubtful=state.watch.doubtful,
     )
     if faulty:
         state.faulty_ticks += 1

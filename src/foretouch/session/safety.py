@@ -34,6 +34,10 @@ its speed."""
 MARGIN, BRAKING_DELAY = 5e-4, 5e-3
 """It has braked so far before what allows less [m], by a path that it follows so much later [s]."""
 
+START_BACK = 3e-5
+"""It begins so far outside of where the robot seems to be [m]: an encoder's count may show it deeper than it is, and a
+robot that presses would press on."""
+
 UNLOADED, REST_FORCE = 0.5, 1.0
 """A robot that unloads goes back until it feels the first [N]; the second counts as unloaded [N]."""
 
@@ -128,13 +132,14 @@ class Safety:
         sample_period: T [s], positive.
 
     Attributes:
+        limits: What is never done.
         status: What it did in the newest tick.
         stop_reason: Why it was stopped; empty while it is not.
         pressing: Whether the robot feels more than 1 N; while nobody knows what it feels, whether it is not yet out by
             the way that it came.
     """
 
-    __slots__ = ("_keep", "_memory", "_motion", "_proven", "pressing", "status", "stop_reason")
+    __slots__ = ("_keep", "_memory", "_motion", "_proven", "limits", "pressing", "status", "stop_reason")
 
     def __init__(self, limits: SafetyLimits, sample_period: float) -> None:
         # Imported here: it brings a compiler along, and imports the numbers above.
@@ -162,6 +167,7 @@ class Safety:
             limits.retreats,
         )
         self._memory[kernel.PERIOD] = sample_period
+        self.limits = limits
         self.status = Status.FOLLOWING
         self.stop_reason = ""
         self.pressing = False
@@ -198,7 +204,7 @@ class Safety:
         silence: float,
         faulty: bool,
         guarded: bool = False,
-        surface_doubt: float = 0.0,
+        surface_doubt: float = math.inf,
         doubtful: bool = False,
     ) -> float:
         """One tick: the position for the robot [m].
@@ -212,7 +218,7 @@ class Safety:
             silence: Time since the newest fresh command [s]; infinite before the first.
             faulty: Whether the sensors are not to be trusted.
             guarded: Whether `desired` was held back for a first touch.
-            surface_doubt: The surface may be nearer than it was felt by so much [m]: it was felt elsewhere.
+            surface_doubt: The air is free up to so far before the surface [m]; infinite where nobody knows that.
             doubtful: Whether it is being judged if the force can be believed: until then it goes no deeper.
         """
         told, status, self.pressing = self._keep(

@@ -28,6 +28,7 @@ from foretouch.session.safety import (
     PROVEN_SHARE,
     REJOINED_FOR,
     REST_FORCE,
+    START_BACK,
     UNLOADED,
 )
 
@@ -208,7 +209,7 @@ def _keep_safe(
     """
     motion = memory[MOTION:WAY]
     if math.isnan(memory[AIM]):
-        memory[AIM] = position if math.isfinite(position) else desired
+        memory[AIM] = position - START_BACK if math.isfinite(position) else desired
     _sees(memory, position, force, in_contact, faulty)
     status = _decided(memory, stopped, silence, faulty)
     fastest = _fastest_now(memory, status, position, surface, surface_doubt)
