@@ -61,7 +61,7 @@ class Attack:
         self.sample = self.robot.read()
         self.run, self.epoch, self.sequence, self.now = 0, 1, 0, 0
         self.forces: list[float] = []
-        self.acknowledged, self.felt_at, self.place = 0, self.robot.surface, 0.0
+        self.acknowledged, self.felt_at, self.place, self.told = 0, self.robot.surface, 0.0, 0.0
         self.begin()
 
     def begin(self) -> None:
@@ -86,7 +86,8 @@ class Attack:
         if self.telemetry.in_contact and not self.was_touching:
             self.felt_at = self.telemetry.position
         self.was_touching = self.telemetry.in_contact
-        sample = self.robot.exchange(said_back.desired_position)
+        self.told = said_back.desired_position
+        sample = self.robot.exchange(self.told)
         self.forces.append(sample.exact_force)
         self.sample = self.seen(sample)
 
@@ -190,6 +191,10 @@ class Attack:
         self.step(target, size, pace, ticks)
 
     def restart(self, target: float, size: float, pace: float, ticks: int) -> None:
+        """The follower's process ends and comes again, which takes longer than the drive takes to come to rest."""
+        for _ in range(200):
+            self.now += MS
+            self.sample = self.seen(self.robot.exchange(self.told))
         self.begin()
         self.step(target, size, pace, ticks)
 

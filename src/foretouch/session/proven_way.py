@@ -50,7 +50,8 @@ class ProvenWay:
     with F_a the force that may be reached, and no faster than u where F is above F_a. Speed and place are those of the
     mean of ten measured positions, and the speed is that over a whole cell: what was told, or what an encoder's noise
     shows in one tick, proves nothing. A cell that was never crossed, from its outer to its inner end, proves nothing.
-    A crossing that felt 1.2 times as much as was proven takes its place; else the fastest stays.
+    A crossing that felt 1.2 times as much as was proven, or as much less than that allows, takes its place: the material
+    is another. Else the fastest stays.
 
     Args:
         numbers: Where they are kept, in an array that somebody else holds too, shape

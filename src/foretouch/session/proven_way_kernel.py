@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from foretouch.core.compiling import compiled
 from foretouch.session.proven_way import CELL, CELLS, CONTRADICTED, GROWTH, LARGEST_STEP, LEAST_FORCE, MEAN
 
-__all__ = ["SIZE", "forget_way", "observe_way", "proven_speed"]
+__all__ = ["SIZE", "forget_way", "observe_way", "proven_force", "proven_speed"]
 
 Array = NDArray[np.float64]
 
@@ -72,8 +72,10 @@ def _crossed(way: Array, cell: float, speed: float, force: float) -> None:
     """Take a crossing of a whole cell on the way in."""
     at = int(cell) % CELLS
     if way[NUMBERS + at] == cell:
-        known, expected = way[SPEEDS + at], _predicted(way[SPEEDS + at], way[HIGHEST + at], way[LOWEST + at], speed)
-        if force > CONTRADICTED * expected + LEAST_FORCE:
+        known, highest = way[SPEEDS + at], way[HIGHEST + at]
+        most = CONTRADICTED * _predicted(known, highest, way[LOWEST + at], speed) + LEAST_FORCE
+        least = highest * min(speed / known, 1.0) / CONTRADICTED - LEAST_FORCE
+        if not least <= force <= most:
             way[LOWEST + at] = 0.0
         elif speed < known:
             return
@@ -148,3 +150,13 @@ def proven_speed(way: Array, position: float, allowed: float) -> float:
     if way[NUMBERS + at] != cell:
         return 0.0
     return float(_allowed(way[SPEEDS + at], way[HIGHEST + at], way[LOWEST + at], allowed))
+
+
+@compiled("f8(f8[::1], f8)")
+def proven_force(way: Array, position: float) -> float:
+    """Largest force when the cell of a place was crossed [N]; 0 where nothing is proven."""
+    if not abs(position) < FARTHEST:
+        return 0.0
+    cell = math.floor(position / CELL)
+    at = int(cell) % CELLS
+    return float(way[HIGHEST + at]) if way[NUMBERS + at] == cell else 0.0

@@ -113,7 +113,7 @@ class Safety:
 
        .. math:: v_0 = \frac{0.95\, F - f}{Z}
 
-       F being the ceiling, f the force that is felt, and Z what `impact_impedance` says of the robot's mass, 3 ms of
+       F being the ceiling, f the force that is felt, or that was when it was there, and Z what `impact_impedance` says of the robot's mass, 3 ms of
        reaction, 100 kN/m and 500 N s/m: the largest force of an impact of all that is no stiffer and no more damped.
        Where it has, as fast as `ProvenWay` says for three quarters of the ceiling. Free air up to the surface that was
        felt counts as proven. It brakes in time before what allows less: at a way d before, 0.5 mm of margin off, and w

@@ -18,7 +18,7 @@ from foretouch.session.motion_limits_kernel import SIZE as MOTION_SIZE
 from foretouch.session.motion_limits_kernel import limited
 from foretouch.session.proven_way import CELL, CELLS
 from foretouch.session.proven_way_kernel import SIZE as WAY_SIZE
-from foretouch.session.proven_way_kernel import observe_way, proven_speed
+from foretouch.session.proven_way_kernel import observe_way, proven_force, proven_speed
 from foretouch.session.safety import (
     AIMED,
     BRAKING_DELAY,
@@ -115,15 +115,17 @@ def _approach(memory: Array, free: float) -> float:
     if not (math.isfinite(felt) and abs(aim) < 1e6):
         return 0.0
     late = 0.5 * memory[ACCELERATION] * BRAKING_DELAY
-    unproven = max(AIMED * ceiling - felt, 0.0) / memory[IMPEDANCE]
     begin = max(aim, free) if math.isfinite(free) else aim
     first, fastest = math.floor(begin / CELL), memory[SPEED]
     for cell in range(first, first + CELLS):
         away = max(max(cell * CELL, begin) - aim - MARGIN, 0.0)
         if math.sqrt(late * late + memory[ACCELERATION] * away) - late >= fastest:
             break
-        allowed = proven_speed(way, (cell + 0.5) * CELL, PROVEN_SHARE * ceiling)
-        allowed = max(allowed, unproven) + late
+        middle = (cell + 0.5) * CELL
+        # Who has let go of a material does not feel how hard it presses at that depth.
+        hidden = max(felt, proven_force(way, middle - CELL), proven_force(way, middle))
+        unproven = max(AIMED * ceiling - hidden, 0.0) / memory[IMPEDANCE]
+        allowed = max(proven_speed(way, middle, PROVEN_SHARE * ceiling), unproven) + late
         fastest = min(fastest, math.sqrt(allowed * allowed + memory[ACCELERATION] * away) - late)
     return float(fastest)
 
