@@ -177,7 +177,7 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
         sample.position,
         sample.sensor_force,
         tool_force,
-        zero=learner.conditioner.force_offset,
+        zero=min(learner.conditioner.force_offset, state.specification.largest_offset),
         effort=sample.effort - state.specification.moved_mass * sample.acceleration,
         slid=state.slid,
     )
