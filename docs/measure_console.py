@@ -2,11 +2,11 @@
 
 `foretouch teleop` with a console runs once. In each round, one after another: nobody looks; the browser is stopped
 (SIGSTOP) while it is sent pictures; its tab has been closed while the handle was held; a browser draws and a mouse
-presses. Printed is what leader and follower measured of themselves in these stretches, from the recording: the median
-over the rounds, and from which to which. The browser that draws does so in software on the machine of the session, with
-the lowest priority (nice 19).
+presses. Printed, and written into `docs/console.md`, is what leader and follower measured of themselves in these
+stretches, from the recording: the median over the rounds, and from which to which. The browser that draws does so in
+software on the machine of the session, with the lowest priority (nice 19).
 
-Usage: `.venv/bin/python docs/measure_console.py [SECONDS of a stretch] [ROUNDS]`.
+Usage: `.venv/bin/python docs/measure_console.py [SECONDS of a stretch] [ROUNDS]`; 10 and 5 without.
 """
 
 from __future__ import annotations
@@ -18,8 +18,6 @@ import subprocess
 import sys
 import tempfile
 import time
-import urllib.error
-import urllib.request
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -27,9 +25,11 @@ from typing import Any
 import numpy as np
 
 ROOT = Path(__file__).resolve().parents[1]
+PAGE = ROOT / "docs" / "console.md"
 sys.path.insert(0, str(ROOT / "tests" / "console"))  # the mouse and the browser are the tests' own
 
 from console_driver import held_handle, open_page, take_handle  # noqa: E402
+from visitors import Printed  # noqa: E402
 
 from foretouch.link import free_endpoint  # noqa: E402
 from foretouch.recordings import read_session  # noqa: E402
@@ -48,10 +48,14 @@ Key = tuple[str, str]
 
 
 def main(seconds: float, rounds: int) -> None:
-    """Print the table."""
+    """Print the table and fill the page."""
+    from measured_blocks import fill  # notes which code this is, and the tests that use this script need no notes
+
     measured = measure(RUNS, seconds, rounds)
-    print(f"{rounds} rounds of {seconds:g} s each; period between ticks [ms], median over the rounds and range")
-    print(f"{'stretch':28}{'side':10}{'50 %':>8}{'99 %':>8}{'range':>14}{'late':>9}{'range':>16}")
+    lines = [
+        f"{rounds} rounds of {seconds:g} s each; period between ticks [ms], median over the rounds and range",
+        f"{'stretch':28}{'side':10}{'50 %':>8}{'99 %':>8}{'range':>14}{'late':>9}{'range':>16}",
+    ]
     for (name, side), of_rounds in measured.items():
         (median, most, late), least, largest = (
             np.median(of_rounds, axis=0),
@@ -59,18 +63,21 @@ def main(seconds: float, rounds: int) -> None:
             of_rounds.max(axis=0),
         )
         mosts, lates = (f"{least[i]:.2f} to {largest[i]:.2f}" for i in (1, 2))
-        print(f"{name:28}{side:10}{median:8.3f}{most:8.2f}{mosts:>14}{late:7.2f} %{lates:>14} %")
+        lines.append(f"{name:28}{side:10}{median:8.3f}{most:8.2f}{mosts:>14}{late:7.2f} %{lates:>14} %")
+    text = "\n".join(lines)
+    print(text)
+    fill(PAGE, {"console": f"```text\n{text}\n```\n"})
 
 
-def measure(runs: dict[str, Callable[[str, float], Stretch]], seconds: float, rounds: int) -> dict[Key, np.ndarray]:
+def measure(runs: dict[str, Callable[[Printed, float], Stretch]], seconds: float, rounds: int) -> dict[Key, np.ndarray]:
     """By what the browser did and side of the session: `figures` of each round."""
     stretches: dict[str, list[Stretch]] = {name: [] for name in runs}
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "session.mcap"
-        with session(path) as url:
+        with session(path) as printed:
             for _ in range(rounds):
                 for name, behave in runs.items():
-                    stretches[name].append(behave(url, seconds))
+                    stretches[name].append(behave(printed, seconds))
         log = read_session(path)
     return {
         (name, side): np.array([figures(rows, stretch) for stretch in of_it])
@@ -80,16 +87,16 @@ def measure(runs: dict[str, Callable[[str, float], Stretch]], seconds: float, ro
 
 
 @contextlib.contextmanager
-def session(path: Path) -> Iterator[str]:
-    """A session with a console, recorded at the path; the console's address."""
+def session(path: Path) -> Iterator[Printed]:
+    """A session with a console, recorded at the path; what it prints, with the console's addresses."""
     port = int(free_endpoint().rpartition(":")[2])
     command = [sys.executable, "-m", "foretouch", "teleop", "--port", str(port), "--recording", str(path)]
-    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
-    with subprocess.Popen([*command, "--material", "hunt-crossley"], **quiet) as running:  # type: ignore[call-overload]
+    command += ["--material", "hunt-crossley"]
+    with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True) as running:
         try:
-            url = f"http://127.0.0.1:{port}"
-            wait_for(url)
-            yield url
+            printed = Printed(running)
+            printed.wait()
+            yield printed
         finally:
             running.send_signal(signal.SIGINT)
 
@@ -111,23 +118,23 @@ def watch(seconds: float, wait: Callable[[float], None] = time.sleep) -> Stretch
     return begin, time.monotonic_ns()
 
 
-def nobody(url: str, seconds: float) -> Stretch:
+def nobody(printed: Printed, seconds: float) -> Stretch:
     """No browser."""
     return watch(seconds)
 
 
-def one_that_presses(url: str, seconds: float) -> Stretch:
+def one_that_presses(printed: Printed, seconds: float) -> Stretch:
     """A browser that draws, and a mouse on the handle."""
-    with open_page(url) as (page, _):
+    with open_page(printed.address()) as (page, _):
         print(f"page up {page.evaluate('performance.now()') / 1000:.1f} s after its address was opened")
         give_way(page)
         with held_handle(page, 8.0):
             return watch(seconds, lambda s: page.wait_for_timeout(1000 * s))
 
 
-def one_that_stands_still(url: str, seconds: float) -> Stretch:
+def one_that_stands_still(printed: Printed, seconds: float) -> Stretch:
     """A browser whose processes are stopped: it reads nothing any more."""
-    with open_page(url) as (page, _):
+    with open_page(printed.address()) as (page, _):
         stopped = processes_of(page)
         for pid in stopped:
             os.kill(pid, signal.SIGSTOP)
@@ -138,15 +145,15 @@ def one_that_stands_still(url: str, seconds: float) -> Stretch:
                 os.kill(pid, signal.SIGCONT)
 
 
-def one_that_is_closed(url: str, seconds: float) -> Stretch:
+def one_that_is_closed(printed: Printed, seconds: float) -> Stretch:
     """A tab that is closed while it holds the handle."""
-    with open_page(url) as (page, _):
+    with open_page(printed.address()) as (page, _):
         take_handle(page, 8.0)
         page.close()
         return watch(seconds)
 
 
-RUNS: dict[str, Callable[[str, float], Stretch]] = {
+RUNS: dict[str, Callable[[Printed, float], Stretch]] = {
     "no browser": nobody,
     "browser stopped (SIGSTOP)": one_that_stands_still,
     "tab closed while it presses": one_that_is_closed,
@@ -169,18 +176,6 @@ def processes_of(page: Any) -> list[int]:
         for process in session.send("SystemInfo.getProcessInfo")["processInfo"]
         if process["type"] != "browser"
     ]
-
-
-def wait_for(url: str) -> None:
-    """Wait until a console answers."""
-    end = time.monotonic() + 30.0
-    while time.monotonic() < end:
-        try:
-            urllib.request.urlopen(url, timeout=1.0).close()
-            return
-        except (urllib.error.URLError, OSError):
-            time.sleep(0.2)
-    raise SystemExit(f"the console did not come up at {url}")
 
 
 if __name__ == "__main__":

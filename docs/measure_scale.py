@@ -99,7 +99,7 @@ def simulated() -> Costs:
         if result.status != "ok":
             raise SystemExit(f"the recording could not be compared: {result.reason}")
     seconds = log.leader.size * SAMPLE_PERIOD
-    forth = len(encode(Command(VERSION, 10_000, 10**13, 0.0123456, 300, False, "leader", 2**40)))
+    forth = len(encode(Command(VERSION, 10_000, 10**13, 0.0123456, 300, False, "leader", 2**40, (), 10_000, 2**40)))
     telemetry = np.mean([len(encode(Telemetry(VERSION, *row.item()))) for row in log.follower[::97]])
     models = sum(len(encode(model)) for model in log.models) / seconds
     return {

@@ -2,7 +2,8 @@
 
 Starts `foretouch teleop`, opens its console in Chromium, and writes to `docs/images`: `console.png`, the mouse
 pressing; `console-model.png`, what was learnt; `console-recording.png`, a recording beside a second run under a longer
-delay; and `console-stopped.png`, after the emergency stop. A second session, over the phantom, gives
+delay; `console-stopped.png`, after the emergency stop; and `console-unreached.png`, after the session's end. A second
+session, over the phantom, gives
 `console-scene.png`, the script palpating with the virtual probe drawn over the image, and `console-scene-pressed.png`,
 the mouse pressing beside what is known of the fixture.
 
@@ -14,9 +15,6 @@ from __future__ import annotations
 import subprocess
 import sys
 import tempfile
-import time
-import urllib.error
-import urllib.request
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -25,13 +23,18 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT / "tests" / "console"))  # the mouse and the browser are the tests' own
 
 from console_driver import choose, held_handle, held_in_space, open_page, open_tab  # noqa: E402
+from visitors import Printed  # noqa: E402
 
 from foretouch.console.alarm import LATCHED, READY  # noqa: E402
+from foretouch.console.gate.page import LOST  # noqa: E402
 from foretouch.console.space import SPACE_INSTRUCTION  # noqa: E402
 
+Ending = Callable[[], None]
+"""Ends the session."""
+
 IMAGES = ROOT / "docs" / "images"
-PRESSED, MODEL, RECORDING, STOPPED = (
-    IMAGES / f"{name}.png" for name in ("console", "console-model", "console-recording", "console-stopped")
+PRESSED, MODEL, RECORDING, STOPPED, UNREACHED = (
+    IMAGES / f"console{name}.png" for name in ("", "-model", "-recording", "-stopped", "-unreached")
 )
 SCENE, SCENE_PRESSED = (IMAGES / f"{name}.png" for name in ("console-scene", "console-scene-pressed"))
 PALPATED = 24.0
@@ -50,12 +53,14 @@ SETTLED = 1.5
 def main(port: int, which: str = "") -> None:
     """Take the pictures of a session along a line, of one in three dimensions, or of both."""
     if which in ("", "line"):
-        _session(port, (), _take, (PRESSED, MODEL, RECORDING, STOPPED))
+        _session(port, (), _take, (PRESSED, MODEL, RECORDING, STOPPED, UNREACHED))
     if which in ("", "scene"):
         _session(port, ("--scene", "phantom"), _take_scene, (SCENE, SCENE_PRESSED))
 
 
-def _session(port: int, options: tuple[str, ...], take: Callable[[str], None], images: tuple[Path, ...]) -> None:
+def _session(
+    port: int, options: tuple[str, ...], take: Callable[[str, Ending], None], images: tuple[Path, ...]
+) -> None:
     """Run a session while its pictures are taken."""
     with tempfile.TemporaryDirectory() as folder:
         command = [
@@ -71,9 +76,10 @@ def _session(port: int, options: tuple[str, ...], take: Callable[[str], None], i
             "pressed.mcap",
             *options,
         ]
-        session = subprocess.Popen(command, cwd=folder, stdout=subprocess.DEVNULL)
+        quiet = subprocess.DEVNULL
+        session = subprocess.Popen(command, cwd=folder, stdout=quiet, stderr=subprocess.PIPE, text=True)
         try:
-            take(f"http://127.0.0.1:{port}")
+            take(Printed(session).address(), session.terminate)
         finally:
             session.terminate()
             session.wait(120)  # it writes its report
@@ -83,9 +89,8 @@ def _session(port: int, options: tuple[str, ...], take: Callable[[str], None], i
         print(f"{image.relative_to(ROOT)}: {image.stat().st_size / 1000:.0f} kB")
 
 
-def _take(url: str) -> None:
-    """Watch for a while, look at what was recorded, press while the robot is still behind; then stop it."""
-    _wait_for(url)
+def _take(url: str, end: Ending) -> None:
+    """Watch for a while, look at what was recorded, press while the robot is still behind; then stop it, and end."""
     with open_page(url, 1280, 900) as (page, _):
         page.wait_for_timeout(1000 * WATCHED)
         _close_notices(page)
@@ -103,11 +108,14 @@ def _take(url: str) -> None:
             page.get_by_text("kill -USR2").wait_for()
             page.wait_for_timeout(1000 * SETTLED)
             page.screenshot(path=STOPPED)
+            end()
+            page.get_by_text(LOST).wait_for()
+            page.wait_for_timeout(1000 * SETTLED)
+            page.screenshot(path=UNREACHED)
 
 
-def _take_scene(url: str) -> None:
+def _take_scene(url: str, _: Ending) -> None:
     """Watch the script palpate, then press with the mouse."""
-    _wait_for(url)
     with open_page(url, 1440, 900, SPACE_INSTRUCTION) as (page, _):
         page.keyboard.press("o")
         page.wait_for_timeout(1000 * PALPATED)
@@ -155,17 +163,6 @@ def _close_notices(page: Any) -> None:
     """Close what the viewer says about rendering without a graphics card."""
     for button in page.locator(".mantine-Notification-closeButton").all():
         button.click()
-
-
-def _wait_for(url: str) -> None:
-    end = time.monotonic() + 30.0
-    while time.monotonic() < end:
-        try:
-            urllib.request.urlopen(url, timeout=1.0).close()
-            return
-        except (urllib.error.URLError, OSError):
-            time.sleep(0.2)
-    raise SystemExit(f"the console did not come up at {url}")
 
 
 def _shrink(path: Path) -> None:

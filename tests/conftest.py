@@ -32,6 +32,13 @@ BESIDE = Path(__file__).resolve().parents[2] / "shared" / "datasets"
 if "FORETOUCH_DATA_DIR" not in os.environ and BESIDE.is_dir():
     os.environ["FORETOUCH_DATA_DIR"] = str(BESIDE)  # processes that tests start see it too
 
+
+@pytest.fixture
+def read_here(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Files are read in the test's own process, without limits: it looks inside a reader, or changes one."""
+    monkeypatch.setenv("FORETOUCH_FILE_BUDGET", "inf")
+
+
 _missing: list[str] = []  # once one file cannot be had, nobody waits for the network again
 
 

@@ -18,6 +18,7 @@ from foretouch.errors import ForetouchError
 from foretouch.link import ZenohLink, free_endpoint
 from foretouch.messages import VERSION, Status, Telemetry
 
+BADLY_CALIBRATED = ("--listen", "tcp/127.0.0.1:7447", "--calibration", "no.toml", "--duration", 1)
 TELEMETRY = Telemetry(VERSION, 1, 1, 0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, False, False, 0, 1, 1)
 
 
@@ -35,6 +36,10 @@ def run(*arguments: object) -> Result:
         (("follower", "--shadow"), "no endpoint: give --listen or --connect"),
         (("follower", "--shadow", "--duration", 0), "duration = 0.0: must be finite and above 0 s"),
         (("follower", "--shadow", "--material", "jelly"), "unknown material 'jelly'"),
+        (("follower", *BADLY_CALIBRATED), "no.toml: cannot be read"),
+        (("follower", "--shadow", *BADLY_CALIBRATED), "no.toml: cannot be read"),
+        (("teleop", "--calibration", "no.toml", "--headless", "--duration", 1), "no.toml: cannot be read"),
+        (("simulate", "--calibration", "no.toml", "--scene", "plane", "--duration", 1), "no.toml: cannot be read"),
     ],
 )
 def test_what_cannot_be_is_refused_in_one_line(arguments: tuple[object, ...], message: str) -> None:

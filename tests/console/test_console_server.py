@@ -15,6 +15,8 @@ from foretouch.errors import LinkError, MissingExtraError, SettingError
 
 pytest.importorskip("viser")
 
+from visitors import come_in, open_socket
+
 
 def test_a_port_in_use_is_refused_in_one_line_before_anything_starts():
     with socket.socket() as taken:
@@ -30,7 +32,7 @@ def test_a_port_in_use_is_refused_in_one_line_before_anything_starts():
 
 def test_a_port_is_free_again_after_close(capfd):
     console = Console(0, lambda message: None)
-    port = int(console.url.rsplit(":", 1)[1])
+    port = int(console.base.rsplit(":", 1)[1])
     with pytest.raises(LinkError):
         require_free_port(port)
     console.close()
@@ -51,10 +53,6 @@ def test_without_viser_it_says_what_to_install(monkeypatch):
 
 def test_a_browser_that_reads_nothing_stalls_nothing():
     """A client that connects and never reads: pictures keep their pace, and storing messages stays cheap."""
-    import viser
-    from websockets.sync.client import connect
-    from websockets.typing import Subprotocol
-
     published = []
     console = Console(0, published.append)
     session = Session(console.watch)
@@ -70,9 +68,7 @@ def test_a_browser_that_reads_nothing_stalls_nothing():
         worst[0] = max(worst[0], time.perf_counter() - begin)
 
     session._watch = watch
-    address = console.url.replace("http", "ws")
-    protocol = Subprotocol(f"viser-v{viser.__version__}")
-    with connect(address, subprotocols=[protocol], max_queue=1, compression=None, close_timeout=0.2), session:
+    with open_socket(come_in(console.url), max_queue=1), session:
         end = time.monotonic() + 3.0
         console.run(should_stop)
     console.close()

@@ -10,8 +10,6 @@ import signal
 import subprocess
 import sys
 import time
-import urllib.error
-import urllib.request
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -29,6 +27,7 @@ from console_driver import (
     plot_data,
     take_handle,
 )
+from visitors import Printed
 
 from foretouch.console.alarm import LATCHED, READY
 from foretouch.console.image_panel import DRAW_PROBE
@@ -57,18 +56,6 @@ def docs_script(name: str) -> Any:
     return module
 
 
-def wait_for_page(url: str, seconds: float = 40.0) -> None:
-    end = time.monotonic() + seconds
-    while True:
-        try:
-            urllib.request.urlopen(url, timeout=2).close()
-        except (urllib.error.URLError, OSError):
-            assert time.monotonic() < end, "the console did not come up"
-            time.sleep(0.2)
-        else:
-            return
-
-
 def wait_for_bytes(page: Any, path: Path, size: int, seconds: float = 30.0) -> None:
     """Wait until a recording has grown to so many bytes: about 400 a tick of either side."""
     end = time.monotonic() + seconds
@@ -83,7 +70,6 @@ def teleop_page(
 ) -> Iterator[tuple[Any, list[str], subprocess.Popen[str]]]:
     """A live session with its console on a page; it must end well once it was ended: by `click`, or by the block."""
     port = int(free_endpoint().rpartition(":")[2])
-    url = f"http://127.0.0.1:{port}"
     command = [sys.executable, "-m", "foretouch", "teleop", "--port", str(port), "--material", "hunt-crossley"]
     with subprocess.Popen(
         [*command, "--recording", str(path), "--json", *options],
@@ -92,16 +78,18 @@ def teleop_page(
         text=True,
     ) as teleop:
         try:
-            wait_for_page(url)
-            with open_page(url, says=says) as (page, requests):
+            printed = Printed(teleop)
+            with open_page(printed.address(), says=says) as (page, requests):
                 yield page, requests, teleop
                 if click:
                     open_tab(page, "Session")
                     page.get_by_text("End the session").click()
-                _, err = teleop.communicate(timeout=40)
+                assert teleop.stdout is not None
+                teleop.stdout.read()
+                teleop.wait(timeout=40)
         finally:
             teleop.kill()
-    assert teleop.returncode == 0, err
+    assert teleop.returncode == 0, printed.text
 
 
 @pytest.mark.long

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import re
 import threading
 import time
 from typing import Any
@@ -11,7 +12,7 @@ import msgspec
 import pytest
 
 from foretouch.console.emergency import ASKING_PERIOD, LEAST_ASKED, EmergencyCall
-from foretouch.console.sentences import INSECURE, doing, robot_alerts, warnings
+from foretouch.console.sentences import INSECURE, NOBODY_YET, doing, robot_alerts, warnings
 from foretouch.console.watched import GONE, MOST_SPEAKERS, Watched
 from foretouch.identification import SENSOR_SENTENCES, SensorState
 from foretouch.messages import STATUS_SENTENCES, VERSION, Hello, LeaderState, Status, Telemetry
@@ -88,6 +89,13 @@ def test_a_shadow_says_that_it_can_stop_nothing() -> None:
     assert robot_alerts(heard, NOW) == (f"E{trouble[1:]}.",)
 
 
+def test_a_fault_of_the_followers_step_is_told_whatever_the_robot_does() -> None:
+    trouble = "the follower has a fault: ValueError raised in its learning; nothing more is learnt"
+    for status in (Status.FOLLOWING, Status.RETURNING, Status.SHADOW):
+        heard = watched(state(), telemetry(status=status), hello("follower", trouble=trouble))
+        assert robot_alerts(heard, NOW) == (f"T{trouble[1:]}.",)
+
+
 def test_a_sensor_fault_is_told_once() -> None:
     sentence = SENSOR_SENTENCES[SensorState.STUCK]
     fault = telemetry(status=Status.SENSOR_FAULT, validity=SensorState.STUCK)
@@ -110,7 +118,9 @@ def test_each_side_that_falls_silent_alone_is_named() -> None:
     heard.take(telemetry(sequence=2), NOW + 0.5)
     (said,) = robot_alerts(heard, NOW + 0.5)
     assert said.startswith("The leader has been silent for 0.5 s")
-    assert robot_alerts(heard, NOW + 5.0) == ()  # both: the session has gone silent, which the status line says
+    (said,) = robot_alerts(heard, NOW + 5.0)
+    assert re.match(r"Neither side has been heard for 4\.\d s: nobody here knows", said)
+    assert robot_alerts(Watched(), NOW) == (NOBODY_YET,)
     assert "from the beginning" in robot_alerts(watched(state()), NOW)[0]
     assert robot_alerts(watched(telemetry()), NOW) == ()  # it waits for a leader
 

@@ -108,6 +108,9 @@ def test_rows_of_one_pose_are_averaged(tmp_path: Path) -> None:
     np.testing.assert_allclose(poses.gravity, [[0, 0, 1], [1, 0, 0]])
     assert poses.torque is not None
     np.testing.assert_allclose(poses.torque[:, 0], [0.2, 0.0])
+    assert poses.force_noise == pytest.approx((2.0 / 3.0) ** 0.5)  # 1 and 3 N about 2; three axes, one row too many
+    one_each = read_poses(write(tmp_path / "q.csv", "pose," + HEAD, "a,1,2,3,0,0,-1", "b,1,2,3,0,1,0"))
+    assert one_each.force_noise is None
 
 
 HEAD = "fx_N,fy_N,fz_N,gx,gy,gz"

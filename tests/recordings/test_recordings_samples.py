@@ -38,7 +38,7 @@ def write(path: Path, ticks: int = 900, force: float = 1.0) -> None:
 
 
 @pytest.fixture
-def path(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def path(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, read_here: None) -> Path:
     """A recording that counts as long."""
     monkeypatch.setattr(samples_file, "LARGE", 1)
     made = tmp_path / "session.mcap"

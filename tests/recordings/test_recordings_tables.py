@@ -188,6 +188,7 @@ def test_parquet_of_pandas(tmp_path):
     assert_press(read_recording(path))
 
 
+@pytest.mark.usefixtures("read_here")
 @pytest.mark.parametrize(
     ("module", "name"), [("h5py", "press.h5"), ("pyarrow.parquet", "press.parquet"), ("rosbags.rosbag2", "bag.db3")]
 )

@@ -122,6 +122,7 @@ def test_many_candidates_are_named_by_count_and_counted(tmp_path):
     assert "# and 75 more" in text
 
 
+@pytest.mark.usefixtures("read_here")
 @pytest.mark.parametrize("plugin", [StoragePlugin.SQLITE3, StoragePlugin.MCAP])
 def test_a_bag_is_opened_once_and_closed_with_its_source(tmp_path, plugin, monkeypatch):
     bag = write_bag(tmp_path / "bag", [*pressed(0.2), *press_messages(0.1)], plugin=plugin)
@@ -247,6 +248,7 @@ def test_aligned_in_one_topic_and_without_stamps(tmp_path):
     assert 'messages of /x carry no stamp: [time] stamp = "log"' in refused(bag, map_file=map_file)
 
 
+@pytest.mark.usefixtures("read_here")
 def test_the_fields_of_a_topic_have_their_range(tmp_path, monkeypatch):
     forces = press(0.5)[2]
     bag = write_bag(tmp_path / "bag", pressed(0.5))

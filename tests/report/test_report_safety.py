@@ -52,7 +52,9 @@ def test_a_session_in_which_nothing_happened_says_nothing(quiet: SessionLog) -> 
         "sensor_faults": {},
         "refused_commands": {},
         "control": [],
+        "contests": [],
         "emergency_stops": [],
+        "step_failures": 0,
     }
     assert report["away_samples"] == report["faulty_samples"] == 0
     assert report["stretches"]["count"] == 1
@@ -143,6 +145,7 @@ def test_two_faults_have_a_moment_each(quiet: SessionLog) -> None:
 
 def test_refusals_control_and_stops_are_said(quiet: SessionLog) -> None:
     counts = {"commands_stale": 12, "commands_overtaken": 0, "commands_future": 1, "commands_of_others": 2011}
+    counts |= {"commands_before_release": 380, "step_failures": 1234}
     stop = EmergencyStop(VERSION, 1, 0, "somebody shouted at anna")
     log = replace(
         quiet,
@@ -151,10 +154,16 @@ def test_refusals_control_and_stops_are_said(quiet: SessionLog) -> None:
         news={"control": ("anna", "bert"), "stopped": ("somebody shouted at anna", "asked for by signal")},
     )
     report = session_report(log)
-    assert report["safety"]["refused_commands"] == {"stale": 12, "future": 1, "of_others": 2011}
+    assert report["safety"]["refused_commands"] == {
+        "stale": 12,
+        "future": 1,
+        "of_others": 2011,
+        "before_release": 380,
+    }
     assert report["safety"]["emergency_stops"] == ["somebody shouted at anna", "asked for by signal"]
     text = render_text(report)
-    assert "refused    commands: 12 stale, 1 from the future, 2,011 of others" in text
+    assert "refused    commands: 12 stale, 1 from the future, 2,011 of others, 380 from before a release" in text
+    assert "failures   1,234 exceptions in the follower's step" in text
     assert "control    was held by anna, then bert" in text
     assert text.count("Emergency stop: somebody shouted at anna.") == 1
     assert text.index("Emergency stop") < text.index("Forces at equal command")

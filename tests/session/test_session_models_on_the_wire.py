@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -16,7 +17,7 @@ from foretouch.messages import VERSION, Command, ModelUpdate, SessionLog, encode
 from foretouch.models import ContactModel, KelvinVoigt, make_model
 from foretouch.models.predictor import STATE_TOLERANCE
 from foretouch.report import session_report
-from foretouch.robot import RobotSample, make_robot
+from foretouch.robot import FaultySensor, RobotSample, SensorFault, make_robot
 from foretouch.session import SessionSettings, follower, leader, replay, simulate
 from foretouch.session.round_trip import RoundTrip
 
@@ -271,3 +272,40 @@ def test_a_state_is_that_of_the_command_that_its_message_names(faults: dict[str,
     assert len(models) > 15
     assert max(apart(model, 0) for model in models) < STATE_TOLERANCE
     assert max(apart(model, -50) for model in models) > 2.0 * STATE_TOLERANCE
+
+
+def test_while_sensors_are_faulty_the_state_of_the_material_keeps_the_command_that_it_belongs_to() -> None:
+    settings = SessionSettings(position_delay=0.02, force_delay=0.02)
+    arm = make_robot(settings.material, seed=0)
+    operator = ScriptedOperator(arm.material.surface, arm.material.press_depth, 0)
+    robot = FaultySensor(arm, SensorFault("dropout", 4.0, 4.6), seed=0)
+    log = simulate(settings, duration=6.0, operator=operator, robot=robot).log
+    telemetry, models = log.follower, log.models
+    faulty = telemetry["validity"] > 0
+    assert faulty.sum() > 500
+    first = int(np.argmax(faulty))
+    last_learnt = int(telemetry["command_sequence"][first - 1])
+    meanwhile = [
+        one for one in models if telemetry["time_ns"][first] <= one.time_ns <= telemetry["time_ns"][faulty][-1]
+    ]
+    assert len(meanwhile) > 10
+    assert {one.command_sequence for one in meanwhile} == {last_learnt}
+    assert len({one.state for one in meanwhile}) == 1
+    assert "nothing is learnt" in meanwhile[-1].reason
+    # Elsewhere it is the newest that was applied, as telemetry of the same tick says.
+    for one in models[10:200]:
+        assert one.command_sequence == telemetry["command_sequence"][telemetry["time_ns"] == one.time_ns][0]
+
+
+def test_another_leader_is_told_no_command_of_the_one_before() -> None:
+    pressing = Pressing(Flickering(), {0: 500.0})
+    pressing.run(100)
+    state = pressing.state
+    assert list(state.felt_commands) == [100]
+    late = follower.Inputs([], RobotSample(0.0, math.nan, 0.0, 0.0, 0.0, 0.0, False), MS, 0)
+    for tick in range(100, 1300):  # nothing is heard, and the sensor has failed
+        follower.step(state, late, tick * MS)
+    command = Command(VERSION, 1, 1300 * MS, 0.0, 0, False, "bert", 2)
+    _, outputs = follower.step(state, late._replace(commands=[command]), 1300 * MS)
+    assert outputs.telemetry.epoch == 2
+    assert not state.felt_commands

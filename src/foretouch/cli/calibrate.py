@@ -71,12 +71,14 @@ def sensor(
     before = _before(output, poses, motion)
     if report_directory is not None:
         make_folder(report_directory)
-    weight = fit_tool_weight(*read_poses(poses))
+    measured = read_poses(poses)
+    weight = fit_tool_weight(measured.gravity, measured.force, measured.torque)
     found: dict[str, Any] = {
         "force_bias": _triple(weight.force_bias),
         "force_bias_error": _triple(weight.force_bias_error),
         "torque_bias": _triple(weight.torque_bias),
         "torque_bias_error": _triple(weight.torque_bias_error),
+        "force_noise": measured.force_noise,
         "tool_mass": weight.mass,
         "tool_mass_error": weight.mass_error,
         "centre_of_mass": _triple(weight.centre_of_mass),
@@ -191,6 +193,7 @@ def _weight_figures(weight: ToolWeight, calibration: SensorCalibration) -> dict[
     return {
         "force_bias_N": calibration.force_bias,
         "force_bias_error_N": calibration.force_bias_error,
+        "force_noise_N": calibration.force_noise,
         "tool_mass_kg": calibration.tool_mass,
         "tool_mass_error_kg": calibration.tool_mass_error,
         "torque_bias_Nm": calibration.torque_bias,

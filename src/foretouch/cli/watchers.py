@@ -91,10 +91,15 @@ def console(
     endpoints: Endpoints,
     port: Annotated[int, typer.Option(help="On 127.0.0.1.")] = 8080,
     recordings: Annotated[Path, typer.Option(help="Folder whose recordings can be looked at.")] = Path(),
+    host_name: Annotated[
+        list[str] | None, typer.Option(help="Another name by which browsers reach it, beside 127.0.0.1 and localhost.")
+    ] = None,
     json_output: Json = False,
     parent: Parent = None,
 ) -> None:
     """Watch a session in the browser, take its handle, and look at recordings.
+
+    It prints the address to open, which lets one browser in; when that was used it prints another.
 
     Example: foretouch console --connect tcp/127.0.0.1:7447 --connect tcp/127.0.0.1:7448
     """
@@ -104,7 +109,8 @@ def console(
 
     give_way()
     stop = StopFlag().on_signals()
-    shown = Console(port, lambda message: link.publish(message), recordings=recordings)
+    names = tuple(host_name or ())
+    shown = Console(port, lambda message: link.publish(message), recordings=recordings, names=names, say=say)
 
     def watch(message: Message) -> None:
         if isinstance(message, Stop):
@@ -113,12 +119,14 @@ def console(
 
     with open_link("console", endpoints, WATCHED_CHANNELS, watch) as link:
         say(f"console: {shown.url}")
-        shown.run(lambda: bool(stop.reason or link.version_error) or orphaned(parent))
+        # Processes of one parent are of one version: what else one hears is a stranger's.
+        differ = link.other_version if parent is None else lambda: None
+        shown.run(lambda: bool(stop.reason or differ()) or orphaned(parent))
         shown.close()
-        if link.version_error is not None:
-            raise link.version_error
+        if (error := differ()) is not None:
+            raise error
     if json_output:
-        print_json({"ended": stop.reason or ENDED, "url": shown.url})
+        print_json({"ended": stop.reason or ENDED, "url": shown.base})
 
 
 COMMANDS = (camera, record, console)

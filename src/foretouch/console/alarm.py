@@ -6,6 +6,7 @@ import html
 from collections.abc import Callable
 from typing import Any
 
+from foretouch.console.gate.page import BEAT_PERIOD, beat_html
 from foretouch.console.palette import BLUE, GREY, INK, VERMILLION, css
 
 __all__ = ["ASKING", "KEYS", "LATCHED", "READY", "UNABLE", "Alarm"]
@@ -49,6 +50,8 @@ class Alarm:
         gui.add_html(_STYLE)
         self._button = gui.add_button(READY, color=VERMILLION)
         self._box = gui.add_html("")
+        self._beats, self._next_beat = 0, 0.0
+        self._beat = gui.add_html(beat_html(0))
         self._button.on_click(self._pressed)
         for key in KEYS:
             command = gui.add_command("Emergency stop", description="The robot unloads and stays so", hotkey=key)
@@ -68,6 +71,17 @@ class Alarm:
         if self._box.content != content:
             self._box.content = content
 
+    def beat(self, now: float) -> None:
+        """Let the page see that the console draws; without that it says that no stop can be had from it.
+
+        Args:
+            now: By a monotonic clock [s].
+        """
+        if now >= self._next_beat:
+            self._next_beat = now + BEAT_PERIOD
+            self._beats += 1
+            self._beat.content = beat_html(self._beats)
+
     async def _pressed(self, event: Any) -> None:
         self._on_press()
 
@@ -78,7 +92,8 @@ def _box_html(alerts: tuple[str, ...]) -> str:
         return ""
     lines = "".join(f'<div style="padding:2px 0">&#9888; {html.escape(alert)}</div>' for alert in alerts)
     return (
-        f'<div role="alert" style="{_PLACE}bottom:92px;width:max(366px, min(560px, calc(100vw - 492px)));'
+        f'<div role="alert" class="foretouch-alerts" style="{_PLACE}bottom:92px;'
+        "width:max(366px, min(560px, calc(100vw - 492px)));"
         f"box-sizing:border-box;pointer-events:none;overflow-wrap:anywhere;background:#fff;color:{css(INK)};"
         f'border:3px solid {css(VERMILLION)};border-radius:8px;padding:6px 10px;font-weight:600">{lines}</div>'
     )

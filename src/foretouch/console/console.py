@@ -6,13 +6,14 @@ import contextlib
 import io
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
 from foretouch.console.alarm import ASKING, LATCHED, READY, UNABLE
 from foretouch.console.description import describe
 from foretouch.console.emergency import EmergencyCall
+from foretouch.console.gate import Entrance, make_gated_server
 from foretouch.console.hold import Hold
 from foretouch.console.library import Library
 from foretouch.console.line_view import LineView
@@ -26,7 +27,7 @@ from foretouch.console.space import SPACE_INSTRUCTION, SpaceView
 from foretouch.console.space_hold import SpaceHold
 from foretouch.console.speech import Speech
 from foretouch.console.watched import Watched
-from foretouch.errors import LinkError, MissingExtraError
+from foretouch.errors import MissingExtraError
 from foretouch.link import new_press
 from foretouch.messages import Message, Status, Telemetry
 
@@ -61,13 +62,17 @@ class Console:
         publish: Called with every message that the person causes. It should return at once.
         host: Address to listen on.
         recordings: Folder whose recordings can be looked at.
+        names: Names of hosts, beside those of this machine itself, under which a browser may reach it.
+        say: Prints one line for people: whenever an address was used, the next one.
 
     Attributes:
-        url: Where the browser finds it.
+        base: Where it listens.
+        trouble: Why a picture could not be drawn, the last time that this happened; "" for never.
+        url: The address that lets the next browser in; each does so once.
 
     Raises:
         MissingExtraError: viser is not installed.
-        LinkError: The port is in use; nothing has been started then.
+        LinkError: The port is in use, nothing has been started then; or this viser cannot be put behind the gate.
     """
 
     def __init__(
@@ -77,24 +82,23 @@ class Console:
         *,
         host: str = "127.0.0.1",
         recordings: Path | str = ".",
+        names: Sequence[str] = (),
+        say: Callable[[str], None] = lambda line: None,
     ) -> None:
         require_free_port(port, host)
+        port = port or free_port(host)
+        self._entrance = Entrance(f"http://{host}:{port}", say, names)
         try:
-            import viser
+            self._server: Any = make_gated_server(host, port, self._entrance)
         except ImportError:
             raise MissingExtraError("viser", "console") from None
+        self.trouble = ""
         self._stopped = False
         self._watched = Watched()
         self._speech = Speech(publish)
         self._library = Library(Path(recordings))
         self._said: dict[str, str] = {}  # what the panel was introduced with
-        port = port or free_port(host)
-        with contextlib.redirect_stdout(io.StringIO()):  # viser greets on stdout, which belongs to the report
-            self._server: Any = viser.ViserServer(host=host, port=port, verbose=False)
-        if self._server.get_port() != port:  # taken in between: viser would go on with the next one
-            self._server.stop()
-            raise LinkError(f"port {port} on {host} is in use: choose another with --port")
-        self.url = f"http://{host}:{port}"
+        self.base = self._entrance.base
         self._press = 0  # the number of the press that is asked for
         self._emergency = EmergencyCall(lambda: self._speech.emergency(self._press))
         self._line = LineView(self._server, self._watched, Hold(self._watched, self._speech))
@@ -103,6 +107,11 @@ class Console:
         self._space = SpaceView(self._server, self._panel.image, self._panel.tabs, space_hold)
         self._server.on_client_disconnect(self._browser_gone)
         self._next_plot = self._next_text = self._next_list = 0.0
+
+    @property
+    def url(self) -> str:
+        """The address that lets the next browser in."""
+        return self._entrance.url
 
     def watch(self, message: Message) -> None:
         """Take note of one message; costs some microseconds, never waits. Call it from one thread."""
@@ -124,9 +133,18 @@ class Console:
                 self._library.playback.tick(now)
             if self._server.get_clients() or now - drawn > UNSEEN_PERIOD:
                 drawn = now
-                self._draw(now)
+                self._picture(now)
             next_picture = max(next_picture + SCENE_PERIOD, now)
             time.sleep(max(0.0, next_picture - time.monotonic()))
+
+    def _picture(self, now: float) -> None:
+        """Draw; whatever there was to draw, the emergency stop stays and the next picture is tried."""
+        try:
+            self._draw(now)
+        except Exception as error:
+            self.trouble = f"{type(error).__name__}: {error}"
+            self._panel.alarm.show(READY, (f"The picture stands still ({self.trouble}); the stop works.",))
+        self._panel.alarm.beat(now)
 
     def _draw(self, now: float) -> None:
         """The scene, and of the rest what is due."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import stat
 import threading
 import time
 from collections.abc import Callable
@@ -9,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from foretouch.console.playback import Playback
-from foretouch.errors import ForetouchError
+from foretouch.errors import ForetouchError, RecordingError
 from foretouch.messages import SessionLog
 
 __all__ = ["Library"]
@@ -40,12 +42,13 @@ class Library:
         self.note = ""
 
     def names(self) -> tuple[str, ...]:
-        """Of the recordings, the newest first."""
+        """Of the recordings, the newest first: files of this folder, no pipe, no device and no link out of it."""
         try:
-            found = [(path.stat().st_mtime, path.name) for path in self._folder.glob(PATTERN)]
-        except OSError:  # one was removed meanwhile
+            folder = self._folder.resolve()
+            found = [(_age(path, folder), path.name) for path in self._folder.glob(PATTERN)]
+        except OSError:
             return ()
-        return tuple(name for _, name in sorted(found, reverse=True)[:MOST])
+        return tuple(name for age, name in sorted(found) if math.isfinite(age))[:MOST]
 
     @property
     def busy(self) -> bool:
@@ -53,9 +56,15 @@ class Library:
         return self._job is not None and self._job.is_alive()
 
     def open(self, name: str) -> None:
-        """Look at a recording from its beginning; it is paused."""
+        """Look at a recording from its beginning; it is paused.
+
+        Args:
+            name: One of `names`; whatever else it is, nothing is opened.
+        """
 
         def read() -> str:
+            if name not in self.names():
+                raise RecordingError("the recording", "is none of this folder")
             from foretouch.recordings import read_session
 
             log = read_session(self._folder / name)
@@ -114,6 +123,17 @@ class Library:
         self.note = meanwhile
         self._job = threading.Thread(target=job, name="recording", daemon=True)
         self._job.start()
+
+
+def _age(path: Path, folder: Path) -> float:
+    """By which recordings are sorted, the newest first; infinite for what is no file of the folder."""
+    try:
+        state = path.stat()
+        if not stat.S_ISREG(state.st_mode) or path.resolve().parent != folder:
+            return math.inf
+    except (OSError, RuntimeError):  # it was removed meanwhile, or links go in a circle
+        return math.inf
+    return -state.st_mtime
 
 
 def _again(log: SessionLog, closed_loop: bool, **changes: Any) -> SessionLog:

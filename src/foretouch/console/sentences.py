@@ -16,6 +16,11 @@ INSECURE = "INSECURE: nothing is encrypted and nobody is checked; anybody on thi
 RECORDER_SILENT = 3.0
 """A recorder speaks twice a second; it is silent when nothing has come for so long [s]."""
 
+FAULT = "the follower has a fault"
+"""Stands in what the robot's side says where something raised there, whatever the robot does."""
+NOBODY_YET = "No robot has been heard yet: nothing that is pressed here reaches one."
+"""Until anybody speaks."""
+
 RELEASE = "kill -USR2"
 """Stands in what the robot's side says where it waits for somebody to let it go on."""
 
@@ -68,7 +73,14 @@ def robot_alerts(watched: Watched, now: float) -> tuple[str, ...]:
     """
     telemetry = watched.telemetry
     robot = (
-        () if telemetry is None else (_robot(watched, telemetry), _sensors(watched, telemetry), _control(watched, now))
+        ()
+        if telemetry is None
+        else (
+            _sentence(watched.settings.get("contest", "")),
+            _robot(watched, telemetry),
+            _sensors(watched, telemetry),
+            _control(watched, now),
+        )
     )
     return tuple(sentence for sentence in (_silence(watched, now), *robot) if sentence)
 
@@ -96,9 +108,13 @@ def _recording(watched: Watched, now: float) -> str:
 
 
 def _silence(watched: Watched, now: float) -> str:
-    """Which of the sides has fallen silent while the other speaks."""
+    """Which of the sides is silent."""
     robot, leader = watched.robot_silence(now), watched.leader_silence(now)
-    if robot > SILENT > leader:
+    if watched.heard == -math.inf:
+        return NOBODY_YET
+    if robot > SILENT and leader > SILENT and math.isfinite(robot):
+        return f"Neither side has been heard for {min(robot, leader):.1f} s: nobody here knows what the robot does."
+    if robot > SILENT:
         since = f"for {robot:.1f} s" if math.isfinite(robot) else "from the beginning"
         return f"The robot's side has been silent {since}: nobody here knows what it does."
     if leader > SILENT > robot and math.isfinite(leader):
@@ -109,7 +125,7 @@ def _silence(watched: Watched, now: float) -> str:
 def _robot(watched: Watched, telemetry: Telemetry) -> str:
     """What the robot does instead of following, and how it is let go on; nothing before the first leader."""
     status, trouble = telemetry.status, watched.trouble
-    if status == Status.SHADOW and trouble:
+    if (status == Status.SHADOW and trouble) or FAULT in trouble:
         return _said_there(trouble)
     if status in CALM or not (telemetry.epoch or status in (Status.STOPPED, Status.SENSOR_FAULT)):
         return ""
@@ -151,4 +167,4 @@ def _of_status(status: int) -> str:
 
 
 def _sentence(text: str) -> str:
-    return f"{text[:1].upper()}{text[1:].rstrip('.')}."
+    return f"{text[:1].upper()}{text[1:].rstrip('.')}." if text else ""

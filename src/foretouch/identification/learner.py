@@ -104,6 +104,11 @@ class Learner:
             self.lag.update(place, sample.velocity, force, time - last)
         return sample
 
+    def feel(self, time: float, position: float, force: float) -> ContactSample:
+        """Condition one raw sample and learn nothing from it: what is felt has to be known where nobody learns."""
+        self.sample = self.conditioner.update(time, position, force)
+        return self.sample
+
     def run(self, time: Array, position: Array, force: Array, velocity: Array | None = None) -> LearnerRun:
         """`update` with every sample of a recording, and what the model before each sample says of its force.
 

@@ -27,6 +27,7 @@ class SensorCalibration(msgspec.Struct, frozen=True, kw_only=True, forbid_unknow
         force_bias_error: [N].
         torque_bias: [N m].
         torque_bias_error: [N m].
+        force_noise: Standard deviation of what the sensor shows at rest, along any of its axes [N].
         tool_mass: Beyond the sensor [kg].
         tool_mass_error: [kg].
         centre_of_mass: Of the tool, from the sensor's origin [m].
@@ -47,6 +48,7 @@ class SensorCalibration(msgspec.Struct, frozen=True, kw_only=True, forbid_unknow
     force_bias_error: Triple | None = None
     torque_bias: Triple | None = None
     torque_bias_error: Triple | None = None
+    force_noise: float | None = None
     tool_mass: float | None = None
     tool_mass_error: float | None = None
     centre_of_mass: Triple | None = None
@@ -66,7 +68,7 @@ class SensorCalibration(msgspec.Struct, frozen=True, kw_only=True, forbid_unknow
                 raise SettingError(name, value, "must be finite")
         if abs(math.hypot(*self.approach_axis) - 1.0) > 1e-6:
             raise SettingError("approach_axis", self.approach_axis, "must have length 1")
-        for name, at_least in (("tool_mass", 0.0), ("sensor_lag", 0.0)):
+        for name, at_least in (("tool_mass", 0.0), ("sensor_lag", 0.0), ("force_noise", 0.0)):
             value = getattr(self, name)
             if value is not None and value < at_least:
                 raise SettingError(name, value, f"must be at least {at_least:g}")

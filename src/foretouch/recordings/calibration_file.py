@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from os import PathLike
-from pathlib import Path
 
 import msgspec
 
-from foretouch.errors import RecordingError, SettingError
+from foretouch.files import read_toml
 from foretouch.quantities import SensorCalibration
 from foretouch.recordings.output import atomic_path
 
@@ -20,14 +19,7 @@ def read_calibration(path: str | PathLike[str]) -> SensorCalibration:
     Raises:
         RecordingError: The file cannot be read, or is no calibration.
     """
-    try:
-        data = Path(path).read_bytes()
-    except OSError as error:
-        raise RecordingError(path, f"cannot be read: {error.strerror or error}") from None
-    try:
-        return msgspec.toml.decode(data, type=SensorCalibration)
-    except (msgspec.DecodeError, UnicodeDecodeError, SettingError) as error:
-        raise RecordingError(path, f"is no sensor calibration: {' '.join(str(error).split())}") from None
+    return read_toml(path, SensorCalibration, "sensor calibration")
 
 
 def write_calibration(path: str | PathLike[str], calibration: SensorCalibration) -> None:

@@ -32,6 +32,8 @@ _CODES: Final = {
 _ORIGIN = 4  # bytes of the encapsulation header, from behind which alignment counts
 _LONGEST = 256  # messages within a sequence that are gone into
 _MOST_LAYOUTS = 50
+_MOST_FIELDS = 65_536  # of one message that are looked at: sequences of as many parts, each of as many fields
+_DEEPEST = 32  # messages within messages: a type that contains itself has no end
 _index = re.compile(r"(.*)\[([^\[\]]+)\]\Z")
 
 
@@ -57,7 +59,7 @@ class Places:
         if len(data) < _ORIGIN or data[0] != 0 or data[1] not in (0, 1):
             raise ValueError(f"encapsulation {data[:2].hex()} is not CDR of ROS 2 (0000 or 0001)")
         self._data, self._definitions, self._order = data, definitions, "<" if data[1] else ">"
-        self._position = _ORIGIN
+        self._position, self._visited = _ORIGIN, 0
         self.numbers: dict[str, tuple[str, int, int | None]] = {}
         self.texts: dict[str, list[tuple[int, str]]] = {}
         self.lengths: list[int] = []
@@ -112,10 +114,16 @@ class Places:
     # --- walking ------------------------------------------------------------------------------------------------------
 
     def _message(self, type_name: str, prefix: str) -> None:
+        if prefix.count(".") > _DEEPEST:
+            raise ValueError(f"{type_name} is nested deeper than {_DEEPEST} messages, perhaps within itself")
+        self._visited += 1
         for name, description in self._definitions[type_name][1]:
             self._field(description, prefix + name)
 
     def _field(self, description: Any, name: str) -> None:
+        self._visited += 1
+        if self._visited > _MOST_FIELDS:
+            raise ValueError(f"{name} comes after {_MOST_FIELDS} others: only what stands before it is read")
         kind, detail = int(description[0]), description[1]
         if kind == BASE:
             self._base(detail[0], name)

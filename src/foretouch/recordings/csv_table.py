@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 
 from foretouch.errors import RecordingError
 from foretouch.recordings.column_names import is_unit
+from foretouch.recordings.parquet_table import numbers_of
 from foretouch.recordings.source import Column, Table, require_names
 
 __all__ = ["CsvTable"]
@@ -160,7 +161,7 @@ class CsvTable(Table):
             )
         except pyarrow.ArrowException:
             return None
-        return {name: table[name].to_numpy() for name in names}
+        return {name: numbers_of(table[name]) for name in names}
 
     def read_carefully(self, names: Sequence[str]) -> dict[str, NDArray[np.float64]]:
         """The columns, or a `RecordingError` that names the row."""

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foretouch.errors import RecordingError
+from foretouch.files import within_budget
 from foretouch.messages import SessionLog
 from foretouch.messages.session_log import believable
 from foretouch.messages.stretches import side_seconds
@@ -95,6 +96,10 @@ def read_follower_samples(path: str | PathLike[str]) -> FollowerSamples:
         RecordingError: As `read_session`.
         MissingExtraError: As `read_session`.
     """
+    return within_budget(path, None, _samples_of, path)
+
+
+def _samples_of(path: str | PathLike[str]) -> FollowerSamples:
     kept = Path(f"{path}.samples")
     label = _label(path)
     if label and kept.is_file():

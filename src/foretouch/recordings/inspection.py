@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foretouch.errors import RecordingError
+from foretouch.files import within_budget
 from foretouch.quantities import Recording
 from foretouch.recordings.aurora_ddf import CONTACT_FLOOR as AURORA_FLOOR
 from foretouch.recordings.aurora_ddf import read_aurora
@@ -96,18 +97,22 @@ class Contents:
         }
 
 
-def inspect_recording(path: str | PathLike[str], topic: str | None = None) -> Contents:
+def inspect_recording(path: str | PathLike[str], topic: str | None = None, *, budget: float | None = None) -> Contents:
     """Look into a recording.
 
     Args:
         path: As `read_recording` takes it.
         topic: Of a bag, whose fields are wanted too.
+        budget: As `read_recording` takes it.
 
     Raises:
         RecordingError: It cannot be opened, or there is no such topic.
         MissingExtraError: The format needs a package of the extra ``recordings``.
     """
-    suffix = require_readable(path)
+    return within_budget(path, budget, _inspect, path, require_readable(path), topic)
+
+
+def _inspect(path: str | PathLike[str], suffix: str, topic: str | None) -> Contents:
     if suffix == ".ddf":
         return _of_aurora(path)
     source = open_source(path)

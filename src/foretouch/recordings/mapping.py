@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from os import PathLike
-from pathlib import Path
 from typing import Final, Literal
 
 import msgspec
@@ -12,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foretouch.errors import RecordingError
+from foretouch.files import decode_toml, read_toml
 from foretouch.recordings.output import atomic_path
 
 __all__ = [
@@ -144,11 +144,9 @@ def read_mapping(path: str | PathLike[str]) -> Mapping:
     Raises:
         RecordingError: The file cannot be read, is no such map, or a unit in it is not known or lacks its scale.
     """
-    try:
-        text = Path(path).read_bytes()
-    except OSError as error:
-        raise RecordingError(path, f"cannot be read: {error.strerror or error}") from None
-    return parse_mapping(path, text)
+    mapping = read_toml(path, Mapping, "map", FORM)
+    check_mapping(path, mapping)
+    return mapping
 
 
 def parse_mapping(source: object, text: bytes | str) -> Mapping:
@@ -157,10 +155,7 @@ def parse_mapping(source: object, text: bytes | str) -> Mapping:
     Raises:
         RecordingError: As `read_mapping`.
     """
-    try:
-        mapping = msgspec.toml.decode(text, type=Mapping)
-    except (msgspec.DecodeError, UnicodeDecodeError) as error:
-        raise RecordingError(source, f"is no map: {' '.join(str(error).split())}; it takes {FORM}") from None
+    mapping = decode_toml(source, text, Mapping, "map", FORM)
     check_mapping(source, mapping)
     return mapping
 

@@ -28,6 +28,7 @@ from foretouch.recordings.mcap_index import (
     RECORD,
     SCHEMA,
     STATISTICS,
+    chunk_content,
     message_head,
 )
 from foretouch.recordings.source import MAP_NAME, Topic, gathered, one_line
@@ -196,8 +197,7 @@ class McapFile(RosBag):
     def _chunk(self, content: bytes, start: int) -> bytes:
         record = self._parsed(CHUNK, content, start)
         try:
-            inside, length = self._stream.get_chunk_data_stream(record, validate_crc=True)
-            return bytes(inside.read(length))
+            return chunk_content(record)
         except Exception as error:  # each compression library has its own errors
             raise RecordingError(self.path, f"the block at byte {start} is damaged: {one_line(error)}") from None
 

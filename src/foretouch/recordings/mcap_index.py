@@ -30,6 +30,7 @@ __all__ = [
     "RECORD",
     "SCHEMA",
     "append_index",
+    "chunk_content",
     "counts_record",
     "message_head",
     "record_bytes",
@@ -61,6 +62,38 @@ def records_in(read_at: Callable[[int, int], bytes], position: int, end: int) ->
         if code == 0 or position > end or length > LONGEST_STRUCTURE:
             return
         yield code, start, position
+
+
+def chunk_content(chunk: Any) -> bytes:
+    """The records within a chunk record of the library; never more is unpacked than it says, nor than belongs in one.
+
+    Raises:
+        Exception: It is damaged; each compression library has its own errors.
+    """
+    size, packed = chunk.uncompressed_size, chunk.data
+    if size > LONGEST_STRUCTURE:
+        raise ValueError(f"it says that it holds {size} bytes, more than the {LONGEST_STRUCTURE} that one may")
+    if chunk.compression == "zstd":
+        zstandard = optional("zstandard")
+        stated = zstandard.frame_content_size(packed)
+        if stated > size:
+            raise ValueError(f"it says that it holds {size} bytes, and what is packed in it {stated}")
+        content: bytes = zstandard.decompress(packed, size)
+    elif chunk.compression == "lz4":
+        content = optional("lz4.frame").LZ4FrameDecompressor().decompress(packed, max_length=size + 1)
+    elif chunk.compression:
+        raise ValueError(f"compression {chunk.compression!r} is not known: zstd and lz4 are")
+    else:
+        return _checked(packed, chunk.uncompressed_crc)
+    if len(content) != size:
+        raise ValueError(f"it says that it holds {size} bytes, and holds {'more' if len(content) > size else 'fewer'}")
+    return _checked(content, chunk.uncompressed_crc)
+
+
+def _checked(content: bytes, crc: int) -> bytes:
+    if crc and zlib.crc32(content) != crc:
+        raise ValueError("its check sum is wrong")
+    return content
 
 
 def record_bytes(record: Any) -> bytes:

@@ -13,7 +13,7 @@ from foretouch.errors import RecordingError
 from foretouch.recordings._extra import optional
 from foretouch.recordings.source import MAP_NAME, Column, Table, one_line, require_names
 
-__all__ = ["ParquetTable"]
+__all__ = ["ParquetTable", "numbers_of"]
 
 
 class ParquetTable(Table):
@@ -56,7 +56,14 @@ class ParquetTable(Table):
         if column.null_count:
             row = 1 + int(np.argmax(column.is_null().to_numpy()))
             raise RecordingError(self.path, f"{name} has no value", row=row)
-        return np.asarray(column.to_numpy(), dtype=np.float64)
+        return numbers_of(column)
+
+
+def numbers_of(column: Any) -> NDArray[np.float64]:
+    """A column of pyarrow that holds numbers and misses none; its own `to_numpy` imports pandas, which takes 0.25 s."""
+    parts = [np.from_dlpack(chunk) for chunk in column.chunks if len(chunk)]
+    whole = parts[0] if len(parts) == 1 else np.concatenate([np.empty(0), *parts])
+    return np.asarray(whole, dtype=np.float64)
 
 
 class _OneLine:

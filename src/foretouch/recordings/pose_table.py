@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foretouch.errors import RecordingError
+from foretouch.files import within_budget
 
 __all__ = ["POSE_COLUMNS", "StaticPoses", "read_poses"]
 
@@ -37,11 +38,14 @@ class StaticPoses(NamedTuple):
         gravity: Direction of gravity in the sensor's frame, of length 1, shape (n, 3).
         force: Load on the sensor [N], shape (n, 3).
         torque: Load about the sensor's origin [N m], shape (n, 3), or None.
+        force_noise: Standard deviation of the force between rows of the same pose, all axes together [N]; None where no
+            pose has two rows.
     """
 
     gravity: Array
     force: Array
     torque: Array | None
+    force_noise: float | None = None
 
 
 def read_poses(path: str | PathLike[str]) -> StaticPoses:
@@ -50,12 +54,16 @@ def read_poses(path: str | PathLike[str]) -> StaticPoses:
     Columns by name, in any order: ``fx_N, fy_N, fz_N``; perhaps ``tx_Nm, ty_Nm, tz_Nm``; and the direction of gravity
     in the sensor's frame, ``gx, gy, gz`` (any unit), or the sensor's orientation in a frame whose z points up, as a
     quaternion ``qw, qx, qy, qz`` that turns vectors of the sensor's frame into that frame. Rows with the same ``pose``
-    are averaged to one, if there is such a column.
+    are averaged to one, if there is such a column, and tell the sensor's noise.
 
     Raises:
         RecordingError: The file cannot be read, a column is missing, or a value is no finite number; the message names
             the row.
     """
+    return within_budget(path, None, _poses_in, path)
+
+
+def _poses_in(path: str | PathLike[str]) -> StaticPoses:
     header, rows, lines = _table(path)
     force = _columns(path, header, rows, lines, FORCE)
     torque = _columns(path, header, rows, lines, TORQUE) if any(name in header for name in TORQUE) else None
@@ -63,13 +71,15 @@ def read_poses(path: str | PathLike[str]) -> StaticPoses:
         gravity = _down(_unit(path, _columns(path, header, rows, lines, QUATERNION), lines, "quaternion", strict=True))
     else:
         gravity = _unit(path, _columns(path, header, rows, lines, GRAVITY), lines, "gravity direction", strict=False)
+    noise = None
     if POSE in header:
         names = [row[header.index(POSE)].strip() for row in rows]
         _, group = np.unique(names, return_inverse=True)
+        noise = _noise(force, group)
         force, gravity = _means(force, group), _means(gravity, group)
         gravity /= np.linalg.norm(gravity, axis=1, keepdims=True)
         torque = None if torque is None else _means(torque, group)
-    return StaticPoses(gravity, force, torque)
+    return StaticPoses(gravity, force, torque, noise)
 
 
 def _table(path: str | PathLike[str]) -> tuple[list[str], list[list[str]], list[int]]:
@@ -141,3 +151,11 @@ def _down(quaternions: Array) -> Array:
 def _means(values: Array, group: NDArray[np.intp]) -> Array:
     counts = np.bincount(group)
     return np.column_stack([np.bincount(group, weights=column) / counts for column in values.T])
+
+
+def _noise(force: Array, group: NDArray[np.intp]) -> float | None:
+    """Standard deviation about the mean of each pose, over all axes; None where every pose has one row."""
+    freedom = force.size - 3 * (int(group.max()) + 1)
+    if freedom == 0:
+        return None
+    return math.sqrt(float(np.square(force - _means(force, group)[group]).sum()) / freedom)

@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from foretouch.errors import RecordingError, RecordingWarning, UnknownNameError
+from foretouch.files import within_budget
 from foretouch.quantities import Recording
 from foretouch.recordings.aurora_ddf import read_aurora
 from foretouch.recordings.column_names import name_says
@@ -54,6 +55,7 @@ def read_recording(
     flip: bool = False,
     force_channel: str = "raw",
     map_file: str | PathLike[str] | None = None,
+    budget: float | None = None,
 ) -> Recording:
     """Recording from a file; its ending says which format.
 
@@ -75,9 +77,11 @@ def read_recording(
         flip: Whether positions grow out of the material; position and velocity then change sign.
         force_channel: For TU/e files ``"raw"`` (the force bridge) or ``"logged"`` (the low-pass filtered torque).
         map_file: TOML file of a `Mapping`: which column or message field is what, in which unit.
+        budget: How many times the usual memory and time its reading may take, which is done in a process of its own
+            (`foretouch.files.budget_for`); without it, what the environment variable ``FORETOUCH_FILE_BUDGET`` says.
 
     Raises:
-        RecordingError: The file cannot be used; the message names file, row and rule.
+        RecordingError: The file cannot be used, or is over the budget; the message names file, row and rule.
         UnknownNameError: A unit or force channel that is not known.
         MissingExtraError: The format needs a package of the extra ``recordings``.
     """
@@ -88,6 +92,7 @@ def read_recording(
         flip=flip,
         force_channel=force_channel,
         map_file=map_file,
+        budget=budget,
     )
     for note in read.notes:
         warnings.warn(f"{path}: {note}", RecordingWarning, stacklevel=2)
@@ -102,6 +107,7 @@ def read_with_notes(
     flip: bool = False,
     force_channel: str = "raw",
     map_file: str | PathLike[str] | None = None,
+    budget: float | None = None,
 ) -> Read:
     """The same with sentences on how: see `read_recording`.
 
@@ -116,16 +122,11 @@ def read_with_notes(
     suffix = require_readable(path)
     if suffix != ".mat" and force_channel != "raw":
         raise RecordingError(path, "only a TU/e .mat file has another --force-channel: leave it out")
-    try:
-        if map_file is not None:
-            if units != Units() or force_channel != "raw":
-                raise RecordingError(
-                    map_file, "a map states units and signs: leave --position-unit, --force-unit, --flip out"
-                )
-            return _by_map(open_source(path), read_mapping(map_file))
-        return _by_itself(path, suffix, units, force_channel)
-    except OSError as error:
-        raise RecordingError(path, f"cannot be read: {error.strerror or error}") from None
+    if map_file is None:
+        return within_budget(path, budget, _by_itself, path, suffix, units, force_channel)
+    if units != Units() or force_channel != "raw":
+        raise RecordingError(map_file, "a map states units and signs: leave --position-unit, --force-unit, --flip out")
+    return within_budget(path, budget, _by_given_map, path, read_mapping(map_file))
 
 
 def is_session(path: str | PathLike[str]) -> bool:
@@ -136,11 +137,19 @@ def is_session(path: str | PathLike[str]) -> bool:
     if file.stat().st_size < 64:
         return True  # cut off before anything was flushed, as the reader of sessions says
     try:
-        topics = McapFile(path, peek=True).topics
+        return within_budget(path, None, _has_our_topics, path)
     except RecordingError:
         return True  # damaged: that reader says where
+
+
+def _has_our_topics(path: str | PathLike[str]) -> bool:
+    topics = McapFile(path, peek=True).topics
     ours = {topic.name for topic in TOPICS.values()}
     return not topics or any(topic.name in ours and topic.type_name.startswith("foretouch_msgs/") for topic in topics)
+
+
+def _by_given_map(path: str | PathLike[str], mapping: Mapping) -> Read:
+    return _by_map(open_source(path), mapping)
 
 
 def _by_itself(path: str | PathLike[str], suffix: str, units: Units, force_channel: str) -> Read:

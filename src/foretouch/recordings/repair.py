@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from foretouch.errors import RecordingError
+from foretouch.files import within_budget
 from foretouch.recordings._extra import optional
 from foretouch.recordings.block_file import BlockFile, being_written
 from foretouch.recordings.mcap_index import (
@@ -30,6 +31,7 @@ from foretouch.recordings.mcap_index import (
     RECORD,
     SCHEMA,
     append_index,
+    chunk_content,
     counts_record,
     message_head,
     record_bytes,
@@ -85,7 +87,9 @@ def is_whole(path: str | PathLike[str]) -> bool:
     return end.startswith(RECORD.pack(FOOTER, _footer.size)) and end.endswith(MAGIC)
 
 
-def repair_session(path: str | PathLike[str], output: str | PathLike[str] | None = None) -> Repair:
+def repair_session(
+    path: str | PathLike[str], output: str | PathLike[str] | None = None, *, budget: float | None = None
+) -> Repair:
     """Make a recording whole: keep every block that can be read, byte by byte, and write the index anew.
 
     What ends before its index gets the counter ``truncated``. A recording that is whole stays as it is.
@@ -93,6 +97,7 @@ def repair_session(path: str | PathLike[str], output: str | PathLike[str] | None
     Args:
         path: MCAP file, of any writer.
         output: Where the whole recording goes; without it, it takes the place of the file. Neither is ever half there.
+        budget: How many times the usual memory and time this may take (`foretouch.files.budget_for`).
 
     Returns:
         What there is in it.
@@ -101,6 +106,10 @@ def repair_session(path: str | PathLike[str], output: str | PathLike[str] | None
         RecordingError: No such file, no MCAP, still being written, nothing in it, or the output cannot be written.
         MissingExtraError: The package ``mcap`` is not installed.
     """
+    return within_budget(path, budget, _repair, path, output)
+
+
+def _repair(path: str | PathLike[str], output: str | PathLike[str] | None) -> Repair:
     try:
         if being_written(path):
             raise RecordingError(path, "is still being written: end its recorder first")
@@ -224,8 +233,7 @@ class _Scan:
     def _chunk(self, record: bytes) -> _Chunk:
         """A chunk whose messages can all be read; what it says itself is taken over."""
         head = self._records.Chunk.read(self._stream.ReadDataStream(BytesIO(record[RECORD.size :])))
-        inside, length = self._stream.get_chunk_data_stream(head, validate_crc=True)
-        content = bytes(inside.read(length))
+        content = chunk_content(head)
         chunk, reached = _Chunk(), 0
         found: list[tuple[int, bytes]] = []
         for code, start, end in records_in(lambda at, size: content[at : at + size], 0, len(content)):

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foretouch.errors import RecordingError
+from foretouch.files import within_budget
 from foretouch.messages import (
     FOLLOWER_DTYPE,
     FOLLOWER_SPACE_DTYPE,
@@ -32,11 +33,22 @@ from foretouch.messages import (
     ModelUpdate,
     SessionLog,
     Telemetry,
+    as_printed,
 )
 from foretouch.messages.session_log import in_order
 from foretouch.recordings._extra import optional
 from foretouch.recordings.cdr import Layout
-from foretouch.recordings.mcap_index import CHANNEL, CHUNK, FOOTER, MAGIC, MESSAGE, METADATA, RECORD, SCHEMA
+from foretouch.recordings.mcap_index import (
+    CHANNEL,
+    CHUNK,
+    FOOTER,
+    MAGIC,
+    MESSAGE,
+    METADATA,
+    RECORD,
+    SCHEMA,
+    chunk_content,
+)
 from foretouch.recordings.topics import COUNTS, TOPICS, TRUNCATED
 
 __all__ = ["read_samples", "read_session"]
@@ -66,7 +78,7 @@ are enough."""
 _PAGE: Final = mmap.ALLOCATIONGRANULARITY
 
 
-def read_session(path: str | PathLike[str]) -> SessionLog:
+def read_session(path: str | PathLike[str], *, budget: float | None = None) -> SessionLog:
     """The session that an MCAP file of `SessionWriter` holds; every number bit by bit as it was written.
 
     Settings, counters and news are those of the hello messages of both sides. A file that ends before its index,
@@ -74,10 +86,19 @@ def read_session(path: str | PathLike[str]) -> SessionLog:
     that messages did not have when the file was written have their defaults, and fields that they have no more are
     passed over.
 
+    Args:
+        path: The file.
+        budget: How many times the usual memory and time its reading may take (`foretouch.files.budget_for`).
+
     Raises:
-        RecordingError: No such file, no MCAP, no foretouch session in it, another version's, or damaged.
+        RecordingError: No such file, no MCAP, no foretouch session in it, another version's, damaged, or over the
+            budget.
         MissingExtraError: The package ``mcap`` is not installed.
     """
+    return within_budget(path, budget, _read_all, path)
+
+
+def _read_all(path: str | PathLike[str]) -> SessionLog:
     return _read(path, _COLUMNS, (*_KEPT, Hello))
 
 
@@ -207,8 +228,7 @@ class _Scan:
         elif code == CHANNEL:
             self._channel(record)
         elif code == CHUNK:
-            inside, length = self._stream.get_chunk_data_stream(record, validate_crc=True)
-            self._records_of(bytes(inside.read(length)), 0)
+            self._records_of(chunk_content(record), 0)
         elif record.name == COUNTS:
             self._counts |= {name: int(count) for name, count in record.metadata.items()}
 
@@ -234,7 +254,7 @@ class _Scan:
                 self._parts[kind].append(_ends(rows) if narrow else rows)
                 return
             for start, end in spans:
-                message = layout.unpack(data[start:end])
+                message = as_printed(layout.unpack(data[start:end]))
                 if isinstance(message, Hello):
                     self._hellos.take(message)
                 else:

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foretouch.errors import RecordingError, UnknownNameError
+from foretouch.files import within_budget
 from foretouch.quantities import Recording
 
 __all__ = ["CONTACT_FLOOR", "FORCE_CHANNELS", "is_tue", "read_leader_motion", "read_tue"]
@@ -66,7 +67,7 @@ def read_leader_motion(path: str | PathLike[str]) -> tuple[Array, Array]:
     Raises:
         RecordingError: The file is no such recording.
     """
-    time, angles, _, _ = _signals(path)
+    time, angles, _, _ = within_budget(path, None, _signals, path)
     motion = Recording(time, LEVER * angles[:, 0], np.zeros(time.size), name=str(path))  # checks time and position
     return motion.time - motion.time[0], motion.position
 

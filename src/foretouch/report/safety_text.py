@@ -11,7 +11,13 @@ from foretouch.report.statuses import fault_name
 
 __all__ = ["left_out", "safety_lines", "safety_sentences", "stretch_sentence"]
 
-REFUSED = {"stale": "stale", "overtaken": "overtaken or copied", "future": "from the future", "of_others": "of others"}
+REFUSED = {
+    "stale": "stale",
+    "overtaken": "overtaken or copied",
+    "future": "from the future",
+    "of_others": "of others",
+    "before_release": "from before a release",
+}
 """Commands that were refused, in words."""
 
 
@@ -66,6 +72,9 @@ def safety_lines(report: Mapping[str, Any]) -> list[str]:
         lines.append(f"  refused    commands: {counts}")
     if len(safety["control"]) > 1 or "of_others" in safety["refused_commands"]:
         lines.append(f"  control    was held by {', then '.join(safety['control']) or 'one whose name is not known'}")
+    lines += [f"  contested  {sentence}" for sentence in safety["contests"]]
+    if safety["step_failures"]:
+        lines.append(f"  failures   {safety['step_failures']:,} exceptions in the follower's step")
     if stretches["count"] > 1:
         hand, robot = (number(stretches[f"max_{side}_force_N"], "N") for side in ("rendered", "follower"))
         lines.append(

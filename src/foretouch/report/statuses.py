@@ -26,7 +26,7 @@ A_MOMENT_NS = 100_000_000
 FOUND_WITHIN_NS = 100_000_000
 """A fault of the sensors is found no later than so long after it began [ns], but for steps in contact."""
 
-REFUSALS = ("stale", "overtaken", "future", "of_others")
+REFUSALS = ("stale", "overtaken", "future", "of_others", "before_release")
 """Why commands were refused, as their counters are called."""
 
 
@@ -111,7 +111,8 @@ def safety_figures(log: SessionLog) -> dict[str, Any]:
     Returns:
         ``statuses`` and ``sensor_faults``: by name the ``times``, the ``seconds`` and the ``sentence``; what is less
         than 0.1 s apart is one time. ``refused_commands``: by reason, where there were any. ``control``: who held it,
-        in turn, as the follower said. ``emergency_stops``: their reasons.
+        in turn, as the follower said, ``contests``: who else would have. ``emergency_stops``: their reasons.
+        ``step_failures``: exceptions in the steps of the follower.
     """
     parts = [_since_first_command(log.follower[log.follower["run"] == run]) for run in np.unique(log.follower["run"])]
     refused = {reason: log.counts.get(f"commands_{reason}", 0) for reason in REFUSALS}
@@ -121,7 +122,9 @@ def safety_figures(log: SessionLog) -> dict[str, Any]:
         "sensor_faults": _summed(parts, "validity", (SensorState.GOOD,), _fault),
         "refused_commands": {reason: count for reason, count in refused.items() if count},
         "control": list(log.news.get("control", ())),
+        "contests": list(log.news.get("contest", ())),
         "emergency_stops": list(dict.fromkeys(reasons)),
+        "step_failures": log.counts.get("step_failures", 0),
     }
 
 

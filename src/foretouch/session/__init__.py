@@ -3,6 +3,7 @@
 This is the only room with time, threads, processes and policy.
 """
 
+from foretouch.session.calibrated import session_calibration
 from foretouch.session.frames import FramedDevice, FramedRobot, framed_device, framed_robot, inverse
 from foretouch.session.housekeeping import Housekeeper, StopFlag, orphaned
 from foretouch.session.live import (
@@ -72,6 +73,7 @@ __all__ = [
     "run_processes",
     "run_recorder",
     "run_shadow",
+    "session_calibration",
     "simulate",
     "wait_for_hello",
 ]

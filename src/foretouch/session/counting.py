@@ -37,6 +37,8 @@ def follower_counts(state: follower.State) -> dict[str, int]:
         "commands_overtaken": fresh.counts[Arrival.OVERTAKEN],
         "commands_future": fresh.counts[Arrival.FUTURE],
         "commands_of_others": state.lease.refused,
+        "commands_before_release": state.before_release,
+        "step_failures": state.failures.count,
         "held_ticks": state.held_ticks,
         "faulty_ticks": state.faulty_ticks,
     }

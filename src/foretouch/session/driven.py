@@ -13,7 +13,7 @@ from foretouch.robot import Robot, SpatialRobot
 from foretouch.session import follower, leader
 from foretouch.session.frames import browser_operator, framed_device, framed_robot
 from foretouch.session.operators import felt_device
-from foretouch.session.settings import SessionSettings
+from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
 from foretouch.session.sides import leading_side
 
 __all__ = ["DrivenFollower", "DrivenLeader", "LineFollower", "LineLeader", "drive_follower", "drive_leader"]
@@ -48,6 +48,9 @@ class DrivenFollower(Protocol):
         ended: bool = False,
     ) -> list[Message]:
         """One tick: what it says. Arguments as of `foretouch.session.follower.Inputs`."""
+
+    def back_off(self) -> None:
+        """Where a tick raises: go back from what the newest sample feels, with nothing but that sample."""
 
 
 class DrivenLeader(Protocol):
@@ -88,6 +91,7 @@ class LineFollower:
         self.state = follower.start(self._robot.specification, settings, run=run)
         self._sample = self._robot.read()
         self._desired = self._sample.commanded_position
+        self._back = settings.return_speed * SAMPLE_PERIOD
 
     def exchange(self) -> None:
         """See `DrivenFollower.exchange`."""
@@ -112,6 +116,13 @@ class LineFollower:
         _, acted = follower.step(self.state, inputs, now_ns)
         self._desired = acted.desired_position
         return [acted.telemetry] if acted.model is None else [acted.telemetry, acted.model]
+
+    def back_off(self) -> None:
+        """See `DrivenFollower.back_off`."""
+        force = follower.sensor_force(self.state, self._sample)
+        if math.isfinite(force):
+            follower.feel_plainly(self.state, force)
+        self._desired -= self._back
 
 
 class LineLeader:

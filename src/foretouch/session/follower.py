@@ -1,20 +1,24 @@
 """The follower's step: commands and sensors in; a robot position, telemetry and models out.
 
 The order is: who may command, which of the commands are fresh, what the sensors are worth, what is learnt, and at the
-end, whatever was said, what the robot may do (`foretouch.session.safety`).
+end, whatever was said, what the robot may do (`foretouch.session.safety`). An exception in what comes before that last
+stage is counted and told, and the last stage has its turn all the same.
 """
 
 from __future__ import annotations
 
 import math
+from collections import deque
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-from foretouch.identification import Estimator, Learner, SensorState, SensorWatch
+from foretouch.identification import ContactSample, Estimator, Learner, SensorState, SensorWatch
 from foretouch.identification.conditioning import CONTACT_FLOOR
 from foretouch.link import SequenceCounter
 from foretouch.messages import VERSION, Command, ModelUpdate, Status, Telemetry
 from foretouch.robot import RobotSample, RobotSpecification
+from foretouch.session.calibrated import calibrated
+from foretouch.session.failures import Failures
 from foretouch.session.first_touch import FirstTouch
 from foretouch.session.freshness import Arrival, Freshness
 from foretouch.session.lease import ControlLease
@@ -22,8 +26,9 @@ from foretouch.session.model_sender import ModelSender
 from foretouch.session.playout import Playout
 from foretouch.session.safety import Safety, SafetyLimits
 from foretouch.session.settings import SAFETY_LIMITS, SAMPLE_PERIOD, SessionSettings
+from foretouch.session.tick_rate import TickRate
 
-__all__ = ["Inputs", "Outputs", "State", "start", "step"]
+__all__ = ["Inputs", "Outputs", "State", "feel_plainly", "sensor_force", "start", "step", "tip"]
 
 # What every tick asks for: a member of an enumeration costs more to look up than to compare.
 GOOD = SensorState.GOOD
@@ -40,7 +45,7 @@ class State:
     """What the follower remembers from tick to tick; updated in place.
 
     Attributes:
-        specification: Of the robot: its tool is weighed out of the force.
+        specification: Of the robot, as calibrated: its tool is weighed out of the force.
         learner: Conditions and identifies.
         run: Epoch of this process, at least 1.
         sender: Sends models, and learns how late they are used.
@@ -60,6 +65,14 @@ class State:
         surface_doubt: The air is free up to so far before the surface that was felt [m]: in space, where the robot comes
             to a place that it has not gone through itself; infinite on a line, where it has.
         slid: By how much the probe has moved across the surface since the last tick [m]; on a line it does not.
+        failures: What raised, and whether learning goes on.
+        rate: Of the loop.
+        felt_commands: Applied in the newest ticks that were learnt from, as many as the sensor is late.
+        released_tick: Number of the first telemetry behind the newest release, 0 before the first release.
+        before_release: Commands refused because their leader did not know of it.
+        zero: What the sensor shows in free air beside its tool [N]; None where it is found.
+        compliance: Of arm, sensor and tip in series [m/N].
+        limits: Of `safety`.
     """
 
     specification: RobotSpecification
@@ -81,6 +94,14 @@ class State:
     guarded: bool = False
     surface_doubt: float = math.inf
     slid: float = 0.0
+    failures: Failures = field(default_factory=Failures)
+    rate: TickRate = field(default_factory=TickRate)
+    felt_commands: deque[int] = field(default_factory=lambda: deque(maxlen=1))
+    released_tick: int = 0
+    before_release: int = 0
+    zero: float | None = None
+    compliance: float = 0.0
+    limits: SafetyLimits = field(default_factory=SafetyLimits)
 
 
 class Inputs(NamedTuple):
@@ -129,18 +150,34 @@ def start(
         settings: Of the session.
         estimator: Fresh; None for the one that the settings name.
         run: Epoch of this process (`foretouch.session.lease.own_epoch`).
+
+    Raises:
+        RecordingError: The settings' calibration cannot be read.
+        SettingError: It does not fit this robot.
     """
-    force = specification.sensor_range
+    known = calibrated(specification, settings)
+    specification, force = known.specification, specification.sensor_range
+    learner = Learner(
+        settings.make_estimator() if estimator is None else estimator,
+        force_offset=None if known.zero is None else 0.0,
+        contact_floor=known.contact_floor,
+        sensor_lag=known.sensor_lag,
+    )
+    limits = _limits(specification, settings)
     return State(
         specification,
-        Learner(settings.make_estimator() if estimator is None else estimator),
+        learner,
         run,
         ModelSender(round(1e9 / settings.model_rate), run),
         SensorWatch((-force, force), moving_mass=specification.moved_mass),
         freshness=Freshness(settings.queueing_allowance, SAMPLE_PERIOD),
         first_touch=FirstTouch(settings.approach_speed, settings.guarded_force, specification.sample_period),
-        safety=Safety(_limits(specification, settings), specification.sample_period),
+        safety=Safety(limits, specification.sample_period),
         guards=settings.guards(simulated=specification.simulated),
+        felt_commands=deque(maxlen=1 + round(known.sensor_lag / SAMPLE_PERIOD)),
+        zero=known.zero,
+        compliance=known.compliance,
+        limits=limits,
     )
 
 
@@ -165,46 +202,22 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
         inputs: Of this tick.
         now_ns: This side's monotonic clock [ns].
     """
-    sample, playout, learner = inputs.sample, state.playout, state.learner
-    for command in inputs.commands:
-        _take(state, command, now_ns)
-    desired_position = playout.advance()  # no number while no leader has said one
-    # Weight and inertia of the tool beyond the sensor are no contact.
-    tool_force = state.specification.tool_force(sample.acceleration)
-    sensor_force = sample.sensor_force - tool_force
-    validity = state.watch.update(
-        now_ns * 1e-9,
-        sample.position,
-        sample.sensor_force,
-        tool_force,
-        zero=min(learner.conditioner.force_offset, state.specification.largest_offset),
-        effort=sample.effort - state.specification.moved_mass * sample.acceleration,
-        slid=state.slid,
-    )
-    faulty = validity is not GOOD
-    model = None
-    if state.start_ns is None and playout.applied:
-        state.start_ns = now_ns
-    if state.start_ns is not None:
-        delay = state.sender.round_trip.applied(playout.applied, now_ns)
-        if delay is not None:
-            learner.estimator.expect_delay(delay)
-        if not faulty:
-            learner.update((now_ns - state.start_ns) * 1e-9, sample.position, sensor_force)
-        state.sender.remembers = state.guarded
-        model = state.sender.due(learner, validity, playout.applied, state.lease.epoch, now_ns)
-    learnt_from = learner.sample
-    desired_position = _allowed(state, desired_position, inputs, sensor_force, now_ns, faulty)
+    sample = inputs.sample
+    desired_position = _commanded(state, inputs.commands, now_ns)
+    position, force, validity = _sensed(state, sample, now_ns)
+    model = _learn(state, position, force, validity, now_ns)
+    desired_position = _allowed(state, desired_position, inputs, force, now_ns, validity is not GOOD)
     state.tick += 1
+    learnt_from = state.learner.sample
     telemetry = Telemetry(
         VERSION,
         state.tick,
         now_ns,
-        playout.applied,
+        state.playout.applied,
         desired_position,
-        sample.position,
+        position,
         learnt_from.velocity,
-        sensor_force,
+        force,
         learnt_from.force,
         sample.exact_force,
         learnt_from.in_contact,
@@ -221,6 +234,96 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
     return state, Outputs(desired_position, telemetry, model)
 
 
+def tip(state: State, sample: RobotSample) -> float:
+    """Where the tip is [m]: p = x - F / k, with what the encoders show and the compliance 1 / k, if that is known."""
+    give = state.compliance * _less_offset(state, sensor_force(state, sample)) if state.compliance else 0.0
+    return sample.position - give if math.isfinite(give) else sample.position
+
+
+def sensor_force(state: State, sample: RobotSample) -> float:
+    """What the sensor shows less weight and inertia of the tool, which are no contact, and its calibrated zero [N]."""
+    return sample.sensor_force - state.specification.tool_force(sample.acceleration) - (state.zero or 0.0)
+
+
+def feel_plainly(state: State, force: float) -> None:
+    """Take a sensor force [N] for what is felt, less the offset as far as it is known: nothing conditions it."""
+    last, felt = state.learner.sample, _less_offset(state, force)
+    state.learner.sample = ContactSample(last.time, last.depth, 0.0, felt, felt > CONTACT_FLOOR)
+
+
+def _less_offset(state: State, force: float) -> float:
+    offset = state.learner.conditioner.force_offset
+    return force - offset if math.isfinite(offset) else force
+
+
+def _commanded(state: State, commands: list[Command], now_ns: int) -> float:
+    """Take the commands that have come; where they say that the robot is to be now [m], no number where they do not."""
+    try:
+        for command in commands:
+            _take(state, command, now_ns)
+        return state.playout.advance()  # no number while no leader has said one
+    except Exception as error:
+        state.failures.note("its commands", error)
+        return math.nan
+
+
+def _sensed(state: State, sample: RobotSample, now_ns: int) -> tuple[float, float, SensorState]:
+    """Position of the tip [m], force of the sensor [N], and what the sensors are worth."""
+    try:
+        force = sensor_force(state, sample)
+        tool_force = state.specification.tool_force(sample.acceleration)
+        found = min(state.learner.conditioner.force_offset, state.specification.largest_offset)
+        validity = state.watch.update(
+            now_ns * 1e-9,
+            sample.position,
+            sample.sensor_force,
+            tool_force,
+            zero=found + (state.zero or 0.0),
+            effort=sample.effort - state.specification.moved_mass * sample.acceleration,
+            slid=state.slid,
+        )
+        return tip(state, sample), force, validity
+    except Exception as error:
+        state.failures.note("its sensors", error)
+        return sample.position, math.nan, SensorState.NOT_FINITE
+
+
+def _learn(state: State, position: float, force: float, validity: SensorState, now_ns: int) -> ModelUpdate | None:
+    """Learn from this sample, where it is worth anything; the model that is due."""
+    playout, learner = state.playout, state.learner
+    if state.start_ns is None:
+        if not playout.applied:
+            return None
+        state.start_ns = now_ns
+    time = (now_ns - state.start_ns) * 1e-9
+    if state.failures.learns:
+        try:
+            delay = state.sender.round_trip.applied(playout.applied, now_ns)
+            if delay is not None:
+                learner.estimator.expect_delay(delay)
+            if validity is GOOD:
+                learner.update(time, position, force)
+                state.felt_commands.append(playout.applied)
+            # The state of the material is that of the newest sample that was learnt from, whatever is commanded since.
+            felt = state.felt_commands[0] if state.felt_commands else 0
+            state.sender.remembers = state.guarded
+            return state.sender.due(learner, validity, felt, state.lease.epoch, now_ns)
+        except Exception as error:
+            state.failures.stop_learning("its learning", error)
+    if validity is GOOD and learner.sample.time != time:
+        _feel(state, time, position, force)
+    return None
+
+
+def _feel(state: State, time: float, position: float, force: float) -> None:
+    """Learn nothing: safety needs to know what is felt all the same."""
+    try:
+        state.learner.feel(time, position, force)
+    except Exception as error:
+        state.failures.note("its conditioning", error)
+        feel_plainly(state, force)
+
+
 def _take(state: State, command: Command, now_ns: int) -> None:
     """Obey a command if its leader has control and it is fresh."""
     lease = state.lease
@@ -232,8 +335,13 @@ def _take(state: State, command: Command, now_ns: int) -> None:
         state.commands.restart()
         state.playout.restart()
         state.sender.round_trip.restart()
+        state.felt_commands.clear()
         state.guarded = state.guards
     sequence, position = command.sequence, command.position
+    if state.released_tick and (command.run != state.run or command.telemetry_sequence < state.released_tick):
+        state.before_release += 1  # its leader did not know yet that the robot was let go on
+        state.commands.is_newest(sequence)
+        return
     arrival = state.freshness.judge(sequence, command.time_ns, now_ns)
     if arrival is not FUTURE:
         state.commands.is_newest(sequence)
@@ -246,39 +354,57 @@ def _take(state: State, command: Command, now_ns: int) -> None:
         state.guarded = True
 
 
-def _allowed(
-    state: State, desired_position: float, inputs: Inputs, sensor_force: float, now_ns: int, faulty: bool
-) -> float:
-    """What the robot may do of what it is told to: the first touch, then safety [m]."""
-    sample, learnt_from, safety, first_touch = inputs.sample, state.learner.sample, state.safety, state.first_touch
-    # Who begins in contact learns that force as the sensor's offset: what no offset explains is felt.
-    unexplained = sensor_force - state.specification.largest_offset
-    felt = max(learnt_from.force, unexplained)
-    if state.watch.effort > EFFORT_FROM * safety.limits.force:  # a second witness, where a wrong sensor would do harm
-        felt = max(felt, state.watch.effort - EFFORT_DOUBT)
-    touches = learnt_from.in_contact or unexplained > CONTACT_FLOOR
+def _stop_or_release(state: State, inputs: Inputs, felt: float, faulty: bool) -> bool:
+    """Do what is asked for at the robot; whether what the commands say holds."""
+    safety, released = state.safety, False
     if inputs.stop:
         safety.stop(inputs.stop)
     elif inputs.release and faulty:
         state.watch.reset()  # a stop stays: what the robot feels is known from the next samples on
-    elif inputs.release:
-        safety.release(learnt_from.velocity, felt)
-    if safety.stop_reason:
-        state.playout.forget()  # no command from before the release is obeyed after it
-    if not state.guarded or math.isnan(desired_position):
-        first_touch.restart()
-    else:
-        desired_position = first_touch.update(
-            desired_position, sample.position, math.nan if faulty else felt, touches, state.sender.known_surface()
-        )
+        released = True
+    elif inputs.release and safety.stop_reason:
+        released = safety.release(state.learner.sample.velocity, felt)
+    if released:
+        state.released_tick = state.tick + 1  # the number of this tick's telemetry, which is the first to say so
+    if released or safety.stop_reason:
+        state.playout.forget()
+        return False
+    return True
+
+
+def _allowed(state: State, desired_position: float, inputs: Inputs, force: float, now_ns: int, faulty: bool) -> float:
+    """What the robot may do of what it is told to: the first touch, then safety [m]."""
+    sample, learnt_from, safety, first_touch = inputs.sample, state.learner.sample, state.safety, state.first_touch
+    # Who begins in contact learns that force as the sensor's offset: what no offset explains is felt.
+    unexplained = force - state.specification.largest_offset
+    felt = max(learnt_from.force, unexplained)
+    if state.watch.effort > EFFORT_FROM * state.limits.force:  # a second witness, where a wrong sensor would do harm
+        felt = max(felt, state.watch.effort - EFFORT_DOUBT)
+    touches = learnt_from.in_contact or unexplained > CONTACT_FLOOR
+    if not _stop_or_release(state, inputs, felt, faulty):
+        desired_position = math.nan
+    if state.compliance and not faulty and touches:  # commands say where the tip is to be
+        desired_position += state.compliance * min(max(felt, 0.0), state.limits.force)
+    try:
+        if not state.guarded or math.isnan(desired_position):
+            first_touch.restart()
+        else:
+            desired_position = first_touch.update(
+                desired_position, sample.position, math.nan if faulty else felt, touches, state.sender.known_surface()
+            )
+    except Exception as error:
+        state.failures.note("its guard of the first touch", error)
+        desired_position = math.nan
     heard_ns = state.freshness.newest_ns
+    silence = math.inf if heard_ns is None or inputs.ended else (now_ns - heard_ns) * 1e-9
+    too_slow = state.rate.update(inputs.period_ns)
     desired_position = safety.update(
         desired_position,
         sample.position,
         felt,
         touches,
         surface=state.learner.conditioner.surface,
-        silence=math.inf if heard_ns is None or inputs.ended else (now_ns - heard_ns) * 1e-9,
+        silence=max(silence, state.limits.hold_after) if too_slow else silence,
         faulty=faulty,
         guarded=first_touch.guarded,
         surface_doubt=state.surface_doubt,
@@ -288,4 +414,6 @@ def _allowed(
         state.faulty_ticks += 1
     if heard_ns is not None and HOLDING <= safety.status <= RETREATING:
         state.held_ticks += 1
+    if too_slow and safety.status is Status.HOLDING:
+        safety.status = Status.TOO_SLOW
     return desired_position

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import time
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping
@@ -10,14 +11,15 @@ from contextlib import contextmanager
 from foretouch.devices import Device, SpatialDevice
 from foretouch.errors import SideError
 from foretouch.link import ASKING_PERIOD_NS, FaultStage, ZenohLink, new_press
-from foretouch.messages import PROCESS, VERSION, Command, EmergencyStop, Message
+from foretouch.messages import PROCESS, SIDES, VERSION, Command, EmergencyStop, Message
 from foretouch.robot import Robot, SpatialRobot
+from foretouch.session.contest import Contest
 from foretouch.session.counting import as_texts, follower_counts, leader_counts, link_counts
 from foretouch.session.driven import DrivenFollower, drive_follower, drive_leader
 from foretouch.session.housekeeping import ORPHANED, Housekeeper, StopFlag, orphaned
 from foretouch.session.lease import own_epoch
-from foretouch.session.loop_timer import LoopTimer, steady
-from foretouch.session.news import follower_news, follower_says, leader_news
+from foretouch.session.loop_timer import LoopTimer, let_pass, steady
+from foretouch.session.news import all_of, follower_news, follower_says, leader_news
 from foretouch.session.operator_clock import OperatorClock
 from foretouch.session.operators import close_operator
 from foretouch.session.safety import REST_FORCE
@@ -47,9 +49,6 @@ SPACE_FOLLOWER_CHANNELS = ("fixture",)
 SPACE_LEADER_CHANNELS = ("follower-space", "field")
 """What a leader's link receives beside these in three dimensions."""
 
-LONGEST_CATCH_UP = 50
-"""A simulated robot that was held up lets at most so many sample periods pass at once."""
-
 MOST_PRESSES = 1024
 """Presses of an emergency stop that are known as such when they come again."""
 
@@ -72,15 +71,16 @@ def wait_for_hello(
     end ends this one, has gone.
 
     Raises:
-        PeerVersionError: A peer speaks another version.
+        PeerVersionError: A side that is waited for speaks another version. Processes of one `parent` are of one
+            version, and for them it was a stranger.
     """
     heard: dict[str, dict[str, str]] = {}
     end = None if timeout is None else time.monotonic() + timeout
     while not stop.reason and not roles <= heard.keys():
         for _, hello in link.take("hello"):
-            heard[hello.role] = dict(zip(hello.names, hello.values, strict=False))
-        if link.version_error is not None:
-            raise link.version_error
+            heard[hello.role] = hello.texts
+        if parent is None and (error := link.other_version(roles & set(SIDES))) is not None:
+            raise error
         if end is not None and time.monotonic() > end:
             break
         if orphaned(parent):
@@ -123,70 +123,107 @@ def run_follower(
     presses: deque[int] = deque(maxlen=MOST_PRESSES)
     driven = drive_follower(robot, settings, own_epoch())
     state = driven.state
+    contest = Contest(state.lease)
 
     def describe() -> dict[str, str]:
-        told = follower_says(state) | as_texts(follower_counts(state) | link_counts("follower", link))
+        contested = contest.sentence(time.monotonic_ns())
+        told = follower_says(state, contested) | as_texts(follower_counts(state) | link_counts("follower", link))
         return description | told
 
-    house = Housekeeper(
-        link, "follower", describe, stop, say, parent, lambda _: follower_news(state), release=robot.close
-    )
+    def news(_: Mapping[str, Mapping[str, str]]) -> str:
+        return all_of(contest.sentence(time.monotonic_ns()), follower_news(state))
+
+    house = Housekeeper(link, "follower", describe, stop, say, parent, news, release=robot.close)
     house.start()
     loop = house.loop
     timer = LoopTimer(SAMPLE_PERIOD)
+    simulated = robot.specification.simulated
     woke, compute = 0, 0
     end = None if duration is None else time.monotonic_ns() + round(duration * 1e9)
-    with steady():
-        with ended_in_order(house, stop):
-            while not stop.reason:
-                now, periods = timer.wait()
-                loop.ticked = now
-                for _ in range(min(periods, LONGEST_CATCH_UP)):
-                    driven.exchange()
-                for arrival, command in link.take("command"):
-                    stage.push(arrival, command)
-                if link.inboxes["settings"]:
-                    chosen = link.take("settings")[-1][1]
-                    stage.change(
-                        delay=chosen.position_delay, jitter=chosen.jitter, loss=chosen.loss, outage=chosen.outage
-                    )
-                    state.freshness.begin_way()
-                for _, last_word in link.take("stop"):
-                    if last_word.epoch in (0, state.lease.epoch):
-                        stop.set(last_word.reason or "the session was ended")
-                if end is not None and now >= end:
-                    stop.set("the duration is over")
-                # Taken only where it is there: a signal may come at any moment, and is not to be lost.
-                emergency, release = stop.emergency, stop.release
-                if emergency:
-                    stop.emergency = ""
-                if release:
-                    stop.release = False
-                for _, asked in link.take("emergency"):  # no fault that is simulated is in its way
-                    if asked.press not in presses:
-                        emergency = emergency or asked.reason or "no reason given"
-                        if asked.press:
-                            presses.append(asked.press)
-                driven.listen(link)
-                due, period = stage.pop_due(now), timer.woke_ns - woke if woke else 0
-                woke = timer.woke_ns
-                start = time.perf_counter_ns()
-                said = driven.tick(due, period, compute, now, stop=emergency, release=release)
-                compute = time.perf_counter_ns() - start
-                for message in said:
-                    link.publish(message)
-        _leave(driven, timer)
+    with steady(), unloaded_at_last(driven, timer, say), ended_in_order(house, stop):
+        while not stop.reason:
+            now, periods = timer.wait()
+            loop.ticked = now
+            let_pass(driven.exchange, periods, simulated=simulated)
+            for arrival, command in link.take("command"):
+                contest.hear(command, arrival)
+                stage.push(arrival, command)
+            if link.inboxes["settings"]:
+                chosen = link.take("settings")[-1][1]
+                stage.change(delay=chosen.position_delay, jitter=chosen.jitter, loss=chosen.loss, outage=chosen.outage)
+                state.freshness.begin_way()
+            for _, last_word in link.take("stop"):
+                if last_word.epoch in (0, state.lease.epoch):
+                    stop.set(last_word.reason or "the session was ended")
+            if end is not None and now >= end:
+                stop.set("the duration is over")
+            # Taken only where it is there: a signal may come at any moment, and is not to be lost.
+            emergency, release = stop.emergency, stop.release
+            if emergency:
+                stop.emergency = ""
+            if release:
+                stop.release = False
+            for _, asked in link.take("emergency"):  # no fault that is simulated is in its way
+                if asked.press not in presses:
+                    emergency = emergency or asked.reason or "no reason given"
+                    if asked.press:
+                        presses.append(asked.press)
+            driven.listen(link)
+            due, period = stage.pop_due(now), timer.woke_ns - woke if woke else 0
+            woke = timer.woke_ns
+            start = time.perf_counter_ns()
+            said = driven.tick(due, period, compute, now, stop=emergency, release=release)
+            compute = time.perf_counter_ns() - start
+            for message in said:
+                link.publish(message)
     return {"ended": stop.reason} | follower_counts(state) | link_counts("follower", link)
 
 
-def _leave(driven: DrivenFollower, timer: LoopTimer) -> None:
-    """Leave no robot pressing: as after a long silence, until it feels next to nothing, for at most `LEAVING`."""
+@contextmanager
+def unloaded_at_last(driven: DrivenFollower, timer: LoopTimer, say: Callable[[str], None]) -> Iterator[None]:
+    """Leave no robot pressing, however a loop ends, also by an exception of its own or of the robot's driver.
+
+    Args:
+        driven: With its robot.
+        timer: Of the loop.
+        say: Prints one line for people.
+    """
+    try:
+        yield
+    finally:
+        _leave(driven, timer, say)
+
+
+def _leave(driven: DrivenFollower, timer: LoopTimer, say: Callable[[str], None] = lambda line: None) -> None:
+    """Do as after a long silence, until the robot feels next to nothing, for at most `LEAVING`.
+
+    A driver that raised may take the next command. Where a tick raises, the robot goes back from what its newest sample
+    feels.
+    """
     end = time.monotonic() + LEAVING
-    learner = driven.state.learner
-    while learner.sample.in_contact and learner.sample.force >= REST_FORCE and time.monotonic() < end:
+    driven.state.failures.learns = False  # that may be what raised
+    deaf = False
+    while _presses(driven) and time.monotonic() < end:
         now, _ = timer.wait()
-        driven.exchange()
-        driven.tick([], 0, 0, now, ended=True)
+        try:
+            driven.exchange()
+            deaf = False
+        except Exception:
+            deaf = True
+            continue
+        try:
+            driven.tick([], 0, 0, now, ended=True)
+        except Exception:
+            with contextlib.suppress(Exception):  # it holds its place
+                driven.back_off()
+    if deaf:
+        say("follower: the robot takes no commands any more and pressed last: stop it by its own switch")
+
+
+def _presses(driven: DrivenFollower) -> bool:
+    """Whether the robot feels more than next to nothing, as far as anybody knows."""
+    sample = driven.state.learner.sample
+    return sample.in_contact and sample.force >= REST_FORCE
 
 
 def run_leader(
@@ -236,7 +273,7 @@ def run_leader(
     house = Housekeeper(link, "leader", describe, stop, say, parent, news, epoch=state.epoch, release=release)
     house.start()
     loop = house.loop
-    if wait_for_recorder and not wait_for_hello(link, {"recorder"}, stop, timeout=RECORDER_PATIENCE):
+    if wait_for_recorder and not wait_for_hello(link, {"recorder"}, stop, timeout=RECORDER_PATIENCE, parent=parent):
         say(f"leader: no recorder after {RECORDER_PATIENCE:g} s; going on without it")
     timer = LoopTimer(SAMPLE_PERIOD)
     woke, compute = 0, 0

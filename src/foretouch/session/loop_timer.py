@@ -5,13 +5,20 @@ from __future__ import annotations
 import gc
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 from foretouch.models.checks import require
 from foretouch.session.scheduling import wakes_late_ns
 
-__all__ = ["LoopTimer", "steady"]
+__all__ = ["LONGEST_CATCH_UP", "LoopTimer", "let_pass", "steady"]
+
+LONGEST_CATCH_UP = 50
+"""A simulated robot that was held up lets at most so many sample periods pass at once."""
+
+LONGEST_EXCHANGE_NS = 500_000
+"""And no further one once each has taken so long [ns] at the mean: half a tick, for a slow simulation would fall behind
+the more the more it catches up."""
 
 
 class LoopTimer:
@@ -61,6 +68,26 @@ class LoopTimer:
             pass
         self.woke_ns = now
         return self._deadline_ns, 1 + skipped
+
+
+def let_pass(exchange: Callable[[], None], periods: int, *, simulated: bool) -> None:
+    """Let the sample periods pass that have gone by: with a real robot, whose time passes by itself, one exchange.
+
+    A driver may wait in it for the next cycle of its bus: to make up for missed periods it would wait for as many more
+    cycles, and miss more. Only a simulated robot, whose time stands still otherwise, is given them.
+
+    Args:
+        exchange: With the robot.
+        periods: Since the tick before (`LoopTimer.wait`).
+        simulated: Whether the robot is.
+    """
+    if periods < 1:  # the first tick
+        return
+    most, begun = min(periods, LONGEST_CATCH_UP) if simulated else 1, time.monotonic_ns()
+    for made in range(1, most + 1):
+        exchange()
+        if time.monotonic_ns() - begun > made * LONGEST_EXCHANGE_NS:
+            return
 
 
 @contextmanager

@@ -11,20 +11,31 @@ from foretouch.session import follower
 from foretouch.session.heard import Heard
 from foretouch.session.lease import LEASE
 
-__all__ = ["follower_news", "follower_says", "leader_news", "shadow_news"]
+__all__ = ["all_of", "failure_news", "follower_news", "follower_says", "leader_news", "shadow_news"]
 
 LONGEST_SILENCE = 0.5
 """An operator is told that nothing comes of the follower after so long [s]."""
 
 
-def follower_says(state: follower.State) -> dict[str, str]:
-    """What a follower's `Hello` says beside its settings: its process, who holds control, and what is amiss."""
+def follower_says(state: follower.State, contest: str) -> dict[str, str]:
+    """What a follower's `Hello` says beside its settings: its process, who holds control, and what is amiss.
+
+    Args:
+        state: Of the follower.
+        contest: Who else would command (`foretouch.session.contest.Contest`).
+    """
     return {
         PROCESS: str(state.run),
         "control": state.lease.holder,
+        "contest": contest,
         "trouble": follower_news(state),
         "stopped": state.safety.stop_reason,
     }
+
+
+def all_of(*sentences: str) -> str:
+    """Those that say something, as one."""
+    return "; ".join(filter(None, sentences))
 
 
 def follower_news(state: follower.State) -> str:
@@ -39,9 +50,18 @@ def follower_news(state: follower.State) -> str:
     if watch.state is not SensorState.GOOD:
         again = f"; once that is mended: kill -USR2 {os.getpid()}"
         return f"the robot holds its place and learns nothing: {SENSOR_SENTENCES[watch.state]}{again}"
-    if safety.status in (Status.HOLDING, Status.UNLOADING, Status.RETREATING) and state.lease.epoch:
-        return f"the robot {STATUS_SENTENCES[safety.status]}"
-    return ""
+    if safety.status in (Status.HOLDING, Status.UNLOADING, Status.RETREATING, Status.TOO_SLOW) and state.lease.epoch:
+        return "; ".join(filter(None, (f"the robot {STATUS_SENTENCES[safety.status]}", failure_news(state))))
+    return failure_news(state)
+
+
+def failure_news(state: follower.State) -> str:
+    """One sentence where something raised in the follower's step; else ""."""
+    failures = state.failures
+    if not failures.count:
+        return ""
+    goes_on = "it is kept safe" if failures.learns else "nothing more is learnt until it is started again"
+    return f"the follower has a fault: {failures.sentence}; {goes_on}"
 
 
 def leader_news(heard: Heard, follower_texts: Mapping[str, str], silence: float = 0.0, *, nowhere: bool = False) -> str:
@@ -60,7 +80,7 @@ def leader_news(heard: Heard, follower_texts: Mapping[str, str], silence: float 
     if heard.shadows:
         return f"the robot {STATUS_SENTENCES[Status.SHADOW]}"
     if heard.in_control:
-        return follower_texts.get("trouble", "")
+        return all_of(follower_texts.get("contest", ""), follower_texts.get("trouble", ""))
     other = follower_texts.get("control") or "another leader"
     if heard.had_control:
         return f"lost control to {other}: start this leader again to have it back"
@@ -79,4 +99,4 @@ def shadow_news(state: follower.State, asked: str) -> str:
     if state.watch.state is not SensorState.GOOD:
         again = f"; once that is mended: kill -USR2 {os.getpid()}"
         return f"nothing is learnt: {SENSOR_SENTENCES[state.watch.state]}{again}"
-    return ""
+    return failure_news(state)

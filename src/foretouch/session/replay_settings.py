@@ -14,6 +14,7 @@ __all__ = ["recorded_settings"]
 
 _DEFAULTS: dict[str, Any] = {one.name: one.default for one in dataclasses.fields(SessionSettings) if one.init}
 del _DEFAULTS["robot"]  # it is played, whatever it was
+del _DEFAULTS["calibration"]  # what was recorded is corrected already
 
 
 def recorded_settings(

@@ -132,14 +132,13 @@ class Safety:
         sample_period: T [s], positive.
 
     Attributes:
-        limits: What is never done.
         status: What it did in the newest tick.
         stop_reason: Why it was stopped; empty while it is not.
         pressing: Whether the robot feels more than 1 N; while nobody knows what it feels, whether it is not yet out by
             the way that it came.
     """
 
-    __slots__ = ("_keep", "_memory", "_motion", "_proven", "limits", "pressing", "status", "stop_reason")
+    __slots__ = ("_keep", "_memory", "_motion", "_proven", "pressing", "status", "stop_reason")
 
     def __init__(self, limits: SafetyLimits, sample_period: float) -> None:
         # Imported here: it brings a compiler along, and imports the numbers above.
@@ -167,7 +166,6 @@ class Safety:
             limits.retreats,
         )
         self._memory[kernel.PERIOD] = sample_period
-        self.limits = limits
         self.status = Status.FOLLOWING
         self.stop_reason = ""
         self.pressing = False

@@ -23,8 +23,8 @@ from foretouch.session.counting import as_texts, follower_counts, leader_counts,
 from foretouch.session.frames import framed_robot
 from foretouch.session.housekeeping import Housekeeper, StopFlag
 from foretouch.session.lease import own_epoch
-from foretouch.session.live import LONGEST_CATCH_UP, ended_in_order
-from foretouch.session.loop_timer import LoopTimer, steady
+from foretouch.session.live import ended_in_order
+from foretouch.session.loop_timer import LoopTimer, let_pass, steady
 from foretouch.session.news import shadow_news
 from foretouch.session.settings import NO_GRIP, SAMPLE_PERIOD, SessionSettings
 from foretouch.session.shadow_score import ShadowScore
@@ -131,14 +131,16 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
     arrived = state.returned.pop_due(now_ns)
     models = [message for message in arrived if type(message) is ModelUpdate]
     telemetry = [message for message in arrived if type(message) is Telemetry]
+    hand = follower.tip(state.following, sample)
     state.leading, led = leader.step(
-        state.leading, leader.Inputs(sample.position, models, telemetry, period_ns, compute_ns), now_ns
+        state.leading, leader.Inputs(hand, models, telemetry, period_ns, compute_ns), now_ns
     )
     state.following, acted = follower.step(
         state.following,
         follower.Inputs([led.command], sample, period_ns, compute_ns, release=release),
         now_ns,
     )
+    state.following.released_tick = 0  # nothing is obeyed here: nobody has to know that sensors were mended
     # The robot was told nothing; and what the safety layer would have done about it is no news.
     said = msgspec.structs.replace(acted.telemetry, desired_position=math.nan, status=Status.SHADOW)
     state.returned.push(now_ns, said)
@@ -198,14 +200,18 @@ def run_shadow(
     loop = house.loop
     timer = LoopTimer(SAMPLE_PERIOD)
     sample = robot.read()
+
+    def exchange() -> None:
+        nonlocal sample
+        sample = robot.exchange(math.nan)
+
     woke, compute = 0, 0
     end = None if duration is None else time.monotonic_ns() + round(duration * 1e9)
     with ended_in_order(house, stop), steady():
         while not stop.reason:
             now, periods = timer.wait()
             loop.ticked = now
-            for _ in range(min(periods, LONGEST_CATCH_UP)):
-                sample = robot.exchange(math.nan)
+            let_pass(exchange, periods, simulated=robot.specification.simulated)
             if link.inboxes["settings"]:
                 chosen = link.take("settings")[-1][1]
                 state.returned.change(

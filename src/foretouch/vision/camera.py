@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import os
-import tomllib
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -12,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from foretouch.errors import InputError, SettingError
+from foretouch.files import read_toml
 
 __all__ = ["CameraModel"]
 
@@ -183,15 +183,13 @@ class CameraModel:
             InputError: No such file, no TOML, a key that is missing or unknown, or a number out of its range.
         """
         known = set(cls.__dataclass_fields__)
+        values = read_toml(path, dict, "camera")
+        unknown = sorted(set(values) - known)
+        missing = sorted({"width", "height", "focal_x", "focal_y"} - set(values))
+        if unknown or missing:
+            what = f"unknown key {unknown[0]!r}" if unknown else f"{missing[0]!r} is missing"
+            raise InputError(f"{path}: {what}: the keys are {', '.join(cls.__dataclass_fields__)}")
         try:
-            values = tomllib.loads(path.read_text())
-            unknown = sorted(set(values) - known)
-            missing = sorted({"width", "height", "focal_x", "focal_y"} - set(values))
-            if unknown or missing:
-                what = f"unknown key {unknown[0]!r}" if unknown else f"{missing[0]!r} is missing"
-                raise InputError(f"{path}: {what}: the keys are {', '.join(cls.__dataclass_fields__)}")
             return cls(**values)
-        except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-            raise InputError(f"{path}: no camera can be read: {error}") from error
         except SettingError as error:
             raise InputError(f"{path}: {error}") from error

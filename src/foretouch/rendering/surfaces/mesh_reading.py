@@ -7,10 +7,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from foretouch.errors import InputError, MissingExtraError, SettingError
+from foretouch.files import within_budget
 from foretouch.models.checks import require
 from foretouch.rendering.surfaces.mesh import LARGEST_COORDINATE, TriangleMesh
+from foretouch.rendering.surfaces.text_stl import is_text_stl, read_text_stl
 
 __all__ = ["FORMATS", "MOST_BYTES", "MOST_TRIANGLES", "first_hit_from_above", "read_mesh"]
 
@@ -24,7 +27,9 @@ MOST_BYTES = 400_000_000
 """Larger files are not even read: so much a million triangles are as text."""
 
 
-def read_mesh(path: str | Path, *, scale: float = 1.0, closed: bool = False) -> TriangleMesh:
+def read_mesh(
+    path: str | Path, *, scale: float = 1.0, closed: bool = False, budget: float | None = None
+) -> TriangleMesh:
     """Read a mesh and repair it.
 
     Vertices at one place become one, faces without area and faces that are there twice go, triangles are wound alike
@@ -34,9 +39,11 @@ def read_mesh(path: str | Path, *, scale: float = 1.0, closed: bool = False) -> 
         path: STL, OBJ or PLY.
         scale: Metres in a unit of the file: 0.001 for millimetres.
         closed: Refuse a mesh that still has a border.
+        budget: How many times the usual memory and time its reading may take (`foretouch.files.budget_for`).
 
     Raises:
-        InputError: No such file, no mesh, or one that is still broken; the line says where and what to do.
+        InputError: No such file, no mesh, one that is still broken, or over the budget; the line says where and what
+            to do.
         MissingExtraError: trimesh is not installed.
     """
     require("scale", scale, above=0.0)
@@ -45,17 +52,23 @@ def read_mesh(path: str | Path, *, scale: float = 1.0, closed: bool = False) -> 
         raise InputError(f"{file}: meshes are read from {', '.join(FORMATS)}: convert it")
     if not file.is_file():
         raise InputError(f"{file}: no such file" if not file.exists() else f"{file}: this is no file, but a folder")
-    mesh = _loaded(file)
-    mesh.apply_scale(scale)
-    _check_unit(mesh, file)
-    mesh = _repaired(mesh, file)
+    vertices, faces = within_budget(file, budget, _triangles, file, scale)
     try:
-        surface = TriangleMesh(mesh.vertices, mesh.faces)
+        surface = TriangleMesh(vertices, faces)
     except SettingError as error:
         raise InputError(f"{file}: still no surface after repair: {error}") from None
     if closed and not surface.closed:
         raise InputError(f"{file}: the mesh has holes that are too large to fill: close it in a mesh editor")
     return surface
+
+
+def _triangles(file: Path, scale: float) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Vertices and faces of a file, repaired."""
+    mesh = _loaded(file)
+    mesh.apply_scale(scale)
+    _check_unit(mesh, file)
+    mesh = _repaired(mesh, file)
+    return np.array(mesh.vertices, dtype=np.float64), np.array(mesh.faces, dtype=np.int64)
 
 
 def first_hit_from_above(mesh: TriangleMesh, x: float, y: float) -> int:
@@ -111,13 +124,18 @@ def _loaded(file: Path) -> Any:
             f"{file}: {file.stat().st_size / 1e6:.0f} MB, at most {MOST_BYTES / 1e6:.0f} MB are read: reduce the mesh"
         )
     try:
-        mesh = trimesh.load(file, force="mesh", process=False, file_type=file.suffix.lower()[1:])
+        if is_text_stl(file):
+            corners = read_text_stl(file)
+            mesh = trimesh.Trimesh(corners, np.arange(len(corners)).reshape(-1, 3), process=False)
+        else:
+            mesh = trimesh.load(file, force="mesh", process=False, file_type=file.suffix.lower()[1:])
+    except InputError:
+        raise
     except Exception as error:  # a reader of foreign files fails in every way there is
         raise InputError(f"{file}: no mesh could be read from it ({_short(error)})") from None
     if not isinstance(mesh, trimesh.Trimesh) or len(mesh.faces) == 0:
         raise InputError(f"{file}: there is no triangle in it, or it is cut off")
-    if len(mesh.faces) > MOST_TRIANGLES:
-        raise InputError(f"{file}: {len(mesh.faces)} triangles, at most {MOST_TRIANGLES} are taken: reduce it")
+    _check_count(mesh, file)
     if not np.isfinite(mesh.vertices).all():
         raise InputError(f"{file}: some coordinates are no finite numbers: export it again")
     return mesh
@@ -140,14 +158,22 @@ def _repaired(mesh: Any, file: Path) -> Any:
         raise InputError(f"{file}: the mesh could not be repaired ({_short(error)}): export it again") from None
     if len(mesh.faces) == 0:
         raise InputError(f"{file}: no triangle in it has an area: is it in metres?")
+    _check_count(mesh, file)  # of loose triangles each is a hole, too, that was filled
     return mesh
+
+
+def _check_count(mesh: Any, file: Path) -> None:
+    if len(mesh.faces) > MOST_TRIANGLES:
+        raise InputError(f"{file}: {len(mesh.faces)} triangles, at most {MOST_TRIANGLES} are taken: reduce it")
 
 
 def _filled(mesh: Any) -> Any:
     """Small holes filled; as it was where holes that touch would give an edge a third triangle."""
-    filled = mesh.copy()
-    _trimesh().repair.fill_holes(filled)
-    return filled if np.bincount(filled.edges_unique_inverse).max() <= 2 else mesh
+    vertices, faces = mesh.vertices.copy(), mesh.faces.copy()
+    _trimesh().repair.fill_holes(mesh)
+    if np.bincount(mesh.edges_unique_inverse).max() <= 2:
+        return mesh
+    return _trimesh().Trimesh(vertices, faces, process=False)
 
 
 def _short(error: Exception) -> str:

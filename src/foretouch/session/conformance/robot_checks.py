@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import functools
 import math
+import time
 from collections.abc import Callable, Iterable
 
 import numpy as np
@@ -43,7 +44,14 @@ TOUCH = 0.3
 """Less force than this [N] is no contact."""
 FAR_TOO_LONG = 3e-3
 """Of an exchange at the median [s]: nothing else is looked at."""
-TIME_RULE = f"99 of 100 exchanges take at most the sample period, {1e3 * SAMPLE_PERIOD:g} ms"
+STEP_TIME = 3e-4
+"""A follower's step takes about so long [s]: what a driver that waits for the next cycle of its bus waits less."""
+ROUND = 1.1 * SAMPLE_PERIOD
+"""An exchange of such a driver, with a step before it, comes round once in a cycle, give or take a tenth [s]."""
+TIME_RULE = (
+    f"99 of 100 exchanges take at most the sample period, {1e3 * SAMPLE_PERIOD:g} ms; where they wait for the next "
+    f"cycle of a bus, with {1e3 * STEP_TIME:g} ms of other work before each at most {1e3 * ROUND:g} ms in all"
+)
 HELD = 1.05
 """The force that is held in the end may be so many times the limit: sensors have noise."""
 
@@ -179,7 +187,19 @@ def _nonsense(robot: Robot) -> Finding:
 
 def _timing(robot: Robot) -> Finding:
     taken = percentile_time(lambda _: robot.exchange(math.nan), 300, 99.0)
-    return Finding("exchange time", taken <= SAMPLE_PERIOD, f"{1e3 * taken:.4g} ms", TIME_RULE)
+    if taken <= SAMPLE_PERIOD:
+        return Finding("exchange time", True, f"{1e3 * taken:.4g} ms", TIME_RULE)
+    # One that waits for its cycle takes the whole of it by itself, and no longer with a step before it.
+    found, round_time = f"{1e3 * taken:.4g} ms", percentile_time(lambda _: _work_and_exchange(robot), 300, 99.0)
+    return Finding("exchange time", round_time <= ROUND, f"{found}, {1e3 * round_time:.4g} ms with a step", TIME_RULE)
+
+
+def _work_and_exchange(robot: Robot) -> None:
+    """A round of a loop: something that takes as long as a step, and an exchange."""
+    end = time.perf_counter() + STEP_TIME
+    while time.perf_counter() < end:
+        pass
+    robot.exchange(math.nan)
 
 
 def _follows(robot: Robot) -> Finding:
@@ -198,10 +218,10 @@ def _swing(robot: Robot) -> Finding:
     rule = "acceleration is in m/s^2, positive into the material, and one exchange is one sample period"
     if own.tool_mass == 0.0:
         return skipped("sign of acceleration", "no tool that would have to be weighed out", rule)
-    time = np.arange(1000) * SAMPLE_PERIOD
-    phase = 2.0 * math.pi * SWINGS * time
+    moment = np.arange(1000) * SAMPLE_PERIOD
+    phase = 2.0 * math.pi * SWINGS * moment
     # Begun and ended softly: a jerk would be measured as well.
-    path = robot.read().position + SWING * np.sin(phase) * np.sin(math.pi * time) ** 2
+    path = robot.read().position + SWING * np.sin(phase) * np.sin(math.pi * moment) ** 2
     measured = np.array([sample.acceleration for sample in _drive(robot, path.tolist())])
     asked = np.gradient(np.gradient(path, SAMPLE_PERIOD), SAMPLE_PERIOD)
     # In and out of phase, so that a lag of some ticks does not count.

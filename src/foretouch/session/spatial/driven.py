@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 from foretouch.devices import SpatialBrowserOperator, SpatialDevice, SpatialHand
@@ -16,9 +17,10 @@ from foretouch.messages import (
     ModelUpdate,
     Telemetry,
 )
-from foretouch.quantities.rigid import Vector, add, scaled
+from foretouch.quantities.rigid import Vector, add, norm, scaled, subtract
 from foretouch.robot import SpatialRobot
-from foretouch.session.settings import SessionSettings
+from foretouch.session import follower as along_the_line
+from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
 from foretouch.session.spatial import follower, leader
 from foretouch.session.spatial.scenes import make_scene
 
@@ -44,6 +46,7 @@ class SpaceFollower:
         self._beliefs: list[FixtureBelief] = []
         self._sample = robot.read()
         self._desired = self._sample.place
+        self._back = settings.return_speed * SAMPLE_PERIOD
 
     def exchange(self) -> None:
         """Let a sample period of the robot pass, with the newest command."""
@@ -71,6 +74,14 @@ class SpaceFollower:
         self._desired = acted.desired
         said = (acted.telemetry, acted.space, acted.model, acted.field)
         return [message for message in said if message is not None]
+
+    def back_off(self) -> None:
+        """Where a tick raises: go back along the force that the newest sample feels, whatever is believed."""
+        force = subtract(self._sample.force, self._whole.bias)
+        size = norm(force)
+        if 0.0 < size < math.inf:
+            along_the_line.feel_plainly(self.state, size)
+            self._desired = add(self._desired, scaled(force, self._back / size))
 
 
 class SpaceLeader:

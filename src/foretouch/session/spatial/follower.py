@@ -219,17 +219,24 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
         inputs: Of this tick.
         now_ns: This side's monotonic clock [ns].
     """
-    for belief in inputs.beliefs:
-        _believe(state, belief, now_ns)
     inner, sample, line = state.inner, inputs.sample, state.line
+    failures = inner.failures
+    try:
+        for belief in inputs.beliefs:
+            _believe(state, belief, now_ns)
+    except Exception as error:
+        failures.note("what it believes of the fixture", error)
     before = line.offset
     footing = line.follow(sample.place)
     _share_offset(state, before)
     force = subtract(sample.force, state.bias)
-    commands = [_along(state, command) for command in inputs.commands]
+    commands = _all_along(state, inputs.commands)
     estimator = inner.learner.estimator
-    if isinstance(estimator, MaterialFieldLearner):
-        estimator.touch_at(footing.inner_point)
+    if failures.learns and isinstance(estimator, MaterialFieldLearner):
+        try:
+            estimator.touch_at(footing.inner_point)
+        except Exception as error:
+            failures.stop_learning("its learning in space", error)
     # What pulls is no contact of this surface: learnt as the sensor's offset, it would hide one.
     felt = dot(force, footing.normal)
     if felt < -LARGEST_PULL:
@@ -249,17 +256,11 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
     )
     _, allowed = follower.step(inner, told, now_ns)
     sideways = subtract(force, scaled(footing.normal, felt))
-    _learn_beside_the_law(state, footing, sample, sideways)
+    model, materials = _learn_in_space(state, footing, sample, sideways, allowed.model, now_ns)
     wanted = _place(state, footing, sample.place, allowed.desired_position, sideways, sliding)
     desired = state.cap.limit(wanted, force)
-    model = allowed.model
-    return state, Outputs(
-        desired,
-        allowed.telemetry,
-        None if model is None else _with_fixture(state, model, now_ns),
-        _space(state, sample, footing, force, desired, now_ns),
-        _field_due(state, now_ns),
-    )
+    space = _space(state, sample, footing, force, desired, now_ns)
+    return state, Outputs(desired, allowed.telemetry, model, space, materials)
 
 
 def _believe(state: State, belief: FixtureBelief, now_ns: int) -> None:
@@ -293,12 +294,36 @@ def _share_offset(state: State, before: float) -> None:
         state.commanded.offset = state.played.offset = state.line.offset
 
 
+def _all_along(state: State, commands: list[Command]) -> list[Command]:
+    """The commands as positions along the normal."""
+    try:
+        return [_along(state, command) for command in commands]
+    except Exception as error:
+        state.inner.failures.note("its commands in space", error)
+        return []
+
+
 def _along(state: State, command: Command) -> Command:
     """A command as a position along the normal; one without a place has none."""
     if len(command.place) != 3 or not all(map(math.isfinite, command.place)):
         return msgspec.structs.replace(command, position=math.nan)
     x, y, z = command.place
     return msgspec.structs.replace(command, position=state.commanded.follow((x, y, z)).along)
+
+
+def _learn_in_space(
+    state: State, footing: Footing, sample: SpatialSample, sideways: Vector, model: ModelUpdate | None, now_ns: int
+) -> tuple[ModelUpdate | None, FieldUpdate | None]:
+    """Learn what is beside the law; the model with its fixture and the materials that are due."""
+    failures = state.inner.failures
+    if not failures.learns:
+        return None, None
+    try:
+        _learn_beside_the_law(state, footing, sample, sideways)
+        return None if model is None else _with_fixture(state, model, now_ns), _field_due(state, now_ns)
+    except Exception as error:
+        failures.stop_learning("its learning in space", error)
+        return None, None
 
 
 def _learn_beside_the_law(state: State, footing: Footing, sample: SpatialSample, sideways: Vector) -> None:

@@ -1,0 +1,135 @@
+"""Who may open the console's page, and who may connect to it: decided from an address and its headers alone."""
+
+from __future__ import annotations
+
+import hmac
+import re
+import secrets
+from collections.abc import Callable, Sequence
+from typing import NamedTuple, Protocol
+from urllib.parse import parse_qsl
+
+__all__ = ["COOKIE", "LOOPBACK", "Answer", "Entrance", "Headers"]
+
+LOOPBACK = ("127.0.0.1", "localhost", "[::1]")
+"""Names by which a browser reaches this machine, at any port: a tunnel may end at another than the console's."""
+COOKIE = "foretouch"
+"""Name of the cookie of a browser that has come in."""
+UNGUESSABLE = 32
+"""Bytes of chance in token and cookie."""
+PATH_BYTES = 9
+"""Bytes of chance in the path, which is no secret to whom it is shown, but to pages at other ports of this machine."""
+
+_HOST = re.compile(r"(?P<name>\[[0-9a-f:.]+\]|[^\s:/?#@\[\]]+)(:\d{1,5})?")
+
+REFUSED = (
+    "This console opens by the address that it shows in its terminal, once: each time that one was used it shows "
+    "another. A browser that has come in may load the page again. If the address was used and not by you, somebody "
+    "else has come in: end the console.\n"
+)
+FOREIGN = "This console is not at this address: open the one that it shows in its terminal.\n"
+
+
+class Headers(Protocol):
+    """What is asked of the headers of a request."""
+
+    def get_all(self, key: str, /) -> list[str]:
+        """All values of a header, none where it is not there."""
+
+
+class Answer(NamedTuple):
+    """What a request gets.
+
+    Attributes:
+        status: 200 lets it in, 303 sends it on to the page, 403 refuses.
+        text: Why it is refused.
+        headers: Further headers of the response.
+    """
+
+    status: int
+    text: str = ""
+    headers: tuple[tuple[str, str], ...] = ()
+
+
+class Entrance:
+    """Lets in who has the address of the terminal, once, and the same browser again by its cookie.
+
+    The page has a path of its own, drawn by chance, to which the cookie is bound: browsers send the cookies of a name
+    to all of its ports, so that without it any other server of this machine would be shown the cookie.
+
+    Args:
+        base: Where the console listens, such as ``http://127.0.0.1:8080``.
+        say: Prints a line for people, with the next address whenever one was used.
+        names: Names of hosts, beside `LOOPBACK`, under which the page may be asked for.
+
+    Attributes:
+        base: Where the console listens.
+        path: Of the page, with a slash before it and none behind.
+        url: The address that lets the next browser in.
+    """
+
+    def __init__(self, base: str, say: Callable[[str], None] = lambda line: None, names: Sequence[str] = ()) -> None:
+        self.base = base
+        self.path = f"/{secrets.token_urlsafe(PATH_BYTES)}"
+        self._say = say
+        self._names = frozenset((*LOOPBACK, *(name.lower() for name in names)))
+        self._cookie = secrets.token_urlsafe(UNGUESSABLE)
+        self._token = secrets.token_urlsafe(UNGUESSABLE)
+
+    @property
+    def url(self) -> str:
+        """The address that lets the next browser in."""
+        return f"{self.base}{self.path}/?token={self._token}"
+
+    def answer(self, target: str, headers: Headers, *, socket: bool) -> Answer:
+        """Decide about a request.
+
+        Args:
+            target: What is asked for: path and query.
+            headers: Of the request.
+            socket: Whether a connection is asked for, and not a page: browsers name where such a wish comes from.
+        """
+        host, origins = _only(headers.get_all("Host")).lower(), headers.get_all("Origin")
+        if not self._here(host):
+            return Answer(403, FOREIGN)
+        if (socket or origins) and _only(origins).lower() not in (f"http://{host}", f"https://{host}"):
+            return Answer(403, FOREIGN)
+        path, _, query = target.partition("?")
+        if path.rstrip("/") != self.path and not path.startswith(f"{self.path}/"):
+            return Answer(403, REFUSED)
+        known = self._has_cookie(headers)
+        if socket:
+            return Answer(200) if known else Answer(403, REFUSED)
+        if not known and not self._spend(query):
+            return Answer(403, REFUSED)
+        if known and not query:
+            return Answer(200)
+        cookie = f"{COOKIE}={self._cookie}; Path={self.path}; HttpOnly; SameSite=Strict"
+        return Answer(303, headers=(("Location", f"{self.path}/"), ("Set-Cookie", cookie)))
+
+    def _here(self, host: str) -> bool:
+        """Whether a ``Host`` is a name of this console; a name that an attacker made point here is none."""
+        match = _HOST.fullmatch(host)
+        return match is not None and match["name"] in self._names
+
+    def _has_cookie(self, headers: Headers) -> bool:
+        pairs = (pair.strip().partition("=") for line in headers.get_all("Cookie") for pair in line.split(";"))
+        return any(name == COOKIE and _same(value, self._cookie) for name, _, value in pairs)
+
+    def _spend(self, query: str) -> bool:
+        """Whether the token is there and was not used; it is used now, and the next one is told."""
+        if not any(name == "token" and _same(value, self._token) for name, value in parse_qsl(query)):
+            return False
+        self._token = secrets.token_urlsafe(UNGUESSABLE)
+        self._say(f"console: a browser has come in with that address; for another one: {self.url}")
+        return True
+
+
+def _only(values: Sequence[str]) -> str:
+    """The value of a header that is there once."""
+    return values[0] if len(values) == 1 else ""
+
+
+def _same(given: str, right: str) -> bool:
+    """Whether they are equal, in a time that tells nothing of how far."""
+    return hmac.compare_digest(given.encode(), right.encode())

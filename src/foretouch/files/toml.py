@@ -1,0 +1,56 @@
+"""Reads TOML that somebody else may have written: small, and not deep."""
+
+from __future__ import annotations
+
+from os import PathLike
+from pathlib import Path
+from typing import Any, Final, TypeVar
+
+import msgspec
+
+from foretouch.errors import RecordingError, SettingError
+
+__all__ = ["LARGEST_TOML", "decode_toml", "read_toml"]
+
+Made = TypeVar("Made")
+
+LARGEST_TOML: Final = 65_536
+"""Bytes of a file of settings: some hundred times what is written here, and too few to keep a parser busy."""
+
+
+def read_toml(path: str | PathLike[str], kind: type[Made], what: str, form: str = "") -> Made:
+    """The content of a TOML file; an unknown key is an error where the type says so.
+
+    Args:
+        path: Of the file.
+        kind: Type of what it holds, as `msgspec` converts to it.
+        what: It is, for messages: "map".
+        form: What such a file takes, for messages.
+
+    Raises:
+        RecordingError: The file cannot be read, or is no such thing.
+    """
+    try:
+        with Path(path).open("rb") as file:
+            text = file.read(LARGEST_TOML + 1)
+    except OSError as error:
+        raise RecordingError(path, f"cannot be read: {error.strerror or error}") from None
+    return decode_toml(path, text, kind, what, form)
+
+
+def decode_toml(source: object, text: bytes | str, kind: type[Made], what: str, form: str = "") -> Made:
+    """The same of a text; messages name `source`.
+
+    Raises:
+        RecordingError: As `read_toml`.
+    """
+    if len(text) > LARGEST_TOML:
+        raise RecordingError(source, f"is no {what}: it is longer than {LARGEST_TOML} bytes")
+    try:
+        found: Any = msgspec.toml.decode(text, type=kind)
+    except (msgspec.DecodeError, UnicodeDecodeError, SettingError) as error:
+        problem = " ".join(str(error).split())
+        raise RecordingError(source, f"is no {what}: {problem}{'; it takes ' * bool(form)}{form}") from None
+    except RecursionError:
+        raise RecordingError(source, f"is no {what}: it is nested too deep") from None
+    return found  # type: ignore[no-any-return]

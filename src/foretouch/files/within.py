@@ -1,0 +1,228 @@
+"""Runs a reader in a process of its own with limits, and hands its result back."""
+
+from __future__ import annotations
+
+import atexit
+import os
+import signal
+import socket
+import struct
+import subprocess
+import sys
+import threading
+from collections.abc import Callable, Mapping
+from os import PathLike
+from pathlib import Path
+from typing import Any, Final, NamedTuple, ParamSpec, TypeVar
+
+from foretouch.errors import RecordingError
+from foretouch.files.budget import Budget, budget_for
+from foretouch.files.parcel import open_parcel, write_parcel
+
+__all__ = ["Request", "within_budget"]
+
+Given = ParamSpec("Given")
+Made = TypeVar("Made")
+
+PATIENCE: Final = 4.0
+"""A reader that computes nothing is waited for so many times its processor time: others may use the processor."""
+
+STARTING: Final = 60.0
+"""And so long [s] on top, for what it imports."""
+
+LONGEST_WORD: Final = 256
+"""Bytes of a message to the process that reads."""
+
+ENDED = struct.Struct("<id")
+"""Its answer: the exit code of the copy that read, negative for a signal, and its processor time [s]."""
+
+inside = False
+"""Whether this is the process that reads: then a reader that calls another just calls it."""
+
+
+class Request(NamedTuple):
+    """What is asked of the process that reads.
+
+    Attributes:
+        read: A function of a module.
+        given: Its arguments.
+        named: Likewise.
+        budget: Of its file.
+        folder: That relative paths start from.
+    """
+
+    read: Callable[..., Any]
+    given: tuple[Any, ...]
+    named: Mapping[str, Any]
+    budget: Budget
+    folder: str
+
+
+def within_budget(
+    path: str | PathLike[str],
+    factor: float | None,
+    read: Callable[Given, Made],
+    /,
+    *given: Given.args,
+    **named: Given.kwargs,
+) -> Made:
+    """Call a reader of a file in a process of its own, with the limits of `budget_for`.
+
+    Whatever the file does to the reader, or to a library below it, comes back as one line. What it returns is handed
+    over as it is, arrays without a copy in this process. One file at a time is read for one process.
+
+    Args:
+        path: Of the file.
+        factor: How many times the usual budget it gets; None for what the environment says; infinite for no limit, and
+            no other process.
+        read: A function of a module; what it takes and returns can be pickled.
+        *given: For `read`.
+        **named: For `read`.
+
+    Raises:
+        RecordingError: More memory or time was needed, it is nested too deep, or the reader failed.
+        ForetouchError: Whatever `read` raises of these.
+    """
+    budget = None if inside else budget_for(path, factor)
+    if budget is None:
+        return read(*given, **named)
+    try:
+        folder = os.getcwd()
+    except OSError:
+        folder = "/"
+    parcel = os.memfd_create("foretouch")
+    try:
+        write_parcel(parcel, Request(read, given, named, budget, folder))
+        ending = "" if Path(path).is_dir() else Path(path).suffix.lower()
+        ended = _ask(f"{ending[:16]}\n{read.__module__}", parcel, budget)
+        outcome: tuple[str, Any] = open_parcel(parcel) if ended.code == 0 else (_kind(ended, budget), ended.code)
+    finally:
+        os.close(parcel)
+    kind, found = outcome
+    if kind == "made":
+        return found  # type: ignore[no-any-return]
+    if kind == "raised":
+        raise found
+    error = RecordingError(path, _problem(kind, found, budget))
+    if kind == "odd":
+        error.add_note(found[1])
+    raise error
+
+
+def _problem(kind: str, found: Any, budget: Budget) -> str:
+    most = f"the most for a file of {budget.shown_size}"
+    if kind == "memory":
+        return f"reading it takes more than {budget.shown_memory} of memory, {most}: {budget.raised}"
+    if kind == "time":
+        return f"reading it takes more than {budget.seconds} s, {most}: {budget.raised}"
+    if kind == "deep":
+        return "is nested too deep to be read: no recording is"
+    if kind == "odd":
+        return f"cannot be read: {found[0]}"
+    name = signal.Signals(-found).name if found < 0 else f"exit code {found}"
+    return f"cannot be read: its reader crashed on it ({name}), so it is damaged, or was made to do that"
+
+
+class _Ended(NamedTuple):
+    """Exit code, negative for a signal, and processor time [s]."""
+
+    code: int
+    seconds: float
+
+
+def _kind(ended: _Ended, budget: Budget) -> str:
+    """Why there is no answer."""
+    if ended.seconds >= budget.seconds or ended.code == -signal.SIGXCPU:
+        return "time"
+    return "memory" if ended.code == -signal.SIGKILL else "crash"
+
+
+# --- the process that reads -------------------------------------------------------------------------------------------
+
+
+class _Server:
+    """The process that makes a copy of itself for each file; it ends when its socket is closed."""
+
+    def __init__(self) -> None:
+        self._socket, theirs = socket.socketpair()
+        command = f"from foretouch.files.server import serve; serve({theirs.fileno()})"
+        # No thread beside the first, so that it can be copied; no memory that is set aside for many.
+        one = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
+        environment = {**os.environ, **one, "PYTHONPATH": os.pathsep.join(sys.path), "PYTHONWARNINGS": "ignore"}
+        environment |= {"ARROW_DEFAULT_MEMORY_POOL": "system", "MALLOC_ARENA_MAX": "2"}
+        with theirs:
+            self.process = subprocess.Popen(
+                [sys.executable, "-P", "-c", command],  # -P: nothing is imported from the working folder
+                pass_fds=[theirs.fileno()],
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.DEVNULL,
+                stderr=subprocess.DEVNULL,
+                env=environment,
+                start_new_session=True,  # Ctrl-C is for whoever asks
+            )
+
+    def ask(self, word: str, parcel: int, patience: float) -> _Ended | None:
+        """Have a parcel read, whose place the answer takes; None where the server had gone before it was asked."""
+        self._socket.settimeout(patience)
+        try:
+            socket.send_fds(self._socket, [word.encode()], [parcel])
+            said = self._socket.recv(ENDED.size)
+        except ConnectionError:
+            said = b""
+        if said:
+            return _Ended(*ENDED.unpack(said))
+        code = self.process.wait()
+        return _Ended(code, 0.0) if code else None
+
+    def close(self) -> None:
+        """Let it end."""
+        self._socket.close()
+        self.process.wait()
+
+    def forget(self) -> None:
+        """What a copy of this process does: it has not started it."""
+        self._socket.close()
+        self.process.returncode = 0
+
+
+_lock = threading.Lock()
+_server: _Server | None = None
+
+
+def _ask(word: str, parcel: int, budget: Budget) -> _Ended:
+    """Have a parcel read; the process that does it is started where there is none."""
+    global _server
+    with _lock:
+        try:
+            while True:
+                if _server is None:
+                    _server = _Server()
+                ended = _server.ask(word, parcel, PATIENCE * budget.seconds + STARTING)
+                if ended is not None:
+                    return ended
+                close()
+        except TimeoutError:
+            close()
+            return _Ended(-signal.SIGXCPU, 0.0)
+        except BaseException:  # Ctrl-C among them: whoever reads is ended with its server
+            close()
+            raise
+
+
+def close() -> None:
+    global _server
+    if _server is not None:
+        _server.close()
+        _server = None
+
+
+def _in_a_copy() -> None:
+    global _lock, _server
+    _lock = threading.Lock()
+    if _server is not None:
+        _server.forget()
+        _server = None
+
+
+atexit.register(close)
+os.register_at_fork(after_in_child=_in_a_copy)

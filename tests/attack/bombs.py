@@ -1,0 +1,252 @@
+"""Small files that ask for much: packed, nested, exploding, endless. Each is made in a second or two, from nothing."""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from collections.abc import Callable
+from pathlib import Path
+
+import h5py
+import lz4.frame
+import mcap.records as records
+import numpy as np
+import pyarrow
+import pyarrow.parquet
+import zstandard
+from mcap.data_stream import RecordBuilder
+
+MAGIC = b"\x89MCAP0\r\n"
+BLOCK = bytes(2**24)
+RULE = "=" * 80 + "\n"
+BOMBS: dict[str, Callable[[Path], None]] = {}
+SLOW = (
+    "loose-triangles.stl", "forty-chunks.mcap", "zstd.mcap", "zstd-that-lies.mcap", "packed.mat", "equal-rows.parquet",
+    "open-quote.csv", "one-line.csv",
+)  # fmt: skip
+"""These take seconds to make, or to be refused."""
+
+
+def bomb(name: str) -> Callable[[Callable[[Path], None]], Callable[[Path], None]]:
+    """Put the function that writes a bomb into the table of them."""
+    return lambda write: BOMBS.setdefault(name, write)
+
+
+def record(content: object) -> bytes:
+    builder = RecordBuilder()
+    content.write(builder)  # type: ignore[attr-defined]
+    return builder.end()
+
+
+def bag(path: Path, *data: bytes, kind: str = "std_msgs/msg/Float64", text: str = "float64 data\n") -> None:
+    """An MCAP with one topic, ``/a``, and these records of data."""
+    head = [
+        records.Header("ros2", ""),
+        records.Schema(1, text.encode(), "ros2msg", kind),
+        records.Channel(1, "/a", "cdr", {}, 1),
+    ]
+    end = [records.DataEnd(0), records.Footer(0, 0, 0)]
+    path.write_bytes(b"".join([MAGIC, *map(record, head), *data, *map(record, end), MAGIC]))
+
+
+def chunk(compression: str, packed: bytes, size: int) -> bytes:
+    return record(records.Chunk(compression, packed, 0, 1, 0, size))
+
+
+def message(data: bytes, at: int = 0) -> bytes:
+    return record(records.Message(1, at, data, at, at))
+
+
+def packed_zeros(size: int) -> bytes:
+    packer = zstandard.ZstdCompressor().compressobj(size=size)
+    return b"".join(packer.compress(BLOCK) for _ in range(size // len(BLOCK))) + packer.flush()
+
+
+@bomb("zstd.mcap")
+def _(path: Path) -> None:
+    bag(path, chunk("zstd", packed_zeros(2**31), 2**31))
+
+
+@bomb("zstd-that-lies.mcap")
+def _(path: Path) -> None:
+    bag(path, chunk("zstd", packed_zeros(2**31), 1000))
+
+
+@bomb("lz4-that-lies.mcap")
+def _(path: Path) -> None:
+    bag(path, chunk("lz4", lz4.frame.compress(BLOCK * 64, store_size=False), 1000))
+
+
+@bomb("forty-chunks.mcap")
+def _(path: Path) -> None:
+    """Each as large as one may be, a single message, and all of them 10 GB."""
+    size = 2**28
+    body = record(records.Message(1, 0, b"\0\1\0\0" + bytes(size - 35), 0, 0))
+    bag(path, *[chunk("zstd", zstandard.compress(body), size)] * 40)
+
+
+@bomb("nested.mcap")
+def _(path: Path) -> None:
+    inner = message(b"\0\1\0\0" + bytes(8))
+    for _ in range(2000):
+        inner = chunk("", inner, len(inner))
+    bag(path, inner)
+
+
+def typed(path: Path, kind: str, text: str, data: bytes = b"\0\1\0\0" + bytes(64)) -> None:
+    bag(path, *(message(data, at * 10**6) for at in range(3)), kind=kind, text=text)
+
+
+@bomb("type-within-itself.mcap")
+def _(path: Path) -> None:
+    typed(path, "x/msg/A", f"x/A a\nfloat64 b\n{RULE}MSG: x/A\nx/A a\nfloat64 b\n")
+
+
+def towers(innermost: str, levels: int = 12) -> str:
+    parts = [f"{RULE}MSG: x/L{level}\nx/L{level + 1}[256] a\n" for level in range(levels)]
+    return "x/L0[256] a\nfloat64 q\n" + "".join(parts) + f"{RULE}MSG: x/L{levels}\n{innermost}\n"
+
+
+@bomb("exploding-type.mcap")
+def _(path: Path) -> None:
+    typed(path, "x/msg/T", towers("float64 b"))
+
+
+@bomb("exploding-type-of-nothing.mcap")
+def _(path: Path) -> None:
+    typed(path, "x/msg/T", towers("uint8 C=1"))
+
+
+@bomb("long-sequence.mcap")
+def _(path: Path) -> None:
+    typed(path, "x/msg/T", "string[] s\n", b"\0\1\0\0" + struct.pack("<I", 2**32 - 1) + bytes(4000))
+
+
+def hdf5(path: Path, samples: int) -> None:
+    with h5py.File(path, "w") as file:
+        for name in ("time_s", "position_m", "force_N"):
+            file.create_dataset(name, shape=(samples,), dtype="f8", chunks=(10**6,), compression="gzip")
+
+
+@bomb("unwritten.h5")
+def _(path: Path) -> None:
+    hdf5(path, 5 * 10**8)
+
+
+@bomb("endless.h5")
+def _(path: Path) -> None:
+    hdf5(path, 10**13)
+
+
+@bomb("deep.h5")
+def _(path: Path) -> None:
+    with h5py.File(path, "w") as file:
+        group = file
+        for _ in range(2000):
+            group = group.create_group("g")
+
+
+@bomb("packed.mat")
+def _(path: Path) -> None:
+    count, name = 15 * 10**7, b"force"
+    head = struct.pack("<IIII", 6, 8, 6, 0) + struct.pack("<IIii", 5, 8, count, 1)
+    head += struct.pack("<II", 1, len(name)) + name.ljust(8, b"\0") + struct.pack("<II", 9, 8 * count)
+    packer = zlib.compressobj(1)
+    parts = [packer.compress(struct.pack("<II", 14, len(head) + 8 * count) + head)]
+    parts += [packer.compress(BLOCK) for _ in range(8 * count // len(BLOCK))]
+    packed = b"".join([*parts, packer.compress(bytes(8 * count % len(BLOCK))), packer.flush()])
+    start = b"MATLAB 5.0 MAT-file".ljust(116) + bytes(8) + struct.pack("<H", 0x0100) + b"IM"
+    path.write_bytes(start + struct.pack("<II", 15, len(packed)) + packed)
+
+
+@bomb("equal-rows.parquet")
+def _(path: Path) -> None:
+    zeros = pyarrow.array(np.zeros(10**6))
+    table = pyarrow.table(dict.fromkeys(("time_s", "position_m", "force_N"), zeros))
+    with pyarrow.parquet.ParquetWriter(path, table.schema, compression="zstd") as writer:
+        for _ in range(80):
+            writer.write_table(table)
+
+
+@bomb("one-line.csv")
+def _(path: Path) -> None:
+    path.write_bytes(b"time_s,position_m,force_N\n" + b"1" * 50_000_000)
+
+
+@bomb("open-quote.csv")
+def _(path: Path) -> None:
+    path.write_bytes(b'time_s,position_m,force_N\n"' + b"0,1,2\n" * 5_000_000)
+
+
+@bomb("large-numbers.csv")
+def _(path: Path) -> None:
+    path.write_bytes(b"time_s,position_m,force_N\n0,0,0\n1,1e400,nan\n2," + b"9" * 200_000 + b",1\n")
+
+
+@bomb("wide.csv")
+def _(path: Path) -> None:
+    path.write_bytes(b",".join(b"c%d" % i for i in range(300_000)) + b"\n" + b",".join([b"1"] * 300_000) + b"\n")
+
+
+@bomb("deep.toml")
+def _(path: Path) -> None:
+    path.write_text("a = " + "[" * 30_000 + "]" * 30_000)
+
+
+@bomb("long-key.toml")
+def _(path: Path) -> None:
+    path.write_text("[" + ".".join("a" * 30_000) + "]\nx = 1\n")
+
+
+@bomb("long.toml")
+def _(path: Path) -> None:
+    path.write_text("[" + ".".join("a" * 200_000) + "]\nx = 1\n")
+
+
+@bomb("count.stl")
+def _(path: Path) -> None:
+    path.write_bytes(b"x" * 80 + struct.pack("<I", 2**32 - 1) + bytes(500))
+
+
+FACET = "facet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 0.1 0 0\nvertex 0 0.1 0\nendloop\nendfacet\n"
+
+
+@bomb("bad-token.stl")
+def _(path: Path) -> None:
+    path.write_text("solid a\n" + FACET * 9 + FACET.replace("0.1 0 0", "0.1 o 0") + "endsolid a\n")
+
+
+@bomb("not-finite.stl")
+def _(path: Path) -> None:
+    path.write_text("solid a\n" + FACET.replace("0.1 0 0", "1e400 0 0") * 9 + "endsolid a\n")
+
+
+@bomb("far-index.obj")
+def _(path: Path) -> None:
+    path.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 4000000000\nf -1 -2 -3\n")
+
+
+def ply(path: Path, vertices: int, kind: str, content: bytes) -> None:
+    axes = "".join(f"property float {axis}\n" for axis in "xyz")
+    head = f"ply\nformat binary_little_endian 1.0\nelement vertex {vertices}\n{axes}"
+    head += f"element face {max(1, vertices - 3)}\nproperty list {kind} int vertex_indices\nend_header\n"
+    path.write_bytes(head.encode() + content)
+
+
+@bomb("count.ply")
+def _(path: Path) -> None:
+    ply(path, 4_000_000_000, "uchar", bytes(1000))
+
+
+@bomb("long-list.ply")
+def _(path: Path) -> None:
+    ply(path, 3, "uint", bytes(36) + struct.pack("<I", 2**32 - 1) + bytes(100))
+
+
+@bomb("loose-triangles.stl")
+def _(path: Path) -> None:
+    """Nine hundred thousand that have no edge in common: each is a hole that could be filled."""
+    count = 900_000
+    table = np.zeros(count, dtype=[("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
+    table["corners"] = np.random.default_rng(0).random((count, 3, 3)) * 0.1
+    path.write_bytes(b"x" * 80 + struct.pack("<I", count) + table.tobytes())

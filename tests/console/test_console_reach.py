@@ -1,0 +1,182 @@
+"""A real browser: let in by the address, kept out without it; it says by itself when nothing reaches the robot."""
+
+from __future__ import annotations
+
+import contextlib
+import http.server
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+from console_driver import CHROMIUM_ARGUMENTS, Session, chromium, open_page
+
+pytest.importorskip("viser")
+pytest.importorskip("playwright")
+
+from visitors import Printed, page_of
+
+from foretouch.console import Console
+from foretouch.console.alarm import READY
+from foretouch.console.gate.page import LOST
+from foretouch.console.sentences import NOBODY_YET
+from foretouch.link import free_endpoint
+from foretouch.messages import EmergencyStop, Handle
+
+pytestmark = [
+    pytest.mark.browser,
+    pytest.mark.skipif(chromium() is None, reason="no Chromium: install it or set FORETOUCH_BROWSER"),
+]
+
+PROMISED, SLACK = 1.0, 5.0
+"""A page says within so long that it reaches nobody [s]; and what a busy machine is granted."""
+
+
+@contextlib.contextmanager
+def drawn(session: Session, console: Console) -> Iterator[None]:
+    """The session speaks and the console draws."""
+    end = threading.Event()
+    drawing = threading.Thread(target=console.run, args=(end.is_set,))
+    drawing.start()
+    try:
+        with session:
+            yield
+    finally:
+        end.set()
+        drawing.join()
+        console.close()
+
+
+def until(locator: Any, seconds: float, state: str = "visible") -> float:
+    """How long it takes until something is shown [s]."""
+    begin = time.monotonic()
+    locator.wait_for(state=state, timeout=1000 * seconds)
+    return time.monotonic() - begin
+
+
+def opacity(locator: Any) -> float:
+    return float(locator.evaluate("element => getComputedStyle(element).opacity"))
+
+
+def test_a_page_says_by_itself_that_the_console_does_not_answer_or_is_gone() -> None:
+    """The console stands still (as when a tunnel stalls), goes on, and is killed."""
+    command = [sys.executable, "-m", "foretouch", "console", "--listen", free_endpoint(), "--port", "0"]
+    with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True) as console:
+        try:
+            with open_page(Printed(console).address(), 1100, 720) as (page, _):
+                page.get_by_text(NOBODY_YET).wait_for()
+                lost, button = page.get_by_text(LOST), page.get_by_role("button", name=READY)
+                lost.wait_for(state="hidden", timeout=30_000)
+                assert opacity(button) == 1.0
+                console.send_signal(signal.SIGSTOP)
+                assert until(lost, PROMISED * SLACK) < PROMISED * SLACK
+                assert opacity(button) == 0.0  # what could not stop the robot does not look as if it could
+                console.send_signal(signal.SIGCONT)
+                lost.wait_for(state="hidden", timeout=30_000)
+                assert opacity(button) == 1.0
+                console.kill()
+                until(lost, PROMISED * SLACK)
+                assert page.locator("#foretouch-lost").get_by_text("stop the robot at its own machine").is_visible()
+        finally:
+            console.kill()
+
+
+def test_after_an_attack_on_the_button_a_click_still_asks_and_a_robot_that_does_not_answer_is_told() -> None:
+    sessions: list[Session] = []
+    console = Console(0, lambda message: sessions[0].publish(message))
+    sessions.append(Session(console.watch))
+    muted = threading.Event()
+
+    def watch(message: Any) -> None:
+        if not muted.is_set():
+            console.watch(message)
+
+    sessions[0]._watch = watch
+    with drawn(sessions[0], console), open_page(console.url) as (page, _):
+        with page_of(console.url) as attacker:
+            button = attacker.control("GuiButtonMessage", "EMERGENCY")
+            for updates in ({"update_cb": []}, {"props": {}}, {"removed": True}, {"visible": False}):
+                attacker.update(button, **updates)
+            attacker.hear(0.5)
+        muted.set()
+        assert until(page.get_by_text("Neither side has been heard for"), PROMISED * SLACK) < PROMISED * SLACK
+        page.get_by_role("button", name=READY).click()
+        page.get_by_role("button", name="Stopping the robot").wait_for(timeout=10_000)
+        page.wait_for_timeout(300)
+        assert len(sessions[0].of(EmergencyStop)) > 2
+    assert console.trouble == ""
+
+
+class _Elsewhere(http.server.BaseHTTPRequestHandler):
+    """A harmless page of another server."""
+
+    def do_GET(self) -> None:
+        self.send_response(200)
+        self.send_header("Content-Type", "text/html")
+        self.end_headers()
+        self.wfile.write(b"<h1>elsewhere</h1>")
+
+    def log_message(self, *_: Any) -> None:
+        pass
+
+
+@contextlib.contextmanager
+def elsewhere() -> Iterator[int]:
+    """A server of somebody else; its port."""
+    with http.server.ThreadingHTTPServer(("127.0.0.1", 0), _Elsewhere) as server:
+        serving = threading.Thread(target=server.serve_forever)
+        serving.start()
+        try:
+            yield server.server_address[1]
+        finally:
+            server.shutdown()
+            serving.join()
+
+
+CONNECT = """async address => await new Promise(done => {
+    const socket = new WebSocket(address, ["viser-v" + "VERSION"]);
+    socket.onopen = () => done("open"); socket.onclose = () => done("refused"); socket.onerror = () => done("refused");
+})"""
+
+
+def test_pages_of_other_origins_are_refused_in_the_browser_that_has_come_in() -> None:
+    import viser
+    from playwright.sync_api import Error, sync_playwright
+
+    attempt = CONNECT.replace("VERSION", viser.__version__)
+    sessions: list[Session] = []
+    console = Console(0, lambda message: sessions[0].publish(message))
+    sessions.append(Session(console.watch))
+    with drawn(sessions[0], console), elsewhere() as port, sync_playwright() as playwright:
+        rules = "--host-resolver-rules=MAP evil.test 127.0.0.1"
+        browser = playwright.chromium.launch(executable_path=chromium(), args=[*CHROMIUM_ARGUMENTS, rules])
+        context = browser.new_context()
+        honest = context.new_page()
+        honest.goto(console.url)
+        inside = honest.url.partition("?")[0].rstrip("/")
+        assert honest.evaluate("document.cookie") == ""  # no script reads it
+        address = inside.replace("http", "ws")
+        assert honest.evaluate(attempt, address) == "open"
+        other = context.new_page()
+        for origin in (f"http://evil.test:{port}", f"http://127.0.0.1:{port}", f"http://localhost:{port}"):
+            other.goto(origin)
+            assert other.evaluate(attempt, address) == "refused", origin
+            assert other.evaluate(attempt, address.rpartition("/")[0]) == "refused", origin
+        own = console.base.rpartition(":")[2]
+        for rebound in (f"http://evil.test:{own}", f"http://evil.test:{own}{inside.removeprefix(console.base)}/"):
+            assert other.goto(rebound).status == 403
+            assert other.evaluate(attempt, rebound.replace("http", "ws").rstrip("/")) == "refused"
+        frame = f"const one = document.createElement('iframe'); one.src = '{inside}/'; document.body.append(one)"
+        other.goto(f"http://127.0.0.1:{port}")
+        other.evaluate(frame)
+        other.wait_for_timeout(500)
+        with contextlib.suppress(Error):
+            assert "foretouch" not in other.frames[-1].content()
+        stranger = browser.new_context().new_page()
+        assert stranger.goto(f"{inside}/").status == 403
+        browser.close()
+    assert sessions[0].of(EmergencyStop) == sessions[0].of(Handle) == []

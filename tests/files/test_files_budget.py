@@ -1,0 +1,212 @@
+"""Whatever a reader does, the process that asks gets its result or one line."""
+
+from __future__ import annotations
+
+import math
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import hungry
+import numpy as np
+import pytest
+
+from foretouch.errors import InputError, RecordingError, SettingError, UnknownNameError
+from foretouch.files import Budget, budget_for, read_toml, within, within_budget
+from foretouch.recordings import Mapping, read_recording
+
+
+@pytest.fixture(autouse=True)
+def _from_here(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The process that reads finds the readers of these tests, and ends with each test."""
+    monkeypatch.syspath_prepend(str(Path(__file__).parent))
+    within.close()
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    path = tmp_path / "a.csv"
+    path.write_text("time_s,position_m,force_N\n0,0,0\n0.001,0.0001,0.1\n")
+    return path
+
+
+def test_the_budget_follows_the_size(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("FORETOUCH_FILE_BUDGET", raising=False)
+    path = tmp_path / "a.mcap"
+    assert budget_for(path) == Budget(900_000_000, 15, 1.0, 0)
+    with path.open("wb") as opened:
+        opened.truncate(2_000_000_000)
+    assert budget_for(path) == Budget(6_000_000_000, 800, 1.0, 2_000_000_000)
+    assert budget_for(tmp_path) == budget_for(path)
+    assert budget_for(path, 2.0) == Budget(12_000_000_000, 1600, 2.0, 2_000_000_000)
+    monkeypatch.setenv("FORETOUCH_FILE_BUDGET", "4")
+    assert budget_for(tmp_path / "none") == Budget(3_600_000_000, 60, 4.0, 0)
+    assert budget_for(path, math.inf) is None
+
+
+@pytest.mark.parametrize("said", ["0", "-1", "nan", "much"])
+def test_a_factor_that_is_none_is_refused(said: str, file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("FORETOUCH_FILE_BUDGET", said)
+    with pytest.raises(SettingError, match=r"FORETOUCH_FILE_BUDGET = .*must be a number above 0"):
+        read_recording(file)
+
+
+def test_a_result_comes_back_as_it_was(file: Path) -> None:
+    assert within_budget(file, None, hungry.given_back, 1, "ü", path=file) == ((1, "ü"), {"path": file})
+    found = within_budget(file, None, hungry.arrays, 100_000)
+    wanted = hungry.arrays(100_000)
+    assert all(np.array_equal(found[name], wanted[name]) for name in wanted)
+    assert not found["fixed"].flags.writeable
+    found["free"][0, 0] = 7.0  # nobody else sees it
+    assert found["free"].flags.aligned
+
+
+def test_it_was_another_process_but_for_no_limit(file: Path) -> None:
+    first, second = within_budget(file, None, hungry.process), within_budget(file, None, hungry.process)
+    assert len({first, second, os.getpid()}) == 3
+    assert within_budget(file, math.inf, hungry.process) == os.getpid()
+
+
+REFUSED = {
+    "hungry": ((2 * 10**9,), r"takes more than 900 MB of memory, the most for a file of 0.\d+ kB: .*FILE_BUDGET=4 "),
+    "busy": ((), r"takes more than 1 s, .*FORETOUCH_FILE_BUDGET=0.2"),
+    "busy_in_the_library": ((), r"takes more than 1 s"),
+    "deep": ((), r"is nested too deep"),
+    "crashed": ((), r"its reader crashed on it \(SIGSEGV\)"),
+    "killed": ((), r"takes more than 900 MB of memory"),
+    "odd": ((), r"cannot be read: KeyError 'a key\\nof two lines'"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_what_goes_wrong_is_one_line(name: str, file: Path) -> None:
+    given, said = REFUSED[name]
+    factor = 0.05 if "1 s" in said else None
+    with pytest.raises(RecordingError, match=said) as caught:
+        within_budget(file, factor, getattr(hungry, name), *given)
+    assert len(str(caught.value).splitlines()) == 1
+    assert str(caught.value).startswith(f"{file}: ")
+    assert within_budget(file, None, hungry.given_back) == ((), {})  # and the next file is read
+
+
+def test_memory_is_told_also_where_a_reader_takes_it_for_damage(file: Path) -> None:
+    with pytest.raises(RecordingError, match="takes more than 900 MB of memory"):
+        within_budget(file, None, hungry.hungry_with_a_line_of_its_own, str(file), 10**10)
+    with pytest.raises(RecordingError, match="takes more than 200 MB"):
+        within_budget(file, 200 / 900, hungry.hungry, 3 * 10**8)
+    assert within_budget(file, 4.0, hungry.hungry, 2 * 10**9) == 0
+
+
+def test_errors_come_back_as_they_were(file: Path) -> None:
+    with pytest.raises(RecordingError, match="row 7: one line") as caught:
+        within_budget(file, None, hungry.refused, str(file))
+    assert (caught.value.row, caught.value.source) == (7, str(file))
+    with pytest.raises(UnknownNameError) as unknown:
+        within_budget(file, None, hungry.unknown)
+    assert unknown.value.choices == ["b", "c"]
+
+
+def test_relative_names_are_those_of_who_asks(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for folder in (file.parent, file.parent.parent):
+        monkeypatch.chdir(folder)
+        assert len(read_recording(os.path.relpath(file))) == 2
+
+
+def test_threads_read_at_once(file: Path) -> None:
+    counts: list[int] = []
+    threads = [threading.Thread(target=lambda: counts.append(len(read_recording(file)))) for _ in range(8)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert counts == [2] * 8
+
+
+def test_a_script_without_a_guard_reads(file: Path) -> None:
+    """And what lies in the working folder is not imported by the process that reads."""
+    (file.parent / "numpy.py").write_text("raise SystemExit('taken for numpy')")
+    code = f"from foretouch import read_recording\nprint(len(read_recording({str(file)!r})))"
+    command = [sys.executable, "-P", "-c", code]
+    done = subprocess.run(command, capture_output=True, text=True, cwd=file.parent, check=True)
+    assert done.stdout.strip() == "2"
+    assert done.stderr == ""
+
+
+def gone(process: int) -> bool:
+    end = time.monotonic() + 10.0
+    while time.monotonic() < end:
+        if not Path(f"/proc/{process}").exists():
+            return True
+        time.sleep(0.02)
+    return False
+
+
+def reading(note: Path) -> int:
+    """The process that reads, once it does."""
+    end = time.monotonic() + 30.0
+    while time.monotonic() < end:
+        if note.is_file() and note.read_text():
+            return int(note.read_text())
+        time.sleep(0.02)
+    raise AssertionError("it has not begun")
+
+
+def test_ctrl_c_ends_whoever_reads(file: Path) -> None:
+    note = file.parent / "note"
+    thread = threading.Thread(target=lambda: (reading(note), os.kill(os.getpid(), signal.SIGINT)))
+    thread.start()
+    with pytest.raises(KeyboardInterrupt):
+        within_budget(file, None, hungry.begun, str(note))
+    thread.join()
+    assert gone(int(note.read_text()))
+    assert within_budget(file, None, hungry.given_back) == ((), {})
+
+
+def test_who_is_killed_leaves_nobody_behind(file: Path) -> None:
+    note = file.parent / "note"
+    asked = f"{str(file)!r}, None, hungry.begun, {str(note)!r}"
+    code = f"import hungry; from foretouch.files import within_budget; within_budget({asked})"
+    asking = subprocess.Popen([sys.executable, "-c", code], env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)})
+    process = reading(note)
+    asking.kill()
+    asking.wait()
+    assert gone(process)
+
+
+def test_a_copy_of_this_process_reads_by_itself(file: Path) -> None:
+    """As worker processes that are forked do."""
+    code = (
+        "import os\nfrom foretouch import read_recording\n"
+        f"assert len(read_recording({str(file)!r})) == 2\n"
+        "copy = os.fork()\n"
+        f"assert len(read_recording({str(file)!r})) == 2\n"
+        "if copy: assert os.waitpid(copy, 0)[1] == 0\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+def test_a_server_that_has_gone_is_started_again(file: Path) -> None:
+    assert within_budget(file, None, hungry.given_back) == ((), {})
+    assert within._server is not None
+    within._server._socket.shutdown(2)  # as when it has waited for long enough
+    assert within_budget(file, None, hungry.given_back) == ((), {})
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("a = " + "[" * 30_000 + "]" * 30_000, "is no map: it is nested too deep"),
+        ("x = 1\n" * 20_000, "is no map: it is longer than 65536 bytes"),
+        ("x = ", "is no map: .*; it takes columns"),
+    ],
+)
+def test_toml_is_small_and_not_deep(text: str, said: str, tmp_path: Path) -> None:
+    (tmp_path / "a.toml").write_text(text)
+    with pytest.raises(InputError, match=said) as caught:
+        read_toml(tmp_path / "a.toml", Mapping, "map", "columns")
+    assert len(str(caught.value).splitlines()) == 1

@@ -1,0 +1,224 @@
+"""Whatever raises in a follower's loop, on a line and in space: it is told, and no robot is left pressing."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+from step_links import Spoken, Ticks
+
+from foretouch.errors import SideError
+from foretouch.identification import Learner, SensorWatch
+from foretouch.identification.conditioning import Conditioner
+from foretouch.identification.contact_map import ContactMapBank
+from foretouch.identification.material_field import MaterialFieldLearner
+from foretouch.messages import Status
+from foretouch.robot import Robot, SpatialRobot, make_robot
+from foretouch.session import SessionSettings, StopFlag, live, run_follower
+from foretouch.session.failures import Failures
+from foretouch.session.first_touch import FirstTouch
+from foretouch.session.freshness import Freshness
+from foretouch.session.model_sender import ModelSender
+from foretouch.session.playout import Playout
+from foretouch.session.safety import REST_FORCE, Safety
+from foretouch.session.spatial import follower as space
+from foretouch.session.spatial import make_scene, make_spatial_robot
+from foretouch.session.spatial.line import SurfaceLine
+
+LINE = SessionSettings(material="hunt-crossley", first_touch="guarded", approach_speed=0.05, guarded_force=10.0)
+SCENE = SessionSettings(scene="plane", displacement=0.0, turn=0.0, fusion="none")
+CEILING = 15.0
+
+
+class Broken:
+    """A method that raises once it has been called while the robot pressed, for so many calls or for ever."""
+
+    def __init__(self, method: Callable[..., Any], presses: Callable[[], bool], times: float) -> None:
+        self.method, self.presses, self.times = method, presses, times
+        self.raised = 0
+
+    def __call__(self, *arguments: Any, **named: Any) -> Any:
+        if self.raised < self.times and (self.raised or self.presses()):
+            self.raised += 1
+            raise ZeroDivisionError("a plug-in\nfailed\x1b[2J")
+        return self.method(*arguments, **named)
+
+
+class Session:
+    """A follower's loop that is driven into something, at a clock that runs as fast as it can."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, settings: SessionSettings) -> None:
+        self.patch, self.settings = monkeypatch, settings
+        self.robot: Robot | SpatialRobot
+        if settings.scene:
+            scene = make_scene(settings.scene)
+            self.robot = make_spatial_robot(settings, scene)
+            x, y, z = self.robot.read().exact_place
+            self.place: Callable[[float], Any] = lambda now: (x, y, max(z - 0.03 * now, -0.006))
+        else:
+            line = make_robot(settings.material, seed=0)
+            self.robot, surface = line, line.surface
+            self.place = lambda now: min(0.02 * now, surface + 0.008)
+        self.force, self.largest = 0.0, 0.0
+        exchange = self.robot.exchange
+
+        def noted(desired: Any) -> Any:
+            sample = exchange(desired)
+            exact = sample.exact_force
+            self.force = sum(part**2 for part in exact) ** 0.5 if isinstance(exact, tuple) else exact
+            self.largest = max(self.largest, self.force)
+            return sample
+
+        self.robot.exchange = noted  # type: ignore[method-assign, assignment]
+        self.said: list[str] = []
+        self.link = Spoken(self.place)
+        self.ran: dict[str, Any] = {}
+        monkeypatch.setattr(live, "LoopTimer", Ticks)
+        monkeypatch.setattr(live, "link_counts", lambda *_: {})
+
+    def presses(self) -> bool:
+        return self.force > 2.0
+
+    def broken(self, owner: Any, name: str, times: float = float("inf")) -> Broken:
+        """From the first press on this raises."""
+        made = Broken(getattr(owner, name), self.presses, times)
+        if isinstance(owner, type):
+            self.patch.setattr(owner, name, lambda *arguments, **named: made(*arguments, **named))
+        else:
+            self.patch.setattr(owner, name, made)
+        return made
+
+    def run(self, seconds: float = 3.0) -> dict[str, str | int]:
+        link: Any = self.link
+        options: dict[str, Any] = {"stop": StopFlag(), "say": self.said.append, "description": {}}
+        return run_follower(link, self.robot, self.settings, **options, duration=seconds)
+
+
+STAGES: list[tuple[Any, str]] = [
+    (Freshness, "judge"),
+    (Playout, "advance"),
+    (SensorWatch, "update"),
+    (ContactMapBank, "update"),
+    (Learner, "update"),
+    (ModelSender, "due"),
+    (FirstTouch, "update"),
+]
+
+
+@pytest.mark.parametrize(("owner", "name"), STAGES)
+def test_an_exception_before_safety_is_counted_and_told_and_safety_goes_on(
+    monkeypatch: pytest.MonkeyPatch, owner: Any, name: str
+) -> None:
+    session = Session(monkeypatch, LINE)
+    broken = session.broken(owner, name)
+    ran = session.run()
+    assert broken.raised
+    assert ran["step_failures"] == broken.raised
+    assert ran["ended"] == "the duration is over"
+    assert session.link.telemetry[-1].sequence > 2900  # the loop went on
+    assert session.largest < CEILING
+    if owner is SensorWatch:  # nobody knows what is felt: it holds its place
+        assert session.link.telemetry[-1].status == Status.SENSOR_FAULT
+    else:
+        assert session.force < REST_FORCE + 0.1  # it ended unloaded
+    learns = (owner, name) not in ((ContactMapBank, "update"), (Learner, "update"), (ModelSender, "due"))
+    assert (broken.raised > 1) is learns  # what learns has ended, the others are tried again
+    told = session.link.said[-2].values  # type: ignore[attr-defined]  # the last hello
+    (trouble,) = [text for text in told if "the follower has a fault" in text]
+    assert "ZeroDivisionError raised in its " in trouble
+    assert "(a plug-in failed?[2J)" in trouble
+    assert ("nothing more is learnt" in trouble) is not learns
+
+
+def test_where_conditioning_raises_too_the_plain_force_is_felt(monkeypatch: pytest.MonkeyPatch) -> None:
+    session = Session(monkeypatch, LINE)
+    session.broken(Conditioner, "update")
+    ran = session.run()
+    assert ran["step_failures"] > 500
+    assert 0.0 < session.largest < CEILING
+    pressed = session.link.telemetry[-300:]
+    assert all(telemetry.in_contact and 1.0 < telemetry.force < CEILING for telemetry in pressed)
+    assert session.force < REST_FORCE + 0.1
+
+
+@pytest.mark.parametrize("settings", [LINE, SCENE], ids=["line", "scene"])
+@pytest.mark.parametrize("times", [1, 3, float("inf")])
+def test_a_robot_whose_exchange_raises_is_unloaded_if_it_takes_the_next(
+    monkeypatch: pytest.MonkeyPatch, settings: SessionSettings, times: float
+) -> None:
+    monkeypatch.setattr(live, "LEAVING", 1.0)
+    session = Session(monkeypatch, settings)
+    session.broken(session.robot, "exchange", times)
+    with pytest.raises(SideError, match="the follower failed: ZeroDivisionError"):
+        session.run()
+    deaf = [line for line in session.said if "takes no commands any more" in line]
+    if times < float("inf"):
+        assert session.force < REST_FORCE + 0.1
+        assert deaf == []
+    else:
+        assert session.force > 2.0  # nobody could
+        assert len(deaf) == 1
+
+
+@pytest.mark.parametrize(
+    ("settings", "owner", "name"),
+    [
+        (LINE, Safety, "update"),
+        (SCENE, Safety, "update"),
+        (SCENE, SurfaceLine, "follow"),
+        (SCENE, space, "_place"),
+        (SCENE, space, "_space"),
+        (LINE, Spoken, "publish"),
+    ],
+)
+def test_where_the_loop_itself_must_end_the_robot_is_unloaded_first(
+    monkeypatch: pytest.MonkeyPatch, settings: SessionSettings, owner: Any, name: str
+) -> None:
+    session = Session(monkeypatch, settings)
+    if owner is Spoken:
+        owner = session.link
+    session.broken(owner, name, float("inf") if owner is not session.link else 1)
+    with pytest.raises(SideError, match="the follower failed: ZeroDivisionError"):
+        session.run()
+    assert session.largest > 2.0
+    assert session.force < REST_FORCE + 0.1
+    assert session.largest < CEILING
+
+
+@pytest.mark.parametrize(
+    ("owner", "name"),
+    [
+        (MaterialFieldLearner, "update"),
+        (MaterialFieldLearner, "touch_at"),
+        (space, "_along"),
+        (space, "_learn_beside_the_law"),
+        (space, "_with_fixture"),
+        (space, "_field_due"),
+    ],
+)
+def test_in_space_an_exception_before_safety_is_counted_and_told_too(
+    monkeypatch: pytest.MonkeyPatch, owner: Any, name: str
+) -> None:
+    session = Session(monkeypatch, SCENE)
+    broken = session.broken(owner, name)
+    ran = session.run()
+    assert ran["step_failures"] == broken.raised > 0
+    assert session.link.telemetry[-1].sequence > 2900
+    assert session.largest < CEILING
+    assert session.force < REST_FORCE + 0.1
+
+
+def test_what_cannot_say_what_it_is_is_told_all_the_same() -> None:
+    class Mute(Exception):
+        def __str__(self) -> str:
+            raise ValueError
+
+    failures = Failures()
+    failures.note("its sensors", Mute())
+    failures.note("its sensors", ValueError("later"))
+    assert (failures.count, failures.sentence, failures.learns) == (2, "Mute raised in its sensors", True)
+    failures.stop_learning("its learning", ValueError("x" * 1000))
+    assert failures.sentence.startswith("ValueError raised in its learning (xxx")
+    assert len(failures.sentence) < 300
+    assert not failures.learns

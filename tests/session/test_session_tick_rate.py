@@ -1,0 +1,216 @@
+"""A driver that waits for its cycle, one that is too slow, and a loop that says so and holds."""
+
+from __future__ import annotations
+
+import math
+import time
+from dataclasses import replace
+from typing import Any
+
+import pytest
+from lap import Lap
+from step_links import Spoken
+
+from foretouch.messages import STATUS_SENTENCES, Status
+from foretouch.robot import Robot, RobotSample, make_robot
+from foretouch.session import SessionSettings, StopFlag, live, loop_timer, run_follower, shadow
+from foretouch.session.conformance.robot_checks import check_robot
+from foretouch.session.loop_timer import LoopTimer, let_pass
+from foretouch.session.news import follower_news
+from foretouch.session.tick_rate import LEAST_RATE, LONGEST_NS, WINDOW, TickRate
+
+MS = 1_000_000
+
+
+# --- how many exchanges -----------------------------------------------------------------------------------------------
+
+
+def exchanges(monkeypatch: pytest.MonkeyPatch, periods: int, *, simulated: bool, lasts_ns: int = 10_000) -> int:
+    clock, made = 0, 0
+
+    def exchange() -> None:
+        nonlocal clock, made
+        clock, made = clock + lasts_ns, made + 1
+
+    monkeypatch.setattr(loop_timer.time, "monotonic_ns", lambda: clock)
+    let_pass(exchange, periods, simulated=simulated)
+    return made
+
+
+@pytest.mark.parametrize("periods", [0, 1, 2, 7, 400])
+def test_a_real_robot_has_one_exchange_a_tick_whatever_was_missed(
+    monkeypatch: pytest.MonkeyPatch, periods: int
+) -> None:
+    assert exchanges(monkeypatch, periods, simulated=False) == min(periods, 1)
+    assert exchanges(monkeypatch, periods, simulated=False, lasts_ns=3 * MS) == min(periods, 1)
+    assert exchanges(monkeypatch, periods, simulated=True) == min(periods, loop_timer.LONGEST_CATCH_UP)
+    assert exchanges(monkeypatch, periods, simulated=True, lasts_ns=MS) == min(periods, 1)  # it would fall behind more
+
+
+class Bus(Robot):
+    """An arm behind a bus: an exchange returns at the next cycle of 1 kHz, by a clock of its own."""
+
+    def __init__(self, *, simulated: bool = False) -> None:
+        self.robot: Robot = make_robot("hunt-crossley", seed=0)
+        self.specification = replace(self.robot.specification, simulated=simulated)
+        self.now_ns = 0
+        self.made = 0
+
+    def read(self) -> RobotSample:
+        return self.robot.read()
+
+    def exchange(self, desired_position: float) -> RobotSample:
+        self.now_ns = (self.now_ns // MS + 1) * MS
+        self.made += 1
+        return self.robot.exchange(desired_position)
+
+
+@pytest.mark.parametrize("side", ["follower", "shadow"])
+def test_a_loop_keeps_its_pace_with_a_driver_that_waits_for_its_cycle_also_after_a_delay(
+    monkeypatch: pytest.MonkeyPatch, side: str
+) -> None:
+    robot = Bus()
+    monkeypatch.setattr(loop_timer.time, "monotonic_ns", lambda: robot.now_ns)
+    monkeypatch.setattr(loop_timer.time, "sleep", lambda seconds: None)
+    monkeypatch.setattr(loop_timer, "wakes_late_ns", lambda: 0)
+
+    class Timer(LoopTimer):
+        """The loop's own, by the robot's clock; a step takes 0.3 ms, and one of them 40."""
+
+        def __init__(self, period: float) -> None:
+            super().__init__(period)
+            self.ticks = 0
+
+        def wait(self) -> tuple[int, int]:
+            self.ticks += 1
+            robot.now_ns += 40 * MS if self.ticks == 100 else 300_000
+            robot.now_ns = max(robot.now_ns, self._deadline_ns + self._period_ns if self._deadline_ns else 1)
+            return super().wait()
+
+    run: Any = {"follower": run_follower, "shadow": shadow.run_shadow}[side]
+    monkeypatch.setattr(live if side == "follower" else shadow, "LoopTimer", Timer)
+    monkeypatch.setattr(live if side == "follower" else shadow, "link_counts", lambda *_: {})
+    link, said = Spoken(lambda now: 0.001), list[str]()
+    options: dict[str, Any] = {"stop": StopFlag(), "say": said.append, "description": {}, "duration": 1.0}
+    run(link, robot, SessionSettings(material="hunt-crossley"), **options)
+    assert len(link.telemetry) >= 950  # of 1000; 40 are gone in one delay
+    assert abs(len(link.telemetry) - robot.made) <= 1
+
+
+# --- too few ticks ----------------------------------------------------------------------------------------------------
+
+
+def test_a_rate_is_judged_over_five_hundred_ticks_and_does_not_flicker() -> None:
+    rate = TickRate()
+    assert not any(rate.update(MS) for _ in range(1000))
+    slow = [rate.update(round(1e9 / 499)) for _ in range(2 * WINDOW)]
+    assert WINDOW - 5 <= slow.index(True) <= WINDOW
+    assert all(slow[WINDOW:])
+    assert all(rate.update(round(1e9 / 590)) for _ in range(3 * WINDOW))  # above the limit, and below the way back
+    back = [rate.update(round(1e9 / 610)) for _ in range(2 * WINDOW)]
+    assert not any(back[WINDOW:])
+    assert not any(rate.update(round(1e9 / 510)) for _ in range(3 * WINDOW))
+
+
+def test_a_loop_that_collapses_is_too_slow_within_half_a_second_more_and_one_that_stood_still_is_not() -> None:
+    rate = TickRate()
+    period = MS * 1000 // 15
+    ticks = next(count for count in range(1, 100) if rate.update(period))
+    assert ticks * period <= 600 * MS
+    rate = TickRate()
+    assert not any(rate.update(LONGEST_NS * 20 if tick == 300 else MS) for tick in range(1000))
+
+
+def test_a_follower_that_is_too_slow_holds_and_says_so_and_then_goes_slowly_back() -> None:
+    lap = Lap(position_delay=0.0, force_delay=0.0)
+    lap.start_leader("anna", 11)
+    lap.run(2.0)
+    assert lap.telemetry[-1].status == Status.FOLLOWING
+    slow = [lap.following.rate.update(3 * MS) for _ in range(WINDOW)]
+    assert slow[-1]
+    said = lap.run(0.05)
+    assert {telemetry.status for telemetry in said[1:]} == {Status.TOO_SLOW}
+    assert max(telemetry.desired_position for telemetry in said[10:]) <= said[9].desired_position + 1e-6
+    assert follower_news(lap.following) == f"the robot {STATUS_SENTENCES[Status.TOO_SLOW]}"
+    assert str(LEAST_RATE) in STATUS_SENTENCES[Status.TOO_SLOW]
+    lap.run(0.6)
+    assert lap.telemetry[-1].status in (Status.RETURNING, Status.FOLLOWING)
+    lap.stop = "somebody shouted"
+    for _ in range(WINDOW):
+        lap.following.rate.update(3 * MS)
+    assert lap.run(0.01)[-1].status == Status.STOPPED  # what is more urgent is said and done
+
+
+# --- the check of a plug-in -------------------------------------------------------------------------------------------
+
+
+def timed(monkeypatch: pytest.MonkeyPatch, robot: Bus) -> bool | None:
+    """The finding of the exchange time, by the robot's clock."""
+
+    def now() -> float:
+        robot.now_ns += 1000  # looking at the clock takes a microsecond
+        return robot.now_ns * 1e-9
+
+    monkeypatch.setattr(time, "perf_counter", now)
+    (finding,) = [one for one in check_robot(lambda: robot) if one.check == "exchange time"]
+    return finding.passed
+
+
+def test_a_driver_that_waits_for_its_cycle_is_fine(monkeypatch: pytest.MonkeyPatch) -> None:
+    class Late(Bus):
+        """Wakes up to 20 us after the cycle, as every process does."""
+
+        def exchange(self, desired_position: float) -> RobotSample:
+            sample = super().exchange(desired_position)
+            self.now_ns += 20_000 * (self.made % 2)
+            return sample
+
+    assert timed(monkeypatch, Late()) is True
+
+
+@pytest.mark.parametrize("lasts_ns", [1_050_000, 1_500_000])
+def test_one_that_works_for_longer_than_a_cycle_is_too_slow(monkeypatch: pytest.MonkeyPatch, lasts_ns: int) -> None:
+    class Slow(Bus):
+        def exchange(self, desired_position: float) -> RobotSample:
+            self.now_ns += lasts_ns
+            return self.robot.exchange(desired_position)
+
+    assert timed(monkeypatch, Slow()) is False
+
+
+@pytest.mark.parametrize("cycles", [2, 2.5])
+def test_one_that_waits_for_more_than_a_cycle_is_too_slow(monkeypatch: pytest.MonkeyPatch, cycles: float) -> None:
+    class Slow(Bus):
+        def exchange(self, desired_position: float) -> RobotSample:
+            self.now_ns = math.floor(self.now_ns / (cycles * MS) + 1) * round(cycles * MS)
+            return self.robot.exchange(desired_position)
+
+    assert timed(monkeypatch, Slow()) is False
+
+
+@pytest.mark.live
+def test_a_driver_that_really_waits_for_its_cycle_keeps_the_pace_of_the_machine() -> None:
+    """Ticks a second with it and without it, one after the other on the same machine: it was a fiftieth."""
+
+    class Waiting(Bus):
+        waits = True
+
+        def exchange(self, desired_position: float) -> RobotSample:
+            if self.waits:
+                end = (time.monotonic_ns() // MS + 1) * MS
+                time.sleep(max(end - time.monotonic_ns() - 80_000, 0) * 1e-9)
+                while time.monotonic_ns() < end:
+                    pass
+            return self.robot.exchange(desired_position)
+
+    def ticks(waits: bool) -> int:
+        robot = Waiting()
+        robot.waits = waits
+        link: Any = Spoken(lambda now: 0.001)
+        options: dict[str, Any] = {"stop": StopFlag(), "say": lambda line: None, "description": {}, "duration": 1.5}
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(live, "link_counts", lambda *_: {})
+            run_follower(link, robot, SessionSettings(material="hunt-crossley"), **options)
+        return len(link.telemetry)
+
+    assert ticks(True) > ticks(False) / 5
