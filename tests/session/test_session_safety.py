@@ -16,6 +16,13 @@ from foretouch.messages import STATUS_SENTENCES, Status
 from foretouch.session.motion_limits import MotionLimits
 from foretouch.session.safety import Safety, SafetyLimits
 
+
+def begun(jerk: float = JERK) -> MotionLimits:
+    limits = MotionLimits(SPEED, ACCELERATION, jerk, TICK)
+    limits.begin(0.0)
+    return limits
+
+
 places = st.floats(-0.05, 0.1) | st.sampled_from((math.nan, math.inf, -math.inf, 1e300))
 
 
@@ -24,8 +31,8 @@ places = st.floats(-0.05, 0.1) | st.sampled_from((math.nan, math.inf, -math.inf,
     st.lists(st.tuples(places, st.integers(1, 80), st.sampled_from(("step", "noise", "ramp"))), min_size=1, max_size=8)
 )
 def test_no_stream_breaks_a_limit_of_motion(parts: list[tuple[float, int, str]]) -> None:
-    limits, numbers = MotionLimits(SPEED, ACCELERATION, JERK, TICK), random.Random(1)
-    path = [limits.update(0.0)]
+    limits, numbers = begun(), random.Random(1)
+    path = [0.0]
     for place, ticks, kind in parts:
         for tick in range(ticks):
             wanted = {"step": place, "noise": place + numbers.gauss(0.0, 1e-3), "ramp": place * (tick + 1) / ticks}[
@@ -36,14 +43,14 @@ def test_no_stream_breaks_a_limit_of_motion(parts: list[tuple[float, int, str]])
 
 
 def test_what_is_within_the_limits_passes_as_it_is_after_a_moment() -> None:
-    limits = MotionLimits(SPEED, ACCELERATION, JERK, TICK)
+    limits = begun()
     stream = [0.01 * (1.0 - math.cos(2.0 * math.pi * tick * TICK)) for tick in range(2000)]
     path = [limits.update(place) for place in stream]
     assert path[200:] == pytest.approx(stream[200:], abs=1e-9)
 
 
 def test_a_step_is_reached_without_overshoot() -> None:
-    limits = MotionLimits(SPEED, ACCELERATION, JERK, TICK)
+    limits = begun()
     path = [limits.update(0.0)] + [limits.update(0.02) for _ in range(400)]
     kept(path)
     assert max(path) <= 0.02 + 2e-6
@@ -51,7 +58,7 @@ def test_a_step_is_reached_without_overshoot() -> None:
 
 
 def test_a_speed_for_one_way_brakes_what_is_faster() -> None:
-    limits = MotionLimits(SPEED, ACCELERATION, JERK, TICK)
+    limits = begun()
     path = [limits.update(0.0)] + [limits.update(1.0) for _ in range(60)]
     path += [limits.update(1.0, 0.03) for _ in range(60)]
     kept(path)

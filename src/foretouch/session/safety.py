@@ -11,7 +11,7 @@ from foretouch.messages import Status
 from foretouch.models.checks import require
 from foretouch.models.impact_bound import impact_impedance
 from foretouch.session.force_guard import ForceGuard
-from foretouch.session.motion_limits import MotionLimits
+from foretouch.session.motion_limits import POSITION, VELOCITY, MotionLimits
 from foretouch.session.proven_way import ProvenWay
 
 __all__ = ["REST_FORCE", "Safety", "SafetyLimits"]
@@ -123,7 +123,10 @@ class Safety:
 
        Clipping the force alone would come too late: an impact peaks within milliseconds.
     5. **Depth and workspace.**
-    6. **Speed, acceleration, jerk** (`MotionLimits`).
+    6. **Speed, acceleration, jerk** (`MotionLimits`), from where the robot is in the first tick, at rest.
+
+    On a surface in space the first five are reckoned along its normal, and the last once that is a place again: see
+    `in_space`.
 
     It never raises; a command that is no number counts as none.
 
@@ -138,20 +141,32 @@ class Safety:
             the way that it came.
     """
 
-    __slots__ = ("_keep", "_memory", "_motion", "_proven", "pressing", "status", "stop_reason")
+    __slots__ = (
+        "_kernel",
+        "_keep",
+        "_limits",
+        "_memory",
+        "_motion",
+        "_path",
+        "_proven",
+        "pressing",
+        "status",
+        "stop_reason",
+    )
 
     def __init__(self, limits: SafetyLimits, sample_period: float) -> None:
         # Imported here: it brings a compiler along, and imports the numbers above.
         from foretouch.session import safety_kernel as kernel
 
-        self._keep = kernel.keep_safe
+        self._kernel, self._keep = kernel, kernel.keep_safe
         self._memory = np.zeros(kernel.SIZE)
         ForceGuard(self._memory[kernel.GUARD : kernel.MOTION])
         self._proven = ProvenWay(self._memory[kernel.WAY :])
-        path = self._memory[kernel.MOTION : kernel.WAY]
-        self._motion = MotionLimits(limits.speed, limits.acceleration, limits.jerk, sample_period, path=path)
-        self._memory[kernel.AIM] = math.nan
-        self._memory[kernel.CAME] = math.nan
+        self._path = self._memory[kernel.MOTION : kernel.WAY]
+        self._limits = limits.speed, limits.acceleration, limits.jerk, sample_period
+        self._motion = MotionLimits(*self._limits, path=self._path)
+        self._memory[kernel.AIM] = self._memory[kernel.CAME] = math.nan
+        self._memory[kernel.NEAREST] = -math.inf
         self._memory[kernel.NEW] = 1.0  # it has not followed yet: nothing leads from anywhere
         self._memory[kernel.IMPEDANCE] = impact_impedance(STIFFEST, MOST_DAMPED, limits.mass, REACTION)
         self._memory[kernel.FORCE : kernel.PERIOD] = (
@@ -170,6 +185,36 @@ class Safety:
         self.stop_reason = ""
         self.pressing = False
 
+    def in_space(self) -> MotionLimits:
+        """Leave the last rule to who brings the aim into space: its limits, for places there.
+
+        From then on `update` returns the aim, and `went` is told in each tick what came of it.
+        """
+        self._memory[self._kernel.IN_SPACE] = 1.0
+        self._motion = MotionLimits(*self._limits)
+        return self._motion
+
+    @property
+    def fastest(self) -> float:
+        """Speed at which the robot may go deeper now, negative where it has to go back [m/s]."""
+        return float(self._memory[self._kernel.FASTEST])
+
+    @property
+    def shifted(self) -> float:
+        """By how far the aim was set elsewhere in the newest tick [m], not positive: no motion of it."""
+        return float(self._memory[self._kernel.SHIFTED])
+
+    def went(self, position: float, velocity: float, nearest: float) -> None:
+        """In space: where the robot was told to be.
+
+        Args:
+            position: Along the normal that the aim is on [m].
+            velocity: Towards the surface [m/s].
+            nearest: Where that place itself is against the surface [m].
+        """
+        self._path[POSITION], self._path[VELOCITY] = position, velocity
+        self._memory[self._kernel.NEAREST] = nearest
+
     def stop(self, reason: str) -> None:
         """Emergency stop: latches; the first reason stays."""
         self.stop_reason = self.stop_reason or reason or "no reason given"
@@ -181,7 +226,7 @@ class Safety:
             velocity: Of the robot [m/s].
             force: That it feels [N].
         """
-        still = abs(self._motion.velocity) <= REST_SPEED and abs(velocity) <= SEEN_AT_REST
+        still = self._motion.speed <= REST_SPEED and abs(velocity) <= SEEN_AT_REST
         if not (still and abs(force) <= REST_FORCE):
             return False
         self.stop_reason = ""
@@ -205,7 +250,7 @@ class Safety:
         surface_doubt: float = math.inf,
         doubtful: bool = False,
     ) -> float:
-        """One tick: the position for the robot [m].
+        """One tick: the position for the robot, in space the aim [m]; no number before it is known where the robot is.
 
         Args:
             desired: What the commands say [m].

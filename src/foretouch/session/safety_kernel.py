@@ -15,7 +15,7 @@ from foretouch.session.force_guard_kernel import SIZE as GUARD_SIZE
 from foretouch.session.force_guard_kernel import allowed_speed, observe
 from foretouch.session.motion_limits import POSITION
 from foretouch.session.motion_limits_kernel import SIZE as MOTION_SIZE
-from foretouch.session.motion_limits_kernel import limited
+from foretouch.session.motion_limits_kernel import begin, limited
 from foretouch.session.proven_way import CELL, CELLS
 from foretouch.session.proven_way_kernel import SIZE as WAY_SIZE
 from foretouch.session.proven_way_kernel import observe_way, proven_force, proven_speed
@@ -32,7 +32,23 @@ from foretouch.session.safety import (
     UNLOADED,
 )
 
-__all__ = ["AIM", "CAME", "FORCE", "GUARD", "IMPEDANCE", "MOTION", "NEW", "PERIOD", "SIZE", "WAY", "keep_safe"]
+__all__ = [
+    "AIM",
+    "CAME",
+    "FASTEST",
+    "FORCE",
+    "GUARD",
+    "IMPEDANCE",
+    "IN_SPACE",
+    "MOTION",
+    "NEAREST",
+    "NEW",
+    "PERIOD",
+    "SHIFTED",
+    "SIZE",
+    "WAY",
+    "keep_safe",
+]
 
 Array = NDArray[np.float64]
 
@@ -50,11 +66,19 @@ HOLD_AFTER, UNLOAD_AFTER, RETREATS = 13, 14, 15
 PERIOD, IMPEDANCE = 16, 17
 """T [s], and Z [N s/m]."""
 
-GUARD = 18
+IN_SPACE, NEAREST = 18, 19
+"""Whether the aim is brought into space, and the motion limited there; and where the place that the robot was told
+there is against the surface [m], which on a curved one is not quite the aim."""
+
+FASTEST, SHIFTED = 20, 21
+"""What the motion limits are told beside the aim: how fast it may go deeper, negative where it has to go back [m/s],
+and by how far the aim was set elsewhere [m]."""
+
+GUARD = 22
 """From here on the numbers of its `ForceGuard`."""
 
 MOTION = GUARD + GUARD_SIZE
-"""And of its `MotionLimits`."""
+"""And of its `MotionLimits`; in space the position and velocity in it are those along the normal."""
 
 WAY = MOTION + MOTION_SIZE
 """And of its `ProvenWay`."""
@@ -84,11 +108,18 @@ def _decide(memory: Array, stopped: bool, silence: float, faulty: bool) -> int:
 _decided = compiled(_decide)
 
 
+@compiled
+def _ahead(memory: Array) -> float:
+    """How far in it is to be, or in space is told to be, against the surface [m]."""
+    return float(max(memory[AIM], memory[NEAREST]))
+
+
 def _fastest(memory: Array, status: int, position: float, surface: float, surface_doubt: float) -> float:
     """How fast it may go deeper, negative where it has to go back [m/s]."""
     guard, aimed = memory[GUARD:MOTION], AIMED * memory[FORCE]
     if status < HOLDING:
-        untouched = not memory[AIM] < surface - surface_doubt and proven_speed(memory[WAY:], memory[AIM], aimed) == 0.0
+        ahead = _ahead(memory)
+        untouched = not ahead < surface - surface_doubt and proven_speed(memory[WAY:], ahead, aimed) == 0.0
         inwards = max(allowed_speed(guard, aimed, MOST_DAMPED if untouched else 0.0), -memory[SPEED])
         inwards = min(inwards, _towards(memory, surface - surface_doubt))
         return float(min(inwards, memory[RETURN_SPEED]) if memory[RETURNING] != 0.0 else inwards)
@@ -111,7 +142,7 @@ _is_inside = compiled(_inside)
 
 def _approach(memory: Array, free: float) -> float:
     """How fast it may come to what may be there [m/s], up to some place [m] through air that is known to be free."""
-    way, ceiling, felt, aim = memory[WAY:], memory[FORCE], memory[GUARD + FELT], memory[AIM]
+    way, ceiling, felt, aim = memory[WAY:], memory[FORCE], memory[GUARD + FELT], _ahead(memory)
     if not (math.isfinite(felt) and abs(aim) < 1e6):
         return 0.0
     late = 0.5 * memory[ACCELERATION] * BRAKING_DELAY
@@ -207,11 +238,12 @@ def _keep_safe(
         doubtful: Whether the force is being judged.
 
     Returns:
-        The position for the robot [m], what was done (a `Status`), and whether it presses.
+        The position for the robot, in space the aim [m], what was done (a `Status`), and whether it presses.
     """
     motion = memory[MOTION:WAY]
-    if math.isnan(memory[AIM]):
-        memory[AIM] = position - START_BACK if math.isfinite(position) else desired
+    if math.isnan(motion[POSITION]) and math.isfinite(position):
+        memory[AIM] = position - START_BACK
+        begin(motion, memory[AIM], 0.0, 0.0)
     _sees(memory, position, force, in_contact, faulty)
     status = _decided(memory, stopped, silence, faulty)
     fastest = _fastest_now(memory, status, position, surface, surface_doubt)
@@ -230,7 +262,8 @@ def _keep_safe(
     if guarded and status == FOLLOWING:
         status = GUARDED
     memory[AIM] = _clipped(memory, aim, surface)
-    told = limited(motion, memory[AIM], max(fastest, 0.0), shifted)
+    memory[FASTEST], memory[SHIFTED] = fastest, shifted
+    told = memory[AIM] if memory[IN_SPACE] != 0.0 else limited(motion, memory[AIM], max(fastest, 0.0), shifted)
     presses = not abs(force) <= REST_FORCE if not faulty else math.isnan(memory[CAME]) or _is_inside(memory)
     return told, status, presses
 
