@@ -6,7 +6,7 @@ export PYTHON
 unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
-.PHONY: help setup system teleop test test-interpreted check test-long soak sweep bench bench-check bench-baseline docs gallery screenshots lock clean
+.PHONY: help setup system teleop test test-interpreted check mark-earlier test-long attack soak sweep bench bench-check bench-baseline docs gallery screenshots lock clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -21,11 +21,15 @@ system:  ## install the system packages that the browser and camera tests need (
 teleop: setup  ## the main job: leader, follower, console and recorder (options: make teleop ARGS="--headless --duration 20")
 	@$(BIN)/foretouch teleop $(ARGS)
 
-check: setup  ## lint, types, import rules
+check: setup  ## lint, types, import rules; and whether every measured table says of which code it is
 	@$(BIN)/ruff check .
 	@$(BIN)/ruff format --check .
 	@$(BIN)/mypy
 	@$(BIN)/lint-imports
+	@$(BIN)/python docs/measured_blocks.py
+
+mark-earlier: setup  ## write onto the pages which of their measured tables are of earlier code
+	@$(BIN)/python docs/measured_blocks.py --mark
 
 # Laws, estimators, the contact map, rendering and steps, where their tests take seconds with nothing compiled.
 INTERPRETED := $(addprefix tests/models/test_models_,$(addsuffix .py,catching_up contact_map contact_map_wire laws \
@@ -52,6 +56,9 @@ test-interpreted: setup  ## laws, estimators, rendering and steps with nothing c
 
 test-long: setup system  ## what takes longer, every make target among it
 	@$(BIN)/pytest -m long $(ARGS)
+
+attack: setup  ## try to get in, to take control, and to break it with words and files, on loopback, in some minutes
+	@failed=0; for script in tests/attack/attack_*.py; do $(BIN)/python $$script || failed=1; done; exit $$failed
 
 soak: setup  ## hours: a recorder of ten hours of session at 1 kHz, and its memory; an hour of faults (FIRE_MINUTES)
 	@$(BIN)/pytest -m soak -s $(ARGS)

@@ -1,7 +1,7 @@
 """Compare what is rendered from models with both baselines, and write what came out into `docs/baselines.md`.
 
 Usage: `.venv/bin/python docs/compare_baselines.py [TABLE ...]`, without names for all tables. The figures go into the
-blocks between `<!-- measured: TABLE -->` and `<!-- end -->`. All tables take about ten minutes.
+blocks of these names. All tables take about ten minutes.
 """
 
 from __future__ import annotations

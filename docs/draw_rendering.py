@@ -31,7 +31,7 @@ def hand(time: float) -> float:
 
 def run() -> np.ndarray:
     """Time, wanted, mediated and rendered force, energy, and its bound, a row a tick."""
-    renderer, rows = Renderer(DeviceSpecification()), []
+    renderer, rows = Renderer(DeviceSpecification(damping=2.0)), []
     renderer.engage(hand(0.0), hand(0.0))
     for tick in range(3000):
         if tick in CHANGES:

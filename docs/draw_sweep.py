@@ -1,7 +1,7 @@
 """Write what came of a sweep into `docs/sweep.md`, and draw its plots again.
 
 Usage: `.venv/bin/python docs/draw_sweep.py [FOLDER]`, after `make sweep`; without a folder `out/sweep`. The table goes
-between `<!-- measured: totals -->` and `<!-- end -->`, the images to `docs/images`.
+into the block `totals`, the images to `docs/images`. Of a sweep that other code has run the page says so.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from measured_blocks import fill
 
 from foretouch.sweep import figures, summary
 from foretouch.sweep.curves import AXES, said_of_crossovers
-from foretouch.sweep.store import FILE_NAME, read_store
+from foretouch.sweep.store import FILE_NAME, code_digest, read_store
 from foretouch.sweep.summary import TOTALS, said
 
 PAGE = Path(__file__).parent / "sweep.md"
@@ -41,7 +41,7 @@ def main(folder: Path) -> None:
     ran = f"--sessions {content['ours']['sessions']} --baselines {compared} --duration {header.duration_s:g}"
     intro = f"`foretouch sweep {ran} --seed {header.seed}`, foretouch {header.version}:"
     block = "\n".join([intro, "", *lines, "", *(f"- {sentence}" for sentence in told)]).rstrip()
-    fill(PAGE, {"totals": block + "\n"})
+    fill(PAGE, {"totals": block + "\n"}, current=header.code == code_digest())
     names = ("round-trip", "model-rate", "model-age")
     drawn = {f"sweep-{name}": figures.error_figure(rows, axis) for name, axis in zip(names, AXES, strict=True)}
     drawn["sweep-stability"] = figures.condition_figure(rows)

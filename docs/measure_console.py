@@ -2,11 +2,11 @@
 
 `foretouch teleop` with a console runs once. In each round, one after another: nobody looks; the browser is stopped
 (SIGSTOP) while it is sent pictures; its tab has been closed while the handle was held; a browser draws and a mouse
-presses. Printed is what leader and follower measured of themselves in these stretches, from the recording: the median
-over the rounds, and from which to which. The browser that draws does so in software on the machine of the session, with
-the lowest priority (nice 19).
+presses. Printed, and written into `docs/console.md`, is what leader and follower measured of themselves in these
+stretches, from the recording: the median over the rounds, and from which to which. The browser that draws does so in
+software on the machine of the session, with the lowest priority (nice 19).
 
-Usage: `.venv/bin/python docs/measure_console.py [SECONDS of a stretch] [ROUNDS]`.
+Usage: `.venv/bin/python docs/measure_console.py [SECONDS of a stretch] [ROUNDS]`; 10 and 5 without.
 """
 
 from __future__ import annotations
@@ -25,6 +25,7 @@ from typing import Any
 import numpy as np
 
 ROOT = Path(__file__).resolve().parents[1]
+PAGE = ROOT / "docs" / "console.md"
 sys.path.insert(0, str(ROOT / "tests" / "console"))  # the mouse and the browser are the tests' own
 
 from console_driver import held_handle, open_page, take_handle  # noqa: E402
@@ -47,10 +48,14 @@ Key = tuple[str, str]
 
 
 def main(seconds: float, rounds: int) -> None:
-    """Print the table."""
+    """Print the table and fill the page."""
+    from measured_blocks import fill  # notes which code this is, and the tests that use this script need no notes
+
     measured = measure(RUNS, seconds, rounds)
-    print(f"{rounds} rounds of {seconds:g} s each; period between ticks [ms], median over the rounds and range")
-    print(f"{'stretch':28}{'side':10}{'50 %':>8}{'99 %':>8}{'range':>14}{'late':>9}{'range':>16}")
+    lines = [
+        f"{rounds} rounds of {seconds:g} s each; period between ticks [ms], median over the rounds and range",
+        f"{'stretch':28}{'side':10}{'50 %':>8}{'99 %':>8}{'range':>14}{'late':>9}{'range':>16}",
+    ]
     for (name, side), of_rounds in measured.items():
         (median, most, late), least, largest = (
             np.median(of_rounds, axis=0),
@@ -58,7 +63,10 @@ def main(seconds: float, rounds: int) -> None:
             of_rounds.max(axis=0),
         )
         mosts, lates = (f"{least[i]:.2f} to {largest[i]:.2f}" for i in (1, 2))
-        print(f"{name:28}{side:10}{median:8.3f}{most:8.2f}{mosts:>14}{late:7.2f} %{lates:>14} %")
+        lines.append(f"{name:28}{side:10}{median:8.3f}{most:8.2f}{mosts:>14}{late:7.2f} %{lates:>14} %")
+    text = "\n".join(lines)
+    print(text)
+    fill(PAGE, {"console": f"```text\n{text}\n```\n"})
 
 
 def measure(runs: dict[str, Callable[[Printed, float], Stretch]], seconds: float, rounds: int) -> dict[Key, np.ndarray]:

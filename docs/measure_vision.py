@@ -1,13 +1,16 @@
-"""Measure how well images and contacts find the fixture: the tables of `docs/rooms/vision.md`.
+"""Measure how well images and contacts find the fixture: the table of `docs/rooms/vision.md`.
 
-Usage: `.venv/bin/python docs/measure_vision.py [POSES]`; 200 poses take less than a minute.
+Usage: `.venv/bin/python docs/measure_vision.py [POSES]`; 200 poses, of which the page has its figures, take less than a
+minute. Fewer are printed and not written.
 """
 
 from __future__ import annotations
 
 import sys
+from pathlib import Path
 
 import numpy as np
+from measured_blocks import fill
 
 from foretouch.quantities import Pose
 from foretouch.robot import CameraScene
@@ -24,6 +27,8 @@ from foretouch.vision import (
     make_board_image,
 )
 
+PAGE = Path(__file__).parent / "rooms" / "vision.md"
+POSES = 200
 BOARD = Board()
 CAMERA = CameraModel(640, 480, 610.0, 610.0, k1=-0.15, k2=0.03, p1=5e-4, p2=-5e-4)
 LOOK = Pose(np.diag([1.0, -1.0, -1.0]), np.array([0.0, 0.0, 0.35]))
@@ -38,16 +43,16 @@ def tilted(random: np.random.Generator) -> Pose:
     return Pose.from_rotation_vector(tilt, [*random.uniform(-0.02, 0.02, 2), random.uniform(-0.05, 0.1)]) @ turn
 
 
-def row(name: str, errors: list[np.ndarray], scores: list[float], missed: int) -> None:
-    """Print one row: errors are twists on the right of the true pose."""
+def row(name: str, errors: list[np.ndarray], scores: list[float], missed: int) -> str:
+    """One row: errors are twists on the right of the true pose."""
     distance = 1e3 * np.linalg.norm([error[:3] for error in errors], axis=1)
     angle = np.degrees(np.linalg.norm([error[3:] for error in errors], axis=1))
     middle = f"{np.median(distance):.2f} / {np.percentile(distance, 95):.2f}"
     turned = f"{np.median(angle):.2f} / {np.percentile(angle, 95):.2f}"
-    print(f"| {name} | {len(errors)} | {missed} | {middle} | {turned} | {np.mean(scores):.1f} |", flush=True)
+    return f"| {name} | {len(errors)} | {missed} | {middle} | {turned} | {np.mean(scores):.1f} |"
 
 
-def images(scene: CameraScene, lens: Lens, poses: int, shift: float, quality: int | None) -> None:
+def images(scene: CameraScene, lens: Lens, poses: int, shift: float, quality: int | None) -> str:
     """Single images of random poses."""
     random, errors, scores = np.random.default_rng(1), [], []
     detector, camera = BoardDetector(BOARD, CAMERA, corner_shift=shift), FaultyCamera(quality=quality)
@@ -58,10 +63,10 @@ def images(scene: CameraScene, lens: Lens, poses: int, shift: float, quality: in
             error = (seen.pose.inverse() @ LOOK.inverse() @ fixture).log()
             errors.append(error)
             scores.append(error @ np.linalg.solve(seen.covariance, error))
-    row(f"one image, shift {shift:g} pixel, JPEG {quality or 'off'}", errors, scores, poses - len(errors))
+    return row(f"one image, shift {shift:g} pixel, JPEG {quality or 'off'}", errors, scores, poses - len(errors))
 
 
-def fused(scene: CameraScene, lens: Lens, poses: int, contacts: int) -> None:
+def fused(scene: CameraScene, lens: Lens, poses: int, contacts: int) -> str:
     """One second of images of a displaced fixture, exposed 0.1 s before they come, and some contacts."""
     random, errors, scores, missed = np.random.default_rng(2), [], [], 0
     detector, camera = BoardDetector(BOARD, CAMERA), FaultyCamera()
@@ -84,21 +89,25 @@ def fused(scene: CameraScene, lens: Lens, poses: int, contacts: int) -> None:
         error = (state.pose.inverse() @ fixture).log()
         errors.append(error)
         scores.append(error @ np.linalg.solve(state.pose_covariance, error))
-    row(f"30 images and {contacts} contacts", errors, scores, missed)
+    return row(f"30 images and {contacts} contacts", errors, scores, missed)
 
 
 def main() -> None:
-    """Print the tables."""
-    poses = int(sys.argv[1]) if len(sys.argv) > 1 else 200
+    """Print the table and fill the page."""
+    poses = int(sys.argv[1]) if len(sys.argv) > 1 else POSES
     lens = Lens(CAMERA)
     scene = CameraScene(make_board_image(BOARD), BOARD.size, LOOK, vertical=lens.field_of_view)
-    print("| what | poses | images without a pose | mm, median / 95 % | degrees, median / 95 % | mean NEES of 6 |")
-    print("|---|---|---|---|---|---|")
+    head = "| what | poses | images without a pose | mm, median / 95 % | degrees, median / 95 % | mean NEES of 6 |"
+    lines = [head, "|---|---|---|---|---|---|"]
     for shift, quality in ((0.0, None), (0.17, None), (0.17, 80), (0.17, 40)):
-        images(scene, lens, poses, shift, quality)
+        lines.append(images(scene, lens, poses, shift, quality))
     for contacts in (0, 3, 5):
-        fused(scene, lens, max(10, poses // 5), contacts)
+        lines.append(fused(scene, lens, max(10, poses // 5), contacts))
     scene.close()
+    text = "\n".join(lines) + "\n"
+    print(text)
+    if poses == POSES:
+        fill(PAGE, {"vision": text})
 
 
 if __name__ == "__main__":

@@ -13,6 +13,7 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from foretouch.cli.app import app
+from foretouch.cli.sides import _leader_name
 from foretouch.errors import ForetouchError, LinkError, SettingError
 from foretouch.link import KeyFolder
 
@@ -164,3 +165,18 @@ def test_an_insecure_session_says_so_on_every_screen(tmp_path: Path) -> None:
     assert "INSECURE: nothing is encrypted and nobody is checked" in said["follower"]
     assert "INSECURE" not in said["recorder"]  # its own endpoints are on this machine
     assert "INSECURE: nothing was encrypted and nobody was checked" in good("report", tmp_path / "s.mcap").stdout
+
+
+def test_a_folder_that_was_open_to_others_is_said(folder: Path) -> None:
+    folder.mkdir(mode=0o755)
+    folder.chmod(0o755)
+    assert f"{folder}: others could look into it; it has mode 700 now" in good("keys", "init").stderr
+    assert stat.S_IMODE(folder.stat().st_mode) == 0o700
+
+
+def test_with_keys_a_leader_has_its_certificate_s_name() -> None:
+    assert _leader_name("anna", "") == "anna"
+    assert "@" in _leader_name(None, "")
+    assert _leader_name(None, "leader.anna") == _leader_name("leader.anna", "leader.anna") == "leader.anna"
+    with pytest.raises(SettingError, match="name = 'bob': cannot be given with keys"):
+        _leader_name("bob", "leader.anna")

@@ -10,7 +10,7 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from foretouch.cli.app import app
-from foretouch.cli.options import SESSION_PANELS
+from foretouch.cli.options import SESSION_PANELS, make_folder
 from foretouch.errors import ForetouchError
 
 REPORT_KEYS = {
@@ -123,7 +123,7 @@ def test_without_the_measured_hand_the_script_presses_and_says_so(
         (("simulate", "--duration", "inf"), "duration = inf: must be finite and above 0 s"),
         (("simulate", "--position-delay", "-0.1"), "position_delay = -0.1: must lie between 0 and 10 s"),
         (("simulate", "--loss", "3"), "loss = 3.0"),
-        (("simulate", "--recording", "/proc/no/s.mcap"), "folder = '/proc/no': cannot be written"),
+        (("simulate", "--recording", "/proc/no/s.mcap"), "folder = '/proc/no': is not there: mkdir -p /proc/no"),
         (("simulate", "--recording", "s.csv"), "recording = 's.csv': must end with .mcap"),
         (("simulate", "--report", "/proc/no"), "folder = '/proc/no': cannot be written"),
         (("simulate", "--seed", "-1"), "seed = -1: must be finite and at least 0"),
@@ -133,7 +133,7 @@ def test_without_the_measured_hand_the_script_presses_and_says_so(
         ),
         (
             ("simulate", "--grip", "soft", "--device-damping", "0"),
-            "device_damping = 0.0: must be at least 0.0005 N s/m with a grip",
+            "device_damping = 0.0: must be at least 0.001 N s/m with a grip",
         ),
         (
             ("simulate", "--device-friction", "-1"),
@@ -141,7 +141,7 @@ def test_without_the_measured_hand_the_script_presses_and_says_so(
         ),
         (
             ("simulate", "--largest-stiffness", "4001"),
-            "damping at 1000 Hz carries at most 2 b / T = 4000 N/m",
+            "delay at 1000 Hz carries at most b / (T / 2 + d) = 2000 N/m",
         ),
         (
             ("simulate", "--grip", "soft", "--device-resolution", "1e-4", "--largest-stiffness", "2001"),
@@ -159,7 +159,7 @@ def test_without_the_measured_hand_the_script_presses_and_says_so(
             ("simulate", "--guarded-force", "0.2"),
             "guarded_force = 0.2: must lie between 0.5 and 15 N: sensor noise",
         ),
-        (("simulate", "--grip", "soft", "--device-damping", "1e-9"), "device_damping = 1e-09: must be at least 0.0005"),
+        (("simulate", "--grip", "soft", "--device-damping", "1e-9"), "device_damping = 1e-09: must be at least 0.001"),
         (("simulate", "--device-resolution", "0.01"), "device_resolution = 0.01: must be finite and at least 0 and at"),
         (("simulate", "--largest-stiffness", "-1"), "largest_stiffness = -1.0: must be finite and at least 0"),
         (
@@ -184,7 +184,7 @@ def test_without_the_measured_hand_the_script_presses_and_says_so(
         (("simulate", "--loss", "0.7", "--burst", "2"), "take at most 0.666, or burst = 1 for independent losses"),
         (
             ("teleop", "--grip", "soft", "--device-damping", "0"),
-            "device_damping = 0.0: must be at least 0.0005 N s/m with a grip",
+            "device_damping = 0.0: must be at least 0.001 N s/m with a grip",
         ),
         (("teleop", "--port", "70000"), "port = 70000: must be 0 to 65535"),
         (("teleop", "--material", "jelly"), "unknown material 'jelly'"),
@@ -227,3 +227,34 @@ def test_lists_are_printed() -> None:
     assert "tue/a-foam" in run("datasets", "list").stdout
     assert json.loads(run("datasets", "list", "--json").stdout)["tue/a-foam"]["kind"] == "foam"
     assert json.loads(run("materials", "list", "--json").stdout).keys() >= {"foam-measured", "kelvin-voigt"}
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        ("teleop", "--headless", "--duration", 1, "--recording", "no/such/s.mcap"),
+        ("record", "no/such/s.mcap", "--connect", "tcp/127.0.0.1:1"),
+        ("simulate", "--duration", 1, "--recording", "no/such/s.mcap"),
+        ("simulate", "--duration", 1, "--report", "no/such/report"),
+        ("teleop", "--headless", "--duration", 1, "--report", "no/such/report"),
+    ],
+    ids=lambda command: f"{command[0]} {command[-2]}",
+)
+def test_no_folder_is_made_where_none_was_asked_for(command: tuple[object, ...], tmp_path: Path) -> None:
+    arguments = [str(tmp_path / word) if str(word).startswith("no/") else str(word) for word in command]
+    result = CliRunner().invoke(app, arguments)
+    assert isinstance(result.exception, ForetouchError)
+    assert "\n" not in str(result.exception)
+    assert f"{tmp_path}/no/such" in str(result.exception)
+    assert not list(tmp_path.iterdir())
+
+
+def test_folders_for_results_are_made_below_the_one_that_one_stands_in(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    make_folder(Path("out/of/three"))
+    make_folder(tmp_path / "out" / "beside" / "two")
+    assert (tmp_path / "out/of/three").is_dir()
+    with pytest.raises(ForetouchError, match=r"there is no .*nowhere that it could be made in"):
+        make_folder(Path(f"../{tmp_path.name}-nowhere/out"))

@@ -228,6 +228,15 @@ def kelvin_voigt() -> comparison.Result:
     return result
 
 
+def test_simulated_cases_of_a_seed_are_the_recordings_of_that_seed() -> None:
+    chosen, others = comparison.simulated_cases(), comparison.simulated_cases(101)
+    assert [case.name for case in others] == [case.name for case in chosen] == list(comparison.SIMULATED)
+    tapping = next(case for case in others if case.name == "tapping")
+    expected = comparison.simulate("tapping", seed=101).recording
+    np.testing.assert_array_equal(load(tapping).recording.force, expected.force)
+    assert not np.array_equal(load(comparison.simulated_case("tapping")).recording.force, expected.force)
+
+
 def test_the_true_law_is_found_and_its_errors_are_small(kelvin_voigt: comparison.Result) -> None:
     assert kelvin_voigt.status == "ok"
     errors = {name: found.error for name, found in kelvin_voigt.parameter_errors.items()}

@@ -207,9 +207,12 @@ def test_the_round_trip_is_the_age_of_the_motion_that_the_newest_answer_is_of():
 def test_energy_and_rendered_force_stand_at_their_ticks():
     history = History()
     for i in range(1, 500):
-        state = msgspec.structs.replace(leader(i, 2.0), rendered_force=1.5, energy=i * 1e-3, energy_bound=1e-6)
+        state = msgspec.structs.replace(
+            leader(i, 2.0), rendered_force=1.5, late_energy=-2e-3, energy=i * 1e-3, energy_bound=1e-6
+        )
         history.add_leader(state)
     window = history.window(points=1000)
     np.testing.assert_allclose(np.diff(window.energy), 1e-3)
     assert (window.energy_bound == 1e-6).all()
+    assert (window.late_energy == -2e-3).all()
     assert (window.rendered == 1.5).all()

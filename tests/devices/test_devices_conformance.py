@@ -42,7 +42,7 @@ DEVICES: dict[str, Callable[[], Device]] = {
 }
 
 
-FINE = DeviceSpecification(resolution=1e-9)
+FINE = DeviceSpecification(damping=2.0, resolution=1e-9)
 """Its counts are so small that second differences of what it shows are still accelerations."""
 
 

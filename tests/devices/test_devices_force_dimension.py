@@ -11,13 +11,14 @@ from collections.abc import Iterator
 import pytest
 
 from foretouch.devices import DeviceSpecification
-from foretouch.devices.force_dimension import FAILURES, WATCHDOG_TICKS, ForceDimension
+from foretouch.devices.force_dimension import FAILURES, PATIENCE, WATCHDOG_TICKS, ForceDimension
+from foretouch.devices.specification import LEAST_DAMPING
 from foretouch.errors import SettingError
 from foretouch.session import SessionSettings
 from foretouch.session.conformance.device_checks import check_device
 from foretouch.session.conformance.finding import failed
 from foretouch.session.leader import start
-from foretouch.session.operators import felt_device, require_simulated_time
+from foretouch.session.operators import felt_device, make_operator, require_simulated_time
 
 
 class Binding:
@@ -77,7 +78,7 @@ def binding() -> Binding:
 
 @pytest.fixture
 def device(binding: Binding) -> Iterator[ForceDimension]:
-    made = ForceDimension(binding, DeviceSpecification(force_limit=8.0))
+    made = ForceDimension(binding, DeviceSpecification(damping=2.0, force_limit=8.0))
     yield made
     made.close()
 
@@ -108,30 +109,32 @@ def test_the_limit_is_kept_here_and_in_the_sdk(binding: Binding, device: ForceDi
     assert binding.force[2] == 0.0
 
 
-def test_a_device_that_is_unplugged_holds_and_gives_no_force(binding: Binding, device: ForceDimension) -> None:
+def test_a_device_that_is_unplugged_shows_no_position_and_gives_no_force(
+    binding: Binding, device: ForceDimension
+) -> None:
     binding.place[2] = 0.03
     assert device.read(0) == pytest.approx(0.02)
     device.render(3.0)
     binding.answer = -1
     binding.place[2] = -5.0
     for tick in range(FAILURES - 1):
-        assert device.read(tick) == pytest.approx(0.02)
+        assert math.isnan(device.read(tick))  # who renders is told that nobody knows
         assert not device.dead
     assert device.render(3.0) == 3.0  # one read that failed is no reason to let a hand fall
-    assert device.read(100) == pytest.approx(0.02)
+    assert math.isnan(device.read(100))
     assert device.dead
     assert binding.force[2] == 0.0
     assert device.render(3.0) == 0.0
     assert binding.force[2] == 0.0
     binding.answer = 0  # it is back, elsewhere: it stays dead until it is opened anew
-    assert device.read(200) == pytest.approx(0.02)
+    assert math.isnan(device.read(200))
     assert device.render(3.0) == 0.0
 
 
 def test_what_is_no_number_is_a_read_that_failed(binding: Binding, device: ForceDimension) -> None:
     device.read(0)
     binding.place = [math.nan] * 3
-    assert device.read(1) == 0.0
+    assert math.isnan(device.read(1))
     binding.place = [0.0, 0.0, 0.04]
     assert device.read(2) == pytest.approx(0.01)
 
@@ -153,9 +156,13 @@ def test_where_nobody_renders_any_more_the_force_ends(binding: Binding, device: 
 
 def test_the_devices_own_watchdog_is_set() -> None:
     asked: list[tuple[int, int]] = []
-    device = ForceDimension(Binding(), watchdog=lambda ticks, number: asked.append((ticks, number)))
-    device.close()
-    assert asked == [(WATCHDOG_TICKS, 3)]
+    ends = {}
+    for answer in (0, -1):
+        device = ForceDimension(Binding(), watchdog=lambda *told, says=answer: (asked.append(told), says)[1])
+        device.close()
+        ends[answer] = device.specification.watchdog
+    assert asked == [(WATCHDOG_TICKS, 3)] * 2
+    assert ends == {0: 0.02, -1: 2.0 * PATIENCE}  # where the device has none, it is the driver's own
     assert pytest.approx(0.02) == WATCHDOG_TICKS * 125e-6
     assert WATCHDOG_TICKS < 256  # it is given in one byte
 
@@ -216,6 +223,23 @@ def test_a_leader_renders_what_the_device_carries_and_guards_its_first_touch(dev
     with pytest.raises(SettingError, match="needs real time: foretouch teleop"):
         require_simulated_time(device)
     assert device.render(1.0) == 0.0  # it was closed
+
+
+def test_a_damping_that_nobody_states_is_the_least_and_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    opened: list[DeviceSpecification] = []
+
+    def open_one(specification: DeviceSpecification) -> ForceDimension:
+        opened.append(specification)
+        return ForceDimension(Binding(), specification)
+
+    monkeypatch.setattr("foretouch.devices.force_dimension.open_force_dimension", open_one)
+    for stated, damping, lines in ((None, LEAST_DAMPING, 1), (1.5, 1.5, 0)):
+        said: list[str] = []
+        settings = SessionSettings(operator="force-dimension", device_damping=stated)
+        make_operator(settings, surface=math.nan, press_depth=math.nan, say=said.append).close()
+        assert opened[-1].damping == damping
+        assert len(said) == lines
+        assert all("0.1 N s/m is taken" in line and "100 N/m" in line for line in said)
 
 
 def test_without_the_sdk_the_command_ends_with_one_line() -> None:

@@ -90,7 +90,7 @@ class Along(Device):
 
 
 def test_each_axis_of_a_hand_is_the_hand_along_a_line() -> None:
-    device = DeviceSpecification()
+    device = DeviceSpecification(damping=2.0)
     hand = SpatialHand(PalpatingOperator(PATH, HERE), GRIPS["normal"], device)
     lines = [Hand(Along(PalpatingOperator(PATH, HERE), axis), GRIPS["normal"], device) for axis in range(3)]
     for tick in range(1200):
@@ -103,7 +103,7 @@ def test_each_axis_of_a_hand_is_the_hand_along_a_line() -> None:
 
 
 def test_a_hand_gives_no_more_than_its_device() -> None:
-    device = DeviceSpecification(force_limit=2.0, friction=0.0)
+    device = DeviceSpecification(damping=2.0, force_limit=2.0, friction=0.0)
     still = PalpatingOperator([(0.0, (0.0, 0.0, 0.0)), (100.0, (0.0, 0.0, 0.0))], HERE)
     hand = SpatialHand(still, GRIPS["normal"], device)
     for force, expected in (((30.0, 40.0, 0.0), (1.2, 1.6, 0.0)), ((math.nan, 0.0, 0.0), (0.0, 0.0, 0.0))):
@@ -113,6 +113,6 @@ def test_a_hand_gives_no_more_than_its_device() -> None:
 
 
 def test_a_hand_in_a_hand_is_refused() -> None:
-    hand = SpatialHand(PalpatingOperator(PATH, HERE), GRIPS["soft"], DeviceSpecification())
+    hand = SpatialHand(PalpatingOperator(PATH, HERE), GRIPS["soft"], DeviceSpecification(damping=2.0))
     with pytest.raises(SettingError, match="open loop"):
-        SpatialHand(hand, GRIPS["soft"], DeviceSpecification())
+        SpatialHand(hand, GRIPS["soft"], DeviceSpecification(damping=2.0))

@@ -221,6 +221,7 @@ def samples(tmp_path_factory: pytest.TempPathFactory) -> Path:
     run(["calibrate", "sensor", str(folder / "poses.csv"), "--output", str(folder / "sensor.toml")])
     run(["simulate", "--duration", "2.5", "--material", "hunt-crossley", "--recording", str(folder / "session.mcap")])
     # In this process: workers that are kept would look for the files of later tests in the folder of this one.
+    (folder / "out").mkdir(exist_ok=True)
     run(two_short_sessions(["sweep", "--jobs", "1", "--out", str(folder / "out" / "sweep")]))
     return folder
 

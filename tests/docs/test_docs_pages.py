@@ -133,8 +133,9 @@ def test_every_status_is_listed() -> None:
 def results() -> dict[str, dict[str, str]]:
     """The table of what is reached: file to its columns by their heads."""
     text = (ROOT / "docs" / "results.md").read_text()
-    table = text.split("<!-- measured: reach -->")[1].split("<!-- end -->")[0]
-    lines = [[cell.strip() for cell in line.strip().strip("|").split("|")] for line in table.strip().splitlines()]
+    table = re.split(r"<!-- measured: reach of \w+ -->", text)[1].split("<!-- end -->")[0]
+    rows = [line for line in table.splitlines() if line.startswith("|")]
+    lines = [[cell.strip() for cell in line.strip("|").split("|")] for line in rows]
     return {row[0].strip("`"): dict(zip(lines[0], row, strict=True)) for row in lines[2:]}
 
 

@@ -79,7 +79,13 @@ def sample(name: str) -> Message:
     info = msgspec.inspect.type_info(kind)
     assert isinstance(info, msgspec.inspect.StructType)
     fields = {field.name: defaults[type(field.type)] for field in info.fields if field.name != "record"}
-    return kind(**fields | {"version": VERSION, "sequence": MARK})  # type: ignore[arg-type]
+    said = fields | {"version": VERSION, "sequence": MARK}
+    return kind(**said | ({"role": "recorder"} if name == "hello" else {}))  # type: ignore[arg-type]
+
+
+def hello_of(role: str) -> Message:
+    """What somebody with a certificate of this role says hello with: a watcher is a recorder, for example."""
+    return msgspec.structs.replace(sample("hello"), role="recorder" if role == "watcher" else role)
 
 
 def say_everything(session: Any) -> None:
@@ -87,6 +93,7 @@ def say_everything(session: Any) -> None:
     for name in CHANNELS:
         session.put(f"foretouch/{name}", encode(sample(name)))
     for role in ROLES:
-        session.put(f"foretouch/hello/{role}", encode(msgspec.structs.replace(sample("hello"), role=role)))
+        session.put(f"foretouch/hello/{role}", encode(hello_of(role)))
+        session.put(f"foretouch/command/{role}", encode(msgspec.structs.replace(sample("command"), holder=role)))
     session.put("foretouch/command/more", b"x")
     session.put("elsewhere", b"x")

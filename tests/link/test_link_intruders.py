@@ -16,7 +16,7 @@ from typing import Any
 
 import msgspec
 import pytest
-from intruders import MARK, intruder, listen, sample, say_everything
+from intruders import MARK, hello_of, intruder, listen, sample, say_everything
 
 from foretouch.errors import LinkError
 from foretouch.link import ROLES, Credentials, Identity, KeyFolder, ZenohLink, access_list, free_endpoint, may_publish
@@ -26,6 +26,7 @@ from foretouch.messages import CHANNELS, VERSION, Command, EmergencyStop, Hello,
 
 pytest.importorskip("cryptography")
 NOW = datetime.now(UTC)
+COMMAND = Command(VERSION, 1, 1, 0.001, 0, holder="leader")
 TELEMETRY = msgspec.structs.replace(sample("telemetry"), sequence=1)
 
 
@@ -77,13 +78,13 @@ def marked(receiver: ZenohLink) -> set[str]:
 def test_the_access_list_denies_what_it_does_not_name() -> None:
     made: Any = access_list(ROLES, ["command", "stop"])
     assert (made["enabled"], made["default_permission"]) == (True, "deny")
-    ingress = {rule["id"]: rule["key_exprs"] for rule in made["rules"] if "put" in rule["messages"]}
-    assert ingress["leader"] == ["foretouch/command", "foretouch/stop"]
+    ingress = {rule["id"]: rule["key_exprs"] for rule in made["rules"] if rule["id"] in ROLES}
+    assert ingress["leader"] == ["foretouch/command/leader", "foretouch/stop"]
     assert ingress["follower"] == ingress["watcher"] == ["foretouch/stop"]
     assert all(rule["permission"] == "allow" for rule in made["rules"])
     assert {message for rule in made["rules"] for message in rule["messages"]} == {"put", "declare_subscriber"}
     wide = {key for rule in made["rules"] for key in rule["key_exprs"] if "*" in key}
-    assert wide == {"foretouch/hello/*"}
+    assert wide == {"foretouch/hello/*", "foretouch/command/*"}
     assert not any("*" in key for keys in ingress.values() for key in keys)
 
 
@@ -112,6 +113,7 @@ def test_no_peer_speaks_in_another_s_name(ours: KeyFolder, role: str) -> None:
         intruder(connect=endpoint, identity=here[role], trusts=authority) as session,
     ):
         said: set[str] = set()
+        own = hello_of(role).role  # type: ignore[attr-defined]
 
         def turn() -> set[str]:
             say_everything(session)
@@ -122,11 +124,45 @@ def test_no_peer_speaks_in_another_s_name(ours: KeyFolder, role: str) -> None:
         for _ in range(20):
             turn()
             for claimed in ROLES:
-                forged = msgspec.structs.replace(sample("hello"), role=claimed)
-                session.put(f"foretouch/hello/{role}", encode(forged))
+                session.put(f"foretouch/hello/{role}", encode(hello_of(claimed)))
             time.sleep(0.01)
-        assert said == {role}
+        assert said == {own}
         assert receiver.undecodable > 0
+
+
+@pytest.mark.live
+def test_nobody_commands_in_another_s_name(ours: KeyFolder) -> None:
+    """Another leader's certificate: it hears name and epoch of who holds control, and they are of no use to it."""
+    endpoint = free_endpoint("tls")
+    authority, here, allowed = ours.read()
+    if "leader.bob" not in allowed:
+        ours.issue("leader", "bob", NOW)
+        authority, here, allowed = ours.read()
+    true = msgspec.structs.replace(COMMAND, epoch=77)
+    with (
+        link(load("follower", ours.path), listen=[endpoint], subscribe=["command"]) as follower,
+        intruder(connect=endpoint, identity=here["leader.bob"], trusts=authority) as bob,
+        link(load("leader", ours.path), connect=[endpoint]) as leader,
+    ):
+        assert leader.name == "leader"
+        arrived: list[Command] = []
+
+        def turn() -> list[Command]:
+            leader.publish(true)
+            forged = msgspec.structs.replace(true, sequence=MARK)
+            own = msgspec.structs.replace(forged, holder="leader.bob")
+            for key in ("command", "command/leader", "command/leader.bob", "command/follower", "command/x"):
+                bob.put(f"foretouch/{key}", encode(forged))
+                bob.put(f"foretouch/{key}", encode(own))
+            arrived.extend(message for _, message in follower.take("command"))
+            return arrived
+
+        until(lambda: {one.holder for one in turn()} == {"leader", "leader.bob"})
+        for _ in range(50):
+            turn()
+            time.sleep(0.01)
+        assert {(one.holder, one.sequence == MARK) for one in arrived} == {("leader", False), ("leader.bob", True)}
+        assert follower.undecodable > 0, "what came under bob's own key in another's name"
 
 
 def test_who_may_say_what() -> None:
@@ -148,7 +184,7 @@ def lap(ours: KeyFolder) -> Iterator[tuple[str, Callable[[], int]]]:
 
     def turn() -> int:
         nonlocal arrived
-        leader.publish(Command(VERSION, 1, 1, 0.001, 0))
+        leader.publish(COMMAND)
         follower.publish(TELEMETRY)
         arrived += len(follower.take("command"))
         return arrived
@@ -281,7 +317,7 @@ def test_a_leader_takes_nothing_from_a_false_follower(who: str, ours: KeyFolder,
         for _ in range(40):
             for name in ("model", "telemetry", "leader"):
                 session.put(f"foretouch/{name}", b"x")
-            leader.publish(Command(VERSION, 1, 1, 0.001, 0))
+            leader.publish(COMMAND)
             time.sleep(0.02)
         assert leader.undecodable == 0
         assert not any(leader.take(name) for name in leader.inboxes)

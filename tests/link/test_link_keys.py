@@ -97,6 +97,22 @@ def test_a_folder_that_others_may_write_is_refused(keys: KeyFolder) -> None:
         load_credentials("leader", keys.path, now=NOW)
 
 
+def test_a_folder_that_others_may_look_into_is_tightened_when_keys_are_made(tmp_path: Path) -> None:
+    for mode, tightened in ((0o755, True), (0o750, True), (0o711, True), (0o700, False)):
+        keys = KeyFolder(tmp_path / f"{mode:o}")
+        keys.path.mkdir()
+        keys.path.chmod(mode)
+        keys.init(NOW)
+        assert stat.S_IMODE(keys.path.stat().st_mode) == 0o700
+        assert keys.tightened is tightened
+    others = KeyFolder(tmp_path / "others")
+    others.path.mkdir()
+    others.path.chmod(0o777)
+    with pytest.raises(SettingError, match="can be written by others: chmod 700"):
+        others.init(NOW)
+    assert stat.S_IMODE(others.path.stat().st_mode) == 0o777
+
+
 def test_the_end_is_warned_of_thirty_days_before_and_then_refused(keys: KeyFolder) -> None:
     end = keys.issue("leader", "", NOW).expires
 

@@ -6,11 +6,24 @@ import socket
 import time
 from collections.abc import Callable
 
+import msgspec
 import pytest
+from intruders import intruder
 
 from foretouch.errors import LinkError, PeerVersionError
 from foretouch.link import ZenohLink, check_endpoint, free_endpoint
-from foretouch.messages import VERSION, Command, Message, Stop
+from foretouch.link.zenoh_link import PATIENCE
+from foretouch.messages import (
+    CHANNELS,
+    LARGEST_MESSAGE,
+    VERSION,
+    Command,
+    Hello,
+    Message,
+    ModelUpdate,
+    Stop,
+    encode,
+)
 
 pytestmark = pytest.mark.live
 
@@ -51,27 +64,95 @@ def test_a_link_waits_for_a_peer_that_comes_later() -> None:
 
 
 def test_what_does_not_decode_is_counted_and_dropped() -> None:
-    import zenoh
-
     endpoint = free_endpoint()
-    config = zenoh.Config()
-    for key, value in {
-        "mode": '"peer"',
-        "connect/endpoints": f'["{endpoint}"]',
-        "scouting/multicast/enabled": "false",
-        "transport/unicast/lowlatency": "true",
-        "transport/unicast/qos/enabled": "false",
-    }.items():
-        config.insert_json5(key, value)
-    with ZenohLink(listen=[endpoint], subscribe=["stop"]) as link, zenoh.open(config) as stranger:
+    with ZenohLink(listen=[endpoint], subscribe=["stop", "hello"]) as link, intruder(connect=endpoint) as stranger:
         until(lambda: stranger.put("foretouch/stop", b"garbage") or link.undecodable)
-        assert link.version_error is None
+        assert link.foreign == 0
         other = Stop(VERSION + 1, 1, 1, "from the future")
-        from foretouch.messages import encode
-
-        until(lambda: stranger.put("foretouch/stop", encode(other)) or link.version_error)
-        assert isinstance(link.version_error, PeerVersionError)
+        until(lambda: stranger.put("foretouch/stop", encode(other)) or link.foreign)
         assert not link.take("stop")
+
+
+def test_a_stranger_of_another_version_is_counted_and_ends_nothing() -> None:
+    """Two bytes count as another version; so does an old recorder, on its own key, and a side that spoke too late."""
+    endpoint = free_endpoint()
+    with ZenohLink(listen=[endpoint], subscribe=["hello"]) as link, intruder(connect=endpoint) as stranger:
+        strangers = [b"\x91\x07", encode(Hello(VERSION + 1, 1, 1, "recorder", (), ())), b"\x94\x07\x01\x01\x07"]
+        end = time.monotonic() + PATIENCE + 0.5
+        while time.monotonic() < end:
+            for said in strangers:
+                stranger.put("foretouch/hello", said)
+            time.sleep(0.02)
+        assert link.foreign > 30
+        assert link.other_version() is None
+        until(
+            lambda: (
+                stranger.put("foretouch/hello", encode(Hello(VERSION, 1, 1, "leader", (), ()))) or link.take("hello")
+            )
+        )
+        forged = encode(Hello(VERSION + 1, 1, 1, "leader", (), ()))
+        foreign, end = link.foreign, time.monotonic() + PATIENCE + 0.5
+        while time.monotonic() < end:
+            stranger.put("foretouch/hello", forged)
+            time.sleep(0.02)
+        assert link.foreign > foreign
+        assert link.other_version() is None
+
+
+def test_a_side_of_another_version_is_told_of_once_nobody_else_has_spoken() -> None:
+    endpoint = free_endpoint()
+    with ZenohLink(listen=[endpoint], subscribe=["hello"]) as link, intruder(connect=endpoint) as old:
+        hello = encode(Hello(VERSION + 1, 1, 1, "follower", (), ()))
+        until(lambda: old.put("foretouch/hello", hello) or link.foreign)
+        assert link.other_version({"follower"}) is None, "a moment is left for the true one to speak"
+        until(lambda: link.other_version({"follower"}))
+        assert isinstance(link.other_version(), PeerVersionError)
+        assert link.other_version({"leader"}) is None
+
+
+@pytest.mark.parametrize("size", [LARGEST_MESSAGE - 5, LARGEST_MESSAGE])
+def test_what_is_as_large_as_allowed_arrives(size: int) -> None:
+    endpoint = free_endpoint()
+    message = update_of(size)
+    with ZenohLink(listen=[endpoint], subscribe=["model"]) as near, ZenohLink(connect=[endpoint]) as far:
+        until(lambda: far.publish(message) or near.inboxes["model"])
+        near.take("model")
+        arrived: list[Message] = []
+        until(lambda: far.publish(message) or arrived.extend(m for _, m in near.take("model")) or len(arrived) >= 20)
+        assert arrived[0] == message
+        assert len(encode(message)) == size
+        assert (far.unsent, far.too_large, near.undecodable) == (0, "", 0)
+
+
+def test_what_is_too_large_is_said_at_the_sender() -> None:
+    endpoint = free_endpoint()
+    with ZenohLink(listen=[endpoint], subscribe=["model"]) as near, ZenohLink(connect=[endpoint]) as far:
+        until(lambda: far.publish(update_of(100)) or near.take("model"))
+        for size in (LARGEST_MESSAGE + 1, 60_000, 100_000):
+            far.publish(update_of(size))
+        assert far.unsent == 3
+        assert far.too_large == (
+            f"a ModelUpdate of {LARGEST_MESSAGE + 1} bytes was not sent: at most {LARGEST_MESSAGE} go over the network"
+        )
+        until(lambda: far.publish(update_of(100)) or near.take("model"))  # the connection is none the worse
+
+
+def update_of(size: int) -> ModelUpdate:
+    """A model of so many bytes on the wire."""
+    numbers = (0.5,) * max(size // 9 - 60, 0)
+    parts = (numbers[:2000], numbers[2000:4000], numbers[4000:])
+    update = ModelUpdate(VERSION, 1, 1, 0, "x", parts[0], parts[1], 0.0, True, "", "", b"", standard_errors=parts[2])
+    for _ in range(2):  # the head of a longer byte string is longer, too
+        update = msgspec.structs.replace(update, map=b"x" * (len(update.map) + size - len(encode(update))))
+    return update
+
+
+def test_an_inbox_holds_what_comes_in_some_seconds() -> None:
+    """So that a reader that stopped holds no more, however large the messages of a channel are."""
+    with ZenohLink(listen=[free_endpoint()], subscribe=list(CHANNELS)) as link:
+        lengths = {name: inbox.maxlen for name, inbox in link.inboxes.items()}
+    assert lengths["command"] == lengths["telemetry"] == 20_000
+    assert (lengths["model"], lengths["image"], lengths["hello"]) == (1000, 600, 64)
 
 
 def test_a_port_in_use_is_refused_in_one_line() -> None:

@@ -16,11 +16,17 @@ from foretouch.messages import (
     CHANNELS,
     FOLLOWER_DTYPE,
     FOLLOWER_SPACE_DTYPE,
+    LARGEST_MESSAGE,
     LEADER_DTYPE,
     LEADER_SPACE_DTYPE,
+    SPEAKERS,
     VERSION,
+    CameraImage,
     Command,
+    EmergencyStop,
+    FixtureBelief,
     FollowerSpace,
+    Hello,
     LeaderSpace,
     LeaderState,
     Message,
@@ -28,10 +34,14 @@ from foretouch.messages import (
     SessionLog,
     Stop,
     Telemetry,
+    as_printed,
     as_row,
     decode,
     encode,
+    foreign_speaker,
 )
+from foretouch.messages.schema import MOST_TEXTS
+from foretouch.messages.spatial import LARGEST_JPEG
 
 KINDS = [channel.kind for channel in CHANNELS.values()]
 numbers = st.integers(0, 2**63 - 1)
@@ -67,7 +77,70 @@ def messages(kind: type[Message]) -> st.SearchStrategy[Message]:
 
 @given(st.sampled_from(KINDS).flatmap(messages))
 def test_every_message_survives_the_wire(message: Message) -> None:
-    assert decode(encode(message), type(message)) == message
+    assert decode(encode(message), type(message)) == as_printed(message)
+
+
+HOSTILE = "\x1b]0;mine\x07\x1b[2J\r\nfollower: released \u202eDETIUQ\u2066\x9b31m\x7f"
+
+
+def texts_of(message: Message) -> list[str]:
+    values = msgspec.structs.astuple(message)
+    return [
+        text for value in values for text in (value if isinstance(value, tuple) else (value,)) if isinstance(text, str)
+    ]
+
+
+@pytest.mark.parametrize(
+    "message",
+    [
+        EmergencyStop(VERSION, 1, 1, HOSTILE, 5),
+        Stop(VERSION, 1, 1, HOSTILE),
+        Hello(VERSION, 1, 1, "follower", ("trouble", HOSTILE[:60]), (HOSTILE, "foam")),
+        Command(VERSION, 1, 1, 0.01, 0, False, HOSTILE[:60], 3),
+        ModelUpdate(VERSION, 1, 1, 0, HOSTILE, (), (), 0.0, False, HOSTILE, HOSTILE, b""),
+        CameraImage(VERSION, 1, 1, 1, b"", (), (), 0, HOSTILE, ()),
+        FixtureBelief(VERSION, 1, 1, (), (), 0.0, 0, 0, 0, HOSTILE),
+    ],
+)
+def test_control_characters_of_a_peer_are_shown_and_not_done(message: Message) -> None:
+    """ESC, BEL, CR LF, C1 and DEL, and what turns the direction of writing."""
+    arrived = decode(encode(message), type(message))
+    assert all(text.isprintable() for text in texts_of(arrived))
+    assert any(r"\x1b]0;mine\x07\x1b[2J\r\nfollower: released \u202e" in text for text in texts_of(arrived))
+    assert as_printed(arrived) == arrived
+
+
+def test_hellos_of_roles_that_there_are_not_are_refused() -> None:
+    for role in SPEAKERS:
+        assert decode(encode(Hello(VERSION, 1, 1, role, (), ())), Hello).role == role
+    for role in ("", "x", "r17", "leader ", "LEADER", "leader\n", "watcher", "simulation"):
+        with pytest.raises(DecodeError, match="not a Hello"):
+            decode(encode(Hello(VERSION, 1, 1, role, (), ())), Hello)
+
+
+def test_a_hello_is_cut_to_what_a_peer_takes() -> None:
+    said = Hello.of("leader", 1, 1, {f"{i}" + "n" * 100: "v" * 5000 for i in range(20)} | {"material": "foam"})
+    assert decode(encode(said), Hello) == said
+    assert said.texts["material"] == "foam"
+    most = Hello.of("leader", 1, 1, {str(i): "" for i in range(500)})
+    assert len(decode(encode(most), Hello).names) == MOST_TEXTS
+
+
+@pytest.mark.parametrize(
+    "fields", [[], [VERSION + 1], [VERSION + 1, 1, 1], [VERSION + 1, 1, 1, 7], [VERSION + 1, 1, 1, "x"]]
+)
+def test_what_is_no_hello_of_another_version_says_nothing_about_anybody(fields: list[object]) -> None:
+    assert foreign_speaker(msgspec.msgpack.encode(fields)) == ""
+    assert foreign_speaker(msgspec.msgpack.encode([VERSION + 1, 1, 1, "follower", {"more": 1}])) == "follower"
+    assert foreign_speaker(b"\x91\x07") == foreign_speaker(b"garbage") == foreign_speaker(b"") == ""
+
+
+def test_the_largest_image_goes_over_the_network() -> None:
+    image = CameraImage(
+        2**63 - 1, 2**63 - 1, 2**63 - 1, 2**63 - 1, b"x" * LARGEST_JPEG, (1.5,) * 6, (1.5,) * 36, 2**63 - 1,
+        "\U0001f9e4" * 400, (1.5,) * 15, 2**63 - 1,
+    )  # fmt: skip
+    assert len(encode(image)) <= LARGEST_MESSAGE
 
 
 @given(st.binary(max_size=80), st.sampled_from(KINDS))

@@ -154,3 +154,9 @@ def test_who_says_hello_without_end_fills_nothing() -> None:
         hellos.take(hello("leader", str(number), **{COUNT_PREFIX + "sent": "1", "control": f"name {number}"}))
     assert hellos.counts["sent"] < 100
     assert len(hellos.news["control"]) < 100
+    for number in range(1000):
+        told = {f"name {number}": "x", COUNT_PREFIX + f"count {number}": "1"}
+        hellos.take(hello("leader", "", **told))
+        hellos.take(hello(f"role {number}", "", **told))
+    assert len(hellos.settings) < 100
+    assert len(hellos.counts) < 100

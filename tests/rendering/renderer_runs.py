@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 import math
 import sys
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -28,7 +28,6 @@ sys.path.append(str(Path(__file__).parents[1] / "models"))
 from example_maps import example_map, random_flat
 
 TICK = 1e-3
-PHANTOM = 0.05  # contact is lost where neither asked for nor rendered is more [N]
 FARTHEST = 10.0
 NO_DEVICE_LIMIT = 10.0
 SMALLEST_COUNT = 1e-6
@@ -43,9 +42,26 @@ def powers(lowest: float, largest: float) -> st.SearchStrategy[float]:
     return st.floats(lowest, largest).map(lambda exponent: 10.0**exponent)
 
 
+class StifferOut(KelvinVoigt):
+    """A model that gives back more than it takes: twice as stiff for a hand that leaves."""
+
+    def advance(self, state, depth, velocity, sample_period):  # type: ignore[no-untyped-def]
+        state, force, deviation = super().advance(state, depth, velocity, sample_period)
+        return state, force * (2.0 if velocity < 0.0 else 1.0), deviation
+
+
+class OnlyOut(KelvinVoigt):
+    """A model that does not resist, and pushes whoever leaves, before its surface too."""
+
+    def advance(self, state, depth, velocity, sample_period):  # type: ignore[no-untyped-def]
+        return state, (self.stiffness * 1e-3 if velocity < -1e-3 and depth > -0.01 else 0.0), math.nan
+
+
 stiffness, damping = powers(-1.0, 7.0), st.just(0.0) | powers(-2.0, 4.0)
 laws: st.SearchStrategy[ContactModel] = st.one_of(
     st.builds(KelvinVoigt, stiffness, damping),
+    st.builds(StifferOut, stiffness, damping),
+    st.builds(OnlyOut, stiffness, damping),
     st.builds(HuntCrossley, stiffness, damping, st.floats(0.5, 2.5)),
     st.builds(ContinuousSwitching, stiffness, damping, st.floats(0.0, 1.5), st.floats(0.01, 1.0)),
     st.builds(
@@ -122,6 +138,8 @@ renderers = st.fixed_dictionaries(
             damping=st.sampled_from((0.0, 0.5, 2.0, 5.0)),
             force_limit=st.sampled_from((1.0, 10.0, 1000.0)),
             resolution=st.sampled_from((0.0, 1e-6, 1e-5, 3e-4)),
+            delay=st.sampled_from((0.0, 5e-4, 1e-3)),
+            watchdog=st.sampled_from((0.0, 0.02)),
         ),
         "position_scale": st.sampled_from((0.2, 1.0, 3.0)),
         "force_scale": st.sampled_from((0.1, 1.0, 10.0)),
@@ -131,40 +149,57 @@ renderers = st.fixed_dictionaries(
 )
 
 
-@dataclass
+FASTEST_HAND = 2.0
+LONGEST_GAP = 3  # from so many missing positions on the force fades ...
+FADING = 5  # ... in so many ticks
+
+
 class Books:
-    """The energy of the hand, as it is defined, from positions and forces alone."""
+    """The energy of the hand as it is defined: force times motion, summed up over the whole session.
 
-    resolution: float
-    energy: float = 0.0
-    largest_force: float = 0.0
-    largest_step: float = field(init=False)
-    position: float = math.nan
-    force: float = 0.0
+    A force acts from a delay after its position was read, and no longer than the watchdog lets it; between two
+    positions that are read the hand moves evenly. Nothing is ever begun anew.
+    """
 
-    def __post_init__(self) -> None:
-        self.resolution = max(self.resolution, SMALLEST_COUNT)
-        self.largest_step = self.resolution
+    def __init__(self, device: DeviceSpecification | None) -> None:
+        self.count = max(0.0 if device is None else device.resolution, SMALLEST_COUNT)
+        self.delay = 0.0 if device is None else device.delay
+        self.watchdog = math.inf if device is None or not device.watchdog else device.watchdog
+        self.whole = self.late = 0.0
+        self.largest_force, self.largest_step = 0.0, self.count
+        self.position = math.nan
+        self.before = self.force = self.first = self.impulse = self.elapsed = 0.0
 
-    def move(self, position: float) -> None:
+    def move(self, position: float, period: float) -> None:
+        acts = min(period, self.watchdog)
+        if self.elapsed == 0.0:
+            self.first = self.before * self.delay + self.force * (TICK - self.delay)  # in the nominal tick [N s]
+            self.impulse = self.first if acts <= TICK else self.before * self.delay + self.force * (acts - self.delay)
+        else:
+            self.impulse += self.force * acts
+        self.elapsed += period
         if not abs(position) <= FARTHEST:
             return
-        if self.position == self.position:
-            way = position - self.position
-            self.energy += self.force * way
-            if self.force > 0.0:
-                self.largest_step = max(self.largest_step, abs(way) + self.resolution)
-        self.position = position
+        way, time = position - self.position, max(self.elapsed, TICK)
+        self.position, self.elapsed = position, 0.0
+        if math.isnan(way):
+            return
+        velocity = way / time
+        nominal = min(abs(velocity), FASTEST_HAND) * TICK
+        work = math.copysign(nominal, way) * self.first / TICK
+        whole = velocity * self.impulse if time > TICK else way * self.first / TICK
+        self.whole += whole
+        self.late = min(self.late + whole - work, 0.0)
+        if self.first > 0.0:
+            self.largest_step = max(self.largest_step, nominal + self.count)
 
-    def hold(self, force: float, wanted: float) -> None:
-        if force <= PHANTOM and wanted <= PHANTOM:
-            self.energy, self.largest_force, self.largest_step = 0.0, 0.0, self.resolution
-        self.force = force
+    def hold(self, force: float) -> None:
+        self.before, self.force = self.force, force
         self.largest_force = max(self.largest_force, force)
 
     @property
     def bound(self) -> float:
-        return self.largest_force * self.largest_step
+        return (1.0 + 2.0 * self.delay / TICK) * self.largest_force * self.largest_step
 
 
 def fork(renderer: Renderer) -> Renderer:
@@ -189,7 +224,8 @@ class Run:
         self.scale = options.get("force_scale", 1.0)
         self.count = 0.0 if device is None else device.resolution
         self.limit = NO_DEVICE_LIMIT if device is None else min(device.force_limit, NO_DEVICE_LIMIT)
-        self.books = Books(self.count)
+        self.books = Books(device)
+        self.missing = 0
         self.time = self.hand = 0.0
         self.place = math.nan
         self.messages = self.ticks = 0
@@ -216,8 +252,10 @@ class Run:
         """One tick with all promises checked; returns the force [N]."""
         if self.count > 0.0 and math.isfinite(hand):
             hand = self.count * math.floor(hand / self.count + 0.5)
+        if self.books.delay > 0.0:
+            period = max(period, TICK)  # in a tick that comes early the hand is not taken to move evenly
         renderer, self.time = self.renderer, self.time + period
-        engaged, offset = renderer.proxy.engaged, renderer.mediation.offset
+        felt, offset = renderer.proxy.engaged and self.missing < LONGEST_GAP, renderer.mediation.offset
         twin = None
         if arrivals or renderer.predictor.message != self.messages:  # a model begins, or one that waits may
             twin = fork(renderer)
@@ -228,9 +266,9 @@ class Run:
         before, velocity = renderer.mediation.force, renderer.predictor.velocity
         force = renderer.update(self.time, hand, period)
         self._check_leaving(hand, before, velocity)
-        wanted = self.felt(renderer.predictor.force) if renderer.proxy.engaged else 0.0
         self._check_force(force)
-        self._check_energy(hand, force, wanted)
+        self._check_missing(hand, force)
+        self._check_energy(hand, force, period)
         if twin is None:
             former = renderer.predictor.force
         else:
@@ -240,7 +278,7 @@ class Run:
         # At the very surface rounding alone decides whether a law that begins with damping has a force yet.
         if twin is None or abs(twin.predictor.depth) > ROUNDING:
             offset -= renderer.mediation.surplus  # what a leaving hand is spared: `_check_leaving`
-            self._check_step(max((self.felt(former) if engaged else 0.0) + offset, 0.0))
+            self._check_step(max((self.felt(former) if felt else 0.0) + offset, 0.0))
         self.ticks += 1
         return force
 
@@ -261,15 +299,26 @@ class Run:
         assert math.isfinite(force)
         assert 0.0 <= force <= self.limit
 
-    def _check_energy(self, hand: float, force: float, wanted: float) -> None:
+    def _check_missing(self, hand: float, force: float) -> None:
+        """Without a position no force rises, and from the third on it fades to nothing in five ticks."""
+        self.missing = 0 if abs(hand) <= FARTHEST else self.missing + 1
+        if self.missing:
+            assert force <= self.books.force
+        if self.missing >= LONGEST_GAP + FADING - 1:
+            assert force == 0.0
+
+    def _check_energy(self, hand: float, force: float, period: float) -> None:
+        """Over the whole session the hand is given no more than one bound, and what late ticks gave is told."""
         renderer, books = self.renderer, self.books
-        books.move(hand)
-        assert books.energy + books.bound >= -1e-12
-        assert math.isclose(renderer.energy, books.energy, rel_tol=1e-9, abs_tol=1e-12)
+        books.move(hand, period)
+        rounding = 1e-12 * max(1.0, abs(books.whole), self.limit)
+        assert books.whole >= books.late - books.bound - rounding
         assert math.isclose(renderer.energy_bound, books.bound, rel_tol=1e-9, abs_tol=1e-12)
+        assert math.isclose(renderer.late_energy, books.late, rel_tol=1e-9, abs_tol=rounding)
+        assert -renderer.energy_bound - rounding <= renderer.energy <= books.whole - books.late + rounding
         if books.bound > 0.0:
-            self.largest_debt = max(self.largest_debt, -books.energy / books.bound)
-        books.hold(force, wanted)
+            self.largest_debt = max(self.largest_debt, -renderer.energy / books.bound)
+        books.hold(force)
         assert 0.0 <= renderer.share <= 1.0
         self.lowest_share = min(self.lowest_share, renderer.share)
 

@@ -14,7 +14,7 @@ TICK = 1e-3
 
 def renderer(**options: object) -> Renderer:
     """One whose hand is coupled at 0."""
-    made = Renderer(DeviceSpecification(friction=0.0, resolution=0.0), **options)  # type: ignore[arg-type]
+    made = Renderer(DeviceSpecification(damping=2.0, friction=0.0, resolution=0.0), **options)  # type: ignore[arg-type]
     made.engage(0.0, 0.0)
     return made
 
@@ -56,7 +56,7 @@ def test_what_was_dissipated_in_one_contact_pays_for_nothing_in_the_next() -> No
     for _ in range(3):
         walk(made, press, begin)
         begin += press.size
-        assert made.account.energy == 0.0
+        assert made.account.energy <= 0.0
 
 
 def test_a_surface_that_comes_and_goes_takes_the_proxy_along_and_back() -> None:

@@ -16,7 +16,7 @@ from foretouch.models import HuntCrossley, KelvinVoigt
 
 quick = settings(derandomize=True, deadline=None, max_examples=40)
 SOFT, STIFF = KelvinVoigt(100.0, 0.0), KelvinVoigt(1e6, 5.0)
-DEVICE = DeviceSpecification()
+DEVICE = DeviceSpecification(damping=2.0)
 
 
 def part(ticks=30, motion="smooth", size=2e-3, model=STIFF, other=NEVER, surfaces=(0.0, 0.0), **rest):
@@ -37,14 +37,14 @@ def test_no_stream_of_models_and_no_motion_breaks_a_promise(options, session):
 
 @pytest.mark.parametrize("closed", [True, False])
 def test_a_long_wild_run_comes_near_its_bounds_and_never_past_them(closed):
-    """No promise is kept by a distance: energy comes within 5 % of its bound, models change as much as they may."""
+    """No promise is kept by a distance: mediation uses up its half of the bound, models change as much as they may."""
     run, numbers = Run(DEVICE if closed else None), random.Random(3)
     for seed in range(30):
         motion = numbers.choice(("wild", "smooth", "noise", "rest"))
         model, other = numbers.choice(((SOFT, STIFF), (STIFF, None), (HuntCrossley(1e4, 100.0, 1.4), SOFT)))
         surfaces = (numbers.uniform(-2e-3, 0.0), numbers.uniform(-2e-3, 0.0))
         run.play(part(40, motion, 10 ** numbers.uniform(-4, -2), model, other, surfaces), seed)
-    assert 0.95 < run.largest_debt <= 1.0
+    assert 0.5 < run.largest_debt <= 1.0
     assert 0.079 < run.largest_step <= 0.1
 
 

@@ -200,11 +200,11 @@ def test_a_delayed_force_in_an_open_loop_is_given_to_nobody() -> None:
 def test_the_page_shows_hand_and_energy(ours: SessionLog, tmp_path: Path) -> None:
     page = write_page(tmp_path, ours, session_report(ours)).read_text()
     assert "The hand: what it meant" in page
-    assert "Energy account of each contact" in page
+    assert "Energy account of the session" in page
     open_loop = make_session(2.5)
     other = write_page(tmp_path, open_loop, session_report(open_loop)).read_text()
     assert "The hand: what it meant" not in other
-    assert "Energy account of each contact" not in other
+    assert "Energy account of the session" not in other
 
 
 def test_the_rendered_force_is_scored_in_the_robots_newtons(ours: SessionLog) -> None:

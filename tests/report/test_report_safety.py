@@ -52,6 +52,7 @@ def test_a_session_in_which_nothing_happened_says_nothing(quiet: SessionLog) -> 
         "sensor_faults": {},
         "refused_commands": {},
         "control": [],
+        "contests": [],
         "emergency_stops": [],
         "step_failures": 0,
     }

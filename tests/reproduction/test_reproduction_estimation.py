@@ -13,6 +13,7 @@ from scipy.optimize import least_squares
 
 from foretouch.errors import UnknownNameError
 from foretouch.identification import FPRLS, ContactSample, RobustFPRLS
+from foretouch.identification.recursion import PerturbationForm
 from foretouch.models import HuntCrossley, KelvinVoigt, MotionFilter
 from foretouch.reproduction import Section, make_section
 from foretouch.reproduction.arguments import SETS, exponent_effects, stiff_fits, two_stage_errors
@@ -20,11 +21,11 @@ from foretouch.reproduction.choices import BEST, NEAREST, PRINTED, VALUES, Choic
 from foretouch.reproduction.fast import VARIANTS, floor
 from foretouch.reproduction.fast_walk import AHEAD, NOISE, hold, measured_press, taps, walk
 from foretouch.reproduction.fig7c import FIRST, SECOND, covariance_at_steps, log_errors
-from foretouch.reproduction.fig8 import FORGETTING, switching_grid, switching_options
+from foretouch.reproduction.fig8 import FORGETTING, RATES, fprls_grid, switching_grid, switching_options
 from foretouch.reproduction.presses import MATERIALS, Press, Trace, follow, press, true_parameters
 from foretouch.reproduction.questions import QUESTIONS, ordinal, settled_at
 from foretouch.reproduction.search import Search, best_of, noise_shares
-from foretouch.reproduction.threshold import errors_of_threshold
+from foretouch.reproduction.threshold import errors_of_fprls_threshold, errors_of_threshold
 from foretouch.reproduction.trajectories import WAVES
 
 Array = NDArray[np.float64]
@@ -221,16 +222,81 @@ def test_threshold_switching_is_chosen_by_least_squares_in_a_window() -> None:
             assert error[end - 1] == pytest.approx(abs(force - pressed.force[end - 1]), rel=1e-3)
 
 
-def test_no_choice_switches_at_the_198th() -> None:
+def test_least_squares_do_not_switch_at_the_198th() -> None:
     grid = list(switching_grid())
     assert len(grid) == 6 * len(FORGETTING)
     assert not grid[0].iterations
     assert min(switch.distance for switch in grid) > 2.0
-    assert not any(switch.holds for switch in grid)
-    assert not any(switch.iterations for switch in grid if switch.factor > 0.95)
+    assert not any(switch.holds or switch.shock_holds for switch in grid)
+    keeping = {f"forgetting {factor:g}" for factor in FORGETTING if factor > 0.95}
+    assert not any(switch.iterations for switch in grid if switch.choice.split(",")[0] in keeping)
     paper = replace(grid[0], iterations=(198,), shocks=((4.5, 0.0),))
     assert paper.holds
+    assert paper.shock_holds
     assert not replace(paper, back=(210,)).holds
+    assert not replace(paper, shocks=((4.5, 0.6),)).shock_holds
+
+
+def matrices_of_threshold(pressed: Press, rate: float, reset: bool) -> tuple[Array, Array]:
+    """Errors [N] and stiffness of Kelvin-Voigt, both laws by (20) as matrices with a test on each law's own error."""
+    unknowns, covariances = [np.zeros(2), np.zeros(3)], [1e6 * np.eye(2), 1e6 * np.eye(3)]
+    errors, stiffness, last = [], [], pressed.depth[0]
+    for x, v, force in zip(pressed.depth, pressed.velocity, pressed.force, strict=True):
+        mu = 0.95 + 0.05 * math.exp(-rate * abs(x - last))
+        last = x
+        rows = (np.array([x, v]), force), (np.array([1.0, v, math.log(x)]), math.log(force))
+        for index, (phi, target) in enumerate(rows):
+            theta, covariance = unknowns[index], covariances[index]
+            innovation = target - phi @ theta
+            gain = covariance @ phi / (mu + phi @ covariance @ phi)
+            unknowns[index] = theta + gain * innovation
+            covariance = (np.eye(phi.size) - np.outer(gain, phi)) @ covariance / mu
+            enlarged = 1e6 * np.eye(phi.size) * (innovation**2 >= 1.0)
+            covariances[index] = enlarged if reset and enlarged.any() else covariance + enlarged
+        (k, b), (ln_k, relative, n) = unknowns
+        law = k * x + b * v if k >= 4000.0 else math.exp(ln_k) * x**n * (1.0 + relative * v)
+        errors.append(abs(law - force))
+        stiffness.append(k)
+    return np.array(errors), np.array(stiffness)
+
+
+@pytest.mark.parametrize(
+    ("rate", "form", "iteration", "before"),
+    [(2100.0, "add", 200, 4.55), (2300.0, "add", 201, 4.75), (2600.0, "add", 201, 4.52), (2200.0, "reset", 200, 4.48)],
+)
+def test_the_switch_of_fig8_by_fprls(rate: float, form: PerturbationForm, iteration: int, before: float) -> None:
+    pressed = press("continuous")
+    error, stiff = errors_of_fprls_threshold(pressed, rate, form)
+    expected, stiffness = matrices_of_threshold(pressed, rate, form == "reset")
+    assert np.isnan(error[:19]).all()
+    np.testing.assert_array_equal(stiff[19:], stiffness[19:] >= 4000.0)
+    np.testing.assert_allclose(error[19:], expected[19:], atol=2e-3)
+    assert np.flatnonzero(stiff)[0] + 1 == iteration
+    assert stiff[iteration - 1 :].all()
+    assert error[iteration - 2] == pytest.approx(before, abs=0.01)
+    assert error[iteration - 1] < 0.03
+
+
+def test_how_the_switch_of_fig8_depends_on_rho() -> None:
+    printed = dict(zip(RATES, fprls_grid(), strict=False))
+    for rate, switch in printed.items():
+        if 1200.0 <= rate <= 3200.0:
+            assert switch.holds == (rate <= 2100.0), rate
+            assert switch.iterations == ((200,) if rate <= 2100.0 else (201,)), rate
+            assert 4.0 < switch.shocks[0][0] < 5.3, rate
+        else:
+            assert not switch.holds, rate
+            assert not switch.shock_holds, rate
+
+
+def test_what_the_claims_say_of_the_switch() -> None:
+    claims = {claim.claim: claim for claim in section("fig8").claims}
+    switch = claims["Threshold switching goes from Hunt-Crossley to Kelvin-Voigt at the 198th iteration"]
+    shock = claims["The switch is a shock of 4.5 N in the force error"]
+    assert switch.verdict == shock.verdict == "holds under stated choice"
+    assert "rho = 2300 / m, at the 201st" in switch.measured
+    assert "At the 198th itself: none" in switch.measured
+    assert "rho = 2300 / m, from 4.75 to" in shock.measured
 
 
 # Open choices
@@ -417,8 +483,6 @@ def test_verdicts() -> None:
         "Parameters follow the continuous change from Hunt-Crossley to Kelvin-Voigt",
         "Parameters alter between the two limit values: the continuous change ends at Kelvin-Voigt",
         "Continuous switching has a smaller force error than threshold switching at every time",
-        "Threshold switching goes from Hunt-Crossley to Kelvin-Voigt at the 198th iteration",
-        "The switch is a shock of 4.5 N in the force error",
         "The trajectory needs enough sine waves for good convergence",
     }
 

@@ -28,8 +28,8 @@ class Ticks:
 class Spoken:
     """A link on which a leader speaks that is where `place` says [m], or [m, m, m], at a time since the begin [s]."""
 
-    undecodable = unsent = 0
-    version_error = None
+    undecodable = unsent = foreign = 0
+    too_large = ""
 
     def __init__(self, place: Callable[[float], Any]) -> None:
         self.inboxes: dict[str, Any] = collections.defaultdict(collections.deque)

@@ -102,7 +102,7 @@ def test_a_scale_by_which_the_operator_reaches_nothing_is_refused(scale: float, 
 
 def test_a_clutch_at_the_mouse_is_let_go_by_silence() -> None:
     mouse = BrowserOperator(ScriptedOperator(0.01, 0.005))
-    hand = Hand(mouse, GRIPS["normal"], DeviceSpecification())
+    hand = Hand(mouse, GRIPS["normal"], DeviceSpecification(damping=2.0))
     hand.read(0)
     mouse.take(0.0, False, 1_000_000, clutched=True)
     hand.read(1_000_000)

@@ -164,7 +164,7 @@ def test_the_inverse_of_a_frame_undoes_it(frame: Frame) -> None:
 
 def test_the_mouse_is_found_behind_hand_and_frame() -> None:
     mouse = BrowserOperator(ScriptedOperator(0.01, 0.005))
-    hand = Hand(mouse, GRIPS["normal"], DeviceSpecification())
+    hand = Hand(mouse, GRIPS["normal"], DeviceSpecification(damping=2.0))
     for device in (mouse, hand, framed_device(mouse, Frame(0.1, -1)), framed_device(hand, Frame(0.1, -1))):
         assert browser_operator(device) is mouse
     framed = framed_device(hand, Frame(0.1, -1))

@@ -14,7 +14,14 @@ from pressed import ACCELERATION, JERK, SPEED, TICK, Pressed, kept
 from foretouch.errors import SettingError
 from foretouch.messages import STATUS_SENTENCES, Status
 from foretouch.session.motion_limits import MotionLimits
-from foretouch.session.safety import Safety, SafetyLimits, impact_speed
+from foretouch.session.safety import Safety, SafetyLimits
+
+
+def begun(jerk: float = JERK) -> MotionLimits:
+    limits = MotionLimits(SPEED, ACCELERATION, jerk, TICK)
+    limits.begin(0.0)
+    return limits
+
 
 places = st.floats(-0.05, 0.1) | st.sampled_from((math.nan, math.inf, -math.inf, 1e300))
 
@@ -24,8 +31,8 @@ places = st.floats(-0.05, 0.1) | st.sampled_from((math.nan, math.inf, -math.inf,
     st.lists(st.tuples(places, st.integers(1, 80), st.sampled_from(("step", "noise", "ramp"))), min_size=1, max_size=8)
 )
 def test_no_stream_breaks_a_limit_of_motion(parts: list[tuple[float, int, str]]) -> None:
-    limits, numbers = MotionLimits(SPEED, ACCELERATION, JERK, TICK), random.Random(1)
-    path = [limits.update(0.0)]
+    limits, numbers = begun(), random.Random(1)
+    path = [0.0]
     for place, ticks, kind in parts:
         for tick in range(ticks):
             wanted = {"step": place, "noise": place + numbers.gauss(0.0, 1e-3), "ramp": place * (tick + 1) / ticks}[
@@ -36,14 +43,14 @@ def test_no_stream_breaks_a_limit_of_motion(parts: list[tuple[float, int, str]])
 
 
 def test_what_is_within_the_limits_passes_as_it_is_after_a_moment() -> None:
-    limits = MotionLimits(SPEED, ACCELERATION, JERK, TICK)
+    limits = begun()
     stream = [0.01 * (1.0 - math.cos(2.0 * math.pi * tick * TICK)) for tick in range(2000)]
     path = [limits.update(place) for place in stream]
     assert path[200:] == pytest.approx(stream[200:], abs=1e-9)
 
 
 def test_a_step_is_reached_without_overshoot() -> None:
-    limits = MotionLimits(SPEED, ACCELERATION, JERK, TICK)
+    limits = begun()
     path = [limits.update(0.0)] + [limits.update(0.02) for _ in range(400)]
     kept(path)
     assert max(path) <= 0.02 + 2e-6
@@ -51,7 +58,7 @@ def test_a_step_is_reached_without_overshoot() -> None:
 
 
 def test_a_speed_for_one_way_brakes_what_is_faster() -> None:
-    limits = MotionLimits(SPEED, ACCELERATION, JERK, TICK)
+    limits = begun()
     path = [limits.update(0.0)] + [limits.update(1.0) for _ in range(60)]
     path += [limits.update(1.0, 0.03) for _ in range(60)]
     kept(path)
@@ -109,7 +116,7 @@ def test_sensors_that_are_not_trusted_hold_the_robot() -> None:
     deep = pressed.robot.surface + 0.01
     pressed.run(deep, 1.5)
     place = pressed.path[-1]
-    pressed.run(deep + 0.02, 0.5, faulty=True)
+    pressed.run(deep + 0.02, 0.45, faulty=True)
     assert pressed.safety.status is Status.SENSOR_FAULT
     assert pressed.path[-1] == pytest.approx(place, abs=1e-6)
 
@@ -137,9 +144,45 @@ def test_nothing_raises_and_every_path_keeps_its_limits(ticks: list[tuple[float,
     kept(finite)
 
 
-def test_the_speed_of_an_impact_is_that_of_a_mass_on_a_spring() -> None:
-    speed, mass, stiffness = impact_speed(15.0, 0.4, 1e5), 0.4, 1e5
-    assert mass * speed**2 / 2 == pytest.approx(15.0**2 / (2 * stiffness))
+def test_sensors_that_stay_faulty_take_the_robot_out_by_the_way_that_it_came() -> None:
+    """Nobody knows the force then: the way that it was told counts, at the speed of any way back."""
+    for deep in (0.002, 0.01):
+        pressed = Pressed("sponge")
+        pressed.run(pressed.robot.surface + deep, 2.0)
+        before = len(pressed.path)
+        pressed.run(pressed.robot.surface + deep, 0.45, faulty=True)
+        assert np.ptp(pressed.path[before:]) < 1e-5
+        assert pressed.safety.pressing
+        pressed.run(pressed.robot.surface + deep, 0.8, faulty=True)
+        assert pressed.safety.status is Status.SENSOR_FAULT
+        assert pressed.forces[-1] == 0.0
+        assert not pressed.safety.pressing
+        assert pressed.robot.surface - 0.003 < pressed.path[-1], "and no further than it came"
+        assert np.diff(pressed.path[before:]).min() >= -0.07 * TICK, "the path may swing over its speed"
+
+
+def test_an_emergency_stop_goes_back_without_a_force() -> None:
+    """A sensor that shows nothing, and that nobody has found: the way since the contact began is gone back."""
+    pressed = Pressed("bone", force_limit=1000.0)
+    pressed.run(pressed.robot.surface + 0.03, 2.0)
+    assert pressed.forces[-1] > 13.0
+    pressed.safety.stop("a person shouted")
+    for _ in range(200):
+        pressed.sample = pressed.sample._replace(sensor_force=pressed.robot.specification.tool_force(0.0) + 0.3)
+        pressed.run(pressed.robot.surface + 0.03, TICK)
+    assert pressed.forces[-1] == 0.0
+
+
+def test_a_force_that_is_in_doubt_is_not_pressed_towards() -> None:
+    limits = SafetyLimits()
+    for doubtful in (False, True):
+        safety, path = Safety(limits, TICK), []
+        for tick in range(300):
+            told = safety.update(
+                0.01, 0.0, 1.0, True, surface=0.0, silence=0.0, faulty=False, doubtful=doubtful and tick > 50
+            )
+            path.append(told)
+        assert (max(path) - path[60] > 1e-4) is not doubtful
 
 
 def test_every_status_has_a_sentence() -> None:

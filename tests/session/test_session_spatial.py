@@ -545,6 +545,29 @@ def test_a_fixture_that_turns_up_nearer_does_not_jerk_the_hand_that_is_in_it() -
     assert leading.account.energy >= -leading.account.bound
 
 
+def test_a_device_that_gives_no_place_is_given_no_force() -> None:
+    """The hand rubs over a floor with friction; then its device is silent, and is found again somewhere else."""
+    leading = fresh_leader(grip="normal", force_delay=0.0)
+    forces, whole, before, acted = [], 0.0, None, np.zeros(3)
+    for tick in range(1, 1600):
+        there = (2e-6 * tick, 0.0, 2e-3 - 3e-6 * min(tick, 1400))
+        silent = 1500 <= tick < 1520
+        at = [Telemetry(VERSION, tick, 0, 0, *(0.0,) * 6, False, False, 0, 1, 1)] if tick < 3 else []
+        models = [said(0, tick, HERE, friction=(0.4, 0.0, 0.0, 0.0))] if tick >= 3 else []
+        place = (math.nan,) * 3 if silent else there
+        told = leader.Inputs(place, models, at, [space(tick, run=0, desired_z=2e-3)], [], MS, 0)
+        _, outputs = leader.step(leading, told, tick * MS)
+        if before is not None:
+            whole -= float(acted @ (np.array(there) - before))
+        before, acted = np.array(there), np.array(outputs.force)
+        forces.append(np.linalg.norm(acted))
+    assert forces[1497] > 0.5
+    assert forces[1499] == pytest.approx(forces[1498], rel=0.05)
+    assert forces[1505:1519] == [0.0] * 14
+    assert np.diff(forces[1518:]).max() < 0.1
+    assert whole >= leading.account.late_energy - leading.account.bound
+
+
 @pytest.mark.long
 @pytest.mark.parametrize("changes", [{"position_scale": 2.0}, {"force_scale": 0.5}, {"clutch": "6:7,8:9"}])
 def test_scales_and_clutch_work_in_space(changes: dict) -> None:

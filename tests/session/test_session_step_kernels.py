@@ -17,14 +17,16 @@ from foretouch.session import (
     safety_kernel,
 )
 from foretouch.session.force_guard import PATIENCE, SOFTEST, ForceGuard
-from foretouch.session.motion_limits import MotionLimits
+from foretouch.session.motion_limits import UNBOUNDED, MotionLimits
 from foretouch.session.safety import Safety, SafetyLimits
 
 TICK = 1e-3
 KERNELS = (
     force_guard_kernel.observe,
     force_guard_kernel.allowed_speed,
+    motion_limits_kernel.begin,
     motion_limits_kernel.limited,
+    motion_limits_kernel.moved,
     safety_kernel.keep_safe,
     sensor_watch_kernel.look,
 )
@@ -35,6 +37,9 @@ def pressed(seed: int, ticks: int = 1500) -> list[object]:
     numbers, said = random.Random(seed), []
     watch, safety = SensorWatch((-40.0, 40.0)), Safety(SafetyLimits(workspace=(-0.02, 0.05), retreats=True), TICK)
     guard, motion = ForceGuard(), MotionLimits(0.25, 40.0, 1e5, TICK)
+    space = MotionLimits(0.25, 40.0, 1e5, TICK)
+    motion.begin(0.0)
+    space.begin(0.0, 0.0, 0.0)
     place = wanted = offset = silence = 0.0
     for tick in range(ticks):
         trouble = numbers.random()
@@ -54,12 +59,14 @@ def pressed(seed: int, ticks: int = 1500) -> list[object]:
         force = 8e3 * max(place - 0.01, 0.0) + offset + numbers.gauss(0.0, 0.01)
         force = math.nan if numbers.random() < 1e-3 else force + 10.0 * (numbers.random() < 2e-3)
         state = watch.update(tick * TICK, place, force)
-        guard.observe(place, force, force > 0.05, 0.02)
+        guard.observe(place, force, force > 0.05)
         surface = 0.01 if tick > ticks // 3 else math.nan
         told = safety.update(wanted, place, force, force > 0.05, surface=surface, silence=silence, faulty=bool(state))
         path = motion.update(wanted, guard.speed(15.0, 20.0) if tick % 2 else math.inf)
-        said += [int(state), told, int(safety.status), safety.pressing, guard.stiffness, guard.steepest, guard.damping]
-        said += [path, motion.velocity, motion.acceleration]
+        said += [int(state), told, int(safety.status), safety.pressing, guard.stiffness]
+        said += [path, *motion.velocity, *motion.acceleration]
+        bound = (0.6, 0.0, -0.8, max(guard.speed(15.0, 20.0), 0.0))
+        said += space.move((wanted, place, -wanted), (UNBOUNDED, UNBOUNDED, bound), (0.0, 0.0, 1e-6))
         place += 0.3 * (told - place)
     return said
 
@@ -85,8 +92,8 @@ def test_compiled_and_interpreted_are_equal() -> None:
     )
     said = [pressed(seed) for seed in range(4)]
     assert done.stdout.strip() == repr(said)  # the types too: what is sent is of Python's own
-    states = {number for run in said for number in run[::10]}
-    statuses = {number for run in said for number in run[2::10]}
+    states = {number for run in said for number in run[::15]}
+    statuses = {number for run in said for number in run[2::15]}
     assert len(states) > 3
     assert len(statuses) > 4
 
@@ -97,10 +104,12 @@ def test_a_whole_number_compiles_nothing_and_is_the_same() -> None:
     for kind in (int, float):
         safety, watch, guard = Safety(SafetyLimits(), TICK), SensorWatch(), ForceGuard()
         motion, answers = MotionLimits(0.25, 40.0, 1e5, TICK), []
+        motion.begin(kind(0))
         for tick in range(50):
             number = kind(tick // 40)
-            guard.observe(number, number, False, number)
+            guard.observe(number, number, False)
             answers += [watch.update(number, number, number), motion.update(number), guard.speed(number, number)]
+            answers += motion.move((number, number, number))
             told = safety.update(number, number, number, False, surface=number, silence=kind(0), faulty=False)
             answers.append(told)
         said.append(answers)
@@ -114,6 +123,7 @@ def test_two_that_share_an_array_with_others_do_not_disturb_each_other() -> None
     safety, alone = Safety(limits, TICK), MotionLimits(limits.speed, limits.acceleration, limits.jerk, TICK)
     aims = [0.005 * math.sin(tick / 400) for tick in range(2000)]
     told = [safety.update(aim, aim, 0.0, False, surface=0.5, silence=0.0, faulty=False) for aim in aims]
+    alone.begin(0.0)
     reckoned = [alone.update(aim) for aim in aims]
     assert told[400:] == pytest.approx(reckoned[400:], abs=1e-9)
 
@@ -123,5 +133,5 @@ def test_a_guard_that_knows_no_contact_reckons_with_the_softest() -> None:
     assert guard.speed(15.0) == 0.0
     guard.observe(0.0, 1.0, False)
     assert guard.speed(15.0) == pytest.approx(14.0 / (SOFTEST * PATIENCE))
-    assert (guard.stiffness, guard.steepest) == (SOFTEST, 0.0)
-    assert math.isnan(guard.damping)
+    assert guard.stiffness == SOFTEST
+    assert math.isnan(guard.onset)

@@ -49,9 +49,9 @@ def ros2(
     stop = StopFlag().on_signals()
     try:
         with open_link("bridge", endpoints, BRIDGE_CHANNELS) as link:
-            passes_on.run(link, lambda: bool(stop.reason or link.version_error) or orphaned(parent))
-            if link.version_error is not None:
-                raise link.version_error
+            passes_on.run(link, lambda: bool(stop.reason or link.other_version()) or orphaned(parent))
+            if (error := link.other_version()) is not None:
+                raise error
     finally:
         graph.close()
     if json_output:

@@ -30,6 +30,7 @@ def compare(
     simulated: Annotated[
         bool, typer.Option("--simulated", help="On simulated recordings too, whose truth is known.")
     ] = False,
+    seed: Annotated[int, typer.Option(min=0, help="Of the simulated recordings; everything was chosen on seed 0.")] = 0,
     models: Annotated[
         list[str] | None, typer.Option("--models", help="Contact law; may be given more than once. Without it, all.")
     ] = None,
@@ -80,7 +81,7 @@ def compare(
         say_how_it_is_read(path, **units)
         cases.append(comparison.file_case(path, **units))
     if simulated:
-        cases += comparison.simulated_cases()
+        cases += comparison.simulated_cases(seed)
 
     def progress(done: int, total: int, result: comparison.Result) -> None:
         failed = "" if result.status == "ok" else f"  failed: {result.reason}"

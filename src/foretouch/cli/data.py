@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from foretouch.cli.options import Json, make_folder, print_json, say
+from foretouch.cli.options import Json, print_json, require_writable, say
 from foretouch.cli.progress import progress_bar, pulsing
 
 __all__ = ["datasets", "materials"]
@@ -112,7 +112,7 @@ def fit_material(
     pressed = [replace(read_recording(fetch(dataset)), name=dataset) for dataset in FOAM_DATASETS]
     fit = pulsing("fitting", fit_foam, pressed)
     if out is not None:
-        make_folder(out.parent)
+        require_writable(out.parent)
         with atomic_path(out) as part:
             part.write_bytes(foam_fit_json(fit))
     if json_output:

@@ -29,6 +29,8 @@ def init_keys(folder: KeysFolder = None, json_output: Json = False) -> None:
 
     opened = _open(folder)
     authority = opened.init(utc_now())
+    if opened.tightened:
+        say(f"{opened.path}: others could look into it; it has mode 700 now")
     _print({opened.path / "authority.key": authority}, json_output)
     say("Next: foretouch keys issue leader, foretouch keys issue follower. authority.key stays on this machine.")
 

@@ -16,11 +16,14 @@ if TYPE_CHECKING:
     from foretouch.link import ZenohLink
     from foretouch.messages import Message
 
-__all__ = ["ENDED", "Endpoints", "insecurity", "open_link", "with_endpoints"]
+__all__ = ["ENDED", "Endpoints", "insecurity", "open_link", "unchecked", "with_endpoints"]
 
 
 ENDED = "the session was ended"
 """Why a process that only listens has ended, where nobody told it to."""
+
+
+ANY_USER = "every user of this machine may command there"
 
 
 class Endpoints(NamedTuple):
@@ -107,6 +110,14 @@ def open_link(
     if link.insecure:
         say(f"{process}: INSECURE: nothing is encrypted and nobody is checked; anybody on this network may command")
     return link
+
+
+def unchecked(endpoints: Endpoints) -> str:
+    """One line for a follower that may be commanded without a certificate, from its own machine; "" for others."""
+    from foretouch.link import is_encrypted, is_exposed
+
+    here = [endpoint for endpoint in endpoints.all if not is_encrypted(endpoint) and not is_exposed(endpoint)]
+    return f"no certificate is asked for on {', '.join(here)}: {ANY_USER}" if here else ""
 
 
 def insecurity(link: ZenohLink) -> dict[str, str]:

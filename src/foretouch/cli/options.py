@@ -14,7 +14,7 @@ from typing import Annotated, Any
 import typer
 
 from foretouch.cli.signatures import with_parameters
-from foretouch.errors import SettingError
+from foretouch.errors import SettingError, printable
 
 __all__ = [
     "SESSION_OPTIONS",
@@ -85,15 +85,34 @@ SensorLag = Annotated[float, typer.Option(help="How late forces are against posi
 def make_folder(path: Path) -> None:
     """Make a folder for results, before anything is computed that would be lost.
 
+    Below the folder that one stands in, those above it are made with it; elsewhere the one above must be there, so that
+    a slip in a path makes nothing where nobody looks.
+
     Raises:
         SettingError: It cannot be made or written to.
     """
     try:
+        if not path.parent.is_dir() and not _is_below_here(path):
+            raise SettingError("folder", str(path), f"there is no {path.parent} that it could be made in")
         path.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=path):
-            pass
+        require_writable(path)
     except OSError as error:
         raise SettingError("folder", str(path), f"cannot be written: {error.strerror}") from None
+
+
+def require_writable(folder: Path) -> None:
+    """Raise `SettingError` unless a folder is there and files can be made in it."""
+    try:
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+    except FileNotFoundError:
+        raise SettingError("folder", str(folder), f"is not there: mkdir -p {folder}") from None
+    except OSError as error:
+        raise SettingError("folder", str(folder), f"cannot be written: {error.strerror}") from None
+
+
+def _is_below_here(path: Path) -> bool:
+    return path.resolve().is_relative_to(Path.cwd())
 
 
 def require_duration(duration: float | None) -> None:
@@ -103,21 +122,26 @@ def require_duration(duration: float | None) -> None:
 
 
 def require_recording(path: Path) -> None:
-    """Refuse a recording that could not be written, before anything starts.
+    """Refuse a recording that could not be written, before anything starts; no folder is made for it.
 
     Raises:
         SettingError: No MCAP file, or none that can be written there.
     """
     if path.suffix.lower() != ".mcap":
         raise SettingError("recording", str(path), "must end with .mcap")
-    make_folder(path.parent)
+    require_writable(path.parent)
     if path.exists() and not path.is_file():
         raise SettingError("recording", str(path), "is there and is no file")
 
 
 def say(line: str) -> None:
     """One line for people, on the error stream: the output stays clean for programs."""
-    typer.echo(line, err=True)
+    typer.echo(printable(line, lines=True), err=True)
+
+
+def show(text: str, *, end: bool = True) -> None:
+    """Text with names of others in it, such as topics of a file, as output."""
+    typer.echo(printable(text, lines=True), nl=end)
 
 
 def print_json(content: Mapping[str, Any]) -> None:
@@ -152,9 +176,11 @@ SESSION_OPTIONS: dict[str, tuple[type, object, str]] = {
     "stall": (float, 0.0, "Length of one stall in every 10 s, at whose end all that was held comes at once [s]."),
     "grip": (str, "none", "Hand that the force moves: soft, normal or stiff; none for the operator's motion as it is."),
     "device_mass": (float, 0.1, "Of the device in the hand [kg]."),
-    "device_damping": (float, 2.0, "Viscous friction of the device [N s/m]; the stiffness it carries depends on it."),
+    "device_damping": (float, None, "Viscous friction of the device [N s/m]; simulated 2, in your hand 0.1 at first."),
     "device_friction": (float, 0.1, "Coulomb friction of the device [N]."),
     "device_resolution": (float, 1e-5, "Count of the device's encoder [m]."),
+    "device_delay": (float, 5e-4, "From reading a position until its force acts [s]; `foretouch doctor` says a part."),
+    "device_watchdog": (float, 0.02, "When the device drops a force that nobody renews [s]; 0 for never."),
     "largest_stiffness": (float, 0.0, "Largest local stiffness rendered [N/m]; 0 for what the device carries."),
     "position_scale": (float, 1.0, "Follower's motion for the hand's."),
     "force_scale": (float, 1.0, "Hand's force for the follower's."),
@@ -201,6 +227,8 @@ SESSION_PANELS: dict[str, tuple[str, ...]] = {
         "device_damping",
         "device_friction",
         "device_resolution",
+        "device_delay",
+        "device_watchdog",
         "clutch",
         "leader_frame",
     ),

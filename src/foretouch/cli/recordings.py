@@ -10,10 +10,20 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from foretouch.cli.options import Flip, ForceChannel, ForceUnit, Json, PositionUnit, print_json, require_recording, say
+from foretouch.cli.options import (
+    Flip,
+    ForceChannel,
+    ForceUnit,
+    Json,
+    PositionUnit,
+    print_json,
+    require_recording,
+    say,
+    show,
+)
 from foretouch.cli.progress import pulsing
 from foretouch.cli.reading import RECORDING_HELP, MapFile, read_and_say
-from foretouch.errors import RecordingError, SettingError
+from foretouch.errors import RecordingError, SettingError, printable
 
 if TYPE_CHECKING:
     from foretouch.messages import SessionLog
@@ -148,11 +158,11 @@ def _print_contents(found: Contents, topic: str | None, show_all: bool) -> None:
     rate = "" if found.rate is None else f", {found.rate:.5g} samples a second"
     begin = "" if not found.begin_ns else f", from {_date(found.begin_ns)}"
     what = f"{len(found.topics)} topics" if found.topics else f"{len(found.columns)} columns"
-    typer.echo(f"{found.path}: {found.format}, {what}{span}{rate}{begin}")
+    show(f"{found.path}: {found.format}, {what}{span}{rate}{begin}")
     beside_the_map = () if found.guess is None else found.guess.notes
     for note in found.notes:
         if note not in beside_the_map:
-            typer.echo(f"  {note}")
+            show(f"  {note}")
     most = None if show_all else MOST_SHOWN
     rows = [
         (one.name, one.type_name, str(one.count), "" if (hz := found.rate_of(one)) is None else f"{hz:.5g} /s")
@@ -161,21 +171,17 @@ def _print_contents(found: Contents, topic: str | None, show_all: bool) -> None:
     if rows:
         _print_table(("topic", "type", "messages", "rate"), rows)
         if len(found.topics) > len(rows):
-            typer.echo(
-                f"  ... and {len(found.topics) - len(rows)} topics more: --all shows them, --topic NAME its fields"
-            )
+            show(f"  ... and {len(found.topics) - len(rows)} topics more: --all shows them, --topic NAME its fields")
     if found.columns:
         title, columns = _table_of(found.columns[:most], topic is not None)
         _print_table(title, columns)
         if len(found.columns) > len(columns):
-            typer.echo(f"  ... and {len(found.columns) - len(columns)} more: --all shows them")
+            show(f"  ... and {len(found.columns) - len(columns)} more: --all shows them")
     if found.stated:
-        typer.echo(f"  {found.stated}")
+        show(f"  {found.stated}")
     elif found.guess is not None:
         whole = "the map as guessed" if not found.guess.open else "the map as far as it can be guessed"
-        typer.echo(
-            f"\n# {whole}: --save FILE.toml writes it, --map FILE.toml reads by it\n{found.guess.text()}", nl=False
-        )
+        show(f"\n# {whole}: --save FILE.toml writes it, --map FILE.toml reads by it\n{found.guess.text()}", end=False)
 
 
 def _table_of(shown: Sequence[Column], of_topic: bool) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
@@ -193,9 +199,10 @@ def _table_of(shown: Sequence[Column], of_topic: bool) -> tuple[tuple[str, ...],
 
 def _print_table(title: tuple[str, ...], rows: Sequence[tuple[str, ...]]) -> None:
     """Columns as wide as they must be; an empty last one leaves no blanks."""
+    rows = [tuple(map(printable, row)) for row in rows]
     widths = [max(len(row[place]) for row in (title, *rows)) for place in range(len(title))]
     for row in (title, *rows):
-        typer.echo("  " + "  ".join(f"{cell:<{width}}" for cell, width in zip(row, widths, strict=True)).rstrip())
+        show("  " + "  ".join(f"{cell:<{width}}" for cell, width in zip(row, widths, strict=True)).rstrip())
 
 
 def _number(value: float | None) -> str:

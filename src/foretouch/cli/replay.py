@@ -136,7 +136,7 @@ def _write(path: Path, log: SessionLog) -> None:
     said += [LeaderSpace(VERSION, *row) for row in log.leader_space.tolist()]
     said.sort(key=lambda message: message.time_ns)  # of those of one tick, the follower's first
     with SessionWriter(path) as writer:
-        writer.write(Hello(VERSION, 1, 0, "simulation", tuple(texts), tuple(texts.values())), 0)
+        writer.write(Hello.of("simulation", 1, 0, texts), 0)
         for message in said:
             writer.write(message, message.time_ns)
         writer.close(log.counts)

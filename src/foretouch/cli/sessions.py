@@ -58,9 +58,11 @@ def teleop(
     _check_material(settings.material)
     session_calibration(settings)  # the follower reads it again; here, who typed it is told before anything starts
     path = recording or _default_recording(report)
-    require_recording(path)
+    if recording is not None:
+        require_recording(recording)
     if report is not None:
         make_folder(report)
+    require_recording(path)
     if not headless:
         from foretouch.console import require_free_port
 
@@ -101,6 +103,8 @@ def simulate(
         raise SettingError(
             "operator", settings.operator, "needs real time: use `foretouch teleop`, or scripted or recorded"
         )
+    if recording is not None:
+        require_recording(recording)
     if report is not None:
         make_folder(report)
     with progress_bar("simulating") as bar:
@@ -109,7 +113,6 @@ def simulate(
         if recording is None:
             session = start(None)
         else:
-            require_recording(recording)
             with SessionWriter(recording) as writer:
                 session = start(writer.write)
                 writer.close(session.log.counts)

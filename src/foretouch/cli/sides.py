@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from foretouch.cli.links import Endpoints, insecurity, open_link, with_endpoints
+from foretouch.cli.links import Endpoints, insecurity, open_link, unchecked, with_endpoints
 from foretouch.cli.options import (
     Duration,
     Json,
@@ -48,6 +48,8 @@ LEADER_SAYS = (
     "device_damping",
     "device_friction",
     "device_resolution",
+    "device_delay",
+    "device_watchdog",
     "largest_stiffness",
     "position_scale",
     "force_scale",
@@ -101,7 +103,8 @@ def leader(
         bool, typer.Option("--wait-for-recorder", help="Begin when a recorder listens, or after 10 s.")
     ] = False,
     name: Annotated[
-        str | None, typer.Option(help="What others are told who holds control; USER@HOST without it.")
+        str | None,
+        typer.Option(help="Who holds control, as others are told; else USER@HOST, with keys the certificate's."),
     ] = None,
     json_output: Json = False,
     parent: Parent = None,
@@ -149,7 +152,7 @@ def leader(
                 duration=duration,
                 wait_for_recorder=wait_for_recorder,
                 parent=parent,
-                name=_leader_name(name),
+                name=_leader_name(name, link.name),
             )
         finally:  # a device that is felt gives no force after its session, however that ended
             if isinstance(moved_by, Device):
@@ -211,7 +214,7 @@ def _follow_along_a_line(
             mover = f"the {settings.operator} operator moves it" if simulated else "somebody else moves it"
             waits = f"{mover} and nothing is commanded" if shadow else WAITS
             pressed = f"pressing {settings.material}" if settings.robot == "simulated" else f"robot {settings.robot}"
-            say(f"follower: {pressed}, {waits}")
+            _introduce(f"follower: {pressed}, {waits}", "" if shadow else unchecked(endpoints))
         run = run_shadow if shadow else run_follower
         return run(
             link,
@@ -238,11 +241,20 @@ def _follow_in_a_scene(
     said = {name: text for name, text in settings.as_text().items() if name not in LEADER_SAYS}
     with open_link("follower", endpoints, (*FOLLOWER_CHANNELS, *SPACE_FOLLOWER_CHANNELS)) as link:
         if parent is None:
-            say(f"follower: pressing {settings.material} on the scene {settings.scene}, {WAITS}")
+            _introduce(
+                f"follower: pressing {settings.material} on the scene {settings.scene}, {WAITS}", unchecked(endpoints)
+            )
         description = said | insecurity(link)
         return run_follower(
             link, robot, settings, stop=stop, say=say, description=description, duration=duration, parent=parent
         )
+
+
+def _introduce(line: str, warning: str) -> None:
+    """Say what a follower does, and who may command it."""
+    say(line)
+    if warning:
+        say(f"follower: {warning}")
 
 
 def _operator(settings: Any, hello: dict[str, str]) -> Device | SpatialDevice:
@@ -269,9 +281,11 @@ def _own_name() -> str:
         return socket.gethostname()[:LONGEST_NAME] or "somebody"
 
 
-def _leader_name(name: str | None) -> str:
-    """The name of a leader, as it was given or as this machine says."""
-    name = _own_name() if name is None else name
+def _leader_name(name: str | None, certified: str) -> str:
+    """The name of a leader: its certificate's, as it was given, or as this machine says."""
+    if certified and name not in (None, certified):
+        raise SettingError("name", name, f"cannot be given with keys: others are told the certificate's, {certified}")
+    name = certified or (_own_name() if name is None else name)
     if not 0 < len(name) <= LONGEST_NAME or not name.isprintable():
         raise SettingError("name", name, f"must have 1 to {LONGEST_NAME} printable characters")
     return name

@@ -119,10 +119,12 @@ def console(
 
     with open_link("console", endpoints, WATCHED_CHANNELS, watch) as link:
         say(f"console: {shown.url}")
-        shown.run(lambda: bool(stop.reason or link.version_error) or orphaned(parent))
+        # Processes of one parent are of one version: what else one hears is a stranger's.
+        differ = link.other_version if parent is None else lambda: None
+        shown.run(lambda: bool(stop.reason or differ()) or orphaned(parent))
         shown.close()
-        if link.version_error is not None:
-            raise link.version_error
+        if (error := differ()) is not None:
+            raise error
     if json_output:
         print_json({"ended": stop.reason or ENDED, "url": shown.base})
 

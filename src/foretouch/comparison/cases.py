@@ -27,6 +27,7 @@ class Case:
         name: For tables: the file as it was given, or the name of the simulated recording.
         path: Of the file, absolute, for a worker may run elsewhere; empty where it is simulated.
         simulated: Whether it is simulated, with known truth.
+        seed: Of a simulated one.
         position_unit: Of the file, as `read_recording`.
         force_unit: Of the file.
         flip: Of the file.
@@ -38,6 +39,7 @@ class Case:
     name: str
     path: str = ""
     simulated: bool = False
+    seed: int = 0
     position_unit: str = "m"
     force_unit: str = "N"
     flip: bool = False
@@ -82,20 +84,24 @@ def file_case(path: str | PathLike[str], **units: Any) -> Case:
     return Case(str(path), path=os.path.abspath(path), map_file=map_file, changed_ns=changed, **units)
 
 
-def simulated_case(name: str) -> Case:
+def simulated_case(name: str, seed: int = 0) -> Case:
     """A simulated recording.
+
+    Args:
+        name: One of `SIMULATED`.
+        seed: As of `simulate`; everything that was chosen on simulated recordings was chosen on seed 0.
 
     Raises:
         UnknownNameError: No such recording.
     """
     if name not in SIMULATED:
         raise UnknownNameError("simulated recording", name, SIMULATED)
-    return Case(name, simulated=True)
+    return Case(name, simulated=True, seed=seed)
 
 
-def simulated_cases() -> list[Case]:
-    """All simulated recordings."""
-    return [simulated_case(name) for name in SIMULATED]
+def simulated_cases(seed: int = 0) -> list[Case]:
+    """All simulated recordings, of one seed."""
+    return [simulated_case(name, seed) for name in SIMULATED]
 
 
 @lru_cache(maxsize=2)
@@ -106,7 +112,7 @@ def load(case: Case) -> Loaded:
         ForetouchError: The file cannot be used.
     """
     if case.simulated:
-        made = simulate(case.name)
+        made = simulate(case.name, seed=case.seed)
         return Loaded(made.recording, made.truth)
     read = read_with_notes(
         case.path,

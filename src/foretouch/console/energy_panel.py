@@ -10,7 +10,7 @@ from foretouch.console.window import Window
 
 __all__ = ["EnergyPanel"]
 
-PUT_IN = Curve("Put in by the hand, this contact", GREEN, 2.0)
+PUT_IN = Curve("Put in by the hand, less what it owes", GREEN, 2.0)
 LEAST = Curve("Least that it may be: minus the bound", VERMILLION, 2.0, "dashed")
 
 
@@ -22,7 +22,7 @@ class EnergyPanel:
     """
 
     def __init__(self, gui: Any) -> None:
-        self._plot = TimePlot(gui, "Energy of the contact [mJ]", (PUT_IN, LEAST), lowest=None)
+        self._plot = TimePlot(gui, "Energy of the session [mJ]", (PUT_IN, LEAST), lowest=None)
         self._text = gui.add_html("")
 
     def draw(self, window: Window) -> None:
@@ -34,6 +34,7 @@ class EnergyPanel:
         rows = (
             Row(PUT_IN.name, number(float(energy[-1]), "mJ"), PUT_IN),
             Row(LEAST.name, number(float(least[-1]), "mJ"), LEAST),
+            Row("Beside it, by late ticks and missing positions", number(float(window.late_energy[-1] * 1e3), "mJ")),
             Row(f"Smallest margin, last {SECONDS:.0f} s", number(float((energy - least).min()), "mJ", 3)),
         )
         self._text.content = f'<div style="padding:0 12px">{table(rows)}</div>'

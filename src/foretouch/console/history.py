@@ -11,8 +11,8 @@ from foretouch.messages import LeaderState, Telemetry
 
 __all__ = ["History"]
 
-COLUMNS = 8
-"""Leader time [s], predicted and delayed force, deviation, rendered force [N], energy, its bound [J], telemetry."""
+COLUMNS = 9
+"""Leader time [s], predicted, delayed force, deviation, rendered force [N], energy, bound, late [J], telemetry."""
 
 
 class History:
@@ -49,6 +49,7 @@ class History:
             state.rendered_force,
             state.energy,
             state.energy_bound,
+            state.late_energy,
             state.telemetry_sequence,
         )
         self._sequence[row] = state.sequence

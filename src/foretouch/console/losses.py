@@ -17,6 +17,8 @@ OVER = 2.5
 """A share is taken over so long [s]."""
 KEPT = 10.0
 """[s]."""
+MOST = 1024
+"""Each side says its counters twice a second; of more, the newest are kept."""
 COUNTERS = {"follower": ("commands_lost", CHANNELS["command"].rate), "leader": ("telemetry_lost", 1000.0)}
 """By who counts: what, and how many a second would be all."""
 
@@ -42,8 +44,8 @@ class Losses:
     """
 
     def __init__(self) -> None:
-        self._counts: dict[str, deque[tuple[float, int]]] = {role: deque() for role in COUNTERS}
-        self._shares: deque[tuple[float, float, float]] = deque()
+        self._counts: dict[str, deque[tuple[float, int]]] = {role: deque(maxlen=MOST) for role in COUNTERS}
+        self._shares: deque[tuple[float, float, float]] = deque(maxlen=MOST)
         self._newest = dict.fromkeys(COUNTERS, NAN)
 
     def take(self, role: str, texts: Mapping[str, str], now: float) -> None:

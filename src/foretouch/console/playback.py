@@ -118,7 +118,7 @@ class RecordedWatch(Watched):
             at = np.minimum(np.searchsorted(leader["sequence"], answered), leader.size - 1)
             here = (self._row_of >= 0) & (leader["sequence"][at] == answered)
             trips[here] = (self._seconds - self._seconds[at])[here]
-        names = ("delayed_force", "standard_deviation", "rendered_force", "energy", "energy_bound")
+        names = ("delayed_force", "standard_deviation", "rendered_force", "energy", "energy_bound", "late_energy")
         columns: Array = np.column_stack([self._seconds, predicted, *(leader[name] for name in names), trips, true])
         return columns
 

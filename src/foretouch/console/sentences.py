@@ -73,7 +73,14 @@ def robot_alerts(watched: Watched, now: float) -> tuple[str, ...]:
     """
     telemetry = watched.telemetry
     robot = (
-        () if telemetry is None else (_robot(watched, telemetry), _sensors(watched, telemetry), _control(watched, now))
+        ()
+        if telemetry is None
+        else (
+            _sentence(watched.settings.get("contest", "")),
+            _robot(watched, telemetry),
+            _sensors(watched, telemetry),
+            _control(watched, now),
+        )
     )
     return tuple(sentence for sentence in (_silence(watched, now), *robot) if sentence)
 
@@ -160,4 +167,4 @@ def _of_status(status: int) -> str:
 
 
 def _sentence(text: str) -> str:
-    return f"{text[:1].upper()}{text[1:].rstrip('.')}."
+    return f"{text[:1].upper()}{text[1:].rstrip('.')}." if text else ""

@@ -241,7 +241,7 @@ class Watched:
 
     def _take_hello(self, hello: Hello, now: float) -> None:
         """Keep what each says; the newest counts, but of several leaders the one in control."""
-        texts = dict(zip(hello.names, hello.values, strict=False))
+        texts = hello.texts
         if hello.role == "follower":
             self.trouble = texts.get("trouble", "")
         elif hello.role == "recorder":

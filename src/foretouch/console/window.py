@@ -31,8 +31,9 @@ class Window(NamedTuple):
         delayed_error: The same of `delayed`.
         deviation: Standard deviation of `predicted` [N]; NaN where the model carries no doubt.
         rendered: What the hand was given after the clamps [N].
-        energy: That the hand has put into the rendered force in this contact [J].
+        energy: That the hand has put into the rendered force: debts are kept, surplus is forgiven after a contact [J].
         energy_bound: That it may have given out at most [J].
+        late_energy: That late ticks and missing positions took beside it, never positive [J].
         round_trip: How old the hand's motion is that the newest telemetry answers [s]; NaN before the first.
     """
 
@@ -46,13 +47,14 @@ class Window(NamedTuple):
     rendered: Array
     energy: Array
     energy_bound: Array
+    late_energy: Array
     round_trip: Array
 
 
 def empty_window() -> Window:
     """Of a session that has said nothing."""
     none = np.empty(0)
-    return Window(none, none, none, none, NAN, NAN, none, none, none, none, none)
+    return Window(none, none, none, none, NAN, NAN, none, none, none, none, none, none)
 
 
 def window_of(sequence: NDArray[np.int64], columns: Array, now: float, seconds: float, points: int) -> Window:
@@ -60,8 +62,8 @@ def window_of(sequence: NDArray[np.int64], columns: Array, now: float, seconds: 
 
     Args:
         sequence: Of the leader's ticks, increasing, shape (n,).
-        columns: Leader time [s], predicted, delayed force, deviation, rendered force [N], energy, its bound [J], round
-            trip [s] and true force [N], shape (n, 9).
+        columns: Leader time [s], predicted, delayed force, deviation, rendered force [N], energy, its bound, late
+            energy [J], round trip [s] and true force [N], shape (n, 10).
         now: The moment, on the leader's time [s].
         seconds: How far back.
         points: At most so many.
@@ -71,7 +73,7 @@ def window_of(sequence: NDArray[np.int64], columns: Array, now: float, seconds: 
     sequence, columns, time = sequence[inside], columns[inside], time[inside]
     if len(sequence) == 0:
         return empty_window()
-    true = columns[:, 8]
+    true = columns[:, 9]
     contact = (true > CONTACT_FLOOR) & np.isfinite(columns[:, 1])
     prediction_error, delayed_error = (_error(columns[contact, column], true[contact]) for column in (1, 2))
     stride = 1 << max(0, math.ceil(math.log2(len(sequence) / points)))  # a power of two: it seldom changes
@@ -80,7 +82,7 @@ def window_of(sequence: NDArray[np.int64], columns: Array, now: float, seconds: 
     drawn = columns[shown].T
     return Window(
         time[shown], drawn[1], drawn[2], true, prediction_error, delayed_error, drawn[3], drawn[4], drawn[5], drawn[6],
-        drawn[7],
+        drawn[7], drawn[8],
     )  # fmt: skip
 
 

@@ -7,6 +7,7 @@ has not been tried on a device**. `docs/plugins.md` says what to do at a first t
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import importlib
 import io
 import math
@@ -15,7 +16,7 @@ from types import ModuleType
 from typing import Any, ClassVar, Protocol
 
 from foretouch.devices.device import Device, limit_force
-from foretouch.devices.specification import DeviceSpecification
+from foretouch.devices.specification import LEAST_DAMPING, DeviceSpecification
 from foretouch.errors import MissingExtraError, SettingError
 from foretouch.models.checks import require
 
@@ -72,12 +73,13 @@ class ForceDimension(Device):
     """A device of Force Dimension along one of its axes. 0 is where the hand is when it is opened.
 
     The force is limited here, in the SDK (`setMaxForce`) and by the device. It is zero after `close`, where a read has
-    failed ten times in a row (a device that is unplugged: then the position holds), and where nobody has rendered for
+    failed ten times in a row (a device that is unplugged), and where nobody has rendered for
     50 ms, by a thread of its own and, where the device can, by its own watchdog after 20 ms.
 
     Args:
         binding: ``forcedimension_core.dhd``.
-        specification: What the device is; its damping and its encoder say how stiff it may be rendered.
+        specification: What the device is; its damping, delay and encoder say how stiff it may be rendered. None for
+            the least damping that is assumed of such a device. Its watchdog is what is found here.
         axis: 0 (towards the operator), 1 (to the operator's right) or 2 (up).
         direction: 1 where that axis grows into the material, -1 where the other way: by default the hand presses down.
         watchdog: ``forcedimension_core.dhd.expert.setWatchdog``; None without one.
@@ -103,7 +105,7 @@ class ForceDimension(Device):
         if direction not in (-1, 1):
             raise SettingError("direction", direction, "must be 1 or -1")
         self._binding, self._axis, self._direction = binding, axis, direction
-        self._specification = DeviceSpecification() if specification is None else specification
+        self._specification = DeviceSpecification(damping=LEAST_DAMPING) if specification is None else specification
         self._lock = threading.Lock()
         self._place, self._force = [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]
         self._position, self._origin, self._failed = 0.0, 0.0, 0
@@ -133,23 +135,24 @@ class ForceDimension(Device):
 
     @property
     def dead(self) -> bool:
-        """Whether its reads have failed too often: its position holds, and it gives no force."""
+        """Whether its reads have failed too often: it shows no position any more, and gives no force."""
         return self._failed >= FAILURES
 
     def read(self, now_ns: int) -> float:
-        """Position of the hand [m]; the one before where the device shows none."""
+        """Position of the hand [m]; no number where the device shows none, so that no force is held on a guess."""
         if self._closed:
             return self._position
         answer = self._binding.getPosition(self._place, self._id)
         place = self._direction * self._place[self._axis]
         if answer in SUCCESS and math.isfinite(place):
-            if not self.dead:
-                self._failed, self._position = 0, place - self._origin
+            if self.dead:
+                return math.nan
+            self._failed, self._position = 0, place - self._origin
             return self._position
         self._failed += 1
         if self._failed == FAILURES:
             self._set(0.0)
-        return self._position
+        return math.nan
 
     def render(self, force: float) -> float:
         """Give the hand a force [N], and return what it was really given."""
@@ -175,8 +178,9 @@ class ForceDimension(Device):
         if binding.getPosition(self._place, self._id) not in SUCCESS:
             raise SettingError("operator", NAME, f"the device shows no position: {binding.errorGetLastStr()}")
         self._origin = self._direction * self._place[self._axis]
-        if watchdog is not None:
-            watchdog(WATCHDOG_TICKS, self._id)  # not every device has one
+        own = watchdog is not None and watchdog(WATCHDOG_TICKS, self._id) in SUCCESS  # not every device has one
+        ends = WATCHDOG_TICKS * 125e-6 if own else 2.0 * PATIENCE
+        self._specification = dataclasses.replace(self._specification, watchdog=ends)
         if binding.setMaxForce(limit, self._id) not in SUCCESS or binding.enableForce(True, self._id) not in SUCCESS:
             raise SettingError("operator", NAME, f"the device takes no force: {binding.errorGetLastStr()}")
         if not self._set(0.0):

@@ -9,6 +9,7 @@ import numpy as np
 
 from foretouch.devices.device import Device, limit_force
 from foretouch.devices.grips import Grip
+from foretouch.devices.held_force import HeldForce
 from foretouch.devices.specification import DeviceSpecification
 from foretouch.errors import SettingError
 
@@ -26,12 +27,13 @@ class Hand(Device):
         (m_h + m_d) \ddot x = k (x_d - x) + b (\dot x_d - \dot x) - b_d \dot x - F_C \operatorname{sign} \dot x - f
 
     x grows into the material. x_d is where the hand wants to be: what another device, open loop, gives, in a straight
-    line from tick to tick. f is the rendered force, held from one `render` to the next (sample and hold); a positive
-    one pushes the hand out. At rest the device sticks, without any motion at all, until what pulls exceeds F_C. Between
-    starts, stops and ticks the motion is solved by its power series, to all digits.
+    line from tick to tick. f is the rendered force, held from one `render` to the next (sample and hold), a delay of
+    the device later, and no longer than its watchdog lets it (`HeldForce`); a positive one pushes the
+    hand out. At rest the device sticks, without any motion at all, until what pulls exceeds F_C. Between starts, stops
+    and ticks the motion is solved by its power series, to all digits.
 
     The first `read` finds the hand at rest at its intention. A gap between ticks of more than 1 s counts as 1 s, with
-    the force held and the whole way of the intention in it: the hand is simulated late, never in jerks.
+    the whole way of the intention in it: the hand is simulated late, never in jerks.
 
     Args:
         intention: What the hand wants, an open-loop operator; its own `render` is not called.
@@ -78,7 +80,7 @@ class Hand(Device):
         move(np.zeros(2), self._constants, 0.0, 0.0, 0.0, 1e-6)  # compiled here, not in the first tick
         self._state = np.zeros(2)
         self._aim = math.nan
-        self._force = 0.0
+        self._held = HeldForce(0.0, specification.delay, specification.watchdog)
         self._start_ns: int | None = None
         self._now_ns = 0
 
@@ -134,13 +136,17 @@ class Hand(Device):
             self._aim = self._state[0] = aim
         elif now_ns > self._now_ns:
             period = min((now_ns - self._now_ns) * 1e-9, LONGEST_GAP)
-            self._move(self._state, self._constants, self._aim, (aim - self._aim) / period, self._force, period)
+            speed = (aim - self._aim) / period
+            for time, force in self._held.over(now_ns - round(period * 1e9), now_ns):
+                self._move(self._state, self._constants, self._aim, speed, force, time)
+                self._aim += speed * time
             self._aim, self._now_ns = aim, now_ns
         position = float(self._state[0])
         count = self._specification.resolution
         return count * math.floor(position / count + 0.5) if count > 0.0 else position
 
     def render(self, force: float) -> float:
-        """Hold a force [N] from now on; returns the one that the device gives, at most its limit."""
-        self._force = limit_force(force, self._specification.force_limit)
-        return self._force
+        """Hold a force [N] from a delay after the newest `read` on; returns what is given, at most the limit."""
+        given = limit_force(force, self._specification.force_limit)
+        self._held.render(given, self._now_ns)
+        return given

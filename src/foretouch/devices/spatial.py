@@ -14,6 +14,7 @@ from foretouch.devices.browser import BrowserOperator
 from foretouch.devices.device import Device
 from foretouch.devices.grips import Grip
 from foretouch.devices.hand import LONGEST_GAP
+from foretouch.devices.held_force import HeldForce
 from foretouch.devices.specification import DeviceSpecification
 from foretouch.errors import SettingError
 from foretouch.quantities.rigid import RigidMotion, Vector
@@ -265,7 +266,7 @@ class SpatialHand(SpatialDevice):
         move(np.zeros(2), self._constants, 0.0, 0.0, 0.0, 1e-6)  # compiled here, not in the first tick
         self._states = [np.zeros(2) for _ in range(3)]
         self._aim: Vector = NOWHERE
-        self._force: Vector = (0.0, 0.0, 0.0)
+        self._held: HeldForce[Vector] = HeldForce((0.0, 0.0, 0.0), specification.delay, specification.watchdog)
         self._start_ns: int | None = None
         self._now_ns = 0
 
@@ -312,8 +313,12 @@ class SpatialHand(SpatialDevice):
                 state[0] = wanted
         elif now_ns > self._now_ns:
             period = min((now_ns - self._now_ns) * 1e-9, LONGEST_GAP)
-            for state, before, wanted, force in zip(self._states, self._aim, aim, self._force, strict=True):
-                self._move(state, self._constants, before, (wanted - before) / period, -force, period)
+            passed = 0.0
+            for time, forces in self._held.over(now_ns - round(period * 1e9), now_ns):
+                for state, before, wanted, force in zip(self._states, self._aim, aim, forces, strict=True):
+                    speed = (wanted - before) / period
+                    self._move(state, self._constants, before + speed * passed, speed, -force, time)
+                passed += time
             self._aim, self._now_ns = aim, now_ns
         count = self.specification.resolution
         places = (float(state[0]) for state in self._states)
@@ -321,10 +326,10 @@ class SpatialHand(SpatialDevice):
         return x, y, z
 
     def render(self, force: Vector) -> None:
-        """Hold a force [N] from now on, at most the device's limit; one that is not finite is none."""
+        """Hold a force [N] from a delay after the newest `read` on, at most the limit; no number is none."""
         size = math.sqrt(force[0] ** 2 + force[1] ** 2 + force[2] ** 2)
         if not size < math.inf:
-            self._force = (0.0, 0.0, 0.0)
+            self._held.render((0.0, 0.0, 0.0), self._now_ns)
             return
         share = min(self.specification.force_limit / size, 1.0) if size > 0.0 else 1.0
-        self._force = (force[0] * share, force[1] * share, force[2] * share)
+        self._held.render((force[0] * share, force[1] * share, force[2] * share), self._now_ns)

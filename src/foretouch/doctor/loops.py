@@ -83,7 +83,10 @@ def _line(kind: str, child: subprocess.Popen[str], patience: float) -> str:
 
 
 def check_loops(reports: dict[str, LoopReport] | str) -> Finding:
-    """Judge how late ticks woke.
+    """Judge how late ticks woke, and say what of a device's delay (`DeviceSpecification`) is this machine's.
+
+    A position that is read in a tick is answered when that tick has computed: lateness and computing time are in the
+    delay d of the condition b > K (T / 2 + d), and the device's own way in and out comes on top.
 
     Good is a 99th percentile below 0.5 ms, half a period. Bad is one above 5 ms, or a single tick that came 50 ms late:
     a follower then holds.
@@ -96,7 +99,9 @@ def check_loops(reports: dict[str, LoopReport] | str) -> Finding:
         return Finding(name, Verdict.UNKNOWN, reports)
     session, bare = (reports[kind] for kind in KINDS)
     found = "woken late by " + "; ".join(f"{kind}: {_in_ms(reports[kind])}" for kind in KINDS)
+    late = session["late_p99_s"] + session["compute_p99_s"]
     found += f"; a tick computes {1e6 * session['compute_p50_s']:.0f} us"
+    found += f"; of a device's delay {1e3 * late:.2f} ms are this machine's (p99): give --device-delay no less"
     worst_p99, worst = (max(session[key], bare[key]) for key in ("late_p99_s", "late_max_s"))
     figures = {"session": session, "bare": bare}
     if worst_p99 < LATE and worst < HOLD:

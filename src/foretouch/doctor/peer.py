@@ -18,7 +18,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from foretouch.link import Faults, FaultStage, ZenohLink
-from foretouch.messages import VERSION, Hello, Message, Telemetry
+from foretouch.messages import SIDES, Hello, Message, Telemetry
 
 __all__ = ["DOCTOR_CHANNELS", "Answerer", "RoundTrips", "ask", "connect_time", "listen_in"]
 
@@ -26,6 +26,12 @@ DOCTOR_CHANNELS = ("hello", "telemetry")
 """What a doctor's link receives."""
 
 ROLE = "doctor"
+
+PEERS = (*SIDES, ROLE)
+"""Whom a doctor asks or listens to."""
+
+MOST_ANSWERS = 100_000
+"""That are noted; more were not asked for."""
 
 ASKS, ANSWERS, PRESENT = "asks", "answers", "present"
 """Names of the texts of its `Hello`: a question with its number, the same in an answer, and that it is there."""
@@ -141,7 +147,7 @@ class Answerer:
 
     def _say(self, name: str, value: str) -> None:
         self._sent += 1
-        self._link.publish(Hello(VERSION, self._sent, time.monotonic_ns(), ROLE, (name,), (value,)))
+        self._link.publish(Hello.of(ROLE, self._sent, time.monotonic_ns(), {name: value}))
 
     def close(self) -> None:
         """Leave the network."""
@@ -167,7 +173,7 @@ class _Heard:
             self.roles.add(message.role)
             self.present = self.present or bool(_text(message, PRESENT))
             asker, _, number = _text(message, ANSWERS).partition("/")
-            if asker == self.own and number not in self.answers:
+            if asker == self.own and number not in self.answers and len(self.answers) < MOST_ANSWERS:
                 self.answers[number] = now
 
 
@@ -186,9 +192,9 @@ def ask(
     """
     heard = _Heard()
     with open_link(heard.take) as link:
-        _wait(lambda: bool(heard.roles) or link.version_error is not None, patience)
-        if link.version_error is not None:
-            raise link.version_error
+        _wait(lambda: bool(heard.roles) or link.other_version(PEERS) is not None, patience)
+        if (error := link.other_version(PEERS)) is not None:
+            raise error
         if not heard.roles:
             return RoundTrips()
         _wait(lambda: False, SETTLING)
@@ -208,7 +214,7 @@ def _question(link: ZenohLink, heard: _Heard, seconds: float) -> dict[str, int]:
     for number in range(1, max(1, round(seconds * RATE)) + 1):
         time.sleep(max(0.0, begun + number / RATE - time.monotonic()))
         sent[str(number)] = now = time.monotonic_ns()
-        link.publish(Hello(VERSION, number, now, ROLE, (ASKS,), (f"{heard.own}/{number}",)))
+        link.publish(Hello.of(ROLE, number, now, {ASKS: f"{heard.own}/{number}"}))
     return sent
 
 
@@ -241,4 +247,4 @@ def _text(message: Message, name: str) -> str:
     """A text of a doctor's `Hello`, "" where it has none of this name."""
     if not isinstance(message, Hello) or message.role != ROLE:
         return ""
-    return dict(zip(message.names, message.values, strict=False)).get(name, "")
+    return message.texts.get(name, "")

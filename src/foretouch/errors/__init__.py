@@ -24,6 +24,7 @@ from collections.abc import Iterable
 from typing import Any
 
 from foretouch.errors.installing import install_command
+from foretouch.errors.printing import printable
 
 __all__ = [
     "DatasetError",
@@ -39,11 +40,16 @@ __all__ = [
     "SideError",
     "UnknownNameError",
     "install_command",
+    "printable",
 ]
 
 
 class ForetouchError(Exception):
-    """Base of every error that foretouch raises on purpose; its text is one line for the user."""
+    """Base of every error that foretouch raises on purpose; its text is one line for the user, and printable."""
+
+    def __str__(self) -> str:
+        """What names and values in it would do to a terminal is shown instead of done."""
+        return printable(super().__str__(), lines=True)
 
     def __reduce__(self) -> tuple[Any, ...]:
         """From process to process: as it is, not made again of its text."""
@@ -58,6 +64,10 @@ def _as_it_was(kind: type[ForetouchError], args: tuple[Any, ...]) -> ForetouchEr
 
 class RecordingWarning(UserWarning):
     """What was guessed where a recording was read, or looks wrong in it; its text is one line for the user."""
+
+    def __str__(self) -> str:
+        """As of `ForetouchError`."""
+        return printable(super().__str__(), lines=True)
 
 
 class InputError(ForetouchError):

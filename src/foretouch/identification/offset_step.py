@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from foretouch.core.compiling import compiled
 
-__all__ = ["SIZE", "begin_steps", "find_step", "restart_steps"]
+__all__ = ["SIZE", "begin_steps", "find_step", "has_fallen", "restart_steps"]
 
 Array = NDArray[np.float64]
 
@@ -142,6 +142,12 @@ def _learn(step: Array, period: float) -> None:
 
 
 _learnt = compiled(_learn)
+
+
+@compiled
+def has_fallen(step: Array) -> bool:
+    """Whether a step is being judged that took force away: who goes deeper now would not know how hard."""
+    return bool(step[AGE] < math.inf and step[RISE] < 0.0)
 
 
 def _judge(step: Array, force: float) -> None:

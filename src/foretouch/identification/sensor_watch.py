@@ -67,6 +67,8 @@ class SensorState(IntEnum):
     OFFSET_STEP = 5
     SPIKE = 6
     ENCODER_JUMP = 7
+    CONTACT_LOST = 8
+    FORCE_DISAGREES = 9
 
 
 SENSOR_SENTENCES: Final[dict[SensorState, str]] = {
@@ -78,6 +80,8 @@ SENSOR_SENTENCES: Final[dict[SensorState, str]] = {
     SensorState.OFFSET_STEP: "the force has stepped and nothing was touched: the sensor's zero is lost",
     SensorState.SPIKE: "single force samples are far off their neighbours: check the sensor's cable",
     SensorState.ENCODER_JUMP: "the position has jumped faster than the robot can move: the encoder is lost",
+    SensorState.CONTACT_LOST: "the force has gone and the probe is as deep as before: the force sensor has lost the contact",
+    SensorState.FORCE_DISAGREES: "the drive pushes with another force than is felt: the force sensor is wrong",
 }
 """Sentence of each state."""
 
@@ -98,6 +102,8 @@ class SensorWatch:
     `OFFSET_STEP`     the force changes and nothing is touched: see `offset_step`                       50 ms, still
     `SPIKE`           a sample is far off both neighbours, and no impact explains it                    2 samples
     `ENCODER_JUMP`    the position moves faster than the largest speed                                  1 sample
+    `CONTACT_LOST`    the force falls and no way out or slowing down explains it: see `contact_loss`    3 samples
+    `FORCE_DISAGREES` the drive's own effort is another force: see `contact_loss`                       0.1 s
     ================  ================================================================================  ==============
 
     Repetitions count only once the force has shown noise, and from four times the longest repetition so far.
@@ -111,8 +117,8 @@ class SensorWatch:
     raises, costs the same at every sample, and holds a fixed number of numbers. A sample that is not later than the one
     before is left out.
 
-    What it cannot see: an offset step below 0.3 N, one in contact before the probe comes back out, drift, and a
-    wrong scale.
+    What it cannot see: an offset step below 0.3 N, and, of a robot that does not tell the effort of its drive, one in
+    contact while the probe moves, drift, a wrong scale, and a sensor that is dead before it touches.
 
     Args:
         force_range: Smallest and largest force that the sensor can show [N]; infinite for an end that is not known, or
@@ -124,12 +130,15 @@ class SensorWatch:
 
     Attributes:
         state: The newest judgement.
+        doubtful: Whether a force has fallen and it is not certain yet if that is a fault: it shows where the probe
+            goes no deeper.
+        effort: What the drive pushes inwards with, low-passed [N]; 0 where the robot does not tell.
 
     Raises:
         SettingError: A setting out of range.
     """
 
-    __slots__ = ("_begin", "_look", "_numbers", "state")
+    __slots__ = ("_begin", "_look", "_numbers", "doubtful", "effort", "state")
 
     def __init__(
         self,
@@ -156,19 +165,30 @@ class SensorWatch:
         stays = (low + near[0], high - near[1], largest_speed, least_spike, moving_mass)
         self._numbers[kernel.LOWEST : kernel.STEP] = stays
         self._numbers[kernel.STEP + kernel.STEP_LEAST] = least_step
+        self.doubtful, self.effort = False, 0.0
         self.reset()
 
     def reset(self) -> None:
         """Believe the sensors again, and forget all samples: say this when they have been looked after."""
         self._begin(self._numbers)
-        self.state = SensorState.GOOD
+        self.state, self.doubtful = SensorState.GOOD, False
 
     @property
     def sentence(self) -> str:
         """The newest judgement in words."""
         return SENSOR_SENTENCES[self.state]
 
-    def update(self, time: float, position: float, force: float, tool_force: float = 0.0) -> SensorState:
+    def update(
+        self,
+        time: float,
+        position: float,
+        force: float,
+        tool_force: float = 0.0,
+        *,
+        zero: float = 0.0,
+        effort: float = math.nan,
+        slid: float = 0.0,
+    ) -> SensorState:
         """Take one sample and say what the sensors are worth now.
 
         Args:
@@ -177,8 +197,13 @@ class SensorWatch:
             force: As the sensor gives it [N]: what is computed from it no longer repeats when the sensor does.
             tool_force: The part of it that the tool's weight and inertia make [N], where that is known: without it, a
                 jerked tool can look like a fault.
+            zero: What is left of it in free air [N], as far as that is known.
+            effort: What the drive pushes inwards with, beyond weight and inertia [N]; NaN where it is not told.
+            slid: By how much the probe has moved across the surface since the sample before [m].
         """
-        found = self._look(self._numbers, time, position, force, tool_force)
+        found, self.doubtful, self.effort = self._look(
+            self._numbers, time, position, force, tool_force, zero, effort, slid
+        )
         if found != self.state:
             self.state = SensorState(found)
         return self.state

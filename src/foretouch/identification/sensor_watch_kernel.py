@@ -12,9 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foretouch.core.compiling import compiled
+from foretouch.identification.contact_loss import AGREES, EFFORT, LOST, begin_loss, find_loss, is_falling
+from foretouch.identification.contact_loss import SIZE as LOSS_SIZE
 from foretouch.identification.offset_step import LEAST_STEP as STEP_LEAST
 from foretouch.identification.offset_step import SIZE as STEP_SIZE
-from foretouch.identification.offset_step import begin_steps, find_step, restart_steps
+from foretouch.identification.offset_step import begin_steps, find_step, has_fallen, restart_steps
 from foretouch.identification.sensor_watch import (
     ACTIVITY_TIME,
     DROPOUT_TIME,
@@ -61,16 +63,22 @@ LOWEST, HIGHEST, LARGEST_SPEED, LEAST_SPIKE, MASS = 22, 23, 24, 25, 26
 STEP = 27
 """From here on what `foretouch.identification.offset_step` knows."""
 
-SIZE = STEP + STEP_SIZE
+LOSS = STEP + STEP_SIZE
+"""And what `foretouch.identification.contact_loss` knows."""
 
-GOOD, NOT_FINITE, DROPOUT, STUCK, SATURATED, OFFSET_STEP, SPIKE, ENCODER_JUMP = (int(state) for state in SensorState)
+SIZE = LOSS + LOSS_SIZE
+
+GOOD, NOT_FINITE, DROPOUT, STUCK, SATURATED, OFFSET_STEP, SPIKE, ENCODER_JUMP, CONTACT_LOST, FORCE_DISAGREES = (
+    int(state) for state in SensorState
+)
 PASSING = tuple(sorted(int(state) for state in TRANSIENT_STATES))
 
 
 def _restart(watch: Array) -> None:
     """Compare nothing with the samples so far."""
     watch[KNOWN] = watch[BOTH_REPEAT] = watch[FORCE_REPEATS] = watch[CHANGE] = watch[NEAR_END] = 0.0
-    restart_steps(watch[STEP:])
+    restart_steps(watch[STEP:LOSS])
+    begin_loss(watch[LOSS:])
 
 
 _restarted = compiled(_restart)
@@ -82,7 +90,7 @@ def _begin(watch: Array) -> None:
     watch[TIME] = watch[BAD_UNTIL] = -math.inf
     watch[ACTIVITY] = watch[NOISY] = watch[SEEN] = watch[LONGEST_BOTH] = watch[LONGEST_FORCE] = 0.0
     _restarted(watch)
-    begin_steps(watch[STEP:])
+    begin_steps(watch[STEP:LOSS])
 
 
 begin = compiled("void(f8[::1])")(_begin)
@@ -165,7 +173,7 @@ def _compare(watch: Array, position: float, force: float, contact: float, period
         return GOOD
     since = period + watch[BOTH_REPEAT]  # a value that is new
     repeated = _repeated(watch, position, force, period)
-    stepped = find_step(watch[STEP:], position, contact, period)
+    stepped = find_step(watch[STEP:LOSS], position, contact, period)
     was_near, near = watch[NEAR_END] != 0.0, not watch[LOWEST] < force < watch[HIGHEST]
     watch[NEAR_END] = 1.0 if near else 0.0
     if near and was_near:
@@ -184,7 +192,29 @@ def _compare(watch: Array, position: float, force: float, contact: float, period
 _compared = compiled(_compare)
 
 
-def _look(watch: Array, time: float, position: float, force: float, tool_force: float) -> int:
+def _borne_out(
+    watch: Array, time: float, position: float, force: float, zero: float, effort: float, slid: float
+) -> int:
+    """What speaks against a force."""
+    found = find_loss(watch[LOSS:], time, position, force, zero, effort, slid)
+    if found == AGREES:
+        return GOOD
+    return CONTACT_LOST if found == LOST else FORCE_DISAGREES
+
+
+_bears_out = compiled(_borne_out)
+
+
+def _look(
+    watch: Array,
+    time: float,
+    position: float,
+    force: float,
+    tool_force: float,
+    zero: float,
+    effort: float,
+    slid: float,
+) -> tuple[int, bool, float]:
     """Take one sample, as `SensorWatch.update` does.
 
     Args:
@@ -193,29 +223,37 @@ def _look(watch: Array, time: float, position: float, force: float, tool_force: 
         position: [m].
         force: [N].
         tool_force: [N].
+        zero: [N].
+        effort: [N].
+        slid: [m].
 
     Returns:
-        A `SensorState`.
+        A `SensorState`; whether it is being judged if the force has fallen for no reason; and the drive's effort,
+        low-passed [N], 0 where it is not told.
     """
     numbers = abs(position) < LARGEST_VALUE and abs(force) < LARGEST_VALUE and abs(tool_force) < LARGEST_VALUE
     if not (abs(time) < 1e6 * LARGEST_VALUE and numbers):
         _restarted(watch)
-        return _said(watch, NOT_FINITE, watch[TIME])
+        return _said(watch, NOT_FINITE, watch[TIME]), False, watch[LOSS + EFFORT]
     period = time - watch[TIME]
     if not period > 0.0:
-        return int(watch[STATE])
+        return int(watch[STATE]), False, watch[LOSS + EFFORT]
     contact = force - tool_force
     if period > LONGEST_GAP:
         _restarted(watch)
         found = GOOD
     else:
         found = _compared(watch, position, force, contact, period)
+    zero = zero if math.isfinite(zero) else 0.0
+    lost = _bears_out(watch, time, position, contact, zero, effort, slid if slid > 0.0 else 0.0)
+    found = lost if found == GOOD else found
     watch[TIME] = time
     for place in range(FURTHEST + 2, FURTHER - 1, -1):
         watch[place] = watch[place - 3]
     watch[OLDER], watch[OLDER + 1], watch[OLDER + 2] = position, force, contact
     watch[KNOWN] = min(watch[KNOWN] + 1.0, 3.0)
-    return _said(watch, found, time)
+    doubtful = has_fallen(watch[STEP:LOSS]) or is_falling(watch[LOSS:])
+    return _said(watch, found, time), doubtful, watch[LOSS + EFFORT]
 
 
-look = compiled("i8(f8[::1], f8, f8, f8, f8)")(_look)
+look = compiled("Tuple((i8, b1, f8))(f8[::1], f8, f8, f8, f8, f8, f8, f8)")(_look)

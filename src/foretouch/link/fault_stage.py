@@ -20,6 +20,11 @@ COPY_LATER = (0.001, 0.02)
 """The copy of a message comes so much later than the first [s], uniformly distributed."""
 
 
+MOST_HELD = 2**18
+"""Messages that wait, of one direction; more are dropped. With the longest delay, jitter and stall that there are, a
+session's own are fewer than 100,000."""
+
+
 class FaultStage(Generic[T]):
     """Takes messages as they are sent and gives them as they arrive.
 
@@ -119,6 +124,9 @@ class FaultStage(Generic[T]):
                 spells.epoch_ns = now_ns
 
     def _hold(self, due_ns: int, message: T) -> None:
+        if len(self._waiting) + len(self._overtaking) >= MOST_HELD:
+            self.dropped += 1
+            return
         if self._stall is not None and (end_ns := self._stall.end_ns(due_ns)) is not None:
             due_ns = end_ns
         self._count += 1

@@ -61,10 +61,14 @@ class KeyFolder:
 
     Args:
         path: The folder; the default one where none is given.
+
+    Attributes:
+        tightened: Whether `init` took from others the right to look into the folder.
     """
 
     def __init__(self, path: str | os.PathLike[str] | None = None) -> None:
         self.path = default_key_folder() if path is None else Path(path)
+        self.tightened = False
 
     def init(self, now: datetime) -> Identity:
         """Make an authority, and the list of who is let in with the three roles.
@@ -80,6 +84,10 @@ class KeyFolder:
         """
         try:
             self.path.mkdir(mode=0o700, parents=True, exist_ok=True)
+            mode = stat.S_IMODE(self.path.stat().st_mode)
+            if mode & 0o077 and not mode & 0o022:  # what others could write to is refused below
+                self.path.chmod(0o700)
+                self.tightened = True
         except OSError as error:
             raise SettingError("keys", str(self.path), f"cannot be made: {error.strerror}") from None
         with self._locked():

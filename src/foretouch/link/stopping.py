@@ -13,7 +13,7 @@ from foretouch.messages import VERSION, EmergencyStop, Status
 
 __all__ = ["ASKING_PERIOD_NS", "STOPPING_CHANNELS", "ask_to_stop", "new_press"]
 
-STOPPING_CHANNELS = ("telemetry",)
+STOPPING_CHANNELS = ("telemetry", "hello")
 """What the link of who asks receives."""
 
 ASKING_PERIOD_NS = 50_000_000
@@ -37,7 +37,7 @@ def ask_to_stop(link: ZenohLink, reason: str, *, patience: float = 5.0) -> int |
         `Status.STOPPED`; or where nobody has said so, the status that was heard last, None for none.
 
     Raises:
-        PeerVersionError: The follower speaks another version, and does not understand.
+        PeerVersionError: Nobody has said so, and the follower speaks another version: it does not understand.
     """
     heard: int | None = None
     asked, end, press = 0, time.monotonic() + patience, new_press()
@@ -45,8 +45,8 @@ def ask_to_stop(link: ZenohLink, reason: str, *, patience: float = 5.0) -> int |
         asked += 1
         link.publish(EmergencyStop(VERSION, asked, time.monotonic_ns(), reason, press))
         time.sleep(ASKING_PERIOD_NS * 1e-9)
-        if link.version_error is not None:
-            raise link.version_error
         for _, telemetry in link.take("telemetry"):
             heard = telemetry.status
+    if heard is None and (error := link.other_version({"follower"})) is not None:
+        raise error
     return heard

@@ -14,20 +14,36 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
 from foretouch.errors import DecodeError, LinkError, MissingExtraError, PeerVersionError
-from foretouch.link.access import access_list, key_to_send, keys_to_receive, may_claim
+from foretouch.link.access import access_list, key_to_send, keys_to_receive, may_claim, may_say
 from foretouch.link.credentials import Credentials
 from foretouch.link.endpoints import check_endpoint, check_port_free, is_encrypted, is_exposed
-from foretouch.link.key_folder import role_of
-from foretouch.messages import CHANNELS, Hello, Message, decode, encode
-from foretouch.messages.codec import LARGEST_MESSAGE
+from foretouch.messages import (
+    CHANNELS,
+    LARGEST_MESSAGE,
+    SIDES,
+    Channel,
+    Hello,
+    Message,
+    decode,
+    encode,
+    foreign_speaker,
+)
 
 if TYPE_CHECKING:
     import zenoh
 
 __all__ = ["ZenohLink"]
 
-LONGEST_QUEUE = 20_000
-"""Messages that an inbox holds; beyond it the oldest are dropped, so that a reader that stopped costs no memory."""
+KEPT = 20.0
+"""An inbox holds what comes in so long [s] at its channel's rate; beyond it the oldest are dropped, so that a reader
+that stopped costs no more memory than that."""
+
+SHORTEST_QUEUE = 64
+"""Messages that an inbox holds where they come rarely."""
+
+PATIENCE = 1.5
+"""A peer of another version is told from a stranger by nobody saying hello in this one for so long [s]: each does so
+twice a second."""
 
 MOST_PEERS = 64
 """Peers that may be connected at a time."""
@@ -50,10 +66,12 @@ class ZenohLink:
     Attributes:
         inboxes: By channel: ``(arrival [ns, this machine's monotonic clock], message)``, oldest first.
         undecodable: Messages that arrived and were dropped.
+        foreign: Of these, the ones of another version.
         dropped: Messages that arrived at a full inbox and pushed out its oldest.
-        unsent: Messages that the network refused to take.
-        version_error: Set when a peer speaks another version.
+        unsent: Messages that the network refused to take, or that are too large for it.
+        too_large: One line on the first that was too large; "" while none was.
         insecure: Whether an endpoint is off this machine and neither encrypted nor checked.
+        name: Common name of the certificate that this process shows; "" without one.
 
     Raises:
         LinkError: An endpoint is malformed, not allowed or in use.
@@ -83,10 +101,14 @@ class ZenohLink:
             check_port_free(endpoint)
         self.inboxes: dict[str, deque[tuple[int, Message]]] = {}
         self.undecodable = 0
+        self.foreign = 0
         self.dropped = 0
         self.unsent = 0
+        self.too_large = ""
         self._send_error = zenoh.ZError
-        self.version_error: PeerVersionError | None = None
+        self._greeted: set[str] = set()  # both of roles that there are, and so bounded
+        self._foreigners: dict[str, tuple[int, PeerVersionError]] = {}
+        self.name = "" if credentials is None else credentials.identity.common_name
         self.insecure = any(map(is_exposed, (*listen, *connect)))
         self._watch = watch
         secured = {} if credentials is None else _secured(credentials, subscribe)
@@ -94,10 +116,9 @@ class ZenohLink:
             self._session: Any = zenoh.open(_config(listen, connect, secured))
         except zenoh.ZError as error:
             raise LinkError(f"cannot open the link on {', '.join((*listen, *connect))}: {error}") from None
-        role = "" if credentials is None else role_of(credentials.identity.common_name)
         self._publishers = {
             channel.kind: self._session.declare_publisher(
-                key_to_send(channel.name, role), congestion_control=zenoh.CongestionControl.DROP
+                key_to_send(channel.name, self.name), congestion_control=zenoh.CongestionControl.DROP
             )
             for channel in CHANNELS.values()
         }
@@ -105,35 +126,63 @@ class ZenohLink:
 
     def _subscribe(self, name: str) -> list[Any]:
         kind = CHANNELS[name].kind
-        inbox = self.inboxes[name] = deque(maxlen=LONGEST_QUEUE)
+        inbox = self.inboxes[name] = deque(maxlen=_length(CHANNELS[name]))
 
         def receive(sample: zenoh.Sample) -> None:
             arrival = time.monotonic_ns()
             payload = sample.payload
+            if len(payload) > LARGEST_MESSAGE:  # refused before it is copied
+                self.undecodable += 1
+                return
+            data, key = payload.to_bytes(), str(sample.key_expr)
             try:
-                if len(payload) > LARGEST_MESSAGE:  # refused before it is copied
-                    raise DecodeError(f"{len(payload)} bytes")
-                message = decode(payload.to_bytes(), kind)
-                if isinstance(message, Hello) and not may_claim(str(sample.key_expr), message.role):
-                    raise DecodeError(f"a hello of {message.role!r} that is not its own")
+                message = decode(data, kind)
+                if not may_say(key, message):
+                    raise DecodeError("it says that it is from another")
             except PeerVersionError as error:
                 self.undecodable += 1
-                self.version_error = error
+                self.foreign += 1
+                if kind is Hello and (role := foreign_speaker(data)) and may_claim(key, role):
+                    self._foreigners.setdefault(role, (arrival, error))
             except DecodeError:
                 self.undecodable += 1
             else:
+                if isinstance(message, Hello):
+                    self._greeted.add(message.role)
                 if self._watch is None:
-                    self.dropped += len(inbox) == LONGEST_QUEUE
+                    self.dropped += len(inbox) == inbox.maxlen
                     inbox.append((arrival, message))
                 else:
                     self._watch(message)
 
         return [self._session.declare_subscriber(key, receive) for key in keys_to_receive(name)]
 
+    def other_version(self, roles: Iterable[str] = SIDES) -> PeerVersionError | None:
+        """Why this process cannot talk to those whom it is for: they say hello, and in another version; else None.
+
+        That is said by who says hello in one of these roles, under a key that may, and only if nobody has done so in
+        this version by the time that `PATIENCE` is over. Whatever else is of another version is counted, no more.
+
+        Args:
+            roles: Of those whom this process is for; the sides of a session where none are named. The link receives
+                ``hello``.
+        """
+        wanted = set(roles)
+        if wanted & self._greeted:
+            return None
+        latest = time.monotonic_ns() - round(PATIENCE * 1e9)
+        said = [error for role, (first, error) in self._foreigners.items() if role in wanted and first <= latest]
+        return said[0] if said else None
+
     def publish(self, message: Message) -> None:
         """Send a message on its channel; never waits and never raises: what cannot be sent is dropped."""
+        data = encode(message)
+        if len(data) > LARGEST_MESSAGE:
+            self.unsent += 1
+            self.too_large = self.too_large or _too_large(message, len(data))
+            return
         try:
-            self._publishers[type(message)].put(encode(message))
+            self._publishers[type(message)].put(data)
         except self._send_error:
             self.unsent += 1
 
@@ -153,6 +202,15 @@ class ZenohLink:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.close()
+
+
+def _length(channel: Channel) -> int:
+    """Messages that the inbox of a channel holds."""
+    return max(SHORTEST_QUEUE, round(KEPT * channel.rate))
+
+
+def _too_large(message: Message, size: int) -> str:
+    return f"a {type(message).__name__} of {size} bytes was not sent: at most {LARGEST_MESSAGE} go over the network"
 
 
 def _config(listen: Sequence[str], connect: Sequence[str], secured: dict[str, object]) -> zenoh.Config:

@@ -5,9 +5,11 @@ msgpack bytes and back, strictly.
 """
 
 from foretouch.messages.channels import CHANNELS, Channel
-from foretouch.messages.codec import decode, encode
+from foretouch.messages.codec import LARGEST_MESSAGE, as_printed, decode, encode, foreign_speaker
 from foretouch.messages.hellos import COUNT_PREFIX, NEWS, PROCESS, Hellos, split_texts
 from foretouch.messages.schema import (
+    SIDES,
+    SPEAKERS,
     STATUS_SENTENCES,
     VERSION,
     Choice,
@@ -39,10 +41,13 @@ __all__ = [
     "COUNT_PREFIX",
     "FOLLOWER_DTYPE",
     "FOLLOWER_SPACE_DTYPE",
+    "LARGEST_MESSAGE",
     "LEADER_DTYPE",
     "LEADER_SPACE_DTYPE",
     "NEWS",
     "PROCESS",
+    "SIDES",
+    "SPEAKERS",
     "STATUS_SENTENCES",
     "VERSION",
     "CameraImage",
@@ -66,8 +71,10 @@ __all__ = [
     "Status",
     "Stop",
     "Telemetry",
+    "as_printed",
     "as_row",
     "decode",
     "encode",
+    "foreign_speaker",
     "split_texts",
 ]

@@ -6,17 +6,24 @@ from typing import Any, TypeVar
 
 import msgspec
 
-from foretouch.errors import DecodeError, PeerVersionError
-from foretouch.messages.schema import VERSION, Message
+from foretouch.errors import DecodeError, PeerVersionError, printable
+from foretouch.messages.schema import SPEAKERS, VERSION, Message
 
-__all__ = ["decode", "encode"]
+__all__ = ["LARGEST_MESSAGE", "as_printed", "decode", "encode", "foreign_speaker"]
 
 M = TypeVar("M", bound=Message)
 
 _encoder = msgspec.msgpack.Encoder()
 _decoders: dict[type[Message], msgspec.msgpack.Decoder[Any]] = {}
-LARGEST_MESSAGE = 65_536
-"""Longer byte strings [bytes] are refused unread."""
+_text_fields: dict[type[Message], tuple[str, ...]] = {}
+
+LARGEST_MESSAGE = 48_000
+"""Longer byte strings [bytes] are neither sent nor read.
+
+The low-latency transport sends a message as one batch or drops it without a word, and a batch is the largest multiple
+of half the connection's segment below 64 kB: 49,152 bytes on loopback, more on any Ethernet. What is left is for its
+header.
+"""
 
 
 def encode(message: Message) -> bytes:
@@ -25,7 +32,7 @@ def encode(message: Message) -> bytes:
 
 
 def decode(data: bytes, kind: type[M]) -> M:
-    """Message of one kind from msgpack bytes.
+    """Message of one kind from msgpack bytes; what is not printable in its texts is escaped.
 
     Args:
         data: What arrived.
@@ -49,15 +56,58 @@ def decode(data: bytes, kind: type[M]) -> M:
         raise DecodeError(f"not a {kind.__name__}: {error}") from None
     if message.version != VERSION:
         raise PeerVersionError(message.version, VERSION)
-    return message
+    return as_printed(message)
+
+
+def as_printed(message: M) -> M:
+    """The same message with what is not printable in its texts escaped (`foretouch.errors.printable`).
+
+    Texts are for people, who see them in terminals, consoles and reports; a peer or a file could do more than be read.
+    """
+    kind = type(message)
+    names = _text_fields.get(kind)
+    if names is None:
+        names = _text_fields[kind] = tuple(
+            field.name for field in msgspec.structs.fields(kind) if _holds_text(msgspec.inspect.type_info(field.type))
+        )
+    changed: dict[str, Any] = {}
+    for name in names:
+        value = getattr(message, name)
+        if isinstance(value, str):
+            if not value.isprintable():
+                changed[name] = printable(value)
+        elif not all(map(str.isprintable, value)):
+            changed[name] = tuple(map(printable, value))
+    return msgspec.structs.replace(message, **changed) if changed else message
+
+
+def _holds_text(kind: msgspec.inspect.Type) -> bool:
+    """Whether a field is a text, or several."""
+    element = kind.item_type if isinstance(kind, msgspec.inspect.VarTupleType) else kind
+    return isinstance(element, msgspec.inspect.StrType)
+
+
+def foreign_speaker(data: bytes) -> str:
+    """Who says hello in another version, one of `SPEAKERS`; "" where the bytes are no such hello.
+
+    Args:
+        data: What arrived where a `Hello` was to come, and is none of this version.
+    """
+    fields = _fields_of(data)
+    said = fields[3] if len(fields) > 3 else ""
+    return said if isinstance(said, str) and said in SPEAKERS else ""
 
 
 def _version_of(data: bytes) -> int | None:
     """The version that a message of any schema begins with, or None where there is none to read."""
+    fields = _fields_of(data)
+    return fields[0] if fields and type(fields[0]) is int else None
+
+
+def _fields_of(data: bytes) -> list[Any]:
+    """The fields of a message of any schema; none where the bytes are no array."""
     try:
         fields = msgspec.msgpack.decode(data)
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
-        return None
-    if isinstance(fields, list) and fields and type(fields[0]) is int:
-        return fields[0]
-    return None
+        return []
+    return fields if isinstance(fields, list) else []

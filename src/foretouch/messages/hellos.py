@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from foretouch.messages.schema import Hello
+from foretouch.messages.schema import SPEAKERS, Hello
 
 __all__ = ["COUNT_PREFIX", "NEWS", "PROCESS", "Hellos", "split_texts"]
 
@@ -14,8 +14,12 @@ COUNT_PREFIX = "count_"
 PROCESS = "process"
 """Name of the text that tells the processes of a side apart: the epoch of each."""
 
-NEWS = ("control", "trouble", "stopped")
-"""Texts that change while a session runs: who holds control, what is not as it should be, and why it was stopped."""
+NEWS = ("control", "contest", "trouble", "stopped")
+"""Texts that change while a session runs: who holds control and who else would, what is not as it should be, and why it
+was stopped."""
+
+ROLES = (*SPEAKERS, "simulation")
+"""Who says hello on a network or in a recording."""
 
 MOST_PROCESSES, MOST_NEWS = 64, 64
 """So many processes and so many different news are remembered: who says hello without end fills nothing."""
@@ -37,28 +41,37 @@ def split_texts(texts: Mapping[str, str]) -> tuple[dict[str, str], dict[str, int
 class Hellos:
     """All that was said of settings, counters and news.
 
+    It holds what each role said last, and no more than a known number of anything: whoever says hello without end, or
+    with other names each time, fills nothing.
+
     Attributes:
-        settings: By name, as said last.
         news: By name of `NEWS`, what was said, in order, each text once.
     """
 
     def __init__(self) -> None:
-        self.settings: dict[str, str] = {}
+        self._settings: dict[str, dict[str, str]] = {}
         self.news: dict[str, tuple[str, ...]] = {}
         self._counts: dict[tuple[str, str], dict[str, int]] = {}
 
     def take(self, hello: Hello) -> None:
         """Hear one."""
-        texts = dict(zip(hello.names, hello.values, strict=False))
+        texts = hello.texts
         settings, counts = split_texts(texts)
-        self.settings |= settings
+        if hello.role in ROLES:
+            self._settings.pop(hello.role, None)  # who spoke last stands last
+            self._settings[hello.role] = settings
         process = (hello.role, texts.get(PROCESS, ""))
         if process in self._counts or len(self._counts) < MOST_PROCESSES:
-            self._counts.setdefault(process, {}).update(counts)
+            self._counts[process] = counts
         for name in NEWS:
             said, known = texts.get(name), self.news.get(name, ())
             if said and said not in known and len(known) < MOST_NEWS:
                 self.news[name] = (*known, said)
+
+    @property
+    def settings(self) -> dict[str, str]:
+        """Settings by name, as said last."""
+        return {name: value for said in self._settings.values() for name, value in said.items()}
 
     @property
     def counts(self) -> dict[str, int]:

@@ -7,6 +7,7 @@ clock: nothing may compare them with the receiver's.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from enum import IntEnum
 from typing import Annotated
 
@@ -30,14 +31,23 @@ __all__ = [
 ]
 
 VERSION = 7
-"""Version of the schema. It changes with every change of a field; peers must agree."""
+"""Version of the schema. It changes with every change of a field or a key; peers must agree."""
 
 Count = Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)]
 Text = Annotated[str, msgspec.Meta(max_length=400)]
 Numbers = Annotated[tuple[float, ...], msgspec.Meta(max_length=4096)]
 Content = Annotated[bytes, msgspec.Meta(max_length=4096)]
-Names = Annotated[tuple[str, ...], msgspec.Meta(max_length=128)]
-Name = Annotated[str, msgspec.Meta(max_length=64)]
+LONGEST_NAME, LONGEST_VALUE, MOST_TEXTS = 64, 1024, 128
+"""Characters of a name and of a value among the texts of a `Hello`, and how many texts one may have."""
+Name = Annotated[str, msgspec.Meta(max_length=LONGEST_NAME)]
+Value = Annotated[str, msgspec.Meta(max_length=LONGEST_VALUE)]
+Names = Annotated[tuple[Name, ...], msgspec.Meta(max_length=MOST_TEXTS)]
+Values = Annotated[tuple[Value, ...], msgspec.Meta(max_length=MOST_TEXTS)]
+SIDES = ("leader", "follower")
+"""Of a session: each has to understand the other."""
+SPEAKERS = (*SIDES, "camera", "recorder", "supervisor", "doctor")
+"""Who says hello on a network. No other role is taken, so that what is kept by role is no more than these."""
+Speaker = Annotated[str, msgspec.Meta(pattern=rf"^({'|'.join(SPEAKERS)})\Z")]
 Pose = Annotated[tuple[float, ...], msgspec.Meta(max_length=6)]
 Place = Annotated[tuple[float, ...], msgspec.Meta(max_length=3)]
 """Of a point in the world [m], or empty."""
@@ -164,9 +174,9 @@ class Telemetry(Message, frozen=True, array_like=True, gc=False):
     Attributes:
         command_sequence: The command applied in this tick, 0 before the first.
         desired_position: Position that the robot was told to take [m].
-        position: Probe position from the encoders [m].
+        position: Probe position from the encoders, at the tip where it is calibrated what gives way before it [m].
         velocity: Estimated from the positions, causally [m/s].
-        sensor_force: Sensor force less weight and inertia of the tool, offset still in it [N].
+        sensor_force: Sensor force less weight and inertia of the tool, offset still in it unless it is calibrated [N].
         force: The same less the offset that the follower found in free air [N].
         exact_force: The simulator's own contact force [N]; NaN on a robot, where nobody knows it.
         in_contact: The follower's own judgement.
@@ -227,13 +237,15 @@ class LeaderState(Message, frozen=True, array_like=True, gc=False):
         intended_position: Where the hand wants to be [m]; NaN where nobody knows.
         mediated_force: For the hand after mediation and scale, before the limits [N].
         update_step: Part of this tick's change of `mediated_force` that models made, and not motion [N].
-        energy: That the hand has put into the rendered force in this contact, up to this tick [J].
+        energy: That the hand has put into the rendered force, up to this tick [J]: debts of the session are kept,
+            surplus is forgiven at the loss of each contact.
         energy_bound: That it may have given out at most: see `foretouch.rendering.EnergyAccount` [J].
         rendered_share: Share of the hand's motion that the proxy takes part in: 1 where the device can carry the model,
             NaN where no model is rendered.
         engaged: Whether hand and proxy are coupled: no clutch is pressed, and the follower obeys this leader.
         epoch: Of this leader's process, as in its commands.
         run: Of the follower that is heard, 0 before the first.
+        late_energy: That late ticks and missing positions have taken beside it and not given back, never positive [J].
     """
 
     position: float
@@ -259,6 +271,7 @@ class LeaderState(Message, frozen=True, array_like=True, gc=False):
     engaged: bool = True
     epoch: Count = 0
     run: Count = 0
+    late_energy: float = 0.0
 
 
 class Handle(Message, frozen=True, array_like=True, gc=False):
@@ -343,14 +356,29 @@ class EmergencyStop(Message, frozen=True, array_like=True, gc=False):
 
 
 class Hello(Message, frozen=True, array_like=True, gc=False):
-    """Both sides to all, twice a second: who speaks, and with which settings the session runs.
+    """All to all, twice a second: who speaks, and with which settings the session runs.
+
+    It begins alike in every version, with version, sequence, time and role, so that peers of different versions can
+    tell each other so (`foretouch.messages.foreign_speaker`).
 
     Attributes:
-        role: ``"leader"`` or ``"follower"``.
-        names: Names of the settings that follow, for example ``"material"``.
-        values: Their values as text, one for each name.
+        role: One of `SPEAKERS`; in recordings also ``"simulation"``.
+        names: Names of the texts that follow, for example ``"material"``.
+        values: The texts, one for each name.
     """
 
-    role: Text
+    role: Speaker
     names: Names
-    values: Names
+    values: Values
+
+    @classmethod
+    def of(cls, role: str, sequence: int, time_ns: int, texts: Mapping[str, str]) -> Hello:
+        """One with these texts, cut where they are longer than a peer takes them."""
+        said = list(texts.items())[:MOST_TEXTS]
+        names = tuple(name[:LONGEST_NAME] for name, _ in said)
+        return cls(VERSION, sequence, time_ns, role, names, tuple(value[:LONGEST_VALUE] for _, value in said))
+
+    @property
+    def texts(self) -> dict[str, str]:
+        """The texts by name."""
+        return dict(zip(self.names, self.values, strict=False))

@@ -27,7 +27,8 @@ __all__ = [
     "in_order",
 ]
 
-_NUMBERS = ("model_jump", "standard_deviation", "update_step", "energy", "energy_bound", "rendered_share")
+_ENERGIES = ("energy", "energy_bound", "late_energy")
+_NUMBERS = ("model_jump", "standard_deviation", "update_step", "rendered_share", *_ENERGIES)
 _COUNTS = ("sequence", "time_ns", "touch_tick", "run", "epoch")
 _TYPES = dict.fromkeys(_NUMBERS, "f8") | dict.fromkeys(("clipped", "in_contact", "guarded", "engaged"), "?")
 

@@ -13,13 +13,16 @@ import msgspec
 
 from foretouch.messages.schema import Count, Message, Text
 
-__all__ = ["CameraImage", "FieldUpdate", "FixtureBelief", "FollowerSpace", "LeaderSpace"]
+__all__ = ["LARGEST_JPEG", "CameraImage", "FieldUpdate", "FixtureBelief", "FollowerSpace", "LeaderSpace"]
 
 POSE_NUMBERS = 6
 CAMERA_NUMBERS = 15
 
 Field = Annotated[bytes, msgspec.Meta(max_length=32_768)]
-Jpeg = Annotated[bytes, msgspec.Meta(max_length=60_000)]
+LARGEST_JPEG = 45_000
+"""[bytes]: with everything else that a `CameraImage` may hold it is less than `foretouch.messages.LARGEST_MESSAGE`."""
+
+Jpeg = Annotated[bytes, msgspec.Meta(max_length=LARGEST_JPEG)]
 Pose = Annotated[tuple[float, ...], msgspec.Meta(max_length=POSE_NUMBERS)]
 Covariance = Annotated[tuple[float, ...], msgspec.Meta(max_length=POSE_NUMBERS**2)]
 Camera = Annotated[tuple[float, ...], msgspec.Meta(max_length=CAMERA_NUMBERS)]
@@ -124,9 +127,10 @@ class LeaderSpace(Message, frozen=True, array_like=True, gc=False):
         fixture_turn: Standard deviation of its turn [rad].
         fixture_age: Since an image showed it, as the follower said, and the way of that message is not in it [s].
         friction: Coefficient that is rendered.
-        energy: That the hand has put into the force in this contact, in all directions [J].
+        energy: That the hand has put into the force, in all directions: see `LeaderState` [J].
         energy_bound: That it may have given out at most [J].
         epoch: Of this leader's process.
+        late_energy: That late ticks and missing positions have taken beside it, never positive [J].
     """
 
     hand_x: float
@@ -159,6 +163,7 @@ class LeaderSpace(Message, frozen=True, array_like=True, gc=False):
     energy: float
     energy_bound: float
     epoch: Count = 0
+    late_energy: float = 0.0
 
 
 class FieldUpdate(Message, frozen=True, array_like=True, gc=False):
@@ -178,7 +183,7 @@ class CameraImage(Message, frozen=True, array_like=True, gc=False):
 
     Attributes:
         tick: `Telemetry.sequence` of the follower's tick that it shows; by it and no clock the image has its time.
-        jpeg: The image, 60 kB at most; empty where the stream dropped it.
+        jpeg: The image, 45 kB at most; empty where the stream dropped it.
         pose: Of the fixture in the world, 6 numbers; empty where the image shows no board.
         covariance: Of that pose's error on the right (`foretouch.quantities.Pose`), 36 numbers, row by row; or empty.
         markers: Of the board that were found.

@@ -33,6 +33,7 @@ from foretouch.messages import (
     ModelUpdate,
     SessionLog,
     Telemetry,
+    as_printed,
 )
 from foretouch.messages.session_log import in_order
 from foretouch.recordings._extra import optional
@@ -253,7 +254,7 @@ class _Scan:
                 self._parts[kind].append(_ends(rows) if narrow else rows)
                 return
             for start, end in spans:
-                message = layout.unpack(data[start:end])
+                message = as_printed(layout.unpack(data[start:end]))
                 if isinstance(message, Hello):
                     self._hellos.take(message)
                 else:

@@ -2,12 +2,13 @@
 
 from foretouch.rendering.energy import EnergyAccount
 from foretouch.rendering.friction import FrictionRenderer
+from foretouch.rendering.interfaces import RenderingDevice
 from foretouch.rendering.limits import LARGEST_FORCE, LARGEST_FORCE_RATE, ForceLimiter
 from foretouch.rendering.mediation import LARGEST_STEP, Mediation
 from foretouch.rendering.proxy import Proxy
-from foretouch.rendering.renderer import Renderer, RenderingDevice
+from foretouch.rendering.renderer import Renderer
 from foretouch.rendering.share import rendered_share
-from foretouch.rendering.spatial_energy import SpatialEnergyAccount
+from foretouch.rendering.spatial_energy import NormalAccount, SpatialEnergyAccount
 from foretouch.rendering.surfaces import (
     HeightField,
     Plane,
@@ -27,6 +28,7 @@ __all__ = [
     "FrictionRenderer",
     "HeightField",
     "Mediation",
+    "NormalAccount",
     "Plane",
     "Proxy",
     "Renderer",

@@ -1,50 +1,180 @@
-"""The energy account of one contact, and the ceiling on force that keeps it in bounds."""
+"""The energy account of a whole session, and the ceiling on force that keeps it in bounds."""
 
 from __future__ import annotations
 
 import math
+from typing import Self
 
 from foretouch.models.checks import require
+from foretouch.rendering.interfaces import AccountedDevice
 
-__all__ = ["EnergyAccount"]
+__all__ = ["EnergyAccount", "Ledger"]
 
 SMALLEST_COUNT = 1e-6
 """[m]."""
 
-WAY_BACK = 1e-8
-"""Share of the largest force that is never cut: with it, whoever presses again builds it up anew within some steps."""
+WAY_BACK = 1e-3
+"""Part of the largest force that is not cut, as long as half a count of the encoder pays for it: with it, whoever
+presses again builds the force up anew, doubling it in each step; ten times less takes some three steps more."""
+
+FASTEST_HAND = 2.0
+"""No hand that holds a handle is faster [m/s]: what a position goes beyond that in a tick is no motion but an encoder's
+fault, and not to widen the bound. Twice what a device may show by its conformance check."""
+
+SAMPLE_PERIOD = 1e-3
+"""Period of a loop where nothing else is said [s]."""
 
 
-class EnergyAccount:
-    r"""What the hand has put into the rendered force in this contact, and what that force may give back.
+class Ledger:
+    r"""What is booked of a force that is held from tick to tick, and how much more of it may be held.
+
+    Debts are kept over contacts, surplus is forgiven at the loss of each: what was dissipated in one press pays for
+    nothing in the next, and what was given out too much is owed until it is paid. So the account is never above the
+    work W of the whole session, the integral of force times motion:
 
     .. math::
-        E_{k+1} &= E_k + f_k (x_{k+1} - x_k) \\
-        f_k &\le \max\left(\epsilon F,\; F + E_k / (D - \Delta / 2)\right) \quad \text{while } E_k < 0 \\
-        E_k &\ge -F D \quad \text{always}
+        E_{k+1} &= E_k + \left(\delta f_{k-1} + (1 - \delta) f_k\right) (x_{k+1} - x_k), \quad \delta = d / T \\
+        f_k &\le (1 + 2 \delta) F - \delta f_{k-1} + E_k / (D - \Delta / 2) \quad \text{while } E_k < 0 \\
+        W_k &\ge E_k + L_k, \quad E_k \ge -(1 + 2 \delta) F D \quad \text{always}
 
-    f is held from one tick to the next, so the sum is the work itself; x is the hand's position as the encoder shows it
-    and grows into the material. F is the largest force of this contact so far, and D the farthest that the hand went in
-    one tick of it, and one count of the encoder, Delta, more.
+    A force acts from the delay d after its position was read until d after the next one was; in a tick the hand is
+    taken to move evenly, and with d = 0 the sum is the work itself. F is the largest force of the session so far, and D
+    the farthest that the hand went in one tick of the nominal period T and one count of the encoder, Delta, more.
 
-    The bound is the energy of one tick and one count: nobody can know of it before. It holds for any motion and any
-    forces that are asked for. Where E is not negative, one tick takes F D at most. Where it is, the ceiling takes care
-    that a tick no longer than D leaves E at -F (D - Delta / 2) or above, and one that is longer makes D longer. Half a
-    count is left for epsilon = 1e-8, as long as there is that much: without it E would come so near to its bound on a
-    long way out that no force would ever bring it back. The bound is also what sampling makes of a spring that takes
-    nothing: pressed and let go at speed v, it gives back K x v T = F D more than was put in, so that such a spring is
-    not cut.
+    A tick that comes late, positions that are missing and steps that no hand makes count in E for T alone, evenly. The
+    rest of their work is L, whose surplus is forgiven at once and whose debt is kept: it widens no bound and closes no
+    ceiling, and is told beside them. A device's watchdog ends the force of such a tick; what is held after that is not
+    booked.
 
-    At the loss of contact the account is closed: what was dissipated in a former contact pays for nothing.
+    The bound is what sampling and delay make of a spring that takes nothing: pressed and let go at speed v, it gives
+    back K x v (T + 2 d) more than was put in. `docs/stability.md` has the proof.
 
     Args:
         resolution: One count of the encoder [m], not negative; less than a micrometre counts as one.
+        sample_period: T, positive [s].
+        delay: d, 0 to T [s].
+        watchdog: Time after which the device takes a force away that nobody has renewed [s]; 0 for never.
 
     Attributes:
         energy: E [J].
-        force: f, held now [N].
+        late_energy: L, never positive [J].
         largest_force: F [N].
         largest_step: D [m].
+    """
+
+    __slots__ = (
+        "_count",
+        "_elapsed",
+        "_newest_step",
+        "_period",
+        "_share",
+        "_watchdog",
+        "energy",
+        "largest_force",
+        "largest_step",
+        "late_energy",
+    )
+
+    def __init__(
+        self,
+        resolution: float = 0.0,
+        *,
+        sample_period: float = SAMPLE_PERIOD,
+        delay: float = 0.0,
+        watchdog: float = 0.0,
+    ) -> None:
+        require("resolution", resolution, at_least=0.0)
+        require("sample_period", sample_period, above=0.0)
+        require("delay", delay, at_least=0.0, at_most=sample_period)
+        require("watchdog", watchdog, at_least=0.0)
+        self._count = max(resolution, SMALLEST_COUNT)
+        self._period = sample_period
+        self._share = delay / sample_period
+        self._watchdog = watchdog or math.inf
+        self._elapsed = 0.0
+        self._newest_step = 0.0
+        self.energy = self.late_energy = 0.0
+        self.largest_force = 0.0
+        self.largest_step = self._count
+
+    @classmethod
+    def of(cls, device: AccountedDevice | None, sample_period: float = SAMPLE_PERIOD) -> Self:
+        """The account of a device at this period [s]; of none, of a hand without a device."""
+        if device is None:
+            return cls(sample_period=sample_period)
+        return cls(device.resolution, sample_period=sample_period, delay=device.delay, watchdog=device.watchdog)
+
+    def close(self) -> None:
+        """Contact is lost: forgive what the hand has put in beyond what it was given. A debt stays."""
+        if self.energy > 0.0:
+            self.energy = 0.0
+
+    @property
+    def bound(self) -> float:
+        """(1 + 2 delta) F D [J]: the account is never further below zero."""
+        return (1.0 + 2.0 * self._share) * self.largest_force * self.largest_step
+
+    def bound_with(self, force: float) -> float:
+        """The bound [J] as it will be once this force [N] has been held over a tick like the newest."""
+        largest, step = self.largest_force, self.largest_step
+        step = self._newest_step if self._newest_step > step else step
+        return (1.0 + 2.0 * self._share) * (force if force > largest else largest) * step
+
+    def _ceiling(self, held: float) -> float:
+        """Largest force that may be held now [N], after this one, which still acts for d [N]."""
+        if self._elapsed > 0.0:  # nobody knows where the hand is
+            return held
+        if self.energy >= 0.0:
+            return math.inf
+        largest, delta = self.largest_force, self._share
+        reach = self.largest_step - 0.5 * self._count
+        ceiling = (1.0 + 2.0 * delta) * largest - delta * held + self.energy / reach
+        if ceiling >= WAY_BACK * largest:
+            return ceiling
+        left = (self.energy + self.bound) / self.largest_step - delta * held  # of the half count, as a force
+        least = min(WAY_BACK * largest, left / (1.0 + delta))
+        return max(ceiling, least, 0.0)
+
+    def _pass(self, period: float) -> float:
+        """Let a tick pass that took this time [s]; for how long of it the force acted beyond the nominal period [s]."""
+        period = period if 0.0 < period < math.inf else self._period
+        acted = period if period < self._watchdog else self._watchdog
+        late = acted if self._elapsed > 0.0 else max(acted - self._period, 0.0)
+        self._elapsed += period
+        return late
+
+    def _arrive(self, distance: float) -> tuple[float, float, float]:
+        """At a new position, so far from the one before [m]: the parts of that way by which each force is booked.
+
+        Returns:
+            For the nominal force, in E and in L [-], and for what acted beyond the nominal period, in L [1/s].
+        """
+        elapsed, self._elapsed = max(self._elapsed, self._period), 0.0
+        even, longest = self._period / elapsed, FASTEST_HAND * self._period
+        part = even if not even * distance > longest else longest / distance
+        return part, even - part, 1.0 / elapsed
+
+    def _book(self, work: float, late: float, step: float, *, pressed: bool) -> None:
+        """Book a nominal step [m], its work and the late one [J]."""
+        self.energy += work
+        owed = self.late_energy + late
+        self.late_energy = owed if owed < 0.0 else 0.0
+        self._newest_step = step = step + self._count
+        if pressed and step > self.largest_step:
+            self.largest_step = step
+
+
+class EnergyAccount(Ledger):
+    """The account along a line: see `Ledger`; x grows into the material, and f pushes out.
+
+    Args:
+        resolution: See `Ledger`, as for the others.
+        sample_period: T [s].
+        delay: d [s].
+        watchdog: [s].
+
+    Attributes:
+        force: f, held now [N].
 
     References:
         Hannaford and Ryu (2002), Time-domain passivity control of haptic interfaces, IEEE Transactions on Robotics and
@@ -52,62 +182,46 @@ class EnergyAccount:
         The bound is derived here.
     """
 
-    __slots__ = ("_newest_step", "_position", "_resolution", "energy", "force", "largest_force", "largest_step")
+    __slots__ = ("_acted", "_before", "_late", "_position", "force")
 
-    def __init__(self, resolution: float = 0.0) -> None:
-        require("resolution", resolution, at_least=0.0)
-        self._resolution = max(resolution, SMALLEST_COUNT)
+    def __init__(
+        self,
+        resolution: float = 0.0,
+        *,
+        sample_period: float = SAMPLE_PERIOD,
+        delay: float = 0.0,
+        watchdog: float = 0.0,
+    ) -> None:
+        super().__init__(resolution, sample_period=sample_period, delay=delay, watchdog=watchdog)
         self._position = math.nan
-        self._newest_step = 0.0
+        self._acted = self._late = self._before = 0.0
         self.force = 0.0
-        self.close()
-
-    def close(self) -> None:
-        """Contact is lost: begin anew."""
-        self.energy = 0.0
-        self.largest_force = 0.0
-        self.largest_step = self._resolution
-
-    @property
-    def bound(self) -> float:
-        """F D [J]: the account is never further below zero."""
-        return self.largest_force * self.largest_step
-
-    def bound_with(self, force: float) -> float:
-        """F D [J] as it will be once this force [N] has been held over a tick like the newest."""
-        largest, step = self.largest_force, self.largest_step
-        return (force if force > largest else largest) * (self._newest_step if self._newest_step > step else step)
 
     @property
     def ceiling(self) -> float:
         """Largest force that may be held now [N]."""
-        if self.energy >= 0.0:
-            return math.inf
-        reach = self.largest_step - 0.5 * self._resolution
-        back = WAY_BACK * self.largest_force if self.energy > (WAY_BACK - 1.0) * self.bound else 0.0
-        return max(self.largest_force + self.energy / reach, back)
+        return self._ceiling(self.force)
 
-    def observe(self, position: float) -> None:
-        """Book the work of the held force up to where the hand is now [m]; a position that is no number is left out."""
+    def observe(self, position: float, period: float = 0.0) -> None:
+        """Book the work of the held force up to where the hand is now.
+
+        Args:
+            position: [m]; one that is no number is missing.
+            period: Since the tick before [s]; what is none counts as the nominal one.
+        """
+        if not self._elapsed > 0.0:
+            self._acted = self._share * self._before + (1.0 - self._share) * self.force
+        self._late += self.force * self._pass(period)
         if not math.isfinite(position):
             return
-        moved = position - self._position
-        self._position = position
-        if math.isnan(moved):  # the first
-            return
-        self._newest_step = step = abs(moved) + self._resolution
-        force = self.force
-        self.energy += force * moved
-        if force > 0.0 and step > self.largest_step:
-            self.largest_step = step
-
-    def pay(self, work: float) -> None:
-        """Book work of the hand [J] in directions that this line does not see; what is no number is left out."""
-        if math.isfinite(work):
-            self.energy += work
+        moved, self._position = position - self._position, position
+        part, beyond, rate = self._arrive(abs(moved))
+        acted, late, self._late = self._acted * moved, self._late * moved, 0.0
+        if not math.isnan(moved):  # the first
+            self._book(part * acted, beyond * acted + rate * late, part * abs(moved), pressed=self._acted > 0.0)
 
     def hold(self, force: float) -> None:
         """From now on this force acts [N], 0 or more."""
-        self.force = force
+        self._before, self.force = self.force, force
         if force > self.largest_force:
             self.largest_force = force

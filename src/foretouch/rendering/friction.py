@@ -34,15 +34,18 @@ class FrictionRenderer:
 
     **Passive.** The force of a tick, held while the hand moves by :math:`\Delta p`, gives out at most
     :math:`k |\Delta p|^2 / 2` more than the bristle loses and, over a motion, :math:`c |\Delta p|^2 / T` more than
-    nothing (the low-pass has no gain above 1). The device's damping b takes :math:`b |\Delta p|^2 / T` meanwhile. So
+    nothing (the low-pass has no gain above 1). A force that comes a delay d late gives out as much more as a spring's
+    does. The device's damping b takes :math:`b |\Delta p|^2 / T` meanwhile. So
 
-    .. math:: c \le b / 2, \quad k \le \min(K, 2 (b - c) / T)
+    .. math:: c \le b / 2, \quad k \le \min(K, (b - c) / (T / 2 + d))
 
-    and device and friction together never give out energy, whatever the motion, normal force, mu and normal do.
+    and without a delay device and friction together never give out energy, whatever the motion, normal force, mu and
+    normal do; with one, where the bristle does not slide. What is left the account of energy sees.
 
     Args:
         stiffness: K, that the device carries [N/m], positive.
         device_damping: b, of the device along the surface [N s/m], not negative; infinite for no device.
+        delay: d, from reading a position until the force acts [s], not negative.
 
     Attributes:
         bend: z [m].
@@ -58,15 +61,17 @@ class FrictionRenderer:
         Colgate and Schenkel (1997), Journal of Robotic Systems 14(1): b > K T / 2 + B.
     """
 
-    __slots__ = ("_damping", "_place", "_stiffness", "_velocity", "bend", "sliding", "stored")
+    __slots__ = ("_damping", "_delay", "_place", "_stiffness", "_velocity", "bend", "sliding", "stored")
 
-    def __init__(self, stiffness: float, device_damping: float = math.inf) -> None:
+    def __init__(self, stiffness: float, device_damping: float = math.inf, delay: float = 0.0) -> None:
         if stiffness != math.inf:
             require("stiffness", stiffness, above=0.0)
         if device_damping != math.inf:
             require("device_damping", device_damping, at_least=0.0)
         self._stiffness = min(stiffness, 1e6)
+        require("delay", delay, at_least=0.0)
         self._damping = device_damping
+        self._delay = delay
         self.restart()
 
     def restart(self) -> None:
@@ -110,7 +115,7 @@ class FrictionRenderer:
         moved = _along((x - before[0], y - before[1], z - before[2]), nx, ny, nz)
         cone = max(mu, 0.0) * normal_force
         c = min(max(viscous, 0.0), VISCOUS_SHARE * self._damping)
-        k = min(self._stiffness, 2.0 * (self._damping - c) / period)
+        k = min(self._stiffness, (self._damping - c) / (0.5 * period + self._delay))
         bx, by, bz = self._bent(moved, nx, ny, nz, k, cone)
         ux, uy, uz = self._moving(moved, nx, ny, nz, period)
         fx, fy, fz = k * bx, k * by, k * bz

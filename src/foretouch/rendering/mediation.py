@@ -30,15 +30,16 @@ class Mediation:
     .. math:: |o_{k+1} - o_k| \le \min\left(S,\; (1 - e^{-T/\tau}) |o_k|\right)
 
     with S = 0.08 N and tau = 10 ms. An offset above zero, where the new model is the weaker one, always does. One below
-    zero is raised only where that is paid for. With E what the hand has put into this contact, and W what the model,
-    with its offset, would give back from here, E - W is what was dissipated on the way: the tank of Franken et al.,
+    zero is raised only where that is paid for. With E what the hand has put in, less what it owes from before, and
+    W what the model, with its offset, would give back from here, E - W is what was dissipated on the way: the tank of
+    Franken et al.,
     filled by the model's own dissipation and by the operator's work, emptied by models that store more than those
     before them. Raising the offset by d makes the material give back up to d x more on the way out, x being the way, so
 
     .. math:: d \le (E_k - W_k) / x
 
-    and where more would come back than was put in, beyond the bound B of the account, the offset is lowered until it
-    would not,
+    and where more would come back than was put in, beyond B, a part of the account's bound, the offset is lowered until
+    it would not,
 
     .. math:: d = -\min(S, (W_k - E_k - B_k) / x)
 

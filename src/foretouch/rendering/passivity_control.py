@@ -87,6 +87,6 @@ class PassivityController:
             force: What the hand is given after all limits.
             touching: Whether there is contact; without it a surplus is forgotten.
         """
-        if not touching and self.energy > 0.0:
+        if not touching:
             self._account.close()
         self._account.hold(force)

@@ -3,20 +3,17 @@
 from __future__ import annotations
 
 import math
-from typing import Protocol
 
 from foretouch.models import NO_STATE, ContactModel, ContactState, Predictor
 from foretouch.models.checks import require
-from foretouch.rendering.energy import EnergyAccount
+from foretouch.rendering.energy import SAMPLE_PERIOD, EnergyAccount
+from foretouch.rendering.interfaces import RenderingAccount, RenderingDevice
 from foretouch.rendering.limits import LARGEST_FORCE, ForceLimiter
 from foretouch.rendering.mediation import Mediation
 from foretouch.rendering.proxy import RETURN_SPEED, Proxy
 from foretouch.rendering.share import rendered_share
 
-__all__ = ["Renderer", "RenderingDevice"]
-
-SAMPLE_PERIOD = 1e-3
-"""Time for which a force is held where nothing else is said [s]."""
+__all__ = ["Renderer"]
 
 LARGEST_MOVE = 5e-4
 """A surface that is suddenly nearer to the hand by more than this [m] is met by the index; less, by mediation alone."""
@@ -51,28 +48,15 @@ YIELDING_RATE = 0.05
 LARGEST_RETURN = 0.02
 """What is given back in contact changes the force by at most so much in a tick [N]."""
 
+MISSING = 3
+"""From so many positions on that are missing one after the other, nobody knows where the hand is."""
 
-class RenderingDevice(Protocol):
-    """What rendering has to know of a device that the hand feels."""
+FADING = 5
+"""The force then fades to nothing in so many ticks: within 5 ms."""
 
-    @property
-    def damping(self) -> float:
-        """B [N s/m]."""
-
-    @property
-    def force_limit(self) -> float:
-        """[N]."""
-
-    @property
-    def resolution(self) -> float:
-        """One count of the encoder [m]."""
-
-    @property
-    def stiffness_by_encoder(self) -> float:
-        """What one count of the encoder allows [N/m], infinite without one."""
-
-    def largest_stiffness(self, sample_period: float) -> float:
-        """The stiffest spring that it renders passively at this period [s], by its damping and its encoder [N/m]."""
+MEDIATED_SHARE = 0.5
+"""Part of the account's bound that mediation uses up; the rest is for what it cannot foresee, and for the first tick of
+a new contact of a hand that owes."""
 
 
 class Renderer:
@@ -87,6 +71,7 @@ class Renderer:
             and no more than its `largest_stiffness` by damping and encoder.
         guarded: Whether a surface that turns up where the hand already is, is met by the index.
         sample_period: T [s].
+        account: Of the energy; None for one along this line.
 
     Attributes:
         predictor: Runs the newest model at the proxy.
@@ -97,18 +82,22 @@ class Renderer:
         share: rho, of the hand's motion from now to the next tick.
         energy: Of the account at the newest tick [J], before its force acts.
         energy_bound: Of the account then [J].
+        late_energy: Of the account then [J].
 
     Raises:
         SettingError: A scale or stiffness out of range.
     """
 
     __slots__ = (
+        "_delay",
         "_device",
         "_device_damping",
+        "_fades_from",
         "_force_scale",
         "_free",
         "_guarded",
         "_hand",
+        "_missing",
         "_period",
         "_position_scale",
         "_stiffest",
@@ -117,11 +106,12 @@ class Renderer:
         "_time",
         "_velocity",
         "_wanted_before",
-        "_was_engaged",
+        "_was_felt",
         "_yielding",
         "account",
         "energy",
         "energy_bound",
+        "late_energy",
         "limiter",
         "mediation",
         "predictor",
@@ -138,16 +128,17 @@ class Renderer:
         largest_stiffness: float = 0.0,
         guarded: bool = False,
         sample_period: float = SAMPLE_PERIOD,
+        account: RenderingAccount | None = None,
     ) -> None:
         require("force_scale", force_scale, above=0.0)
         require("largest_stiffness", largest_stiffness, at_least=0.0)
         require("sample_period", sample_period, above=0.0)
         self._stiffest = self._stiffest_by_encoder = math.inf
-        self._device_damping = 0.0
+        self._device_damping = self._delay = 0.0
         if device is not None:
             self._stiffest = min(largest_stiffness or math.inf, device.largest_stiffness(sample_period))
             self._stiffest_by_encoder = device.stiffness_by_encoder
-            self._device_damping = device.damping
+            self._device_damping, self._delay = device.damping, device.delay
         self._device = device
         self._position_scale = position_scale
         self._force_scale = force_scale
@@ -155,18 +146,20 @@ class Renderer:
         self._period = sample_period
         self._surface = math.nan
         self._time = -math.inf
-        self._was_engaged = False
+        self._was_felt = False
         self._hand = math.nan
+        self._missing = 0
+        self._fades_from = 0.0
         self._wanted_before = self._velocity = 0.0
         self.predictor = Predictor()
         self.proxy = Proxy(position_scale)
         self.mediation = Mediation()
         self.limiter = ForceLimiter(LARGEST_FORCE if device is None else min(LARGEST_FORCE, device.force_limit))
-        self.account = EnergyAccount(0.0 if device is None else device.resolution)
+        self.account = EnergyAccount.of(device, sample_period) if account is None else account
         self.share = 1.0
         self._free = 0.0
         self._yielding = 1.0
-        self.energy = self.energy_bound = 0.0
+        self.energy = self.energy_bound = self.late_energy = 0.0
 
     def adopt(
         self,
@@ -197,9 +190,13 @@ class Renderer:
     def update(self, time: float, hand: float, period: float, *, free: bool = False) -> float:
         """One tick.
 
+        A position that is missing counts as not moved, and no force rises on it. From the third one after the other on
+        the force fades within 5 ms, as nobody knows any more what it does; once the hand is seen again, the force comes
+        back from nothing as a new model does.
+
         Args:
             time: [s], later than at the tick before; otherwise nothing happens.
-            hand: Position of the hand [m]; one that is no number, or none within 10 m, counts as not moved.
+            hand: Position of the hand [m]; one that is no number, or none within 10 m, is missing.
             period: Time since the tick before [s].
             free: Whether the hand is let go, from whatever it is coupled with, and given no force.
 
@@ -213,8 +210,9 @@ class Renderer:
         there = abs(hand) <= FARTHEST
         if not there:
             hand = math.nan
-        account.observe(hand)
-        self.energy, self.energy_bound = account.energy, account.bound
+        self._missing = 0 if there else self._missing + 1
+        account.observe(hand, period)
+        self.energy, self.energy_bound, self.late_energy = account.energy, account.bound, account.late_energy
         if free:
             proxy.leave()
         elif self._device is None and there and math.isnan(proxy.position):
@@ -234,16 +232,16 @@ class Renderer:
             leaving=leaving,
             surplus=self._surplus(wanted - jump) if leaving else 0.0,
             energy=account.energy,
-            bound=account.bound_with(wanted),
+            bound=MEDIATED_SHARE * account.bound_with(wanted),
             exit_work=self._exit_work,
         )
         # A tick that came late is no reason for a larger step of force; nor is the limit of its rate one to push a hand
         # that leaves with more than there is.
-        ceiling = account.ceiling
+        ceiling = min(account.ceiling, self._fade())
         held = period if period < self._period else self._period
         force = self.limiter.update(mediated, held, mediated if mediated < ceiling else ceiling)
         self.mediation.wind_down(force)
-        if force <= PHANTOM and wanted <= PHANTOM:
+        if there and force <= PHANTOM and wanted <= PHANTOM:  # of a hand that is not seen nobody knows
             account.close()
         account.hold(force)
         if proxy.indexed != 0.0 or proxy.yielded != 0.0:
@@ -256,17 +254,27 @@ class Renderer:
         return force
 
     def _wanted(self, predicted: float) -> tuple[float, float]:
-        """Force of the model for the hand within the limit [N], and what models or clutch changed of it now [N]."""
-        engaged, was_engaged = self.proxy.engaged, self._was_engaged
-        self._was_engaged = engaged
+        """Force of the model for the hand within the limit [N], and what changed it now but motion [N].
+
+        That is a model, the clutch, or a hand that is lost or found.
+        """
+        felt, was_felt = self.proxy.engaged and self._missing < MISSING, self._was_felt
+        self._was_felt = felt
         # What is beyond the limit is never rendered: mediated, it would take minutes to come down.
         largest, jump = self.limiter.largest_force, self.predictor.jump
-        force = self._force_scale * predicted if engaged else 0.0
+        force = self._force_scale * predicted if felt else 0.0
         force = force if force < largest else largest
-        if jump == 0.0 and engaged == was_engaged:
+        if jump == 0.0 and felt == was_felt:
             return force, 0.0
-        former = min(self._force_scale * (predicted - jump), largest) if was_engaged else 0.0
+        former = min(self._force_scale * (predicted - jump), largest) if was_felt else 0.0
         return force, force - former
+
+    def _fade(self) -> float:
+        """Largest force for a hand that is not seen [N]."""
+        if self._missing < MISSING:
+            self._fades_from = self.limiter.force
+            return math.inf
+        return self._fades_from * max(1.0 - (self._missing - MISSING + 1) / FADING, 0.0)
 
     def _surplus(self, force: float) -> float:
         """What a force [N] has grown by, as the hand went out, beyond b times the change of its velocity [N].
@@ -373,6 +381,7 @@ class Renderer:
             damping,
             device_damping=math.inf if light else self._device_damping,
             sample_period=self._period,
+            delay=self._delay,
             stiffness_by_encoder=self._stiffest_by_encoder,
         )
         if light or not stiffness > 0.0:

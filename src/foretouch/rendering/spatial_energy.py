@@ -1,97 +1,159 @@
-"""The energy account of one contact in three dimensions."""
+"""The energy account of a session in three dimensions."""
 
 from __future__ import annotations
 
 import math
 from typing import TypeAlias
 
-from foretouch.models.checks import require
-from foretouch.rendering.energy import SMALLEST_COUNT, WAY_BACK
+from foretouch.rendering.energy import SAMPLE_PERIOD, Ledger
 
-__all__ = ["SpatialEnergyAccount"]
+__all__ = ["NormalAccount", "SpatialEnergyAccount"]
 
 Vector: TypeAlias = tuple[float, float, float]
 
+NOTHING: Vector = (0.0, 0.0, 0.0)
 
-class SpatialEnergyAccount:
+
+class SpatialEnergyAccount(Ledger):
     r"""What the hand has put into the rendered force, in all directions, and the ceiling that keeps it in bounds.
 
-    .. math::
-        E_{k+1} &= E_k - f_k \cdot (x_{k+1} - x_k) \\
-        |f_k| &\le \max(\epsilon F,\; F + E_k / (D - \Delta / 2)) \quad \text{while } E_k < 0 \\
-        E_k &\ge -F D \quad \text{always}
-
-    As `EnergyAccount`, whose proof holds for vectors too: a tick takes the force times its step at most. F is the
-    largest force of this contact, D its longest step and one count of the encoders, Delta, in all three directions. A
-    force along the normal of a curved surface, held for a tick, turns late: in a hollow of radius R it gives out
-    :math:`|f|\,|\Delta x|^2 / 2 R` a tick more than it takes. The account along the normal cannot see that; this does.
+    As `EnergyAccount`, whose proof holds for vectors too: a tick takes the force times its step at most. D is the
+    longest step and one count of the encoders in all three directions; force and motion count in space, the force as it
+    pushes the hand. A force along the normal of a curved surface, held for a tick, turns late: in a hollow of radius R
+    it gives out :math:`|f|\,|\Delta x|^2 / 2 R` a tick more than it takes. An account along the normal cannot see that;
+    this does.
 
     Args:
-        resolution: One count of each encoder [m], not negative; less than a micrometre counts as one.
+        resolution: One count of each encoder [m], and the others as for `Ledger`.
+        sample_period: T [s].
+        delay: d [s].
+        watchdog: [s].
 
     Attributes:
-        energy: E [J].
         force: f, held now [N].
-        largest_force: F [N].
-        largest_step: D [m].
         cut: Whether the ceiling has cut the newest force.
     """
 
-    __slots__ = ("_count", "_newest_step", "_place", "cut", "energy", "force", "largest_force", "largest_step")
+    __slots__ = ("_acted", "_before", "_late", "_place", "cut", "force")
 
-    def __init__(self, resolution: float = 0.0) -> None:
-        require("resolution", resolution, at_least=0.0)
-        self._count = math.sqrt(3.0) * max(resolution, SMALLEST_COUNT)
-        self._place: Vector | None = None
-        self._newest_step = 0.0
-        self.force: Vector = (0.0, 0.0, 0.0)
-        self.cut = False
-        self.close()
-
-    def close(self) -> None:
-        """Contact is lost: begin anew."""
-        self.energy = 0.0
-        self.largest_force = 0.0
+    def __init__(
+        self,
+        resolution: float = 0.0,
+        *,
+        sample_period: float = SAMPLE_PERIOD,
+        delay: float = 0.0,
+        watchdog: float = 0.0,
+    ) -> None:
+        super().__init__(resolution, sample_period=sample_period, delay=delay, watchdog=watchdog)
+        self._count *= math.sqrt(3.0)
         self.largest_step = self._count
-
-    @property
-    def bound(self) -> float:
-        """F D [J]: the account is never further below zero."""
-        return self.largest_force * self.largest_step
-
-    def observe(self, place: Vector) -> None:
-        """Book the work of the held force up to where the hand is now [m]; a place that is not finite is left out."""
-        if not all(map(math.isfinite, place)):
-            return
-        before, self._place = self._place, place
-        if before is None:
-            return
-        x, y, z = place[0] - before[0], place[1] - before[1], place[2] - before[2]
-        self.energy -= self.force[0] * x + self.force[1] * y + self.force[2] * z
-        self._newest_step = math.sqrt(x * x + y * y + z * z) + self._count
-        if self.force != (0.0, 0.0, 0.0):
-            self.largest_step = max(self.largest_step, self._newest_step)
-
-    def hold(self, force: Vector) -> Vector:
-        """Hold a force [N] from now on, cut to the ceiling; returns what is held."""
-        x, y, z = force
-        size = math.sqrt(x * x + y * y + z * z)
-        if not size < math.inf:
-            x = y = z = size = 0.0
-        ceiling = self.ceiling
-        self.cut = size > ceiling
-        if self.cut:
-            share = ceiling / size
-            x, y, z, size = x * share, y * share, z * share, ceiling
-        self.force = (x, y, z)
-        self.largest_force = max(self.largest_force, size)
-        return self.force
+        self._place: Vector | None = None
+        self._acted = self._late = self._before = NOTHING
+        self.force: Vector = NOTHING
+        self.cut = False
 
     @property
     def ceiling(self) -> float:
         """Largest force that may be held now [N]."""
-        if self.energy >= 0.0:
-            return math.inf
-        reach = max(self.largest_step - 0.5 * self._count, 0.5 * self._count)
-        back = WAY_BACK * self.largest_force if self.energy > (WAY_BACK - 1.0) * self.bound else 0.0
-        return max(self.largest_force + self.energy / reach, back)
+        return self._ceiling(_size(self.force))
+
+    def observe(self, place: Vector, period: float = 0.0) -> None:
+        """Book the work of the held force up to where the hand is now.
+
+        Args:
+            place: [m]; one that is not finite is missing.
+            period: Since the tick before [s]; what is none counts as the nominal one.
+        """
+        if not self._elapsed > 0.0:
+            self._acted = _mixed(self._before, self._share, self.force, 1.0 - self._share)
+        self._late = _mixed(self._late, 1.0, self.force, self._pass(period))
+        if not all(map(math.isfinite, place)):
+            return
+        before, self._place = self._place, place
+        moved = NOTHING if before is None else _mixed(place, 1.0, before, -1.0)
+        distance = _size(moved)
+        part, beyond, rate = self._arrive(distance)
+        acted, late, self._late = -_dot(self._acted, moved), -_dot(self._late, moved), NOTHING
+        if before is not None:
+            pressed = self._acted != NOTHING
+            self._book(part * acted, beyond * acted + rate * late, part * distance, pressed=pressed)
+
+    def hold(self, force: Vector) -> Vector:
+        """Hold a force [N] from now on, cut to the ceiling; returns what is held."""
+        size = _size(force)
+        if not size < math.inf:
+            force, size = NOTHING, 0.0
+        ceiling = self.ceiling
+        self.cut = size > ceiling
+        if self.cut:
+            force, size = _mixed(force, ceiling / size), ceiling
+        self._before, self.force = self.force, force
+        self.largest_force = max(self.largest_force, size)
+        return force
+
+
+class NormalAccount:
+    """The account in space as a renderer along the normal sees it: there is one account, and it is in space.
+
+    Whoever moves the hand in space books and holds there; so friction pays for a stiffer material that the hand slides
+    onto, as along a line pressing does.
+
+    Args:
+        whole: The account in space.
+    """
+
+    __slots__ = ("_whole",)
+
+    def __init__(self, whole: SpatialEnergyAccount) -> None:
+        self._whole = whole
+
+    @property
+    def energy(self) -> float:
+        """E [J]."""
+        return self._whole.energy
+
+    @property
+    def late_energy(self) -> float:
+        """L [J]."""
+        return self._whole.late_energy
+
+    @property
+    def bound(self) -> float:
+        """[J]."""
+        return self._whole.bound
+
+    @property
+    def ceiling(self) -> float:
+        """Largest force that may be held now [N]."""
+        return self._whole.ceiling
+
+    def bound_with(self, force: float) -> float:
+        """See `Ledger.bound_with`."""
+        return self._whole.bound_with(force)
+
+    def close(self) -> None:
+        """Contact is lost."""
+        self._whole.close()
+
+    def observe(self, position: float, period: float = 0.0) -> None:
+        """Booked in space."""
+
+    def hold(self, force: float) -> None:
+        """Held in space."""
+
+
+def _mixed(first: Vector, weight: float, second: Vector = NOTHING, other: float = 0.0) -> Vector:
+    """The sum of two vectors, each by its weight."""
+    return (
+        weight * first[0] + other * second[0],
+        weight * first[1] + other * second[1],
+        weight * first[2] + other * second[2],
+    )
+
+
+def _dot(first: Vector, second: Vector) -> float:
+    return first[0] * second[0] + first[1] * second[1] + first[2] * second[2]
+
+
+def _size(vector: Vector) -> float:
+    return math.sqrt(_dot(vector, vector))

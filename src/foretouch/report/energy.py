@@ -1,4 +1,4 @@
-"""The energy account of a session: whether the hand was given more than it gave, contact by contact."""
+"""The energy account of a session: whether the hand was given more than it gave, over all of it."""
 
 from __future__ import annotations
 
@@ -7,10 +7,20 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from foretouch.rendering.energy import SMALLEST_COUNT
+from foretouch.rendering.energy import SAMPLE_PERIOD
 from foretouch.rendering.renderer import FARTHEST, PHANTOM
+from foretouch.report.booked import NO_DEVICE, Booked, BookedDevice, book
 
-__all__ = ["ROUNDING", "Account", "energy_account", "energy_figures", "exact_energy", "has_account"]
+__all__ = [
+    "ROUNDING",
+    "Account",
+    "energy_account",
+    "energy_figures",
+    "exact_energy",
+    "has_account",
+    "lost_rows",
+    "summed_account",
+]
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -25,15 +35,17 @@ SAME = 1e-9
 
 
 class Account(NamedTuple):
-    """The account of energy in every tick of the leader.
+    """The account of energy in every tick of the leader; columns of shape (n,).
 
     Attributes:
-        energy: E: what the hand has put into the rendered force since this contact began [J], shape (n,).
-        bound: F D [J]: E may be so far below zero, shape (n,).
+        energy: E: what the hand has put into the rendered force, with all debts and no surplus of former contacts [J].
+        bound: E may be so far below zero [J].
+        late: L: what late ticks and missing positions took beside it, never positive [J].
     """
 
     energy: Array
     bound: Array
+    late: Array
 
 
 def has_account(leader: Rows) -> bool:
@@ -41,58 +53,76 @@ def has_account(leader: Rows) -> bool:
     return bool(leader.size) and bool((leader["energy_bound"] > 0.0).any() or not leader["rendered_force"][:-1].any())
 
 
-def energy_account(leader: Rows, resolution: float | None = 0.0) -> Account:
-    r"""The account of a session, summed up again from the forces and positions that were recorded.
+def energy_account(leader: Rows, device: BookedDevice | None = NO_DEVICE) -> Account:
+    """The account of a session, summed up again from the forces and positions that were recorded.
 
-    .. math:: E_{k+1} = E_k + f_k (x_{k+1} - x_k), \quad E_k \ge -F_k D_k
-
-    with the rendered force f, the largest one F of this contact so far, and D, the farthest that the hand x went in one
-    tick under a force, and one encoder count. From the leader's own columns comes only where contacts begin: where
-    nothing was carried over and no more than 0.05 N was rendered. After rows that were lost, energy goes on from what
-    the leader said there, and its bound is believed until the next contact.
+    As `foretouch.rendering.energy.Ledger` says. From the leader's own columns comes only where a surplus was forgiven:
+    where nothing was carried over and no more than 0.05 N was rendered. After rows that were lost, energy goes on from
+    what the leader said there, and its bound is believed from then on.
 
     Args:
         leader: Rows of `SessionLog.leader`.
-        resolution: One count of the encoder [m]; less than a micrometre counts as one. None where nobody knows it: then
-            every bound is the leader's.
+        device: The hand's; None where nobody knows it: then all of it is the leader's.
     """
-    ticks = _ticks(leader, resolution)
-    told, bound = leader["energy_bound"].tolist(), np.zeros(leader.size)
-    largest = farthest = 0.0
-    believed = False
-    columns = (ticks.force.tolist(), ticks.reach.tolist(), ticks.begins.tolist(), ticks.lost.tolist())
-    for row, (force, reach, begins, lost) in enumerate(zip(*columns, strict=True)):
-        believed = resolution is None or lost or (believed and not begins)
-        largest, farthest = (force, reach) if begins else (max(largest, force), max(farthest, reach))
-        bound[row] = told[row] if believed else largest * farthest
-    return Account(_summed(leader, ticks, ticks.work), bound)
+    if device is None:
+        return Account(*(leader[name].copy() for name in ("energy", "energy_bound", "late_energy")))
+    force, place = -leader["rendered_force"][:, None], leader["hand_position"][:, None]
+    place = np.where(np.abs(place) <= FARTHEST, place, np.nan)
+    booked = book(force, place, 1e-9 * leader["period_ns"], device)
+    return summed_account(leader, booked, leader["rendered_force"], lost_rows(leader, np.isfinite(place[:, 0])), device)
 
 
-def energy_figures(leader: Rows, resolution: float | None = 0.0) -> dict[str, Any]:
+def summed_account(told: Rows, booked: Booked, force: Array, lost: Flags, device: BookedDevice) -> Account:
+    """The account of what was booked.
+
+    Args:
+        told: Rows of the leader that say what it kept: ``energy``, ``energy_bound``, ``late_energy``.
+        booked: What was booked in each.
+        force: Size of the force that is held from each row on [N].
+        lost: Whether the row before is missing, or of no use.
+        device: The hand's.
+    """
+    held = np.concatenate((np.zeros(min(1, force.size)), force[:-1]))
+    pressed = held > 0.0
+    largest = np.maximum.accumulate(held)
+    farthest = np.maximum.accumulate(booked.reach)
+    bound = (1.0 + 2.0 * device.delay / SAMPLE_PERIOD) * largest * farthest
+    bound = np.where(np.logical_or.accumulate(lost), told["energy_bound"], bound)
+    begins = _begins(told["energy"], booked.work, pressed & (held > PHANTOM), lost)
+    late = _owed(np.where(lost, 0.0, booked.late), told["late_energy"], lost)
+    return Account(_summed(told["energy"], booked.work, begins, lost), bound, late)
+
+
+def energy_figures(leader: Rows, device: BookedDevice | None = NO_DEVICE) -> dict[str, Any]:
     """The certificate of a session, over all ticks in contact; where nobody kept an account every figure is None.
 
     Args:
         leader: Rows of `SessionLog.leader`.
-        resolution: One count of the encoder [m], None where nobody knows it.
+        device: The hand's, None where nobody knows it.
 
     Returns:
-        ``certificate_holds``: by `energy_account` no tick had E + F D below -1e-9 J, and the leader said the same.
-        ``energy_agrees``: whether it did, within 1e-9 J. ``net_energy_J``: the smallest E, 0 where it was never
-        negative. ``energy_bound_J``: F D of that tick, or the largest where E was never negative. ``energy_margin_J``:
-        the smallest E + F D. ``energy_used_percent``: the largest share of its bound that E took.
-        ``net_energy_exact_J``: the smallest of `exact_energy`, None on a device. ``largest_energy_cut_N``: how much
-        further the rendered force fell in one tick than the mediated force, at most, and never more than it fell: what
-        the ceiling of energy cut.
+        ``certificate_holds``: by `energy_account` no tick had E below its bound by 1e-9 J, and the leader said the
+        same. ``energy_agrees``: whether it did, within 1e-9 J. ``net_energy_J``: the smallest E, 0 where it was never
+        negative. ``energy_bound_J``: the bound in that tick, or the largest where E was never negative.
+        ``energy_margin_J``: the smallest distance of E from its bound. ``energy_used_percent``: the largest part of its
+        bound that E took. ``net_energy_exact_J``: the smallest of `exact_energy`, None on a device.
+        ``largest_energy_cut_N``: how much further the rendered force fell in one tick than the mediated force, at most,
+        and never more than it fell: what the ceiling of energy cut. ``late_energy_J``: the smallest L, which nothing
+        bounds and no verdict asks for.
     """
     names = ("energy_bound_J", "energy_margin_J", "energy_used_percent", "net_energy_exact_J", "largest_energy_cut_N")
     if not has_account(leader):
-        return dict.fromkeys(("certificate_holds", "energy_agrees", "net_energy_J", *names))
-    energy, bound = energy_account(leader, resolution)
+        return dict.fromkeys(("certificate_holds", "energy_agrees", "net_energy_J", "late_energy_J", *names))
+    energy, bound, late = energy_account(leader, device)
     agrees = all(
         bool((np.abs(found - told) <= ROUNDING).all())
-        for found, told in ((energy, leader["energy"]), (bound, leader["energy_bound"]))
+        for found, told in ((energy, leader["energy"]), (bound, leader["energy_bound"]), (late, leader["late_energy"]))
     )
-    others = {"net_energy_exact_J": _exact(leader, resolution), "largest_energy_cut_N": _largest_cut(leader)}
+    others = {
+        "late_energy_J": _number(min(float(late.min()), 0.0)),
+        "net_energy_exact_J": _exact(leader, device),
+        "largest_energy_cut_N": _largest_cut(leader),
+    }
     known = ~((bound == 0.0) & (energy >= 0.0))  # what is given out without any bound is beyond it
     if not known.any():
         nothing = dict.fromkeys(names, 0.0)
@@ -111,7 +141,7 @@ def energy_figures(leader: Rows, resolution: float | None = 0.0) -> dict[str, An
     }
 
 
-def exact_energy(leader: Rows, resolution: float | None = 0.0) -> Array:
+def exact_energy(leader: Rows, device: BookedDevice | None = NO_DEVICE) -> Array:
     r"""The same account with the positions of the simulated hand, which no encoder has rounded [J].
 
     With e the rounding, half a count c at most, both differ by
@@ -123,72 +153,66 @@ def exact_energy(leader: Rows, resolution: float | None = 0.0) -> Array:
 
     Args:
         leader: Rows of `SessionLog.leader`.
-        resolution: One count of the encoder [m], None where nobody knows it.
+        device: The hand's, None where nobody knows it.
 
     Returns:
-        E [J], shape (n,); NaN where the hand's own position is not known.
+        E [J], shape (n,); NaN where the hand's own position or its device is not known.
     """
-    ticks, place = _ticks(leader, resolution), leader["exact_hand_position"]
-    step = _step(place)
-    work = np.where(np.isfinite(step), ticks.force * step, 0.0)
-    return np.where(np.isfinite(place), _summed(leader, ticks, work), np.nan)
+    place, force = leader["exact_hand_position"][:, None], leader["rendered_force"]
+    if device is None:
+        return np.full(force.size, np.nan)
+    period, lost = 1e-9 * leader["period_ns"], lost_rows(leader, np.isfinite(leader["hand_position"]))
+    shown, exact = (book(-force[:, None], x, period, device) for x in (leader["hand_position"][:, None], place))
+    held = np.concatenate((np.zeros(min(1, force.size)), force[:-1]))
+    begins = _begins(leader["energy"], shown.work, held > PHANTOM, lost)
+    return np.where(np.isfinite(place[:, 0]), _summed(leader["energy"], exact.work, begins, lost), np.nan)
 
 
-class _Ticks(NamedTuple):
-    """What the account is made of, tick by tick; columns of shape (n,)."""
+def lost_rows(told: Rows, there: Flags) -> Flags:
+    """Where the leader has to be believed: after rows that are missing, or are of another process, and a little longer.
 
-    force: Array
-    """Held until now [N]."""
-    reach: Array
-    """How far the hand went under it, and one count [m]."""
-    work: Array
-    """What it took [J]."""
-    begins: Flags
-    """Whether a contact begins."""
-    lost: Flags
-    """Whether the row before is missing."""
+    Each process keeps an account of its own. What acted after a gap is known from the second position on.
+
+    Args:
+        told: Rows with ``sequence`` and ``epoch``.
+        there: Whether the position of each is known.
+    """
+    lost = np.diff(told["sequence"], prepend=0) != 1  # a leader counts from 1
+    lost |= np.diff(told["epoch"], prepend=told["epoch"][:1]) != 0
+    for row in np.flatnonzero(lost).tolist():
+        found = np.flatnonzero(there[row:])
+        lost[row : row + int(found[0]) + 2 if found.size else None] = True
+    return np.asarray(lost)
 
 
-def _ticks(leader: Rows, resolution: float | None) -> _Ticks:
-    force = np.concatenate((np.zeros(min(1, leader.size)), leader["rendered_force"][:-1]))
-    step, count = _step(_shown(leader)), max(resolution or 0.0, SMALLEST_COUNT)
+def _begins(told: Array, work: Array, firm: Flags, lost: Flags) -> Flags:
+    """Where a surplus was forgiven: the work of one tick is all there is, after more than nothing and no firm force."""
+    had = np.concatenate((np.zeros(min(1, told.size)), told[:-1])) > 0.0
     with np.errstate(invalid="ignore"):
-        work, reach = force * step, np.where(force > 0.0, np.abs(step), 0.0) + count
-        fresh = np.abs(leader["energy"] - work) <= SAME * np.abs(work)
-        if resolution is not None:
-            fresh &= np.abs(leader["energy_bound"] - force * reach) <= SAME * force * reach
-    lost = np.diff(leader["sequence"], prepend=leader["sequence"][:1] - 1) != 1
-    lost |= np.diff(leader["epoch"], prepend=leader["epoch"][:1]) != 0  # another process keeps an account of its own
-    begins = fresh & (force <= PHANTOM) & ~lost
-    lost[:1] = ~begins[:1]
-    return _Ticks(force, reach, work, begins, lost)
+        fresh = np.abs(told - work) <= SAME * np.abs(work)
+    return np.asarray(fresh & had & ~firm & ~lost)
 
 
-def _summed(leader: Rows, ticks: _Ticks, work: Array) -> Array:
-    """Sum the work of every contact; after a gap on from what the leader said."""
-    base = np.where(ticks.lost, leader["energy"], work)
-    total = np.cumsum(np.where(ticks.lost, 0.0, work))
-    newest = np.maximum.accumulate(np.where(ticks.begins | ticks.lost, np.arange(total.size), 0))
-    return np.asarray(base[newest] + (total - total[newest]))
+def _summed(told: Array, work: Array, begins: Flags, lost: Flags) -> Array:
+    """Sum the work up, anew where a surplus was forgiven; after a gap on from what the leader said."""
+    base = np.where(lost, told, work)
+    total = np.cumsum(np.where(lost, 0.0, work))
+    newest = np.maximum.accumulate(np.where(begins | lost, np.arange(total.size), -1))
+    anew = np.where(newest >= 0, base[newest] - total[newest], 0.0)
+    return np.asarray(anew + total)
 
 
-def _shown(leader: Rows) -> Array:
-    """Where the encoder showed the hand; where it showed nothing that a hand can be at, the place before."""
-    place = leader["hand_position"]
-    good = np.abs(place) <= FARTHEST
-    if not good.any():
-        return np.zeros(place.size)
-    newest = np.maximum.accumulate(np.where(good, np.arange(place.size), 0))
-    return np.asarray(place[np.where(good[newest], newest, good.argmax())])
+def _owed(late: Array, told: Array, lost: Flags) -> Array:
+    """Sum up what late ticks took: a surplus is forgiven at once, a debt is kept."""
+    owed, found = 0.0, np.zeros(late.size)
+    for row, (work, said, gone) in enumerate(zip(late.tolist(), told.tolist(), lost.tolist(), strict=True)):
+        owed = said if gone else min(owed + work, 0.0)
+        found[row] = owed
+    return found
 
 
-def _step(place: Array) -> Array:
-    """Way since the tick before [m]."""
-    return np.diff(place, prepend=place[:1])
-
-
-def _exact(leader: Rows, resolution: float | None) -> float | None:
-    energy = exact_energy(leader, resolution)
+def _exact(leader: Rows, device: BookedDevice | None) -> float | None:
+    energy = exact_energy(leader, device)
     known = energy[np.isfinite(energy)]
     return min(float(known.min()), 0.0) if known.size else None
 

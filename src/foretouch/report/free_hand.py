@@ -43,7 +43,7 @@ def free_hand(log: SessionLog) -> Array | None:
     try:
         grip = GRIPS[log.settings["grip"]]
         mass, damping, friction = (float(log.settings[f"device_{name}"]) for name in ("mass", "damping", "friction"))
-        device = DeviceSpecification(mass, damping, friction, resolution=0.0)
+        device = DeviceSpecification(mass=mass, damping=damping, friction=friction, resolution=0.0)
     except (KeyError, ValueError, ForetouchError):
         return None
     wanted = log.leader["intended_position"]

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foretouch.messages import SessionLog
+from foretouch.report.booked import booked_device
 from foretouch.report.energy import energy_figures
 from foretouch.report.free_hand import free_hand
 from foretouch.report.guarded import guarded_figures
@@ -24,7 +25,6 @@ __all__ = [
     "OPEN_LOOP",
     "apart",
     "contact_force",
-    "encoder_count",
     "hand_figures",
     "largest",
     "loop_sentence",
@@ -76,7 +76,7 @@ def hand_figures(log: SessionLog, pairs: Pairs | None = None) -> dict[str, Any]:
     """
     leader, models = log.leader, renders_models(log.settings)
     grip = setting(log.settings, "grip", NO_GRIP)
-    energy = energy_figures(leader, encoder_count(log.settings))
+    energy = energy_figures(leader, booked_device(log.settings))
     guarded, swings = guarded_figures(log), oscillation(leader, free_hand(log))
     finite, holds = _finite(log), energy.pop("certificate_holds")
     own = {name: energy.pop(name) for name in ("energy_agrees", "largest_energy_cut_N")}
@@ -142,16 +142,6 @@ def loop_sentence(settings: Mapping[str, str]) -> str:
         f"closed loop: a hand with a {grip} grip holds a device of {mass:g} kg, {damping:g} N s/m, "
         f"{friction:g} N of friction and {1e6 * resolution:g} um a count"
     )
-
-
-def encoder_count(settings: Mapping[str, str]) -> float | None:
-    """One count of the device's encoder [m], 0 in an open loop; None where the settings do not say."""
-    if settings.get("grip") == NO_GRIP and settings.get("felt") != "yes":
-        return 0.0
-    try:
-        return float(settings["device_resolution"])
-    except (KeyError, ValueError):
-        return None
 
 
 def apart(log: SessionLog) -> Array:

@@ -29,7 +29,7 @@ WIDE = 4.0
 
 
 def energy_figure(leader: Rows, account: Account) -> Any:
-    """The energy account of every contact, and the same near its bound, which it may not cross.
+    """The energy account of all contacts, and the same near its bound, which it may not cross.
 
     Args:
         leader: Rows of `SessionLog.leader`, at least one.
@@ -43,9 +43,11 @@ def energy_figure(leader: Rows, account: Account) -> Any:
     for axes in (whole, near):
         axes.plot(*thinned(time, energy), color=PREDICTED, linewidth=1.0, label="energy that the hand has put in")
         axes.set_ylabel("energy [mJ]")
-    whole.set_title("Energy account, contact by contact")
+    whole.set_title("Energy account: debts are kept, surplus is forgiven after each contact")
     legend(whole, columns=2)
-    near.plot(*thinned(time, -bound), color=ERROR, linewidth=1.0, label="its bound: one tick and one encoder count")
+    near.plot(
+        *thinned(time, -bound), color=ERROR, linewidth=1.0, label="its bound: a tick, the delay, an encoder count"
+    )
     deepest = _largest(bound) or max(_largest(-energy), 1e-6)
     near.set_ylim(-1.4 * deepest, 1.4 * deepest)
     near.fill_between(time, -bound, -1.4 * deepest, color=ERROR, alpha=0.15, linewidth=0.0, label="not allowed")

@@ -54,7 +54,9 @@ def stability(report: Mapping[str, Any]) -> str:
     if report["hand"]["guarded_contact_percent"] is None:
         coupled = "" if report["engaged_percent"] else "hand and robot were never coupled, and "
         return f"Stable, but {coupled}nothing was touched."
-    return "Stable: the account of energy kept its bound in every tick, and the hand did not oscillate."
+    late = report["late_energy_J"]
+    beside = "" if not late else f"; late ticks and missing positions gave the hand {_joules(-late)} beside it"
+    return f"Stable: the account of energy kept its bound in every tick, and the hand did not oscillate{beside}."
 
 
 def guard_sentence(report: Mapping[str, Any]) -> str:
@@ -155,7 +157,9 @@ def _energy(report: Mapping[str, Any]) -> str:
         return "no contact at the hand: nothing to account for"
     net, bound, exact = (report[f"{name}_J"] for name in ("net_energy", "energy_bound", "net_energy_exact"))
     without = "" if exact is None else f"; {_joules(exact)} without the encoder's rounding"
-    return f"net {_joules(net)}, allowed {_joules(None if bound is None else -bound)}{without}"
+    late = report["late_energy_J"]
+    beside = "" if not late else f"; late ticks and missing positions gave {_joules(-late)} beside it"
+    return f"net {_joules(net)}, allowed {_joules(None if bound is None else -bound)}{without}{beside}"
 
 
 def _joules(energy: float | None) -> str:

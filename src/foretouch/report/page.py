@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 
 from foretouch.messages import SessionLog
 from foretouch.models import LAWS
+from foretouch.report.booked import booked_device
 from foretouch.report.energy import energy_account
 from foretouch.report.figures import (
     force_figure,
@@ -22,7 +23,7 @@ from foretouch.report.figures import (
     timing_figure,
     tracking_figure,
 )
-from foretouch.report.hand import NO_BASELINE, NO_GRIP, encoder_count
+from foretouch.report.hand import NO_BASELINE, NO_GRIP
 from foretouch.report.hand_drawing import energy_figure, hand_figure
 from foretouch.report.hand_text import baseline_sentence, stability_word
 from foretouch.report.html import embedded, named_values, write_html
@@ -171,8 +172,8 @@ def _session_figures(log: SessionLog, report: dict[str, Any]) -> list[str]:
         drawn.append(embedded(hand, "The hand: what it meant, what it did, and what it was given"))
     if (log.leader["energy_bound"] > 0.0).any():
         leader = log.leader if scene is None else scene.rows.leader
-        account = energy_account(leader, encoder_count(log.settings)) if scene is None else scene.account
-        drawn.append(embedded(energy_figure(leader, account), "Energy account of each contact, and its bound"))
+        account = energy_account(leader, booked_device(log.settings)) if scene is None else scene.account
+        drawn.append(embedded(energy_figure(leader, account), "Energy account of the session, and its bound"))
     if any(model.law in LAWS for model in log.models):
         drawn.append(embedded(model_figure(log.models, start, away), "Identified parameters over time"))
     if scene is None and pairs.time.size:

@@ -72,6 +72,7 @@ def safety_lines(report: Mapping[str, Any]) -> list[str]:
         lines.append(f"  refused    commands: {counts}")
     if len(safety["control"]) > 1 or "of_others" in safety["refused_commands"]:
         lines.append(f"  control    was held by {', then '.join(safety['control']) or 'one whose name is not known'}")
+    lines += [f"  contested  {sentence}" for sentence in safety["contests"]]
     if safety["step_failures"]:
         lines.append(f"  failures   {safety['step_failures']:,} exceptions in the follower's step")
     if stretches["count"] > 1:

@@ -12,8 +12,9 @@ import numpy as np
 from foretouch.errors import ForetouchError
 from foretouch.messages import SessionLog
 from foretouch.models import MaterialField
+from foretouch.report.booked import booked_device
 from foretouch.report.energy import Account
-from foretouch.report.hand import encoder_count, number_of, setting
+from foretouch.report.hand import number_of, setting
 from foretouch.report.pairs import Pairs
 from foretouch.report.scene_contacts import (
     Wrong,
@@ -68,7 +69,7 @@ def look_at_scene(log: SessionLog, pairs: Pairs) -> SceneFindings:
     account = spatial_account(
         rows,
         position_scale=number_of(log.settings, "position_scale", 1.0),
-        resolution=encoder_count(log.settings),
+        device=booked_device(log.settings),
     )
     scene, field = _scene(log.settings), learnt_field(log)
     found = None
@@ -128,7 +129,7 @@ def in_scene(report: dict[str, Any], scene: Mapping[str, Any], found: SceneFindi
     return {
         **report,
         "stable": stable,
-        **{name: energy[name] for name in ("net_energy_J", "energy_bound_J", "energy_margin_J")},
+        **{name: energy[name] for name in ("net_energy_J", "energy_bound_J", "energy_margin_J", "late_energy_J")},
         "energy_used_percent": None,
         "net_energy_exact_J": None,
         "hand": hand,

@@ -111,8 +111,8 @@ def safety_figures(log: SessionLog) -> dict[str, Any]:
     Returns:
         ``statuses`` and ``sensor_faults``: by name the ``times``, the ``seconds`` and the ``sentence``; what is less
         than 0.1 s apart is one time. ``refused_commands``: by reason, where there were any. ``control``: who held it,
-        in turn, as the follower said. ``emergency_stops``: their reasons. ``step_failures``: exceptions in the steps of
-        the follower.
+        in turn, as the follower said, ``contests``: who else would have. ``emergency_stops``: their reasons.
+        ``step_failures``: exceptions in the steps of the follower.
     """
     parts = [_since_first_command(log.follower[log.follower["run"] == run]) for run in np.unique(log.follower["run"])]
     refused = {reason: log.counts.get(f"commands_{reason}", 0) for reason in REFUSALS}
@@ -122,6 +122,7 @@ def safety_figures(log: SessionLog) -> dict[str, Any]:
         "sensor_faults": _summed(parts, "validity", (SensorState.GOOD,), _fault),
         "refused_commands": {reason: count for reason, count in refused.items() if count},
         "control": list(log.news.get("control", ())),
+        "contests": list(log.news.get("contest", ())),
         "emergency_stops": list(dict.fromkeys(reasons)),
         "step_failures": log.counts.get("step_failures", 0),
     }

@@ -204,4 +204,5 @@ class RcmArm(Robot):
         position, force, acceleration, reference, clipped = self._kernel.show(
             self._arm, exact, noise.pop(), noise.pop(), noise.pop()
         )
-        return RobotSample(position, force, acceleration, self._contact_force, exact, reference, clipped)
+        effort = self._drive.item() + MOVED_MASS * GRAVITY
+        return RobotSample(position, force, acceleration, self._contact_force, exact, reference, clipped, effort)

@@ -23,6 +23,8 @@ class RobotSample(NamedTuple):
         exact_position: The simulator's own position [m]; NaN on hardware.
         commanded_position: What the robot was really told in the end [m], after its limits.
         clipped: Whether the force limit cut the command in this tick.
+        effort: What the drive pushes the probe inwards with [N], net of gravity, by its own current; NaN where it does
+            not say. It bears the force sensor out, or not.
     """
 
     position: float
@@ -32,6 +34,7 @@ class RobotSample(NamedTuple):
     exact_position: float
     commanded_position: float
     clipped: bool
+    effort: float = math.nan
 
 
 @dataclass(frozen=True, slots=True)

@@ -127,4 +127,4 @@ class Bridge:
         if channel == "stop":
             self._ended = True
         elif isinstance(message, Hello) and message.role == "follower":
-            self._on_a_line = not dict(zip(message.names, message.values, strict=False)).get("scene")
+            self._on_a_line = not message.texts.get("scene")

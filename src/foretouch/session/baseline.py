@@ -89,7 +89,7 @@ def start(
     return State(
         Proxy(settings.position_scale),
         ForceLimiter(min(LARGEST_FORCE, device.force_limit) if felt else LARGEST_FORCE),
-        EnergyAccount(device.resolution if felt else 0.0),
+        EnergyAccount.of(device if felt else None, SAMPLE_PERIOD),
         # Passive rendering of a damper from samples asks for b > |B|.
         PassivityController(device.damping) if settings.baseline == "delayed-tdpa" else None,
         settings,
@@ -115,7 +115,7 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
     for model in inputs.models:
         heard.is_for_us(model)  # counted, not used
     proxy, account, time = state.proxy, state.account, (now_ns - state.start_ns) * 1e-9
-    account.observe(inputs.position)
+    account.observe(inputs.position, inputs.period_ns * 1e-9)
     energy, energy_bound = account.energy, account.bound
     _couple(state, inputs)
     proxy.follow(inputs.position)
@@ -163,6 +163,7 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
         proxy.engaged,
         state.epoch,
         heard.run,
+        account.late_energy,
     )
     return state, Outputs(command, record)
 

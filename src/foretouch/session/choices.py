@@ -8,7 +8,7 @@ import time
 
 from foretouch.errors import SettingError
 from foretouch.link import ZenohLink
-from foretouch.messages import VERSION, Choice, EmergencyStop, Hello, Settings
+from foretouch.messages import Choice, EmergencyStop, Hello, Settings
 from foretouch.robot import make_material
 from foretouch.session.settings import SessionSettings
 
@@ -89,7 +89,7 @@ class Desk:
                 self._stop_asked = time.monotonic()
         for _, hello in self._link.take("hello"):
             if hello.role == "follower":
-                self._stop_said = dict(zip(hello.names, hello.values, strict=False)).get("stopped", "")
+                self._stop_said = hello.texts.get("stopped", "")
         if self._link.take("stop"):
             self.ended = min(self.ended, time.monotonic())
         if faults := self._link.take("settings"):
@@ -108,9 +108,7 @@ class Desk:
             return
         self._spoken, self._hellos = now, self._hellos + 1
         texts = {"supervised": "yes", "recording": self.recording, "refused": self.refused}
-        self._link.publish(
-            Hello(VERSION, self._hellos, time.monotonic_ns(), SUPERVISOR, tuple(texts), tuple(texts.values()))
-        )
+        self._link.publish(Hello.of(SUPERVISOR, self._hellos, time.monotonic_ns(), texts))
 
     def say_now(self) -> None:
         """Publish a `Hello`, for something has changed."""

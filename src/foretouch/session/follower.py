@@ -33,6 +33,10 @@ __all__ = ["Inputs", "Outputs", "State", "feel_plainly", "sensor_force", "start"
 # What every tick asks for: a member of an enumeration costs more to look up than to compare.
 GOOD = SensorState.GOOD
 FRESH, FUTURE = Arrival.FRESH, Arrival.FUTURE
+EFFORT_FROM, EFFORT_DOUBT = 0.5, 0.5
+"""From this share of the force ceiling on, what the drive pushes with counts as felt, less so much [N]: friction of the
+drive is in it."""
+
 HOLDING, RETREATING = int(Status.HOLDING), int(Status.RETREATING)
 
 
@@ -58,7 +62,9 @@ class State:
         faulty_ticks: Ticks whose sensors were not believed.
         guards: Whether this side's settings guard first touches.
         guarded: Whether they are: by these, or because a command of this leader asks for it.
-        surface_doubt: The surface may be nearer than where it was felt by so much [m]; on a line it is not.
+        surface_doubt: The air is free up to so far before the surface that was felt [m]: in space, where the robot comes
+            to a place that it has not gone through itself; infinite on a line, where it has.
+        slid: By how much the probe has moved across the surface since the last tick [m]; on a line it does not.
         failures: What raised, and whether learning goes on.
         rate: Of the loop.
         felt_commands: Applied in the newest ticks that were learnt from, as many as the sensor is late.
@@ -86,7 +92,8 @@ class State:
     faulty_ticks: int = 0
     guards: bool = False
     guarded: bool = False
-    surface_doubt: float = 0.0
+    surface_doubt: float = math.inf
+    slid: float = 0.0
     failures: Failures = field(default_factory=Failures)
     rate: TickRate = field(default_factory=TickRate)
     felt_commands: deque[int] = field(default_factory=lambda: deque(maxlen=1))
@@ -265,7 +272,16 @@ def _sensed(state: State, sample: RobotSample, now_ns: int) -> tuple[float, floa
     try:
         force = sensor_force(state, sample)
         tool_force = state.specification.tool_force(sample.acceleration)
-        validity = state.watch.update(now_ns * 1e-9, sample.position, sample.sensor_force, tool_force)
+        found = min(state.learner.conditioner.force_offset, state.specification.largest_offset)
+        validity = state.watch.update(
+            now_ns * 1e-9,
+            sample.position,
+            sample.sensor_force,
+            tool_force,
+            zero=found + (state.zero or 0.0),
+            effort=sample.effort - state.specification.moved_mass * sample.acceleration,
+            slid=state.slid,
+        )
         return tip(state, sample), force, validity
     except Exception as error:
         state.failures.note("its sensors", error)
@@ -362,6 +378,8 @@ def _allowed(state: State, desired_position: float, inputs: Inputs, force: float
     # Who begins in contact learns that force as the sensor's offset: what no offset explains is felt.
     unexplained = force - state.specification.largest_offset
     felt = max(learnt_from.force, unexplained)
+    if state.watch.effort > EFFORT_FROM * state.limits.force:  # a second witness, where a wrong sensor would do harm
+        felt = max(felt, state.watch.effort - EFFORT_DOUBT)
     touches = learnt_from.in_contact or unexplained > CONTACT_FLOOR
     if not _stop_or_release(state, inputs, felt, faulty):
         desired_position = math.nan
@@ -390,6 +408,7 @@ def _allowed(state: State, desired_position: float, inputs: Inputs, force: float
         faulty=faulty,
         guarded=first_touch.guarded,
         surface_doubt=state.surface_doubt,
+        doubtful=state.watch.doubtful,
     )
     if faulty:
         state.faulty_ticks += 1

@@ -18,23 +18,17 @@ STEEPER = 2.0
 SHORTEST_DEPTH = 2e-5
 """The secant is taken over at least so far [m]."""
 
-IMPACT_DEPTH = 1e-4
-"""What an impact meets is told by the secant over at least so far [m]: no impact that counts is over before."""
-
 SOFTEST = 50.0
 """The least stiffness that is reckoned with [N/m]."""
 
 STRIDE, KEPT = 1e-4, 0.5
 """The tangent is taken over at least so far [m], and after it this share of what was steeper before is kept."""
 
-STRUCK_FROM, STRUCK_FOR = 1e-2, 5
-"""A contact that begins at this speed or more [m/s] tells the damping, by the force in so many ticks."""
-
 AWAY = 1e-3
 """A contact is over once the robot is so far outside of where it began [m]."""
 
-STIFFNESS, STEEPEST, DAMPING = 0, 1, 2
-"""Places among its numbers of what it tells [N/m, N/m, N s/m]; the others are the kernel's own."""
+STIFFNESS, ONSET = 0, 1
+"""Places among its numbers of what it tells [N/m, m]; the others are the kernel's own."""
 
 
 class ForceGuard:
@@ -45,7 +39,7 @@ class ForceGuard:
     with tau = 10 ms, b the damping that is reckoned with, and K twice the steepest of this contact's secant, force over
     depth since it began, and its tangent over 0.1 mm; where what follows is less steep, K is halved every 0.1 mm. The
     force then comes to its limit as by a first-order low-pass, and does not pass it, on any material that stiffens by
-    no more than that. What speed and mass add at an impact is not seen here: `foretouch.session.safety.impact_speed`.
+    no more than that. What speed and mass add at an impact is not seen here: `foretouch.models.impact_bound`.
 
     Args:
         contact: Where its numbers are kept, in an array that somebody else holds too, shape
@@ -68,28 +62,19 @@ class ForceGuard:
         return float(self._contact[STIFFNESS])
 
     @property
-    def steepest(self) -> float:
-        """The steepest secant of all contacts so far over 0.1 mm or more [N/m], 0 before the first."""
-        return float(self._contact[STEEPEST])
+    def onset(self) -> float:
+        """Where this contact began [m]; NaN once the robot was 1 mm further out without one."""
+        return float(self._contact[ONSET])
 
-    @property
-    def damping(self) -> float:
-        """The damping of all contacts so far [N s/m]; NaN before the first that began at 10 mm/s or more.
-
-        It is the largest force in the first 5 ms of such a contact over the speed at which it began.
-        """
-        return float(self._contact[DAMPING])
-
-    def observe(self, position: float, force: float, in_contact: bool, speed: float = 0.0) -> None:
+    def observe(self, position: float, force: float, in_contact: bool) -> None:
         """One sample of the sensors; where one is no number, nothing is known of the force.
 
         Args:
             position: [m].
             force: [N].
             in_contact: Whether that is contact.
-            speed: At which the robot is told to go deeper [m/s].
         """
-        self._observe(self._contact, position, force, in_contact, speed)
+        self._observe(self._contact, position, force, in_contact)
 
     def speed(self, limit: float, damping: float = 0.0) -> float:
         """Speed at which the robot may go deeper now, negative where it has to go back [m/s]; 0 while nobody knows.

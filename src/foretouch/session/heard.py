@@ -19,6 +19,9 @@ MOST_OF_FORMER = 200
 """A process that is thought to be gone and says so much, while the one that is thought to be there says nothing, is not
 gone: its messages only came later."""
 
+MOST_FORMER = 4096
+"""Processes that are known to be gone; of more, those that went first are forgotten."""
+
 TOUCHED_ENOUGH = 3000
 """Ticks of contact from which on a process knows more than one that is gone: the material may be another."""
 
@@ -70,7 +73,7 @@ class Heard:
 
     def __init__(self, epoch: int) -> None:
         self._epoch = epoch
-        self._former: set[int] = set()
+        self._former: dict[int, None] = {}
         self._renewed = False
         self.run = 0
         self.models = SequenceCounter()
@@ -129,8 +132,10 @@ class Heard:
         self._to_relearn = max(self._to_relearn, self._deepest)
         self._deepest, self._touched = -math.inf, 0
         self.has_relearnt = self.run == 0
-        self._former.add(self.run)
-        self._former.discard(run)
+        if len(self._former) >= MOST_FORMER:
+            del self._former[next(iter(self._former))]
+        self._former[self.run] = None
+        self._former.pop(run, None)
         self._of_former = 0
         self.run = run
         self.models.restart()

@@ -11,9 +11,8 @@ import time
 from collections.abc import Callable, Mapping
 from types import FrameType
 
-from foretouch.errors import PeerVersionError
 from foretouch.link import ZenohLink
-from foretouch.messages import VERSION, Hello, Stop
+from foretouch.messages import SIDES, VERSION, Hello, Stop
 from foretouch.session.hanging import LoopWatch
 
 __all__ = ["BEAT", "ORPHANED", "Housekeeper", "StopFlag", "orphaned"]
@@ -126,7 +125,8 @@ class Housekeeper(threading.Thread):
         self._told = ""
         self._heard: dict[str, dict[str, str]] = {}
         self._hellos = 0
-        self._reported = 0
+        self._reported = self._foreign = 0
+        self._told_too_large = False
         self._ended = threading.Event()
 
     def run(self) -> None:
@@ -138,7 +138,7 @@ class Housekeeper(threading.Thread):
             self._tell_news()
             count += 1
             if count % 2 == 0:
-                self._report_undecodable()
+                self._report_link()
             if orphaned(self._parent):
                 self._stop_flag.set(ORPHANED)
 
@@ -146,16 +146,14 @@ class Housekeeper(threading.Thread):
         """Publish one `Hello` now."""
         texts = self._describe()
         self._hellos += 1
-        self._link.publish(
-            Hello(VERSION, self._hellos, time.monotonic_ns(), self.role, tuple(texts), tuple(texts.values()))
-        )
+        self._link.publish(Hello.of(self.role, self._hellos, time.monotonic_ns(), texts))
 
     def close(self, reason: str) -> None:
         """Publish the last `Hello` and, unless it ends quietly, a `Stop`, a leader's with its epoch; end the thread."""
         self._ended.set()
         self.join()
         self._say_last(reason)
-        self._report_undecodable()
+        self._report_link()
 
     def _say_last(self, reason: str) -> None:
         self.say_hello()
@@ -188,16 +186,22 @@ class Housekeeper(threading.Thread):
     def _tell_news(self) -> None:
         """Hear what others say of themselves, and say what is new."""
         for _, hello in self._link.take("hello"):
-            self._heard[hello.role] = dict(zip(hello.names, hello.values, strict=False))
+            self._heard[hello.role] = hello.texts
         news = "" if self._news is None else self._news(self._heard)
         if news and news != self._told:
             self._say(f"{self.role}: {news}")
         self._told = news
 
-    def _report_undecodable(self) -> None:
-        total = self._link.undecodable
-        if total > self._reported:
-            error = self._link.version_error
-            because = f" ({error})" if isinstance(error, PeerVersionError) else ""
-            self._say(f"{self.role}: {total - self._reported} messages did not decode and were dropped{because}")
-            self._reported = total
+    def _report_link(self) -> None:
+        """Say what the link dropped: what did not decode, as often as there is more, and once what was too large."""
+        link = self._link
+        if link.undecodable > self._reported:
+            new, foreign = link.undecodable - self._reported, link.foreign - self._foreign
+            versions = f", {foreign} of them of another version" if foreign else ""
+            peer = link.other_version(set(SIDES) - {self.role})
+            because = f" ({peer})" if peer else ""
+            self._say(f"{self.role}: {new} messages did not decode and were dropped{versions}{because}")
+            self._reported, self._foreign = link.undecodable, link.foreign
+        if link.too_large and not self._told_too_large:
+            self._told_too_large = True
+            self._say(f"{self.role}: {link.too_large}; it is counted as unsent, and others like it")

@@ -12,6 +12,7 @@ from foretouch.messages import VERSION, Command, LeaderState, ModelUpdate, Telem
 from foretouch.models import make_model
 from foretouch.quantities import LARGEST_POSITION
 from foretouch.rendering import Renderer
+from foretouch.rendering.interfaces import RenderingAccount
 from foretouch.session.coupling import meeting_place
 from foretouch.session.heard import Heard
 from foretouch.session.settings import NO_GRIP, SAMPLE_PERIOD, SessionSettings
@@ -88,6 +89,7 @@ def start(
     holder: str = "leader",
     epoch: int = 1,
     device: DeviceSpecification | None = None,
+    account: RenderingAccount | None = None,
 ) -> State:
     """State before the first tick.
 
@@ -96,6 +98,7 @@ def start(
         holder: Name of this leader, not empty: who else would command is told it.
         epoch: Of this process (`foretouch.session.lease.own_epoch`).
         device: That a person holds and feels; None where there is none, or a simulated one with a grip.
+        account: Of the energy; None for one along this line.
     """
     settings = SessionSettings() if settings is None else settings
     guarded = settings.guards(simulated=device is None)  # a person who feels it is not simulated either
@@ -108,6 +111,7 @@ def start(
         largest_stiffness=settings.largest_stiffness,
         guarded=guarded,
         sample_period=SAMPLE_PERIOD,
+        account=account,
     )
     return State(renderer, guarded, holder, epoch, Heard(epoch))
 
@@ -185,6 +189,7 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
         proxy.engaged,
         state.epoch,
         heard.run,
+        renderer.late_energy,
     )
     return state, Outputs(command, record)
 

@@ -11,14 +11,15 @@ from contextlib import contextmanager
 from foretouch.devices import Device, SpatialDevice
 from foretouch.errors import SideError
 from foretouch.link import ASKING_PERIOD_NS, FaultStage, ZenohLink, new_press
-from foretouch.messages import PROCESS, VERSION, Command, EmergencyStop, Message
+from foretouch.messages import PROCESS, SIDES, VERSION, Command, EmergencyStop, Message
 from foretouch.robot import Robot, SpatialRobot
+from foretouch.session.contest import Contest
 from foretouch.session.counting import as_texts, follower_counts, leader_counts, link_counts
 from foretouch.session.driven import DrivenFollower, drive_follower, drive_leader
 from foretouch.session.housekeeping import ORPHANED, Housekeeper, StopFlag, orphaned
 from foretouch.session.lease import own_epoch
 from foretouch.session.loop_timer import LoopTimer, let_pass, steady
-from foretouch.session.news import follower_news, follower_says, leader_news
+from foretouch.session.news import all_of, follower_news, follower_says, leader_news
 from foretouch.session.operator_clock import OperatorClock
 from foretouch.session.operators import close_operator
 from foretouch.session.safety import REST_FORCE
@@ -70,15 +71,16 @@ def wait_for_hello(
     end ends this one, has gone.
 
     Raises:
-        PeerVersionError: A peer speaks another version.
+        PeerVersionError: A side that is waited for speaks another version. Processes of one `parent` are of one
+            version, and for them it was a stranger.
     """
     heard: dict[str, dict[str, str]] = {}
     end = None if timeout is None else time.monotonic() + timeout
     while not stop.reason and not roles <= heard.keys():
         for _, hello in link.take("hello"):
-            heard[hello.role] = dict(zip(hello.names, hello.values, strict=False))
-        if link.version_error is not None:
-            raise link.version_error
+            heard[hello.role] = hello.texts
+        if parent is None and (error := link.other_version(roles & set(SIDES))) is not None:
+            raise error
         if end is not None and time.monotonic() > end:
             break
         if orphaned(parent):
@@ -121,14 +123,17 @@ def run_follower(
     presses: deque[int] = deque(maxlen=MOST_PRESSES)
     driven = drive_follower(robot, settings, own_epoch())
     state = driven.state
+    contest = Contest(state.lease)
 
     def describe() -> dict[str, str]:
-        told = follower_says(state) | as_texts(follower_counts(state) | link_counts("follower", link))
+        contested = contest.sentence(time.monotonic_ns())
+        told = follower_says(state, contested) | as_texts(follower_counts(state) | link_counts("follower", link))
         return description | told
 
-    house = Housekeeper(
-        link, "follower", describe, stop, say, parent, lambda _: follower_news(state), release=robot.close
-    )
+    def news(_: Mapping[str, Mapping[str, str]]) -> str:
+        return all_of(contest.sentence(time.monotonic_ns()), follower_news(state))
+
+    house = Housekeeper(link, "follower", describe, stop, say, parent, news, release=robot.close)
     house.start()
     loop = house.loop
     timer = LoopTimer(SAMPLE_PERIOD)
@@ -141,6 +146,7 @@ def run_follower(
             loop.ticked = now
             let_pass(driven.exchange, periods, simulated=simulated)
             for arrival, command in link.take("command"):
+                contest.hear(command, arrival)
                 stage.push(arrival, command)
             if link.inboxes["settings"]:
                 chosen = link.take("settings")[-1][1]
@@ -267,7 +273,7 @@ def run_leader(
     house = Housekeeper(link, "leader", describe, stop, say, parent, news, epoch=state.epoch, release=release)
     house.start()
     loop = house.loop
-    if wait_for_recorder and not wait_for_hello(link, {"recorder"}, stop, timeout=RECORDER_PATIENCE):
+    if wait_for_recorder and not wait_for_hello(link, {"recorder"}, stop, timeout=RECORDER_PATIENCE, parent=parent):
         say(f"leader: no recorder after {RECORDER_PATIENCE:g} s; going on without it")
     timer = LoopTimer(SAMPLE_PERIOD)
     woke, compute = 0, 0

@@ -9,10 +9,17 @@ from numpy.typing import NDArray
 
 from foretouch.models.checks import require
 from foretouch.models.motion import VELOCITY_CUTOFF
+from foretouch.quantities.rigid import Vector, norm
 
-__all__ = ["MotionLimits"]
+__all__ = ["UNBOUNDED", "Bound", "MotionLimits"]
 
 Array = NDArray[np.float64]
+
+Bound = tuple[float, float, float, float]
+"""A direction of length 1 and how fast the path may go that way at most [m/s], not negative."""
+
+UNBOUNDED: Bound = (0.0, 0.0, 0.0, math.inf)
+"""None."""
 
 RATE = 100.0
 """Lambda: how fast a lag dies away [rad/s]."""
@@ -21,31 +28,45 @@ LOCKING = 0.1
 """The stream is caught up with once this share of what acceleration allows in a tick would lead to it."""
 
 EMERGENCY = 5.0
-"""Where positions grow, a path that would pass the stream, or is too fast, brakes by up to so many times the largest
-acceleration."""
+"""In the direction of a bound, a path that would pass the stream, or is too fast, brakes by up to so many times the
+largest acceleration."""
 
 BRAKING = 0.7
 """Share of the largest acceleration with which it reckons when it brakes in time."""
 
-POSITION, VELOCITY, ACCELERATION = 0, 1, 2
-"""Places of the path among its numbers [m, m/s, m/s^2]; the others are the kernel's own."""
+FARTHEST = 1e3
+"""A place beyond this is none [m]: so far off nothing can be reckoned to a micrometre."""
+
+POSITION, VELOCITY, ACCELERATION = 0, 3, 6
+"""Where the three numbers of the path's place, velocity and acceleration begin in its array [m, m/s, m/s^2]; on a line
+the first of three is all of it. The others are the kernel's own."""
 
 
 class MotionLimits:
-    r"""Follows a stream of positions exactly where that is within the limits, and as quickly as they allow elsewhere.
+    r"""Follows a stream of places exactly where that is within the limits, and as quickly as they allow elsewhere.
 
-    A step that leads to the stream, at a speed not far from its own, and keeps all three limits is taken as it is.
-    Otherwise, with the lag e of the path behind the stream, the low-passed speed u of the stream and v of the path,
+    A path begins where the robot is, at rest (`begin`). A step that leads to the stream, at a velocity not far from its
+    own, and keeps all three limits is taken as it is. Otherwise, with the lag e of the path behind the stream, the
+    low-passed velocity u of the stream and v of the path, all of them vectors,
 
     .. math::
         a = 2 \lambda (u + v_c - v), \quad
-        v_c = \operatorname{sign}(e) \min\left(\frac{\lambda |e|}{2}, \sqrt{1.4\, A\, |e|}\right), \quad
-        \lambda = 100\ \mathrm{s^{-1}}
+        v_c = \frac{e}{|e|} \min\left(\frac{\lambda |e|}{2}, \sqrt{1.4\, A\, |e|}\right), \quad
+        \lambda = \min\left(100\ \mathrm{s^{-1}}, \frac{J}{4 A}\right)
 
-    is wanted: a lag dies away critically damped, and a large one is closed at a speed from which it can brake in time.
-    Then a changes by at most J T, is clipped to A, and the speed to V. Only who would go deeper than the stream, which
-    is where positions grow, or there faster than is said, brakes harder, by up to 5 A at once: nothing is worse than to
-    press more than one is told.
+    is wanted, u + v_c being no longer than V: a lag dies away critically damped, and a large one is closed at a speed
+    from which it can brake in time. Then a changes by at most J T, and its length is clipped to A, and that of the
+    velocity to V. So in every tick
+
+    .. math:: |v| \le V, \quad |\Delta v| \le A T, \quad |\Delta a| \le J T.
+
+    Bounds are directions in which going on is dangerous: deeper into a surface, or against a force. Who would go
+    further that way than the stream, or faster than the bound says, brakes harder, at once, and by up to 5 A: nothing
+    is worse than to press more than one is told. In such a tick, and the one after it, the last two limits are
+
+    .. math:: |\Delta v| \le 5 A T, \quad |\Delta a| \le 6 A.
+
+    On a line the one direction is where positions grow.
 
     Args:
         speed: V [m/s], positive.
@@ -56,7 +77,7 @@ class MotionLimits:
             (`foretouch.session.motion_limits_kernel.SIZE`,); None for an array of its own.
     """
 
-    __slots__ = ("_limited", "_path")
+    __slots__ = ("_asked", "_begun", "_limited", "_moved", "_path")
 
     def __init__(
         self, speed: float, acceleration: float, jerk: float, sample_period: float, *, path: Array | None = None
@@ -69,29 +90,42 @@ class MotionLimits:
         from foretouch.session import motion_limits_kernel as kernel
 
         gain = -math.expm1(-2.0 * math.pi * VELOCITY_CUTOFF * sample_period)
-        self._limited = kernel.limited
+        self._begun, self._limited, self._moved = kernel.begin, kernel.limited, kernel.moved
         self._path = np.zeros(kernel.SIZE) if path is None else path
-        self._path[POSITION] = self._path[kernel.BEFORE] = math.nan
-        self._path[kernel.CAUGHT] = 1.0
+        self._asked = self._path[kernel.WANTED : kernel.SPEED]
+        self._path[POSITION:VELOCITY] = math.nan
         self._path[kernel.SPEED :] = speed, acceleration, jerk, sample_period, gain
 
     @property
-    def position(self) -> float:
-        """Of the path [m]; NaN before the first sample."""
-        return float(self._path[POSITION])
+    def place(self) -> Vector:
+        """Of the path [m]; no numbers before it has begun."""
+        return self._vector(POSITION)
 
     @property
-    def velocity(self) -> float:
+    def velocity(self) -> Vector:
         """Of the path [m/s]."""
-        return float(self._path[VELOCITY])
+        return self._vector(VELOCITY)
 
     @property
-    def acceleration(self) -> float:
+    def acceleration(self) -> Vector:
         """Of the path [m/s^2]."""
-        return float(self._path[ACCELERATION])
+        return self._vector(ACCELERATION)
+
+    @property
+    def speed(self) -> float:
+        """Of the path [m/s], not negative."""
+        return norm(self.velocity)
+
+    def _vector(self, begin: int) -> Vector:
+        x, y, z = self._path[begin : begin + 3].tolist()
+        return x, y, z
+
+    def begin(self, x: float, y: float = 0.0, z: float = 0.0) -> None:
+        """Begin where the robot is, at rest [m]."""
+        self._begun(self._path, x, y, z)
 
     def update(self, wanted: float, upwards: float = math.inf, shifted: float = 0.0) -> float:
-        """One tick: the next position of the path [m]. The first is taken as it is.
+        """One tick on a line: the next position of the path [m]; no number before it has begun.
 
         Args:
             wanted: Newest position of the stream [m]; no number means to stay.
@@ -100,3 +134,21 @@ class MotionLimits:
             shifted: By how far the stream was set elsewhere since the last tick [m]: no motion of it.
         """
         return self._limited(self._path, wanted, upwards, shifted)
+
+    def move(
+        self,
+        wanted: Vector,
+        bounds: tuple[Bound, Bound, Bound] = (UNBOUNDED, UNBOUNDED, UNBOUNDED),
+        shifted: Vector = (0.0, 0.0, 0.0),
+    ) -> Vector:
+        """One tick in space: the next place of the path [m]; no numbers before it has begun.
+
+        Args:
+            wanted: Newest place of the stream [m]; one with no number, or beyond 1 km, means to stay.
+            bounds: Directions in which going on is dangerous; where they are at odds, the last comes first.
+            shifted: By how far the stream was set elsewhere since the last tick [m]: no motion of it.
+        """
+        first, second, third = bounds
+        self._asked[:] = wanted + shifted + first + second + third
+        self._moved(self._path)
+        return self.place

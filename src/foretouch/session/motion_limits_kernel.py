@@ -12,63 +12,182 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foretouch.core.compiling import compiled
-from foretouch.session.motion_limits import ACCELERATION, BRAKING, EMERGENCY, LOCKING, POSITION, RATE, VELOCITY
+from foretouch.quantities import rigid
+from foretouch.session.motion_limits import (
+    ACCELERATION,
+    BRAKING,
+    EMERGENCY,
+    FARTHEST,
+    LOCKING,
+    POSITION,
+    RATE,
+    VELOCITY,
+)
 
-__all__ = ["BEFORE", "CAUGHT", "SIZE", "SPEED", "limited"]
+__all__ = ["SIZE", "SPEED", "WANTED", "begin", "limited", "moved"]
 
 Array = NDArray[np.float64]
+Vector = rigid.Vector
 
-BEFORE, STREAM, CAUGHT = 3, 4, 5
-"""Places in the array, behind those of the path, of what is known of the stream: its newest position [m], its
-low-passed speed u [m/s], and whether it was caught up with."""
+BEFORE, STREAM, CAUGHT = 9, 12, 15
+"""Places in the array, behind those of the path, of what is known of the stream: its newest place [m] and its
+low-passed velocity u [m/s], three numbers each, and whether it was caught up with."""
 
-SPEED, LARGEST, JERK, PERIOD, GAIN = 6, 7, 8, 9, 10
+WANTED, SHIFTED, BOUNDS = 16, 19, (22, 26, 30)
+"""What is asked in this tick: three numbers [m], three [m], and directions with the speed that is allowed there."""
+
+SPEED, LARGEST, JERK, PERIOD, GAIN = 34, 35, 36, 37, 38
 """What stays: V [m/s], A [m/s^2], J [m/s^3], T [s], and the gain of the low-pass."""
 
-SIZE = 11
+SIZE = 39
+
+_add = compiled(rigid.add)
+_dot = compiled(rigid.dot)
+_norm = compiled(rigid.norm)
+_scaled = compiled(rigid.scaled)
+_subtract = compiled(rigid.subtract)
 
 
-def _clip(value: float, largest: float) -> float:
-    return min(max(value, -largest), largest)
+def _read(path: Array, begin: int) -> Vector:
+    return path[begin], path[begin + 1], path[begin + 2]
+
+
+_three = compiled(_read)
+
+
+def _write(path: Array, begin: int, vector: Vector) -> None:
+    path[begin], path[begin + 1], path[begin + 2] = vector
+
+
+_keep = compiled(_write)
+
+
+def _clip(vector: Vector, longest: float) -> Vector:
+    """With a length of at most this."""
+    length = _norm(vector)
+    return _scaled(vector, longest / length) if length > longest else vector
 
 
 _clipped = compiled(_clip)
 
 
-def _limit(path: Array, wanted: float, upwards: float, shifted: float) -> float:
-    """One tick: the next position [m]. The arguments are those of `MotionLimits.update`; the array is written."""
+def _slow_down(path: Array, velocity: Vector) -> Vector:
+    """No faster than the bounds allow."""
+    for bound in BOUNDS:
+        direction = _three(path, bound)
+        beyond = _dot(velocity, direction) - path[bound + 3]
+        if beyond > 0.0:
+            velocity = _subtract(velocity, _scaled(direction, beyond))
+    return velocity
+
+
+_slowed = compiled(_slow_down)
+
+
+def _is_kept(path: Array, velocity: Vector, last_velocity: Vector, last_acceleration: Vector) -> bool:
+    """Whether a step at this velocity keeps all limits, and the next ones can."""
+    period, speed, jerk = path[PERIOD], path[SPEED], path[JERK]
+    acceleration = _scaled(_subtract(velocity, last_velocity), 1.0 / period)
+    size = _norm(acceleration)
+    # While the acceleration comes back to 0 at the largest jerk, the velocity grows by so much of it.
+    coming = max(size / (2.0 * jerk) - 0.5 * period, 0.0)
+    if not (_norm(velocity) <= speed and _norm(_add(velocity, _scaled(acceleration, coming))) <= speed):
+        return False
+    for bound in BOUNDS:
+        if not _dot(velocity, _three(path, bound)) <= path[bound + 3]:
+            return False
+    change = _norm(_subtract(acceleration, last_acceleration))
+    return bool(size <= path[LARGEST] and change <= jerk * period)
+
+
+_is_within = compiled(_is_kept)
+
+
+def _brake(path: Array, velocity: Vector, last_velocity: Vector, lag: Vector) -> Vector:
+    """Never further in a dangerous direction, nor faster, than is told, if it can stop."""
+    period = path[PERIOD]
+    hardest = EMERGENCY * path[LARGEST] * period
+    braked = velocity
+    for bound in BOUNDS:
+        direction = _three(path, bound)
+        most = min(max(_dot(lag, direction) / period, 0.0), path[bound + 3])
+        fast = _dot(braked, direction)
+        if fast > most:
+            slower = min(fast, max(most, _dot(last_velocity, direction) - hardest))
+            braked = _subtract(braked, _scaled(direction, fast - slower))
+    return _add(last_velocity, _clipped(_subtract(braked, last_velocity), hardest))
+
+
+_braked = compiled(_brake)
+
+
+def _catch_up(path: Array, lag: Vector, stream: Vector, last_velocity: Vector, last_acceleration: Vector) -> Vector:
+    """The velocity with which a path that is not with the stream comes to it."""
+    period, largest, jerk = path[PERIOD], path[LARGEST], path[JERK]
+    rate, far = min(RATE, jerk / (4.0 * largest)), _norm(lag)
+    towards = stream
+    if far > 0.0:
+        closing = min(0.5 * rate * far, math.sqrt(2.0 * BRAKING * largest * far))
+        towards = _add(stream, _scaled(lag, closing / far))
+    towards = _slowed(path, _clipped(towards, path[SPEED]))
+    acceleration = _clipped(_scaled(_subtract(towards, last_velocity), 2.0 * rate), largest)
+    change = _clipped(_subtract(acceleration, last_acceleration), jerk * period)
+    acceleration = _clipped(_add(last_acceleration, change), largest)
+    velocity = _clipped(_add(last_velocity, _scaled(acceleration, period)), path[SPEED])
+    return _braked(path, velocity, last_velocity, lag)
+
+
+_caught_up = compiled(_catch_up)
+
+
+def _begin(path: Array, x: float, y: float, z: float) -> None:
+    """See `MotionLimits.begin`; the array is written."""
+    path[: CAUGHT + 1] = 0.0
+    path[POSITION], path[POSITION + 1], path[POSITION + 2] = x, y, z
+    path[BEFORE], path[BEFORE + 1], path[BEFORE + 2] = x, y, z
+    path[CAUGHT] = 1.0
+
+
+begin = compiled("void(f8[::1], f8, f8, f8)")(_begin)
+
+
+def _move(path: Array) -> None:
+    """One tick: see `MotionLimits.move`; what is asked has been written, and the path is."""
     if math.isnan(path[POSITION]):
-        path[BEFORE] = path[POSITION] = wanted
-        return float(wanted)
-    period, largest, speed, before, stream = path[PERIOD], path[LARGEST], path[SPEED], path[BEFORE], path[STREAM]
-    last_velocity, last_acceleration = path[VELOCITY], path[ACCELERATION]
-    if not math.isfinite(wanted):
-        wanted = before + shifted
-    lag = wanted - path[POSITION]
-    stream += path[GAIN] * ((wanted - before - shifted) / period - stream)
-    path[BEFORE], path[STREAM] = wanted, stream
-    velocity = lag / period
-    acceleration = (velocity - last_velocity) / period
-    near = path[CAUGHT] != 0.0 or abs(velocity - stream) <= LOCKING * largest * period
-    kept = (
-        -speed <= velocity <= min(speed, upwards)
-        and abs(acceleration) <= largest
-        and abs(acceleration - last_acceleration) / period <= path[JERK]
-    )
-    path[CAUGHT] = 1.0 if near and kept else 0.0
-    if not (near and kept):
-        closing = min(0.5 * RATE * abs(lag), math.sqrt(2.0 * BRAKING * largest * abs(lag)))
-        towards = min(_clipped(stream + math.copysign(closing, lag), speed), upwards)
-        acceleration = _clipped(2.0 * RATE * (towards - last_velocity), largest)
-        change = _clipped(acceleration - last_acceleration, path[JERK] * period)
-        acceleration = _clipped(last_acceleration + change, largest)
-        velocity = _clipped(last_velocity + acceleration * period, speed)
-        most = min(max(lag / period, 0.0), upwards)
-        if velocity > most:  # never deeper, nor deeper faster, than it is told, if it can stop
-            velocity = min(velocity, max(most, last_velocity - EMERGENCY * largest * period))
-        acceleration = (velocity - last_velocity) / period
-    path[VELOCITY], path[ACCELERATION] = velocity, acceleration
-    path[POSITION] += velocity * period
+        return
+    period, largest = path[PERIOD], path[LARGEST]
+    last_velocity, last_acceleration = _three(path, VELOCITY), _three(path, ACCELERATION)
+    before, stream, wanted = _three(path, BEFORE), _three(path, STREAM), _three(path, WANTED)
+    stayed = _add(before, _three(path, SHIFTED))
+    if not (abs(wanted[0]) <= FARTHEST and abs(wanted[1]) <= FARTHEST and abs(wanted[2]) <= FARTHEST):
+        wanted = stayed
+    lag = _subtract(wanted, _three(path, POSITION))
+    news = _subtract(_scaled(_subtract(wanted, stayed), 1.0 / period), stream)
+    stream = _add(stream, _scaled(news, path[GAIN]))
+    velocity = _scaled(lag, 1.0 / period)
+    near = path[CAUGHT] != 0.0 or _norm(_subtract(velocity, stream)) <= LOCKING * largest * period
+    kept = near and _is_within(path, velocity, last_velocity, last_acceleration)
+    if not kept:
+        velocity = _caught_up(path, lag, stream, last_velocity, last_acceleration)
+    path[CAUGHT] = 1.0 if kept else 0.0
+    _keep(path, BEFORE, wanted)
+    _keep(path, STREAM, stream)
+    _keep(path, VELOCITY, velocity)
+    _keep(path, ACCELERATION, _scaled(_subtract(velocity, last_velocity), 1.0 / period))
+    _keep(path, POSITION, _add(_three(path, POSITION), _scaled(velocity, period)))
+
+
+moved = compiled("void(f8[::1])")(_move)
+
+
+def _limit(path: Array, wanted: float, upwards: float, shifted: float) -> float:
+    """One tick on a line: the next position [m]. The arguments are those of `MotionLimits.update`."""
+    path[WANTED:SPEED] = 0.0
+    path[WANTED], path[SHIFTED] = wanted, shifted
+    for bound in BOUNDS:
+        path[bound + 3] = math.inf
+    path[BOUNDS[0]], path[BOUNDS[0] + 3] = 1.0, upwards
+    moved(path)
     return float(path[POSITION])
 
 

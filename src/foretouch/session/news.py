@@ -11,20 +11,31 @@ from foretouch.session import follower
 from foretouch.session.heard import Heard
 from foretouch.session.lease import LEASE
 
-__all__ = ["failure_news", "follower_news", "follower_says", "leader_news", "shadow_news"]
+__all__ = ["all_of", "failure_news", "follower_news", "follower_says", "leader_news", "shadow_news"]
 
 LONGEST_SILENCE = 0.5
 """An operator is told that nothing comes of the follower after so long [s]."""
 
 
-def follower_says(state: follower.State) -> dict[str, str]:
-    """What a follower's `Hello` says beside its settings: its process, who holds control, and what is amiss."""
+def follower_says(state: follower.State, contest: str) -> dict[str, str]:
+    """What a follower's `Hello` says beside its settings: its process, who holds control, and what is amiss.
+
+    Args:
+        state: Of the follower.
+        contest: Who else would command (`foretouch.session.contest.Contest`).
+    """
     return {
         PROCESS: str(state.run),
         "control": state.lease.holder,
+        "contest": contest,
         "trouble": follower_news(state),
         "stopped": state.safety.stop_reason,
     }
+
+
+def all_of(*sentences: str) -> str:
+    """Those that say something, as one."""
+    return "; ".join(filter(None, sentences))
 
 
 def follower_news(state: follower.State) -> str:
@@ -69,7 +80,7 @@ def leader_news(heard: Heard, follower_texts: Mapping[str, str], silence: float 
     if heard.shadows:
         return f"the robot {STATUS_SENTENCES[Status.SHADOW]}"
     if heard.in_control:
-        return follower_texts.get("trouble", "")
+        return all_of(follower_texts.get("contest", ""), follower_texts.get("trouble", ""))
     other = follower_texts.get("control") or "another leader"
     if heard.had_control:
         return f"lost control to {other}: start this leader again to have it back"

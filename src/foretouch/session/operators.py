@@ -23,7 +23,7 @@ from foretouch.errors import DatasetError, SettingError, UnknownNameError
 from foretouch.plugins import make_plugin
 from foretouch.recordings import fetch, read_leader_motion
 from foretouch.session.frames import device_inside, framed_device, inverse
-from foretouch.session.settings import NO_GRIP, SIMULATED, SessionSettings
+from foretouch.session.settings import NO_GRIP, SAMPLE_PERIOD, SIMULATED, SessionSettings
 
 __all__ = ["RECORDED_MOTION", "close_operator", "felt_device", "felt_texts", "make_operator", "require_simulated_time"]
 
@@ -35,6 +35,9 @@ STAYS_IN_THE_AIR = (
     "with a hand (gamepad, your own device)"
 )
 """What an operator is told of a robot that is not known to press anything."""
+
+DEVICE_NUMBERS = ("mass", "damping", "friction", "resolution", "delay", "watchdog")
+"""What is said of a device: settings with the prefix ``device_``."""
 
 NEAREST_SURFACE, FARTHEST_SURFACE, SHALLOWEST, DEEPEST = 0.001, 0.2, 0.0005, 0.1
 """How near and far a surface can be for the operators, and how deep they press at least and at most [m]."""
@@ -52,7 +55,8 @@ def make_operator(
         settings: Of the session.
         surface: Where the material begins [m], for the follower; the operator sees it. NaN where nobody knows.
         press_depth: How deep the deepest press goes [m], there; NaN where nobody knows.
-        say: Told in one line when the measured motion is not to be had and the script is used instead.
+        say: Told in one line when the measured motion is not to be had and the script is used instead, and when the
+            damping of a device that is felt had to be assumed.
 
     Raises:
         SettingError: A position scale by which the operator's hand cannot reach the material; an operator that has to
@@ -61,7 +65,9 @@ def make_operator(
         MissingExtraError: What the device needs is not installed.
     """
     if settings.operator not in OPERATORS:
-        return _with_grip(settings, _foreign(settings, _scaled(settings, surface, press_depth)))
+        made = _with_grip(settings, _foreign(settings, _scaled(settings, surface, press_depth)))
+        _say_damping(made, settings, say)
+        return made
     reach = _hand_lengths(settings, surface, press_depth)
     mounted = inverse(settings.frames[0])
     if settings.grip == NO_GRIP:
@@ -82,8 +88,20 @@ def felt_texts(operator: Device, settings: SessionSettings) -> dict[str, str]:
     device = felt_device(operator, settings)
     if device is None:
         return {}
-    numbers = {name: getattr(device, name) for name in ("mass", "damping", "friction", "resolution")}
+    numbers = {name: getattr(device, name) for name in DEVICE_NUMBERS}
     return {"felt": "yes"} | {f"device_{name}": str(value) for name, value in numbers.items()}
+
+
+def _say_damping(operator: Device, settings: SessionSettings, say: Callable[[str], None]) -> None:
+    """Say what was assumed of a device that is felt and whose damping nobody has stated."""
+    device = felt_device(operator, settings)
+    if device is None or settings.device_damping is not None or device.damping != settings.device.damping:
+        return
+    stiffness = device.largest_stiffness(SAMPLE_PERIOD)
+    say(
+        f"operator: nobody states the damping of {operator.name}: {device.damping:g} N s/m is taken, the least of its "
+        f"class, so that no more than {stiffness:.0f} N/m are felt; state it by --device-damping"
+    )
 
 
 def close_operator(operator: Device) -> None:

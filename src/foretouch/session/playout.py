@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_left, bisect_right, insort
+from collections.abc import Callable
 
 from foretouch.quantities import LARGEST_POSITION
 
@@ -34,15 +35,31 @@ class Playout:
     not been needed for a while is played off, a little faster than it was sent. Only sequence numbers count; no clock
     is compared with another.
 
+    Args:
+        go: In three dimensions: goes on towards a place [m], and returns the position [m] that it has come to along the
+            surface's normal. It is called with each place that is played.
+
     Attributes:
         applied: Sequence number of the newest command at or before the point that is played; 0 before the first.
         position: Played now [m]; NaN before the first command.
         place: The same in three dimensions, where commands have places; empty otherwise.
     """
 
-    __slots__ = ("_commands", "_least", "_least_before", "_places", "_point", "_ticks", "applied", "place", "position")
+    __slots__ = (
+        "_commands",
+        "_go",
+        "_least",
+        "_least_before",
+        "_places",
+        "_point",
+        "_ticks",
+        "applied",
+        "place",
+        "position",
+    )
 
-    def __init__(self) -> None:
+    def __init__(self, go: Callable[[tuple[float, ...]], float] | None = None) -> None:
+        self._go = go
         self.restart()
 
     def restart(self) -> None:
@@ -79,9 +96,13 @@ class Playout:
 
     def advance(self) -> float:
         """Play one tick and return the position [m]."""
+        self._advance()
+        return self.position if self._go is None or not self.place else self._go(self.place)
+
+    def _advance(self) -> None:
         commands = self._commands
         if not commands:
-            return self.position
+            return
         newest = commands[-1][0]
         lead = newest - self._point
         if lead > LARGEST_LEAD:
@@ -92,7 +113,6 @@ class Playout:
         else:  # the first: nothing was played before it
             self._point = newest
         self._play(newest)
-        return self.position
 
     def _haste(self, lead: float) -> float:
         """How much faster than sent, from the smallest lead of the last ticks."""

@@ -126,6 +126,7 @@ class _Supervisor:
             self._desk = Desk(ZenohLink(connect=[self._follower, self._console], subscribe=CHOICE_CHANNELS))
             self._tell_recording(self._recording)
         self._say(f"another process watches it with {' '.join(self._watching)}")
+        self._say("no certificate is asked for there: every user of this machine may watch, command and stop it")
 
     def watch(self) -> int:
         """Wait until the leader has ended, or a process has failed, or the stop is set; return the exit code."""
@@ -316,8 +317,9 @@ class _Supervisor:
 
     def _chosen(self) -> list[str]:
         """The settings as options of `foretouch leader` and `foretouch follower`."""
-        texts = self._settings.as_text().items()
-        return [part for name, value in texts for part in (f"--{name.replace('_', '-')}", value)]
+        settings = self._settings
+        stated = [(name, text) for name, text in settings.as_text().items() if getattr(settings, name) is not None]
+        return [part for name, value in stated for part in (f"--{name.replace('_', '-')}", value)]
 
 
 def _next_name(path: Path) -> Path:

@@ -7,11 +7,10 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from foretouch.errors import RecordingError
+from foretouch.errors import PeerVersionError, RecordingError
 from foretouch.link import SequenceCounter, ZenohLink
 from foretouch.messages import (
     COUNT_PREFIX,
-    VERSION,
     FieldUpdate,
     FollowerSpace,
     Hello,
@@ -174,9 +173,9 @@ def run_recorder(
     finally:
         said = recorder.problem
         recorder.close(recorder.counts | _counts(link, recorder))
-    if link.version_error is not None and not recorder.heard:
+    if not recorder.heard and (error := _other_version(link, parent)) is not None:
         recorder.path.unlink(missing_ok=True)
-        raise link.version_error
+        raise error
     for name, what in (("undecodable", "did not decode and were dropped"), ("dropped", "came too fast to be written")):
         if count := _counts(link, recorder)[f"recorder_{name}"]:
             say(f"recorder: {count} messages {what}")
@@ -211,9 +210,14 @@ def _listen(
         if now - spoken >= HELLO_PERIOD and (said or {"leader", "follower"} <= recorder.heard):
             spoken, hellos = now, hellos + 1
             link.publish(_hello(hellos, _counts(link, recorder), said))
-        if link.version_error is not None and not recorder.heard:
+        if not recorder.heard and _other_version(link, parent) is not None:
             return
         time.sleep(POLL_PERIOD)
+
+
+def _other_version(link: ZenohLink, parent: int | None) -> PeerVersionError | None:
+    """Why nothing of this session can be recorded; processes of one parent are of one version."""
+    return link.other_version() if parent is None else None
 
 
 def _counts(link: ZenohLink, recorder: Recorder) -> dict[str, int]:
@@ -230,4 +234,4 @@ def _hello(number: int, counts: dict[str, int], problem: str) -> Hello:
     texts = {COUNT_PREFIX + name: str(count) for name, count in counts.items()}
     if problem:
         texts["recorder_failed"] = problem
-    return Hello(VERSION, number, time.monotonic_ns(), "recorder", tuple(texts), tuple(texts.values()))
+    return Hello.of("recorder", number, time.monotonic_ns(), texts)

@@ -78,7 +78,7 @@ def replay(log: SessionLog, learner: Learner, *, delay: float) -> Replay:
         np.ascontiguousarray(leader["position"]),
         places[published],
         arrived,
-        np.searchsorted(leader["sequence"], felt["command_sequence"][published], side="right"),
+        np.searchsorted(leader["sequence"], _learnt_at(felt, believed)[published], side="right"),
         _told_before(_round_trips(log, felt), believed) + later,
     )
     time = (felt["time_ns"] - felt["time_ns"][0])[believed] * 1e-9
@@ -98,6 +98,13 @@ def _felt(log: SessionLog, stretch: SessionLog) -> Rows:
     felt = log.follower[(log.follower["run"] == last["run"]) & (log.follower["sequence"] <= last["sequence"])]
     begun: NDArray[np.bool_] = np.maximum.accumulate(felt["command_sequence"] > 0)
     return np.asarray(felt[begun])
+
+
+def _learnt_at(felt: Rows, believed: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """Command at the newest sample that had been learnt from at each tick; 0 where that was another leader's."""
+    newest = np.maximum.accumulate(np.where(believed, np.arange(felt.size), 0))
+    same = felt["epoch"][newest] == felt["epoch"]
+    return np.where(same, felt["command_sequence"][newest], 0)
 
 
 def _round_trips(log: SessionLog, felt: Rows) -> Array:

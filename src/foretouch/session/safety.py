@@ -9,26 +9,34 @@ import numpy as np
 
 from foretouch.messages import Status
 from foretouch.models.checks import require
+from foretouch.models.impact_bound import impact_impedance
 from foretouch.session.force_guard import ForceGuard
-from foretouch.session.motion_limits import MotionLimits
+from foretouch.session.motion_limits import POSITION, VELOCITY, MotionLimits
+from foretouch.session.proven_way import ProvenWay
 
-__all__ = ["REST_FORCE", "Safety", "SafetyLimits", "impact_speed"]
+__all__ = ["REST_FORCE", "Safety", "SafetyLimits"]
 
 STIFFEST, MOST_DAMPED = 1e5, 500.0
-"""What nobody has struck yet counts as so stiff [N/m], which is bone under a probe, and so damped [N s/m]."""
+"""What nobody has gone through yet counts as so stiff [N/m], which is bone under a probe, and so damped [N s/m], which is
+the paper's Kelvin-Voigt material; as both at once."""
+
+REACTION = 3e-3
+"""After its first touch a robot is no faster than before for so long [s], and then stops: its sensor and drive are as
+late as that. The simulated arm takes 2.3 to 2.8 ms."""
 
 AIMED = 0.95
 """Share of the force ceiling that a press is brought to: a sensor errs, and a drive passes its aim by a little."""
 
-HIDDEN = 2.0
-"""A contact counts as so many times more damped than it was felt: what it damps, it ends before a sensor shows it."""
+PROVEN_SHARE = 0.75
+"""What was proven at one speed may lead to this share of the ceiling at a higher one: a robot that sets out overshoots
+its speed."""
 
-IMPACT_SHARE, DAMPING_SHARE = 0.45, 0.75
-"""Shares of the force ceiling that mass and stiffness, and damping, may take in an impact by their formulas: drive and
-sensor are late beside the first; the second is there at once, and a robot that sets out overshoots its speed."""
+MARGIN, BRAKING_DELAY = 5e-4, 5e-3
+"""It has braked so far before what allows less [m], by a path that it follows so much later [s]."""
 
-MARGIN = 2e-3
-"""It has braked so far before the surface [m]: a drive is late."""
+START_BACK = 3e-5
+"""It begins so far outside of where the robot seems to be [m]: an encoder's count may show it deeper than it is, and a
+robot that presses would press on."""
 
 UNLOADED, REST_FORCE = 0.5, 1.0
 """A robot that unloads goes back until it feels the first [N]; the second counts as unloaded [N]."""
@@ -59,7 +67,7 @@ class SafetyLimits:
         speed: [m/s].
         acceleration: [m/s^2].
         jerk: [m/s^3].
-        mass: That moves with the probe [kg]: for `impact_speed`.
+        mass: That moves with the probe [kg]: what an impact is of.
         return_speed: Inwards, on the way back to the commands after it was held [m/s].
         hold_after: Time without a fresh command until it holds [s].
         unload_after: And until it unloads [s].
@@ -87,21 +95,6 @@ class SafetyLimits:
         require("unload_after", self.unload_after, at_least=self.hold_after)
 
 
-def impact_speed(force: float, mass: float, stiffness: float) -> float:
-    r"""Speed at which a mass meets a spring so that the force of the impact peaks at this [m/s].
-
-    .. math:: v = \frac{F}{\sqrt{m K}}
-
-    by the energy of both; what a drive adds, which pushes on until it feels the contact, is not in it.
-
-    Args:
-        force: F [N].
-        mass: m [kg].
-        stiffness: K [N/m].
-    """
-    return force / math.sqrt(mass * stiffness)
-
-
 class Safety:
     r"""The last stage before the robot.
 
@@ -109,21 +102,31 @@ class Safety:
 
     1. **What it does** (`Status`): after an emergency stop it unloads and stays so; with a fault of its sensors it
        holds; without a fresh command it holds after 50 ms, and after 500 ms unloads, or retreats. Unloading is
-       compliant: the force is brought to 0.5 N as `ForceGuard` says.
+       compliant: the force is brought to 0.5 N as `ForceGuard` says. A stop also goes back by the way, at the return
+       speed, until it is 1 mm further out than where this contact began: it needs no force for that. So does a fault
+       of the sensors that lasts as long as a silence until it unloads, in what the robot was told: it needs none.
     2. **The way back** to the commands is inwards no faster than the return speed, until it has been with them for
        0.3 s; outwards it is free.
     3. **Force**: deeper no faster than `ForceGuard` allows for 95 % of the ceiling, and back where that is passed, also
        while it holds.
-    4. **Impact**: towards what may be there no faster than
+    4. **Impact**: where the robot has not gone in through itself, no faster than
 
-       .. math:: v = \sqrt{v_0^2 + A\, d}, \quad v_0 = \min\left(\frac{0.45\, F}{\sqrt{m K}}, \frac{0.75\, F}{b}\right)
+       .. math:: v_0 = \frac{0.95\, F - f}{Z}
 
-       d being the way to 2 mm before the surface that was felt, 0 while there is none; K the stiffest contact so far,
-       at most 100 kN/m, and b twice the most damped, at most 500 N s/m. Both are that as long as no surface is known,
-       or no contact began at 10 mm/s or more. Clipping the force alone would come too late: an impact peaks at about
-       :math:`v \sqrt{m K}`, and what damps pushes with :math:`b v` at once.
+       F being the ceiling, f the force that is felt, or that was when it was there, and Z what `impact_impedance` says of the robot's mass, 3 ms of
+       reaction, 100 kN/m and 500 N s/m: the largest force of an impact of all that is no stiffer and no more damped.
+       Where it has, as fast as `ProvenWay` says for three quarters of the ceiling. Free air up to the surface that was
+       felt counts as proven. It brakes in time before what allows less: at a way d before, 0.5 mm of margin off, and w
+       being allowed there, by
+
+       .. math:: v = \sqrt{(w + A \tau / 2)^2 + A\, d} - A \tau / 2, \quad \tau = 5\ \mathrm{ms}
+
+       Clipping the force alone would come too late: an impact peaks within milliseconds.
     5. **Depth and workspace.**
-    6. **Speed, acceleration, jerk** (`MotionLimits`).
+    6. **Speed, acceleration, jerk** (`MotionLimits`), from where the robot is in the first tick, at rest.
+
+    On a surface in space the first five are reckoned along its normal, and the last once that is a place again: see
+    `in_space`.
 
     It never raises; a command that is no number counts as none.
 
@@ -134,29 +137,44 @@ class Safety:
     Attributes:
         status: What it did in the newest tick.
         stop_reason: Why it was stopped; empty while it is not.
-        pressing: Whether the robot feels more than 1 N, or nobody knows what it feels.
+        pressing: Whether the robot feels more than 1 N; while nobody knows what it feels, whether it is not yet out by
+            the way that it came.
     """
 
-    __slots__ = ("_keep", "_memory", "_motion", "pressing", "status", "stop_reason")
+    __slots__ = (
+        "_kernel",
+        "_keep",
+        "_limits",
+        "_memory",
+        "_motion",
+        "_path",
+        "_proven",
+        "pressing",
+        "status",
+        "stop_reason",
+    )
 
     def __init__(self, limits: SafetyLimits, sample_period: float) -> None:
         # Imported here: it brings a compiler along, and imports the numbers above.
         from foretouch.session import safety_kernel as kernel
 
-        self._keep = kernel.keep_safe
+        self._kernel, self._keep = kernel, kernel.keep_safe
         self._memory = np.zeros(kernel.SIZE)
         ForceGuard(self._memory[kernel.GUARD : kernel.MOTION])
-        path = self._memory[kernel.MOTION :]
-        self._motion = MotionLimits(limits.speed, limits.acceleration, limits.jerk, sample_period, path=path)
-        self._memory[kernel.AIM] = math.nan
+        self._proven = ProvenWay(self._memory[kernel.WAY :])
+        self._path = self._memory[kernel.MOTION : kernel.WAY]
+        self._limits = limits.speed, limits.acceleration, limits.jerk, sample_period
+        self._motion = MotionLimits(*self._limits, path=self._path)
+        self._memory[kernel.AIM] = self._memory[kernel.CAME] = math.nan
+        self._memory[kernel.NEAREST] = -math.inf
         self._memory[kernel.NEW] = 1.0  # it has not followed yet: nothing leads from anywhere
+        self._memory[kernel.IMPEDANCE] = impact_impedance(STIFFEST, MOST_DAMPED, limits.mass, REACTION)
         self._memory[kernel.FORCE : kernel.PERIOD] = (
             limits.force,
             limits.depth,
             *limits.workspace,
             limits.speed,
             limits.acceleration,
-            limits.mass,
             limits.return_speed,
             limits.hold_after,
             limits.unload_after,
@@ -166,6 +184,40 @@ class Safety:
         self.status = Status.FOLLOWING
         self.stop_reason = ""
         self.pressing = False
+
+    def in_space(self) -> MotionLimits:
+        """Leave the last rule to who brings the aim into space: its limits, for places there.
+
+        From then on `update` returns the aim, and `went` is told in each tick what came of it.
+        """
+        self._memory[self._kernel.IN_SPACE] = 1.0
+        self._motion = MotionLimits(*self._limits)
+        return self._motion
+
+    @property
+    def fastest(self) -> float:
+        """Speed at which the robot may go deeper now, negative where it has to go back [m/s]."""
+        return float(self._memory[self._kernel.FASTEST])
+
+    @property
+    def shifted(self) -> float:
+        """By how far the aim was set elsewhere in the newest tick [m], not positive: no motion of it."""
+        return float(self._memory[self._kernel.SHIFTED])
+
+    def went(self, position: float, velocity: float, nearest: float) -> None:
+        """In space: where the robot was told to be.
+
+        Args:
+            position: Along the normal that the aim is on [m].
+            velocity: Towards the surface [m/s].
+            nearest: Where that place itself is against the surface [m].
+        """
+        self._path[POSITION], self._path[VELOCITY] = position, velocity
+        self._memory[self._kernel.NEAREST] = nearest
+
+    def go_on_from(self, position: float) -> None:
+        """On a line: the robot was told this position by somebody else [m]; the path goes on there, at rest."""
+        self._motion.begin(position)
 
     def stop(self, reason: str) -> None:
         """Emergency stop: latches; the first reason stays."""
@@ -178,11 +230,15 @@ class Safety:
             velocity: Of the robot [m/s].
             force: That it feels [N].
         """
-        still = abs(self._motion.velocity) <= REST_SPEED and abs(velocity) <= SEEN_AT_REST
+        still = self._motion.speed <= REST_SPEED and abs(velocity) <= SEEN_AT_REST
         if not (still and abs(force) <= REST_FORCE):
             return False
         self.stop_reason = ""
         return True
+
+    def forget_way(self) -> None:
+        """What the way in has proven is of another place: it counts as untouched again."""
+        self._proven.forget()
 
     def update(
         self,
@@ -195,9 +251,10 @@ class Safety:
         silence: float,
         faulty: bool,
         guarded: bool = False,
-        surface_doubt: float = 0.0,
+        surface_doubt: float = math.inf,
+        doubtful: bool = False,
     ) -> float:
-        """One tick: the position for the robot [m].
+        """One tick: the position for the robot, in space the aim [m]; no number before it is known where the robot is.
 
         Args:
             desired: What the commands say [m].
@@ -208,7 +265,8 @@ class Safety:
             silence: Time since the newest fresh command [s]; infinite before the first.
             faulty: Whether the sensors are not to be trusted.
             guarded: Whether `desired` was held back for a first touch.
-            surface_doubt: The surface may be nearer than it was felt by so much [m]: it was felt elsewhere.
+            surface_doubt: The air is free up to so far before the surface [m]; infinite where nobody knows that.
+            doubtful: Whether it is being judged if the force can be believed: until then it goes no deeper.
         """
         told, status, self.pressing = self._keep(
             self._memory,
@@ -222,6 +280,7 @@ class Safety:
             faulty,
             guarded,
             surface_doubt,
+            doubtful,
         )
         self.status = STATES[status]
         return told

@@ -9,28 +9,46 @@ from numpy.typing import NDArray
 
 from foretouch.core.compiling import compiled
 from foretouch.messages import Status
-from foretouch.session.force_guard import DAMPING, PATIENCE, STEEPEST
+from foretouch.session.force_guard import AWAY, ONSET, PATIENCE
+from foretouch.session.force_guard_kernel import FORCE as FELT
 from foretouch.session.force_guard_kernel import SIZE as GUARD_SIZE
 from foretouch.session.force_guard_kernel import allowed_speed, observe
-from foretouch.session.motion_limits import POSITION, VELOCITY
+from foretouch.session.motion_limits import POSITION
 from foretouch.session.motion_limits_kernel import SIZE as MOTION_SIZE
-from foretouch.session.motion_limits_kernel import limited
+from foretouch.session.motion_limits_kernel import begin, limited
+from foretouch.session.proven_way import CELL, CELLS
+from foretouch.session.proven_way_kernel import SIZE as WAY_SIZE
+from foretouch.session.proven_way_kernel import observe_way, proven_force, proven_speed
 from foretouch.session.safety import (
     AIMED,
+    BRAKING_DELAY,
     CLEARANCE,
-    DAMPING_SHARE,
-    HIDDEN,
-    IMPACT_SHARE,
     MARGIN,
     MOST_DAMPED,
+    PROVEN_SHARE,
     REJOINED_FOR,
     REST_FORCE,
-    STIFFEST,
+    START_BACK,
     UNLOADED,
-    impact_speed,
 )
 
-__all__ = ["AIM", "FORCE", "GUARD", "MOTION", "NEW", "PERIOD", "SIZE", "keep_safe"]
+__all__ = [
+    "AIM",
+    "CAME",
+    "FASTEST",
+    "FORCE",
+    "GUARD",
+    "IMPEDANCE",
+    "IN_SPACE",
+    "MOTION",
+    "NEAREST",
+    "NEW",
+    "PERIOD",
+    "SHIFTED",
+    "SIZE",
+    "WAY",
+    "keep_safe",
+]
 
 Array = NDArray[np.float64]
 
@@ -38,27 +56,38 @@ AIM, RETURNING, MET, NEW = 0, 1, 2, 3
 """Places in the array: where it is to be [m]; whether it is on the way back to the commands; for how many ticks it has
 been with them; whether it has not followed yet."""
 
-FORCE, DEPTH, LOWEST, HIGHEST, SPEED, ACCELERATION, MASS, RETURN_SPEED = 4, 5, 6, 7, 8, 9, 10, 11
-HOLD_AFTER, UNLOAD_AFTER, RETREATS = 12, 13, 14
+CAME, FAULTY_FOR = 4, 5
+"""Where it was told to be when this contact began [m], NaN for none; and for how long its sensors have been faulty [s]."""
+
+FORCE, DEPTH, LOWEST, HIGHEST, SPEED, ACCELERATION, RETURN_SPEED = 6, 7, 8, 9, 10, 11, 12
+HOLD_AFTER, UNLOAD_AFTER, RETREATS = 13, 14, 15
 """What stays: the numbers of `SafetyLimits`."""
 
-PERIOD = 15
-"""T [s]."""
+PERIOD, IMPEDANCE = 16, 17
+"""T [s], and Z [N s/m]."""
 
-GUARD = 16
+IN_SPACE, NEAREST = 18, 19
+"""Whether the aim is brought into space, and the motion limited there; and where the place that the robot was told
+there is against the surface [m], which on a curved one is not quite the aim."""
+
+FASTEST, SHIFTED = 20, 21
+"""What the motion limits are told beside the aim: how fast it may go deeper, negative where it has to go back [m/s],
+and by how far the aim was set elsewhere [m]."""
+
+GUARD = 22
 """From here on the numbers of its `ForceGuard`."""
 
 MOTION = GUARD + GUARD_SIZE
-"""And of its `MotionLimits`."""
+"""And of its `MotionLimits`; in space the position and velocity in it are those along the normal."""
 
-SIZE = MOTION + MOTION_SIZE
+WAY = MOTION + MOTION_SIZE
+"""And of its `ProvenWay`."""
+
+SIZE = WAY + WAY_SIZE
 
 FOLLOWING, GUARDED, RETURNS = int(Status.FOLLOWING), int(Status.GUARDED), int(Status.RETURNING)
 HOLDING, UNLOADING, RETREATING = int(Status.HOLDING), int(Status.UNLOADING), int(Status.RETREATING)
 STOPPED, SENSOR_FAULT = int(Status.STOPPED), int(Status.SENSOR_FAULT)
-
-_impact = compiled(impact_speed)
-
 
 def _decide(memory: Array, stopped: bool, silence: float, faulty: bool) -> int:
     """What it does: a `Status`. Whatever is none of the commands' has a way back to them."""
@@ -79,32 +108,57 @@ def _decide(memory: Array, stopped: bool, silence: float, faulty: bool) -> int:
 _decided = compiled(_decide)
 
 
+@compiled
+def _ahead(memory: Array) -> float:
+    """How far in it is to be, or in space is told to be, against the surface [m]."""
+    return float(max(memory[AIM], memory[NEAREST]))
+
+
 def _fastest(memory: Array, status: int, position: float, surface: float, surface_doubt: float) -> float:
     """How fast it may go deeper, negative where it has to go back [m/s]."""
-    guard = memory[GUARD:MOTION]
-    stiffness, damping = STIFFEST, MOST_DAMPED  # that are reckoned with
-    if not (math.isnan(surface) or math.isnan(guard[DAMPING])):
-        steepest = guard[STEEPEST]
-        stiffness = min(steepest, STIFFEST) if steepest != 0.0 else STIFFEST
-        damping = min(HIDDEN * guard[DAMPING], MOST_DAMPED)
-    back = max(allowed_speed(guard, AIMED * memory[FORCE], damping), -memory[SPEED])
+    guard, aimed = memory[GUARD:MOTION], AIMED * memory[FORCE]
     if status < HOLDING:
-        inwards = min(back, _towards(memory, surface, surface_doubt, stiffness, damping))
+        ahead = _ahead(memory)
+        untouched = not ahead < surface - surface_doubt and proven_speed(memory[WAY:], ahead, aimed) == 0.0
+        inwards = max(allowed_speed(guard, aimed, MOST_DAMPED if untouched else 0.0), -memory[SPEED])
+        inwards = min(inwards, _towards(memory, surface - surface_doubt))
         return float(min(inwards, memory[RETURN_SPEED]) if memory[RETURNING] != 0.0 else inwards)
     if status == RETREATING and math.isfinite(surface) and not position < surface - CLEARANCE:
         return -float(memory[RETURN_SPEED])
-    if status in (STOPPED, UNLOADING, RETREATING):
-        back = max(allowed_speed(guard, UNLOADED, 0.0), -memory[SPEED])
+    unloads = status in (STOPPED, UNLOADING, RETREATING)
+    back = max(allowed_speed(guard, UNLOADED if unloads else aimed, 0.0), -memory[SPEED])
+    if (status == STOPPED or memory[FAULTY_FOR] >= memory[UNLOAD_AFTER]) and _is_inside(memory):
+        back = min(back, -memory[RETURN_SPEED])
     return float(min(back, 0.0))
 
 
-def _approach(memory: Array, surface: float, surface_doubt: float, stiffness: float, damping: float) -> float:
-    """How fast it may come to what may be there [m/s]."""
-    slow = _impact(IMPACT_SHARE * memory[FORCE], memory[MASS], stiffness)
-    if damping > 0.0:
-        slow = min(slow, DAMPING_SHARE * memory[FORCE] / damping)
-    way = 0.0 if math.isnan(surface) else max(surface - MARGIN - surface_doubt - memory[AIM], 0.0)
-    return math.sqrt(slow * slow + memory[ACCELERATION] * way)
+def _inside(memory: Array) -> bool:
+    """Whether it is not yet out by the way that it came into this contact."""
+    return bool(memory[MOTION + POSITION] > memory[CAME] - AWAY)
+
+
+_is_inside = compiled(_inside)
+
+
+def _approach(memory: Array, free: float) -> float:
+    """How fast it may come to what may be there [m/s], up to some place [m] through air that is known to be free."""
+    way, ceiling, felt, aim = memory[WAY:], memory[FORCE], memory[GUARD + FELT], _ahead(memory)
+    if not (math.isfinite(felt) and abs(aim) < 1e6):
+        return 0.0
+    late = 0.5 * memory[ACCELERATION] * BRAKING_DELAY
+    begin = max(aim, free) if math.isfinite(free) else aim
+    first, fastest = math.floor(begin / CELL), memory[SPEED]
+    for cell in range(first, first + CELLS):
+        away = max(max(cell * CELL, begin) - aim - MARGIN, 0.0)
+        if math.sqrt(late * late + memory[ACCELERATION] * away) - late >= fastest:
+            break
+        middle = (cell + 0.5) * CELL
+        # Who has let go of a material does not feel how hard it presses at that depth.
+        hidden = max(felt, proven_force(way, middle - CELL), proven_force(way, middle))
+        unproven = max(AIMED * ceiling - hidden, 0.0) / memory[IMPEDANCE]
+        allowed = max(proven_speed(way, middle, PROVEN_SHARE * ceiling), unproven) + late
+        fastest = min(fastest, math.sqrt(allowed * allowed + memory[ACCELERATION] * away) - late)
+    return float(fastest)
 
 
 _towards = compiled(_approach)
@@ -134,6 +188,25 @@ def _within(memory: Array, wanted: float, surface: float) -> float:
 _clipped = compiled(_within)
 
 
+def _see(memory: Array, position: float, force: float, in_contact: bool, faulty: bool) -> None:
+    """Look at the sensors, if they can be believed."""
+    guard = memory[GUARD:MOTION]
+    memory[FAULTY_FOR] = memory[FAULTY_FOR] + memory[PERIOD] if faulty else 0.0
+    if faulty or not (math.isfinite(position) and math.isfinite(force)):
+        observe(guard, math.nan, math.nan, False)
+        return
+    observe(guard, position, force, in_contact)
+    observe_way(memory[WAY:], position, force, memory[PERIOD])
+    if math.isnan(guard[ONSET]):
+        memory[CAME] = math.nan
+    elif math.isnan(memory[CAME]):
+        path = memory[MOTION + POSITION]
+        memory[CAME] = position if math.isnan(path) else path
+
+
+_sees = compiled(_see)
+
+
 def _keep_safe(
     memory: Array,
     stopped: bool,
@@ -146,6 +219,7 @@ def _keep_safe(
     faulty: bool,
     guarded: bool,
     surface_doubt: float,
+    doubtful: bool,
 ) -> tuple[float, int, bool]:
     """One tick.
 
@@ -161,19 +235,20 @@ def _keep_safe(
         faulty: Whether the sensors are not to be trusted.
         guarded: Whether `desired` was held back.
         surface_doubt: [m].
+        doubtful: Whether the force is being judged.
 
     Returns:
-        The position for the robot [m], what was done (a `Status`), and whether it presses.
+        The position for the robot, in space the aim [m], what was done (a `Status`), and whether it presses.
     """
-    guard, motion = memory[GUARD:MOTION], memory[MOTION:]
-    if math.isnan(memory[AIM]):
-        memory[AIM] = position if math.isfinite(position) else desired
-    if faulty:
-        observe(guard, math.nan, math.nan, False, 0.0)
-    else:
-        observe(guard, position, force, in_contact, motion[VELOCITY])
+    motion = memory[MOTION:WAY]
+    if math.isnan(motion[POSITION]) and math.isfinite(position):
+        memory[AIM] = position - START_BACK
+        begin(motion, memory[AIM], 0.0, 0.0)
+    _sees(memory, position, force, in_contact, faulty)
     status = _decided(memory, stopped, silence, faulty)
     fastest = _fastest_now(memory, status, position, surface, surface_doubt)
+    if doubtful:
+        fastest = min(fastest, 0.0)
     # The aim in the next tick, never further inside than the path soon is, for it would press on by itself; beside it,
     # by how far it was set back for that.
     path, shifted = motion[POSITION], 0.0
@@ -187,8 +262,10 @@ def _keep_safe(
     if guarded and status == FOLLOWING:
         status = GUARDED
     memory[AIM] = _clipped(memory, aim, surface)
-    told = limited(motion, memory[AIM], max(fastest, 0.0), shifted)
-    return told, status, faulty or not abs(force) <= REST_FORCE
+    memory[FASTEST], memory[SHIFTED] = fastest, shifted
+    told = memory[AIM] if memory[IN_SPACE] != 0.0 else limited(motion, memory[AIM], max(fastest, 0.0), shifted)
+    presses = not abs(force) <= REST_FORCE if not faulty else math.isnan(memory[CAME]) or _is_inside(memory)
+    return told, status, presses
 
 
-keep_safe = compiled("Tuple((f8, i8, b1))(f8[::1], b1, f8, f8, f8, b1, f8, f8, b1, b1, f8)")(_keep_safe)
+keep_safe = compiled("Tuple((f8, i8, b1))(f8[::1], b1, f8, f8, f8, b1, f8, f8, b1, b1, f8, b1)")(_keep_safe)

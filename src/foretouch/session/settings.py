@@ -8,7 +8,7 @@ import math
 from dataclasses import dataclass, field
 
 from foretouch.devices import GRIPS, HARDWARE_OPERATORS, OPERATORS, DeviceSpecification
-from foretouch.devices.specification import COUNT_FORCE
+from foretouch.devices.specification import COUNT_FORCE, LEAST_DAMPING
 from foretouch.errors import SettingError, UnknownNameError
 from foretouch.identification import DEFAULT_ESTIMATORS, ESTIMATORS, Estimator, make_estimator
 from foretouch.identification.conditioning import CONTACT_FLOOR
@@ -56,6 +56,9 @@ GUARDED_FORCES = (10.0 * CONTACT_FLOOR, 15.0)
 """Least and largest force at which a guarded follower can be told to hold [N]: nearer to the least force that counts as
 contact, sensor noise decides what it holds, and the surface is learnt from too little."""
 
+SIMULATED_DAMPING = 2.0
+"""Of the device that a simulated hand holds, where nothing else is said [N s/m]."""
+
 SOFTEST = 1.0
 """A device that is held carries at least this [N/m], or there is nothing to feel."""
 
@@ -88,9 +91,13 @@ class SessionSettings:
             operator's motion is then what it intends. ``"none"`` for the operator's motion itself, whatever the force.
         device_mass: Of the device at the hand [kg].
         device_damping: Viscous friction of the device [N s/m]: what it can carry of stiffness depends on it; with a
-            grip, at least 1 N/m.
+            grip, at least 1 N/m. None where nobody has stated it: 2 in a simulated hand, and in a person's the least
+            that is assumed of such a device.
         device_friction: Coulomb friction of the device [N].
         device_resolution: Count of its encoder [m].
+        device_delay: From reading a position until the force computed from it acts [s], at most a tick; a simulated
+            device is as late.
+        device_watchdog: Time after which the device takes a force away that nobody has renewed [s]; 0 for never.
         largest_stiffness: Largest local stiffness that is rendered [N/m]; 0 for what the device carries.
         position_scale: Proxy's motion for the hand's, 0.01 to 100.
         force_scale: Hand's force for the model's, 0.01 to 100.
@@ -151,9 +158,11 @@ class SessionSettings:
     stall: float = 0.0
     grip: str = NO_GRIP
     device_mass: float = 0.1
-    device_damping: float = 2.0
+    device_damping: float | None = None
     device_friction: float = 0.1
     device_resolution: float = 1e-5
+    device_delay: float = 5e-4
+    device_watchdog: float = 0.02
     largest_stiffness: float = 0.0
     position_scale: float = 1.0
     force_scale: float = 1.0
@@ -309,7 +318,8 @@ class SessionSettings:
 
     def as_text(self) -> dict[str, str]:
         """The settings by name, for `Hello` messages and recordings."""
-        return {one.name: str(getattr(self, one.name)) for one in dataclasses.fields(self) if one.init}
+        texts = {one.name: str(getattr(self, one.name)) for one in dataclasses.fields(self) if one.init}
+        return texts | {"device_damping": str(self.device.damping)}
 
     def _frame(self, name: str) -> Frame:
         return Frame.from_text(name, getattr(self, name))
@@ -327,25 +337,30 @@ class SessionSettings:
 
     def _device(self) -> DeviceSpecification:
         """The device, once it is known that it can carry the stiffness that is asked for."""
+        simulated = self.grip != NO_GRIP or self.operator in OPERATORS
+        assumed = SIMULATED_DAMPING if simulated else LEAST_DAMPING
         try:
             device = DeviceSpecification(
                 mass=self.device_mass,
-                damping=self.device_damping,
+                damping=assumed if self.device_damping is None else self.device_damping,
                 friction=self.device_friction,
                 resolution=self.device_resolution,
+                delay=self.device_delay,
+                watchdog=self.device_watchdog,
             )
         except SettingError as error:
             error.args = (f"device_{error}",)  # the name of the setting
             raise
         carried = device.largest_stiffness(SAMPLE_PERIOD)
         if self.grip != NO_GRIP and carried < SOFTEST:  # no encoder count is so coarse
-            least = 0.5 * SOFTEST * SAMPLE_PERIOD
+            least = SOFTEST * (0.5 * SAMPLE_PERIOD + device.delay)
             rule = f"must be at least {least:g} N s/m with a grip: less carries no {SOFTEST:g} N/m at {RATE:g} Hz"
-            raise SettingError("device_damping", self.device_damping, rule)
+            raise SettingError("device_damping", device.damping, rule)
         require("largest_stiffness", self.largest_stiffness, at_least=0.0)
         if self.largest_stiffness > carried:
             if carried < device.stiffness_by_encoder:
-                why = f"{self.device_damping:g} N s/m of damping at {RATE:g} Hz carries at most 2 b / T"
+                late = f"{device.damping:g} N s/m of damping and {1e3 * device.delay:g} ms of delay at {RATE:g} Hz"
+                why = f"{late} carries at most b / (T / 2 + d)"
             else:
                 why = (
                     f"{self.device_friction:g} N of friction and an encoder count of {self.device_resolution:g} m "

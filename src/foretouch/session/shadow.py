@@ -140,6 +140,7 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
         follower.Inputs([led.command], sample, period_ns, compute_ns, release=release),
         now_ns,
     )
+    state.following.released_tick = 0  # nothing is obeyed here: nobody has to know that sensors were mended
     # The robot was told nothing; and what the safety layer would have done about it is no news.
     said = msgspec.structs.replace(acted.telemetry, desired_position=math.nan, status=Status.SHADOW)
     state.returned.push(now_ns, said)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from foretouch.devices import Device
 from foretouch.link import FaultStage
-from foretouch.messages import VERSION, Command, Hello, Message, ModelUpdate, SessionLog, Telemetry
+from foretouch.messages import Command, Hello, Message, ModelUpdate, SessionLog, Telemetry
 from foretouch.quantities import Columns
 from foretouch.robot import Robot
 from foretouch.session import follower, leader
@@ -85,7 +85,7 @@ def simulate(
     leader_log, follower_log, models = [], [], []
     texts = settings.as_text() | {"operator": operator.name} | felt_texts(operator, settings) | dict(description or {})
     if record is not None:
-        record(Hello(VERSION, 1, 0, "simulation", tuple(texts), tuple(texts.values())), 0)
+        record(Hello.of("simulation", 1, 0, texts), 0)
     sample = robot.read()
     began = time.perf_counter()
     for tick in range(ticks):

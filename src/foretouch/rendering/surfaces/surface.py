@@ -18,6 +18,10 @@ Point: TypeAlias = tuple[float, float, float]
 FARTHEST = 1e3
 """No probe is further away [m]."""
 
+FACES_ALL_WAYS = 0.1
+"""A mean normal shorter than this is none: it is the rest of sides that face each other, or of a few that are
+missing."""
+
 NO_TRIANGLE = -1
 """Where a surface has none."""
 
@@ -69,6 +73,16 @@ class Surface(ABC):
     @abstractmethod
     def outline(self) -> tuple[Array, NDArray[np.int64]]:
         """To draw it: vertices [m] of shape (n, 3), and triangles of shape (m, 3) of their indices."""
+
+    def facing(self) -> Point:
+        """Mean outward normal over its area, of length 1; (0, 0, 0) where it closes about a body and faces all ways."""
+        vertices, triangles = self.outline()
+        corners = vertices[triangles]
+        areas = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        mean = areas.sum(axis=0) / np.linalg.norm(areas, axis=1).sum()
+        length = float(np.linalg.norm(mean))
+        x, y, z = (mean / length).tolist() if length > FACES_ALL_WAYS else (0.0, 0.0, 0.0)
+        return x, y, z
 
     def contact(self, place: Sequence[float]) -> SurfaceContact:
         """Contact of a probe that has no history: with the nearest point of the surface.

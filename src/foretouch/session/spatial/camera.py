@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from foretouch.messages import VERSION, CameraImage
+from foretouch.messages.spatial import LARGEST_JPEG
 from foretouch.quantities import Pose
 from foretouch.quantities.rigid import Vector
 from foretouch.robot import CameraScene
@@ -20,9 +21,6 @@ CAMERA = CameraModel(640, 480, 610.0, 610.0, k1=-0.15, k2=0.03, p1=5e-4, p2=-5e-
 
 IMAGE_PERIOD = 1.0 / 30.0
 """[s]."""
-
-LARGEST_JPEG = 60_000
-"""[bytes]: a larger image is not shown, and still located."""
 
 
 def _looking(eye: tuple[float, float, float], at: tuple[float, float, float]) -> Pose:

@@ -7,7 +7,7 @@ from collections import deque
 from collections.abc import Callable, Mapping
 
 from foretouch.link import ZenohLink
-from foretouch.messages import VERSION, CameraImage, FollowerSpace, Hello
+from foretouch.messages import CameraImage, FollowerSpace, Hello
 from foretouch.session.housekeeping import ORPHANED, StopFlag, orphaned
 from foretouch.session.lease import own_epoch
 from foretouch.session.settings import SessionSettings
@@ -80,8 +80,7 @@ def run_camera(
             end = min(end, now + GRACE)
         if now - spoken >= HELLO_PERIOD:
             spoken, hellos = now, hellos + 1
-            texts = dict(description())
-            link.publish(Hello(VERSION, hellos, time.monotonic_ns(), "camera", tuple(texts), tuple(texts.values())))
+            link.publish(Hello.of("camera", hellos, time.monotonic_ns(), description()))
             if orphaned(parent):
                 stop.set(ORPHANED)
         time.sleep(POLL_PERIOD)

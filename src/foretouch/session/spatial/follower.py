@@ -27,9 +27,10 @@ from foretouch.quantities.rigid import Vector, add, dot, norm, scaled, subtract
 from foretouch.rendering.surfaces import Surface
 from foretouch.robot import RobotSample, RobotSpecification, SpatialSample
 from foretouch.session import follower
+from foretouch.session.playout import Playout
 from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
-from foretouch.session.spatial.force_cap import ForceCap
-from foretouch.session.spatial.lateral import LateralMotion
+from foretouch.session.spatial.course import Course, Way
+from foretouch.session.spatial.last_limit import LastLimit
 from foretouch.session.spatial.line import Footing, SurfaceLine
 from foretouch.session.spatial.rubbing import Rubbed
 
@@ -81,11 +82,8 @@ class State:
     Attributes:
         inner: Of the follower along the surface's normal.
         line: Of the probe.
-        commanded: Of the newest command.
-        played: Of the command that is followed now.
-        lateral: Moves along the surface.
-        cap: Keeps the force below its ceiling, whichever way it points.
-        force_ceiling: Largest force [N].
+        course: Goes towards the commands.
+        last: Stands before the robot.
         approach_speed: Along a surface whose first touch is guarded [m/s].
         largest_speed: Of the robot [m/s].
         friction: Learns it.
@@ -112,11 +110,8 @@ class State:
 
     inner: follower.State
     line: SurfaceLine
-    commanded: SurfaceLine
-    played: SurfaceLine
-    lateral: LateralMotion
-    cap: ForceCap
-    force_ceiling: float
+    course: Course
+    last: LastLimit
     approach_speed: float
     largest_speed: float
     friction: FrictionEstimator = field(default_factory=FrictionEstimator)
@@ -203,12 +198,13 @@ def start(
         run: Epoch of this process.
     """
     inner = follower.start(specification, settings, estimator, run=run)
-    lateral = LateralMotion(settings.largest_speed, settings.largest_acceleration, settings.largest_jerk, SAMPLE_PERIOD)
-    probe, commanded, played = (SurfaceLine(surface, pose, leads=leads) for leads in (True, False, False))
-    cap = ForceCap(settings.force_ceiling, settings.largest_speed, SAMPLE_PERIOD)
-    limits = (settings.force_ceiling, settings.approach_speed, settings.largest_speed)
     inner.surface_doubt = LARGEST_DOUBT  # until a tracker says otherwise
-    return State(inner, probe, commanded, played, lateral, cap, *limits)
+    ceiling, speed = settings.force_ceiling, settings.largest_speed
+    probe, gone, told = (SurfaceLine(surface, pose, leads=leads) for leads in (True, True, False))
+    course = Course(gone, ceiling, speed, settings.return_speed, SAMPLE_PERIOD)
+    inner.playout = Playout(course.go)
+    last = LastLimit(inner.safety, told, ceiling, speed, SAMPLE_PERIOD)
+    return State(inner, probe, course, last, settings.approach_speed, speed)
 
 
 def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
@@ -219,7 +215,7 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
         inputs: Of this tick.
         now_ns: This side's monotonic clock [ns].
     """
-    inner, sample, line = state.inner, inputs.sample, state.line
+    inner, sample, line, course = state.inner, inputs.sample, state.line, state.course
     failures = inner.failures
     try:
         for belief in inputs.beliefs:
@@ -230,7 +226,7 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
     footing = line.follow(sample.place)
     _share_offset(state, before)
     force = subtract(sample.force, state.bias)
-    commands = _all_along(state, inputs.commands)
+    commands = _with_positions(state, inputs.commands)
     estimator = inner.learner.estimator
     if failures.learns and isinstance(estimator, MaterialFieldLearner):
         try:
@@ -241,7 +237,12 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
     felt = dot(force, footing.normal)
     if felt < -LARGEST_PULL:
         felt = PULL_SHARE * (felt + LARGEST_PULL) - LARGEST_PULL
-    sliding = state.cap.observe(sample.place, force, footing.normal)
+    sideways = subtract(force, scaled(footing.normal, felt))
+    if course.footing is None and all(map(math.isfinite, sample.place)):
+        course.begin(sample.place)
+        state.last.begin(sample.place)
+    course.way = _way(state, sample, sideways, state.last.observe(sample.place, force, footing.normal))
+    course.meet(line.offset)
     along = RobotSample(
         position=footing.along,
         sensor_force=felt,
@@ -255,12 +256,24 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
         commands, along, inputs.period_ns, inputs.compute_ns, inputs.stop, inputs.release, inputs.ended
     )
     _, allowed = follower.step(inner, told, now_ns)
-    sideways = subtract(force, scaled(footing.normal, felt))
     model, materials = _learn_in_space(state, footing, sample, sideways, allowed.model, now_ns)
-    wanted = _place(state, footing, sample.place, allowed.desired_position, sideways, sliding)
-    desired = state.cap.limit(wanted, force)
+    desired, desired_along = state.last.update(course, allowed.desired_position)
     space = _space(state, sample, footing, force, desired, now_ns)
-    return state, Outputs(desired, allowed.telemetry, model, space, materials)
+    telemetry = msgspec.structs.replace(allowed.telemetry, desired_position=desired_along)
+    return state, Outputs(desired, telemetry, model, space, materials)
+
+
+def _way(state: State, sample: SpatialSample, sideways: Vector, sliding: float) -> Way:
+    """What the course goes by, from this tick's sensors and what was decided in the tick before."""
+    inner = state.inner
+    return Way(
+        inner.safety.status < Status.HOLDING,
+        sample.place,
+        sideways,
+        inner.learner.sample.force,
+        sliding * (state.approach_speed if inner.first_touch.guarded else state.largest_speed),
+        inner.safety.fastest,
+    )
 
 
 def _believe(state: State, belief: FixtureBelief, now_ns: int) -> None:
@@ -274,9 +287,8 @@ def _believe(state: State, belief: FixtureBelief, now_ns: int) -> None:
             # The image shows that the fixture is elsewhere: what was felt of it is, too. A touch shows where it was all
             # the time.
             state.inner.learner.conditioner.shift(state.line.offset - before)
-        for other in (state.commanded, state.played):
-            other.offset = state.line.offset
-            other.believe(belief.pose)
+        state.course.line.believe(belief.pose)
+        state.last.believe(belief.pose, state.line.offset)
     state.inner.surface_doubt = _doubt(belief.deviation)
     state.age, state.deviation, state.contacts_believed = belief.image_age, belief.deviation, belief.contacts
 
@@ -291,24 +303,22 @@ def _share_offset(state: State, before: float) -> None:
     """Where the proxy has let go the coordinate went on and the surface is elsewhere: for all, and what was felt."""
     if state.line.offset != before:
         state.inner.learner.conditioner.shift(state.line.offset - before)
-        state.commanded.offset = state.played.offset = state.line.offset
+        state.last.line.offset = state.line.offset
 
 
-def _all_along(state: State, commands: list[Command]) -> list[Command]:
-    """The commands as positions along the normal."""
+def _with_positions(state: State, commands: list[Command]) -> list[Command]:
+    """Commands with a position that says only whether they have a place: the course says where it is on the normal."""
     try:
-        return [_along(state, command) for command in commands]
+        return [_with_position(command) for command in commands]
     except Exception as error:
         state.inner.failures.note("its commands in space", error)
         return []
 
 
-def _along(state: State, command: Command) -> Command:
-    """A command as a position along the normal; one without a place has none."""
-    if len(command.place) != 3 or not all(map(math.isfinite, command.place)):
-        return msgspec.structs.replace(command, position=math.nan)
-    x, y, z = command.place
-    return msgspec.structs.replace(command, position=state.commanded.follow((x, y, z)).along)
+def _with_position(command: Command) -> Command:
+    place = command.place
+    known = len(place) == 3 and all(map(math.isfinite, place))
+    return msgspec.structs.replace(command, position=max(map(abs, place)) if known else math.nan)
 
 
 def _learn_in_space(
@@ -383,21 +393,6 @@ def _feel_surface(state: State, footing: Footing, sample: SpatialSample) -> None
         return
     state.touch = add(sample.place, scaled(footing.normal, way / (1.0 - ratio)))
     state.touch_tick = state.inner.tick
-
-
-def _place(state: State, footing: Footing, here: Vector, along: float, sideways: Vector, sliding: float) -> Vector:
-    """Where the robot is to go: along the surface as its limits say, and on the normal there as is allowed [m]."""
-    inner, target = state.inner, state.inner.playout.place
-    free = inner.safety.status < Status.HOLDING
-    place = state.lateral.update(
-        (target[0], target[1], target[2]) if free and len(target) == 3 else None,
-        here,
-        sideways,
-        inner.learner.sample.force,
-        limit=state.force_ceiling,
-        speed=sliding * (state.approach_speed if inner.first_touch.guarded else state.largest_speed),
-    )
-    return state.played.follow(place).place_at(along if math.isfinite(along) else footing.along)
 
 
 def _with_fixture(state: State, model: ModelUpdate, now_ns: int) -> ModelUpdate:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 
 from foretouch.quantities.rigid import Vector, add, dot, norm, scaled, subtract
-from foretouch.session.force_guard import ForceGuard
+from foretouch.session.force_guard import PATIENCE, ForceGuard
+from foretouch.session.motion_limits import Bound
 
 __all__ = ["ForceCap"]
 
@@ -26,7 +27,7 @@ FELT = 1.0
 
 
 class ForceCap:
-    """The last limit in space: along the force that is measured, whatever normal is believed.
+    """A limit in space: along the force that is measured, whatever normal is believed.
 
     Within the cone in which friction may turn a force its direction is that of the believed normal: who goes back along
     friction slides the other way, and it turns.
@@ -39,9 +40,25 @@ class ForceCap:
         ceiling: [N], positive.
         speed: Largest of the robot [m/s], positive.
         sample_period: [s], positive.
+
+    Attributes:
+        fastest: Speed against the force at most, negative where it has to go back [m/s].
     """
 
-    __slots__ = ("_ceiling", "_force", "_guard", "_here", "_outwards", "_period", "_place", "_rate", "_speed", "_way")
+    __slots__ = (
+        "_ceiling",
+        "_force",
+        "_guard",
+        "_here",
+        "_known",
+        "_outwards",
+        "_period",
+        "_place",
+        "_rate",
+        "_speed",
+        "_way",
+        "fastest",
+    )
 
     def __init__(self, ceiling: float, speed: float, sample_period: float) -> None:
         self._ceiling, self._speed, self._period = ceiling, speed, sample_period
@@ -49,7 +66,8 @@ class ForceCap:
         self._here: Vector | None = None
         self._place: Vector | None = None
         self._outwards: Vector = (0.0, 0.0, 1.0)
-        self._way = self._force = self._rate = 0.0
+        self._way = self._force = self._rate = self.fastest = 0.0
+        self._known = False
 
     def observe(self, here: Vector, force: Vector, normal: Vector) -> float:
         """See where the probe is [m], what it feels [N] and what normal is believed; how much of a slide is allowed.
@@ -59,35 +77,43 @@ class ForceCap:
         size = norm(force)
         if not (size < math.inf and all(map(math.isfinite, here))):
             self._guard.observe(math.nan, math.nan, False)
+            self._known, self.fastest = False, 0.0
             return 0.0
-        if self._here is not None and size > FELT:
-            self._outwards = normal if dot(force, normal) > CONE * size else scaled(force, 1.0 / size)
+        self._known, felt = True, size > FELT
+        self._outwards = scaled(force, 1.0 / size) if felt and dot(force, normal) <= CONE * size else normal
+        if self._here is not None and felt:
             self._way -= dot(subtract(here, self._here), self._outwards)
         self._here = here
-        self._guard.observe(self._way, size, size > FELT)
+        self._guard.observe(self._way, size, felt)
+        self.fastest = self._guard.speed(AIMED * self._ceiling) if felt else math.inf
         self._rate += RATE_SHARE * ((size - self._force) / self._period - self._rate)
         self._force = size
         coming = size + max(self._rate, 0.0) * AHEAD
         return min(max((AIMED * self._ceiling - coming) / ((AIMED - SLOWED) * self._ceiling), 0.0), 1.0)
 
-    def limit(self, wanted: Vector, force: Vector) -> Vector:
-        """The place that is allowed [m].
+    def limit(self, wanted: Vector, told: Vector) -> tuple[Vector, Vector]:
+        """The place that is allowed, and by how far it was set elsewhere, which is no motion of it [m].
 
         Args:
             wanted: [m].
-            force: On the probe [N].
+            told: Where the robot was told to be in the tick before [m].
         """
-        before, self._place = self._place, wanted
-        size = norm(force)
+        before, self._place, shifted = self._place, wanted, (0.0, 0.0, 0.0)
         if before is None:
-            return wanted
-        if not size < math.inf:
+            return wanted, shifted
+        if not self._known:
             self._place = before
-        elif size > FELT:
+        elif self._force > FELT:
             outwards = self._outwards
-            inwards = -dot(subtract(wanted, before), outwards)
-            fastest = min(self._guard.speed(AIMED * self._ceiling), self._speed)
-            most = max(fastest, -self._speed) * self._period
+            # Never further inside than the path soon is, for it would press on by itself.
+            back = max(dot(subtract(told, before), outwards) - max(self.fastest, 0.0) * PATIENCE, 0.0)
+            inwards = back - dot(subtract(wanted, before), outwards)
+            most = min(max(self.fastest, -self._speed), self._speed) * self._period
             if inwards > most:
-                self._place = add(wanted, scaled(outwards, inwards - most))
-        return self._place
+                self._place, shifted = add(wanted, scaled(outwards, inwards - most)), scaled(outwards, back)
+        return self._place, shifted
+
+    def bound(self, fastest: float) -> Bound:
+        """Against the force no faster than it allows, nor than this [m/s]; where none is felt, along the normal."""
+        x, y, z = self._outwards
+        return -x, -y, -z, max(min(self.fastest, fastest), 0.0)

@@ -24,7 +24,7 @@ from foretouch.messages import (
 )
 from foretouch.models import QuadraticContact
 from foretouch.quantities.rigid import Vector, add, dot, norm, scaled, subtract
-from foretouch.rendering import FrictionRenderer, SpatialEnergyAccount
+from foretouch.rendering import FrictionRenderer, NormalAccount, SpatialEnergyAccount
 from foretouch.rendering.surfaces import Surface
 from foretouch.session import leader
 from foretouch.session.settings import NO_GRIP, SAMPLE_PERIOD, SessionSettings
@@ -64,7 +64,6 @@ class State:
         viscous: Of viscous friction [N s/m].
         follower_at: Where the follower was told to be [m].
         follower_run: And which process of it.
-        along: Position of the hand along the normal in the tick before [m].
         offset: Of the line then [m].
     """
 
@@ -85,7 +84,6 @@ class State:
     viscous: float = 0.0
     follower_at: Vector = NOWHERE
     follower_run: int = 0
-    along: float = math.nan
     offset: float = 0.0
 
 
@@ -155,12 +153,14 @@ def start(
     stiffness = device.largest_stiffness(SAMPLE_PERIOD)
     if settings.largest_stiffness:
         stiffness = min(stiffness, settings.largest_stiffness)
+    account = SpatialEnergyAccount.of(device if held else None, SAMPLE_PERIOD)
+    damping, delay = (device.damping, device.delay) if held else (math.inf, 0.0)
     scales = settings.force_scale * settings.position_scale  # friction is rendered in the follower's lengths and forces
     return State(
-        leader.start(settings, holder=holder, epoch=epoch),
+        leader.start(settings, holder=holder, epoch=epoch, account=NormalAccount(account)),
         SurfaceLine(surface, pose),
-        FrictionRenderer(stiffness / scales, device.damping / scales if held else math.inf),
-        SpatialEnergyAccount(device.resolution if held else 0.0),
+        FrictionRenderer(stiffness / scales, damping / scales, delay),
+        account,
         settings.position_scale,
         settings.force_scale,
         device.force_limit,
@@ -183,14 +183,14 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
     models = [_take_model(state, model) for model in inputs.models]
     hand, telemetry = _couple(state, inputs)
     footing = state.line.follow(hand)
-    _pay_beside(state, hand)
+    seen = all(map(math.isfinite, inputs.place))
+    state.account.observe(inputs.place, inputs.period_ns * 1e-9)  # the device's own, whatever it is coupled with
     models = [_local(state, model, footing) for model in models]
     if not models:
         _go_on(state, footing)
     state.offset = state.line.offset
-    state.along = footing.along / state.position_scale if math.isfinite(hand[0]) else math.nan
     told = leader.Inputs(
-        state.along,
+        footing.along / state.position_scale if seen and math.isfinite(hand[0]) else math.nan,
         models,
         telemetry,
         inputs.period_ns,
@@ -259,22 +259,6 @@ def _couple(state: State, inputs: Inputs) -> tuple[Vector, list[Telemetry]]:
     return meet, [msgspec.structs.replace(one, desired_position=along) for one in inputs.telemetry]
 
 
-def _pay_beside(state: State, hand: Vector) -> None:
-    """Book the work of the hand; what of it the account along the normal will not see is paid there.
-
-    So friction pays for a stiffer material that the hand slides onto, as along a line pressing does.
-    """
-    inner, whole = state.inner.renderer.account, state.account
-    before = whole.energy
-    whole.observe(scaled(hand, 1.0 / state.position_scale))
-    footing = state.line.footing
-    if footing is None or not math.isfinite(state.along):
-        return
-    along = inner.force * (footing.along / state.position_scale - state.along)
-    if inner.force > 0.0 and whole.force != (0.0, 0.0, 0.0):
-        inner.pay(whole.energy - before - along)
-
-
 def _local(state: State, model: ModelUpdate, footing: Footing) -> ModelUpdate:
     """A model with the law of the place where the hand is, where the field knows it."""
     if not model.valid:
@@ -321,8 +305,6 @@ def _force(state: State, footing: Footing, rendered: float, period: float) -> Ve
     if size > left:
         beside = scaled(beside, left / size)
     force = add(force, beside)
-    if rendered <= 0.0:
-        state.account.close()
     return state.account.hold(force)
 
 
@@ -348,7 +330,8 @@ def _space(state: State, footing: Footing, force: Vector, now_ns: int) -> Leader
         math.sqrt(sum(value * value for value in deviation[3:])),
         math.inf if model is None else model.fixture_age,
         state.coefficient,
-        state.account.energy,
-        state.account.bound,
+        inner.renderer.energy,
+        inner.renderer.energy_bound,
         inner.epoch,
+        inner.renderer.late_energy,
     )

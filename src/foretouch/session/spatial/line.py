@@ -61,17 +61,19 @@ class SurfaceLine:
         leads: Whether it has an offset of its own; otherwise it is that of another line, set by the caller.
 
     Attributes:
+        surface: As given.
         pose: That is believed.
         motion: The same, as a motion.
         offset: o [m].
         footing: Of the newest place; None before it.
     """
 
-    __slots__ = ("_leads", "_place", "_proxy", "footing", "motion", "offset", "pose")
+    __slots__ = ("_leads", "_place", "_proxy", "footing", "motion", "offset", "pose", "surface")
 
     def __init__(self, surface: Surface, pose: Sequence[float], *, leads: bool = True) -> None:
         self._leads = leads
         self._proxy = SurfaceProxy(surface)
+        self.surface = surface
         self._place: Vector | None = None
         self.pose: Numbers6 = _six(pose)
         self.motion = RigidMotion.from_numbers(pose)

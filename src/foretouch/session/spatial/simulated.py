@@ -12,7 +12,6 @@ import numpy as np
 from foretouch.devices import SpatialDevice
 from foretouch.link import FaultStage
 from foretouch.messages import (
-    VERSION,
     CameraImage,
     Command,
     FieldUpdate,
@@ -86,7 +85,7 @@ def simulate_scene(
         if record is not None:
             record(message, now_ns)
 
-    keep(Hello(VERSION, 1, 0, "simulation", tuple(texts), tuple(texts.values())), 0)
+    keep(Hello.of("simulation", 1, 0, texts), 0)
     sample, clock = robot.read(), OperatorClock(operator)
     began = time.perf_counter()
     for tick in range(ticks):

@@ -1,0 +1,135 @@
+"""What each measured block of the pages depends on: where its measuring begins in the sources.
+
+From there `sources.Sources` follows all names. A block is of the code as it is while the digest of what is reached is
+the one that stands in its header.
+"""
+
+from __future__ import annotations
+
+import gc
+from pathlib import Path
+
+from sources import Definition, Sources, digest_of
+
+__all__ = ["BLOCKS", "IGNORED", "ROOT", "Key", "digests", "reached_by", "sources_of"]
+
+ROOT = Path(__file__).resolve().parents[1]
+
+Key = tuple[str, str]
+"""Page below the root, and name of the block in it."""
+
+IGNORED = (
+    # what only says, shows or refuses
+    *("measured_blocks", "foretouch.console", "foretouch.errors", "foretouch.plugins", "foretouch.ros2"),
+    *("foretouch.core.compiling", "foretouch.files"),
+    *(f"foretouch.cli.{name}" for name in ("exit_codes", "extras", "help", "options", "progress")),
+    *(f"foretouch.report.{name}" for name in ("calibration_page", "drawing", "figures", "html", "page", "thinning")),
+    *(f"foretouch.report.{name}" for name in ("hand_drawing", "hand_text", "replay_page", "safety_text", "text")),
+    *(f"foretouch.report.{name}" for name in ("scene_drawing", "scene_text")),
+    *(f"foretouch.comparison.{name}" for name in ("figures", "page", "table")),
+    *(f"foretouch.sweep.{name}" for name in ("figures", "page")),
+    # devices that no simulated session has
+    *(f"foretouch.devices.{name}" for name in ("browser", "force_dimension", "gamepad", "pygame_pad")),
+    # what writes recordings, and formats that no measured file has
+    *(f"foretouch.recordings.{name}" for name in ("block_file", "contact_model_msg", "mcap_index", "output", "repair")),
+    *(f"foretouch.recordings.{name}" for name in ("session_writer", "standard_topics", "column_names", "guess")),
+    *(f"foretouch.recordings.{name}" for name in ("bag_series", "cdr", "cdr_fields", "hdf5_table", "joining")),
+    *(f"foretouch.recordings.{name}" for name in ("mapped", "mapping", "parquet_table", "ros_types", "rosbag")),
+    "foretouch.recordings.topic_choice",
+)
+"""Nothing in these moves a figure, so what is in them makes no block stale."""
+
+COMPARE = "foretouch.cli.comparison:compare"
+FETCH = "foretouch.recordings.datasets:fetch"
+IDENTIFY = "foretouch.cli.offline:identify"
+PREDICT = "foretouch.cli.offline:predict"
+LIVE = (
+    "foretouch.cli.sessions:teleop",
+    "foretouch.cli.sides:leader",
+    "foretouch.cli.sides:follower",
+    "foretouch.cli.watchers:record",
+)
+"""The processes of a session in real time."""
+
+REPLAY = "foretouch.cli.replay:replay"
+SIMULATE = "foretouch.cli.sessions:simulate"
+
+_OF_PAGES: dict[str, dict[str, tuple[str, ...]]] = {
+    "README.md": {"session": ("measure_results:session", SIMULATE)},
+    "docs/baselines.md": {name: (f"compare_baselines:{name}",) for name in ("compared", "damped")},
+    "docs/console.md": {"console": ("measure_console:main", *LIVE, "foretouch.cli.watchers:console")},
+    "docs/contact-map.md": {
+        "floors": ("measure_results:floors", IDENTIFY, FETCH),
+        **dict.fromkeys(
+            [f"design-{name}" for name in ("experts", "learners", "features", "forgetting", "shares", "beyond")],
+            ("compare_designs:measure", "compare_designs:summary"),
+        ),
+    },
+    "docs/faults.md": {"faults": ("measure_faults:main", "test_session_soak_fire", *LIVE)},
+    "docs/identifiability.md": dict.fromkeys(("bounds", "twins"), ("draw_identifiability:shares",)),
+    "docs/replay.md": {name: (f"measure_results:{name}", SIMULATE, REPLAY) for name in ("replay", "replays")},
+    "docs/results.md": {
+        "reach": ("measure_results:reach", PREDICT, COMPARE, FETCH),
+        "reach-simulated": ("measure_results:reach_simulated", COMPARE),
+        "identifications": ("measure_results:identifications", IDENTIFY, FETCH),
+        "estimators": ("measure_results:estimators", COMPARE, FETCH),
+        "simulated": ("measure_results:simulated", COMPARE),
+        "claims": ("measure_results:claims", "foretouch.reproduction.*"),
+        "sessions": ("measure_results:sessions", SIMULATE),
+        "foam": ("measure_results:foam", "foretouch.robot.materials.foam_fit:fit_foam", FETCH),
+    },
+    "docs/rooms/identification.md": {"sensor-faults": ("measure_sensor_faults:main",)},
+    "docs/rooms/vision.md": {"vision": ("measure_vision:main",)},
+    "docs/safety.md": {name: (f"measure_impacts:{name}",) for name in ("masses", "impacts", "sessions", "unloading")},
+    "docs/scale.md": {
+        "costs": ("measure_scale:costs", "foretouch.recordings.session_writer", *LIVE),
+        "fleet": ("measure_scale:fleet", "measure_scale:costs"),
+    },
+    "docs/scenes.md": {name: (f"measure_scenes:{name}",) for name in ("fusion", "images", "palpation", "hand")},
+    "docs/speed.md": {
+        "machine": ("measure_speed:machine",),
+        **{
+            name: ("measure_speed:block", f"foretouch.bench.benchmarks.{name}")
+            for name in ("fprls", "batch", "call", "map", "mesh", "steps", "profile", "link", "simulate")
+        },
+        "loops": ("measure_speed:block", "foretouch.bench.benchmarks.loops", *LIVE),
+        **{
+            name: ("measure_speed:block", f"foretouch.bench.benchmarks.{name}", command)
+            for name, command in (("identify", IDENTIFY), ("compare", COMPARE), ("growth", IDENTIFY))
+        },
+        "startup": ("measure_speed:block", "foretouch.bench.benchmarks.startup"),
+    },
+    "docs/stability.md": {
+        "mediation": ("measure_results:mediation", FETCH),
+        "first-touch": ("measure_results:first_touch", SIMULATE),
+    },
+    "docs/surfaces.md": {
+        "god-object": ("measure_surfaces:god_object",),
+        "palpation": ("measure_surfaces:palpation",),
+    },
+    "docs/sweep.md": {"totals": ("draw_sweep:main", "foretouch.cli.sweep:sweep")},
+}
+
+BLOCKS: dict[Key, tuple[str, ...]] = {
+    (page, name): roots for page, blocks in _OF_PAGES.items() for name, roots in blocks.items()
+}
+"""Where the measuring of each block begins: the function of the script, and the commands that it runs."""
+
+
+def sources_of() -> Sources:
+    """Of the package, of the scripts of the documentation, and of the parts of the tests that these use."""
+    return Sources([ROOT / folder for folder in ("src", "docs", "tests/session", "tests/console")], IGNORED)
+
+
+def reached_by(key: Key, sources: Sources) -> dict[Definition, str]:
+    """Every definition that a block depends on, and its digest."""
+    return sources.reached(BLOCKS[key])
+
+
+def digests(sources: Sources) -> dict[Key, str]:
+    """The digest of what each block depends on."""
+    gc.disable()  # syntax trees are many small objects, and all of them stay
+    try:
+        return {key: digest_of(reached_by(key, sources)) for key in BLOCKS}
+    finally:
+        gc.enable()

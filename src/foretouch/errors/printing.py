@@ -1,0 +1,23 @@
+"""Text of others, for a terminal: what it would do there is shown instead of done."""
+
+from __future__ import annotations
+
+__all__ = ["printable"]
+
+
+def printable(text: str, *, lines: bool = False) -> str:
+    r"""The same text with every character that is not printable written as Python would, ESC as ``\x1b``.
+
+    Not printable are control characters, which move the cursor or give a terminal's window a title, ends of lines, with
+    which a text looks like several, and what turns the direction of writing, with which it reads as another.
+
+    Args:
+        text: Of a peer or a file.
+        lines: Whether ends of lines stay, where a text of several lines is shown.
+    """
+    if text.isprintable():
+        return text
+    return "".join(
+        letter if letter.isprintable() or (lines and letter == "\n") else letter.encode("unicode_escape").decode()
+        for letter in text
+    )

@@ -1,0 +1,89 @@
+"""The last stage before the robot in space: whatever surface, normal or pose is believed, a place within the limits."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from foretouch.quantities.rigid import Vector, add, dot, scaled, subtract
+from foretouch.session.motion_limits import Bound
+from foretouch.session.safety import Safety
+from foretouch.session.spatial.course import Course
+from foretouch.session.spatial.force_cap import ForceCap
+from foretouch.session.spatial.line import SurfaceLine
+
+__all__ = ["LastLimit"]
+
+NO_VECTOR: Vector = (0.0, 0.0, 0.0)
+
+
+class LastLimit:
+    """Brings what safety aims at along the normal into space, and limits speed, acceleration and jerk there.
+
+    In this order: the place of the course with this aim; no further against the force than `ForceCap` allows; and then
+    `MotionLimits`, as on a line. At most as fast as safety allows it goes in three directions: outside the surface,
+    against its mean normal, for it may stand elsewhere than believed, so that another part of it is near; into the
+    surface from where the robot was told to be; and against the force on the probe or, where none is felt, into the
+    surface under it. Over a flat one they are the same, at an edge they differ.
+
+    Args:
+        safety: Whose aims are brought into space, and whose limits hold there.
+        line: Of the places that the robot is told.
+        ceiling: Of the force [N].
+        speed: Largest of the robot [m/s].
+        sample_period: [s].
+
+    Attributes:
+        line: As given.
+    """
+
+    __slots__ = ("_cap", "_facing", "_limits", "_safety", "line")
+
+    def __init__(self, safety: Safety, line: SurfaceLine, ceiling: float, speed: float, sample_period: float) -> None:
+        self._safety, self.line = safety, line
+        self._limits = safety.in_space()
+        self._cap = ForceCap(ceiling, speed, sample_period)
+        self._facing = line.surface.facing()
+
+    def begin(self, place: Vector) -> None:
+        """Begin where the robot is [m], at rest."""
+        self._limits.begin(*place)
+        self.line.follow(place)
+
+    def believe(self, pose: Sequence[float], offset: float) -> None:
+        """Believe the fixture elsewhere, the probe's line having this offset [m]."""
+        self.line.offset = offset
+        self.line.believe(pose)
+
+    def observe(self, here: Vector, force: Vector, normal: Vector) -> float:
+        """See `ForceCap.observe`."""
+        return self._cap.observe(here, force, normal)
+
+    def update(self, course: Course, aim: float) -> tuple[Vector, float]:
+        """One tick: the place for the robot, and its position along the course's normal [m].
+
+        Args:
+            course: With this tick's footing.
+            aim: Of safety along the normal [m].
+        """
+        safety, limits, line = self._safety, self._limits, self.line
+        before, gone, footing = limits.place, course.footing, line.footing
+        if gone is None or footing is None or not math.isfinite(aim):
+            return before, aim
+        allowed = course.held_at(aim)
+        wanted, shifted = self._cap.limit(allowed, before)
+        shifted = add(shifted, scaled(gone.normal, -safety.shifted))
+        deeper = max(safety.fastest, 0.0)
+        facing = line.motion.rotate(self._facing) if footing.depth < 0.0 else NO_VECTOR
+        bounds = _against(facing, deeper), _against(footing.normal, deeper), self._cap.bound(deeper)
+        told = limits.move(wanted, bounds, shifted)
+        here = line.follow(told)
+        position = aim + dot(subtract(allowed, told), gone.normal)
+        safety.went(position, -dot(limits.velocity, here.normal), here.along)
+        return told, position
+
+
+def _against(normal: Vector, speed: float) -> Bound:
+    """Against a normal at most so fast [m/s]."""
+    x, y, z = normal
+    return -x, -y, -z, speed

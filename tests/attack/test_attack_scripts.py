@@ -1,0 +1,34 @@
+"""Each attack that `make attack` tries gets nowhere."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+HERE = Path(__file__).parent
+SCRIPTS = sorted(HERE.glob("attack_*.py"))
+
+
+def test_make_attack_runs_them_all() -> None:
+    makefile = (HERE.parents[1] / "Makefile").read_text()
+    recipe = re.search(r"^attack: setup  ## .*\n((?:\t.*\n)+)", makefile, re.MULTILINE)
+    assert recipe
+    assert "tests/attack/attack_*.py" in recipe[1]
+    assert {"attack_control.py", "attack_door.py", "attack_peers.py"} <= {script.name for script in SCRIPTS}
+
+
+@pytest.mark.long
+@pytest.mark.live
+@pytest.mark.parametrize("script", SCRIPTS, ids=lambda script: script.stem)
+def test_an_attack_gets_nowhere(script: Path, tmp_path: Path) -> None:
+    environment = os.environ | {"TMPDIR": str(tmp_path)}
+    done = subprocess.run(
+        [sys.executable, str(script)], cwd=HERE.parents[1], env=environment, capture_output=True, text=True, timeout=600
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert done.stdout

@@ -1,0 +1,354 @@
+"""Measured tables know of which code they are: the sources that a table depends on, and what the pages say of it."""
+
+from __future__ import annotations
+
+import importlib
+import re
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from types import ModuleType, SimpleNamespace
+
+import pytest
+from docs_pages import ROOT
+
+KERNEL = "src/foretouch/identification/sensor_watch_kernel.py"
+PAGE = "docs/rooms/identification.md"
+
+
+@pytest.fixture(scope="module")
+def docs() -> Iterator[SimpleNamespace]:
+    """The scripts of the documentation, which are no part of the package."""
+    sys.path.insert(0, str(ROOT / "docs"))
+    try:
+        names = ("sources", "measured_sources", "measured_blocks", "measuring")
+        yield SimpleNamespace(**{name: importlib.import_module(name) for name in names})
+    finally:
+        sys.path.remove(str(ROOT / "docs"))
+
+
+# What a definition reaches
+
+
+SMALL = {
+    "pack/__init__.py": "from pack.laws import Law, spare\n",
+    "pack/laws.py": '''"""Laws."""
+import math
+from typing import TYPE_CHECKING
+from pack import numbers, shown
+
+if TYPE_CHECKING:
+    from pack.never import Never
+
+class Law:
+    """A law."""
+
+    def force(self, depth: "Never") -> float:
+        """Its force."""
+        from pack import late
+
+        return late.scale(depth) * numbers.STIFFNESS * math.pi  # as always
+
+def spare() -> int:
+    return shown.WIDTH
+''',
+    "pack/late.py": "from pack import numbers as given\n\ndef scale(x):\n    return x * given.FACTOR\n",
+    "pack/numbers.py": "STIFFNESS = 3.0\nFACTOR = 2.0\nUNUSED = 1.0\nFITTED = read('fit.json')\n",
+    "pack/registry.py": "from pack.laws import spare\n\nLAWS = {}\nfor kind in (spare,):\n    LAWS[kind] = kind\n",
+    "pack/shown.py": "WIDTH = 80\n",
+    "pack/never.py": "Never = 1\n",
+    "pack/named.py": "def load():\n    return module_of('pack.numbers')\n",
+    "pack/fit.json": "[1]",
+}
+
+
+@pytest.fixture
+def small(tmp_path: Path) -> Path:
+    for name, text in SMALL.items():
+        path = tmp_path / name
+        path.parent.mkdir(exist_ok=True)
+        path.write_text(text)
+    return tmp_path
+
+
+def reached(docs: SimpleNamespace, folder: Path, *roots: str, ignored: tuple[str, ...] = ()) -> set[str]:
+    found = docs.sources.Sources([folder], ignored).reached(roots)
+    return {f"{module.removeprefix('pack.')}:{name}" for module, name in found if name}
+
+
+def test_names_are_followed_through_packages_modules_and_imports_inside_functions(
+    docs: SimpleNamespace, small: Path
+) -> None:
+    expected = {"laws:Law", "late:scale", "numbers:STIFFNESS", "numbers:FACTOR"}
+    assert reached(docs, small, "pack:Law") == expected
+    assert reached(docs, small, "pack:spare") == {"laws:spare", "shown:WIDTH"}
+    assert reached(docs, small, "pack:spare", ignored=("pack.shown",)) == {"laws:spare"}
+
+
+def test_what_an_import_does_and_what_a_string_names_is_followed(docs: SimpleNamespace, small: Path) -> None:
+    assert {"registry:LAWS", "laws:spare"} <= reached(docs, small, "pack.registry:LAWS")
+    assert {"numbers:STIFFNESS", "numbers:UNUSED"} <= reached(docs, small, "pack.named:load")
+    assert {"numbers:UNUSED", "shown:WIDTH", "never:Never"} <= reached(docs, small, "pack.*")
+    assert reached(docs, small, "pack.shown", ignored=("pack.shown",)) == {"shown:*", "shown:WIDTH"}
+
+
+def test_a_root_that_is_not_there_is_said(docs: SimpleNamespace, small: Path) -> None:
+    with pytest.raises(LookupError, match=r"there is no pack\.laws:Flaw in the sources"):
+        docs.sources.Sources([small]).reached(["pack.laws:Flaw"])
+
+
+@pytest.mark.parametrize(
+    ("file", "old", "new", "changes"),
+    [
+        ("pack/laws.py", "  # as always", "  # or never", False),
+        ("pack/laws.py", '"""Its force."""', '"""The force, in newtons."""', False),
+        ("pack/laws.py", '        """Its force."""\n', "", False),
+        ("pack/laws.py", 'depth: "Never"', "depth: float", True),  # an annotation leads nowhere, but it is syntax
+        ("pack/laws.py", "return late", "return  (late", None),
+        ("pack/laws.py", "math.pi", "math.tau", True),
+        ("pack/numbers.py", "UNUSED = 1.0", "UNUSED = 9.0", False),
+        ("pack/numbers.py", "STIFFNESS = 3.0", "STIFFNESS = 3.1", True),
+        ("pack/late.py", "return x *", "return x +", True),
+        ("pack/shown.py", "80", "81", False),
+        ("pack/never.py", "1", "2", False),
+    ],
+)
+def test_only_what_can_move_a_figure_changes_the_digest(
+    docs: SimpleNamespace, small: Path, file: str, old: str, new: str, changes: bool | None
+) -> None:
+    def digest() -> str:
+        return str(docs.sources.digest_of(docs.sources.Sources([small]).reached(["pack:Law"])))
+
+    before = digest()
+    text = (small / file).read_text()
+    assert text.count(old) == 1
+    (small / file).write_text(text.replace(old, new))
+    if changes is None:
+        with pytest.raises(SyntaxError):
+            digest()
+        return
+    assert (digest() != before) == changes
+
+
+def test_data_beside_a_module_counts(docs: SimpleNamespace, small: Path) -> None:
+    def digest(root: str) -> str:
+        return str(docs.sources.digest_of(docs.sources.Sources([small]).reached([root])))
+
+    before = digest("pack.numbers:FITTED"), digest("pack.numbers:FACTOR")
+    (small / "pack" / "fit.json").write_text("[2]")
+    after = digest("pack.numbers:FITTED"), digest("pack.numbers:FACTOR")
+    assert [one != other for one, other in zip(before, after, strict=True)] == [True, False]
+
+
+def test_syntax_is_alike_on_newer_versions_of_python(docs: SimpleNamespace) -> None:
+    """Newer ones have fields that older ones do not, empty where nothing new is used."""
+    import ast
+
+    function = ast.parse("def f(x): return -x").body[0]
+    before = docs.sources.syntax(function)
+    for name in ("type_params", "field_of_the_future"):
+        function._fields = (*function._fields, name)  # type: ignore[misc]
+        setattr(function, name, [])
+    assert docs.sources.syntax(function) == before
+
+
+# The blocks of the pages
+
+
+@pytest.fixture(scope="module")
+def depends(docs: SimpleNamespace) -> dict[tuple[str, str], set[str]]:
+    """The modules that each block depends on."""
+    sources = docs.measured_sources.sources_of()
+    keys = docs.measured_sources.BLOCKS
+    return {key: {module for module, _ in docs.measured_sources.reached_by(key, sources)} for key in keys}
+
+
+def test_every_block_has_its_sources_and_the_other_way_round(
+    docs: SimpleNamespace, depends: dict[tuple[str, str], set[str]]
+) -> None:
+    there = [block.key for block in docs.measured_blocks.blocks()]
+    assert len(there) == len(set(there))
+    assert set(there) == set(depends)
+    assert all(len(modules) > 1 for key, modules in depends.items() if key[1] not in ("machine", "fleet", "bounds"))
+
+
+def test_blocks_depend_on_what_moves_their_figures(depends: dict[tuple[str, str], set[str]]) -> None:
+    reach, sessions = depends["docs/results.md", "reach"], depends["docs/results.md", "sessions"]
+    kernel = "foretouch.identification.contact_map_scores"
+    assert kernel in reach & sessions & depends["docs/contact-map.md", "design-experts"]
+    assert "foretouch.session.safety_kernel" in sessions & depends["docs/safety.md", "impacts"]
+    assert "foretouch.session.safety_kernel" not in reach
+    assert "foretouch.rendering.renderer" in depends["docs/stability.md", "first-touch"]
+    assert "foretouch.reproduction.fig8" in depends["docs/results.md", "claims"]
+    assert not any(kernel in depends["docs/identifiability.md", name] for name in ("bounds", "twins"))
+    for modules in depends.values():
+        assert not any("drawing" in module or module.startswith("foretouch.plugins") for module in modules)
+
+
+def test_every_script_that_fills_a_page_is_in_the_table(docs: SimpleNamespace) -> None:
+    roots = {root.split(":")[0] for roots in docs.measured_sources.BLOCKS.values() for root in roots}
+    filling = {
+        path.stem for path in (ROOT / "docs").glob("*.py") if re.search(r"^ +fill\(", path.read_text(), re.MULTILINE)
+    }
+    assert filling - {"measured_blocks"} <= roots
+
+
+# One page from the beginning to the end
+
+
+@pytest.fixture(scope="module")
+def copy(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Two pages, their scripts and the package, kept by Git; the real table of sources, of these two pages."""
+    root = tmp_path_factory.mktemp("copy")
+    kept = shutil.ignore_patterns("__pycache__")
+    shutil.copytree(ROOT / "src", root / "src", ignore=kept)
+    (root / PAGE).parent.mkdir(parents=True)
+    names = ("sources", "measured_sources", "measured_blocks", "measure_sensor_faults", "draw_identifiability")
+    for name in (*(f"{name}.py" for name in names), "identifiability.md", "rooms/identification.md"):
+        shutil.copy(ROOT / "docs" / name, root / "docs" / name)
+    (root / "README.md").write_text("")
+    with (root / "docs" / "measured_sources.py").open("a") as file:
+        file.write("\nBLOCKS = {key: BLOCKS[key] for key in BLOCKS if 'identif' in key[0]}\n")
+    run(root, "git", "init", "--quiet")
+    return root
+
+
+def run(root: Path, *command: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(command, cwd=root, capture_output=True, text=True, timeout=60)
+
+
+def check(root: Path, *options: str) -> subprocess.CompletedProcess[str]:
+    return run(root, sys.executable, "docs/measured_blocks.py", *options)
+
+
+def fill(root: Path, name: str, text: str, meanwhile: str = "") -> None:
+    """Fill a block of a page as a script does, and do something to the sources meanwhile."""
+    script = f"import sys; sys.path[:0] = ['docs']; from pathlib import Path; import measured_blocks; {meanwhile}\n"
+    done = run(root, sys.executable, "-c", f"{script}measured_blocks.fill(Path({PAGE!r}), {{{name!r}: {text!r}}})")
+    assert done.returncode == 0, done.stderr
+
+
+def commit(root: Path) -> None:
+    run(root, "git", "add", "--all")
+    options = ("-c", "user.name=a", "-c", "user.email=a@b", "-c", "commit.gpgsign=false")
+    done = run(root, "git", *options, "commit", "--quiet", "--message", "filled")
+    assert done.returncode == 0, done.stderr
+
+
+def change(root: Path, old: str, new: str) -> None:
+    text = (root / KERNEL).read_text()
+    assert old in text
+    (root / KERNEL).write_text(text.replace(old, new, 1))
+
+
+@pytest.mark.skipif(shutil.which("git") is None, reason="what changed is known by Git")
+def test_a_table_that_is_made_stale_is_named_and_marked_and_filled_again(docs: SimpleNamespace, copy: Path) -> None:
+    earlier = docs.measured_blocks.EARLIER
+    constant = re.search(r"^([A-Z_]+)(?:: \w+)? = ([\d.]+)$", (copy / KERNEL).read_text(), re.MULTILINE)
+    assert constant is not None
+
+    def block() -> re.Match[str]:
+        found = list(docs.measured_blocks.BLOCK.finditer((copy / PAGE).read_text()))
+        assert [one["name"] for one in found] == ["sensor-faults"]
+        return found[0]
+
+    assert check(copy, "--mark").returncode == 0
+    fill(copy, "sensor-faults", "| new \\1 |\n")
+    assert block()["text"] == "| new \\1 |\n"
+    commit(copy)
+    done = check(copy)
+    assert done.returncode == 0, done.stderr
+
+    change(copy, '"""', '"""Said otherwise. ')
+    change(copy, constant[0], f"{constant[0]}  # as good as any")
+    done = check(copy)
+    assert done.returncode == 0, done.stderr
+
+    change(copy, constant[0], constant[0].replace(constant[2], f"1{constant[2]}"))
+    done = check(copy)
+    assert done.returncode == 1
+    lines = done.stderr.splitlines()
+    assert re.fullmatch(
+        rf"{re.escape(PAGE)}: sensor-faults was measured on earlier code: since \w+ {re.escape(KERNEL)}", lines[0]
+    )
+    assert lines[1].startswith("1 measured blocks do not say truly of which code they are")
+
+    assert check(copy, "--mark").returncode == 0
+    assert block()["text"] == f"{earlier}| new \\1 |\n"
+    assert check(copy).returncode == 0
+
+    change(copy, f"1{constant[2]}", constant[2])
+    done = check(copy)
+    assert done.returncode == 1
+    assert "sensor-faults is of the code as it is, and says that it is not" in done.stderr
+    assert check(copy, "--mark").returncode == 0
+    assert block()["text"] == "| new \\1 |\n"
+
+    other = constant[0].replace(constant[2], f"2{constant[2]}")
+    meanwhile = f"p = Path({KERNEL!r}); p.write_text(p.read_text().replace({constant[0]!r}, {other!r}, 1))"
+    fill(copy, "sensor-faults", "| mixed |\n", meanwhile)
+    assert block()["digest"] == "unknown"
+    assert block()["text"] == f"{earlier}| mixed |\n"
+    fill(copy, "sensor-faults", "| newest |\n")
+    assert block()["text"] == "| newest |\n"
+    assert check(copy).returncode == 0
+
+
+def test_a_block_without_sources_is_refused(copy: Path) -> None:
+    page = copy / "docs" / "identifiability.md"
+    text = page.read_text()
+    page.write_text(f"{text}\n<!-- measured: nobody-knows -->\n<!-- end -->\n")
+    done = check(copy)
+    page.write_text(text)
+    assert done.returncode == 1
+    assert "docs/measured_sources.py does not say what the block nobody-knows depends on" in done.stderr
+
+
+# What the text beside a table says of it
+
+
+def table(docs: ModuleType, page: str, name: str) -> list[dict[str, str]]:
+    """Rows of a table by their heads."""
+    text = next(one["text"] for one in docs.BLOCK.finditer((ROOT / page).read_text()) if one["name"] == name)
+    lines = [line.strip().strip("|").split("|") for line in text.splitlines() if line.startswith("|")]
+    cells = [[cell.strip() for cell in line] for line in lines]
+    return [dict(zip(cells[0], row, strict=True)) for row in cells[2:]]
+
+
+def test_what_is_said_of_the_foams_is_in_the_table(docs: SimpleNamespace) -> None:
+    rows = [row for row in table(docs.measured_blocks, "docs/results.md", "reach") if row["File"].startswith("`tue")]
+    foams = [row for row in rows if row["Touched"] == "foam"]
+    text = " ".join((ROOT / "docs" / "results.md").read_text().split())
+    errors = [float(row["Error [%]"]) for row in foams]
+    counts = [sum(error < 10.0 for error in errors), sum(error >= 10.0 for error in errors)]
+    words = {2: "two", 3: "three", 4: "four", 5: "five"}
+    assert f"on {words[counts[0]]} of the {words[len(foams)]} foams the error is below 10 %" in text
+    assert f"on {words[counts[1]]} it is above" in text
+    assert f"foam 0.3 s ahead to {min(errors):.0f} to {max(errors):.0f} %" in text
+    assert "more than a quarter of the samples in contact" in text
+    assert max(float(row["Within JND [%]"]) for row in foams) < 75.0
+
+
+def test_verdicts_follow_from_the_medians(docs: SimpleNamespace) -> None:
+    rows = table(docs.measured_blocks, "docs/results.md", "reach-simulated")
+    assert len(rows) == 9
+    for row in rows:
+        error, worst, asked = (float(row[name]) for name in ("Error [%]", "Worst seed [%]", "Asked [%]"))
+        held = int(row["By seed"].split(" of 8")[0])
+        assert error <= worst
+        assert (row["Reached"] == "yes") == (error <= asked), row["Recording"]
+        assert held >= 4 if row["Reached"] == "yes" else held <= 4
+        assert (held == 8) == (worst <= asked)
+    missed = [row["Recording"] for row in rows if row["Reached"] == "no"]
+    assert f"Not reached: {' and '.join(missed)}." in (ROOT / "docs" / "results.md").read_text()
+
+
+def test_failures_count_as_worse_than_every_number(docs: SimpleNamespace) -> None:
+    middle, worst = docs.measuring.middle, docs.measuring.worst
+    assert middle([1.0, None, 3.0, 2.0]) == 2.5
+    assert middle([1.0, None, None]) is None
+    assert middle([1.0, 2.0, None, None]) is None
+    assert worst([1.0, 3.0]) == 3.0
+    assert worst([1.0, None]) is None

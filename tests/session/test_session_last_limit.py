@@ -1,0 +1,345 @@
+"""Whatever is commanded, felt, believed or missing: no place that the robot is told is beyond the limits of motion."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from foretouch.messages import VERSION, Command, FixtureBelief
+from foretouch.quantities.rigid import Vector
+from foretouch.rendering.surfaces import TriangleMesh
+from foretouch.robot import GantryArm, RobotSample, RobotSpecification, make_material
+from foretouch.session import SessionSettings
+from foretouch.session import follower as line_follower
+from foretouch.session.motion_limits import EMERGENCY, UNBOUNDED, MotionLimits
+from foretouch.session.spatial import follower, make_scene
+from foretouch.session.spatial.scenes import MIDDLE, Scene
+from foretouch.session.spatial.world import SpatialWorld
+
+MS = 1_000_000
+TICK, SPEED, ACCELERATION, JERK = 1e-3, 0.25, 40.0, 1e5
+X, Y, Z = MIDDLE
+
+
+def within(path: list[Vector], *, hardest: float = EMERGENCY * ACCELERATION, change: float = math.inf) -> None:
+    """The limits, by differences of a path that begins at rest."""
+    places = np.array([path[0], path[0], *path])
+    velocity = np.diff(places, axis=0) / TICK
+    acceleration = np.diff(velocity, axis=0) / TICK
+    assert np.isfinite(places).all()
+    assert np.linalg.norm(velocity, axis=1).max() <= SPEED * (1 + 1e-9)
+    assert np.linalg.norm(acceleration, axis=1).max() <= hardest * (1 + 1e-6)
+    assert np.linalg.norm(np.diff(acceleration, axis=0), axis=1).max() <= change * (1 + 1e-6)
+
+
+# --- the limits themselves --------------------------------------------------------------------------------------------
+
+near = st.floats(-0.05, 0.05)
+anywhere = near | st.sampled_from((math.nan, math.inf, -1e300, 900.0))
+targets = st.tuples(anywhere, anywhere, anywhere)
+streams = st.lists(st.tuples(targets, st.integers(1, 60), st.sampled_from(("step", "ramp", "noise"))), max_size=8)
+
+
+def streamed(parts: Any, seed: int) -> list[Vector]:
+    random, said, before = np.random.default_rng(seed), [], np.zeros(3)
+    for target, ticks, kind in parts:
+        for tick in range(ticks):
+            place = np.array(target)
+            if kind == "ramp":
+                place = before + (place - before) * (tick + 1) / ticks
+            elif kind == "noise":
+                place = place + random.normal(0.0, 1e-3, 3)
+            said.append(tuple(place.tolist()))
+        before = np.nan_to_num(np.array(target), nan=0.0, posinf=0.0, neginf=0.0)
+    return said
+
+
+@settings(max_examples=40)
+@given(streams, st.integers(0, 1000), st.sampled_from((2e3, 1e4, 1e5)))
+def test_no_stream_of_places_breaks_a_limit(parts: Any, seed: int, jerk: float) -> None:
+    limits = MotionLimits(SPEED, ACCELERATION, jerk, TICK)
+    limits.begin(0.0, 0.0, 0.0)
+    path = [(0.0, 0.0, 0.0)] + [limits.move(place) for place in streamed(parts, seed)]
+    within(path, hardest=ACCELERATION, change=jerk * TICK) if len(path) > 1 else None
+
+
+@settings(max_examples=40)
+@given(streams, st.integers(0, 1000))
+def test_nor_one_with_bounds_that_turn_and_tighten(parts: Any, seed: int) -> None:
+    random = np.random.default_rng(seed)
+    limits = MotionLimits(SPEED, ACCELERATION, JERK, TICK)
+    limits.begin(0.0, 0.0, 0.0)
+    path, bounds = [(0.0, 0.0, 0.0)], (UNBOUNDED,) * 3
+    for place in streamed(parts, seed):
+        if random.random() < 0.1:
+            ways = random.normal(size=(3, 3))
+            ways /= np.linalg.norm(ways, axis=1)[:, None]
+            bounds = tuple((*way, random.choice((0.0, 0.02, 0.3))) for way in ways.tolist())
+        path.append(limits.move(place, bounds))
+    within(path, change=6.0 * ACCELERATION) if len(path) > 1 else None
+
+
+def test_a_line_is_the_case_of_one_direction() -> None:
+    line, space = (MotionLimits(SPEED, ACCELERATION, JERK, TICK) for _ in range(2))
+    line.begin(0.0)
+    space.begin(0.0, 0.0, 0.0)
+    way = (0.0, 0.6, -0.8)
+    for tick in range(1500):
+        wanted = 0.02 * math.sin(tick / 40.0) if tick % 300 < 250 else 0.05
+        upwards = 0.03 if tick % 400 > 300 else math.inf
+        told = line.update(wanted, upwards)
+        place = space.move((0.0, 0.6 * wanted, -0.8 * wanted), ((*way, upwards), UNBOUNDED, UNBOUNDED))
+        np.testing.assert_allclose(place, told * np.array(way), atol=1e-9)
+
+
+def test_what_would_go_deeper_than_told_brakes_five_times_as_hard_and_what_goes_aside_does_not() -> None:
+    down = ((0.0, 0.0, -1.0, math.inf), UNBOUNDED, UNBOUNDED)
+    for way, hardest in (((0.0, 0.0, -1.0), EMERGENCY * ACCELERATION), ((1.0, 0.0, 0.0), ACCELERATION)):
+        limits = MotionLimits(SPEED, ACCELERATION, JERK, TICK)
+        limits.begin(0.0, 0.0, 0.0)
+        path = [(0.0, 0.0, 0.0)]
+        for tick in range(400):  # at 0.2 m/s, and then it is to stand at once
+            far = 2e-4 * min(tick, 200)
+            path.append(limits.move((way[0] * far, 0.0, way[2] * far), down))
+        along = np.array(path) @ np.array(way)
+        assert along[-1] == pytest.approx(0.04, abs=1e-6)
+        braked = -np.diff(along, 2).min() / TICK**2
+        assert braked <= hardest * (1 + 1e-6)
+        assert (braked > 4.0 * ACCELERATION) == (hardest > ACCELERATION)
+        assert along.max() - 0.04 < (2e-4 if hardest > ACCELERATION else 1e-3)
+
+
+# --- the follower -----------------------------------------------------------------------------------------------------
+
+
+def mesh(corners: list[Vector], faces: list[tuple[int, int, int]]) -> TriangleMesh:
+    return TriangleMesh([(X + x, Y + y, Z + z) for x, y, z in corners], faces)
+
+
+def block(x: float, y: float, z: float) -> TriangleMesh:
+    """A closed one with its top at the middle's height."""
+    corners = [(a, b, c) for a in (-x, x) for b in (-y, y) for c in (-z, 0.0)]
+    sides = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    return mesh(corners, [half for a, b, c, d in sides for half in ((a, b, c), (a, c, d))])
+
+
+def groove() -> TriangleMesh:
+    """An open V, 20 mm deep."""
+    corners = [(x, y, -0.02 if x == 0.0 else 0.0) for x in (-0.03, 0.0, 0.03) for y in (-0.03, 0.03)]
+    return mesh(corners, [(0, 2, 1), (1, 2, 3), (2, 4, 3), (3, 4, 5)])
+
+
+SCENES = {name: make_scene(name) for name in ("plane", "hill", "phantom")} | {
+    name: Scene(name, surface)
+    for name, surface in (
+        ("cube", block(0.02, 0.02, 0.04)),
+        ("thin plate", block(0.02, 0.02, 0.002)),
+        ("groove", groove()),
+    )
+}
+
+
+def test_the_meshes_are_sharp_and_wound_outwards() -> None:
+    assert SCENES["cube"].surface.contact((X, Y, Z + 0.01)).depth == pytest.approx(-0.01)
+    assert SCENES["cube"].surface.contact((X, Y, Z - 0.01)).depth == pytest.approx(0.01)
+    assert SCENES["groove"].surface.contact((X + 0.01, Y, Z - 0.001)).depth < 0.0
+    for name, up in (("groove", 1.0), ("hill", 1.0), ("cube", 0.0), ("thin plate", 0.0)):
+        assert SCENES[name].surface.facing() == pytest.approx((0.0, 0.0, up))
+
+
+class Driven:
+    """A follower with the simulated arm over a scene that stands elsewhere than believed."""
+
+    def __init__(self, scene: Scene, *, seed: int = 0, elsewhere: float = 1.0, **changes: Any) -> None:
+        material = make_material(changes.pop("material", "hunt-crossley"))
+        world = SpatialWorld(scene, material, displacement=0.01 * elsewhere, turn=0.1 * elsewhere, bump=0.0, seed=seed)
+        self.robot = GantryArm(world.touch, world.fixture, seed=seed, start=(0.0, 0.0, 0.015))
+        self.settings = SessionSettings(scene="plane", **changes)
+        self.surface, self.nominal, self.tick, self.beliefs = scene.surface, scene.nominal, 0, 0
+        self.sample = self.robot.read()
+        self.forces: list[float] = []
+        self.restart()
+
+    def restart(self) -> None:
+        """A follower that is started again: the path begins where the robot is then."""
+        self.state = follower.start(self.robot.specification, self.settings, self.surface, self.nominal)
+        self.path = [self.sample.place]
+        self.numbered = self.tick
+
+    def belief(self, pose: tuple[float, ...], deviation: float) -> FixtureBelief:
+        self.beliefs += 1
+        return FixtureBelief(VERSION, self.beliefs, 0, pose, (deviation,) * 6, 0.1, 1, 0, 0, "", 1)
+
+    def go(self, place: Vector | None, *, blind: str = "", beliefs: list[FixtureBelief] | None = None, **asked: Any):
+        """One tick; without a place it is a silent one."""
+        self.tick += 1
+        now, sample = self.tick * MS, self.sample
+        commands = []
+        if place is not None:
+            commands = [Command(VERSION, self.tick, now, 0.0, 0, holder="test", epoch=1, place=place)]
+        if blind:
+            sample = sample._replace(**{blind: (math.nan, 0.0, 0.0)})
+        _, acted = follower.step(self.state, follower.Inputs(commands, sample, MS, 0, beliefs or [], **asked), now)
+        self.path.append(acted.desired)
+        self.sample = self.robot.exchange(acted.desired)
+        self.forces.append(math.hypot(*self.sample.exact_force))
+
+
+TROUBLES = ("", "", "", "silence", "stop", "release", "force", "place", "belief", "belief", "restart", "dither")
+part = st.tuples(
+    st.tuples(st.floats(-0.05, 0.05), st.floats(-0.03, 0.03), st.sampled_from((0.02, 0.004, -0.003, -0.01, -0.05))),
+    st.sampled_from((1, 40, 120)),
+    st.sampled_from(TROUBLES),
+)
+
+
+def moved(name: str, parts: Any, seed: int, first_touch: str) -> None:
+    driven, random = Driven(SCENES[name], seed=seed, first_touch=first_touch), np.random.default_rng(seed)
+    before = np.array(driven.sample.place)
+    for target, ticks, trouble in parts:
+        for tick in range(ticks + 60):
+            place = before + (np.array(target) - before) * min((tick + 1) / ticks, 1.0)
+            if trouble == "dither":
+                place = place + random.normal(0.0, 3e-4, 3)
+            asked: dict[str, Any] = {}
+            if trouble == "belief" and tick % 25 == 0:
+                wrong = [*random.uniform(-0.02, 0.02, 3), *random.uniform(-0.3, 0.3, 3)]
+                asked["beliefs"] = [
+                    driven.belief(tuple(np.add(driven.nominal, wrong).tolist()), 10 ** -random.uniform(2, 5))
+                ]
+            if trouble in ("stop", "release") and tick == 5:
+                asked[trouble] = "test" if trouble == "stop" else True
+            if trouble in ("force", "place") and tick % 10 == 3:
+                asked["blind"] = trouble
+            if trouble == "restart" and tick == 30:
+                within(driven.path)
+                driven.restart()
+            silent = trouble == "silence" and tick > 10
+            driven.go(None if silent else tuple(place.tolist()), **asked)
+        before = np.array(target)
+    within(driven.path, change=6.0 * ACCELERATION)
+
+
+def test_where_the_robot_is_told_to_go_it_goes_and_touches() -> None:
+    """Of the motions that the next tests draw: who does not move keeps every limit."""
+    driven = Driven(SCENES["cube"], seed=3)
+    for tick in range(1101):
+        driven.go((1e-5 * max(tick - 800, 0), 0.0, max(0.016 - 3e-5 * tick, -0.006)))
+    assert max(driven.forces) > 1.0
+    assert math.dist(driven.path[-1], (0.003, 0.0, -0.006)) < 1e-6
+    within(driven.path)
+
+
+many = given(st.lists(part, min_size=1, max_size=5), st.integers(0, 100), st.sampled_from(("follow", "guarded")))
+
+
+@pytest.mark.parametrize("name", SCENES)
+@settings(max_examples=5, suppress_health_check=[HealthCheck.too_slow])
+@many
+def test_no_told_place_is_beyond_the_limits(name: str, parts: Any, seed: int, first_touch: str) -> None:
+    moved(name, parts, seed, first_touch)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("name", SCENES)
+@settings(max_examples=60, suppress_health_check=[HealthCheck.too_slow])
+@many
+def test_nor_in_many_more_motions(name: str, parts: Any, seed: int, first_touch: str) -> None:
+    moved(name, parts, seed, first_touch)
+
+
+# --- what was found ---------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("name", "depth", "speed"),
+    [("phantom", 0.008, 0.2), pytest.param("hill", 0.012, 0.2, marks=pytest.mark.long)],
+)
+def test_a_hand_that_slides_off_the_edge_moves_the_robot_no_further_than_the_limits(
+    name: str, depth: float, speed: float
+) -> None:
+    """The nearest point and the normal are others there from one tick to the next."""
+    driven = Driven(SCENES[name], elsewhere=2.0, first_touch="follow")
+    top = 0.004
+    for tick in range(3500):
+        time = tick * TICK
+        height = top + 0.03 - min(time / 1.5, 1.0) * (0.03 + depth)
+        driven.go((min(max(time - 1.8, 0.0) * speed, 0.06), 0.0, height))
+    within(driven.path)
+    assert max(driven.forces) < 15.0
+    assert math.dist(driven.path[-1], (0.06, 0.0, top - depth)) < 1e-5, "it comes to the command all the same"
+
+
+@pytest.mark.parametrize(
+    ("name", "material", "seed", "first_touch"),
+    [
+        ("phantom", "kelvin-voigt", 3, "guarded"),
+        pytest.param("hill", "kelvin-voigt", 0, "follow", marks=pytest.mark.long),
+        pytest.param("hill", "hunt-crossley", 2, "follow", marks=pytest.mark.long),
+        pytest.param("phantom", "hunt-crossley", 2, "follow", marks=pytest.mark.long),
+    ],
+)
+def test_a_hand_deep_under_the_surface_that_goes_sideways_meets_no_force_above_the_ceiling(
+    name: str, material: str, seed: int, first_touch: str
+) -> None:
+    driven = Driven(SCENES[name], seed=seed, elsewhere=2.0, material=material, first_touch=first_touch)
+    here = np.array((0.0, 0.0, 0.05))
+    for target, ticks, stay in (
+        ((0.0, 0.0, -0.05), 1000, 200),
+        ((0.05, 0.0, -0.05), 500, 200),
+        ((-0.05, 0.03, -0.04), 1000, 300),
+        ((0.0, 0.0, 0.03), 400, 100),
+    ):
+        for tick in range(ticks + stay):
+            place = here + (np.array(target) - here) * min((tick + 1) / ticks, 1.0)
+            driven.go(tuple(place.tolist()))
+        here = np.array(target)
+    within(driven.path)
+    assert max(driven.forces) < 15.0
+
+
+def test_a_normal_that_flips_moves_nothing_at_once() -> None:
+    """A hand 30 mm deep slides off the border; the robot was held back over it, and is at first."""
+    driven = Driven(SCENES["hill"], elsewhere=0.0, first_touch="follow", material="kelvin-voigt")
+    for tick in range(1300):
+        driven.go((0.0395, 0.0, max(0.02 - 5e-5 * tick, -0.03)))
+    held = driven.path[-1]
+    deep = len(driven.path)
+    for tick in range(60):
+        driven.go((0.0395 + 5e-5 * min(tick, 20), 0.0, -0.03))
+    told = np.array(driven.path[deep:]) - held
+    assert held[2] > -0.02, "it is held back"
+    assert np.abs(told[:, 2]).max() < 0.06 * 0.12, "not the 20 mm and more between one side and the other"
+
+
+@pytest.mark.parametrize("guarded", [False, True])
+def test_the_first_tick_of_a_follower_on_a_line_begins_at_the_robot(guarded: bool) -> None:
+    specification = RobotSpecification(TICK, 15.0, 5e-6, 0.0, 0.0, 0.0, 0.02, 0.0, 300.0, (-0.1, 0.1))
+    state = line_follower.start(specification, SessionSettings())
+    sample = RobotSample(0.030, 8.0, 0.0, math.nan, math.nan, 0.030, False)
+    commands = [Command(VERSION, 100 + tick, tick * MS, -0.02, 0, guarded, "leader", 77) for tick in range(3)]
+    path = [0.03]
+    for tick in range(100):
+        inputs = line_follower.Inputs(commands if tick == 0 else [], sample, MS, 0)
+        path.append(line_follower.step(state, inputs, (1000 + tick) * MS)[1].desired_position)
+    within([(position, 0.0, 0.0) for position in path])
+
+
+def test_and_of_one_in_a_scene() -> None:
+    driven = Driven(SCENES["hill"])
+    driven.go((0.05, -0.03, -0.02))
+    assert math.dist(driven.path[0], driven.path[1]) <= ACCELERATION * TICK**2 * (1 + 1e-6)
+
+
+def test_a_robot_that_does_not_say_where_it_is_is_told_nothing_yet() -> None:
+    driven = Driven(SCENES["hill"])
+    driven.go((0.0, 0.0, 0.01), blind="place")
+    assert not any(map(math.isfinite, driven.path[-1]))
+    here = driven.sample.place
+    driven.go((0.0, 0.0, 0.01))
+    assert math.dist(here, driven.path[-1]) <= ACCELERATION * TICK**2 * (1 + 1e-6)

@@ -1,0 +1,151 @@
+"""What strangers say without end, or in another version, costs neither memory nor the session."""
+
+from __future__ import annotations
+
+import gc
+import os
+import threading
+import time
+import tracemalloc
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import msgspec
+import pytest
+
+from foretouch.console.watched import Watched
+from foretouch.errors import PeerVersionError
+from foretouch.link import ZenohLink, free_endpoint
+from foretouch.link.zenoh_link import PATIENCE
+from foretouch.messages import VERSION, Hello, Hellos, Message, ModelUpdate, encode
+from foretouch.session import Housekeeper, StopFlag, wait_for_hello
+from foretouch.session.heard import MOST_FORMER, Heard
+
+pytestmark = pytest.mark.live
+
+SIZE = 46_000
+
+
+def until(condition: Callable[[], object], seconds: float = 20.0) -> None:
+    end = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < end, "it did not happen in time"
+        time.sleep(0.01)
+
+
+def hello(number: int, role: str, texts: int, length: int) -> bytes:
+    """Some 49 kB that are another's each time: their role, or the names of what they tell."""
+    names = tuple(f"n{number}-{i}" for i in range(texts))
+    return encode(Hello(VERSION, 1, 1, role, names, ("v" * length,) * texts))
+
+
+@pytest.fixture
+def stranger() -> Iterator[tuple[ZenohLink, Any]]:
+    """A link that listens, and the session of a stranger at its door."""
+    endpoint = free_endpoint()
+    with ZenohLink(listen=[endpoint], subscribe=["hello"]) as link, ZenohLink(connect=[endpoint]) as other:
+        session = other._session
+        until(lambda: session.put("foretouch/hello", b"x") or link.undecodable)
+        yield link, session
+
+
+@pytest.mark.parametrize(
+    ("kind", "count"), [("other roles", 4000), ("other names", 400), ("more than it may have", 400)]
+)
+def test_memory_does_not_grow_with_hellos(stranger: tuple[ZenohLink, Any], kind: str, count: int) -> None:
+    link, session = stranger
+    said: list[str] = []
+    house = Housekeeper(link, "follower", dict, StopFlag(), said.append, news=lambda heard: str(len(heard)))
+    watched, hellos = Watched(), Hellos()
+    house.start()
+    waiting = threading.Thread(target=wait_for_hello, args=(link, {"leader"}, flag := StopFlag()))
+    waiting.start()
+    gc.collect()
+    tracemalloc.start()
+    try:
+        before = tracemalloc.get_traced_memory()[0]
+        sent = 0
+        for number in range(count):
+            if kind == "other roles":
+                data = hello(number, f"r{number}", 120, 380)
+            elif kind == "other names":
+                data = hello(number, ("leader", "recorder", "camera")[number % 3], 120, 380)
+            else:
+                data = hello(number, "leader", 129, 355)
+            sent = max(sent, len(data))
+            session.put("foretouch/hello", data)
+            if kind == "other names":
+                one = msgspec.msgpack.decode(data, type=Hello)
+                watched.take(one, number * 1e-3)
+                hellos.take(one)
+        assert sent > SIZE
+        until(lambda: not link.inboxes["hello"])
+        time.sleep(1.0)
+        gc.collect()
+        grown = tracemalloc.get_traced_memory()[0] - before
+    finally:
+        tracemalloc.stop()
+        flag.set("over")
+        waiting.join()
+        house.close("over")
+    assert grown < 5e6, f"{grown * 1e-6:.1f} MB were kept of {count * sent * 1e-6:.0f} MB"
+
+
+def test_followers_without_end_fill_nothing() -> None:
+    heard = Heard(5)
+    update = ModelUpdate(VERSION, 1, 1, 0, "x", (), (), 0.0, False, "", "", b"")
+    for run in range(1, 3 * MOST_FORMER):
+        heard.is_for_us(msgspec.structs.replace(update, run=run))
+    assert len(heard._former) <= MOST_FORMER
+
+
+def waits(link: ZenohLink, session: Any, *said: bytes, parent: int | None = None) -> dict[str, dict[str, str]]:
+    """Wait two seconds for a follower while somebody says this."""
+    ended = threading.Event()
+
+    def speak() -> None:
+        while not ended.wait(0.02):
+            for one in said:
+                session.put("foretouch/hello", one)
+
+    speaker = threading.Thread(target=speak)
+    speaker.start()
+    try:
+        return wait_for_hello(link, {"follower"}, StopFlag(), timeout=PATIENCE + 0.5, parent=parent)
+    finally:
+        ended.set()
+        speaker.join()
+
+
+def test_a_leader_that_starts_waits_on_whatever_strangers_say(stranger: tuple[ZenohLink, Any]) -> None:
+    link, session = stranger
+    others = (encode(Hello(VERSION + 1, 1, 1, role, (), ())) for role in ("recorder", "leader", "x"))
+    assert waits(link, session, bytes((0x91, VERSION + 1)), *others) == {}
+    assert link.foreign > 20
+
+
+def test_a_follower_of_another_version_ends_the_wait(stranger: tuple[ZenohLink, Any]) -> None:
+    link, session = stranger
+    with pytest.raises(PeerVersionError, match=f"message version {VERSION + 1}, this side version {VERSION}"):
+        waits(link, session, encode(Hello(VERSION + 1, 1, 1, "follower", (), ())))
+
+
+def test_processes_of_one_parent_are_of_one_version(stranger: tuple[ZenohLink, Any]) -> None:
+    link, session = stranger
+    assert waits(link, session, encode(Hello(VERSION + 1, 1, 1, "follower", (), ())), parent=os.getppid()) == {}
+
+
+def test_what_is_too_large_is_said_once_and_counted(stranger: tuple[ZenohLink, Any]) -> None:
+    link, _ = stranger
+    said: list[str] = []
+    house = Housekeeper(link, "follower", dict, StopFlag(), said.append)
+    large: Message = ModelUpdate(VERSION, 1, 1, 0, "x", (0.5,) * 4000, (0.5,) * 4000, 0.0, True, "", "", b"")
+    for _ in range(3):
+        link.publish(large)
+        house._report_link()
+    size = len(encode(large))
+    assert [line for line in said if "too" in line or "not sent" in line] == [
+        f"follower: a ModelUpdate of {size} bytes was not sent: at most 48000 go over the network; "
+        "it is counted as unsent, and others like it"
+    ]
+    assert link.unsent == 3
