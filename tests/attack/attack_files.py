@@ -20,6 +20,7 @@ import tempfile
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 
 import bombs
@@ -139,8 +140,9 @@ def readers(path: Path, aside: Path) -> Iterator[tuple[str, Callable[[], object]
         if ending == ".csv":
             yield "poses", lambda: read_poses(path)
         if ending == ".mcap":
-            (aside / "map").write_text(BAG_MAP)
-            yield "read by a map", lambda: read_with_notes(path, map_file=aside / "map")
+            for name, text in (("bomb's map", BAG_MAP), ("bag's map", honest_files.made_bags.MAP)):
+                (aside / name).write_text(text)
+                yield name, partial(read_with_notes, path, map_file=aside / name)
             yield "session", lambda: read_session(path)
             yield "repair", lambda: repair_session(path, aside / "repaired.mcap")
 
@@ -230,7 +232,11 @@ def main(arguments: list[str] | None = None) -> int:
         (folder / "a.csv").write_bytes(honest["a.csv"].read_bytes())
         for file in honest.values():
             attack.file(file, f"honest {file.name}")
-        unread = [name for name in ("inspect", "read", "mesh", "map", "session", "repair") if not attack.read[name]]
+        unread = [
+            name
+            for name in ("inspect", "read", "bag's map", "mesh", "map", "camera", "session")
+            if not attack.read[name]
+        ]
         attack.failures += [f"{name}: not even the honest file is read" for name in unread]
         for number in range(given.files):
             file = list(honest.values())[number % len(honest)]

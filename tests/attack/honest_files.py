@@ -22,6 +22,7 @@ from rosbags.rosbag2 import StoragePlugin
 
 from foretouch.quantities import SensorCalibration
 from foretouch.recordings import write_calibration
+from foretouch.vision import CameraModel
 
 NAMES = ("time_s", "position_m", "force_N")
 TABLE_MAP = "".join(
@@ -52,6 +53,7 @@ def write_all(folder: Path) -> dict[str, Path]:
     trimesh.creation.box((0.1, 0.1, 0.02)).export(folder / "text.stl", file_type="stl_ascii")
     (folder / "map.toml").write_text(TABLE_MAP)
     write_calibration(folder / "calibration.toml", SensorCalibration(sensor_lag=0.003, tool_mass=0.1))
+    CameraModel(640, 480, 600.0, 600.0).write(folder / "camera.toml")
     poses = np.column_stack([np.eye(3), np.eye(3)])
     np.savetxt(folder / "poses.csv", poses, delimiter=",", header="fx_N,fy_N,fz_N,gx,gy,gz", comments="")
     return {path.name: path for path in sorted(folder.iterdir()) if path.is_file()}

@@ -15,8 +15,8 @@ __all__ = ["LARGEST_TOML", "decode_toml", "read_toml"]
 Made = TypeVar("Made")
 
 LARGEST_TOML: Final = 16_384
-"""Bytes of a file of settings: ten times what is written here. A parser's time grows faster than the length of a key: one
-that fills the file keeps it busy for 0.1 s, one of 60 kB for several."""
+"""Bytes of a file of settings: ten times what is written here. A parser's time grows faster than the length of a key:
+one that fills the file keeps it busy for 0.1 s, one of 60 kB for several."""
 
 
 def read_toml(path: str | PathLike[str], kind: type[Made], what: str, form: str = "") -> Made:
