@@ -89,7 +89,6 @@ FOLLOWING, GUARDED, RETURNS = int(Status.FOLLOWING), int(Status.GUARDED), int(St
 HOLDING, UNLOADING, RETREATING = int(Status.HOLDING), int(Status.UNLOADING), int(Status.RETREATING)
 STOPPED, SENSOR_FAULT = int(Status.STOPPED), int(Status.SENSOR_FAULT)
 
-
 def _decide(memory: Array, stopped: bool, silence: float, faulty: bool) -> int:
     """What it does: a `Status`. Whatever is none of the commands' has a way back to them."""
     if stopped:
