@@ -107,7 +107,7 @@ def test_a_hand_that_presses_as_another_process_answers_feels_no_jump() -> None:
     felt = [record.rendered_force for record in one.records[begun - 1 :]]
     assert one.state.heard.run == 2
     assert felt[0] > 1.0
-    assert min(felt) == 0.0  # it is elsewhere, in free air
+    assert min(felt) < 0.05  # it is elsewhere, in free air, where a map may give some millinewtons
     assert np.abs(np.diff(felt)).max() <= 0.1
 
 

@@ -59,7 +59,7 @@ def _parsed(texts: Mapping[str, str]) -> tuple[dict[str, Any], list[str]]:
             continue  # a shadow, or a device of somebody's own: it is played, whoever it was
         else:
             try:
-                values[name] = type(default)(texts[name])
+                values[name] = (float if default is None else type(default))(texts[name])  # None: a number not stated
             except ValueError:
                 notes.append(_not_known(name, texts[name]))
     if missing:
