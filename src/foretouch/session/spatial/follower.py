@@ -71,6 +71,13 @@ FIELD_PERIOD_NS = 100_000_000
 FIELD_RATE = 30e3
 """Fields take so many bytes a second at most."""
 
+SAME_PLACE, SAME_HEIGHT = 3e-3, 1e-3
+"""What was felt of the way in is of this place [m], half the radius of the tip, and of a surface that is believed no
+further away than this [m] from where it was believed then."""
+
+SLID = 2e-5
+"""The probe has moved across the surface where it did so by more than this in a tick [m]: less is the encoders' noise."""
+
 NAN3 = (math.nan, math.nan, math.nan)
 POSE_NUMBERS = 6
 
@@ -99,6 +106,8 @@ class State:
         contacts_believed: Touches that the newest belief is made of.
         onset: Force at which this contact began [N], and the position along the normal then [m].
         told: Whether it has been told.
+        doubt: How much nearer than believed the surface may be [m].
+        anchor: Where what was felt of the way in is of, on the surface in the fixture, and the line's offset there [m].
         contact_ticks: Since this contact began.
         touch: Where the newest contact began [m].
         touch_tick: And when.
@@ -127,6 +136,8 @@ class State:
     contacts_believed: int = 0
     onset: tuple[float, float] = (0.0, 0.0)
     told: bool = False
+    doubt: float = LARGEST_DOUBT
+    anchor: tuple[Vector, float] = (NAN3, 0.0)
     contact_ticks: int = 0
     touch: Vector = NAN3
     touch_tick: int = 0
@@ -198,7 +209,6 @@ def start(
         run: Epoch of this process.
     """
     inner = follower.start(specification, settings, estimator, run=run)
-    inner.surface_doubt = LARGEST_DOUBT  # until a tracker says otherwise
     ceiling, speed = settings.force_ceiling, settings.largest_speed
     probe, gone, told = (SurfaceLine(surface, pose, leads=leads) for leads in (True, True, False))
     course = Course(gone, ceiling, speed, settings.return_speed, SAMPLE_PERIOD)
@@ -225,6 +235,7 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
     before = line.offset
     footing = line.follow(sample.place)
     _share_offset(state, before)
+    _come_to(state, footing)
     force = subtract(sample.force, state.bias)
     commands = _with_positions(state, inputs.commands)
     estimator = inner.learner.estimator
@@ -289,7 +300,7 @@ def _believe(state: State, belief: FixtureBelief, now_ns: int) -> None:
             state.inner.learner.conditioner.shift(state.line.offset - before)
         state.course.line.believe(belief.pose)
         state.last.believe(belief.pose, state.line.offset)
-    state.inner.surface_doubt = _doubt(belief.deviation)
+    state.doubt = _doubt(belief.deviation)
     state.age, state.deviation, state.contacts_believed = belief.image_age, belief.deviation, belief.contacts
 
 
@@ -304,6 +315,19 @@ def _share_offset(state: State, before: float) -> None:
     if state.line.offset != before:
         state.inner.learner.conditioner.shift(state.line.offset - before)
         state.last.line.offset = state.line.offset
+
+
+def _come_to(state: State, footing: Footing) -> None:
+    """Say what is known of the way in at the place that the probe has come to."""
+    inner, line = state.inner, state.line
+    surface, anchor = inner.learner.conditioner.surface, state.anchor
+    # One that lets go of a soft material meets it deeper again; the surface is where it was believed all the same.
+    inner.free = min(surface, line.offset) - state.doubt if math.isfinite(surface) else -math.inf
+    inner.slid = max(norm(subtract(footing.inner_point, state.point)) - SLID, 0.0)  # none where there is no tick before
+    aside = norm(subtract(footing.inner_point, anchor[0]))
+    if not (aside <= SAME_PLACE and abs(line.offset - anchor[1]) <= SAME_HEIGHT):
+        state.anchor = footing.inner_point, line.offset
+        inner.safety.forget_way()
 
 
 def _with_positions(state: State, commands: list[Command]) -> list[Command]:
