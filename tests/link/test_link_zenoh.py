@@ -152,7 +152,7 @@ def test_an_inbox_holds_what_comes_in_some_seconds() -> None:
     with ZenohLink(listen=[free_endpoint()], subscribe=list(CHANNELS)) as link:
         lengths = {name: inbox.maxlen for name, inbox in link.inboxes.items()}
     assert lengths["command"] == lengths["telemetry"] == 20_000
-    assert (lengths["model"], lengths["image"], lengths["hello"]) == (1000, 600, 256)
+    assert (lengths["model"], lengths["image"], lengths["hello"]) == (1000, 600, 64)
 
 
 def test_a_port_in_use_is_refused_in_one_line() -> None:

@@ -24,6 +24,8 @@ from foretouch.session.playout import Playout
 from foretouch.session.safety import REST_FORCE, Safety
 from foretouch.session.spatial import follower as space
 from foretouch.session.spatial import make_scene, make_spatial_robot
+from foretouch.session.spatial.course import Course
+from foretouch.session.spatial.last_limit import LastLimit
 from foretouch.session.spatial.line import SurfaceLine
 
 LINE = SessionSettings(material="hunt-crossley", first_touch="guarded", approach_speed=0.05, guarded_force=10.0)
@@ -167,7 +169,7 @@ def test_a_robot_whose_exchange_raises_is_unloaded_if_it_takes_the_next(
         (LINE, Safety, "update"),
         (SCENE, Safety, "update"),
         (SCENE, SurfaceLine, "follow"),
-        (SCENE, space, "_place"),
+        (SCENE, LastLimit, "update"),
         (SCENE, space, "_space"),
         (LINE, Spoken, "publish"),
     ],
@@ -191,7 +193,8 @@ def test_where_the_loop_itself_must_end_the_robot_is_unloaded_first(
     [
         (MaterialFieldLearner, "update"),
         (MaterialFieldLearner, "touch_at"),
-        (space, "_along"),
+        (space, "_with_position"),
+        (Course, "go"),
         (space, "_learn_beside_the_law"),
         (space, "_with_fixture"),
         (space, "_field_due"),

@@ -38,7 +38,7 @@ KEPT = 20.0
 """An inbox holds what comes in so long [s] at its channel's rate; beyond it the oldest are dropped, so that a reader
 that stopped costs no more memory than that."""
 
-SHORTEST_QUEUE = 256
+SHORTEST_QUEUE = 64
 """Messages that an inbox holds where they come rarely."""
 
 PATIENCE = 1.5

@@ -123,6 +123,7 @@ class LineFollower:
         if math.isfinite(force):
             follower.feel_plainly(self.state, force)
         self._desired -= self._back
+        self.state.safety.go_on_from(self._desired)
 
 
 class LineLeader:

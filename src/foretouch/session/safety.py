@@ -214,6 +214,10 @@ class Safety:
         self._path[POSITION], self._path[VELOCITY] = position, velocity
         self._memory[self._kernel.NEAREST] = nearest
 
+    def go_on_from(self, position: float) -> None:
+        """On a line: the robot was told this position by somebody else [m]; the path goes on there, at rest."""
+        self._motion.begin(position)
+
     def stop(self, reason: str) -> None:
         """Emergency stop: latches; the first reason stays."""
         self.stop_reason = self.stop_reason or reason or "no reason given"

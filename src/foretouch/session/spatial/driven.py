@@ -82,6 +82,7 @@ class SpaceFollower:
         if 0.0 < size < math.inf:
             along_the_line.feel_plainly(self.state, size)
             self._desired = add(self._desired, scaled(force, self._back / size))
+            self._whole.last.begin(self._desired)
 
 
 class SpaceLeader:
