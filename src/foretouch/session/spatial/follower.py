@@ -56,6 +56,9 @@ DOUBT_FACTOR, LEVER, LARGEST_DOUBT = 3.0, 0.1, 0.1
 """A surface that was felt at one place may be nearer at another, by so many standard deviations of the pose, at
 a lever of so much [m]; at most so much [m]."""
 
+LARGEST_TURN, LEAST_TURN = 0.2, 0.02
+"""A surface may be inclined against what is believed by at most and at least this [rad]."""
+
 MISSED, MISSED_TICKS = 1e-3, 50
 """Nothing felt so deep below a surface [m] for so many ticks: it is deeper."""
 
@@ -107,6 +110,7 @@ class State:
         onset: Force at which this contact began [N], and the position along the normal then [m].
         told: Whether it has been told.
         doubt: How much nearer than believed the surface may be [m].
+        turn: By how much more it may be inclined [rad].
         anchor: Where what was felt of the way in is of, on the surface in the fixture, and the line's offset there [m].
         contact_ticks: Since this contact began.
         touch: Where the newest contact began [m].
@@ -137,6 +141,7 @@ class State:
     onset: tuple[float, float] = (0.0, 0.0)
     told: bool = False
     doubt: float = LARGEST_DOUBT
+    turn: float = LARGEST_TURN
     anchor: tuple[Vector, float] = (NAN3, 0.0)
     contact_ticks: int = 0
     touch: Vector = NAN3
@@ -282,9 +287,19 @@ def _way(state: State, sample: SpatialSample, sideways: Vector, sliding: float) 
         sample.place,
         sideways,
         inner.learner.sample.force,
-        sliding * (state.approach_speed if inner.first_touch.guarded else state.largest_speed),
+        sliding * _along_speed(state),
         inner.safety.fastest,
     )
+
+
+def _along_speed(state: State) -> float:
+    """How fast it may go along the surface [m/s]: where that may be near and nothing is felt, it may be inclined."""
+    inner = state.inner
+    fastest = state.approach_speed if inner.first_touch.guarded else state.largest_speed
+    footing = state.line.footing
+    if inner.learner.sample.in_contact or footing is None or footing.along < inner.free:
+        return fastest
+    return min(fastest, inner.safety.sideways / max(state.turn, LEAST_TURN))
 
 
 def _believe(state: State, belief: FixtureBelief, now_ns: int) -> None:
@@ -300,7 +315,7 @@ def _believe(state: State, belief: FixtureBelief, now_ns: int) -> None:
             state.inner.learner.conditioner.shift(state.line.offset - before)
         state.course.line.believe(belief.pose)
         state.last.believe(belief.pose, state.line.offset)
-    state.doubt = _doubt(belief.deviation)
+    state.doubt, state.turn = _doubt(belief.deviation), min(DOUBT_FACTOR * math.hypot(*belief.deviation[3:]), LARGEST_TURN)
     state.age, state.deviation, state.contacts_believed = belief.image_age, belief.deviation, belief.contacts
 
 
@@ -321,8 +336,9 @@ def _come_to(state: State, footing: Footing) -> None:
     """Say what is known of the way in at the place that the probe has come to."""
     inner, line = state.inner, state.line
     surface, anchor = inner.learner.conditioner.surface, state.anchor
-    # One that lets go of a soft material meets it deeper again; the surface is where it was believed all the same.
-    inner.free = min(surface, line.offset) - state.doubt if math.isfinite(surface) else -math.inf
+    # Who lets go of a soft material meets it deeper again; the surface is where it was believed all the same.
+    touched = min(surface, line.offset) if math.isfinite(surface) else line.offset
+    inner.free = touched - state.doubt if math.isfinite(surface) or math.isfinite(state.age) else -math.inf
     inner.slid = max(norm(subtract(footing.inner_point, state.point)) - SLID, 0.0)  # none where there is no tick before
     aside = norm(subtract(footing.inner_point, anchor[0]))
     if not (aside <= SAME_PLACE and abs(line.offset - anchor[1]) <= SAME_HEIGHT):
