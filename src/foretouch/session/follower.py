@@ -62,8 +62,8 @@ class State:
         faulty_ticks: Ticks whose sensors were not believed.
         guards: Whether this side's settings guard first touches.
         guarded: Whether they are: by these, or because a command of this leader asks for it.
-        surface_doubt: The air is free up to so far before the surface that was felt [m]: in space, where the robot comes
-            to a place that it has not gone through itself; infinite on a line, where it has.
+        free: Up to there nothing is in the way, though the robot has not gone there itself [m]: in space, before the
+            surface; on a line that is never known.
         slid: By how much the probe has moved across the surface since the last tick [m]; on a line it does not.
         failures: What raised, and whether learning goes on.
         rate: Of the loop.
@@ -92,7 +92,7 @@ class State:
     faulty_ticks: int = 0
     guards: bool = False
     guarded: bool = False
-    surface_doubt: float = math.inf
+    free: float = -math.inf
     slid: float = 0.0
     failures: Failures = field(default_factory=Failures)
     rate: TickRate = field(default_factory=TickRate)
@@ -407,7 +407,7 @@ def _allowed(state: State, desired_position: float, inputs: Inputs, force: float
         silence=max(silence, state.limits.hold_after) if too_slow else silence,
         faulty=faulty,
         guarded=first_touch.guarded,
-        surface_doubt=state.surface_doubt,
+        free=state.free,
         doubtful=state.watch.doubtful,
     )
     if faulty:

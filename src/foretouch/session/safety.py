@@ -34,6 +34,10 @@ its speed."""
 MARGIN, BRAKING_DELAY = 5e-4, 5e-3
 """It has braked so far before what allows less [m], by a path that it follows so much later [s]."""
 
+SIDEWAYS_SHARE = 1.0 / 3.0
+"""In space so much of the speed of an impact that nobody expects is left to what goes along a surface: that may be
+inclined."""
+
 START_BACK = 3e-5
 """It begins so far outside of where the robot seems to be [m]: an encoder's count may show it deeper than it is, and a
 robot that presses would press on."""
@@ -115,8 +119,7 @@ class Safety:
 
        F being the ceiling, f the force that is felt, or that was when it was there, and Z what `impact_impedance` says of the robot's mass, 3 ms of
        reaction, 100 kN/m and 500 N s/m: the largest force of an impact of all that is no stiffer and no more damped.
-       Where it has, as fast as `ProvenWay` says for three quarters of the ceiling. Free air up to the surface that was
-       felt counts as proven. It brakes in time before what allows less: at a way d before, 0.5 mm of margin off, and w
+       Where it has, as fast as `ProvenWay` says for three quarters of the ceiling. It brakes in time before what allows less: at a way d before, 0.5 mm of margin off, and w
        being allowed there, by
 
        .. math:: v = \sqrt{(w + A \tau / 2)^2 + A\, d} - A \tau / 2, \quad \tau = 5\ \mathrm{ms}
@@ -191,8 +194,15 @@ class Safety:
         From then on `update` returns the aim, and `went` is told in each tick what came of it.
         """
         self._memory[self._kernel.IN_SPACE] = 1.0
+        self._memory[self._kernel.IMPEDANCE] /= 1.0 - SIDEWAYS_SHARE
         self._motion = MotionLimits(*self._limits)
         return self._motion
+
+    @property
+    def sideways(self) -> float:
+        """In space: how fast it may come nearer to what may be there by going along it [m/s]."""
+        memory, kernel = self._memory, self._kernel
+        return float(AIMED * memory[kernel.FORCE] * SIDEWAYS_SHARE / (1.0 - SIDEWAYS_SHARE) / memory[kernel.IMPEDANCE])
 
     @property
     def fastest(self) -> float:
@@ -251,7 +261,7 @@ class Safety:
         silence: float,
         faulty: bool,
         guarded: bool = False,
-        surface_doubt: float = math.inf,
+        free: float = -math.inf,
         doubtful: bool = False,
     ) -> float:
         """One tick: the position for the robot, in space the aim [m]; no number before it is known where the robot is.
@@ -265,7 +275,7 @@ class Safety:
             silence: Time since the newest fresh command [s]; infinite before the first.
             faulty: Whether the sensors are not to be trusted.
             guarded: Whether `desired` was held back for a first touch.
-            surface_doubt: The air is free up to so far before the surface [m]; infinite where nobody knows that.
+            free: Up to there nothing is in the way, though the robot has not gone there itself [m].
             doubtful: Whether it is being judged if the force can be believed: until then it goes no deeper.
         """
         told, status, self.pressing = self._keep(
@@ -279,7 +289,7 @@ class Safety:
             silence,
             faulty,
             guarded,
-            surface_doubt,
+            free,
             doubtful,
         )
         self.status = STATES[status]

@@ -114,14 +114,14 @@ def _ahead(memory: Array) -> float:
     return float(max(memory[AIM], memory[NEAREST]))
 
 
-def _fastest(memory: Array, status: int, position: float, surface: float, surface_doubt: float) -> float:
+def _fastest(memory: Array, status: int, position: float, surface: float, free: float) -> float:
     """How fast it may go deeper, negative where it has to go back [m/s]."""
     guard, aimed = memory[GUARD:MOTION], AIMED * memory[FORCE]
     if status < HOLDING:
         ahead = _ahead(memory)
-        untouched = not ahead < surface - surface_doubt and proven_speed(memory[WAY:], ahead, aimed) == 0.0
+        untouched = not ahead < free and proven_speed(memory[WAY:], ahead, aimed) == 0.0
         inwards = max(allowed_speed(guard, aimed, MOST_DAMPED if untouched else 0.0), -memory[SPEED])
-        inwards = min(inwards, _towards(memory, surface - surface_doubt))
+        inwards = min(inwards, _towards(memory, free))
         return float(min(inwards, memory[RETURN_SPEED]) if memory[RETURNING] != 0.0 else inwards)
     if status == RETREATING and math.isfinite(surface) and not position < surface - CLEARANCE:
         return -float(memory[RETURN_SPEED])
@@ -218,7 +218,7 @@ def _keep_safe(
     silence: float,
     faulty: bool,
     guarded: bool,
-    surface_doubt: float,
+    free: float,
     doubtful: bool,
 ) -> tuple[float, int, bool]:
     """One tick.
@@ -234,7 +234,7 @@ def _keep_safe(
         silence: [s].
         faulty: Whether the sensors are not to be trusted.
         guarded: Whether `desired` was held back.
-        surface_doubt: [m].
+        free: [m].
         doubtful: Whether the force is being judged.
 
     Returns:
@@ -246,7 +246,7 @@ def _keep_safe(
         begin(motion, memory[AIM], 0.0, 0.0)
     _sees(memory, position, force, in_contact, faulty)
     status = _decided(memory, stopped, silence, faulty)
-    fastest = _fastest_now(memory, status, position, surface, surface_doubt)
+    fastest = _fastest_now(memory, status, position, surface, free)
     if doubtful:
         fastest = min(fastest, 0.0)
     # The aim in the next tick, never further inside than the path soon is, for it would press on by itself; beside it,

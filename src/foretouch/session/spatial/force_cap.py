@@ -19,6 +19,10 @@ SLOWED = 0.65
 AHEAD, RATE_SHARE = 0.02, 0.2
 """Sliding reckons with the force as it will be after so long [s]; its rate is smoothed by this share a tick."""
 
+RECOVERY = 0.005
+"""A slide that was slowed down may grow faster again by so much of its speed a tick: what slips after it has stuck would
+be at its full speed before the force of that is felt."""
+
 CONE = 0.8
 """Cosine of the largest angle between a force and the normal that friction explains."""
 
@@ -55,6 +59,7 @@ class ForceCap:
         "_period",
         "_place",
         "_rate",
+        "_sliding",
         "_speed",
         "_way",
         "fastest",
@@ -67,7 +72,7 @@ class ForceCap:
         self._place: Vector | None = None
         self._outwards: Vector = (0.0, 0.0, 1.0)
         self._way = self._force = self._rate = self.fastest = 0.0
-        self._known = False
+        self._known, self._sliding = False, 1.0
 
     def observe(self, here: Vector, force: Vector, normal: Vector) -> float:
         """See where the probe is [m], what it feels [N] and what normal is believed; how much of a slide is allowed.
@@ -89,7 +94,9 @@ class ForceCap:
         self._rate += RATE_SHARE * ((size - self._force) / self._period - self._rate)
         self._force = size
         coming = size + max(self._rate, 0.0) * AHEAD
-        return min(max((AIMED * self._ceiling - coming) / ((AIMED - SLOWED) * self._ceiling), 0.0), 1.0)
+        allowed = (AIMED * self._ceiling - coming) / ((AIMED - SLOWED) * self._ceiling)
+        self._sliding = min(max(allowed, 0.0), 1.0, self._sliding + RECOVERY)
+        return self._sliding
 
     def limit(self, wanted: Vector, told: Vector) -> tuple[Vector, Vector]:
         """The place that is allowed, and by how far it was set elsewhere, which is no motion of it [m].

@@ -26,12 +26,13 @@ PRESS_DEPTH = 0.005
 """Of a palpating hand [m]."""
 
 
-def make_spatial_robot(settings: SessionSettings, scene: Scene) -> GantryArm:
+def make_spatial_robot(settings: SessionSettings, scene: Scene, *, force_limit: float = 15.0) -> GantryArm:
     """The simulated arm over the scene's fixture, which stands elsewhere than believed.
 
     Args:
         settings: Of the session.
         scene: What is touched.
+        force_limit: Force that each drive can hold at most [N].
 
     Raises:
         SettingError: A material that remembers.
@@ -44,7 +45,7 @@ def make_spatial_robot(settings: SessionSettings, scene: Scene) -> GantryArm:
         bump=settings.bump,
         seed=settings.seed,
     )
-    return GantryArm(world.touch, world.fixture, seed=settings.seed)
+    return GantryArm(world.touch, world.fixture, seed=settings.seed, force_limit=force_limit)
 
 
 def make_camera(settings: SessionSettings, scene: Scene, *, say: Callable[[str], None]) -> SimulatedCamera | None:

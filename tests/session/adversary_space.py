@@ -1,0 +1,140 @@
+"""The enemy of `adversary` in space: places, edges, circles and strikes, with and without a camera that sees the fixture.
+
+A programme's five first numbers are the scene's own: first touch, drive, camera, seed, and one that is free.
+"""
+
+from __future__ import annotations
+
+import math
+import random
+
+import numpy as np
+from adversary import CEILING, GENES, HEADER, MS, Programme, pick
+
+from foretouch.messages import VERSION, Command, FixtureBelief
+from foretouch.session import SessionSettings
+from foretouch.session.spatial import follower, make_scene, make_spatial_robot
+
+PARTS = 5
+LENGTH = HEADER + GENES * PARTS
+CAMERAS = ("none", "none", "good", "poor")
+DEVIATIONS = {"good": (3e-4, 3e-3), "poor": (2e-3, 2e-2)}
+"""Of what a camera says of the fixture's place [m] and turn [rad]."""
+CAMERA_TICKS = 33
+HEIGHTS = (0.03, 0.005, 0.0, -0.001, -0.003, -0.01, -0.03, -0.05)
+REACH = 0.06
+"""Programmes stay so near to the middle of the scene [m]: over its edges, and beside it."""
+
+Place = tuple[float, float, float]
+
+
+class SpaceAttack:
+    """A programme at work on a follower in space and the simulated gantry.
+
+    Attributes:
+        forces: The simulator's own, once a tick [N].
+    """
+
+    def __init__(self, scene: str, material: str, programme: Programme) -> None:
+        first, drive, camera, seed, _ = programme[:HEADER]
+        guarded = "guarded" if first > 0.5 else "follow"
+        self.numbers = random.Random(int(seed * 1e6))
+        settings = SessionSettings(
+            scene=scene, material=material, model="kelvin-voigt", seed=int(seed * 1000), first_touch=guarded
+        )
+        made = make_scene(scene)
+        self.robot = make_spatial_robot(settings, made, force_limit=pick(drive, (CEILING, 1000.0)))
+        self.camera = str(pick(camera, CAMERAS))
+        self.following = follower.start(self.robot.specification, settings, made.surface, made.nominal)
+        self.sample = self.robot.read()
+        self.place: Place = self.sample.place
+        self.felt_at: Place = (0.0, 0.0, 0.0)
+        self.now = self.sequence = self.beliefs = 0
+        self.was_touching = False
+        self.forces: list[float] = []
+
+    def tick(self, place: Place | None) -> None:
+        self.now += MS
+        commands = []
+        if place is not None:
+            self.sequence += 1
+            self.place = place
+            said = (self.sequence, self.now, 0.0, 0, False, "enemy", 1)
+            commands = [Command(VERSION, *said, place=place)]
+        inputs = follower.Inputs(commands, self.sample, MS, 0, self.seen())
+        self.following, said_back = follower.step(self.following, inputs, self.now)
+        touches = said_back.telemetry.in_contact
+        if touches and not self.was_touching:
+            self.felt_at = self.sample.place
+        self.was_touching, self.felt = touches, said_back.telemetry.force
+        self.sample = self.robot.exchange(said_back.desired)
+        self.forces.append(math.hypot(*self.sample.exact_force))
+
+    def seen(self) -> list[FixtureBelief]:
+        """What a tracker says now: the fixture's true pose, and its error."""
+        if self.camera == "none" or (self.now // MS) % CAMERA_TICKS or len(self.sample.fixture) != 6:
+            return []
+        self.beliefs += 1
+        deviation = [size for size in DEVIATIONS[self.camera] for _ in range(3)]
+        pose = tuple(
+            number + self.numbers.gauss(0.0, size) for number, size in zip(self.sample.fixture, deviation, strict=True)
+        )
+        counts = (0.0, self.beliefs, 0, 0)
+        said = FixtureBelief(VERSION, self.beliefs, self.now, pose, tuple(deviation), *counts, "seen", run=1)
+        return [said]
+
+    def act(self, genes: Programme) -> None:
+        """One part of the programme."""
+        kind, x, y, height, how = genes
+        target = (REACH * (2 * x - 1), REACH * (2 * y - 1), float(pick(height, HEIGHTS)))
+        kinds = (self.step, self.glide, self.glide, self.circle, self.dither, self.strike, self.strike, self.silence)
+        pick(kind, kinds)(target, how)  # type: ignore[operator]
+
+    def step(self, target: Place, how: float) -> None:
+        for _ in range(100 + int(400 * how)):
+            self.tick(target)
+
+    def glide(self, target: Place, how: float) -> None:
+        begin, ticks = self.place, 50 + int(800 * how)
+        for tick in range(ticks):
+            self.tick(_between(begin, target, (tick + 1) / ticks))
+
+    def circle(self, target: Place, how: float) -> None:
+        x, y, z = target
+        for tick in range(500):
+            turn = tick * (0.02 + 0.2 * how)
+            self.tick((x + 0.02 * math.sin(turn), y + 0.02 * math.cos(turn), z))
+
+    def dither(self, target: Place, how: float) -> None:
+        x, y, z = self.place
+        size, lowest = 1e-5 * 10.0 ** (2.0 * how), target[2]
+        for tick in range(500):
+            z = max(z - 3e-6, min(z, lowest))
+            self.tick((x + size * (-1) ** tick, y, z + size * (-1) ** tick))
+
+    def strike(self, target: Place, how: float) -> None:
+        """Out from where something was felt by up to 10 mm, perhaps sideways, and in again as fast as it is let."""
+        x, y, z = self.felt_at
+        back = 1e-4 * 10.0 ** (2.0 * how)
+        aside = (x + 0.1 * target[0] * (how > 0.7), y + 0.1 * target[1] * (how > 0.7), z + back)
+        for tick in range(60):
+            self.tick(_between(self.place, aside, min(1.0, tick / 30.0)))
+        for _ in range(250):
+            self.tick((aside[0], aside[1], min(target[2], z - 2e-3)))
+
+    def silence(self, target: Place, how: float) -> None:
+        for _ in range(100 + int(600 * how)):
+            self.tick(None)
+
+
+def _between(begin: Place, end: Place, share: float) -> Place:
+    x, y, z = (float(a + (b - a) * share) for a, b in zip(begin, end, strict=True))
+    return x, y, z
+
+
+def largest_force_in_space(scene: str, material: str, programme: Programme) -> float:
+    """Of one programme [N]."""
+    attack = SpaceAttack(scene, material, np.asarray(programme))
+    for part in range(PARTS):
+        attack.act(programme[HEADER + GENES * part :][:GENES])
+    return max(attack.forces)
