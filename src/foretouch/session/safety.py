@@ -35,12 +35,12 @@ MARGIN, BRAKING_DELAY = 5e-4, 5e-3
 """It has braked so far before what allows less [m], by a path that it follows so much later [s]."""
 
 SIDEWAYS_SHARE = 1.0 / 3.0
-"""In space so much of the speed of an impact that nobody expects is left to what goes along a surface: that may be
+"""In space at most so much of the speed of an impact that nobody expects comes of what goes along a surface: that may be
 inclined."""
 
 START_BACK = 3e-5
-"""It begins so far outside of where the robot seems to be [m]: an encoder's count may show it deeper than it is, and a
-robot that presses would press on."""
+"""A robot that presses begins so far outside of where it seems to be [m]: an encoder's count may show it deeper than it
+is, and it would press on."""
 
 UNLOADED, REST_FORCE = 0.5, 1.0
 """A robot that unloads goes back until it feels the first [N]; the second counts as unloaded [N]."""
@@ -194,15 +194,18 @@ class Safety:
         From then on `update` returns the aim, and `went` is told in each tick what came of it.
         """
         self._memory[self._kernel.IN_SPACE] = 1.0
-        self._memory[self._kernel.IMPEDANCE] /= 1.0 - SIDEWAYS_SHARE
         self._motion = MotionLimits(*self._limits)
         return self._motion
 
     @property
-    def sideways(self) -> float:
+    def nearing_allowed(self) -> float:
         """In space: how fast it may come nearer to what may be there by going along it [m/s]."""
         memory, kernel = self._memory, self._kernel
-        return float(AIMED * memory[kernel.FORCE] * SIDEWAYS_SHARE / (1.0 - SIDEWAYS_SHARE) / memory[kernel.IMPEDANCE])
+        return float(SIDEWAYS_SHARE * AIMED * memory[kernel.FORCE] / memory[kernel.IMPEDANCE])
+
+    def comes_nearer(self, speed: float) -> None:
+        """In space: by what goes along the surface it may come nearer at this speed [m/s]."""
+        self._memory[self._kernel.NEARING] = speed
 
     @property
     def fastest(self) -> float:

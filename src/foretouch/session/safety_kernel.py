@@ -42,6 +42,7 @@ __all__ = [
     "IN_SPACE",
     "MOTION",
     "NEAREST",
+    "NEARING",
     "NEW",
     "PERIOD",
     "SHIFTED",
@@ -74,7 +75,10 @@ FASTEST, SHIFTED = 20, 21
 """What the motion limits are told beside the aim: how fast it may go deeper, negative where it has to go back [m/s],
 and by how far the aim was set elsewhere [m]."""
 
-GUARD = 22
+NEARING = 22
+"""In space: how fast it may be coming nearer to what may be there by going along it [m/s]."""
+
+GUARD = 23
 """From here on the numbers of its `ForceGuard`."""
 
 MOTION = GUARD + GUARD_SIZE
@@ -155,7 +159,7 @@ def _approach(memory: Array, free: float) -> float:
         middle = (cell + 0.5) * CELL
         # Who has let go of a material does not feel how hard it presses at that depth.
         hidden = max(felt, proven_force(way, middle - CELL), proven_force(way, middle))
-        unproven = max(AIMED * ceiling - hidden, 0.0) / memory[IMPEDANCE]
+        unproven = max(max(AIMED * ceiling - hidden, 0.0) / memory[IMPEDANCE] - memory[NEARING], 0.0)
         allowed = max(proven_speed(way, middle, PROVEN_SHARE * ceiling), unproven) + late
         fastest = min(fastest, math.sqrt(allowed * allowed + memory[ACCELERATION] * away) - late)
     return float(fastest)
@@ -242,7 +246,7 @@ def _keep_safe(
     """
     motion = memory[MOTION:WAY]
     if math.isnan(motion[POSITION]) and math.isfinite(position):
-        memory[AIM] = position - START_BACK
+        memory[AIM] = position if abs(force) <= REST_FORCE else position - START_BACK
         begin(motion, memory[AIM], 0.0, 0.0)
     _sees(memory, position, force, in_contact, faulty)
     status = _decided(memory, stopped, silence, faulty)

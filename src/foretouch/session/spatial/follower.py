@@ -297,9 +297,10 @@ def _along_speed(state: State) -> float:
     inner = state.inner
     fastest = state.approach_speed if inner.first_touch.guarded else state.largest_speed
     footing = state.line.footing
+    inner.safety.comes_nearer(state.turn * state.last.along)
     if inner.learner.sample.in_contact or footing is None or footing.along < inner.free:
         return fastest
-    return min(fastest, inner.safety.sideways / max(state.turn, LEAST_TURN))
+    return min(fastest, inner.safety.nearing_allowed / state.turn)
 
 
 def _believe(state: State, belief: FixtureBelief, now_ns: int) -> None:
@@ -315,7 +316,7 @@ def _believe(state: State, belief: FixtureBelief, now_ns: int) -> None:
             state.inner.learner.conditioner.shift(state.line.offset - before)
         state.course.line.believe(belief.pose)
         state.last.believe(belief.pose, state.line.offset)
-    state.doubt, state.turn = _doubt(belief.deviation), min(DOUBT_FACTOR * math.hypot(*belief.deviation[3:]), LARGEST_TURN)
+    state.doubt, state.turn = _doubt(belief.deviation), _turn(belief.deviation)
     state.age, state.deviation, state.contacts_believed = belief.image_age, belief.deviation, belief.contacts
 
 
@@ -323,6 +324,11 @@ def _doubt(deviation: tuple[float, ...]) -> float:
     """How much nearer than believed the surface may be, anywhere on the fixture [m]: three standard deviations."""
     place, turn = deviation[:3], deviation[3:]
     return min(DOUBT_FACTOR * (math.hypot(*place) + LEVER * math.hypot(*turn)), LARGEST_DOUBT)
+
+
+def _turn(deviation: tuple[float, ...]) -> float:
+    """By how much more than believed the surface may be inclined [rad]: three standard deviations, within limits."""
+    return min(max(DOUBT_FACTOR * math.hypot(*deviation[3:]), LEAST_TURN), LARGEST_TURN)
 
 
 def _share_offset(state: State, before: float) -> None:
