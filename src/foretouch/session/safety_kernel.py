@@ -58,7 +58,7 @@ AIM, RETURNING, MET, NEW = 0, 1, 2, 3
 been with them; whether it has not followed yet."""
 
 CAME, FAULTY_FOR = 4, 5
-"""Where it was told to be when this contact began [m], NaN for none; and for how long its sensors have been faulty [s]."""
+"""Where it was told to be when this contact began [m], NaN for none; and for how long its sensors are faulty [s]."""
 
 FORCE, DEPTH, LOWEST, HIGHEST, SPEED, ACCELERATION, RETURN_SPEED = 6, 7, 8, 9, 10, 11, 12
 HOLD_AFTER, UNLOAD_AFTER, RETREATS = 13, 14, 15
@@ -92,6 +92,7 @@ SIZE = WAY + WAY_SIZE
 FOLLOWING, GUARDED, RETURNS = int(Status.FOLLOWING), int(Status.GUARDED), int(Status.RETURNING)
 HOLDING, UNLOADING, RETREATING = int(Status.HOLDING), int(Status.UNLOADING), int(Status.RETREATING)
 STOPPED, SENSOR_FAULT = int(Status.STOPPED), int(Status.SENSOR_FAULT)
+
 
 def _decide(memory: Array, stopped: bool, silence: float, faulty: bool) -> int:
     """What it does: a `Status`. Whatever is none of the commands' has a way back to them."""
