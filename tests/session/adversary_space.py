@@ -1,4 +1,4 @@
-"""The enemy of `adversary` in space: places, edges, circles and strikes, with and without a camera that sees the fixture.
+"""The enemy of `adversary` in space: places, edges, circles and strikes, with and without a camera on the fixture.
 
 A programme's five first numbers are the scene's own: first touch, drive, camera, seed, and one that is free.
 """

@@ -228,8 +228,8 @@ def moved(name: str, parts: Any, seed: int, first_touch: str) -> None:
 def test_where_the_robot_is_told_to_go_it_goes_and_touches() -> None:
     """Of the motions that the next tests draw: who does not move keeps every limit."""
     driven = Driven(SCENES["cube"], seed=3)
-    for tick in range(1101):
-        driven.go((1e-5 * max(tick - 800, 0), 0.0, max(0.016 - 3e-5 * tick, -0.006)))
+    for tick in range(3301):
+        driven.go((1e-5 * min(max(tick - 2000, 0), 300), 0.0, max(0.016 - 3e-5 * tick, -0.006)))
     assert max(driven.forces) > 1.0
     assert math.dist(driven.path[-1], (0.003, 0.0, -0.006)) < 1e-6
     within(driven.path)
@@ -266,7 +266,7 @@ def test_a_hand_that_slides_off_the_edge_moves_the_robot_no_further_than_the_lim
     """The nearest point and the normal are others there from one tick to the next."""
     driven = Driven(SCENES[name], elsewhere=2.0, first_touch="follow")
     top = 0.004
-    for tick in range(3500):
+    for tick in range(7000):
         time = tick * TICK
         height = top + 0.03 - min(time / 1.5, 1.0) * (0.03 + depth)
         driven.go((min(max(time - 1.8, 0.0) * speed, 0.06), 0.0, height))

@@ -133,9 +133,7 @@ def _disagrees(loss: Array, force: float, effort: float, period: float) -> bool:
 
 
 @compiled
-def find_loss(
-    loss: Array, time: float, position: float, force: float, zero: float, effort: float, slid: float
-) -> int:
+def find_loss(loss: Array, time: float, position: float, force: float, zero: float, effort: float, slid: float) -> int:
     """Take one finite sample.
 
     Args:

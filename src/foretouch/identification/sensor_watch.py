@@ -80,7 +80,7 @@ SENSOR_SENTENCES: Final[dict[SensorState, str]] = {
     SensorState.OFFSET_STEP: "the force has stepped and nothing was touched: the sensor's zero is lost",
     SensorState.SPIKE: "single force samples are far off their neighbours: check the sensor's cable",
     SensorState.ENCODER_JUMP: "the position has jumped faster than the robot can move: the encoder is lost",
-    SensorState.CONTACT_LOST: "the force has gone and the probe is as deep as before: the force sensor has lost the contact",
+    SensorState.CONTACT_LOST: "the force has gone and the probe is as deep as before: the sensor has lost the contact",
     SensorState.FORCE_DISAGREES: "the drive pushes with another force than is felt: the force sensor is wrong",
 }
 """Sentence of each state."""

@@ -18,8 +18,8 @@ CELLS = 1024
 """So many are remembered, 256 mm; the newest take the place of those that lie as far away."""
 
 MEAN = 10
-"""Positions are the mean of so many ticks, and forces the largest of the same and of what they take to be felt: noise is
-no motion, and a sensor is late."""
+"""Positions are the mean of so many ticks, and forces the largest of the same: noise is no motion, and sensors are
+late."""
 
 LARGEST_STEP = 2e-3
 """A position that is further than this from that of the tick before [m] is another place, and no motion to it."""
@@ -50,8 +50,8 @@ class ProvenWay:
     with F_a the force that may be reached, and no faster than u where F is above F_a. Speed and place are those of the
     mean of ten measured positions, and the speed is that over a whole cell: what was told, or what an encoder's noise
     shows in one tick, proves nothing. A cell that was never crossed, from its outer to its inner end, proves nothing.
-    A crossing that felt 1.2 times as much as was proven, or as much less than that allows, takes its place: the material
-    is another. Else the fastest stays.
+    A crossing that felt 1.2 times as much as was proven, or as much less than that allows, takes its place: it is
+    another material. Else the fastest stays.
 
     Args:
         numbers: Where they are kept, in an array that somebody else holds too, shape

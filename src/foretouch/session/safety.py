@@ -17,8 +17,8 @@ from foretouch.session.proven_way import ProvenWay
 __all__ = ["REST_FORCE", "Safety", "SafetyLimits"]
 
 STIFFEST, MOST_DAMPED = 1e5, 500.0
-"""What nobody has gone through yet counts as so stiff [N/m], which is bone under a probe, and so damped [N s/m], which is
-the paper's Kelvin-Voigt material; as both at once."""
+"""What nobody has gone through yet counts as so stiff [N/m], which is bone under a probe, and so damped [N s/m], which
+is the paper's Kelvin-Voigt material; as both at once."""
 
 REACTION = 3e-3
 """After its first touch a robot is no faster than before for so long [s], and then stops: its sensor and drive are as
@@ -35,12 +35,12 @@ MARGIN, BRAKING_DELAY = 5e-4, 5e-3
 """It has braked so far before what allows less [m], by a path that it follows so much later [s]."""
 
 SIDEWAYS_SHARE = 1.0 / 3.0
-"""In space so much of the speed of an impact that nobody expects is left to what goes along a surface: that may be
+"""In space at most so much of the speed of an impact that nobody expects comes of what goes along a surface: it may be
 inclined."""
 
 START_BACK = 3e-5
-"""It begins so far outside of where the robot seems to be [m]: an encoder's count may show it deeper than it is, and a
-robot that presses would press on."""
+"""A robot that presses begins so far outside of where it seems to be [m]: an encoder's count may show it deeper than it
+is, and it would press on."""
 
 UNLOADED, REST_FORCE = 0.5, 1.0
 """A robot that unloads goes back until it feels the first [N]; the second counts as unloaded [N]."""
@@ -117,10 +117,10 @@ class Safety:
 
        .. math:: v_0 = \frac{0.95\, F - f}{Z}
 
-       F being the ceiling, f the force that is felt, or that was when it was there, and Z what `impact_impedance` says of the robot's mass, 3 ms of
-       reaction, 100 kN/m and 500 N s/m: the largest force of an impact of all that is no stiffer and no more damped.
-       Where it has, as fast as `ProvenWay` says for three quarters of the ceiling. It brakes in time before what allows less: at a way d before, 0.5 mm of margin off, and w
-       being allowed there, by
+       F being the ceiling, f the force that is felt, or that was when it was there, and Z what `impact_impedance` says
+       of the robot's mass, 3 ms of reaction, 100 kN/m and 500 N s/m: the largest force of an impact of all that is no
+       stiffer and no more damped. Where it has, as fast as `ProvenWay` says for three quarters of the ceiling. It
+       brakes in time before what allows less: at a way d before, 0.5 mm of margin off, and w being allowed there, by
 
        .. math:: v = \sqrt{(w + A \tau / 2)^2 + A\, d} - A \tau / 2, \quad \tau = 5\ \mathrm{ms}
 
@@ -145,8 +145,8 @@ class Safety:
     """
 
     __slots__ = (
-        "_kernel",
         "_keep",
+        "_kernel",
         "_limits",
         "_memory",
         "_motion",
@@ -194,15 +194,18 @@ class Safety:
         From then on `update` returns the aim, and `went` is told in each tick what came of it.
         """
         self._memory[self._kernel.IN_SPACE] = 1.0
-        self._memory[self._kernel.IMPEDANCE] /= 1.0 - SIDEWAYS_SHARE
         self._motion = MotionLimits(*self._limits)
         return self._motion
 
     @property
-    def sideways(self) -> float:
+    def nearing_allowed(self) -> float:
         """In space: how fast it may come nearer to what may be there by going along it [m/s]."""
         memory, kernel = self._memory, self._kernel
-        return float(AIMED * memory[kernel.FORCE] * SIDEWAYS_SHARE / (1.0 - SIDEWAYS_SHARE) / memory[kernel.IMPEDANCE])
+        return float(SIDEWAYS_SHARE * AIMED * memory[kernel.FORCE] / memory[kernel.IMPEDANCE])
+
+    def comes_nearer(self, speed: float) -> None:
+        """In space: by what goes along the surface it may come nearer at this speed [m/s]."""
+        self._memory[self._kernel.NEARING] = speed
 
     @property
     def fastest(self) -> float:

@@ -42,6 +42,7 @@ __all__ = [
     "IN_SPACE",
     "MOTION",
     "NEAREST",
+    "NEARING",
     "NEW",
     "PERIOD",
     "SHIFTED",
@@ -57,7 +58,7 @@ AIM, RETURNING, MET, NEW = 0, 1, 2, 3
 been with them; whether it has not followed yet."""
 
 CAME, FAULTY_FOR = 4, 5
-"""Where it was told to be when this contact began [m], NaN for none; and for how long its sensors have been faulty [s]."""
+"""Where it was told to be when this contact began [m], NaN for none; and for how long its sensors are faulty [s]."""
 
 FORCE, DEPTH, LOWEST, HIGHEST, SPEED, ACCELERATION, RETURN_SPEED = 6, 7, 8, 9, 10, 11, 12
 HOLD_AFTER, UNLOAD_AFTER, RETREATS = 13, 14, 15
@@ -74,7 +75,10 @@ FASTEST, SHIFTED = 20, 21
 """What the motion limits are told beside the aim: how fast it may go deeper, negative where it has to go back [m/s],
 and by how far the aim was set elsewhere [m]."""
 
-GUARD = 22
+NEARING = 22
+"""In space: how fast it may be coming nearer to what may be there by going along it [m/s]."""
+
+GUARD = 23
 """From here on the numbers of its `ForceGuard`."""
 
 MOTION = GUARD + GUARD_SIZE
@@ -88,6 +92,7 @@ SIZE = WAY + WAY_SIZE
 FOLLOWING, GUARDED, RETURNS = int(Status.FOLLOWING), int(Status.GUARDED), int(Status.RETURNING)
 HOLDING, UNLOADING, RETREATING = int(Status.HOLDING), int(Status.UNLOADING), int(Status.RETREATING)
 STOPPED, SENSOR_FAULT = int(Status.STOPPED), int(Status.SENSOR_FAULT)
+
 
 def _decide(memory: Array, stopped: bool, silence: float, faulty: bool) -> int:
     """What it does: a `Status`. Whatever is none of the commands' has a way back to them."""
@@ -155,7 +160,7 @@ def _approach(memory: Array, free: float) -> float:
         middle = (cell + 0.5) * CELL
         # Who has let go of a material does not feel how hard it presses at that depth.
         hidden = max(felt, proven_force(way, middle - CELL), proven_force(way, middle))
-        unproven = max(AIMED * ceiling - hidden, 0.0) / memory[IMPEDANCE]
+        unproven = max(max(AIMED * ceiling - hidden, 0.0) / memory[IMPEDANCE] - memory[NEARING], 0.0)
         allowed = max(proven_speed(way, middle, PROVEN_SHARE * ceiling), unproven) + late
         fastest = min(fastest, math.sqrt(allowed * allowed + memory[ACCELERATION] * away) - late)
     return float(fastest)
@@ -242,7 +247,7 @@ def _keep_safe(
     """
     motion = memory[MOTION:WAY]
     if math.isnan(motion[POSITION]) and math.isfinite(position):
-        memory[AIM] = position - START_BACK
+        memory[AIM] = position if abs(force) <= REST_FORCE else position - START_BACK
         begin(motion, memory[AIM], 0.0, 0.0)
     _sees(memory, position, force, in_contact, faulty)
     status = _decided(memory, stopped, silence, faulty)

@@ -33,6 +33,7 @@ from foretouch.session.spatial.course import Course, Way
 from foretouch.session.spatial.last_limit import LastLimit
 from foretouch.session.spatial.line import Footing, SurfaceLine
 from foretouch.session.spatial.rubbing import Rubbed
+from foretouch.session.spatial.way_in import WayIn
 
 __all__ = ["Inputs", "Outputs", "State", "start", "step"]
 
@@ -52,13 +53,6 @@ SLIDING = 0.01
 """Slower than this nobody knows in which direction it slides [m/s]: the encoders' noise turns it, and friction seems to
 be less."""
 
-DOUBT_FACTOR, LEVER, LARGEST_DOUBT = 3.0, 0.1, 0.1
-"""A surface that was felt at one place may be nearer at another, by so many standard deviations of the pose, at
-a lever of so much [m]; at most so much [m]."""
-
-LARGEST_TURN, LEAST_TURN = 0.2, 0.02
-"""A surface may be inclined against what is believed by at most and at least this [rad]."""
-
 MISSED, MISSED_TICKS = 1e-3, 50
 """Nothing felt so deep below a surface [m] for so many ticks: it is deeper."""
 
@@ -73,13 +67,6 @@ FIELD_PERIOD_NS = 100_000_000
 
 FIELD_RATE = 30e3
 """Fields take so many bytes a second at most."""
-
-SAME_PLACE, SAME_HEIGHT = 3e-3, 1e-3
-"""What was felt of the way in is of this place [m], half the radius of the tip, and of a surface that is believed no
-further away than this [m] from where it was believed then."""
-
-SLID = 2e-5
-"""The probe has moved across the surface where it did so by more than this in a tick [m]: less is the encoders' noise."""
 
 NAN3 = (math.nan, math.nan, math.nan)
 POSE_NUMBERS = 6
@@ -109,9 +96,7 @@ class State:
         contacts_believed: Touches that the newest belief is made of.
         onset: Force at which this contact began [N], and the position along the normal then [m].
         told: Whether it has been told.
-        doubt: How much nearer than believed the surface may be [m].
-        turn: By how much more it may be inclined [rad].
-        anchor: Where what was felt of the way in is of, on the surface in the fixture, and the line's offset there [m].
+        way_in: What is known of it.
         contact_ticks: Since this contact began.
         touch: Where the newest contact began [m].
         touch_tick: And when.
@@ -140,9 +125,7 @@ class State:
     contacts_believed: int = 0
     onset: tuple[float, float] = (0.0, 0.0)
     told: bool = False
-    doubt: float = LARGEST_DOUBT
-    turn: float = LARGEST_TURN
-    anchor: tuple[Vector, float] = (NAN3, 0.0)
+    way_in: WayIn = field(default_factory=WayIn)
     contact_ticks: int = 0
     touch: Vector = NAN3
     touch_tick: int = 0
@@ -240,7 +223,7 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
     before = line.offset
     footing = line.follow(sample.place)
     _share_offset(state, before)
-    _come_to(state, footing)
+    state.way_in.come_to(inner, line, footing, seen=math.isfinite(state.age))
     force = subtract(sample.force, state.bias)
     commands = _with_positions(state, inputs.commands)
     estimator = inner.learner.estimator
@@ -281,25 +264,19 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
 
 def _way(state: State, sample: SpatialSample, sideways: Vector, sliding: float) -> Way:
     """What the course goes by, from this tick's sensors and what was decided in the tick before."""
-    inner = state.inner
+    inner, fastest = state.inner, state.largest_speed
+    if inner.first_touch.guarded:
+        fastest = state.approach_speed
+    if state.line.footing is not None:
+        fastest = state.way_in.along_speed(inner, state.line.footing, state.last.along, fastest)
     return Way(
         inner.safety.status < Status.HOLDING,
         sample.place,
         sideways,
         inner.learner.sample.force,
-        sliding * _along_speed(state),
+        sliding * fastest,
         inner.safety.fastest,
     )
-
-
-def _along_speed(state: State) -> float:
-    """How fast it may go along the surface [m/s]: where that may be near and nothing is felt, it may be inclined."""
-    inner = state.inner
-    fastest = state.approach_speed if inner.first_touch.guarded else state.largest_speed
-    footing = state.line.footing
-    if inner.learner.sample.in_contact or footing is None or footing.along < inner.free:
-        return fastest
-    return min(fastest, inner.safety.sideways / max(state.turn, LEAST_TURN))
 
 
 def _believe(state: State, belief: FixtureBelief, now_ns: int) -> None:
@@ -315,14 +292,8 @@ def _believe(state: State, belief: FixtureBelief, now_ns: int) -> None:
             state.inner.learner.conditioner.shift(state.line.offset - before)
         state.course.line.believe(belief.pose)
         state.last.believe(belief.pose, state.line.offset)
-    state.doubt, state.turn = _doubt(belief.deviation), min(DOUBT_FACTOR * math.hypot(*belief.deviation[3:]), LARGEST_TURN)
+    state.way_in.believe(belief.deviation)
     state.age, state.deviation, state.contacts_believed = belief.image_age, belief.deviation, belief.contacts
-
-
-def _doubt(deviation: tuple[float, ...]) -> float:
-    """How much nearer than believed the surface may be, anywhere on the fixture [m]: three standard deviations."""
-    place, turn = deviation[:3], deviation[3:]
-    return min(DOUBT_FACTOR * (math.hypot(*place) + LEVER * math.hypot(*turn)), LARGEST_DOUBT)
 
 
 def _share_offset(state: State, before: float) -> None:
@@ -330,20 +301,6 @@ def _share_offset(state: State, before: float) -> None:
     if state.line.offset != before:
         state.inner.learner.conditioner.shift(state.line.offset - before)
         state.last.line.offset = state.line.offset
-
-
-def _come_to(state: State, footing: Footing) -> None:
-    """Say what is known of the way in at the place that the probe has come to."""
-    inner, line = state.inner, state.line
-    surface, anchor = inner.learner.conditioner.surface, state.anchor
-    # Who lets go of a soft material meets it deeper again; the surface is where it was believed all the same.
-    touched = min(surface, line.offset) if math.isfinite(surface) else line.offset
-    inner.free = touched - state.doubt if math.isfinite(surface) or math.isfinite(state.age) else -math.inf
-    inner.slid = max(norm(subtract(footing.inner_point, state.point)) - SLID, 0.0)  # none where there is no tick before
-    aside = norm(subtract(footing.inner_point, anchor[0]))
-    if not (aside <= SAME_PLACE and abs(line.offset - anchor[1]) <= SAME_HEIGHT):
-        state.anchor = footing.inner_point, line.offset
-        inner.safety.forget_way()
 
 
 def _with_positions(state: State, commands: list[Command]) -> list[Command]:

@@ -20,8 +20,8 @@ AHEAD, RATE_SHARE = 0.02, 0.2
 """Sliding reckons with the force as it will be after so long [s]; its rate is smoothed by this share a tick."""
 
 RECOVERY = 0.005
-"""A slide that was slowed down may grow faster again by so much of its speed a tick: what slips after it has stuck would
-be at its full speed before the force of that is felt."""
+"""A slide that was slowed down may grow faster again by so much of its speed a tick: what slips after it has stuck
+would be at its full speed before the force of that is felt."""
 
 CONE = 0.8
 """Cosine of the largest angle between a force and the normal that friction explains."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from foretouch.quantities.rigid import Vector, add, dot, scaled, subtract
+from foretouch.quantities.rigid import Vector, add, dot, norm, scaled, subtract
 from foretouch.session.motion_limits import Bound
 from foretouch.session.safety import Safety
 from foretouch.session.spatial.course import Course
@@ -58,6 +58,14 @@ class LastLimit:
     def observe(self, here: Vector, force: Vector, normal: Vector) -> float:
         """See `ForceCap.observe`."""
         return self._cap.observe(here, force, normal)
+
+    @property
+    def along(self) -> float:
+        """Speed of the told place along the surface [m/s]."""
+        velocity, footing = self._limits.velocity, self.line.footing
+        if footing is None:
+            return 0.0
+        return norm(subtract(velocity, scaled(footing.normal, dot(velocity, footing.normal))))
 
     def update(self, course: Course, aim: float) -> tuple[Vector, float]:
         """One tick: the place for the robot, and its position along the course's normal [m].
