@@ -304,7 +304,8 @@ def test_a_command_whose_place_is_none_moves_nothing(wrong: tuple) -> None:
         inputs = follower.Inputs([command], bench.sample, MS, 0, [])
         _, acted = follower.step(bench.state, inputs, tick * MS)
         bench.sample = bench.robot.exchange(acted.desired)
-    np.testing.assert_allclose(bench.sample.exact_place, (0.0, 0.0, 0.01), atol=1e-5)
+    # It stays where its encoders showed it at the start, which is where it is but for their noise.
+    np.testing.assert_allclose(bench.sample.exact_place, (0.0, 0.0, 0.01), atol=1e-4)
 
 
 # --- the line and the tracker -----------------------------------------------------------------------------------------
