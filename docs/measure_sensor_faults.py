@@ -1,22 +1,32 @@
-"""Measure how soon `SensorWatch` finds each fault of `FaultySensor`, and write the table into the page of the room.
+"""Measure how soon faults of the sensors are found, and how hard a robot presses with them, and write the tables.
 
-The simulated arm presses every material 0.8 times a second; each fault begins at eight phases of the press, and once
-more where the arm stands still. The watch is told what tool weight and inertia make of the force.
+- `sensor-faults`, on the page of the room: how soon `SensorWatch` finds each fault of `FaultySensor`. The simulated arm
+  presses every material 0.8 times a second; each fault begins at eight phases of the press, and once more where the arm
+  stands still. The watch is told what tool weight and inertia make of the force.
+- `lying-sensors`, on the page on safety: what a follower does whose force sensor begins to lie while it presses a
+  material with all that it may, told to be 30 mm deep, and two seconds later.
 
-Usage: `.venv/bin/python docs/measure_sensor_faults.py`; it takes about a minute.
+Usage: `.venv/bin/python docs/measure_sensor_faults.py [TABLE ...]`, without names for all; it takes some minutes.
 """
 
 from __future__ import annotations
 
 import math
+import sys
+from collections import deque
 from collections.abc import Callable
 from pathlib import Path
 
-from measured_blocks import fill
+import numpy as np
+from joblib import Parallel, delayed
+from measured_blocks import chosen, fill
 
 from foretouch.identification import SensorState, SensorWatch
-from foretouch.robot import MATERIALS, SENSOR_FAULTS, FaultySensor, SensorFault, make_robot
+from foretouch.messages import VERSION, Command
+from foretouch.robot import MATERIALS, SENSOR_FAULTS, FaultySensor, RobotSample, SensorFault, make_robot
+from foretouch.session import SessionSettings, follower
 
+SAFETY_PAGE = Path(__file__).parent / "safety.md"
 PAGE = Path(__file__).parent / "rooms" / "identification.md"
 PERIOD, BEFORE, AFTER = 1.25, 1.5, 2.0
 PHASES = tuple(BEFORE + step * PERIOD / 8.0 for step in range(8))
@@ -60,13 +70,101 @@ def row(kind: str) -> str:
     )
 
 
-def main() -> None:
-    """Print the table and fill the page."""
+def sensor_faults() -> str:
+    """Table of how soon each fault is found."""
     head = "| Fault | Found as | Median [ms] | Largest [ms] | Not within 2 s | Still, largest [ms] |"
-    lines = [head, "| --- | --- | --: | --: | --: | --: |", *(row(kind) for kind in SENSOR_FAULTS)]
-    print("\n".join(lines))
-    fill(PAGE, {"sensor-faults": "\n".join(lines) + "\n"})
+    return "\n".join([head, "| --- | --- | --: | --: | --: | --: |", *(row(kind) for kind in SENSOR_FAULTS)]) + "\n"
+
+
+# --- sensors that lie -------------------------------------------------------------------------------------------------
+
+OFFSET, NOISE = 0.3, 0.02
+"""What the arm's sensor shows in free air, and its noise [N]."""
+PRESSED, LIES, LATE = 4.0, 2.0, 20
+"""When the sensor begins to lie, and for how long it is looked at [s]; how many ticks a late one is late."""
+DRIVES = ((1000.0, True), (1000.0, False), (15.0, False))
+"""Where the drive is clipped [N], and whether it tells its effort."""
+PRESSED_MATERIALS = ("bone", "foam", "hand", "hunt-crossley", "kelvin-voigt")
+
+Lie = Callable[[float, float, float, deque[float]], float]
+"""What is shown of a force [N], so long after it began [s], with a draw of noise and the forces so far [N]."""
+
+LIES_OF: dict[str, Lie] = {
+    "shows its offset and noise": lambda force, time, noise, past: OFFSET + NOISE * noise,
+    "shows exactly 0": lambda force, time, noise, past: 0.0,
+    "its sign is turned": lambda force, time, noise, past: -force,
+    "ends at 8 N": lambda force, time, noise, past: min(force, 8.0 + NOISE * noise),
+    "late by 20 ms": lambda force, time, noise, past: past[0],
+    "half": lambda force, time, noise, past: OFFSET + (force - OFFSET) / 2.0,
+    "5 N less": lambda force, time, noise, past: force - 5.0,
+    "drifts by -1 N/s": lambda force, time, noise, past: force - time,
+    "drifts by -5 N/s": lambda force, time, noise, past: force - 5.0 * time,
+    "stuck": lambda force, time, noise, past: past[-1] if time == 0.0 else math.nan,
+}
+
+
+def pressed(kind: str, material: str, limit: float, tells: bool) -> tuple[float, float, SensorState]:
+    """Largest force from the fault on [N], when it was found [s], infinite if it was not, and as what."""
+    arm, numbers = make_robot(material, seed=1, force_limit=limit), np.random.default_rng(2)
+    settings = SessionSettings(material=material, model="kelvin-voigt", first_touch="follow")
+    state, sample = follower.start(arm.specification, settings), arm.read()
+    past: deque[float] = deque([sample.sensor_force], LATE)
+    largest, found, shown, what = 0.0, math.inf, 0.0, SensorState.GOOD
+    for tick in range(1, round(1e3 * (PRESSED + LIES))):
+        now, time = tick * 1_000_000, 1e-3 * tick - PRESSED
+        command = Command(VERSION, tick, now, arm.surface + 0.03 if tick > 300 else 0.0, 0, False, "this", 1)
+        state, said = follower.step(state, follower.Inputs([command], sample, 1_000_000, 0), now)
+        raw: RobotSample = arm.exchange(said.desired_position)
+        sample = raw if tells else raw._replace(effort=math.nan)
+        if time >= 0.0:
+            lie = LIES_OF[kind](raw.sensor_force, time, float(numbers.standard_normal()), past)
+            shown = shown if math.isnan(lie) else lie
+            sample = sample._replace(sensor_force=shown)
+            largest = max(largest, raw.exact_force)
+            if state.watch.state is not SensorState.GOOD and math.isinf(found):
+                found, what = time, state.watch.state
+        past.append(raw.sensor_force)
+    return largest, found, what
+
+
+def lying_sensors() -> str:
+    """Table of what is found and how hard it presses, the worst of five materials."""
+    cases = [(kind, material, *drive) for kind in LIES_OF for drive in DRIVES for material in PRESSED_MATERIALS]
+    done = dict(zip(cases, Parallel(2)(delayed(pressed)(*case) for case in cases), strict=True))
+    lines = [
+        "| The sensor | Found as, with the effort | After [ms] | Largest force [N] | Without the effort | After [ms] "
+        "| Largest force [N] | Drive clipped at 15 N |",
+        "| --- | --- | --: | --: | --- | --: | --: | --: |",
+    ]
+    for kind in LIES_OF:
+        cells = []
+        for drive in DRIVES:
+            found = [done[kind, material, *drive] for material in PRESSED_MATERIALS]
+            force = max(largest for largest, _, _ in found)
+            if drive[0] > 15.0:
+                names = sorted({what.name for _, _, what in found if what is not SensorState.GOOD})
+                waits = [when for _, when, _ in found]
+                last = f"{1e3 * max(waits):.0f}" if max(waits) < math.inf else f"{waits.count(math.inf)} of 5 not"
+                cells += [", ".join(f"`{name}`" for name in names) or "–", last]
+            cells.append(f"{force:.1f}")
+        lines.append(f"| {kind} | {' | '.join(cells)} |")
+    return "\n".join(lines) + "\n"
+
+
+TABLES: dict[str, tuple[Path, Callable[[], str]]] = {
+    "sensor-faults": (PAGE, sensor_faults),
+    "lying-sensors": (SAFETY_PAGE, lying_sensors),
+}
+
+
+def main(names: list[str]) -> None:
+    """Print these tables, or all, and fill the pages."""
+    for name in chosen(names, TABLES):
+        page, measure = TABLES[name]
+        table = measure()
+        print(table)
+        fill(page, {name: table})
 
 
 if __name__ == "__main__":
-    main()
+    main(sys.argv[1:])

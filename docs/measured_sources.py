@@ -78,9 +78,10 @@ _OF_PAGES: dict[str, dict[str, tuple[str, ...]]] = {
         "sessions": ("measure_results:sessions", SIMULATE),
         "foam": ("measure_results:foam", "foretouch.robot.materials.foam_fit:fit_foam", FETCH),
     },
-    "docs/rooms/identification.md": {"sensor-faults": ("measure_sensor_faults:main",)},
+    "docs/rooms/identification.md": {"sensor-faults": ("measure_sensor_faults:sensor_faults",)},
     "docs/rooms/vision.md": {"vision": ("measure_vision:main",)},
-    "docs/safety.md": {name: (f"measure_impacts:{name}",) for name in ("masses", "impacts", "sessions", "unloading")},
+    "docs/safety.md": {name: (f"measure_impacts:{name}",) for name in ("masses", "impacts", "sessions", "unloading")}
+    | {"lying-sensors": ("measure_sensor_faults:lying_sensors",)},
     "docs/scale.md": {
         "costs": ("measure_scale:costs", "foretouch.recordings.session_writer", *LIVE),
         "fleet": ("measure_scale:fleet", "measure_scale:costs"),

@@ -258,7 +258,7 @@ def test_a_command_that_comes_after_its_turn_does_not_unlearn_what_the_leader_re
 @pytest.mark.parametrize("faults", [{}, {"loss": 0.05, "jitter": 0.003}])
 def test_a_state_is_that_of_the_command_that_its_message_names(faults: dict[str, float]) -> None:
     """What the material remembers by the leader's own motion up to that command, and up to no other."""
-    log = simulated(8.0, material="hunt-crossley", seed=3, **faults)
+    log = simulated(16.0, material="hunt-crossley", seed=3, **faults)
     assert log.leader["sequence"][0] == 1
     periods = np.full(log.leader.size, 1e-3)
 
@@ -268,7 +268,7 @@ def test_a_state_is_that_of_the_command_that_its_message_names(faults: dict[str,
         found = make_model(model.law, model.parameters, model.map).remember((), depths, periods[:until])
         return float(np.abs(np.subtract(found, model.state)).max())
 
-    models = [model for model in log.models if model.valid and model.time_ns > 4_000 * MS][::10]
+    models = [model for model in log.models if model.valid and model.time_ns > 12_000 * MS][::10]
     assert len(models) > 15
     assert max(apart(model, 0) for model in models) < STATE_TOLERANCE
     assert max(apart(model, -50) for model in models) > 2.0 * STATE_TOLERANCE

@@ -78,7 +78,7 @@ STATUS_SENTENCES = {
     Status.UNLOADING: "has heard no fresh command for long: goes back until it feels next to nothing, and stays",
     Status.RETREATING: "has heard no fresh command for long: goes out the way that it came",
     Status.STOPPED: "emergency stop: unloaded, until it is released at the follower",
-    Status.SENSOR_FAULT: "its sensors are not to be trusted: learns nothing and holds its place",
+    Status.SENSOR_FAULT: "its sensors are not to be trusted: learns nothing, holds, and then goes out as it came",
     Status.SHADOW: "learns and predicts, and commands nothing: somebody else moves the robot",
     Status.TOO_SLOW: "makes fewer than 500 ticks a second, too few to be safe: holds its place",
 }

@@ -42,14 +42,15 @@ def follower_news(state: follower.State) -> str:
     """One sentence about the robot while it does not follow the commands that there were; else ""."""
     safety, watch = state.safety, state.watch
     if safety.stop_reason and watch.state is not SensorState.GOOD:
-        why = f"it holds its place and may press, for {SENSOR_SENTENCES[watch.state]}"
+        why = f"nobody knows what it feels, and it goes out as it came: {SENSOR_SENTENCES[watch.state]}"
         return f"emergency stop ({safety.stop_reason}): {why}; once that is mended: kill -USR2 {os.getpid()}"
     if safety.stop_reason:
         left = "unloads" if safety.pressing else "is unloaded"
         return f"emergency stop ({safety.stop_reason}): it {left}; to release it at rest: kill -USR2 {os.getpid()}"
     if watch.state is not SensorState.GOOD:
         again = f"; once that is mended: kill -USR2 {os.getpid()}"
-        return f"the robot holds its place and learns nothing: {SENSOR_SENTENCES[watch.state]}{again}"
+        held = "the robot learns nothing, holds its place and then goes out as it came"
+        return f"{held}: {SENSOR_SENTENCES[watch.state]}{again}"
     if safety.status in (Status.HOLDING, Status.UNLOADING, Status.RETREATING, Status.TOO_SLOW) and state.lease.epoch:
         return "; ".join(filter(None, (f"the robot {STATUS_SENTENCES[safety.status]}", failure_news(state))))
     return failure_news(state)

@@ -10,16 +10,16 @@ from foretouch.session.motion_limits import Bound
 
 __all__ = ["ForceCap"]
 
-AIMED = 0.92
+AIMED = 0.88
 """Share of the ceiling that is held."""
 
-SLOWED = 0.65
+SLOWED = 0.6
 """Share of the ceiling from which on sliding gets slower, until it stands at `AIMED`."""
 
 AHEAD, RATE_SHARE = 0.02, 0.2
 """Sliding reckons with the force as it will be after so long [s]; its rate is smoothed by this share a tick."""
 
-RECOVERY = 0.005
+RECOVERY = 0.002
 """A slide that was slowed down may grow faster again by so much of its speed a tick: what slips after it has stuck
 would be at its full speed before the force of that is felt."""
 
@@ -36,7 +36,7 @@ class ForceCap:
     Within the cone in which friction may turn a force its direction is that of the believed normal: who goes back along
     friction slides the other way, and it turns.
 
-    The place goes no deeper against the force than `ForceGuard` allows for 92 % of the ceiling, by the way that the
+    The place goes no deeper against the force than `ForceGuard` allows for 88 % of the ceiling, by the way that the
     probe has gone against it, and goes back where that is passed. And who slides while the force nears the ceiling is
     slowed down: a surface that rises on the way makes a force grow that no depth explains.
 

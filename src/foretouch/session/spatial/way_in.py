@@ -14,8 +14,9 @@ DOUBT_FACTOR, LEVER, LARGEST_DOUBT = 3.0, 0.1, 0.1
 """A surface that was felt at one place may be nearer at another, by so many standard deviations of the pose, at
 a lever of so much [m]; at most so much [m]."""
 
-LARGEST_TURN, LEAST_TURN = 0.2, 0.02
-"""A surface may be inclined against what is believed by at most and at least this [rad]."""
+LARGEST_TURN, LEAST_TURN = 0.2, 0.1
+"""A surface may be inclined against what is believed, and a robot's motion against what it is told, for each drive is
+late by its own time, by at most and at least this [rad]."""
 
 SAME_PLACE, SAME_HEIGHT = 3e-3, 1e-3
 """What was felt of the way in is of this place [m], half the radius of the tip, and of a surface that is believed no
