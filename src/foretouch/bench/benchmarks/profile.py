@@ -24,6 +24,7 @@ from foretouch.identification.sensor_lag import SensorLag
 from foretouch.link import FaultStage
 from foretouch.models import Predictor
 from foretouch.rendering import EnergyAccount, ForceLimiter, Mediation, Proxy, Renderer
+from foretouch.rendering.energy import Ledger
 from foretouch.session import follower, leader
 from foretouch.session.heard import Heard
 from foretouch.session.model_sender import ModelSender
@@ -107,7 +108,7 @@ PARTS: dict[str, tuple[Part, ...]] = {
         Part(
             "keeping the energy account",
             "It proves, tick by tick, that the hand gets back no more than it gave.",
-            ((EnergyAccount, "observe"), (EnergyAccount, "bound_with")),
+            ((EnergyAccount, "observe"), (Ledger, "bound_with")),
         ),
         Part(
             "limiting",
