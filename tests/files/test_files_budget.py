@@ -155,26 +155,33 @@ def reading(note: Path) -> int:
     raise AssertionError("it has not begun")
 
 
+def asking(file: Path, note: Path) -> subprocess.Popen[str]:
+    """A process that asks for a reading that never ends and, should it be interrupted, for another."""
+    asked = f"{str(file)!r}, None, hungry.begun, {str(note)!r}"
+    again = f"within_budget({str(file)!r}, None, hungry.given_back)"
+    code = (
+        "import hungry\nfrom foretouch.files import within_budget\n"
+        f"try: within_budget({asked})\nexcept KeyboardInterrupt: print({again})\n"
+    )
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    return subprocess.Popen([sys.executable, "-c", code], env=environment, stdout=subprocess.PIPE, text=True)
+
+
 def test_ctrl_c_ends_whoever_reads(file: Path) -> None:
     note = file.parent / "note"
-    thread = threading.Thread(target=lambda: (reading(note), os.kill(os.getpid(), signal.SIGINT)))
-    thread.start()
-    with pytest.raises(KeyboardInterrupt):
-        within_budget(file, None, hungry.begun, str(note))
-    thread.join()
-    assert gone(int(note.read_text()))
-    assert within_budget(file, None, hungry.given_back) == ((), {})
+    with asking(file, note) as process:
+        reader = reading(note)
+        process.send_signal(signal.SIGINT)
+        assert process.communicate(timeout=60)[0].strip() == "((), {})"
+    assert gone(reader)
 
 
 def test_who_is_killed_leaves_nobody_behind(file: Path) -> None:
     note = file.parent / "note"
-    asked = f"{str(file)!r}, None, hungry.begun, {str(note)!r}"
-    code = f"import hungry; from foretouch.files import within_budget; within_budget({asked})"
-    asking = subprocess.Popen([sys.executable, "-c", code], env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)})
-    process = reading(note)
-    asking.kill()
-    asking.wait()
-    assert gone(process)
+    with asking(file, note) as process:
+        reader = reading(note)
+        process.kill()
+    assert gone(reader)
 
 
 def test_a_copy_of_this_process_reads_by_itself(file: Path) -> None:
