@@ -212,7 +212,7 @@ def test_every_plot_moves(bench):
     for tab, label in (
         ("Network", "Round trip: age of the answer"),
         ("Model", "Local stiffness"),
-        ("Energy", "Put in by the hand, this contact"),
+        ("Energy", "Put in by the hand, less what it owes"),
     ):
         open_tab(bench.page, tab)
         bench.wait_for(lambda label=label: len(plot_columns(bench.page, label)[0]) > 3)

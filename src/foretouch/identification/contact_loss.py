@@ -10,7 +10,7 @@ Two things speak against a force:
   more than the damping of b = 500 N s/m, what it has gone out by, on the mean of four samples and 5 um more, no
   more than a stiffness of K = 200 kN/m, and what relaxes at once is less than 0.6;
 - **the drive's effort**, where the robot tells it: force and what the drive pushes with differ by more than 2 N and a
-  fifth of the larger for 30 ms, both low-passed with 10 ms.
+  fifth of the larger for 30 ms, both low-passed with 4 ms.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ SLACK = 5e-6
 CONFIRMED = 3
 """Samples in a row that show it: a spike is one."""
 
-EFFORT_TIME, EFFORT_WAIT = 0.01, 0.03
+EFFORT_TIME, EFFORT_WAIT = 0.004, 0.03
 """Time constant of the low-passes, and for how long they differ [s]: longer than any impact."""
 
 EFFORT_LEAST, EFFORT_SHARE = 2.0, 0.2

@@ -34,10 +34,6 @@ its speed."""
 MARGIN, BRAKING_DELAY = 5e-4, 5e-3
 """It has braked so far before what allows less [m], by a path that it follows so much later [s]."""
 
-SIDEWAYS_SHARE = 1.0 / 3.0
-"""In space at most so much of the speed of an impact that nobody expects comes of what goes along a surface: it may be
-inclined."""
-
 START_BACK = 3e-5
 """A robot that presses begins so far outside of where it seems to be [m]: an encoder's count may show it deeper than it
 is, and it would press on."""
@@ -198,10 +194,10 @@ class Safety:
         return self._motion
 
     @property
-    def nearing_allowed(self) -> float:
-        """In space: how fast it may come nearer to what may be there by going along it [m/s]."""
+    def blind_speed(self) -> float:
+        """Speed at which the robot may come to what may be there, feeling nothing yet [m/s]."""
         memory, kernel = self._memory, self._kernel
-        return float(SIDEWAYS_SHARE * AIMED * memory[kernel.FORCE] / memory[kernel.IMPEDANCE])
+        return float(AIMED * memory[kernel.FORCE] / memory[kernel.IMPEDANCE])
 
     def comes_nearer(self, speed: float) -> None:
         """In space: by what goes along the surface it may come nearer at this speed [m/s]."""

@@ -268,7 +268,7 @@ def _way(state: State, sample: SpatialSample, sideways: Vector, sliding: float) 
     if inner.first_touch.guarded:
         fastest = state.approach_speed
     if state.line.footing is not None:
-        fastest = state.way_in.along_speed(inner, state.line.footing, state.last.along, fastest)
+        fastest = state.way_in.along_speed(inner, state.line.footing, state.last.going, fastest)
     return Way(
         inner.safety.status < Status.HOLDING,
         sample.place,

@@ -60,12 +60,13 @@ class LastLimit:
         return self._cap.observe(here, force, normal)
 
     @property
-    def along(self) -> float:
-        """Speed of the told place along the surface [m/s]."""
+    def going(self) -> tuple[float, float]:
+        """Speeds of the told place along the surface and into it [m/s]."""
         velocity, footing = self._limits.velocity, self.line.footing
         if footing is None:
-            return 0.0
-        return norm(subtract(velocity, scaled(footing.normal, dot(velocity, footing.normal))))
+            return 0.0, 0.0
+        inwards = -dot(velocity, footing.normal)
+        return norm(add(velocity, scaled(footing.normal, inwards))), inwards
 
     def update(self, course: Course, aim: float) -> tuple[Vector, float]:
         """One tick: the place for the robot, and its position along the course's normal [m].

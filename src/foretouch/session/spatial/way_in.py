@@ -22,6 +22,9 @@ SAME_PLACE, SAME_HEIGHT = 3e-3, 1e-3
 """What was felt of the way in is of this place [m], half the radius of the tip, and of a surface that is believed no
 further away than this [m] from where it was believed then."""
 
+SIDEWAYS_SHARE = 1.0 / 3.0
+"""Going along a surface that may be inclined has at least so much of the speed at which the robot may come to it."""
+
 SLID = 2e-5
 """The probe has moved across the surface where it did by more than this in a tick [m]: less is the encoders' noise."""
 
@@ -33,8 +36,8 @@ class WayIn:
 
     What the robot has proven of its way in is of the place that it is at. Elsewhere the air counts as free to where the
     surface is believed, less the doubt of that, once it was felt or seen; beyond that, and before, nothing is known.
-    There it goes no faster along the surface than that what is inclined by the doubt of its turn comes nearer at a
-    third of what an impact may have; and what it does go counts as coming nearer.
+    There what it goes along the surface counts as coming nearer, by the doubt of the turn; it goes along it as fast as
+    what it does not go inwards leaves, and at least a third.
     """
 
     __slots__ = ("_anchor", "_doubt", "_point", "_turn")
@@ -70,16 +73,18 @@ class WayIn:
             self._anchor = point, offset
             inner.safety.forget_way()
 
-    def along_speed(self, inner: follower.State, footing: Footing, told: float, fastest: float) -> float:
+    def along_speed(self, inner: follower.State, footing: Footing, told: tuple[float, float], fastest: float) -> float:
         """How fast the robot may go along the surface [m/s].
 
         Args:
             inner: Follower along the normal, which is told how fast it comes nearer by that.
             footing: Of the probe.
-            told: How fast it was told to, in the tick before [m/s].
+            told: How fast it was told to, and into the surface, in the tick before [m/s].
             fastest: Where the surface is felt, or far [m/s].
         """
-        inner.safety.comes_nearer(self._turn * told)
+        along, inwards = told
+        inner.safety.comes_nearer(self._turn * along)
         if inner.learner.sample.in_contact or footing.along < inner.free:
             return fastest
-        return min(fastest, inner.safety.nearing_allowed / self._turn)
+        blind = inner.safety.blind_speed
+        return min(fastest, max(blind - max(inwards, 0.0), SIDEWAYS_SHARE * blind) / self._turn)

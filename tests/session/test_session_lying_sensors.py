@@ -1,0 +1,122 @@
+"""A force sensor that lies while the robot presses: no more than the ceiling, and the robot is taken out.
+
+Honest ones are believed, however quickly a material is let go.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from foretouch.identification import SensorState
+from foretouch.messages import VERSION, Command, Status
+from foretouch.robot import MATERIALS, RobotSample, make_robot
+from foretouch.session import SessionSettings, follower
+
+MS = 1_000_000
+CEILING, NO_LIMIT = 15.0, 1000.0
+NOISE = np.random.default_rng(1).standard_normal(10_000).tolist()
+
+Lie = Callable[[RobotSample], RobotSample]
+
+
+class Pressing:
+    """A follower that is told places, with an arm whose drive is not clipped and a sensor that may lie."""
+
+    def __init__(self, material: str, *, tells: bool = False) -> None:
+        self.robot, self.tells = make_robot(material, seed=3, force_limit=NO_LIMIT), tells
+        settings = SessionSettings(material=material, model="kelvin-voigt", first_touch="follow")
+        self.state, self.sample = follower.start(self.robot.specification, settings), self.robot.read()
+        self.tick, self.forces, self.statuses = 0, [0.0], [Status.FOLLOWING]
+        self.lie: Lie = lambda sample: sample
+
+    def go(self, place: float, ticks: int, stop: str = "") -> None:
+        for _ in range(ticks):
+            self.tick += 1
+            command = Command(VERSION, self.tick, self.tick * MS, place, 0, False, "test", 1)
+            inputs = follower.Inputs([command], self.sample, MS, 0, stop)
+            self.state, said = follower.step(self.state, inputs, self.tick * MS)
+            raw = self.robot.exchange(said.desired_position)
+            shown = self.lie(raw)
+            self.sample = shown if self.tells else shown._replace(effort=math.nan)
+            self.forces.append(raw.exact_force)
+            self.statuses.append(self.state.safety.status)
+
+
+def dead(sample: RobotSample) -> RobotSample:
+    """Its offset and noise."""
+    return sample._replace(sensor_force=0.3 + 0.02 * NOISE[int(1e6 * abs(sample.sensor_force)) % 10_000])
+
+
+LIES: dict[str, Lie] = {
+    "dead": dead,
+    "zero": lambda sample: sample._replace(sensor_force=0.0),
+    "turned": lambda sample: sample._replace(sensor_force=-sample.sensor_force),
+    "clipped": lambda sample: sample._replace(sensor_force=min(sample.sensor_force, 8.0)),
+    "half": lambda sample: sample._replace(sensor_force=0.5 * sample.sensor_force),
+}
+
+
+@pytest.mark.parametrize("kind", LIES)
+@pytest.mark.parametrize("material", ["bone", "kelvin-voigt", "hand"])
+def test_a_sensor_that_lies_about_a_press_is_found_and_the_robot_goes_out(material: str, kind: str) -> None:
+    pressing = Pressing(material)
+    inside = pressing.robot.surface + 0.03
+    pressing.go(0.0, 300)
+    pressing.go(inside, 3500)
+    assert pressing.forces[-1] > 12.0
+    pressing.lie = LIES[kind]
+    pressing.go(inside, 200)
+    assert pressing.statuses[-1] is Status.SENSOR_FAULT
+    pressing.go(inside, 1500)
+    assert max(pressing.forces) <= CEILING
+    assert pressing.forces[-1] == 0.0, "it was taken out by the way that it came"
+
+
+@pytest.mark.parametrize("kind", ["dead", "zero", "turned"])
+@pytest.mark.parametrize("felt", [2.0, 4.0, 8.0])
+@pytest.mark.parametrize("material", ["bone", "foam", "hunt-crossley"])
+def test_nor_does_one_that_dies_on_the_way_in(material: str, felt: float, kind: str) -> None:
+    """At every stage: it is told to go 30 mm deep, and does."""
+    pressing = Pressing(material, tells=True)
+    inside = pressing.robot.surface + 0.03
+    pressing.go(0.0, 300)
+    while pressing.forces[-1] < felt and pressing.tick < 6000:
+        pressing.go(inside, 1)
+    pressing.lie = LIES[kind]
+    pressing.go(inside, 1500)
+    assert max(pressing.forces) <= CEILING
+    assert pressing.forces[-1] < 1.0
+
+
+def test_a_stop_unloads_a_robot_whose_sensor_shows_nothing() -> None:
+    pressing = Pressing("bone")
+    inside = pressing.robot.surface + 0.03
+    pressing.go(0.0, 300)
+    pressing.go(inside, 1000)
+    pressing.lie = dead
+    pressing.go(inside, 20)
+    pressing.go(inside, 1, stop="a person shouted")
+    pressing.go(inside, 200)
+    assert pressing.forces[-1] == 0.0
+    assert pressing.statuses[-1] is Status.STOPPED
+
+
+@pytest.mark.parametrize("material", sorted(MATERIALS))
+def test_honest_sensors_are_believed_however_quickly_it_is_let_go(material: str) -> None:
+    """A force that falls to zero within milliseconds, for the probe goes out, slows down, or comes to rest."""
+    pressing = Pressing(material, tells=True)
+    surface = pressing.robot.surface
+    numbers = np.random.default_rng(5)
+    pressing.go(0.0, 300)
+    for _ in range(12):
+        depth, back = numbers.uniform(0.0005, 0.02), numbers.choice((1e-4, 1e-3, 2e-2))
+        pressing.go(surface + depth, int(numbers.integers(50, 500)))
+        here = float(pressing.sample.position)
+        pressing.go(here - back, int(numbers.integers(20, 150)))
+    assert pressing.state.watch.state is SensorState.GOOD
+    assert Status.SENSOR_FAULT not in pressing.statuses
+    assert max(pressing.forces) > 0.3
