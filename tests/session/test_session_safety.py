@@ -121,6 +121,8 @@ def test_sensors_that_are_not_trusted_hold_the_robot() -> None:
     assert pressed.path[-1] == pytest.approx(place, abs=1e-6)
 
 
+# Interpreted, numbers of NumPy warn where compiled ones become infinite.
+@pytest.mark.filterwarnings("ignore:overflow encountered:RuntimeWarning", "ignore:invalid value:RuntimeWarning")
 @settings(max_examples=40)
 @given(
     st.lists(
