@@ -232,7 +232,7 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
     )
     _, allowed = follower.step(inner, told, now_ns)
     model, materials = _learn_in_space(state, footing, sample, sideways, allowed.model, now_ns)
-    desired, desired_along = state.last.update(course, allowed.desired_position)
+    desired, desired_along = state.last.update(course, allowed.desired_position, free=footing.along < inner.free)
     space = _space(state, sample, footing, force, desired, now_ns)
     telemetry = msgspec.structs.replace(allowed.telemetry, desired_position=desired_along)
     return state, Outputs(desired, telemetry, model, space, materials)
