@@ -100,7 +100,7 @@ def test_a_touch_in_free_air_speaks_against_all_that_was_felt() -> None:
     for height in np.linspace(0.01, -0.0005, 100).tolist():
         feeler.go(0.005, 0.0, 0.006 + height, 500.0 * max(-height, 0.0))
     assert feeler.tracking.contacts == len(CORNERS), "that is not yet a touch"
-    assert feeler.over(-0.015, 0.015) == pytest.approx(LARGEST_DOUBT)
+    assert feeler.over(-0.015, 0.015) > 0.9 * LARGEST_DOUBT
     feeler.press(0.005, 0.0, 0.006)
     assert feeler.over(0.005, 0.001) < 2e-3, "there it was felt now"
     assert feeler.over(-0.015, 0.015) > 0.01
@@ -115,7 +115,7 @@ def test_a_surface_that_is_missed_does_so_until_it_is_felt_again() -> None:
     for height in np.linspace(0.01, -0.005, 100).tolist():
         feeler.go(0.005, 0.0, height)
     feeler.go(0.005, 0.0, -0.005, ticks=100)
-    assert feeler.over(-0.015, 0.015) == pytest.approx(LARGEST_DOUBT)
+    assert feeler.over(-0.015, 0.015) > 0.9 * LARGEST_DOUBT
     feeler.press(0.005, 0.0, -0.008)
     assert feeler.over(0.005, 0.001) < 2e-3
     assert feeler.over(-0.015, 0.015) > 0.005

@@ -17,8 +17,8 @@ __all__ = ["LastLimit"]
 NO_VECTOR: Vector = (0.0, 0.0, 0.0)
 
 ALIGNED = math.cos(0.5)
-"""A normal that is turned further than this against the surface's mean one is taken to be that of an edge: few slopes of
-a surface of heights are as steep."""
+"""A normal that is turned further than this against the surface's mean one is taken for an edge's: few slopes of a
+surface of heights are as steep."""
 
 
 class LastLimit:
