@@ -5,6 +5,8 @@
   stands still. The watch is told what tool weight and inertia make of the force.
 - `lying-sensors`, on the page on safety: what a follower does whose force sensor begins to lie while it presses a
   material with all that it may, told to be 30 mm deep, and two seconds later.
+- `blind-sensors`, on the same page: the same of faults that are there from the start, or come on the way out or in free
+  air, before the robot is told to go 30 mm deep once more.
 
 Usage: `.venv/bin/python docs/measure_sensor_faults.py [TABLE ...]`, without names for all; it takes some minutes.
 """
@@ -16,6 +18,7 @@ import sys
 from collections import deque
 from collections.abc import Callable
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from joblib import Parallel, delayed
@@ -103,49 +106,101 @@ LIES_OF: dict[str, Lie] = {
 }
 
 
-def pressed(kind: str, material: str, limit: float, tells: bool) -> tuple[float, float, SensorState]:
-    """Largest force from the fault on [N], when it was found [s], infinite if it was not, and as what."""
+class Case(NamedTuple):
+    """A lie, when it begins at the earliest [s], below which force [N], and whether the robot goes out before."""
+
+    lie: Lie
+    begins: float
+    below: float = math.inf
+    goes_out: bool = False
+
+
+OUT, IN = 2.0, 3.0
+"""When a robot that goes out is told so, and when it is told to go in again [s]."""
+
+DEAD = LIES_OF["shows its offset and noise"]
+BLIND: dict[str, Case] = {
+    "shows its offset and noise, from the start": Case(DEAD, 0.0),
+    "shows exactly 0, from the start": Case(LIES_OF["shows exactly 0"], 0.0),
+    "its sign is turned, from the start": Case(LIES_OF["its sign is turned"], 0.0),
+    "half, from the start": Case(LIES_OF["half"], 0.0),
+    "ends at 8 N, from the start": Case(LIES_OF["ends at 8 N"], 0.0),
+    "drifts by -1 N/s, from the start": Case(LIES_OF["drifts by -1 N/s"], 0.0),
+    "dies on the way out, at 5 N": Case(DEAD, OUT, below=5.0, goes_out=True),
+    "dies on the way out, at 1 N": Case(DEAD, OUT, below=1.0, goes_out=True),
+    "dies in the air, after a press": Case(DEAD, 0.5 * (OUT + IN), below=0.0, goes_out=True),
+}
+"""Faults that are there before the robot presses; the last three go in a second time."""
+
+
+def pressed(case: Case, material: str, limit: float, tells: bool) -> tuple[float, float, SensorState]:
+    """Largest force under the fault [N], how long after the first touch under it that was found [s], and as what.
+
+    Infinite if it was not, negative if it was before. For a robot that goes out, the touch is the next one.
+    """
     arm, numbers = make_robot(material, seed=1, force_limit=limit), np.random.default_rng(2)
     settings = SessionSettings(material=material, model="kelvin-voigt", first_touch="follow")
     state, sample = follower.start(arm.specification, settings), arm.read()
     past: deque[float] = deque([sample.sensor_force], LATE)
     largest, found, shown, what = 0.0, math.inf, 0.0, SensorState.GOOD
+    began = touched = math.inf
     for tick in range(1, round(1e3 * (PRESSED + LIES))):
-        now, time = tick * 1_000_000, 1e-3 * tick - PRESSED
-        command = Command(VERSION, tick, now, arm.surface + 0.03 if tick > 300 else 0.0, 0, False, "this", 1)
+        now, time = tick * 1_000_000, 1e-3 * tick
+        is_in = time > 0.3 and not (case.goes_out and OUT <= time < IN)
+        command = Command(VERSION, tick, now, arm.surface + 0.03 if is_in else 0.0, 0, False, "this", 1)
         state, said = follower.step(state, follower.Inputs([command], sample, 1_000_000, 0), now)
         raw: RobotSample = arm.exchange(said.desired_position)
         sample = raw if tells else raw._replace(effort=math.nan)
-        if time >= 0.0:
-            lie = LIES_OF[kind](raw.sensor_force, time, float(numbers.standard_normal()), past)
+        if time >= case.begins and raw.exact_force <= case.below:
+            began = min(began, time)
+        if time >= began:
+            lie = case.lie(raw.sensor_force, time - began, float(numbers.standard_normal()), past)
             shown = shown if math.isnan(lie) else lie
             sample = sample._replace(sensor_force=shown)
             largest = max(largest, raw.exact_force)
+            if raw.exact_force > 0.0 and not (case.goes_out and time < IN):
+                touched = min(touched, time)
             if state.watch.state is not SensorState.GOOD and math.isinf(found):
                 found, what = time, state.watch.state
         past.append(raw.sensor_force)
-    return largest, found, what
+    return largest, found if math.isinf(found) else found - touched, what
 
 
 def lying_sensors() -> str:
-    """Table of what is found and how hard it presses, the worst of five materials."""
-    cases = [(kind, material, *drive) for kind in LIES_OF for drive in DRIVES for material in PRESSED_MATERIALS]
-    done = dict(zip(cases, Parallel(2)(delayed(pressed)(*case) for case in cases), strict=True))
+    """Table of what begins while the robot presses."""
+    return table_of({kind: Case(lie, PRESSED) for kind, lie in LIES_OF.items()})
+
+
+def blind_sensors() -> str:
+    """Table of what is there from the start, or begins on the way out or in free air."""
+    return table_of(BLIND)
+
+
+def last_of(waits: list[float]) -> str:
+    """When the last one was found [ms], or how many were not."""
+    if math.inf in waits:
+        return f"{waits.count(math.inf)} of {len(waits)} not"
+    return f"{1e3 * max(waits):.0f}" if max(waits) >= 0.0 else "before"
+
+
+def table_of(kinds: dict[str, Case]) -> str:
+    """What is found and how hard it presses, the worst of five materials."""
+    cases = [(kind, material, *drive) for kind in kinds for drive in DRIVES for material in PRESSED_MATERIALS]
+    measured = Parallel(2)(delayed(pressed)(kinds[kind], *rest) for kind, *rest in cases)
+    done = dict(zip(cases, measured, strict=True))
     lines = [
         "| The sensor | Found as, with the effort | After [ms] | Largest force [N] | Without the effort | After [ms] "
         "| Largest force [N] | Drive clipped at 15 N |",
         "| --- | --- | --: | --: | --- | --: | --: | --: |",
     ]
-    for kind in LIES_OF:
+    for kind in kinds:
         cells = []
         for drive in DRIVES:
             found = [done[kind, material, *drive] for material in PRESSED_MATERIALS]
             force = max(largest for largest, _, _ in found)
             if drive[0] > 15.0:
                 names = sorted({what.name for _, _, what in found if what is not SensorState.GOOD})
-                waits = [when for _, when, _ in found]
-                last = f"{1e3 * max(waits):.0f}" if max(waits) < math.inf else f"{waits.count(math.inf)} of 5 not"
-                cells += [", ".join(f"`{name}`" for name in names) or "–", last]
+                cells += [", ".join(f"`{name}`" for name in names) or "–", last_of([when for _, when, _ in found])]
             cells.append(f"{force:.1f}")
         lines.append(f"| {kind} | {' | '.join(cells)} |")
     return "\n".join(lines) + "\n"
@@ -154,6 +209,7 @@ def lying_sensors() -> str:
 TABLES: dict[str, tuple[Path, Callable[[], str]]] = {
     "sensor-faults": (PAGE, sensor_faults),
     "lying-sensors": (SAFETY_PAGE, lying_sensors),
+    "blind-sensors": (SAFETY_PAGE, blind_sensors),
 }
 
 

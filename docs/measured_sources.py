@@ -81,7 +81,9 @@ _OF_PAGES: dict[str, dict[str, tuple[str, ...]]] = {
     "docs/rooms/identification.md": {"sensor-faults": ("measure_sensor_faults:sensor_faults",)},
     "docs/rooms/vision.md": {"vision": ("measure_vision:main",)},
     "docs/safety.md": {name: (f"measure_impacts:{name}",) for name in ("masses", "impacts", "sessions", "unloading")}
-    | {"lying-sensors": ("measure_sensor_faults:lying_sensors",)},
+    | {"in-the-way": ("measure_impacts:in_the_way",)}
+    | {"lying-sensors": ("measure_sensor_faults:lying_sensors",)}
+    | {"blind-sensors": ("measure_sensor_faults:blind_sensors",)},
     "docs/scale.md": {
         "costs": ("measure_scale:costs", "foretouch.recordings.session_writer", *LIVE),
         "fleet": ("measure_scale:fleet", "measure_scale:costs"),

@@ -58,6 +58,32 @@ def test_it_bounds_every_speed_that_is_left(k: float, b: float, mass: float, rea
     assert reached >= bound * (1.0 - 1e-2)
 
 
+@settings(max_examples=40, deadline=None)
+@given(
+    st.lists(st.floats(-1.0, 1.0), min_size=1, max_size=12),
+    st.floats(0.0, 500.0),
+    st.floats(0.0, 3e-3),
+    st.floats(1e-4, 2e-3),
+)
+def test_nor_does_any_spring_whose_slope_stays_below(
+    slopes: list[float], damping: float, reaction: float, length: float
+) -> None:
+    """Soft, level or weaker at first and stiff behind: what counts is the slope, and not the force over the depth."""
+    stiffness, mass, speed, step = 1e5, 0.4, 0.02, 2e-6
+    bound = impact_impedance(stiffness, damping, mass, reaction) * speed
+    depth, elastic, largest = 0.0, 0.0, damping * speed
+    for tick in range(50_000):
+        depth += speed * step
+        slope = slopes[int(depth / length)] if depth < length * len(slopes) else 1.0
+        elastic = max(elastic + slope * stiffness * speed * step, 0.0)
+        largest = max(largest, elastic + damping * speed)
+        if tick * step >= reaction:
+            speed -= step * (elastic + damping * speed) / mass
+        if speed <= 0.0:
+            break
+    assert largest <= bound * 1.01
+
+
 def struck(stiffness: float, damping: float, speed: float) -> float:
     """Largest force where the simulated arm is told to go on evenly, and to stop once it feels something [N]."""
     law = KelvinVoigt(stiffness=stiffness, damping=damping)

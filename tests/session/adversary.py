@@ -76,7 +76,8 @@ class Attack:
             self.sequence += 1
             self.place = position
             said = (self.sequence, self.now, position, self.acknowledged, False, "enemy", self.epoch)
-            self.network.push(self.now, Command(VERSION, *said))
+            heard = self.following.tick  # all that the follower has said: else nothing after a release is obeyed
+            self.network.push(self.now, Command(VERSION, *said, telemetry_sequence=heard, run=self.run))
         arrived = self.network.pop_due(self.now)
         inputs = follower.Inputs(arrived, self.sample, MS, 0, stop, release)
         self.following, said_back = follower.step(self.following, inputs, self.now)

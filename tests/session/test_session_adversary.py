@@ -62,6 +62,15 @@ def test_a_creep_that_trembles_proves_nothing(
     assert 4.0 < max(attack.forces) <= CEILING
 
 
+def test_an_enemy_goes_on_after_a_stop() -> None:
+    attack = Attack("bone", np.zeros(LENGTH))
+    attack.step(attack.robot.surface + 0.003, 0.0, 0.0, 300)
+    attack.stop(attack.robot.surface - 0.005, 0.0, 0.0, 300)
+    before = len(attack.forces)
+    attack.step(attack.robot.surface + 0.003, 0.0, 0.0, 1500)
+    assert max(attack.forces[before:]) > 5.0
+
+
 def test_a_programme_is_the_same_each_time() -> None:
     """So that what is found can be looked at."""
     programme = np.random.default_rng(3).random(LENGTH)

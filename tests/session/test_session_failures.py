@@ -14,8 +14,8 @@ from foretouch.identification.conditioning import Conditioner
 from foretouch.identification.contact_map import ContactMapBank
 from foretouch.identification.material_field import MaterialFieldLearner
 from foretouch.messages import Status
-from foretouch.robot import Robot, SpatialRobot, make_robot
-from foretouch.session import SessionSettings, StopFlag, live, run_follower
+from foretouch.robot import Robot, SpatialRobot, SpatialSample, make_robot
+from foretouch.session import SessionSettings, StopFlag, follower, live, run_follower
 from foretouch.session.failures import Failures
 from foretouch.session.first_touch import FirstTouch
 from foretouch.session.freshness import Freshness
@@ -63,6 +63,7 @@ class Session:
             self.robot, surface = line, line.surface
             self.place = lambda now: min(0.02 * now, surface + 0.008)
         self.force, self.largest = 0.0, 0.0
+        self.forces: list[float] = []
         exchange = self.robot.exchange
 
         def noted(desired: Any) -> Any:
@@ -70,6 +71,7 @@ class Session:
             exact = sample.exact_force
             self.force = sum(part**2 for part in exact) ** 0.5 if isinstance(exact, tuple) else exact
             self.largest = max(self.largest, self.force)
+            self.forces.append(self.force)
             return sample
 
         self.robot.exchange = noted  # type: ignore[method-assign, assignment]
@@ -91,9 +93,9 @@ class Session:
             self.patch.setattr(owner, name, made)
         return made
 
-    def run(self, seconds: float = 5.0) -> dict[str, str | int]:
+    def run(self, seconds: float = 5.0, stop: StopFlag | None = None) -> dict[str, str | int]:
         link: Any = self.link
-        options: dict[str, Any] = {"stop": StopFlag(), "say": self.said.append, "description": {}}
+        options: dict[str, Any] = {"stop": stop or StopFlag(), "say": self.said.append, "description": {}}
         return run_follower(link, self.robot, self.settings, **options, duration=seconds)
 
 
@@ -120,10 +122,9 @@ def test_an_exception_before_safety_is_counted_and_told_and_safety_goes_on(
     assert ran["ended"] == "the duration is over"
     assert session.link.telemetry[-1].sequence > 4900  # the loop went on
     assert session.largest < CEILING
-    if owner is SensorWatch:  # nobody knows what is felt: it holds its place
+    if owner is SensorWatch:
         assert session.link.telemetry[-1].status == Status.SENSOR_FAULT
-    else:
-        assert session.force < REST_FORCE + 0.1  # it ended unloaded
+    assert session.force < REST_FORCE + 0.1  # it ended unloaded
     learns = (owner, name) not in ((ContactMapBank, "update"), (Learner, "update"), (ModelSender, "due"))
     assert (broken.raised > 1) is learns  # what learns has ended, the others are tried again
     told = session.link.said[-2].values  # type: ignore[attr-defined]  # the last hello
@@ -131,6 +132,47 @@ def test_an_exception_before_safety_is_counted_and_told_and_safety_goes_on(
     assert "ZeroDivisionError raised in its " in trouble
     assert "(a plug-in failed?[2J)" in trouble
     assert ("nothing more is learnt" in trouble) is not learns
+
+
+@pytest.mark.parametrize("settings", [LINE, SCENE], ids=["line", "scene"])
+@pytest.mark.parametrize(("owner", "name"), [(SensorWatch, "update"), (follower, "tip")])
+def test_where_the_judge_of_the_sensors_raises_the_robot_goes_out_as_it_came(
+    monkeypatch: pytest.MonkeyPatch, settings: SessionSettings, owner: Any, name: str
+) -> None:
+    session = Session(monkeypatch, settings)
+    broken = session.broken(owner, name)
+    session.run()
+    assert broken.raised > 500
+    faulty = [telemetry for telemetry in session.link.telemetry if telemetry.status == Status.SENSOR_FAULT]
+    assert faulty[0].exact_force > 1.9
+    assert faulty[400].exact_force > 0.7  # for half a second it holds its place, and foam gives way
+    assert all(telemetry.exact_force == 0.0 for telemetry in faulty[1000:])
+    assert session.largest < 2.1
+    assert len(session.forces) < 6000  # and the session's end does not wait for a force that nobody can see
+
+
+@pytest.mark.parametrize("settings", [LINE, SCENE], ids=["line", "scene"])
+def test_a_session_that_ends_while_its_force_sensor_is_dead_leaves_no_robot_pressing(
+    monkeypatch: pytest.MonkeyPatch, settings: SessionSettings
+) -> None:
+    session = Session(monkeypatch, settings)
+    stop, exchange, dead = StopFlag(), session.robot.exchange, 0
+
+    def dying(desired: Any) -> Any:
+        nonlocal dead
+        sample = exchange(desired)
+        dead += 1 if dead or session.presses() else 0
+        if dead == 150:
+            stop.set("the session was ended")
+        if isinstance(sample, SpatialSample):
+            return sample._replace(force=(0.0, 0.0, 0.0)) if dead else sample
+        return sample._replace(sensor_force=0.0) if dead else sample
+
+    session.robot.exchange = dying  # type: ignore[method-assign, assignment]
+    session.run(stop=stop)
+    assert session.link.telemetry[-1].status == Status.SENSOR_FAULT
+    assert session.largest > 2.0
+    assert session.force == 0.0
 
 
 def test_where_conditioning_raises_too_the_plain_force_is_felt(monkeypatch: pytest.MonkeyPatch) -> None:

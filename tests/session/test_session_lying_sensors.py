@@ -92,6 +92,18 @@ def test_nor_does_one_that_dies_on_the_way_in(material: str, felt: float, kind: 
     assert pressing.forces[-1] < 1.0
 
 
+@pytest.mark.parametrize("kind", ["dead", "zero", "turned"])
+@pytest.mark.parametrize("material", ["bone", "kelvin-voigt", "foam"])
+def test_the_drive_bears_witness_against_one_that_was_dead_before_it_touched(material: str, kind: str) -> None:
+    pressing = Pressing(material, tells=True)
+    pressing.lie = LIES[kind]
+    pressing.go(0.0, 300)
+    pressing.go(pressing.robot.surface + 0.03, 2500)
+    assert pressing.statuses[-1] is Status.SENSOR_FAULT
+    assert max(pressing.forces) <= CEILING
+    assert pressing.forces[-1] == 0.0
+
+
 def test_a_stop_unloads_a_robot_whose_sensor_shows_nothing() -> None:
     pressing = Pressing("bone")
     inside = pressing.robot.surface + 0.03

@@ -28,17 +28,8 @@ from foretouch.identification.contact_map_prior import NOISE, elastic_prior, fea
 from foretouch.models.contact_map_kernel import cubic
 from foretouch.models.contact_map_layout import ABOVE, BELOW, COARSE, COARSENESS, FINE, LARGEST_FEATURES, LENGTHS
 
-__all__ = [
-    "MapRegression",
-    "fade",
-    "fit",
-    "forget",
-    "in_fine_reach",
-    "make_regression",
-    "regression",
-    "regression_size",
-]
-__all__ += ["whole_covariance"]
+__all__ = ["MapRegression", "fade", "fit", "forget", "in_fine_reach", "make_regression", "regression"]
+__all__ += ["regression_size", "whole_covariance"]
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]

@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from foretouch.devices import Device, SpatialDevice
 from foretouch.errors import SideError
 from foretouch.link import ASKING_PERIOD_NS, FaultStage, ZenohLink, new_press
-from foretouch.messages import PROCESS, SIDES, VERSION, Command, EmergencyStop, Message
+from foretouch.messages import PROCESS, SIDES, VERSION, Command, EmergencyStop, Message, Status
 from foretouch.robot import Robot, SpatialRobot
 from foretouch.session.contest import Contest
 from foretouch.session.counting import as_texts, follower_counts, leader_counts, link_counts
@@ -221,8 +221,10 @@ def _leave(driven: DrivenFollower, timer: LoopTimer, say: Callable[[str], None] 
 
 
 def _presses(driven: DrivenFollower) -> bool:
-    """Whether the robot feels more than next to nothing, as far as anybody knows."""
-    sample = driven.state.learner.sample
+    """Whether the robot feels more than next to nothing, or while nobody knows, is not yet out by the way it came."""
+    safety, sample = driven.state.safety, driven.state.learner.sample
+    if safety.status is Status.SENSOR_FAULT:
+        return safety.pressing
     return sample.in_contact and sample.force >= REST_FORCE
 
 

@@ -95,14 +95,12 @@ class SessionSettings:
             that is assumed of such a device.
         device_friction: Coulomb friction of the device [N].
         device_resolution: Count of its encoder [m].
-        device_delay: From reading a position until the force computed from it acts [s], at most a tick; a simulated
-            device is as late.
+        device_delay: From reading a position until its force acts [s], at most a tick; a simulated device is as late.
         device_watchdog: Time after which the device takes a force away that nobody has renewed [s]; 0 for never.
         largest_stiffness: Largest local stiffness that is rendered [N/m]; 0 for what the device carries.
         position_scale: Proxy's motion for the hand's, 0.01 to 100.
         force_scale: Hand's force for the model's, 0.01 to 100.
-        clutch: When a hand presses its clutch, in seconds since it met the follower, as ``START:END,START:END``; empty
-            for never.
+        clutch: When a hand presses its clutch [s since it met the follower], as ``START:END,START:END``; or never.
         leader_frame: ``ORIGIN,DIRECTION`` of the device: see `Frame`.
         follower_frame: ``ORIGIN,DIRECTION`` of the robot.
         first_touch: ``"guarded"``, ``"follow"``, or ``"auto"``: see `guards`.
@@ -132,8 +130,7 @@ class SessionSettings:
         camera_delay: From an image's exposure until it has been read [s].
         image_fault: Fault of the camera's images, as ``KIND:BEGIN:END`` in seconds; empty for none.
         robot: ``"simulated"``, or a robot of another package.
-        calibration: File of the calibration of the robot's force sensor (`foretouch.session.calibrated`); empty for
-            none. It is read where the robot is.
+        calibration: File of its force sensor's calibration (`foretouch.session.calibrated`), read there; or empty.
 
     Raises:
         SettingError: A value out of range.
@@ -231,7 +228,8 @@ class SessionSettings:
         if not least <= self.guarded_force <= most:
             why = f"sensor noise counts as contact up to {CONTACT_FLOOR:g} N and more"
             raise SettingError("guarded_force", self.guarded_force, f"must lie between {least:g} and {most:g} N: {why}")
-        object.__setattr__(self, "frames", (self._frame("leader_frame"), self._frame("follower_frame")))
+        frames = (Frame.from_text(name, getattr(self, name)) for name in ("leader_frame", "follower_frame"))
+        object.__setattr__(self, "frames", tuple(frames))
         object.__setattr__(self, "clutch_times", _clutch_times(self.clutch))
         if self.clutch_times and self.grip == NO_GRIP:
             grips = ", ".join(sorted(GRIPS))
@@ -321,9 +319,6 @@ class SessionSettings:
         texts = {one.name: str(getattr(self, one.name)) for one in dataclasses.fields(self) if one.init}
         return texts | {"device_damping": str(self.device.damping)}
 
-    def _frame(self, name: str) -> Frame:
-        return Frame.from_text(name, getattr(self, name))
-
     def _check_baseline(self) -> None:
         """A baseline renders no model: what is said of models would have no effect, or none that is meant."""
         if self.baseline == "none":
@@ -362,10 +357,8 @@ class SessionSettings:
                 late = f"{device.damping:g} N s/m of damping and {1e3 * device.delay:g} ms of delay at {RATE:g} Hz"
                 why = f"{late} carries at most b / (T / 2 + d)"
             else:
-                why = (
-                    f"{self.device_friction:g} N of friction and an encoder count of {self.device_resolution:g} m "
-                    f"carries at most max(2 f, {COUNT_FORCE:g} N) / count"
-                )
+                coarse = f"{device.friction:g} N of friction and an encoder count of {device.resolution:g} m"
+                why = f"{coarse} carries at most max(2 f, {COUNT_FORCE:g} N) / count"
             # In whole N/m, rounded down, so that the value we name works.
             rule = f"a device with {why} = {math.floor(carried)} N/m; 0 takes that"
             raise SettingError("largest_stiffness", self.largest_stiffness, rule)
@@ -402,7 +395,6 @@ def _clutch_times(text: str) -> tuple[tuple[float, float], ...]:
         if not all(0.0 <= earlier < later < math.inf for earlier, later in itertools.pairwise(ends)):
             raise ValueError
     except ValueError:
-        raise SettingError(
-            "clutch", text, "must be START:END,START:END in seconds, each finite and later than the one before"
-        ) from None
+        rule = "must be START:END,START:END in seconds, each finite and later than the one before"
+        raise SettingError("clutch", text, rule) from None
     return times
