@@ -66,6 +66,18 @@ def torn(settings):
     return failing(fail)
 
 
+def vanishing(settings):
+    failed = []
+
+    def fail():
+        failed.append(1)
+        if len(failed) > 1:
+            threading.Event().wait()
+        raise OSError("the drive is gone")
+
+    return failing(fail)
+
+
 def failing(fail):
     robot = make_robot("hunt-crossley", seed=1)
     move, left = robot.exchange, [1000]

@@ -21,7 +21,8 @@ HELLO_PERIOD = 0.5
 """Between two `Hello` messages [s]."""
 
 BEAT = b"\x06"
-"""Written to the standard output, for a parent process, once in every `HELLO_PERIOD` in which the loop has ticked."""
+"""Written to the standard output, for a parent process, once in every `HELLO_PERIOD` in which the loop has ticked and
+was not to end."""
 
 CLOSING = 1.0
 """The driver of a loop that hangs has so long [s] to close."""
@@ -170,7 +171,7 @@ class Housekeeper(threading.Thread):
     def _look_at_loop(self) -> None:
         """Tell the parent that the loop goes on, or end the process where it does not."""
         moved = self.loop.look()
-        if moved and self._parent is not None:
+        if moved and self._parent is not None and not self._stop_flag.reason:  # not of a robot that unloads at last
             with contextlib.suppress(OSError):  # the parent has gone
                 os.write(1, BEAT)
         stuck = self.loop.stuck
