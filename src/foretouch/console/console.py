@@ -26,7 +26,7 @@ from foretouch.console.sentences import robot_alerts, session_status, warnings
 from foretouch.console.space import SPACE_INSTRUCTION, SpaceView
 from foretouch.console.space_hold import SpaceHold
 from foretouch.console.speech import Speech
-from foretouch.console.watched import Watched
+from foretouch.console.watched import SUPERVISOR, Watched
 from foretouch.errors import MissingExtraError
 from foretouch.link import new_press
 from foretouch.messages import Message, Status, Telemetry
@@ -208,7 +208,7 @@ class Console:
 
     def _toggle_recording(self) -> None:
         if self._watched.supervised(time.monotonic()):
-            self._speech.choice(record="stop" if self._watched.settings.get("recording") else "start")
+            self._speech.choice(record="stop" if self._watched.said(SUPERVISOR, "recording") else "start")
 
     def _toggle_playing(self) -> None:
         if (playback := self._library.playback) is not None:
@@ -289,8 +289,8 @@ class Console:
         self._panel.session.show(
             {name: settings[name] for name in CHOICES if name in settings},
             offered=supervised and live and not self._stopped,
-            recording=settings.get("recording", "") if supervised else "",
-            refused=settings.get("refused", ""),
+            recording=watched.said(SUPERVISOR, "recording") if supervised else "",
+            refused=watched.said(SUPERVISOR, "refused"),
         )
         self._panel.network.offer(live)
         self._instruct(live)
