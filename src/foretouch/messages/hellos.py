@@ -25,8 +25,8 @@ ROLES = (*SPEAKERS, "simulation")
 """Who says hello on a network or in a recording."""
 
 MOST_PROCESSES, MOST_NEWS = 64, 64
-"""So many processes of each role and so many different news are remembered: who says hello without end fills nothing, and
-nobody the place of another."""
+"""So many processes of each role and so many different news are remembered: who says hello without end fills nothing,
+and takes nobody's place."""
 
 
 def split_texts(texts: Mapping[str, str]) -> tuple[dict[str, str], dict[str, int]]:
