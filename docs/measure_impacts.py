@@ -3,6 +3,7 @@
 - `impacts`: peak force where a ramp of commands drives the arm into walls, beside v sqrt(m K), and the figure of it.
 - `masses`: the same of free masses, integrated.
 - `unloading`: how soon each material is let go when the commands end.
+- `in-the-way`: peak force in a spring that is put where the arm went through the air before.
 - `sessions`: the largest force of whole sessions on every material, with every hand and over bad networks.
 
 Usage: `.venv/bin/python docs/measure_impacts.py [TABLE ...]`, without names for all; it takes about ten minutes.
@@ -169,6 +170,33 @@ def unloading() -> str:
     return "\n".join(lines) + "\n"
 
 
+def met(stiffness: float, limit: float) -> float:
+    """Largest force in a spring that stands where the arm has gone through the air five times before [N]."""
+    law = KelvinVoigt(stiffness=stiffness, damping=1e-3)
+    far, here, inside = 2.0 * START, START, 1.8 * START
+    guarded = Guarded(
+        make_robot(Material("s", "a spring", "this", law, press_depth=5e-3, surface=far), seed=1, force_limit=limit)
+    )
+    for _ in range(5):
+        air = [guarded.tick(place) for place in [inside] * 2500 + [0.0] * 500]
+        assert max(air) == 0.0
+    guarded.arm.surface = here
+    return max(guarded.tick(inside) for _ in range(400))
+
+
+def in_the_way() -> str:
+    """Table of springs that nobody expected where the air was free."""
+    lines = [
+        "| Spring [kN/m] | v sqrt(m K) [N] | Drive clipped at 15 N [N] | Not clipped [N] |",
+        "| --: | --: | --: | --: |",
+    ]
+    for stiffness in STIFFNESSES:
+        formula = SafetyLimits().speed * math.sqrt(SafetyLimits().mass * stiffness)
+        forces = " | ".join(f"{met(stiffness, limit):.0f}" for limit in (CEILING, NO_LIMIT))
+        lines.append(f"| {stiffness / 1e3:g} | {formula:.0f} | {forces} |")
+    return "\n".join(lines) + "\n"
+
+
 def largest(material: str, grip: str, network: str, first_touch: str) -> float:
     """Largest contact force of a session [N]; the arm's drive is not clipped."""
     settings = SessionSettings(material=material, grip=grip, first_touch=first_touch, **NETWORKS[network])  # type: ignore[arg-type]
@@ -198,6 +226,7 @@ TABLES: dict[str, Callable[[], str]] = {
     "impacts": impacts,
     "masses": masses,
     "unloading": unloading,
+    "in-the-way": in_the_way,
     "sessions": sessions,
 }
 

@@ -81,6 +81,7 @@ _OF_PAGES: dict[str, dict[str, tuple[str, ...]]] = {
     "docs/rooms/identification.md": {"sensor-faults": ("measure_sensor_faults:sensor_faults",)},
     "docs/rooms/vision.md": {"vision": ("measure_vision:main",)},
     "docs/safety.md": {name: (f"measure_impacts:{name}",) for name in ("masses", "impacts", "sessions", "unloading")}
+    | {"in-the-way": ("measure_impacts:in_the_way",)}
     | {"lying-sensors": ("measure_sensor_faults:lying_sensors",)}
     | {"blind-sensors": ("measure_sensor_faults:blind_sensors",)},
     "docs/scale.md": {

@@ -21,7 +21,7 @@ from typer.main import get_command
 from typer.testing import CliRunner
 
 import foretouch
-from foretouch.cli import INTERRUPTED
+from foretouch.cli import INTERRUPTED, main
 from foretouch.cli.app import app
 from foretouch.cli.exit_codes import EXIT_CODES
 
@@ -181,13 +181,20 @@ def test_codes_are_as_listed(arguments: tuple[str, ...], code: int) -> None:
         (("reproduce", "--only", "nonsense"), "choose one of"),
     ],
 )
-def test_errors_say_what_to_do_in_few_lines_and_no_traceback(arguments: tuple[str, ...], what_to_do: str) -> None:
-    done = foretouch_command(*arguments)
-    assert done.returncode == 2
-    assert done.stdout == ""
-    assert what_to_do in done.stderr
-    assert "Traceback" not in done.stderr
-    assert len(done.stderr.strip().splitlines()) <= 4
+def test_errors_say_what_to_do_in_few_lines_and_no_traceback(
+    arguments: tuple[str, ...], what_to_do: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("foretouch.session.give_way", lambda: None)  # this process is the tests' own
+    monkeypatch.setattr("foretouch.cli.POOLS", ())
+    monkeypatch.setattr(sys, "argv", ["foretouch", *arguments])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    said = capsys.readouterr()
+    assert ended.value.code == 2
+    assert said.out == ""
+    assert what_to_do in said.err
+    assert "Traceback" not in said.err
+    assert len(said.err.strip().splitlines()) <= 4
 
 
 def test_json_is_the_whole_output(tmp_path: Path) -> None:

@@ -59,7 +59,7 @@ def session():
             spread = tuple(odd(tick, 36)) if found else ()
             reason = "" if found else "no board: ü"
             yield CameraImage(VERSION, tick // 30, now, tick, picture(tick), found, spread, 4, reason, (1.0,) * 15), now
-            told = (*pose[:5], 0.0), (1e-4,) * 6, float("inf"), tick, 2, 1, "seen"
+            told = (*pose[:5], 0.0), (1e-8,) * 36, float("inf"), tick, 2, 1, "seen"
             yield FixtureBelief(VERSION, tick // 30, now, *told), now
             yield FieldUpdate(VERSION, tick // 30, now, field.to_bytes(), 3), now
 

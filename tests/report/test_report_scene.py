@@ -95,7 +95,7 @@ def test_what_the_tracker_counted_is_told_and_a_real_robot_has_no_truth() -> Non
     log = make_scene_session()
     put(log.follower_space, "exact", (np.nan,) * 6)
     log.follower["exact_force"] = np.nan
-    belief = FixtureBelief(1, 9, 0, NOMINAL, (1e-4,) * 6, 0.1, 70, 5, 2, "")
+    belief = FixtureBelief(1, 9, 0, NOMINAL, tuple((1e-8 * np.eye(6)).ravel().tolist()), 0.1, 70, 5, 2, "")
     scene = scene_of(dataclasses.replace(log, beliefs=(belief,)))
     assert (scene["pose"]["images_used"], scene["pose"]["contacts_used"], scene["pose"]["refused"]) == (70, 5, 2)
     assert scene["pose"]["place_mm"]["median"] is None

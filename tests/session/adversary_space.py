@@ -1,5 +1,7 @@
 """The enemy of `adversary` in space: places, edges, circles and strikes, with and without a camera on the fixture.
 
+Without a camera the fixture's pose is known by touch alone, from the tracker of real sessions, or there is no tracker.
+
 A programme's five first numbers are the scene's own: first touch, drive, camera, seed, and one that is free.
 """
 
@@ -11,19 +13,23 @@ import random
 import numpy as np
 from adversary import CEILING, GENES, HEADER, MS, Programme, pick
 
-from foretouch.messages import VERSION, Command, FixtureBelief
+from foretouch.messages import VERSION, Command, FixtureBelief, FollowerSpace
 from foretouch.session import SessionSettings
-from foretouch.session.spatial import follower, make_scene, make_spatial_robot
+from foretouch.session.spatial import follower, make_scene, make_spatial_robot, tracker
+from foretouch.session.spatial.scenes import KnownSurface
 
 PARTS = 5
 LENGTH = HEADER + GENES * PARTS
-CAMERAS = ("none", "none", "good", "poor")
+CAMERAS = ("none", "touch", "touch", "good", "poor")
 DEVIATIONS = {"good": (3e-4, 3e-3), "poor": (2e-3, 2e-2)}
 """Of what a camera says of the fixture's place [m] and turn [rad]."""
-CAMERA_TICKS = 33
+CAMERA_TICKS, TRACKER_TICKS = 33, 5
 HEIGHTS = (0.03, 0.005, 0.0, -0.001, -0.003, -0.01, -0.03, -0.05)
 REACH = 0.06
 """Programmes stay so near to the middle of the scene [m]: over its edges, and beside it."""
+
+LONGEST_TOUCH, TOUCH_WAY, TOUCH_TICKS, TOUCH_DEPTH = 6000, 0.1, 400, 2.5e-3
+"""A touch goes down for so many ticks at most, as if by so much [m], and then for so many to so deep [m]."""
 
 Place = tuple[float, float, float]
 
@@ -46,10 +52,12 @@ class SpaceAttack:
         self.robot = make_spatial_robot(settings, made, force_limit=pick(drive, (CEILING, 1000.0)))
         self.camera = str(pick(camera, CAMERAS))
         self.following = follower.start(self.robot.specification, settings, made.surface, made.nominal)
+        self.tracking = tracker.start(KnownSurface(made.surface), made.nominal, "contact")
+        self.spaces: list[FollowerSpace] = []
         self.sample = self.robot.read()
         self.place: Place = self.sample.place
         self.felt_at: Place = (0.0, 0.0, 0.0)
-        self.now = self.sequence = self.beliefs = 0
+        self.now = self.sequence = self.beliefs = self.touches = 0
         self.was_touching = False
         self.forces: list[float] = []
 
@@ -65,13 +73,17 @@ class SpaceAttack:
         self.following, said_back = follower.step(self.following, inputs, self.now)
         touches = said_back.telemetry.in_contact
         if touches and not self.was_touching:
+            self.touches += 1
             self.felt_at = self.sample.place
-        self.was_touching, self.felt = touches, said_back.telemetry.force
+        self.was_touching = touches
+        self.spaces.append(said_back.space)
         self.sample = self.robot.exchange(said_back.desired)
         self.forces.append(math.hypot(*self.sample.exact_force))
 
     def seen(self) -> list[FixtureBelief]:
-        """What a tracker says now: the fixture's true pose, and its error."""
+        """What a tracker says now: of touches, or from images the fixture's true pose, and its error."""
+        if self.camera == "touch":
+            return self.touched()
         if self.camera == "none" or (self.now // MS) % CAMERA_TICKS or len(self.sample.fixture) != 6:
             return []
         self.beliefs += 1
@@ -80,15 +92,50 @@ class SpaceAttack:
             number + self.numbers.gauss(0.0, size) for number, size in zip(self.sample.fixture, deviation, strict=True)
         )
         counts = (0.0, self.beliefs, 0, 0)
-        said = FixtureBelief(VERSION, self.beliefs, self.now, pose, tuple(deviation), *counts, "seen", run=1)
+        said = FixtureBelief(
+            VERSION,
+            self.beliefs,
+            self.now,
+            pose,
+            tuple(np.diag(np.square(deviation)).ravel().tolist()),
+            *counts,
+            "seen",
+            run=1,
+        )
         return [said]
+
+    def touched(self) -> list[FixtureBelief]:
+        """What the tracker has made of the follower's ticks, every 5 of them."""
+        if (self.now // MS) % TRACKER_TICKS:
+            return []
+        belief = tracker.step(self.tracking, self.spaces, [], self.now - MS)
+        self.spaces = []
+        return [] if belief is None else [belief]
 
     def act(self, genes: Programme) -> None:
         """One part of the programme."""
         kind, x, y, height, how = genes
         target = (REACH * (2 * x - 1), REACH * (2 * y - 1), float(pick(height, HEIGHTS)))
-        kinds = (self.step, self.glide, self.glide, self.circle, self.dither, self.strike, self.strike, self.silence)
+        kinds = (
+            self.step, self.glide, self.glide, self.circle, self.dither, self.strike, self.strike, self.silence,
+            self.touch, self.touch,
+        )  # fmt: skip
         pick(kind, kinds)(target, how)  # type: ignore[operator]
+
+    def touch(self, target: Place, how: float) -> None:
+        """Down from over where the surface was felt, until it is felt, a little in, and up: so the fixture is found."""
+        x, y, _ = target
+        high, before = self.felt_at[2] + 0.003 + 0.01 * how, self.touches
+        if before:
+            self.glide((x, y, high), 0.5)
+        for _ in range(LONGEST_TOUCH):
+            self.tick((x, y, high - TOUCH_WAY))
+            if self.touches > before:
+                break
+        for _ in range(TOUCH_TICKS):
+            self.tick((x, y, self.felt_at[2] - TOUCH_DEPTH))
+        for _ in range(100):
+            self.tick((x, y, high))
 
     def step(self, target: Place, how: float) -> None:
         for _ in range(100 + int(400 * how)):

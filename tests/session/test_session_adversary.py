@@ -1,6 +1,7 @@
 """Nothing that a leader says gets the force over its ceiling: an enemy searches for it, with the telemetry in hand.
 
-`make test-long` tries 5,000 programmes on each material, with the arm's own drive clipped at 15 N and not at all.
+`make test-long` tries 5,000 programmes on each material along a line, and 600 in each of four scenes; with the drive of
+the arm clipped at 15 N and not at all.
 """
 
 from __future__ import annotations
@@ -9,11 +10,13 @@ import numpy as np
 import pytest
 from adversary import CEILING, HEADER, LENGTH, Attack, largest_force, search
 from adversary_space import LENGTH as SPACE_LENGTH
-from adversary_space import SpaceAttack, largest_force_in_space
+from adversary_space import REACH, SpaceAttack, largest_force_in_space
 
 from foretouch.robot import MATERIALS
 
 THOUSANDS = 5000
+HUNDREDS = 600
+"""Programmes in space, whose ticks cost four times as much, and which last longer."""
 
 
 @pytest.mark.parametrize(("material", "tries"), [("bone", 25), ("kelvin-voigt", 35)])
@@ -97,9 +100,9 @@ def test_a_short_search_in_space_finds_nothing(scene: str, material: str) -> Non
 
 @pytest.mark.long
 @pytest.mark.parametrize(("scene", "material"), IN_SPACE)
-def test_a_search_of_thousands_in_space_finds_nothing(scene: str, material: str) -> None:
-    """With and without a camera that sees the fixture, well or poorly; some twenty-five minutes for each."""
-    found = search(lambda programme: largest_force_in_space(scene, material, programme), THOUSANDS, SPACE_LENGTH)
+def test_a_search_of_hundreds_in_space_finds_nothing(scene: str, material: str) -> None:
+    """With and without a camera that sees the fixture, well or poorly; some twelve minutes for each."""
+    found = search(lambda programme: largest_force_in_space(scene, material, programme), HUNDREDS, SPACE_LENGTH)
     assert found.over == 0, found
 
 
@@ -111,4 +114,23 @@ def test_a_hand_that_goes_under_the_surface_and_sideways_is_followed_softly(scen
         attack.step((0.0, 0.0, -0.05), 1.0)
     for target in ((0.05, 0.0, -0.05), (-0.05, 0.03, -0.04), (0.0, 0.0, 0.03)):
         attack.glide(target, 0.8)
+    assert 2.0 < max(attack.forces) <= CEILING
+
+
+BESIDE = [
+    ((0.3322, 0.9471, 0.3, 0.4974, 0.2519), (0.162, 0.113, 0.807, 0.419)),
+    pytest.param((0.1549, 0.6323, 0.2029, 0.6122, 0.9612), (0.1349, 0.4394, 0.7632, 0.1504), marks=pytest.mark.long),
+    pytest.param((0.1117, 0.3013, 0.1432, 0.3855, 0.7868), (0.831, 0.5, 0.048, 0.742), marks=pytest.mark.long),
+]
+"""Sessions, and where they go down beside the edge as it is believed to be: what a search has found."""
+
+
+@pytest.mark.parametrize(("header", "genes"), BESIDE)
+def test_a_probe_that_goes_down_beside_the_believed_edge_meets_the_true_surface_softly(
+    header: tuple[float, ...], genes: tuple[float, float, float, float]
+) -> None:
+    """There the believed normal is another than the true one, and out of the believed surface may be into the true."""
+    attack = SpaceAttack("hill", "kelvin-voigt", np.array(header))
+    x, y, height, how = genes
+    attack.touch((REACH * (2 * x - 1), REACH * (2 * y - 1), height), how)
     assert 2.0 < max(attack.forces) <= CEILING

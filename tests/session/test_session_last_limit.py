@@ -173,7 +173,8 @@ class Driven:
 
     def belief(self, pose: tuple[float, ...], deviation: float) -> FixtureBelief:
         self.beliefs += 1
-        return FixtureBelief(VERSION, self.beliefs, 0, pose, (deviation,) * 6, 0.1, 1, 0, 0, "", 1)
+        covariance = tuple((deviation**2 * np.eye(6)).ravel().tolist())
+        return FixtureBelief(VERSION, self.beliefs, 0, pose, covariance, 0.1, 1, 0, 0, "", 1)
 
     def go(self, place: Vector | None, *, blind: str = "", beliefs: list[FixtureBelief] | None = None, **asked: Any):
         """One tick; without a place it is a silent one."""

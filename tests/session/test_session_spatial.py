@@ -43,6 +43,8 @@ from foretouch.session.spatial.scenes import NOMINAL, KnownSurface
 
 MS = 1_000_000
 BUMP = 11.5
+SPREAD = tuple((1e-6 * np.eye(6)).ravel().tolist())
+"""Covariance of a pose that is known within 1 mm and 1 mrad."""
 
 
 def draws() -> bool:
@@ -400,9 +402,7 @@ def test_beliefs_that_are_late_or_of_another_process_are_left_out() -> None:
     bench = Bench(floor)
 
     def believe(sequence: int, z: float, run: int = 1, epoch: int = 1) -> float:
-        belief = FixtureBelief(
-            VERSION, sequence, 0, (0.0, 0.0, z, 0.0, 0.0, 0.0), (1e-3,) * 6, 0.1, 1, 0, 0, "", run, epoch
-        )
+        belief = FixtureBelief(VERSION, sequence, 0, (0.0, 0.0, z, 0.0, 0.0, 0.0), SPREAD, 0.1, 1, 0, 0, "", run, epoch)
         bench.tick += 1
         follower.step(bench.state, follower.Inputs([], bench.sample, MS, 0, [belief]), bench.tick * MS)
         return bench.state.line.pose[2]
@@ -597,7 +597,7 @@ def test_a_stream_that_stands_still_is_noticed() -> None:
 def test_a_tracker_that_says_no_more_lets_the_pose_age() -> None:
     bench = Bench(floor)
     state = bench.state
-    belief = FixtureBelief(VERSION, 1, 0, HERE, (1e-3,) * 6, 0.1, 1, 0, 0, "", 1)
+    belief = FixtureBelief(VERSION, 1, 0, HERE, SPREAD, 0.1, 1, 0, 0, "", 1)
     ages = []
     for tick in range(1, 1000):
         command = Command(VERSION, tick, tick * MS, 0.0, 0, holder="test", epoch=1, place=(0.0, 0.0, 0.01))

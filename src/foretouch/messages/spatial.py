@@ -207,7 +207,7 @@ class FixtureBelief(Message, frozen=True, array_like=True, gc=False):
 
     Attributes:
         pose: Of the fixture in the world, a place [m] and a rotation vector [rad].
-        deviation: Standard deviation of each, of the error on the pose's right [m, rad].
+        covariance: Of its error on the right (`foretouch.quantities.Pose`) [m, rad], 36 numbers, row by row.
         image_age: Since an image showed it [s]; infinite before the first.
         images: That were used so far.
         contacts: That were used so far.
@@ -218,7 +218,7 @@ class FixtureBelief(Message, frozen=True, array_like=True, gc=False):
     """
 
     pose: Pose
-    deviation: Pose
+    covariance: Covariance
     image_age: float
     images: Count
     contacts: Count
@@ -226,3 +226,10 @@ class FixtureBelief(Message, frozen=True, array_like=True, gc=False):
     reason: Text
     run: Count = 0
     epoch: Count = 1
+
+    @property
+    def deviation(self) -> tuple[float, ...]:
+        """Standard deviation of each number of the pose [m, rad]; empty where no whole covariance was told."""
+        if len(self.covariance) != POSE_NUMBERS**2:
+            return ()
+        return tuple(math.sqrt(max(number, 0.0)) for number in self.covariance[:: POSE_NUMBERS + 1])

@@ -14,9 +14,9 @@ from types import FrameType
 from foretouch.errors import one_line
 from foretouch.link import ZenohLink
 from foretouch.messages import SIDES, VERSION, Hello, Stop
-from foretouch.session.hanging import LoopWatch
+from foretouch.session.hanging import HANGS_AFTER, LoopWatch
 
-__all__ = ["BEAT", "ORPHANED", "Housekeeper", "StopFlag", "orphaned"]
+__all__ = ["BEAT", "GIVING_UP", "HELLO_PERIOD", "LEAVING", "ORPHANED", "Housekeeper", "StopFlag", "orphaned"]
 
 HELLO_PERIOD = 0.5
 """Between two `Hello` messages [s]."""
@@ -29,6 +29,13 @@ CLOSING = 1.0
 
 LONGEST_REASON = 400
 """Characters of the reason in a `Stop`: a message takes no longer text."""
+
+LEAVING = 3.0
+"""A robot that a session leaves in contact may unload for so long [s]."""
+
+GIVING_UP = HANGS_AFTER + HELLO_PERIOD + CLOSING + HELLO_PERIOD
+"""A process whose loop hangs has ended after so long [s]: it notices it at one of its looks, lets the driver close, and
+waits until its last word is on its way."""
 
 ORPHANED = "the parent process has gone"
 """Reason to stop when `orphaned`."""

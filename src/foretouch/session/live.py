@@ -16,7 +16,7 @@ from foretouch.robot import Robot, SpatialRobot
 from foretouch.session.contest import Contest
 from foretouch.session.counting import as_texts, follower_counts, leader_counts, link_counts
 from foretouch.session.driven import DrivenFollower, drive_follower, drive_leader
-from foretouch.session.housekeeping import ORPHANED, Housekeeper, StopFlag, orphaned
+from foretouch.session.housekeeping import LEAVING, ORPHANED, Housekeeper, StopFlag, orphaned
 from foretouch.session.lease import own_epoch
 from foretouch.session.loop_timer import LoopTimer, let_pass, steady
 from foretouch.session.news import all_of, follower_news, follower_says, leader_news
@@ -54,9 +54,6 @@ MOST_PRESSES = 1024
 
 ANSWERS = 1000
 """An emergency stop is asked for until so many ticks of the follower have been heard, and the newest says it."""
-
-LEAVING = 3.0
-"""A robot that a session leaves in contact may unload for so long [s]."""
 
 RECORDER_PATIENCE = 10.0
 """A leader that was told to wait for a recorder waits at most so long [s]."""

@@ -3,18 +3,11 @@
 from foretouch.vision.board import DICTIONARIES, Board, make_board_image
 from foretouch.vision.board_pose import BoardDetector, BoardPose, projection_derivative
 from foretouch.vision.camera import CameraModel
-from foretouch.vision.fusion import (
-    ContactSeen,
-    Fixture,
-    FixtureFilter,
-    FixtureState,
-    FusionSettings,
-    ImageSeen,
-    TouchedSurface,
-    Verdict,
-)
+from foretouch.vision.fusion import FixtureFilter, FixtureState, FusionSettings, Verdict
 from foretouch.vision.image_faults import IMAGE_FAULTS, FaultyCamera, ImageFault
 from foretouch.vision.lens import Lens
+from foretouch.vision.seen import ContactSeen, ImageSeen
+from foretouch.vision.touched_surface import Fixture, TouchedSurface
 
 __all__ = [
     "DICTIONARIES",

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import bisect
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum
-from typing import Protocol, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from foretouch.errors import SettingError
-from foretouch.quantities.pose import Pose, cross_matrix
+from foretouch.quantities.pose import Pose
+from foretouch.vision.seen import ContactSeen, ImageSeen, Seen, is_finite
+from foretouch.vision.touched_surface import Fixture, TouchedSurface, bend, height_derivative
 
 __all__ = [
     "ContactSeen",
@@ -37,47 +37,6 @@ class Verdict(Enum):
     REOPENED = "the fixture was moved: several agree on another pose, and the filter has opened for it"
     NOT_FINITE = "refused: it is not finite, or its covariance is none"
     TOO_LATE = "refused: it is older than the history that is kept"
-
-
-class TouchedSurface(Protocol):
-    """What the filter has to know of the surface that is touched, in the fixture's own frame."""
-
-    def height(self, point: Array) -> tuple[float, Array]:
-        """Height of a point above the surface [m], negative inside, and the outward normal there, (3,)."""
-
-    def holds(self, point: Array) -> bool:
-        """Whether a touch there can be one of this surface."""
-
-
-@dataclass(frozen=True, slots=True)
-class Fixture:
-    """A flat surface that is touched, in the fixture's own frame.
-
-    Attributes:
-        normal: Outward, of length 1.
-        offset: Of the surface from the origin along the normal [m].
-        radius: Contacts farther from the origin, along the surface, are no contacts of it [m].
-    """
-
-    normal: tuple[float, float, float] = (0.0, 0.0, 1.0)
-    offset: float = 0.0
-    radius: float = 0.1
-
-    def __post_init__(self) -> None:
-        if not abs(math.hypot(*self.normal) - 1.0) < 1e-6:
-            raise SettingError("normal", self.normal, "must have length 1")
-        if not (math.isfinite(self.offset) and 0.0 < self.radius < math.inf):
-            raise SettingError("radius", self.radius, "must be finite and above 0, and the offset finite")
-
-    def height(self, point: Array) -> tuple[float, Array]:
-        """See `TouchedSurface`: n . q - offset, and n."""
-        normal = np.asarray(self.normal)
-        return float(normal @ point) - self.offset, normal
-
-    def holds(self, point: Array) -> bool:
-        """See `TouchedSurface`: within the radius, along the surface."""
-        normal = np.asarray(self.normal)
-        return float(np.linalg.norm(point - (normal @ point) * normal)) <= self.radius
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,39 +86,6 @@ class FusionSettings:
                 raise SettingError(name, value, "must be finite and above 0")
         if self.gate >= 1.0:
             raise SettingError("gate", self.gate, "must be below 1")
-
-
-@dataclass(frozen=True, slots=True)
-class ImageSeen:
-    """The fixture's pose as one image gives it.
-
-    Attributes:
-        time: Of the exposure [s].
-        pose: Of the fixture in the world.
-        covariance: Of its error on the right, (6, 6).
-    """
-
-    time: float
-    pose: Pose
-    covariance: Array
-
-
-@dataclass(frozen=True, slots=True)
-class ContactSeen:
-    """A point of the surface that the probe has just touched.
-
-    Attributes:
-        time: Of the first contact [s].
-        point: Of the surface, in the world [m].
-        deviation: Standard deviation along the normal [m].
-    """
-
-    time: float
-    point: tuple[float, float, float]
-    deviation: float
-
-
-Seen: TypeAlias = ImageSeen | ContactSeen
 
 
 @dataclass(frozen=True, slots=True)
@@ -224,10 +150,10 @@ class FixtureFilter:
     r"""An error-state Kalman filter for a fixture that stands still until somebody bumps it.
 
     The error of the pose and the error that all images share are one state of 12: an image gives
-    r = log(T^-1 Z) - b = delta + b' + noise, a contact the height of q = T^-1 p, whose derivative is (-n, n x q). What
-    all images share keeps their average from being believed too far; contacts take it away along the normal. The update
-    has Joseph's form. A measurement that comes late takes its place in time, and what came after it is worked through
-    again: the order of arrival makes no difference.
+    r = log(T^-1 Z) - b = delta + b' + noise, a contact the height of q = T^-1 p, whose derivative is (-n, n x q), with
+    more noise where the surface is not flat (`bend`). What all images share keeps their average from being believed too
+    far; contacts take it away along the normal. The update has Joseph's form. A measurement that comes late takes its
+    place in time, and what came after it is worked through again: the order of arrival makes no difference.
 
     Args:
         fixture: The surface in its own frame.
@@ -281,7 +207,7 @@ class FixtureFilter:
         Returns:
             What became of it; `state` has what is known now.
         """
-        if not _finite(seen):
+        if not is_finite(seen):
             return Verdict.NOT_FINITE
         newest = self._times[-1] if self._times else self._start.time
         if seen.time < max(self._start.time, newest - self.settings.history):
@@ -347,9 +273,9 @@ class FixtureFilter:
             return innovation, np.hstack([np.eye(6), np.eye(6)]), seen.covariance
         point = state.pose.inverse().apply(seen.point)
         height, normal = self.fixture.height(point)
-        derivative = np.concatenate([-normal, cross_matrix(normal) @ point, np.zeros(6)])[None, :]
-        innovation = np.array([-height])
-        return innovation, derivative, np.array([[seen.deviation**2]])
+        derivative = np.concatenate([height_derivative(normal, point), np.zeros(6)])[None, :]
+        noise = seen.deviation**2 + bend(self.fixture, point, state.pose_covariance)
+        return np.array([-height]), derivative, np.array([[noise]])
 
     def _fits(self, state: FixtureState, seen: Seen) -> bool:
         innovation, derivative, noise = self._innovation(state, seen)
@@ -397,18 +323,3 @@ class FixtureFilter:
             if self._fits(state, seen):
                 state = self._correct(state, seen)
         return state
-
-
-def _finite(seen: Seen) -> bool:
-    if not math.isfinite(seen.time):
-        return False
-    if isinstance(seen, ContactSeen):
-        return _all_finite(seen.point) and math.isfinite(seen.deviation) and seen.deviation > 0.0
-    covariance = seen.covariance
-    if covariance.shape != (6, 6) or not np.isfinite(covariance).all():
-        return False
-    return bool(np.abs(covariance - covariance.T).max() < 1e-9 and np.linalg.eigvalsh(covariance)[0] > 0.0)
-
-
-def _all_finite(values: Sequence[float]) -> bool:
-    return len(values) == 3 and all(math.isfinite(value) for value in values)

@@ -67,6 +67,10 @@ class Plane(Surface):
         corners = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)]) * (0.5 * self.size)
         return np.array(self.origin) + corners @ np.array([along, across]), np.array([(0, 1, 2), (0, 2, 3)])
 
+    def relief(self) -> tuple[float, float]:
+        """None; see `Surface.relief`."""
+        return 0.0, 0.0
+
 
 def _three(name: str, values: Sequence[float]) -> Point:
     numbers = tuple(float(value) for value in values)

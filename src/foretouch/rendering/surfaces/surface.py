@@ -84,6 +84,20 @@ class Surface(ABC):
         x, y, z = (mean / length).tolist() if length > FACES_ALL_WAYS else (0.0, 0.0, 0.0)
         return x, y, z
 
+    def relief(self) -> tuple[float, float]:
+        """Sine of the largest angle between its normal and `facing`, and how far it reaches along that [m].
+
+        A plane has 0 and 0. One that turns by a right angle or more has 1; so has one that faces all ways, and the
+        diagonal of what it fills.
+        """
+        vertices, triangles = self.outline()
+        corners, mean = vertices[triangles], np.array(self.facing())
+        normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        if not mean.any() or (normals @ mean <= 0.0).any():
+            return 1.0, float(np.linalg.norm(np.ptp(vertices, axis=0)))
+        sines = np.linalg.norm(np.cross(normals, mean), axis=1) / np.linalg.norm(normals, axis=1)
+        return float(sines.max()), float(np.ptp(vertices @ mean))
+
     def contact(self, place: Sequence[float]) -> SurfaceContact:
         """Contact of a probe that has no history: with the nearest point of the surface.
 

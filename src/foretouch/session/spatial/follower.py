@@ -30,10 +30,12 @@ from foretouch.session import follower
 from foretouch.session.playout import Playout
 from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
 from foretouch.session.spatial.course import Course, Way
+from foretouch.session.spatial.felt_surface import FeltSurface
+from foretouch.session.spatial.field_sender import FieldSender
 from foretouch.session.spatial.last_limit import LastLimit
 from foretouch.session.spatial.line import Footing, SurfaceLine
 from foretouch.session.spatial.rubbing import Rubbed
-from foretouch.session.spatial.way_in import WayIn
+from foretouch.session.spatial.way_in import MISSED, MISSED_TICKS, WayIn
 
 __all__ = ["Inputs", "Outputs", "State", "start", "step"]
 
@@ -53,21 +55,6 @@ SLIDING = 0.01
 """Slower than this nobody knows in which direction it slides [m/s]: the encoders' noise turns it, and friction seems to
 be less."""
 
-MISSED, MISSED_TICKS = 1e-3, 50
-"""Nothing felt so deep below a surface [m] for so many ticks: it is deeper."""
-
-LATEST = 2e-3
-"""A contact that would have been noticed later than this depth tells no surface [m]."""
-
-FELT_WAY, TOUCH_EXPONENT = 1e-3, 1.15
-"""The surface is known from how the force grows over this way [m], with this exponent of depth."""
-
-FIELD_PERIOD_NS = 100_000_000
-"""Between two fields of materials, at least [ns]."""
-
-FIELD_RATE = 30e3
-"""Fields take so many bytes a second at most."""
-
 NAN3 = (math.nan, math.nan, math.nan)
 POSE_NUMBERS = 6
 
@@ -81,6 +68,8 @@ class State:
         line: Of the probe.
         course: Goes towards the commands.
         last: Stands before the robot.
+        way_in: What is known of it.
+        fields: Sends them.
         approach_speed: Along a surface whose first touch is guarded [m/s].
         largest_speed: Of the robot [m/s].
         friction: Learns it.
@@ -94,22 +83,16 @@ class State:
         believed_ns: Clock when that came: whoever tells no more lets it age [ns].
         deviation: Of the newest belief.
         contacts_believed: Touches that the newest belief is made of.
-        onset: Force at which this contact began [N], and the position along the normal then [m].
-        told: Whether it has been told.
-        way_in: What is known of it.
-        contact_ticks: Since this contact began.
-        touch: Where the newest contact began [m].
-        touch_tick: And when.
+        touch: Where the newest contact began.
         point: Of the surface, in the fixture, in the tick before [m].
-        field_ns: Clock when the newest field was sent.
-        field_updates: Updates of the learner that it had.
-        fields: Sent so far.
     """
 
     inner: follower.State
     line: SurfaceLine
     course: Course
     last: LastLimit
+    way_in: WayIn
+    fields: FieldSender
     approach_speed: float
     largest_speed: float
     friction: FrictionEstimator = field(default_factory=FrictionEstimator)
@@ -123,16 +106,8 @@ class State:
     belief_said: tuple[int, int] = (0, 0)
     deviation: tuple[float, ...] = ()
     contacts_believed: int = 0
-    onset: tuple[float, float] = (0.0, 0.0)
-    told: bool = False
-    way_in: WayIn = field(default_factory=WayIn)
-    contact_ticks: int = 0
-    touch: Vector = NAN3
-    touch_tick: int = 0
+    touch: FeltSurface = field(default_factory=FeltSurface)
     point: Vector = NAN3
-    field_ns: int = 0
-    field_updates: int = 0
-    fields: int = 0
 
 
 class Inputs(NamedTuple):
@@ -202,7 +177,8 @@ def start(
     course = Course(gone, ceiling, speed, settings.return_speed, SAMPLE_PERIOD)
     inner.playout = Playout(course.go)
     last = LastLimit(inner.safety, told, ceiling, speed, SAMPLE_PERIOD)
-    return State(inner, probe, course, last, settings.approach_speed, speed)
+    way_in, fields = WayIn(surface), FieldSender(inner.run)
+    return State(inner, probe, course, last, way_in, fields, settings.approach_speed, speed)
 
 
 def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
@@ -256,7 +232,7 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
     )
     _, allowed = follower.step(inner, told, now_ns)
     model, materials = _learn_in_space(state, footing, sample, sideways, allowed.model, now_ns)
-    desired, desired_along = state.last.update(course, allowed.desired_position)
+    desired, desired_along = state.last.update(course, allowed.desired_position, free=footing.along < inner.free)
     space = _space(state, sample, footing, force, desired, now_ns)
     telemetry = msgspec.structs.replace(allowed.telemetry, desired_position=desired_along)
     return state, Outputs(desired, telemetry, model, space, materials)
@@ -292,7 +268,7 @@ def _believe(state: State, belief: FixtureBelief, now_ns: int) -> None:
             state.inner.learner.conditioner.shift(state.line.offset - before)
         state.course.line.believe(belief.pose)
         state.last.believe(belief.pose, state.line.offset)
-    state.way_in.believe(belief.deviation)
+    state.way_in.believe(belief)
     state.age, state.deviation, state.contacts_believed = belief.image_age, belief.deviation, belief.contacts
 
 
@@ -327,7 +303,9 @@ def _learn_in_space(
         return None, None
     try:
         _learn_beside_the_law(state, footing, sample, sideways)
-        return None if model is None else _with_fixture(state, model, now_ns), _field_due(state, now_ns)
+        return None if model is None else _with_fixture(state, model, now_ns), state.fields.due(
+            state.inner.learner.estimator, now_ns
+        )
     except Exception as error:
         failures.stop_learning("its learning in space", error)
         return None, None
@@ -339,9 +317,8 @@ def _learn_beside_the_law(state: State, footing: Footing, sample: SpatialSample,
     learnt_from, moved = inner.learner.sample, subtract(point, state.point)
     state.point = point
     if not learnt_from.in_contact:
-        if state.contact_ticks:
+        if state.touch.leave():
             inner.learner.conditioner.doubt_surface()
-        state.contact_ticks = 0
         state.free_ticks += 1
         _miss_surface(state)
         still = not norm(subtract(sample.force, state.bias)) > QUIET or state.bias_ticks < SETTLING
@@ -350,13 +327,13 @@ def _learn_beside_the_law(state: State, footing: Footing, sample: SpatialSample,
             rate = max(1.0 / state.bias_ticks, BIAS_RATE)
             state.bias = add(state.bias, scaled(subtract(sample.force, state.bias), rate))
         return
-    state.contact_ticks, state.free_ticks = state.contact_ticks + 1, -AFTER_CONTACT
+    state.free_ticks = -AFTER_CONTACT
     if math.isfinite(moved[0] + sideways[0] + sideways[1] + sideways[2]):
         rubbed = state.rubbed
         rubbed.update(learnt_from.force, sideways, state.line.motion.rotate(scaled(moved, 1.0 / SAMPLE_PERIOD)))
         if norm(rubbed.sliding) > SLIDING:
             state.friction.update(rubbed.pressed, rubbed.sideways, rubbed.sliding, SAMPLE_PERIOD)
-    _feel_surface(state, footing, sample)
+    state.touch.feel(learnt_from.force, sample.place, footing, inner.tick)
 
 
 def _miss_surface(state: State) -> None:
@@ -366,30 +343,6 @@ def _miss_surface(state: State) -> None:
     if state.missed_ticks >= MISSED_TICKS:
         inner.learner.conditioner.shift(depth)
         state.missed_ticks = 0
-
-
-def _feel_surface(state: State, footing: Footing, sample: SpatialSample) -> None:
-    r"""Where the surface is that this contact began at, once it is 1 mm deep.
-
-    A contact is noticed late, at a force F_1 that the surface gives at a depth d. With F_2 after h more,
-
-    .. math:: d = \frac{r h}{1 - r}, \quad r = (F_1 / F_2)^{1 / n}
-
-    for a law of exponent n, here 1.15: a spring has 1, and Hertz's ball 1.5.
-    """
-    force = state.inner.learner.sample.force
-    if state.contact_ticks == 1:
-        state.onset, state.told = (force, footing.along), False
-    began, at = state.onset
-    way = footing.along - at
-    if state.told or way < FELT_WAY:
-        return
-    state.told = True
-    ratio = (began / force) ** (1.0 / TOUCH_EXPONENT) if 0.0 < began < force else 1.0
-    if ratio * way > LATEST * (1.0 - ratio):  # it hardly grew: nobody can say where it began
-        return
-    state.touch = add(sample.place, scaled(footing.normal, way / (1.0 - ratio)))
-    state.touch_tick = state.inner.tick
 
 
 def _with_fixture(state: State, model: ModelUpdate, now_ns: int) -> ModelUpdate:
@@ -403,20 +356,6 @@ def _with_fixture(state: State, model: ModelUpdate, now_ns: int) -> ModelUpdate:
         fixture_age=state.age + (now_ns - state.believed_ns) * 1e-9,
         friction=(friction.coefficient, friction.viscous, *friction.deviations) if friction.known else (),
     )
-
-
-def _field_due(state: State, now_ns: int) -> FieldUpdate | None:
-    """The materials over the surface, if they have changed and the last ones are some time ago."""
-    estimator = state.inner.learner.estimator
-    if not isinstance(estimator, MaterialFieldLearner) or estimator.updates == state.field_updates:
-        return None
-    if now_ns < state.field_ns:
-        return None
-    content = estimator.field.to_bytes()
-    state.field_ns = now_ns + max(FIELD_PERIOD_NS, round(1e9 * len(content) / FIELD_RATE))
-    state.field_updates = estimator.updates
-    state.fields += 1
-    return FieldUpdate(VERSION, state.fields, now_ns, content, state.inner.run)
 
 
 def _space(
@@ -435,7 +374,7 @@ def _space(
         footing.depth,
         *state.line.pose,
         *(x, y, z, rx, ry, rz),
-        *state.touch,
-        state.touch_tick,
+        *state.touch.place,
+        state.touch.tick,
         inner.run,
     )

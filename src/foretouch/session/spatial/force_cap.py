@@ -112,6 +112,7 @@ class ForceCap:
             self._place = before
         elif self._force > FELT:
             outwards = self._outwards
+            wanted = add(before, self._slowed(subtract(wanted, before)))
             # Never further inside than the path soon is, for it would press on by itself.
             back = max(dot(subtract(told, before), outwards) - max(self.fastest, 0.0) * PATIENCE, 0.0)
             inwards = back - dot(subtract(wanted, before), outwards)
@@ -119,6 +120,16 @@ class ForceCap:
             if inwards > most:
                 self._place, shifted = add(wanted, scaled(outwards, inwards - most)), scaled(outwards, back)
         return self._place, shifted
+
+    def _slowed(self, step: Vector) -> Vector:
+        """A step whose part across the force is no faster than sliding is allowed now.
+
+        A course that goes out of a surface that stands otherwise than believed may slide along the true one.
+        """
+        along = scaled(self._outwards, dot(step, self._outwards))
+        across, longest = subtract(step, along), self._sliding * self._speed * self._period
+        length = norm(across)
+        return add(along, scaled(across, longest / length)) if length > longest else step
 
     def bound(self, fastest: float) -> Bound:
         """Against the force no faster than it allows, nor than this [m/s]; where none is felt, along the normal."""

@@ -16,6 +16,10 @@ __all__ = ["LastLimit"]
 
 NO_VECTOR: Vector = (0.0, 0.0, 0.0)
 
+ALIGNED = math.cos(0.5)
+"""A normal that is turned further than this against the surface's mean one is taken for an edge's: few slopes of a
+surface of heights are as steep."""
+
 
 class LastLimit:
     """Brings what safety aims at along the normal into space, and limits speed, acceleration and jerk there.
@@ -68,12 +72,13 @@ class LastLimit:
         inwards = -dot(velocity, footing.normal)
         return norm(add(velocity, scaled(footing.normal, inwards))), inwards
 
-    def update(self, course: Course, aim: float) -> tuple[Vector, float]:
+    def update(self, course: Course, aim: float, *, free: bool) -> tuple[Vector, float]:
         """One tick: the place for the robot, and its position along the course's normal [m].
 
         Args:
             course: With this tick's footing.
             aim: Of safety along the normal [m].
+            free: Whether the air that the probe is in is known to be free.
         """
         safety, limits, line = self._safety, self._limits, self.line
         before, gone, footing = limits.place, course.footing, line.footing
@@ -84,7 +89,10 @@ class LastLimit:
         shifted = add(shifted, scaled(gone.normal, -safety.shifted))
         deeper = max(safety.fastest, 0.0)
         facing = line.motion.rotate(self._facing) if footing.depth < 0.0 else NO_VECTOR
-        bounds = _against(facing, deeper), _against(footing.normal, deeper), self._cap.bound(deeper)
+        # Beside an edge the way in was proven towards the edge, and not down to where the surface may go on.
+        beside = not free and dot(facing, footing.normal) < ALIGNED
+        down = min(deeper, safety.blind_speed) if beside else deeper
+        bounds = _against(facing, down), _against(footing.normal, deeper), self._cap.bound(deeper)
         told = limits.move(wanted, bounds, shifted)
         here = line.follow(told)
         position = aim + dot(subtract(allowed, told), gone.normal)

@@ -90,10 +90,14 @@ class KnownSurface:
 
     Args:
         surface: In the fixture's frame.
+
+    Attributes:
+        relief: How far it reaches along the normal that it has in the mean [m].
     """
 
     def __init__(self, surface: Surface) -> None:
         self._surface = surface
+        self.relief = surface.relief()[1]
 
     def height(self, point: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
         """Height of a point above the surface [m] and the outward normal there."""

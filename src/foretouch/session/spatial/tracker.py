@@ -120,13 +120,12 @@ def step(
     state.told = now
     state.sequence += 1
     known = state.filter.state(now)
-    deviation = np.sqrt(np.diag(known.pose_covariance))
     return FixtureBelief(
         VERSION,
         state.sequence,
         now_ns,
         (*known.pose.translation.tolist(), *known.pose.rotation_vector().tolist()),
-        tuple(deviation.tolist()),
+        tuple(known.pose_covariance.ravel().tolist()),
         max(now - known.image_time, 0.0),
         state.images,
         state.contacts,

@@ -4,19 +4,15 @@ from __future__ import annotations
 
 import math
 
+from foretouch.identification import SensorState
+from foretouch.messages import FixtureBelief
 from foretouch.quantities.rigid import Vector, norm, subtract
+from foretouch.rendering.surfaces import Surface
 from foretouch.session import follower
 from foretouch.session.spatial.line import Footing, SurfaceLine
+from foretouch.session.spatial.pose_doubt import LARGEST_DOUBT, LARGEST_TURN, PoseDoubt
 
-__all__ = ["WayIn"]
-
-DOUBT_FACTOR, LEVER, LARGEST_DOUBT = 3.0, 0.1, 0.1
-"""A surface that was felt at one place may be nearer at another, by so many standard deviations of the pose, at
-a lever of so much [m]; at most so much [m]."""
-
-LARGEST_TURN, LEAST_TURN = 0.2, 0.1
-"""A surface may be inclined against what is believed, and a robot's motion against what it is told, for each drive is
-late by its own time, by at most and at least this [rad]."""
+__all__ = ["MISSED", "MISSED_TICKS", "WayIn"]
 
 SAME_PLACE, SAME_HEIGHT = 3e-3, 1e-3
 """What was felt of the way in is of this place [m], half the radius of the tip, and of a surface that is believed no
@@ -28,6 +24,9 @@ SIDEWAYS_SHARE = 1.0 / 3.0
 SLID = 2e-5
 """The probe has moved across the surface where it did by more than this in a tick [m]: less is the encoders' noise."""
 
+MISSED, MISSED_TICKS = 1e-3, 50
+"""Nothing felt so deep below a surface [m] for so many ticks: it is deeper."""
+
 NAN3 = (math.nan, math.nan, math.nan)
 
 
@@ -35,23 +34,38 @@ class WayIn:
     """Tells the follower along the normal what it cannot know there: that the probe has come to another place.
 
     What the robot has proven of its way in is of the place that it is at. Elsewhere the air counts as free to where the
-    surface is believed, less the doubt of that, once it was felt or seen; beyond that, and before, nothing is known.
-    There what it goes along the surface counts as coming nearer, by the doubt of the turn; it goes along it as fast as
-    what it does not go inwards leaves, and at least a third.
+    surface is believed, less the doubt of that at this place (`PoseDoubt`), once it was felt or seen; beyond that, and
+    before, nothing is known. There what it goes along the surface counts as coming nearer, by the doubt of the turn; it
+    goes along it as fast as what it does not go inwards leaves, and at least a third.
+
+    A contact in air that counts as free, and a surface that is missed below where it may be, speak against the belief:
+    then nothing of it counts until a newer touch or image is in it.
+
+    Args:
+        surface: In the fixture's frame.
+
+    Attributes:
+        doubt: Of the surface at the newest place [m].
+        turn: Of its inclination there [rad].
     """
 
-    __slots__ = ("_anchor", "_doubt", "_point", "_turn")
+    __slots__ = ("_against", "_anchor", "_felt", "_known", "_missed", "_point", "_pose", "doubt", "turn")
 
-    def __init__(self) -> None:
-        self._doubt, self._turn = LARGEST_DOUBT, LARGEST_TURN  # until a tracker says otherwise
+    def __init__(self, surface: Surface) -> None:
+        self.doubt, self.turn = LARGEST_DOUBT, LARGEST_TURN  # until a tracker says otherwise
+        self._pose = PoseDoubt(surface)
+        self._known = 0  # touches and images that the belief is made of
+        self._against: int | None = None  # and was, when something spoke against it
+        self._felt, self._missed = False, 0
         self._anchor: tuple[Vector, float] = NAN3, 0.0
         self._point: Vector = NAN3
 
-    def believe(self, deviation: tuple[float, ...]) -> None:
-        """Take the standard deviation of the fixture's pose [m, rad]: three of it are doubted."""
-        place, turn = math.hypot(*deviation[:3]), math.hypot(*deviation[3:])
-        self._doubt = min(DOUBT_FACTOR * (place + LEVER * turn), LARGEST_DOUBT)
-        self._turn = min(max(DOUBT_FACTOR * turn, LEAST_TURN), LARGEST_TURN)
+    def believe(self, belief: FixtureBelief) -> None:
+        """Take the doubt of the fixture's pose."""
+        self._pose.believe(belief.covariance)
+        self._known = belief.contacts + belief.images
+        if self._against is not None and self._known > self._against:
+            self._against = None
 
     def come_to(self, inner: follower.State, line: SurfaceLine, footing: Footing, *, seen: bool) -> None:
         """Come to a place.
@@ -63,9 +77,13 @@ class WayIn:
             seen: Whether a camera has shown the fixture.
         """
         surface, point, offset = inner.learner.conditioner.surface, footing.inner_point, line.offset
+        self.doubt, self.turn = self._pose.at(point, line.motion.rotate_back(footing.normal))
+        self._compare(inner, footing.depth)
+        if self._against is not None:
+            self.doubt, self.turn = LARGEST_DOUBT, LARGEST_TURN
         # Who lets go of a soft material meets it deeper again; the surface is where it was believed all the same.
         nearest = min(surface, offset) if math.isfinite(surface) else offset
-        inner.free = nearest - self._doubt if seen or math.isfinite(surface) else -math.inf
+        inner.free = nearest - self.doubt if seen or math.isfinite(surface) else -math.inf
         inner.slid = max(norm(subtract(point, self._point)) - SLID, 0.0)  # no number in the first tick
         self._point = point
         aside, further = norm(subtract(point, self._anchor[0])), abs(offset - self._anchor[1])
@@ -83,8 +101,17 @@ class WayIn:
             fastest: Where the surface is felt, or far [m/s].
         """
         along, inwards = told
-        inner.safety.comes_nearer(self._turn * along)
+        inner.safety.comes_nearer(self.turn * along)
         if inner.learner.sample.in_contact or footing.along < inner.free:
             return fastest
         blind = inner.safety.blind_speed
-        return min(fastest, max(blind - max(inwards, 0.0), SIDEWAYS_SHARE * blind) / self._turn)
+        return min(fastest, max(blind - max(inwards, 0.0), SIDEWAYS_SHARE * blind) / self.turn)
+
+    def _compare(self, inner: follower.State, depth: float) -> None:
+        """Whether what was felt in the tick before, at a depth in the believed surface [m], speaks against it."""
+        before, self._felt = self._felt, inner.learner.sample.in_contact
+        below = not self._felt and depth > self.doubt + MISSED and inner.watch.state is SensorState.GOOD
+        self._missed = self._missed + 1 if below else 0
+        early = self._felt and not before and depth < -self.doubt
+        if early or self._missed >= MISSED_TICKS:
+            self._against = self._known
