@@ -207,3 +207,18 @@ def test_json_is_the_whole_output(tmp_path: Path) -> None:
     assert set(made["issue"]["certificates"]) == set(made["rotate"]["certificates"]) == {"leader.pem"}
     before, after = (made[name]["certificates"]["leader.pem"]["sha256"] for name in ("issue", "rotate"))
     assert before != after
+
+
+def test_names_of_others_are_printed_in_one_safe_way(tmp_path: Path) -> None:
+    """Every line for people goes through `say` or `show`; a file's name moves no cursor."""
+    from foretouch.cli import options
+
+    folder = Path(options.__file__).parent
+    raw = [path.name for path in folder.glob("*.py") if "typer.echo(" in path.read_text()]
+    assert sorted(raw) == ["app.py", "options.py"]  # app.py: the version
+    source = tmp_path / "a.csv"
+    source.write_text("time_s,position_m,force_N\n0,0,0\n0.001,0.0001,0.1\n0.002,0.0002,0.2\n")
+    done = CliRunner().invoke(app, ["recordings", "convert", str(source), str(tmp_path / "b\x1b[2J.csv")])
+    assert done.exit_code == 0, done.output
+    assert "\x1b" not in done.output
+    assert r"b\x1b[2J.csv" in done.output

@@ -121,3 +121,36 @@ def test_versions_before_the_newest_are_removed(tmp_path: Path, monkeypatch: pyt
     assert folder in left
     assert len(left) == compiling.KEPT
     assert (tmp_path / "safety_kernel-0000000000000000").is_dir()
+
+
+@pytest.mark.parametrize("within", [False, True])
+@pytest.mark.parametrize("whose", ["another user's", "can be written by others"])
+def test_what_others_may_have_written_is_not_loaded(
+    whose: str, within: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    root = tmp_path / "kept"
+    source = PACKAGE / "session" / "safety.py"
+    folder = root / f"safety-{compiling.digest_of(source)}"
+    folder.mkdir(parents=True)
+    root.chmod(0o700)
+    folder.chmod(0o700)
+    spoilt = folder if within else root
+    if whose == "another user's":
+        if os.geteuid() == 0:
+            os.chown(spoilt, 12345, 12345)
+        else:
+            monkeypatch.setattr(os, "geteuid", lambda: 12345)
+    else:
+        spoilt.chmod(0o770)
+    monkeypatch.setattr(config, "CACHE_DIR", str(root))
+    for kept in (compiling.compiled_folder, compiling._say_once):
+        kept.cache_clear()
+    try:
+        assert compiling.compiled_folder(str(source)) is None
+        assert compiling.compiled_folder(str(PACKAGE / "session" / "safety.py")) is None
+        told = capsys.readouterr().err
+        assert whose in told
+        assert len(told.splitlines()) == 1
+        assert list(folder.iterdir()) == []
+    finally:
+        compiling.compiled_folder.cache_clear()

@@ -11,6 +11,7 @@ import time
 from collections.abc import Callable, Mapping
 from types import FrameType
 
+from foretouch.errors import one_line
 from foretouch.link import ZenohLink
 from foretouch.messages import SIDES, VERSION, Hello, Stop
 from foretouch.session.hanging import HANGS_AFTER, LoopWatch
@@ -26,6 +27,9 @@ was not to end."""
 
 CLOSING = 1.0
 """The driver of a loop that hangs has so long [s] to close."""
+
+LONGEST_REASON = 400
+"""Characters of the reason in a `Stop`: a message takes no longer text."""
 
 LEAVING = 3.0
 """A robot that a session leaves in contact may unload for so long [s]."""
@@ -166,7 +170,7 @@ class Housekeeper(threading.Thread):
     def _say_last(self, reason: str) -> None:
         self.say_hello()
         if not self._stop_flag.quiet:
-            self._link.publish(Stop(VERSION, 1, time.monotonic_ns(), reason[:400], self._epoch))
+            self._link.publish(Stop(VERSION, 1, time.monotonic_ns(), one_line(reason, LONGEST_REASON), self._epoch))
 
     def _look_at_loop(self) -> None:
         """Tell the parent that the loop goes on, or end the process where it does not."""
