@@ -110,7 +110,7 @@ class ForceCap:
             self._place = before
         elif self._force > FELT:
             outwards = self._outwards
-            wanted = add(before, self._slowed(subtract(wanted, before)))
+            self._place = wanted = add(before, self._slowed(subtract(wanted, before)))
             # Never further inside than the path soon is, for it would press on by itself.
             back = max(dot(subtract(told, before), outwards) - max(self.fastest, 0.0) * PATIENCE, 0.0)
             inwards = back - dot(subtract(wanted, before), outwards)
