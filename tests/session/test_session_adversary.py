@@ -134,3 +134,15 @@ def test_a_probe_that_goes_down_beside_the_believed_edge_meets_the_true_surface_
     x, y, height, how = genes
     attack.touch((REACH * (2 * x - 1), REACH * (2 * y - 1), height), how)
     assert 2.0 < max(attack.forces) <= CEILING
+
+
+SLIDES = (
+    (0.3433, 0.9407, 0.4991, 0.71, 0.8302), (0.8976, 0.2691, 0.6885, 0.741, 0.3826),
+    (0.4583, 0.6302, 0.3144, 0.1519, 0.0692), (0.7914, 0.7025, 0.0857, 0.045, 0.7437),
+    (0.5933, 0.5594, 0.7671, 0.764, 0.4759), (0.8117, 0.8594, 0.3028, 0.0968, 0.0882),
+)  # fmt: skip
+"""What a search has found on a plane that is believed inclined: the probe slides along it, and swung up to 27 N."""
+
+
+def test_a_slide_along_a_surface_that_is_inclined_otherwise_does_not_swing_up() -> None:
+    assert 2.0 < largest_force_in_space("plane", "kelvin-voigt", np.array(SLIDES).ravel()) <= CEILING

@@ -26,7 +26,8 @@ late as that. The simulated arm takes 2.3 to 2.8 ms."""
 
 AIMED = 0.88
 """Share of the force ceiling that a press is brought to: the zero of a sensor that began in contact may err by 1 N, and
-an arm that lets go of a damped contact and stops swings back into it. At 0.95 a search led to 15.1 N in Kelvin-Voigt."""
+an arm that lets go of a damped contact and stops swings back into it. At 0.95 a search led to 15.1 N in
+Kelvin-Voigt."""
 
 PROVEN_SHARE = 0.75
 """What was proven at one speed may lead to this share of the ceiling at a higher one: a robot that sets out overshoots
