@@ -47,11 +47,18 @@ COMPILED_ONLY := test_any_motion_of_any_map or test_a_call_of_the_map_is_the_ker
 test: setup system  ## everything that a change must pass, in under 10 minutes on 2 cores
 	@$(MAKE) --no-print-directory --jobs 2 --output-sync check docs
 	@$(BIN)/pytest -m "not long and not live and not soak" --numprocesses 2 --dist loadfile $(ARGS)
-	@$(BIN)/pytest -m "live and not long" $(ARGS) $$(grep -rl 'mark\.live' tests)
-	@$(MAKE) --no-print-directory test-interpreted
+	@$(MAKE) --no-print-directory --jobs 2 --output-sync test-live test-beside
 
+# Loops in real time use little more than one core; what only computes has what they leave, at the lowest priority.
+.PHONY: test-live test-beside
+test-live: setup
+	@$(BIN)/pytest -m "live and not long" $(ARGS) $$(grep -rl 'mark\.live' tests)
+test-beside: setup
+	@nice -n 19 $(MAKE) --no-print-directory test-interpreted WORKERS=1
+
+WORKERS := 2
 test-interpreted: setup  ## laws, estimators, rendering and steps with nothing compiled (NUMBA_DISABLE_JIT=1): the same answers
-	@NUMBA_DISABLE_JIT=1 $(BIN)/pytest -m "not long and not live and not soak" --numprocesses 2 --dist loadfile \
+	@NUMBA_DISABLE_JIT=1 $(BIN)/pytest -m "not long and not live and not soak" --numprocesses $(WORKERS) --dist loadfile \
 	    -k "not ($(COMPILED_ONLY))" $(INTERPRETED)
 
 test-long: setup system  ## what takes longer, every make target among it

@@ -5,8 +5,9 @@ is that of the sources which the figures depend on (`docs/measured_sources.py` s
 the sources are others by now, the block must say so to its readers, by the sentence `EARLIER` at its top.
 
 Usage: `.venv/bin/python docs/measured_blocks.py` names every block that is of earlier code and does not say so, with
-what has changed since, and ends with 1 if there is one; it is a part of `make check`. With `--mark` it writes the
-sentence into these blocks, and takes it away where the sources are those of the figures again.
+what has changed since, and ends with 1 if there is one; it is a part of `make check`.
+It prints one line, too, on the blocks that do say so, by page: these wait to be measured again. With `--mark` it writes
+the sentence into these blocks, and takes it away where the sources are those of the figures again.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ from __future__ import annotations
 import re
 import subprocess
 import sys
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import NamedTuple
@@ -118,6 +120,14 @@ def problems(sources: Sources) -> Iterator[str]:
             yield f"{key[0]}: {key[1]} is of the code as it is, and says that it is not"
 
 
+def earlier() -> str:
+    """One line on the blocks that say that they are of earlier code, by page; "" where none does."""
+    pages = Counter(block.key[0] for block in blocks() if block.text.startswith(EARLIER))
+    count = sum(pages.values())
+    told = ", ".join(f"{page} {number}" for page, number in pages.items())
+    return f"{count} measured blocks say that they are of earlier code: {told}" if count else ""
+
+
 def mark(sources: Sources) -> None:
     """Write the sentence into every block that is of earlier code, and take it out of the others."""
     now = digests(sources)
@@ -181,6 +191,8 @@ def main(arguments: list[str]) -> None:
     if found:
         advice = "measure again by the script that the page names, or let the pages say it: `make mark-earlier`"
         raise SystemExit(f"{len(found)} measured blocks do not say truly of which code they are: {advice}")
+    if said := earlier():
+        print(said)
 
 
 if __name__ == "__main__":

@@ -16,7 +16,14 @@ settings.load_profile("foretouch")
 # With all that is imported here each full collection takes a quarter of a second: a seventh of all time.
 gc.set_threshold(200_000, 20, 100)
 
-REAL_TIME = ("live", "browser")
+
+def pytest_collection_finish() -> None:
+    """What is imported and collected by now stays until the end: no collection need look at it again."""
+    gc.collect()
+    gc.freeze()
+
+
+REAL_TIME = ("live", "network", "browser")
 """Tests with these marks run processes in real time. A shared machine may stand still for a second, which no deadline
 survives: what fails is tried once more, and is shown as such; what fails twice is a failure."""
 

@@ -21,7 +21,7 @@ from typer.main import get_command
 from typer.testing import CliRunner
 
 import foretouch
-from foretouch.cli import INTERRUPTED
+from foretouch.cli import INTERRUPTED, main
 from foretouch.cli.app import app
 from foretouch.cli.exit_codes import EXIT_CODES
 
@@ -181,13 +181,20 @@ def test_codes_are_as_listed(arguments: tuple[str, ...], code: int) -> None:
         (("reproduce", "--only", "nonsense"), "choose one of"),
     ],
 )
-def test_errors_say_what_to_do_in_few_lines_and_no_traceback(arguments: tuple[str, ...], what_to_do: str) -> None:
-    done = foretouch_command(*arguments)
-    assert done.returncode == 2
-    assert done.stdout == ""
-    assert what_to_do in done.stderr
-    assert "Traceback" not in done.stderr
-    assert len(done.stderr.strip().splitlines()) <= 4
+def test_errors_say_what_to_do_in_few_lines_and_no_traceback(
+    arguments: tuple[str, ...], what_to_do: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("foretouch.session.give_way", lambda: None)  # this process is the tests' own
+    monkeypatch.setattr("foretouch.cli.POOLS", ())
+    monkeypatch.setattr(sys, "argv", ["foretouch", *arguments])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    said = capsys.readouterr()
+    assert ended.value.code == 2
+    assert said.out == ""
+    assert what_to_do in said.err
+    assert "Traceback" not in said.err
+    assert len(said.err.strip().splitlines()) <= 4
 
 
 def test_json_is_the_whole_output(tmp_path: Path) -> None:
@@ -200,3 +207,18 @@ def test_json_is_the_whole_output(tmp_path: Path) -> None:
     assert set(made["issue"]["certificates"]) == set(made["rotate"]["certificates"]) == {"leader.pem"}
     before, after = (made[name]["certificates"]["leader.pem"]["sha256"] for name in ("issue", "rotate"))
     assert before != after
+
+
+def test_names_of_others_are_printed_in_one_safe_way(tmp_path: Path) -> None:
+    """Every line for people goes through `say` or `show`; a file's name moves no cursor."""
+    from foretouch.cli import options
+
+    folder = Path(options.__file__).parent
+    raw = [path.name for path in folder.glob("*.py") if "typer.echo(" in path.read_text()]
+    assert sorted(raw) == ["app.py", "options.py"]  # app.py: the version
+    source = tmp_path / "a.csv"
+    source.write_text("time_s,position_m,force_N\n0,0,0\n0.001,0.0001,0.1\n0.002,0.0002,0.2\n")
+    done = CliRunner().invoke(app, ["recordings", "convert", str(source), str(tmp_path / "b\x1b[2J.csv")])
+    assert done.exit_code == 0, done.output
+    assert "\x1b" not in done.output
+    assert r"b\x1b[2J.csv" in done.output

@@ -67,7 +67,7 @@ def quick(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("foretouch.cli.sides.PATIENCE", 0.5)
 
 
-@pytest.mark.live
+@pytest.mark.network
 @pytest.mark.usefixtures("quick")
 def test_a_stop_that_nobody_hears_is_said_to_be_none() -> None:
     endpoint = free_endpoint()
@@ -95,7 +95,7 @@ class Peer(threading.Thread):
             self.link.publish(msgspec.structs.replace(TELEMETRY, status=status))
 
 
-@pytest.mark.live
+@pytest.mark.network
 @pytest.mark.usefixtures("quick")
 @pytest.mark.parametrize("after", [Status.STOPPED, Status.SHADOW, 77])
 def test_it_is_asked_for_until_telemetry_says_so(after: int) -> None:
@@ -121,7 +121,7 @@ def test_it_is_asked_for_until_telemetry_says_so(after: int) -> None:
 
 
 @pytest.mark.long
-@pytest.mark.live
+@pytest.mark.network
 def test_a_shadow_that_another_process_records_gives_a_report(tmp_path: Path) -> None:
     endpoint, path = free_endpoint(), tmp_path / "shadow.mcap"
 

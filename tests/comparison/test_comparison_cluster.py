@@ -27,7 +27,7 @@ from foretouch.recordings import write_columns
 
 pytest.importorskip("distributed")
 
-pytestmark = pytest.mark.live
+pytestmark = pytest.mark.network
 
 CHOSEN: dict[str, Any] = {"models": ("kelvin-voigt", "hunt-crossley"), "estimators": ("rls", "exact")}
 

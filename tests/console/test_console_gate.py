@@ -23,12 +23,12 @@ from visitors import CAMERA, Page, ask, come_in, open_socket, page_of
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from foretouch.console import Console
-from foretouch.console.alarm import READY
+from foretouch.console.alarm import LATCHED, READY
 from foretouch.console.gate import Entrance, make_gated_server
 from foretouch.console.gate.pace import BURST, MOST_BYTES, MOST_PAGES, RATE, Volume, Wait
 from foretouch.console.gate.permitted import FARTHEST, permitted
 from foretouch.errors import LinkError
-from foretouch.messages import Choice, EmergencyStop, Settings
+from foretouch.messages import VERSION, Choice, EmergencyStop, Hello, Settings, Status, Telemetry
 
 
 class Bench:
@@ -463,3 +463,44 @@ def test_a_picture_that_cannot_be_drawn_leaves_the_emergency_stop(monkeypatch: p
         drawing.join()
         console.close()
     assert "division by zero" in console.trouble
+
+
+def test_an_error_of_the_picture_hides_nothing_that_is_urgent(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The stop stays as far as it is, other alerts stay, and a recording that cannot be shown is closed."""
+    console = Console(0, lambda message: None)
+    shown: list[tuple[str, tuple[str, ...]]] = []
+    monkeypatch.setattr(console._panel.alarm, "show", lambda label, alerts: shown.append((label, alerts)))
+
+    class Odd:
+        name = "odd.mcap"
+
+        def tick(self, now: float) -> None:
+            raise IndexError("row 3 of 2")
+
+    try:
+        stopped = Telemetry(
+            VERSION, 1, 1, 1, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, False, False, 1, 1, 1, epoch=7, status=Status.STOPPED
+        )
+        console._watched.take(stopped, time.monotonic())
+        console._watched.take(Hello.of("follower", 1, 0, {"contest": "CONTROL CONTESTED: by bob"}), time.monotonic())
+        console._library.playback = Odd()  # type: ignore[assignment]
+        rounds = iter((False, True))
+        console.run(lambda: next(rounds))
+        label, alerts = shown[-1]
+        assert label == LATCHED
+        assert alerts[0] == "CONTROL CONTESTED: by bob."
+        assert alerts[-1] == "The picture stands still (IndexError: row 3 of 2); the stop works."
+        assert console._library.playback is None
+        assert "odd.mcap cannot be shown" in console._library.note
+    finally:
+        console.close()
+
+
+def test_a_cookie_that_is_no_text_is_refused_as_any_wrong_one() -> None:
+    entrance = Entrance("http://127.0.0.1:8080")
+
+    class Asked:
+        def get_all(self, key: str, /) -> list[str]:
+            return {"Host": ["127.0.0.1:8080"], "Cookie": ["foretouch=\udcff"]}.get(key, [])
+
+    assert entrance.answer(f"{entrance.path}/", Asked(), socket=False).status == 403

@@ -168,6 +168,30 @@ def test_speakers_without_end_fill_nothing() -> None:
     assert heard.settings["leader"] == "leader 999"
 
 
+@pytest.mark.parametrize("role", ["leader", "recorder", "supervisor", "camera"])
+def test_nobody_takes_back_what_the_follower_says(role: str) -> None:
+    """Above all not who contests control: its own hello, which says nothing of it, hides nothing."""
+    heard = watched(state(epoch=8), telemetry(epoch=7))
+    heard.take(hello("follower", contest="CONTROL CONTESTED: bob would command too", control="alice"), NOW)
+    told = robot_alerts(heard, NOW)
+    assert told == (
+        "CONTROL CONTESTED: bob would command too.",
+        "alice holds control: the robot does not obey the leader that is shown here.",
+    )
+    heard.take(hello(role, leader="bob", contest="", control="bob"), NOW)
+    assert robot_alerts(heard, NOW) == told
+    heard.take(hello("follower", contest="", control="alice"), NOW)
+    assert robot_alerts(heard, NOW) == told[1:]
+
+
+def test_nobody_takes_back_a_warning() -> None:
+    heard = watched(hello("recorder", recorder_failed="the disk is full"), hello("follower", insecure="yes"), state())
+    heard.take(hello("supervisor", supervised="yes", recording="a.mcap", insecure="", recorder_failed=""), NOW)
+    heard.take(hello("leader", leader="bob", recorder_failed="", recording="", insecure="no"), NOW)
+    assert warnings(heard, NOW) == (INSECURE, "The recording is not all there: the disk is full")
+    assert heard.said("supervisor", "recording") == "a.mcap"
+
+
 def test_a_recording_that_is_not_all_there_is_said_and_so_is_a_recorder_that_is_gone() -> None:
     heard = watched(hello("recorder", recorder_failed="session.mcap: the disk is full"), state())
     assert warnings(heard, NOW) == ("The recording is not all there: session.mcap: the disk is full",)

@@ -19,13 +19,12 @@ from foretouch.session import safety_kernel
 PACKAGE = compiling.PACKAGE
 
 SPEED = """
-from foretouch.session import force_guard_kernel, safety_kernel
+from foretouch.session import force_guard_kernel
 from foretouch.session.force_guard import ForceGuard
 
 guard = ForceGuard()
 guard.observe(0.0, 1.0, False)
-kernels = force_guard_kernel.allowed_speed, safety_kernel.keep_safe
-print(guard.speed(15.0), *(sum(kernel.stats.cache_hits.values()) for kernel in kernels))
+print(guard.speed(15.0), sum(force_guard_kernel.allowed_speed.stats.cache_hits.values()))
 """
 """The guard's speed far from anything: a force over 50 N/m times 10 ms, the latter a constant of another file."""
 
@@ -39,25 +38,25 @@ def copy_of_the_package(folder: Path) -> Path:
     return folder
 
 
-def run_in(folder: Path, kept: Path) -> tuple[float, int, int]:
+def run_in(folder: Path, kept: Path) -> tuple[float, int]:
     """What the guard says in a process of its own that imports this copy, and how much it found compiled."""
     environment = os.environ | {"PYTHONPATH": str(folder), "NUMBA_CACHE_DIR": str(kept), "PYTHONDONTWRITEBYTECODE": "1"}
     environment.pop("NUMBA_DISABLE_JIT", None)
     done = subprocess.run([sys.executable, "-c", SPEED], env=environment, capture_output=True, text=True, check=True)
-    speed, guards, safeties = done.stdout.split()
-    return float(speed), int(guards), int(safeties)
+    speed, found = done.stdout.split()
+    return float(speed), int(found)
 
 
 def test_a_constant_that_changes_in_another_file_is_compiled_anew(tmp_path: Path) -> None:
     first, second, kept = copy_of_the_package(tmp_path / "first"), tmp_path / "second", tmp_path / "kept"
-    assert run_in(first, kept) == (pytest.approx(14.0 / (50.0 * 0.01)), 0, 0)
+    assert run_in(first, kept) == (pytest.approx(14.0 / (50.0 * 0.01)), 0)
     # Another copy of the same sources, as of a second clone, finds what was compiled of the first.
     copy_of_the_package(second)
-    assert run_in(second, kept) == (pytest.approx(14.0 / (50.0 * 0.01)), 1, 1)
+    assert run_in(second, kept) == (pytest.approx(14.0 / (50.0 * 0.01)), 1)
     rules = second / "foretouch" / "session" / "force_guard.py"
     rules.write_text(rules.read_text().replace("PATIENCE = 0.01\n", "PATIENCE = 0.04\n"))
-    assert run_in(second, kept) == (pytest.approx(14.0 / (50.0 * 0.04)), 0, 0)
-    assert run_in(first, kept) == (pytest.approx(14.0 / (50.0 * 0.01)), 1, 1)
+    assert run_in(second, kept) == (pytest.approx(14.0 / (50.0 * 0.04)), 0)
+    assert run_in(first, kept) == (pytest.approx(14.0 / (50.0 * 0.01)), 1)
 
 
 def test_the_digest_follows_imports_through_other_modules() -> None:
@@ -122,3 +121,36 @@ def test_versions_before_the_newest_are_removed(tmp_path: Path, monkeypatch: pyt
     assert folder in left
     assert len(left) == compiling.KEPT
     assert (tmp_path / "safety_kernel-0000000000000000").is_dir()
+
+
+@pytest.mark.parametrize("within", [False, True])
+@pytest.mark.parametrize("whose", ["another user's", "can be written by others"])
+def test_what_others_may_have_written_is_not_loaded(
+    whose: str, within: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    root = tmp_path / "kept"
+    source = PACKAGE / "session" / "safety.py"
+    folder = root / f"safety-{compiling.digest_of(source)}"
+    folder.mkdir(parents=True)
+    root.chmod(0o700)
+    folder.chmod(0o700)
+    spoilt = folder if within else root
+    if whose == "another user's":
+        if os.geteuid() == 0:
+            os.chown(spoilt, 12345, 12345)
+        else:
+            monkeypatch.setattr(os, "geteuid", lambda: 12345)
+    else:
+        spoilt.chmod(0o770)
+    monkeypatch.setattr(config, "CACHE_DIR", str(root))
+    for kept in (compiling.compiled_folder, compiling._say_once):
+        kept.cache_clear()
+    try:
+        assert compiling.compiled_folder(str(source)) is None
+        assert compiling.compiled_folder(str(PACKAGE / "session" / "safety.py")) is None
+        told = capsys.readouterr().err
+        assert whose in told
+        assert len(told.splitlines()) == 1
+        assert list(folder.iterdir()) == []
+    finally:
+        compiling.compiled_folder.cache_clear()

@@ -25,6 +25,7 @@ from typer.main import get_command
 from typer.testing import CliRunner
 
 from foretouch.cli.app import app
+from foretouch.link import ZenohLink
 
 FETCHED = re.compile(r"\$\(foretouch datasets fetch (\S+?)\)")
 
@@ -120,6 +121,9 @@ def without(arguments: list[str], option: str) -> list[str]:
     return without(arguments[:place] + arguments[place + 2 :], option)
 
 
+COMMAND: Any = get_command(app)
+
+
 def examples() -> dict[str, str]:
     """The examples in the help of the commands."""
     found: dict[str, str] = {}
@@ -130,7 +134,7 @@ def examples() -> dict[str, str]:
         for child, inner in getattr(command, "commands", {}).items():
             look(inner, f"{name} {child}".strip())
 
-    look(get_command(app), "")
+    look(COMMAND, "")
     return found
 
 
@@ -158,7 +162,7 @@ def test_the_commands_are_found() -> None:
 @pytest.mark.parametrize("text", SHOWN)
 def test_every_command_has_a_short_form_and_known_options(text: str) -> None:
     assert kind(text) is not None, f"{SHOWN[text]}: foretouch {text} has no short form in {Path(__file__).name}"
-    command, words = get_command(app), shlex.split(FETCHED.sub("file.mat", text))
+    command, words = COMMAND, shlex.split(FETCHED.sub("file.mat", text))
     name = "foretouch"
     while hasattr(command, "commands") and words and words[0] in command.commands:
         name = words.pop(0)
@@ -240,7 +244,21 @@ def run(arguments: list[str]) -> str:
     return result.stdout
 
 
-@pytest.mark.parametrize("text", [text for text in SHOWN if kind(text) in OFFLINE])
+def one_now(many: list[Any]) -> list[Any]:
+    """The first of many as it is, the others among what takes long."""
+    return [many[0], *(pytest.param(other, marks=pytest.mark.long) for other in many[1:])]
+
+
+def one_of_each_now() -> list[Any]:
+    """The first of each command as it is, the others among what takes long; the options of all are looked at."""
+    found: dict[tuple[str, ...], list[str]] = {}
+    for text in SHOWN:
+        if (key := kind(text)) in OFFLINE and key is not None:
+            found.setdefault(key, []).append(text)
+    return [one for many in found.values() for one in one_now(many)]
+
+
+@pytest.mark.parametrize("text", one_of_each_now())
 def test_a_command_runs_in_its_short_form(text: str, folder: Path, measured: Callable[[str], Path]) -> None:
     key = kind(text)
     assert key is not None
@@ -264,11 +282,6 @@ def test_a_command_runs_in_its_short_form(text: str, folder: Path, measured: Cal
 
 
 # --- commands of a live session ---------------------------------------------------------------------------------------
-
-
-def one_now(many: list[Any]) -> list[Any]:
-    """The first of many as it is, the others among what takes long."""
-    return [many[0], *(pytest.param(other, marks=pytest.mark.long) for other in many[1:])]
 
 
 def free_port() -> int:
@@ -317,7 +330,7 @@ def test_a_session_runs_in_its_short_form(text: str, tmp_path: Path, running: li
     assert list(tmp_path.rglob("*.mcap"))
 
 
-@pytest.mark.live
+@pytest.mark.network
 @pytest.mark.parametrize("text", of("doctor"))
 def test_a_doctor_looks_and_answers(text: str, tmp_path: Path, running: list[subprocess.Popen[str]]) -> None:
     """Who asks somebody finds nobody here; whether this machine is fit is not this test's matter."""
@@ -411,14 +424,21 @@ def test_a_camera_sees_beside_a_follower(text: str, tmp_path: Path, running: lis
     ports = (free_port(), free_port())
     arguments = on_this_machine(text, "tcp", ports)
     scene = arguments[arguments.index("--scene") + 1]
-    beside = ["follower", "--scene", scene, "--listen", f"tcp/127.0.0.1:{ports[0]}", "--duration", "4"]
-    running += [start([*one, "--json"], tmp_path) for one in (arguments, beside)]  # that a camera is there in time
+    beside = ["follower", "--scene", scene, "--listen", f"tcp/127.0.0.1:{ports[0]}"]
+    running += [start([*one, "--json"], tmp_path) for one in (arguments, beside)]
+    end = time.monotonic() + 60.0
+    with ZenohLink(connect=[f"tcp/127.0.0.1:{ports[1]}"], subscribe=["fixture"]) as link:
+        while not any(belief.images for _, belief in link.take("fixture")):
+            assert [process.poll() for process in running] == [None, None]
+            assert time.monotonic() < end, "no image was used"
+            time.sleep(0.02)
+    running[1].send_signal(signal.SIGINT)  # the follower's last word ends the camera
     watching, following = (json.loads(finish(process)) for process in running)
-    assert following["telemetry_sent"] > 2000
+    assert following["telemetry_sent"] > 100
     assert watching["images_used"] > 0
 
 
-@pytest.mark.live
+@pytest.mark.network
 @pytest.mark.parametrize("text", of("bridge"), ids=str)
 def test_a_bridge_tries_until_it_is_told_to_end(
     text: str, tmp_path: Path, running: list[subprocess.Popen[str]]

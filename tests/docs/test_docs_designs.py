@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib
 import re
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from types import SimpleNamespace
 from typing import Any
 
@@ -50,23 +50,27 @@ def press(designs: SimpleNamespace) -> Any:
     return designs.presses.conditioned(recorded(), None, 0.3, False)
 
 
-def test_no_design_knows_forces_of_the_last_delay(designs: SimpleNamespace, press: Any) -> None:
-    other = designs.presses.conditioned(recorded(other_after=2.5), None, 0.3, False)
+LEARNING: list[Any] = [
+    lambda designs: designs.maps.Map(),
+    lambda designs: designs.maps.Map(gain=True, beyond="tangent"),
+    lambda designs: designs.kernels.Kernel(25),
+    lambda designs: designs.shares.Shipped(("law", "coarse")),
+    lambda designs: designs.shares.Shares(),
+    pytest.param(lambda designs: designs.shares.Shares("stacked"), marks=pytest.mark.long),
+    pytest.param(lambda designs: designs.shares.Shares(late=False), marks=pytest.mark.long),
+]
+
+
+@pytest.mark.parametrize("made", LEARNING)
+def test_no_design_knows_forces_of_the_last_delay(
+    designs: SimpleNamespace, press: Any, made: Callable[[SimpleNamespace], Any]
+) -> None:
+    design, other = made(designs), designs.presses.conditioned(recorded(other_after=2.5), None, 0.3, False)
     unknown = press.recording.time > 2.5 + press.delay
-    kinds = [
-        designs.maps.Map(),
-        designs.maps.Map(gain=True, beyond="tangent"),
-        designs.kernels.Kernel(25),
-        designs.shares.Shipped(("law", "coarse")),
-        designs.shares.Shares(),
-        designs.shares.Shares("stacked"),
-        designs.shares.Shares(late=False),
-    ]
-    for design in kinds:
-        one, two = design.predict(press)[0], design.predict(other)[0]
-        assert np.isfinite(one).all(), design
-        np.testing.assert_array_equal(one[~unknown], two[~unknown], err_msg=str(design))
-        assert np.abs(one - two)[unknown].max() > 0.1, design
+    one, two = design.predict(press)[0], design.predict(other)[0]
+    assert np.isfinite(one).all()
+    np.testing.assert_array_equal(one[~unknown], two[~unknown])
+    assert np.abs(one - two)[unknown].max() > 0.1
 
 
 def test_only_the_floor_knows_the_future(designs: SimpleNamespace, press: Any) -> None:

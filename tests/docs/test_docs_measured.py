@@ -352,3 +352,22 @@ def test_failures_count_as_worse_than_every_number(docs: SimpleNamespace) -> Non
     assert middle([1.0, 2.0, None, None]) is None
     assert worst([1.0, 3.0]) == 3.0
     assert worst([1.0, None]) is None
+
+
+def test_blocks_of_earlier_code_are_counted_by_page(
+    docs: SimpleNamespace, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    blocks, said = docs.measured_blocks, docs.measured_blocks.EARLIER
+    there = [
+        blocks.Block(tmp_path, (page, "x"), None, text)
+        for page, text in (("a.md", said), ("b.md", "1"), ("a.md", said))
+    ]
+    monkeypatch.setattr(blocks, "blocks", lambda: iter(there))
+    assert blocks.earlier() == "2 measured blocks say that they are of earlier code: a.md 2"
+    monkeypatch.setattr(blocks, "problems", lambda sources: iter(()))
+    done: list[str] = []
+    monkeypatch.setattr("builtins.print", lambda line, **_: done.append(line))
+    blocks.main([])
+    assert done == ["2 measured blocks say that they are of earlier code: a.md 2"]
+    monkeypatch.setattr(blocks, "blocks", lambda: iter(there[1:2]))
+    assert blocks.earlier() == ""

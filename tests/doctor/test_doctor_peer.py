@@ -29,7 +29,7 @@ from foretouch.link.certificates import utc_now
 from foretouch.messages import VERSION, Hello, Message, Telemetry
 
 pytest.importorskip("zenoh")
-pytestmark = pytest.mark.live
+pytestmark = pytest.mark.network
 
 Opens = Callable[[Callable[[Message], None]], ZenohLink]
 

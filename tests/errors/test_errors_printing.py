@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from foretouch.errors import RecordingError, RecordingWarning, SettingError, printable
+from foretouch.errors import RecordingError, RecordingWarning, SettingError, one_line, printable
 
 
 @pytest.mark.parametrize(
@@ -37,3 +37,13 @@ def test_errors_show_the_names_and_values_that_they_are_about() -> None:
     assert str(RecordingError("press\x1b[2J.csv", "has a column \x07")) == r"press\x1b[2J.csv: has a column \x07"
     assert str(SettingError("name", "x", "is \x1b[31mred")) == r"name = 'x': is \x1b[31mred"
     assert str(RecordingWarning("guessed \x1b[5m")) == r"guessed \x1b[5m"
+
+
+def test_what_an_exception_says_is_one_short_line() -> None:
+    class Mute(Exception):
+        def __str__(self) -> str:
+            raise RuntimeError
+
+    assert one_line(ValueError("a\n  b\x1b[2J")) == r"a b\x1b[2J"
+    assert one_line(Mute()) == ""
+    assert len(one_line("\x1b" * 10**6)) == len(one_line("x" * 10**6, 300)) == 300

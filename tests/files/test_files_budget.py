@@ -17,7 +17,8 @@ import pytest
 
 from foretouch.errors import InputError, RecordingError, SettingError, UnknownNameError
 from foretouch.files import Budget, budget_for, read_toml, within, within_budget
-from foretouch.recordings import Mapping, read_recording
+from foretouch.recordings import Mapping, read_recording, read_session, repair_session
+from foretouch.rendering.surfaces import read_mesh
 
 
 @pytest.fixture(autouse=True)
@@ -39,13 +40,49 @@ def test_the_budget_follows_the_size(tmp_path: Path, monkeypatch: pytest.MonkeyP
     path = tmp_path / "a.mcap"
     assert budget_for(path) == Budget(900_000_000, 15, 1.0, 0)
     with path.open("wb") as opened:
-        opened.truncate(2_000_000_000)
-    assert budget_for(path) == Budget(6_000_000_000, 800, 1.0, 2_000_000_000)
+        os.posix_fallocate(opened.fileno(), 0, 400_000_000)
+    assert budget_for(path) == Budget(1_200_000_000, 160, 1.0, 400_000_000)
     assert budget_for(tmp_path) == budget_for(path)
-    assert budget_for(path, 2.0) == Budget(12_000_000_000, 1600, 2.0, 2_000_000_000)
+    assert budget_for(path, 2.0) == Budget(2_400_000_000, 320, 2.0, 400_000_000)
     monkeypatch.setenv("FORETOUCH_FILE_BUDGET", "4")
     assert budget_for(tmp_path / "none") == Budget(3_600_000_000, 60, 4.0, 0)
     assert budget_for(path, math.inf) is None
+
+
+def test_a_hole_buys_no_budget(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text("a,b\n1,2\n")
+    os.truncate(path, 100_000_000_000)
+    assert budget_for(path, 1.0)[:3] == (900_000_000, 15, 1.0)
+    assert budget_for(tmp_path, 1.0)[:3] == (900_000_000, 15, 1.0)
+
+
+def test_what_is_no_file_is_refused_at_once(tmp_path: Path) -> None:
+    """A pipe that nobody writes to, and a device that never ends, whoever reads them."""
+    for name in ("a.mcap", "a.stl", "a.toml", "a.csv"):
+        os.mkfifo(tmp_path / name)
+    readers = [
+        lambda: within_budget(tmp_path / "a.csv", None, hungry.given_back),
+        lambda: within_budget("/dev/zero", math.inf, hungry.given_back),
+        lambda: read_session(tmp_path / "a.mcap"),
+        lambda: repair_session(tmp_path / "a.mcap"),
+        lambda: read_toml(tmp_path / "a.toml", Mapping, "map"),
+        lambda: read_mesh(tmp_path / "a.stl"),
+    ]
+    begun = time.monotonic()
+    for read in readers:
+        with pytest.raises(InputError, match="is no file"):
+            read()
+    assert time.monotonic() - begun < 10.0
+
+
+def test_a_reader_that_waits_is_not_given_the_time_to_start(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(within, "PATIENCE", 0.5)
+    assert within_budget(file, None, hungry.given_back) == ((), {})
+    begun = time.monotonic()
+    with pytest.raises(RecordingError, match="takes more than 1 s"):
+        within_budget(file, 0.05, time.sleep, 60.0)
+    assert time.monotonic() - begun < 10.0
 
 
 @pytest.mark.parametrize("said", ["0", "-1", "nan", "much"])

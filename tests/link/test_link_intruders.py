@@ -103,7 +103,7 @@ def test_a_hello_between_machines_is_under_its_speaker_s_key() -> None:
     assert {claim: may_claim(*claim) for claim in claims} == claims
 
 
-@pytest.mark.live
+@pytest.mark.network
 @pytest.mark.parametrize("role", ROLES)
 def test_no_peer_speaks_in_another_s_name(ours: KeyFolder, role: str) -> None:
     authority, here, _ = ours.read()
@@ -130,7 +130,7 @@ def test_no_peer_speaks_in_another_s_name(ours: KeyFolder, role: str) -> None:
         assert receiver.undecodable > 0
 
 
-@pytest.mark.live
+@pytest.mark.network
 def test_nobody_commands_in_another_s_name(ours: KeyFolder) -> None:
     """Another leader's certificate: it hears name and epoch of who holds control, and they are of no use to it."""
     endpoint = free_endpoint("tls")
@@ -195,7 +195,7 @@ def lap(ours: KeyFolder) -> Iterator[tuple[str, Callable[[], int]]]:
         yield endpoint, turn
 
 
-@pytest.mark.live
+@pytest.mark.network
 @pytest.mark.parametrize("who", ["no certificate", "of another authority", "trusting another", "no TLS", "not listed"])
 def test_a_stranger_gets_nothing_and_gives_nothing(
     lap: tuple[str, Any], who: str, ours: KeyFolder, theirs: KeyFolder, alice: Identity
@@ -214,8 +214,8 @@ def test_a_stranger_gets_nothing_and_gives_nothing(
     with intruder(connect=endpoint.replace("tls/", "tcp/") if who == "no TLS" else endpoint, **shown) as session:
         keys = ("**", "foretouch/*", *(f"foretouch/{name}" for name in CHANNELS))
         kept = [listen(session, key, heard) for key in keys]
-        end = time.monotonic() + 0.7
-        while time.monotonic() < end:
+        begun, arrived = time.monotonic(), 0
+        while (lasted := time.monotonic() - begun) < 0.7 or (arrived <= 20 and lasted < 20.0):
             say_everything(session)
             arrived = turn() - before
             time.sleep(0.01)
@@ -227,7 +227,7 @@ def test_a_stranger_gets_nothing_and_gives_nothing(
     assert turn.follower.undecodable == turn.leader.undecodable == 0
 
 
-@pytest.mark.live
+@pytest.mark.network
 @pytest.mark.parametrize("role", ROLES)
 def test_a_peer_is_heard_where_its_role_may_speak_and_nowhere_else(ours: KeyFolder, role: str) -> None:
     authority, here, _ = ours.read()
@@ -258,7 +258,7 @@ def test_a_peer_is_heard_where_its_role_may_speak_and_nowhere_else(ours: KeyFold
             receiver.close()
 
 
-@pytest.mark.live
+@pytest.mark.network
 def test_a_watcher_hears_the_session_and_its_requests_get_no_answer(lap: tuple[str, Any], ours: KeyFolder) -> None:
     endpoint, turn = lap
     authority, here, _ = ours.read()
@@ -281,7 +281,7 @@ def test_a_watcher_hears_the_session_and_its_requests_get_no_answer(lap: tuple[s
     assert turn.follower.undecodable == 0
 
 
-@pytest.mark.live
+@pytest.mark.network
 def test_a_watcher_may_ask_for_an_emergency_stop_and_hears_that_it_was_heard(
     lap: tuple[str, Any], ours: KeyFolder
 ) -> None:
@@ -302,7 +302,7 @@ def test_a_watcher_may_ask_for_an_emergency_stop_and_hears_that_it_was_heard(
     assert turn.follower.undecodable == 0
 
 
-@pytest.mark.live
+@pytest.mark.network
 @pytest.mark.parametrize("who", ["of another authority", "in another role"])
 def test_a_leader_takes_nothing_from_a_false_follower(who: str, ours: KeyFolder, theirs: KeyFolder) -> None:
     endpoint = free_endpoint("tls")
@@ -325,7 +325,7 @@ def test_a_leader_takes_nothing_from_a_false_follower(who: str, ours: KeyFolder,
         kept.undeclare()
 
 
-@pytest.mark.live
+@pytest.mark.network
 def test_what_is_on_this_machine_needs_no_keys_beside_what_is_not(ours: KeyFolder) -> None:
     """A leader that connects to another machine by TLS listens here by TCP, for its console."""
     tls, tcp = free_endpoint("tls"), free_endpoint()
@@ -376,7 +376,7 @@ def footprint() -> dict[str, int]:
     }
 
 
-@pytest.mark.live
+@pytest.mark.network
 @pytest.mark.long
 def test_a_hundred_connects_and_disconnects_leave_nothing_behind(ours: KeyFolder) -> None:
     endpoint = free_endpoint("tls")

@@ -25,7 +25,7 @@ from foretouch.messages import (
     encode,
 )
 
-pytestmark = pytest.mark.live
+pytestmark = pytest.mark.network
 
 
 def until(condition: Callable[[], object], seconds: float = 10.0) -> None:

@@ -148,10 +148,21 @@ def test_news_are_kept_once_each_and_are_no_settings() -> None:
     assert split_texts({**dict.fromkeys(NEWS, "said"), PROCESS: "1", "seed": "2"}) == ({"seed": "2"}, {})
 
 
+@pytest.mark.parametrize("role", ["recorder", "leader", "supervisor"])
+def test_who_says_hello_without_end_takes_nobody_the_place(role: str) -> None:
+    hellos, received = Hellos(), COUNT_PREFIX + "commands_received"
+    for number in range(1000):
+        hellos.take(hello(role, str(number), **{"contest": f"invented {number}", COUNT_PREFIX + "sent": "1"}))
+    hellos.take(hello("follower", "7", **{"contest": "CONTROL TAKEN: bert has it", received: "55"}))
+    assert hellos.news == {"contest": ("CONTROL TAKEN: bert has it",)}
+    assert hellos.counts["commands_received"] == 55
+    assert hellos.counts["sent"] < 100
+
+
 def test_who_says_hello_without_end_fills_nothing() -> None:
     hellos = Hellos()
     for number in range(1000):
-        hellos.take(hello("leader", str(number), **{COUNT_PREFIX + "sent": "1", "control": f"name {number}"}))
+        hellos.take(hello("follower", str(number), **{COUNT_PREFIX + "sent": "1", "control": f"name {number}"}))
     assert hellos.counts["sent"] < 100
     assert len(hellos.news["control"]) < 100
     for number in range(1000):

@@ -66,7 +66,19 @@ def torn(settings):
     return failing(fail)
 
 
-def failing(fail):
+def vanishing(settings):
+    failed = []
+
+    def fail():
+        failed.append(1)
+        if len(failed) > 1:
+            threading.Event().wait()
+        raise OSError("the drive is gone")
+
+    return failing(fail, 1.5)  # a robot that presses unloads at last
+
+
+def failing(fail, least_force=0.0):
     robot = make_robot("hunt-crossley", seed=1)
     move, left = robot.exchange, [1000]
 
@@ -74,7 +86,7 @@ def failing(fail):
         sample = move(desired)
         if left[0] < 1000 or sample.exact_force > 0.5:  # from the first press on: then there is a leader
             left[0] -= 1
-        if left[0] < 0:
+        if left[0] < 0 and sample.exact_force >= least_force:
             fail()
         return sample
 

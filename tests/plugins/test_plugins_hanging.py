@@ -49,8 +49,12 @@ def processes_in(folder: Path) -> list[int]:
             *("robot", "stuck", "the follower hangs: no tick for 3 s, in exchange (made_up.py, line "),
             marks=pytest.mark.long,
         ),
+        pytest.param(  # it raises once, and hangs when the robot is to unload
+            *("robot", "vanishing", "the follower hangs: no tick for 3 s, in fail (made_up.py, line "),
+            marks=pytest.mark.long,
+        ),
     ],
-    ids=["read", "held", "close", "robot"],
+    ids=["read", "held", "close", "robot", "unloading"],
 )
 def test_a_session_ends_where_a_call_of_a_driver_does_not_come_back(
     tmp_path: Path, kind: str, call: str, said: str

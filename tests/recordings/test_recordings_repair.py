@@ -149,7 +149,7 @@ def test_a_damaged_block_is_left_out_and_the_others_stay(session, tmp_path):
         assert path.read_bytes() == changed
 
 
-@settings(max_examples=150)
+@settings(max_examples=50)
 @given(st.lists(st.tuples(st.integers(0, 10**6), st.integers(0, 255)), min_size=1, max_size=4))
 @example([(0, 0)])
 def test_bytes_that_changed_give_one_line_or_a_whole_file(session, tmp_path_factory, changes):

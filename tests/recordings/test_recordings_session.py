@@ -186,7 +186,7 @@ def test_a_file_cut_anywhere_gives_a_beginning_of_the_session(tmp_path):
     content = path.read_bytes()
     expected = expected_log(300)
     lengths, refusals = set(), set()
-    for length in [*range(0, 64), *range(64, len(content), 211), *range(len(content) - 40, len(content))]:
+    for length in [*range(0, 64, 3), *range(64, len(content), 823), *range(len(content) - 40, len(content), 3)]:
         cut.write_bytes(content[:length])
         try:
             log = read_session(cut)
@@ -229,7 +229,7 @@ def test_bytes_that_changed_give_one_line_or_a_session(tmp_path):
     made.write_session(path, 60, {"late": 1})
     content, draw = path.read_bytes(), random.Random(1)
     refused = 0
-    for _ in range(400):
+    for _ in range(120):
         changed = bytearray(content)
         for _ in range(3):
             changed[draw.randrange(8, len(content))] = draw.randrange(256)
@@ -238,7 +238,7 @@ def test_bytes_that_changed_give_one_line_or_a_session(tmp_path):
             read_session(path)
         except RecordingError as error:
             refused += "\n" not in str(error)
-    assert refused > 100
+    assert refused > 30
 
 
 def foreign(path, topic, type_name, schema):

@@ -157,8 +157,8 @@ FADING = 5  # ... in so many ticks
 class Books:
     """The energy of the hand as it is defined: force times motion, summed up over the whole session.
 
-    A force acts from a delay after its position was read, and no longer than the watchdog lets it; between two
-    positions that are read the hand moves evenly. Nothing is ever begun anew.
+    A force acts from a delay after its tick began until the next one does, and no longer than the watchdog lets it;
+    between two positions that are read the hand moves evenly. Nothing is ever begun anew.
     """
 
     def __init__(self, device: DeviceSpecification | None) -> None:
@@ -169,14 +169,20 @@ class Books:
         self.largest_force, self.largest_step = 0.0, self.count
         self.position = math.nan
         self.before = self.force = self.first = self.impulse = self.elapsed = 0.0
+        self.before_ends = self.delay
+
+    def acted(self, begin: float, end: float) -> float:
+        """The force's integral between two times of this tick [N s]."""
+        pieces = ((self.before, 0.0, self.before_ends), (self.force, self.delay, self.delay + self.watchdog))
+        return sum(force * max(min(end, ends) - max(begin, begins), 0.0) for force, begins, ends in pieces)
 
     def move(self, position: float, period: float) -> None:
-        acts = min(period, self.watchdog)
         if self.elapsed == 0.0:
-            self.first = self.before * self.delay + self.force * (TICK - self.delay)  # in the nominal tick [N s]
-            self.impulse = self.first if acts <= TICK else self.before * self.delay + self.force * (acts - self.delay)
+            self.first = self.acted(0.0, TICK)
+            self.impulse = self.first + self.acted(TICK, period)
         else:
-            self.impulse += self.force * acts
+            self.impulse += self.acted(0.0, period)
+        self.before, self.before_ends = self.force, min(self.delay, self.delay + self.watchdog - period)
         self.elapsed += period
         if not abs(position) <= FARTHEST:
             return
@@ -194,7 +200,7 @@ class Books:
             self.largest_step = max(self.largest_step, nominal + self.count)
 
     def hold(self, force: float) -> None:
-        self.before, self.force = self.force, force
+        self.force = force
         self.largest_force = max(self.largest_force, force)
 
     @property

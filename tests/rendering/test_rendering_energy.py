@@ -10,6 +10,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
+from foretouch.devices.held_force import HeldForce
 from foretouch.errors import SettingError
 from foretouch.rendering import EnergyAccount
 
@@ -80,43 +81,77 @@ motions = st.lists(
 BACK_AND_FORTH = [(2e-3 * (-1) ** n, 1e9 * (n % 2), TICK, 9) for n in range(80)]
 
 
-@given(motions, st.sampled_from((0.0, 1e-6, 1e-5, 1e-3)), st.sampled_from((0.0, 5e-4, TICK)))
-@example([(0.0, 1.0, TICK, 9)] + [(-1.0, 1e9, TICK, 9)] * 60, 1e-6, 0.0)
-@example(BACK_AND_FORTH, 1e-6, TICK)
-@example([(5e-4, 10.0, TICK, 9)] * 20 + [(-0.2, 10.0, 0.12, 9)] + BACK_AND_FORTH, 1e-5, 5e-4)
-def test_over_a_whole_session_no_more_comes_out_than_one_bound_and_what_late_ticks_gave(session, resolution, delay):
-    """Taps, late ticks, lost positions and contacts that end, whatever force is asked for: summed up by themselves."""
-    account, count = EnergyAccount(resolution, delay=delay), max(resolution, 1e-6)
-    whole = late = position = known = held = before = impulse = elapsed = largest_force = 0.0
-    first, largest_step = 0.0, count
+@given(
+    motions, st.sampled_from((0.0, 1e-6, 1e-5, 1e-3)), st.sampled_from((0.0, 5e-4, TICK)), st.sampled_from((0.0, 0.02))
+)
+@example([(0.0, 1.0, TICK, 9)] + [(-1.0, 1e9, TICK, 9)] * 60, 1e-6, 0.0, 0.0)
+@example(BACK_AND_FORTH, 1e-6, TICK, 0.0)
+@example([(5e-4, 10.0, TICK, 9)] * 20 + [(-0.2, 10.0, 0.12, 9)] + BACK_AND_FORTH, 1e-5, 5e-4, 0.02)
+@example([(5e-5, 5.0, TICK, 9)] * 9 + [(-1e-3, 5.0, TICK, 0), (-1e-3, 0.0, TICK, 9)], 1e-6, 5e-4, 0.0)
+def test_over_a_whole_session_no_more_comes_out_than_one_bound_and_what_late_ticks_gave(
+    session, resolution, delay, watchdog
+):
+    """Taps, late ticks, lost positions and contacts that end, whatever force is asked for.
+
+    The work is summed up from the force as it acts on a device that is late and has a watchdog, and from the motion.
+    """
+    account, count = EnergyAccount(resolution, delay=delay, watchdog=watchdog), max(resolution, 1e-6)
+    device, now = HeldForce(0.0, delay, watchdog), 0
+
+    def impulse_until(end: int) -> float:
+        return sum(lasted * acting for lasted, acting in device.over(now, end))
+
+    whole = late = position = known = held = impulse = nominal = elapsed = largest_force = 0.0
+    largest_step = count
     account.observe(0.0)
     for way, asked, period, event in session:
+        tick_ends, ends = now + 1_000_000, now + round(period * 1e9)
+        gave, now = impulse_until(tick_ends), tick_ends
         if elapsed == 0.0:
-            first = before * delay + held * (TICK - delay)  # the force's impulse in the nominal tick [N s]
-            impulse = before * delay + held * (period - delay)
+            nominal, impulse = gave, 0.0
         else:
-            impulse += held * period
+            impulse += gave
+        impulse, now = impulse + impulse_until(ends), ends
         position, elapsed = position + way, elapsed + period
         missing = event == 0
         account.observe(math.nan if missing else position, period)
         if not missing:
             velocity = (position - known) / elapsed
             step = min(abs(velocity), 2.0) * TICK
-            work = math.copysign(step, velocity) * first / TICK
-            whole += velocity * impulse
-            late = min(late + velocity * impulse - work, 0.0)
-            largest_step = max(largest_step, step + count) if first > 0.0 else largest_step
+            work = math.copysign(step, velocity) * nominal / TICK
+            whole += velocity * (nominal + impulse)
+            late = min(late + velocity * (nominal + impulse) - work, 0.0)
+            largest_step = max(largest_step, step + count) if nominal > 0.0 else largest_step
             known, elapsed = position, 0.0
         bound = (1.0 + 2.0 * delay / TICK) * largest_force * largest_step
+        assert whole >= account.energy + account.late_energy - 1e-9 * (1.0 + abs(whole))
         assert whole >= late - bound * (1.0 + 1e-9) - 1e-9
         assert account.late_energy == pytest.approx(late, rel=1e-6, abs=1e-9)
         assert account.bound == pytest.approx(bound, rel=1e-9, abs=1e-15)
         if event == 1:
             account.close()
-        before, held = held, min(asked, account.ceiling)
+        held = min(asked, account.ceiling)
         assert held >= 0.0
         account.hold(held)
+        device.render(held, now)
         largest_force = max(largest_force, held)
+
+
+def test_positions_lost_one_at_a_time_are_booked_as_the_force_acted():
+    """A thousand times one position is lost while the hand leaves evenly and the force falls: nothing is left out."""
+    account, device, now, whole = EnergyAccount(delay=5e-4), HeldForce(0.0, 5e-4, 0.0), 0, 0.0
+    account.observe(0.0)
+    position = 0.0
+    for _ in range(1000):
+        for way, asked, seen in ((4e-5, 5.0, True), (-1e-5, 5.0, False), (-1e-5, 0.0, True), (0.0, 0.0, True)):
+            force = min(asked, account.ceiling)
+            account.hold(force)
+            device.render(force, now)
+            whole += sum(lasted * acting for lasted, acting in device.over(now, now + 1_000_000)) * way / TICK
+            now, position = now + 1_000_000, position + way
+            account.observe(position if seen else math.nan, TICK)
+    assert whole >= account.energy + account.late_energy - 1e-12
+    assert account.late_energy < -1e-3
 
 
 def test_the_bound_is_come_near_to():
@@ -185,6 +220,16 @@ def test_a_watchdog_ends_what_a_late_tick_may_give():
     press(lambda x: 500.0 * x, np.arange(0.0, 1.0001e-2, 5e-5), account)
     account.observe(-0.02, 0.12)
     assert account.late_energy == pytest.approx(-5.0 * 0.25 * 0.019, rel=1e-3)
+
+
+def test_what_a_watchdog_took_away_does_not_act_in_the_tick_after():
+    account = EnergyAccount(1e-6, delay=5e-4, watchdog=0.02)
+    account.observe(0.0)
+    account.hold(4.0)
+    account.observe(0.0, 0.12)
+    account.hold(2.0)
+    account.observe(1e-4)
+    assert account.energy == pytest.approx(0.5 * 2.0 * 1e-4)
 
 
 def test_with_a_delay_the_force_of_before_is_booked_until_the_new_one_acts():

@@ -9,8 +9,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from foretouch.devices.held_force import HeldForce
 from foretouch.errors import SettingError
 from foretouch.rendering import EnergyAccount, SpatialEnergyAccount
+from foretouch.report.booked import BookedDevice, book
 
 small = st.floats(-1e-3, 1e-3)
 force = st.floats(-10.0, 10.0)
@@ -28,6 +30,39 @@ def test_whatever_is_asked_for_no_more_comes_out_than_the_bound(ticks: list) -> 
         assert account.energy == pytest.approx(-given_out, abs=1e-12)  # the work itself
         assert account.energy >= -account.bound - 1e-12
         held = np.array(account.hold(wanted))
+
+
+lost = st.tuples(st.tuples(small, small, small), force, st.sampled_from((1e-3, 0.05)), st.booleans())
+
+
+@given(st.lists(lost, max_size=60), st.sampled_from((0.0, 5e-4, 1e-3)), st.sampled_from((0.0, 0.02)))
+def test_what_is_booked_is_what_the_device_did_where_positions_are_missing(
+    ticks: list, delay: float, watchdog: float
+) -> None:
+    account, device = (
+        SpatialEnergyAccount(1e-5, delay=delay, watchdog=watchdog),
+        HeldForce(np.zeros(3), delay, watchdog),
+    )
+    place, known, impulse, now, elapsed, whole = np.zeros(3), np.zeros(3), np.zeros(3), 0, 0.0, 0.0
+    account.observe((0.0, 0.0, 0.0))
+    places, forces, periods = [np.zeros(3)], [], [0.0]
+    for step, wanted, period, missing in ticks:
+        forces.append(np.array(account.hold((wanted, -wanted, 0.5 * wanted))))
+        device.render(forces[-1], now)
+        ends = now + round(period * 1e9)
+        impulse = impulse + sum(lasted * acting for lasted, acting in device.over(now, ends))
+        now, place, elapsed = ends, place + step, elapsed + period
+        places.append(np.full(3, math.nan) if missing else place)
+        periods.append(period)
+        account.observe(tuple(places[-1]), period)
+        if not missing:
+            whole -= float(impulse @ (place - known)) / elapsed
+            known, impulse, elapsed = place, np.zeros(3), 0.0
+        assert whole >= account.energy + account.late_energy - 1e-9
+    forces.append(np.zeros(3))
+    booked = book(np.array(forces), np.array(places), np.array(periods), BookedDevice(1e-5, delay, watchdog))
+    assert booked.work.sum() + booked.late.sum() == pytest.approx(whole, abs=1e-9)
+    assert booked.work.sum() == pytest.approx(account.energy, abs=1e-9)
 
 
 def test_on_a_straight_line_it_is_the_account_along_it() -> None:

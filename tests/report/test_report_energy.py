@@ -81,8 +81,8 @@ def test_what_late_ticks_took_is_told_and_no_part_of_the_verdict() -> None:
         account.hold(float(row["rendered_force"]))
     figures = energy_figures(rows, DEVICE)
     assert figures["certificate_holds"] is True
-    # 2 N as far as the hand gets in the 19 ms that the watchdog lets it act beyond the tick.
-    assert figures["late_energy_J"] == pytest.approx(-2.0 * 0.0116 * 19.0 / 120.0, rel=1e-6)
+    # 2 N as far as the hand gets in the 19.5 ms beyond the tick: the watchdog's 20 ms begin with the force, at 0.5.
+    assert figures["late_energy_J"] == pytest.approx(-2.0 * 0.0116 * 19.5 / 120.0, rel=1e-6)
     assert figures["energy_bound_J"] < 2.0 * 2.0 * 1.2e-4
     rows["late_energy"] = 0.0
     assert energy_figures(rows, DEVICE)["energy_agrees"] is False

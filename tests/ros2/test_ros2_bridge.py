@@ -97,7 +97,7 @@ def reader() -> Any:
     return store
 
 
-@pytest.mark.live
+@pytest.mark.network
 def test_every_number_of_a_session_is_read_by_another_implementation(
     log: list[Message], there: Router, graph: Graph
 ) -> None:
@@ -183,7 +183,7 @@ def test_tokens_and_keys_name_the_same_types(log: list[Message], there: Router, 
     assert publishers < there.gone
 
 
-@pytest.mark.live
+@pytest.mark.network
 def test_another_implementation_lists_the_topics(log: list[Message], there: Router, graph: Graph) -> None:
     pytest.importorskip("zenoh_ros2_sdk")
     pass_on(bridge(graph), [LINE, *log[:3000]])
@@ -268,7 +268,7 @@ def _fields_of(kind: type[Message]) -> list[Any]:
     return values
 
 
-@pytest.mark.live
+@pytest.mark.network
 def test_where_no_router_is_it_says_so_once_and_goes_on() -> None:
     endpoint, lines = free_endpoint(), []
     graph = Graph(endpoint, NODE)

@@ -14,7 +14,9 @@ import pytest
 
 from foretouch.session import children
 from foretouch.session.children import Child, end_session
+from foretouch.session.hanging import HANGS_AFTER
 from foretouch.session.housekeeping import BEAT
+from foretouch.session.live import LEAVING
 
 BEATS = f"""
 import os, time
@@ -123,6 +125,22 @@ def test_who_does_not_end_is_killed_and_nobody_waits_longer(
     assert time.monotonic() - begun < 4.0
     assert leader.process.returncode == -signal.SIGKILL
     assert follower.process.returncode == -signal.SIGTERM
+
+
+def test_a_follower_that_did_not_hear_the_leader_s_last_word_is_told_and_may_unload(
+    begin: Callable[..., Child], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It hears none of a leader that never had control. Told by signal, it has the time that its end may take."""
+    monkeypatch.setattr(children, "GOING", 0.5)
+    unloads = "signal.signal(signal.SIGTERM, lambda *_: (time.sleep(1.0), sys.exit()))\n"
+    follower = begin(f"import signal, sys, time\n{unloads}{BEATS.replace('COUNT', '600')}", "follower")
+    leader = begin("import sys, time\ntime.sleep(0.2)\nsys.exit()")
+    listen(follower, lambda: follower.begun is not None)
+    begun = time.monotonic()
+    assert end_session([follower, leader]) == []
+    assert follower.process.returncode == 0
+    assert time.monotonic() - begun < children.PATIENCE
+    assert children.PATIENCE > LEAVING + HANGS_AFTER  # its robot unloads, then the driver of that hangs
 
 
 def test_a_leader_that_is_ending_keeps_its_exit_code(begin: Callable[..., Child]) -> None:

@@ -9,8 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from foretouch.link import Faults, FaultStage
-from foretouch.messages import VERSION, Command
-from foretouch.session.contest import MANY, TOLD_NS, Contest
+from foretouch.messages import VERSION, Command, Hello
+from foretouch.session.contest import MANY, TOLD_NS, Contest, ContestHeard
 from foretouch.session.heard import Heard
 from foretouch.session.lease import ControlLease
 from foretouch.session.news import leader_news
@@ -117,3 +117,12 @@ def test_control_that_another_has_taken_is_told() -> None:
 def test_the_operator_is_told_what_the_follower_tells_of_a_contest(trouble: str) -> None:
     said = leader_news(Heard(5), {"contest": "CONTROL CONTESTED: bert would", "trouble": trouble})
     assert said == "CONTROL CONTESTED: bert would" + (f"; {trouble}" if trouble else "")
+
+
+def test_who_listens_says_a_contest_once_each_time_it_changes() -> None:
+    said: list[str] = []
+    heard, child = ContestHeard("recorder", said.append), ContestHeard("recorder", said.append, parent=1)
+    for role, contest in (("leader", "x"), ("follower", "A"), ("follower", "A"), ("follower", ""), ("follower", "A")):
+        for one in (heard, child):
+            one.hear(Hello.of(role, 1, 0, {"contest": contest}))
+    assert said == ["recorder: A", "recorder: A"]

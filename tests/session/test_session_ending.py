@@ -15,7 +15,7 @@ from lap import MS, Lap
 
 from foretouch.devices import ScriptedOperator
 from foretouch.link import ZenohLink, free_endpoint
-from foretouch.messages import VERSION, Command, EmergencyStop, Status, Stop, Telemetry
+from foretouch.messages import VERSION, Command, EmergencyStop, Message, Status, Stop, Telemetry
 from foretouch.robot import FaultySensor, Robot, RobotSample, SensorFault, make_robot
 from foretouch.session import (
     FOLLOWER_CHANNELS,
@@ -27,6 +27,7 @@ from foretouch.session import (
     run_leader,
 )
 from foretouch.session.driven import LineFollower
+from foretouch.session.hanging import LoopWatch
 from foretouch.session.heard import MOST_OF_FORMER, Heard
 from foretouch.session.safety import REST_FORCE
 
@@ -81,14 +82,22 @@ def driven(lap: Lap, robot: Any) -> LineFollower:
     return made
 
 
+def leave(follower: LineFollower, timer: Any) -> tuple[LoopWatch, list[Message]]:
+    loop, said = LoopWatch(0.5), []
+    live._leave(follower, timer, loop, said.append, lambda line: None)
+    return loop, said
+
+
 def test_a_robot_that_a_session_leaves_in_contact_unloads() -> None:
     lap = pressing()
     timer: Any = Ticks(lap.now)
-    live._leave(driven(lap, lap.robot), timer)
+    loop, said = leave(driven(lap, lap.robot), timer)
     assert lap.following.learner.sample.force < REST_FORCE
     assert lap.robot.read().exact_force < REST_FORCE + 0.1
     assert 5 < timer.count < 1000
     assert lap.following.safety.status == Status.UNLOADING
+    assert loop.ticked == timer.now_ns  # a driver that hangs now is noticed
+    assert sum(isinstance(message, Telemetry) for message in said) == timer.count
 
 
 def test_one_in_free_air_is_left_at_once() -> None:
@@ -96,7 +105,7 @@ def test_one_in_free_air_is_left_at_once() -> None:
     lap.start_leader("anna", 11)
     lap.run(0.5)
     timer: Any = Ticks(lap.now)
-    live._leave(driven(lap, lap.robot), timer)
+    leave(driven(lap, lap.robot), timer)
     assert timer.count == 0
 
 
@@ -106,7 +115,7 @@ def test_one_that_does_not_come_out_keeps_nobody_for_longer_than_that(monkeypatc
     lap = pressing()
     timer: Any = Ticks(lap.now)
     begun = time.monotonic()
-    live._leave(driven(lap, Deaf(lap.robot)), timer)
+    leave(driven(lap, Deaf(lap.robot)), timer)
     assert 0.2 <= time.monotonic() - begun < 1.0
     assert lap.following.learner.sample.force > REST_FORCE
 

@@ -130,7 +130,7 @@ def test_an_exception_before_safety_is_counted_and_told_and_safety_goes_on(
     told = session.link.said[-2].values  # type: ignore[attr-defined]  # the last hello
     (trouble,) = [text for text in told if "the follower has a fault" in text]
     assert "ZeroDivisionError raised in its " in trouble
-    assert "(a plug-in failed?[2J)" in trouble
+    assert r"(a plug-in failed\x1b[2J)" in trouble
     assert ("nothing more is learnt" in trouble) is not learns
 
 

@@ -76,12 +76,61 @@ def test_nor_one_with_bounds_that_turn_and_tighten(parts: Any, seed: int) -> Non
     limits.begin(0.0, 0.0, 0.0)
     path, bounds = [(0.0, 0.0, 0.0)], (UNBOUNDED,) * 3
     for place in streamed(parts, seed):
-        if random.random() < 0.1:
+        if random.random() < 0.3:
             ways = random.normal(size=(3, 3))
             ways /= np.linalg.norm(ways, axis=1)[:, None]
             bounds = tuple((*way, random.choice((0.0, 0.02, 0.3))) for way in ways.tolist())
         path.append(limits.move(place, bounds))
+    within(path, change=10.0 * ACCELERATION) if len(path) > 1 else None
+
+
+def test_two_ticks_that_brake_almost_opposite_ways_come_near_to_ten_times() -> None:
+    limits = MotionLimits(SPEED, 1.0, JERK, TICK)
+    limits.begin(0.0, 0.0, 0.0)
+    for tick in range(2000):  # at 0.2 m/s, once it has caught up
+        limits.move((2e-4 * tick, 0.0, 0.0))
+    assert limits.speed == pytest.approx(0.2, abs=1e-3)
+    sideways, ahead = math.cos(math.radians(5.0)), math.sin(math.radians(5.0))
+    told = []
+    for tick, side in ((2000, sideways), (2001, -sideways)):
+        limits.move((2e-4 * tick, 0.0, 0.0), ((ahead, side, 0.0, 0.0), UNBOUNDED, UNBOUNDED))
+        told.append(np.array(limits.acceleration))
+    assert [np.linalg.norm(one) for one in told] == pytest.approx([5.0, 5.0])
+    assert 9.9 < np.linalg.norm(told[1] - told[0]) < 10.0
+
+
+@settings(max_examples=40)
+@given(streams, st.integers(0, 1000))
+def test_on_a_line_it_changes_by_six_times_at_most(parts: Any, seed: int) -> None:
+    random, limits = np.random.default_rng(seed), MotionLimits(SPEED, ACCELERATION, JERK, TICK)
+    limits.begin(0.0)
+    path = [(0.0, 0.0, 0.0)]
+    for place in streamed(parts, seed):
+        path.append((limits.update(place[0], random.choice((0.0, 0.02, 0.3, math.inf))), 0.0, 0.0))
     within(path, change=6.0 * ACCELERATION) if len(path) > 1 else None
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_what_is_no_number_anywhere_leaves_a_path_of_numbers(seed: int) -> None:
+    random, limits = np.random.default_rng(seed), MotionLimits(SPEED, ACCELERATION, JERK, TICK)
+    limits.begin(0.0, 0.0, 0.0)
+    path = [(0.0, 0.0, 0.0)]
+    for _ in range(400):
+        asked = random.normal(0.0, 0.1, 18)
+        wrong = random.random(18) < 0.03
+        asked[wrong] = random.choice((math.nan, math.inf, -math.inf, 1e300), wrong.sum())
+        numbers = asked.tolist()
+        bounds = tuple(tuple(numbers[at : at + 4]) for at in (6, 10, 14))
+        path.append(limits.move(tuple(numbers[:3]), bounds, tuple(numbers[3:6])))
+    within(path)
+
+
+def test_on_a_line_a_shift_or_a_bound_that_is_no_number_leaves_a_position() -> None:
+    for upwards, shifted in ((math.inf, math.nan), (math.inf, math.inf), (math.nan, 0.0), (-math.inf, -math.inf)):
+        limits = MotionLimits(SPEED, ACCELERATION, JERK, TICK)
+        limits.begin(0.0)
+        assert math.isfinite(limits.update(0.01, upwards, shifted))
+        assert [limits.update(0.01) for _ in range(500)][-1] == pytest.approx(0.01, abs=1e-9)
 
 
 def test_a_line_is_the_case_of_one_direction() -> None:
@@ -223,7 +272,7 @@ def moved(name: str, parts: Any, seed: int, first_touch: str) -> None:
             silent = trouble == "silence" and tick > 10
             driven.go(None if silent else tuple(place.tolist()), **asked)
         before = np.array(target)
-    within(driven.path, change=6.0 * ACCELERATION)
+    within(driven.path, change=10.0 * ACCELERATION)
 
 
 def test_where_the_robot_is_told_to_go_it_goes_and_touches() -> None:

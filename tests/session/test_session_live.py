@@ -214,6 +214,11 @@ def test_a_peer_of_another_version_is_refused_with_exit_code_2() -> None:
     assert "Traceback" not in err
 
 
+def commanded(path: Path) -> bool:
+    """Whether the leader has begun, as far as a recording that goes on has been written: the follower begins first."""
+    return read_session(path).leader.size > 0
+
+
 @pytest.fixture(scope="module")
 def three(tmp_path_factory: pytest.TempPathFactory) -> Iterator[list[tuple[Running, Path, set[int]]]]:
     """Three sessions that run, each with its recording and its processes: each is ended in another way."""
@@ -222,9 +227,9 @@ def three(tmp_path_factory: pytest.TempPathFactory) -> Iterator[list[tuple[Runni
         common = ("teleop", "--headless", "--operator", "scripted", "--json", "--recording")
         running = [stack.enter_context(Running(*common, path)) for path in paths]
         end = time.monotonic() + 90.0
-        while not all(path.exists() and path.stat().st_size > 200_000 for path in paths):
-            assert time.monotonic() < end, "no recording grew"
-            time.sleep(0.1)
+        while not all(path.exists() and path.stat().st_size > 200_000 and commanded(path) for path in paths):
+            assert time.monotonic() < end, "no leader is in the recording"
+            time.sleep(0.3)
         yield [(one, path, children_of(one.process.pid)) for one, path in zip(running, paths, strict=True)]
 
 

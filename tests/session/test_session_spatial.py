@@ -11,6 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from foretouch.devices import SpatialDevice
 from foretouch.errors import MissingExtraError, SettingError, UnknownNameError
 from foretouch.messages import (
     VERSION,
@@ -28,6 +29,7 @@ from foretouch.quantities import Pose
 from foretouch.rendering.surfaces import Plane
 from foretouch.robot import MATERIALS, GantryArm, MissingGraphicsError, graphics_library, make_material
 from foretouch.session import SessionSettings
+from foretouch.session.driven import drive_leader
 from foretouch.session.spatial import (
     follower,
     leader,
@@ -608,3 +610,22 @@ def test_a_tracker_that_says_no_more_lets_the_pose_age() -> None:
             ages.append(acted.model.fixture_age)
     assert ages[0] == pytest.approx(0.1, abs=0.01)
     assert ages[-1] == pytest.approx(1.07, abs=0.05)
+
+
+def test_a_device_that_gives_no_position_is_told_in_a_scene() -> None:
+    class Lost(SpatialDevice):
+        name = "lost"
+        places = iter([(0.0, 0.0, 0.1), (math.nan,) * 3, (0.0, math.inf, 0.1), (0.0, 0.0, 0.1)])
+
+        def read(self, now_ns: int) -> tuple[float, float, float]:
+            return next(self.places)
+
+        def render(self, force: tuple[float, float, float]) -> None:
+            pass
+
+    settings = SessionSettings(scene="hill")
+    driven, counted = drive_leader(Lost(), settings, "anna", 1), []
+    for tick in range(1, 5):
+        driven.tick([], tick * 1_000_000, 1_000_000, 0, tick * 1_000_000, stop=False)
+        counted.append(driven.nowhere)
+    assert counted == [0, 1, 2, 2]

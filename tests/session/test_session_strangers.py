@@ -21,7 +21,7 @@ from foretouch.messages import VERSION, Hello, Hellos, Message, ModelUpdate, enc
 from foretouch.session import Housekeeper, StopFlag, wait_for_hello
 from foretouch.session.heard import MOST_FORMER, Heard
 
-pytestmark = pytest.mark.live
+pytestmark = pytest.mark.network
 
 SIZE = 46_000
 

@@ -40,6 +40,14 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
+def one(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A sweep of one session."""
+    path = tmp_path_factory.mktemp("one")
+    run_sweep(path, Plan(1, 0, 4.0), processes=1)
+    return path
+
+
+@pytest.fixture(scope="module")
 def rows(folder: Path) -> dict[tuple[int, str], Outcome]:
     return read_store(folder / FILE_NAME)[1]
 
@@ -179,10 +187,8 @@ def test_a_broken_bound_a_large_jump_and_an_oscillating_hand_are_found() -> None
         (lambda lines: [*lines[:2], b"{}\n"], "line 3: is no line of a sweep"),
     ],
 )
-def test_rows_of_another_sweep_are_refused_with_one_line(
-    folder: Path, tmp_path: Path, change: object, said: str
-) -> None:
-    lines = (folder / FILE_NAME).read_bytes().splitlines(keepends=True)
+def test_rows_of_another_sweep_are_refused_with_one_line(one: Path, tmp_path: Path, change: object, said: str) -> None:
+    lines = (one / FILE_NAME).read_bytes().splitlines(keepends=True)
     (tmp_path / FILE_NAME).write_bytes(b"".join(change(lines)))  # type: ignore[operator]
     with pytest.raises(InputError, match=said) as caught:
         run_sweep(tmp_path, PLAN)
@@ -207,9 +213,9 @@ def test_rows_are_stale_by_what_made_them_and_by_nothing_that_only_shows_them() 
 
 
 def test_a_replay_of_nothing_is_refused(
-    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    one: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    for out, number, said in ((tmp_path, 0, "there is no sweep"), (folder, 99, "has no session 99")):
+    for out, number, said in ((tmp_path, 0, "there is no sweep"), (one, 99, "has no session 99")):
         monkeypatch.setattr("sys.argv", ["foretouch", "sweep", "--out", str(out), "--replay", str(number)])
         with pytest.raises(SystemExit) as ended:
             main()

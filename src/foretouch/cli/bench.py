@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from foretouch.cli.options import say
+from foretouch.cli.options import say, show
 from foretouch.cli.progress import progress_bar
 from foretouch.errors import ForetouchError
 
@@ -83,7 +83,7 @@ def _measure(only: list[str], full: bool, json_output: bool) -> None:
         except KeyboardInterrupt:
             interrupted = True
     if json_output:
-        typer.echo(json.dumps([row.as_row() for rows in done.values() for row in rows], allow_nan=False))
+        show(json.dumps([row.as_row() for rows in done.values() for row in rows], allow_nan=False))
     if interrupted:
         say(f"{len(done)} of {len(names)} benchmarks were done")
         raise KeyboardInterrupt
@@ -115,9 +115,9 @@ def _judge_ratios(json_output: bool) -> None:
     checked = check()
     if json_output:
         rows = [{"what": c.name, "figure": c.ratio, "baseline": c.baseline, "passed": c.passed} for c in checked]
-        typer.echo(json.dumps(rows, allow_nan=False))
+        show(json.dumps(rows, allow_nan=False))
     else:
         for one in checked:
-            typer.echo(one.sentence)
+            show(one.sentence)
     if not all(one.passed for one in checked):
         raise typer.Exit(1)

@@ -18,6 +18,7 @@ from foretouch.cli.options import (
     make_folder,
     print_json,
     say,
+    show,
 )
 from foretouch.cli.reading import MapFile, read_and_say
 from foretouch.errors import SettingError
@@ -238,8 +239,8 @@ def _finish(
     if json_output:
         print_json(content)
         return
-    typer.echo(title)
+    show(title)
     for name, value in content.items():
         values = value if isinstance(value, tuple) else (value,)
         shown = ", ".join("-" if part is None else f"{part:.5g}" for part in values)
-        typer.echo(f"  {name:<32} {shown}")
+        show(f"  {name:<32} {shown}")

@@ -18,6 +18,7 @@ from foretouch.cli.options import (
     make_folder,
     print_json,
     say,
+    show,
 )
 from foretouch.cli.progress import progress_bar
 from foretouch.cli.reading import RECORDING_HELP, MapFile, say_how_it_is_read
@@ -106,7 +107,7 @@ def compare(
     if json_output:
         print_json({"results": [result.as_row() for result in results]})
     else:
-        typer.echo(comparison.render_table(results))
+        show(comparison.render_table(results))
     if report_directory is not None:
         say(f"report: {comparison.write_comparison_page(report_directory, results)}")
     if all(result.status != "ok" for result in results):

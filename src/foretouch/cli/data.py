@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from foretouch.cli.options import Json, print_json, require_writable, say
+from foretouch.cli.options import Json, print_json, require_writable, say, show
 from foretouch.cli.progress import progress_bar, pulsing
 
 __all__ = ["datasets", "materials"]
@@ -32,7 +32,7 @@ def list_datasets(json_output: Json = False) -> None:
         )
         return
     for entry in entries:
-        typer.echo(f"{entry.name:<20} {entry.kind:<8} {entry.file:<34} {entry.origin.licence}")
+        show(f"{entry.name:<20} {entry.kind:<8} {entry.file:<34} {entry.origin.licence}")
 
 
 @datasets.command("fetch")
@@ -59,7 +59,7 @@ def fetch_dataset(
         print_json({"files": paths})
         return
     for path in paths.values():
-        typer.echo(path)
+        show(str(path))
 
 
 @materials.command("list")
@@ -90,7 +90,7 @@ def list_materials(json_output: Json = False) -> None:
         )
         return
     for name, entry in entries.items():
-        typer.echo(f"{name:<16} to {1e3 * entry.press_depth:.1f} mm   {entry.description}")
+        show(f"{name:<16} to {1e3 * entry.press_depth:.1f} mm   {entry.description}")
 
 
 @materials.command("fit")
@@ -119,4 +119,4 @@ def fit_material(
         print_json({file.name: {"residual_percent": file.residual_percent} for file in fit.files})
         return
     for file in fit.files:
-        typer.echo(f"{file.name:<16} residual {file.residual_percent:5.1f} % of the contact-force RMS")
+        show(f"{file.name:<16} residual {file.residual_percent:5.1f} % of the contact-force RMS")

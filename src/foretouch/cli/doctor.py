@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from foretouch.cli.links import Endpoints, open_link, with_endpoints
-from foretouch.cli.options import Duration, Json, print_json, require_duration, say
+from foretouch.cli.options import Duration, Json, print_json, require_duration, say, show
 from foretouch.cli.progress import progress_bar
 from foretouch.errors import LinkError, SettingError
 
@@ -113,4 +113,4 @@ def _answer(endpoints: Endpoints, duration: float | None, json_output: bool) -> 
     if json_output:
         print_json({"answered": answerer.answered})
     else:
-        typer.echo(f"{answerer.answered} questions answered")
+        show(f"{answerer.answered} questions answered")

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from foretouch.cli.options import Json, KeysFolder, print_json, say
+from foretouch.cli.options import Json, KeysFolder, print_json, say, show
 
 if TYPE_CHECKING:
     from foretouch.link import Identity, KeyFolder
@@ -113,12 +113,12 @@ def show_keys(folder: KeysFolder = None, json_output: Json = False) -> None:
         )
         return
     for path, identity in shown.items():
-        typer.echo(_line(path, identity))
+        show(_line(path, identity))
         if not identity.issued_by(authority):
             say(f"{path} is from another authority: it is let in nowhere")
         if identity.days_left(now) <= WARNING_DAYS:
             say(f"{path} {'ends soon' if identity.days_left(now) > 0 else 'has expired'}: foretouch keys rotate")
-    typer.echo(f"let in: {', '.join(allowed)}")
+    show(f"let in: {', '.join(allowed)}")
 
 
 def _open(folder: Path | None) -> KeyFolder:
@@ -131,7 +131,7 @@ def _print(made: dict[Path, Identity], json_output: bool) -> None:
     """The certificates that were made, one a line or as one JSON object."""
     if not json_output:
         for path, identity in made.items():
-            typer.echo(_line(path, identity))
+            show(_line(path, identity))
         return
     print_json(
         {

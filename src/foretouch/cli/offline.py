@@ -25,6 +25,7 @@ from foretouch.cli.options import (
     make_folder,
     print_json,
     say,
+    show,
 )
 from foretouch.cli.progress import pulsing
 from foretouch.cli.reading import RECORDING_HELP, MapFile, read_and_say
@@ -312,18 +313,18 @@ def _finite(value: float) -> float | None:
 
 def _print_lines(title: str, content: dict[str, Any]) -> None:
     """A result as aligned lines."""
-    typer.echo(title)
+    show(title)
     for name, value in content.items():
         text = f"{value:.6g}" if isinstance(value, float) else str(value)
         if name == "remarks":
-            typer.echo("".join(f"  {remark}\n" for remark in value), nl=False)
+            show("".join(f"  {remark}\n" for remark in value), end=False)
             continue
         if name == "map":
             _print_map(value)
             continue
         if isinstance(value, dict):
             text = ", ".join(f"{key} {_or_undetermined(number)}" for key, number in value.items())
-        typer.echo(f"  {name:<28} {text}")
+        show(f"  {name:<28} {text}")
 
 
 def _print_map(figures: dict[str, Any] | None) -> None:
@@ -331,7 +332,7 @@ def _print_map(figures: dict[str, Any] | None) -> None:
     from foretouch.report import map_lines
 
     for line in () if figures is None else map_lines(figures):
-        typer.echo(f"  {'map':<28} {line}")
+        show(f"  {'map':<28} {line}")
 
 
 def _or_undetermined(value: float | None) -> str:

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from foretouch.cli.options import make_folder, say
+from foretouch.cli.options import make_folder, say, show
 from foretouch.cli.progress import progress_bar
 
 __all__ = ["COMMANDS", "reproduce"]
@@ -45,13 +45,13 @@ def reproduce(
         say(f"report: {write_report(out, sections)}")
     claims = [claim for section in sections for claim in section.claims]
     if json_output:
-        typer.echo(json.dumps([claim.as_row() for claim in claims], allow_nan=False))
+        show(json.dumps([claim.as_row() for claim in claims], allow_nan=False))
         return
     for section in sections:
-        typer.echo(f"{section.title}")
+        show(f"{section.title}")
         for claim in section.claims:
-            typer.echo(f"  {claim.verdict:<26} {claim.claim}: paper {claim.paper}; measured {claim.measured}")
-            typer.echo(f"  {'':<26} ({claim.setting})")
+            show(f"  {claim.verdict:<26} {claim.claim}: paper {claim.paper}; measured {claim.measured}")
+            show(f"  {'':<26} ({claim.setting})")
 
 
 COMMANDS = (reproduce,)

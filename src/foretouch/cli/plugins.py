@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from foretouch.cli.options import Json, print_json
+from foretouch.cli.options import Json, print_json, show
 
 __all__ = ["plugins"]
 
@@ -34,9 +34,9 @@ def list_plugins(context: typer.Context, json_output: Json = False) -> None:
         return
     for entry in entries:
         laws = f"  of {', '.join(entry.laws)}" if entry.laws else ""
-        typer.echo(f"{entry.kind:<10} {entry.name:<20} {entry.package} {entry.version}{laws}")
+        show(f"{entry.kind:<10} {entry.name:<20} {entry.package} {entry.version}{laws}")
         if entry.problem:
-            typer.echo(f"{'':<10} {BROKEN}: {entry.problem}")
+            show(f"{'':<10} {BROKEN}: {entry.problem}")
 
 
 @plugins.command("check")
@@ -60,11 +60,11 @@ def check(
     def tell(of: str, finding: Finding) -> None:
         """Print what is known at once: a check of a device takes seconds."""
         if of not in headed:
-            typer.echo(of)
+            show(of)
             headed.add(of)
-        typer.echo(f"  {MARKS[finding.passed]:<9} {finding.check:<28} {finding.found}")
+        show(f"  {MARKS[finding.passed]:<9} {finding.check:<28} {finding.found}")
         if finding.passed is False:
-            typer.echo(f"  {'':<9} {'':<28} the rule: {finding.rule}")
+            show(f"  {'':<9} {'':<28} the rule: {finding.rule}")
 
     titled = check_named(name, kind=kind, move=move, tell=(lambda of, finding: None) if json_output else tell)
     broken = [finding for findings in titled.values() for finding in failed(findings)]
@@ -72,6 +72,6 @@ def check(
         rows = [dataclasses.asdict(finding) | {"of": of} for of, findings in titled.items() for finding in findings]
         print_json({"name": name, "passed": not broken, "checks": rows})
     else:
-        typer.echo("every rule is kept" if not broken else f"{len(broken)} rules are not kept")
+        show("every rule is kept" if not broken else f"{len(broken)} rules are not kept")
     if broken:
         raise typer.Exit(1)

@@ -63,12 +63,12 @@ def repair(
         print_json({**asdict(found), "path": str(found.path)})
         return
     if found.was_whole:
-        typer.echo(f"{path}: is whole")
+        show(f"{path}: is whole")
     else:
         left_out = f"{found.damaged_blocks} damaged blocks left out" if found.damaged_blocks else "no block was damaged"
-        typer.echo(f"{path}: {found.bytes_cut} bytes cut behind the last whole block; {left_out}")
+        show(f"{path}: {found.bytes_cut} bytes cut behind the last whole block; {left_out}")
     held = ", ".join(f"{count} {topic}" for topic, count in found.messages.items())
-    typer.echo(f"{found.path}: holds {found.duration:.3f} s in {found.bytes_kept} bytes: {held}")
+    show(f"{found.path}: holds {found.duration:.3f} s in {found.bytes_kept} bytes: {held}")
 
 
 @recordings.command("inspect")
@@ -142,7 +142,7 @@ def convert(
         velocity = recording.velocity is not None
         print_json({"path": str(output), "samples": len(recording), "duration_s": seconds, "velocity": velocity})
     else:
-        typer.echo(f"{output}: {len(recording)} samples in {seconds:.3f} s")
+        show(f"{output}: {len(recording)} samples in {seconds:.3f} s")
 
 
 def _require_elsewhere(name: str, output: Path, path: Path) -> None:

@@ -15,6 +15,7 @@ from foretouch.cli.options import (
     print_json,
     require_recording,
     say,
+    show,
 )
 from foretouch.cli.progress import pulsing
 from foretouch.cli.recordings import say_if_cut
@@ -103,7 +104,7 @@ def replay(
     if json_output:
         print_json(content)
     else:
-        typer.echo(f"{recording}\n{render_replay(content)}")
+        show(f"{recording}\n{render_replay(content)}")
     if report is not None:
         page = write_replay_page(report, recording.name, log, again, content)
         say(f"report: {page}")

@@ -20,6 +20,7 @@ from foretouch.cli.options import (
     require_duration,
     require_recording,
     say,
+    show,
     with_session_settings,
 )
 from foretouch.cli.progress import progress_bar
@@ -197,7 +198,7 @@ def print_report(
     if json_output:
         print_json(content)
     else:
-        typer.echo(render_text(content))
+        show(render_text(content))
     if directory is not None:
         write_page(directory, log, content)
         say(f"report: {directory / 'index.html'}")

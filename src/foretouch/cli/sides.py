@@ -19,6 +19,7 @@ from foretouch.cli.options import (
     print_json,
     require_duration,
     say,
+    show,
     with_session_settings,
 )
 from foretouch.errors import LinkError, SettingError
@@ -179,7 +180,7 @@ def stop(*, endpoints: Endpoints, json_output: Json = False) -> None:
         print_json({"stopped": heard == Status.STOPPED, "status": None if heard is None else int(heard)})
     if heard == Status.STOPPED:
         if not json_output:
-            typer.echo("the robot has stopped: it unloads, and stays so until it is released at the follower")
+            show("the robot has stopped: it unloads, and stays so until it is released at the follower")
         return
     sentence = next((sentence for status, sentence in STATUS_SENTENCES.items() if status == heard), "")
     doing = f"the robot {sentence}" if sentence else f"no follower is heard at {endpoints}"

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from foretouch.cli.options import Cluster, Json, make_folder, print_json, say
+from foretouch.cli.options import Cluster, Json, make_folder, print_json, say, show
 from foretouch.errors import SettingError
 
 if TYPE_CHECKING:
@@ -64,7 +64,7 @@ def sweep(
     if json_output:
         print_json({**content, "page": str(page)})
     else:
-        typer.echo(render_table(content))
+        show(render_table(content))
         say(f"page: {page}")
     if content["objections"]:
         raise typer.Exit(1)
@@ -80,8 +80,8 @@ def _replay(folder: Path, number: int, baseline: str, json_output: bool) -> None
     if json_output:
         print_json({"number": number, "baseline": baseline, **replayed.as_row()})
     else:
-        typer.echo(replayed.sentence)
-        typer.echo(replayed.stored.command)
+        show(replayed.sentence)
+        show(replayed.stored.command)
     if not replayed.identical:
         raise typer.Exit(1)
 

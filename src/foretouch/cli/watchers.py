@@ -59,6 +59,7 @@ def camera(*, settings: Any, endpoints: Endpoints, json_output: Json = False, pa
     Example: foretouch camera --scene hill --listen tcp/127.0.0.1:7449 --connect tcp/127.0.0.1:7447
     """
     from foretouch.session import StopFlag, give_way
+    from foretouch.session.contest import ContestHeard
     from foretouch.session.spatial import CAMERA_CHANNELS, make_camera, make_scene, run_camera
 
     if not settings.scene:
@@ -70,7 +71,14 @@ def camera(*, settings: Any, endpoints: Endpoints, json_output: Json = False, pa
     drawn = make_camera(settings, scene, say=missing.append) if sees else None
     for line in missing:
         say(line)
-    with open_link("camera", endpoints, CAMERA_CHANNELS) as link:
+    contest = ContestHeard("camera", say, parent)
+
+    def describe() -> dict[str, str]:  # called twice a second, as hellos come
+        for _, hello in link.take("hello"):
+            contest.hear(hello)
+        return texts | insecurity(link)
+
+    with open_link("camera", endpoints, (*CAMERA_CHANNELS, "hello")) as link:
         texts = {"camera": "there is none" if drawn is None else "there is one", "camera_missing": "".join(missing)}
         ran = run_camera(
             link,
@@ -79,7 +87,7 @@ def camera(*, settings: Any, endpoints: Endpoints, json_output: Json = False, pa
             settings,
             stop=StopFlag().on_signals(),
             parent=parent,
-            description=lambda: texts | insecurity(link),
+            description=describe,
         )
     if json_output:
         print_json(ran)

@@ -26,8 +26,8 @@ from foretouch.console.sentences import robot_alerts, session_status, warnings
 from foretouch.console.space import SPACE_INSTRUCTION, SpaceView
 from foretouch.console.space_hold import SpaceHold
 from foretouch.console.speech import Speech
-from foretouch.console.watched import Watched
-from foretouch.errors import MissingExtraError
+from foretouch.console.watched import SUPERVISOR, Watched
+from foretouch.errors import MissingExtraError, one_line
 from foretouch.link import new_press
 from foretouch.messages import Message, Status, Telemetry
 
@@ -92,7 +92,7 @@ class Console:
             self._server: Any = make_gated_server(host, port, self._entrance)
         except ImportError:
             raise MissingExtraError("viser", "console") from None
-        self.trouble = ""
+        self.trouble = self._standing = ""
         self._stopped = False
         self._watched = Watched()
         self._speech = Speech(publish)
@@ -128,23 +128,41 @@ class Console:
         next_picture, drawn = time.monotonic(), -math.inf
         while not should_stop():
             now = time.monotonic()
-            self._holding.keep_alive(now)
-            if self._library.playback is not None:
-                self._library.playback.tick(now)
-            if self._server.get_clients() or now - drawn > UNSEEN_PERIOD:
+            if due := bool(self._server.get_clients()) or now - drawn > UNSEEN_PERIOD:
                 drawn = now
-                self._picture(now)
+            self._round(now, due)
             next_picture = max(next_picture + SCENE_PERIOD, now)
             time.sleep(max(0.0, next_picture - time.monotonic()))
 
-    def _picture(self, now: float) -> None:
-        """Draw; whatever there was to draw, the emergency stop stays and the next picture is tried."""
+    def _round(self, now: float, due: bool) -> None:
+        """Keep hold, let a recording go on, and draw where that is due.
+
+        Whatever raises there, the emergency stop stays with all that is urgent, and the next round is tried.
+        """
+        self._standing = ""
         try:
-            self._draw(now)
+            self._holding.keep_alive(now)
+            self._play_on(now)
+            if due:
+                self._draw(now)
         except Exception as error:
-            self.trouble = f"{type(error).__name__}: {error}"
-            self._panel.alarm.show(READY, (f"The picture stands still ({self.trouble}); the stop works.",))
-        self._panel.alarm.beat(now)
+            self.trouble = f"{type(error).__name__}: {one_line(error)}"
+            self._standing = f"The picture stands still ({self.trouble}); the stop works."
+            self._show_alarm(now)
+        if due:
+            self._panel.alarm.beat(now)
+
+    def _play_on(self, now: float) -> None:
+        """Let the recording that is looked at go on; one that cannot be shown is looked at no more."""
+        playback = self._library.playback
+        if playback is None:
+            return
+        try:
+            playback.tick(now)
+        except Exception as error:
+            self._library.close()
+            self._library.note = f"{playback.name} cannot be shown: {type(error).__name__}: {one_line(error)}"
+            raise
 
     def _draw(self, now: float) -> None:
         """The scene, and of the rest what is due."""
@@ -208,7 +226,7 @@ class Console:
 
     def _toggle_recording(self) -> None:
         if self._watched.supervised(time.monotonic()):
-            self._speech.choice(record="stop" if self._watched.settings.get("recording") else "start")
+            self._speech.choice(record="stop" if self._watched.said(SUPERVISOR, "recording") else "start")
 
     def _toggle_playing(self) -> None:
         if (playback := self._library.playback) is not None:
@@ -289,8 +307,8 @@ class Console:
         self._panel.session.show(
             {name: settings[name] for name in CHOICES if name in settings},
             offered=supervised and live and not self._stopped,
-            recording=settings.get("recording", "") if supervised else "",
-            refused=settings.get("refused", ""),
+            recording=watched.said(SUPERVISOR, "recording") if supervised else "",
+            refused=watched.said(SUPERVISOR, "refused"),
         )
         self._panel.network.offer(live)
         self._instruct(live)
@@ -316,7 +334,9 @@ class Console:
         """How far an emergency stop is, and what is urgent."""
         watched = self._watched
         label = LATCHED if watched.stopped else UNABLE if watched.shadowed else READY
-        self._panel.alarm.show(ASKING if self._emergency.asking else label, robot_alerts(watched, now))
+        standing = (self._standing,) if self._standing else ()
+        alerts = (*robot_alerts(watched, now), *standing)
+        self._panel.alarm.show(ASKING if self._emergency.asking else label, alerts)
 
     def _status(self, now: float) -> str:
         """One line: what the session is doing."""

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from foretouch.console.playback import Playback
-from foretouch.errors import ForetouchError, RecordingError
+from foretouch.errors import ForetouchError, RecordingError, one_line
 from foretouch.messages import SessionLog
 
 __all__ = ["Library"]
@@ -116,9 +116,9 @@ class Library:
             try:
                 self.note = work() or f"Read in {time.monotonic() - begun:.1f} s."
             except ForetouchError as error:
-                self.note = f"{failed}: {_one_line(error)}"
+                self.note = f"{failed}: {one_line(error)}"
             except Exception as error:  # whatever a file holds, the console goes on
-                self.note = f"{failed}: {type(error).__name__}: {_one_line(error)}"
+                self.note = f"{failed}: {type(error).__name__}: {one_line(error)}"
 
         self.note = meanwhile
         self._job = threading.Thread(target=job, name="recording", daemon=True)
@@ -143,7 +143,3 @@ def _again(log: SessionLog, closed_loop: bool, **changes: Any) -> SessionLog:
 
     settings, _ = recorded_settings(log.settings, changes)
     return replay_under(log, settings, closed_loop)
-
-
-def _one_line(error: Exception) -> str:
-    return " ".join(str(error).split())[:300]

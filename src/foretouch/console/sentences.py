@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from foretouch.console.watched import GONE, SILENT, Watched
+from foretouch.console.watched import GONE, SILENT, SUPERVISOR, Watched
 from foretouch.identification import SENSOR_SENTENCES, SensorState
 from foretouch.messages import STATUS_SENTENCES, Status, Telemetry
 
@@ -76,7 +76,7 @@ def robot_alerts(watched: Watched, now: float) -> tuple[str, ...]:
         ()
         if telemetry is None
         else (
-            _sentence(watched.settings.get("contest", "")),
+            _sentence(watched.said("follower", "contest")),
             _robot(watched, telemetry),
             _sensors(watched, telemetry),
             _control(watched, now),
@@ -92,15 +92,15 @@ def warnings(watched: Watched, now: float) -> tuple[str, ...]:
         watched: What has been heard.
         now: By the clock that it was heard by [s].
     """
-    insecure = INSECURE if watched.settings.get("insecure") == "yes" else ""
+    insecure = INSECURE if watched.insecure else ""
     return tuple(text for text in (insecure, _recording(watched, now)) if text)
 
 
 def _recording(watched: Watched, now: float) -> str:
-    problem, silence = watched.settings.get("recorder_failed", ""), watched.recorder_silence(now)
+    problem, silence = watched.said("recorder", "recorder_failed"), watched.recorder_silence(now)
     if problem:
         return f"The recording is not all there: {problem}"
-    if watched.supervised(now) and not watched.settings.get("recording"):
+    if watched.supervised(now) and not watched.said(SUPERVISOR, "recording"):
         return ""  # nobody was told to record
     if silence > RECORDER_SILENT and watched.leader_silence(now) < SILENT:
         return f"The recorder has been silent for {silence:.0f} s: nobody here knows whether anything is recorded."
@@ -151,7 +151,7 @@ def _control(watched: Watched, now: float) -> str:
     telemetry, leader = watched.telemetry, watched.leader
     if telemetry is None or leader is None or watched.leader_silence(now) > GONE or not telemetry.epoch:
         return ""
-    who = watched.settings.get("control") or "Another leader"
+    who = watched.said("follower", "control") or "Another leader"
     count = watched.leaders(now)
     if telemetry.epoch != leader.epoch:
         return f"{who} holds control: the robot does not obey the leader that is shown here."

@@ -14,7 +14,7 @@ from foretouch.console.window import Window
 from foretouch.devices import GRIPS, INTENDED_FORCE
 from foretouch.messages import Hello, LeaderState, Message, ModelUpdate, Status, Telemetry
 
-__all__ = ["GONE", "SILENT", "Watched"]
+__all__ = ["GONE", "SILENT", "SUPERVISOR", "Watched"]
 
 SILENT = 0.3
 """A side that sends every millisecond is silent when nothing has come for so long [s]."""
@@ -48,7 +48,7 @@ class Watched:
         model: The newest.
         space: What was heard of a session in three dimensions.
         trouble: What the robot's side says of itself since it has its newest status, "" for nothing.
-        settings: What all have said of the session, by name.
+        settings: What all have said of the session, by name; what only one of them can know is asked of it by `said`.
         heard: When anything was heard [s]; minus infinity before.
     """
 
@@ -68,6 +68,7 @@ class Watched:
         self._leaders: dict[int, float] = {}
         self._recorder_heard = math.nan
         self._hellos: dict[tuple[str, str], dict[str, str]] = {}
+        self._said: dict[str, dict[str, str]] = {}
 
     def take(self, message: Message, now: float) -> None:
         """Take note of one message that has arrived now [s]."""
@@ -103,6 +104,20 @@ class Watched:
     def supervised(self, now: float) -> bool:
         """Whether somebody is there who starts the sides again with another choice."""
         return now - self._supervisor_heard < SUPERVISOR_SILENT
+
+    def said(self, role: str, name: str) -> str:
+        """What a role has said last under a name, whatever others say under it; "" for nothing.
+
+        Args:
+            role: Of who alone can know: who commands the robot, its follower; whether all is recorded, the recorder.
+            name: Of the text.
+        """
+        return self._said.get(role, {}).get(name, "")
+
+    @property
+    def insecure(self) -> bool:
+        """Whether any side says that nothing is encrypted and nobody checked: that others do not takes nothing back."""
+        return any(texts.get("insecure") == "yes" for texts in self._said.values())
 
     # What is drawn over time; a recording that is played has the same.
 
@@ -242,6 +257,7 @@ class Watched:
     def _take_hello(self, hello: Hello, now: float) -> None:
         """Keep what each says; the newest counts, but of several leaders the one in control."""
         texts = hello.texts
+        self._said[hello.role] = texts
         if hello.role == "follower":
             self.trouble = texts.get("trouble", "")
         elif hello.role == "recorder":
@@ -254,7 +270,7 @@ class Watched:
         if len(self._hellos) >= MOST_SPEAKERS:
             self._hellos.pop(next(iter(self._hellos)))
         self._hellos[who] = texts
-        in_control = self._hellos.get(("leader", self.settings.get("control", "")), {})
+        in_control = self._hellos.get(("leader", self.said("follower", "control")), {})
         settings: dict[str, str] = {}
         for said in (*self._hellos.values(), in_control):
             settings |= said

@@ -13,6 +13,8 @@ import hashlib
 import os
 import re
 import shutil
+import stat
+import sys
 import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import suppress
@@ -65,24 +67,47 @@ def compiled(what: Any = "", /, **options: Any) -> Any:
 
 @cache
 def compiled_folder(source: str) -> Path | None:
-    """The folder where is kept what is compiled of a source file; None where none can be made.
+    """The folder where is kept what is compiled of a source file; None where there is none of this user's own.
 
-    It is below ``NUMBA_CACHE_DIR``, where that is set, or the user's cache folder.
+    What lies there is loaded and run. So a folder that is another user's, or in which others may write, is not used: it
+    is said once, and every process compiles for itself. It is below ``NUMBA_CACHE_DIR``, where that is set, or the
+    user's cache folder.
     """
     home = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
     root = Path(numba.config.CACHE_DIR or Path(home, "foretouch", "compiled"))
     name = Path(source).stem
     folder = root / f"{name}-{digest_of(Path(source))}"
     try:
+        root.mkdir(mode=0o700, parents=True, exist_ok=True)
+        if not _is_ours(root):
+            return None
         if not folder.is_dir():
-            # Nobody else may write what is loaded from here and run.
-            root.mkdir(mode=0o700, parents=True, exist_ok=True)
             folder.mkdir(mode=0o700, exist_ok=True)
             _forget_old(root, name)
+        if not _is_ours(folder):
+            return None
         with tempfile.TemporaryFile(dir=folder):
             return folder
     except OSError:
         return None
+
+
+def _is_ours(folder: Path) -> bool:
+    """Whether nobody else, but root, can have written what a folder holds; says why not."""
+    state = folder.stat()
+    if state.st_uid != os.geteuid():
+        problem = "is another user's"
+    elif state.st_mode & (stat.S_IWGRP | stat.S_IWOTH):
+        problem = "can be written by others (chmod go-w mends it)"
+    else:
+        return True
+    _say_once(f"{folder} {problem}: no compiled code is kept there or taken from it, so that each start compiles anew")
+    return False
+
+
+@cache
+def _say_once(line: str) -> None:
+    sys.stderr.write(f"foretouch: {line}\n")
 
 
 def _forget_old(root: Path, name: str) -> None:

@@ -24,7 +24,7 @@ from collections.abc import Iterable
 from typing import Any
 
 from foretouch.errors.installing import install_command
-from foretouch.errors.printing import printable
+from foretouch.errors.printing import one_line, printable
 
 __all__ = [
     "DatasetError",
@@ -40,6 +40,7 @@ __all__ = [
     "SideError",
     "UnknownNameError",
     "install_command",
+    "one_line",
     "printable",
 ]
 

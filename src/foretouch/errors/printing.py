@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-__all__ = ["printable"]
+__all__ = ["one_line", "printable"]
+
+LONGEST_LINE = 300
+"""Characters of a text of others on a line of ours: it says what is wrong, and leaves room for where."""
 
 
 def printable(text: str, *, lines: bool = False) -> str:
@@ -21,3 +24,17 @@ def printable(text: str, *, lines: bool = False) -> str:
         letter if letter.isprintable() or (lines and letter == "\n") else letter.encode("unicode_escape").decode()
         for letter in text
     )
+
+
+def one_line(said: object, longest: int = LONGEST_LINE) -> str:
+    """What an exception, or a text, says: on one line, short, and `printable`; of one that cannot say it, nothing.
+
+    Args:
+        said: An exception, of whatever package, or a text of others.
+        longest: So many characters at most.
+    """
+    try:
+        words = " ".join(str(said)[: 4 * longest].split())
+    except Exception:  # of another package
+        return ""
+    return printable(words[:longest])[:longest]

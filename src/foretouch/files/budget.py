@@ -23,6 +23,12 @@ MEMORY_PER_BYTE: Final = 3.0
 """Bytes of memory for a byte of a large file, beside the file itself, which may be mapped: a session takes 1, a CSV
 with short rows 2 to 3."""
 
+MOST_PACKED: Final = 4
+"""A file counts for so many times what it takes on its disk, and for no more than its size: a hole of 100 GB, which
+takes nothing there, gives nobody 300 GB of memory. A file system that packs files may make an honest one smaller, to a
+quarter at best before its budget is; of one that tells nothing of blocks a file has the least budget, which holds a
+session of 900 MB. What that is too little for names `VARIABLE` in its line."""
+
 LEAST_SECONDS: Final = 15.0
 """Any file may take so much processor time [s]; the slowest of the honest small ones, bags of thousands of topics, take
 a few seconds."""
@@ -38,7 +44,7 @@ class Budget(NamedTuple):
         memory: Of its process, beside code and what is mapped from files [bytes].
         seconds: Of processor time [s].
         factor: How many times the usual budget that is.
-        size: Of the file [bytes].
+        size: Of the file, as far as it is no hole [bytes].
     """
 
     memory: int
@@ -102,7 +108,12 @@ def _size(path: Path) -> int:
     """Of a file, or of all files in a folder [bytes]."""
     try:
         if path.is_dir():
-            return sum(file.stat().st_size for file in path.iterdir() if file.is_file())
-        return path.stat().st_size
+            return sum(_held(file.stat()) for file in path.iterdir() if file.is_file())
+        return _held(path.stat())
     except (OSError, ValueError):
         return 0
+
+
+def _held(state: os.stat_result) -> int:
+    """The size of a file that counts [bytes]; its blocks are of 512 bytes, whatever the disk's are."""
+    return min(state.st_size, MOST_PACKED * 512 * state.st_blocks)

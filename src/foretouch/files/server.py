@@ -16,7 +16,7 @@ import traceback
 from contextlib import suppress
 from typing import Any
 
-from foretouch.errors import ForetouchError
+from foretouch.errors import ForetouchError, one_line
 from foretouch.files import within
 from foretouch.files.parcel import open_parcel, write_parcel
 
@@ -63,6 +63,7 @@ def serve(descriptor: int) -> None:
         for library in (module, *LIBRARIES.get(ending, ())):
             with suppress(ImportError):  # who misses it says so
                 importlib.import_module(library)
+        asked.sendall(within.BEGUN)
         copy = os.fork()
         if copy == 0:
             code = 1
@@ -149,6 +150,6 @@ def _outcome(request: Any) -> tuple[str, object]:
             return "deep", ""
         if isinstance(error, ForetouchError):
             return "raised", error
-        said = " ".join(str(getattr(error, "strerror", "") or error).split())[:200]
+        said = one_line(getattr(error, "strerror", "") or error, 200)
         named = said if isinstance(error, OSError) and said else f"{type(error).__name__} {said}".strip()
         return "odd", (named, "".join(traceback.format_exception(error)))

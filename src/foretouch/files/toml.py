@@ -9,6 +9,7 @@ from typing import Any, Final, TypeVar
 import msgspec
 
 from foretouch.errors import RecordingError, SettingError
+from foretouch.files.kinds import require_data
 
 __all__ = ["LARGEST_TOML", "decode_toml", "read_toml"]
 
@@ -31,6 +32,7 @@ def read_toml(path: str | PathLike[str], kind: type[Made], what: str, form: str 
     Raises:
         RecordingError: The file cannot be read, or is no such thing.
     """
+    require_data(path)
     try:
         with Path(path).open("rb") as file:
             text = file.read(LARGEST_TOML + 1)

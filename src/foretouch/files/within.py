@@ -17,6 +17,7 @@ from typing import Any, Final, NamedTuple, ParamSpec, TypeVar
 
 from foretouch.errors import RecordingError
 from foretouch.files.budget import Budget, budget_for
+from foretouch.files.kinds import require_data
 from foretouch.files.parcel import open_parcel, write_parcel
 
 __all__ = ["Request", "within_budget"]
@@ -28,7 +29,10 @@ PATIENCE: Final = 4.0
 """A reader that computes nothing is waited for so many times its processor time: others may use the processor."""
 
 STARTING: Final = 60.0
-"""And so long [s] on top, for what it imports."""
+"""So long [s] its server has to start and to import what readers need; the reading itself gets nothing of it."""
+
+BEGUN: Final = b"b"
+"""What the server answers first: it has what it needs, and a copy of it begins to read."""
 
 LONGEST_WORD: Final = 256
 """Bytes of a message to the process that reads."""
@@ -80,9 +84,11 @@ def within_budget(
         **named: For `read`.
 
     Raises:
-        RecordingError: More memory or time was needed, it is nested too deep, or the reader failed.
+        RecordingError: It is no file or folder, more memory or time was needed, it is nested too deep, or the reader
+            failed.
         ForetouchError: Whatever `read` raises of these.
     """
+    require_data(path)
     budget = None if inside else budget_for(path, factor)
     if budget is None:
         return read(*given, **named)
@@ -163,10 +169,12 @@ class _Server:
 
     def ask(self, word: str, parcel: int, patience: float) -> _Ended | None:
         """Have a parcel read, whose place the answer takes; None where the server had gone before it was asked."""
-        self._socket.settimeout(patience)
+        self._socket.settimeout(STARTING)
         try:
             socket.send_fds(self._socket, [word.encode()], [parcel])
-            said = self._socket.recv(ENDED.size)
+            said = self._socket.recv(len(BEGUN))
+            self._socket.settimeout(patience)
+            said = said and self._socket.recv(ENDED.size)
         except ConnectionError:
             said = b""
         if said:
@@ -197,7 +205,7 @@ def _ask(word: str, parcel: int, budget: Budget) -> _Ended:
             while True:
                 if _server is None:
                     _server = _Server()
-                ended = _server.ask(word, parcel, PATIENCE * budget.seconds + STARTING)
+                ended = _server.ask(word, parcel, PATIENCE * budget.seconds)
                 if ended is not None:
                     return ended
                 close()

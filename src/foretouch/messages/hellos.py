@@ -18,11 +18,15 @@ NEWS = ("control", "contest", "trouble", "stopped")
 """Texts that change while a session runs: who holds control and who else would, what is not as it should be, and why it
 was stopped."""
 
+TELLERS = ("follower", "simulation")
+"""Who says `NEWS`: what holds of the robot, its own side knows, and nobody else is believed."""
+
 ROLES = (*SPEAKERS, "simulation")
 """Who says hello on a network or in a recording."""
 
 MOST_PROCESSES, MOST_NEWS = 64, 64
-"""So many processes and so many different news are remembered: who says hello without end fills nothing."""
+"""So many processes of each role and so many different news are remembered: who says hello without end fills nothing,
+and takes nobody's place."""
 
 
 def split_texts(texts: Mapping[str, str]) -> tuple[dict[str, str], dict[str, int]]:
@@ -51,19 +55,20 @@ class Hellos:
     def __init__(self) -> None:
         self._settings: dict[str, dict[str, str]] = {}
         self.news: dict[str, tuple[str, ...]] = {}
-        self._counts: dict[tuple[str, str], dict[str, int]] = {}
+        self._counts: dict[str, dict[str, dict[str, int]]] = {role: {} for role in ROLES}
 
     def take(self, hello: Hello) -> None:
         """Hear one."""
         texts = hello.texts
         settings, counts = split_texts(texts)
-        if hello.role in ROLES:
-            self._settings.pop(hello.role, None)  # who spoke last stands last
-            self._settings[hello.role] = settings
-        process = (hello.role, texts.get(PROCESS, ""))
-        if process in self._counts or len(self._counts) < MOST_PROCESSES:
-            self._counts[process] = counts
-        for name in NEWS:
+        if hello.role not in ROLES:
+            return
+        self._settings.pop(hello.role, None)  # who spoke last stands last
+        self._settings[hello.role] = settings
+        processes, process = self._counts[hello.role], texts.get(PROCESS, "")
+        if process in processes or len(processes) < MOST_PROCESSES:
+            processes[process] = counts
+        for name in NEWS if hello.role in TELLERS else ():
             said, known = texts.get(name), self.news.get(name, ())
             if said and said not in known and len(known) < MOST_NEWS:
                 self.news[name] = (*known, said)
@@ -77,7 +82,7 @@ class Hellos:
     def counts(self) -> dict[str, int]:
         """Counters by name: each process of a side counts from 0, and they are summed."""
         total: dict[str, int] = {}
-        for counts in self._counts.values():
+        for counts in (counts for processes in self._counts.values() for counts in processes.values()):
             for name, count in counts.items():
                 total[name] = total.get(name, 0) + count
         return total

@@ -43,8 +43,8 @@ class Ledger:
 
     A tick that comes late, positions that are missing and steps that no hand makes count in E for T alone, evenly. The
     rest of their work is L, whose surplus is forgiven at once and whose debt is kept: it widens no bound and closes no
-    ceiling, and is told beside them. A device's watchdog ends the force of such a tick; what is held after that is not
-    booked.
+    ceiling, and is told beside them. In each tick without a position, too, the former force acts until d. A device's
+    watchdog ends a force when it has acted for so long, and nothing acts until the next one does.
 
     The bound is what sampling and delay make of a spring that takes nothing: pressed and let go at speed v, it gives
     back K x v (T + 2 d) more than was put in. `docs/stability.md` has the proof.
@@ -53,7 +53,7 @@ class Ledger:
         resolution: One count of the encoder [m], not negative; less than a micrometre counts as one.
         sample_period: T, positive [s].
         delay: d, 0 to T [s].
-        watchdog: Time after which the device takes a force away that nobody has renewed [s]; 0 for never.
+        watchdog: Time for which the device gives a force that nobody renews [s], T or more; 0 for no end.
 
     Attributes:
         energy: E [J].
@@ -64,11 +64,13 @@ class Ledger:
 
     __slots__ = (
         "_count",
+        "_delay",
         "_elapsed",
+        "_ends",
+        "_lasts",
         "_newest_step",
         "_period",
         "_share",
-        "_watchdog",
         "energy",
         "largest_force",
         "largest_step",
@@ -89,8 +91,9 @@ class Ledger:
         require("watchdog", watchdog, at_least=0.0)
         self._count = max(resolution, SMALLEST_COUNT)
         self._period = sample_period
+        self._delay = self._lasts = delay  # the former force acts for so long in the tick that is to pass
         self._share = delay / sample_period
-        self._watchdog = watchdog or math.inf
+        self._ends = delay + (watchdog or math.inf)  # of a force, after its tick began
         self._elapsed = 0.0
         self._newest_step = 0.0
         self.energy = self.late_energy = 0.0
@@ -135,11 +138,19 @@ class Ledger:
         least = min(WAY_BACK * largest, left / (1.0 + delta))
         return max(ceiling, least, 0.0)
 
-    def _pass(self, period: float) -> float:
-        """Let a tick pass that took this time [s]; for how long of it the force acted beyond the nominal period [s]."""
+    def _pass(self, period: float) -> tuple[float, float]:
+        """Let a tick pass that took this time [s].
+
+        Returns:
+            For how long the former force and the newest acted in it beyond what the nominal tick has of them [s].
+        """
         period = period if 0.0 < period < math.inf else self._period
-        acted = period if period < self._watchdog else self._watchdog
-        late = acted if self._elapsed > 0.0 else max(acted - self._period, 0.0)
+        until = period if period < self._ends else self._ends
+        if self._elapsed > 0.0:
+            late = min(self._lasts, period), max(until - self._delay, 0.0)
+        else:
+            late = 0.0, max(until - self._period, 0.0)
+        self._lasts = min(self._delay, self._ends - until)
         self._elapsed += period
         return late
 
@@ -209,9 +220,12 @@ class EnergyAccount(Ledger):
             position: [m]; one that is no number is missing.
             period: Since the tick before [s]; what is none counts as the nominal one.
         """
+        before, held = self._before, self.force
         if not self._elapsed > 0.0:
-            self._acted = self._share * self._before + (1.0 - self._share) * self.force
-        self._late += self.force * self._pass(period)
+            self._acted = self._lasts / self._period * before + (1.0 - self._share) * held
+        former, newest = self._pass(period)
+        self._late += former * before + newest * held
+        self._before = held
         if not math.isfinite(position):
             return
         moved, self._position = position - self._position, position
@@ -222,6 +236,6 @@ class EnergyAccount(Ledger):
 
     def hold(self, force: float) -> None:
         """From now on this force acts [N], 0 or more."""
-        self._before, self.force = self.force, force
+        self.force = force
         if force > self.largest_force:
             self.largest_force = force

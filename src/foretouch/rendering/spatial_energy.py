@@ -65,8 +65,10 @@ class SpatialEnergyAccount(Ledger):
             period: Since the tick before [s]; what is none counts as the nominal one.
         """
         if not self._elapsed > 0.0:
-            self._acted = _mixed(self._before, self._share, self.force, 1.0 - self._share)
-        self._late = _mixed(self._late, 1.0, self.force, self._pass(period))
+            self._acted = _mixed(self._before, self._lasts / self._period, self.force, 1.0 - self._share)
+        former, newest = self._pass(period)
+        self._late = _mixed(self._late, 1.0, _mixed(self._before, former, self.force, newest), 1.0)
+        self._before = self.force
         if not all(map(math.isfinite, place)):
             return
         before, self._place = self._place, place
@@ -87,7 +89,7 @@ class SpatialEnergyAccount(Ledger):
         self.cut = size > ceiling
         if self.cut:
             force, size = _mixed(force, ceiling / size), ceiling
-        self._before, self.force = self.force, force
+        self.force = force
         self.largest_force = max(self.largest_force, size)
         return force
 

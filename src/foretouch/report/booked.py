@@ -23,7 +23,7 @@ class BookedDevice(NamedTuple):
     Attributes:
         resolution: One count of its encoder [m]; less than a micrometre counts as one.
         delay: From reading a position until the force computed from it acts [s].
-        watchdog: Time after which it takes a force away that nobody has renewed [s]; 0 for never.
+        watchdog: Time for which it gives a force that nobody renews [s]; 0 for no end.
     """
 
     resolution: float = 0.0
@@ -78,16 +78,19 @@ def book(force: Array, place: Array, period: Array, device: BookedDevice) -> Boo
     period = np.where(period > 0.0, period, SAMPLE_PERIOD)
     there = np.isfinite(place).all(axis=1)
     row = np.arange(len(force))
-    newest = np.maximum.accumulate(np.where(there, row, -1))
-    last = np.concatenate(([-1], newest))[: len(force)]  # the newest position before each row, -1 for none
-    acts = np.minimum(period, device.watchdog or math.inf)
-    beyond = np.where(last == row - 1, np.maximum(acts - SAMPLE_PERIOD, 0.0), acts)
-    impulse = np.cumsum(held * beyond[:, None], axis=0)
+    places = np.maximum.accumulate(np.where(there, row, -1))
+    last = np.concatenate(([-1], places))[: len(force)]  # the newest position before each row, -1 for none
+    ends = device.delay + (device.watchdog or math.inf)  # of a force, after its tick began
+    lasts = np.concatenate(([device.delay], np.clip(ends - period, 0.0, device.delay)))[: len(force)]  # of the former
+    seen, until = last == row - 1, np.minimum(period, ends)
+    former = np.where(seen, 0.0, np.minimum(lasts, period))
+    newest = np.maximum(until - np.where(seen, SAMPLE_PERIOD, device.delay), 0.0)
+    impulse = np.cumsum(before * former[:, None] + held * newest[:, None], axis=0)
     known = there & (last >= 0)
     here, first = row[known], last[known]
     elapsed = np.where(here == first + 1, period[here], np.cumsum(period)[here] - np.cumsum(period)[first])
     elapsed = np.maximum(elapsed, SAMPLE_PERIOD)
-    acted = delta * before[first + 1] + (1.0 - delta) * held[first + 1]
+    acted = (lasts[first + 1] / SAMPLE_PERIOD)[:, None] * before[first + 1] + (1.0 - delta) * held[first + 1]
     moved = place[here] - place[first]
     distance = np.linalg.norm(moved, axis=1)
     even, longest = SAMPLE_PERIOD / elapsed, FASTEST_HAND * SAMPLE_PERIOD

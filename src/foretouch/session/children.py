@@ -11,12 +11,13 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from foretouch.session.housekeeping import BEAT
+from foretouch.session.housekeeping import BEAT, GIVING_UP, HELLO_PERIOD, LEAVING
 
 __all__ = ["PATIENCE", "POLL_PERIOD", "SIDES", "Child", "end_session", "retire", "start", "wait_for"]
 
-PATIENCE = 8.0
-"""A process that is to end has so long [s] to end by itself; then it is told to, then it is killed."""
+PATIENCE = LEAVING + GIVING_UP
+"""A process that is to end has so long [s] to end by itself; then it is told to, then it is killed. A follower unloads
+its robot first, and its driver may hang then."""
 
 POLL_PERIOD = 0.05
 """Between two looks at the processes [s]."""
@@ -24,12 +25,9 @@ POLL_PERIOD = 0.05
 SIDES = ("follower", "leader")
 """Roles whose loops are listened to, in the order in which they begin."""
 
-INSISTENCE = 4.0
-"""A process that has not ended within `PATIENCE` though it was told to, and is told again, has so long [s]."""
-
 GOING = 2.0
-"""Where the other side has ended in order, the leader's last word has been said: it has so long [s] to end with an exit
-code of its own, for a signal that comes while an interpreter ends would take its place."""
+"""Where the other side has ended in order, the last word has been said: a side has so long [s] to end with an exit code
+of its own, for a signal that comes while an interpreter ends would take its place."""
 
 BEGINNING = 180.0
 """A side has so long [s] to begin: on a machine that has never run it, much is compiled first."""
@@ -87,6 +85,15 @@ class Child:
         if now - self.begun > self.lasts + PATIENCE:
             return f"hangs: it has not ended {PATIENCE:g} s after its duration"
         return ""
+
+    @property
+    def goes_on(self) -> bool:
+        """Whether it is a side whose loop begins or goes on, by its newest beats: it has heard no last word.
+
+        A follower obeys no last word of a leader that never had control: of one that was still compiling, or waited for
+        its recorder.
+        """
+        return self.role in SIDES and self.running and self.silence < 2.0 * HELLO_PERIOD
 
     @property
     def running(self) -> bool:
@@ -171,21 +178,28 @@ def end_session(children: Sequence[Child]) -> list[Child]:
         Those that had to be killed.
     """
     leading = next((child for child in children if child.role == "leader" and child.running), None)
+    spoken, killed = all(child.process.poll() in (None, 0) for child in children), []
     if leading is not None:
         if any(child.role in SIDES and child.process.poll() == 0 for child in children):
             wait_for([leading], patience=GOING)
-        if leading.running:
-            leading.process.terminate()
-    patience = PATIENCE
-    if leading is not None or all(child.process.poll() in (None, 0) for child in children):
+        _tell([leading])
+        wait_for([leading])
+        killed = _kill([leading])
+        spoken = leading.process.returncode >= 0  # else it ended by a signal
+    if spoken:
+        wait_for(children, patience=GOING)
+        _tell(child for child in children if child.goes_on)
         wait_for(children)
-        patience = INSISTENCE
-    killed = _kill([] if leading is None else [leading])
+    _tell(children)
+    wait_for(children)
+    return killed + _kill(children)
+
+
+def _tell(children: Iterable[Child]) -> None:
+    """Tell those that still run to end."""
     for child in children:
         if child.running:
             child.process.terminate()
-    wait_for(children, patience=patience)
-    return killed + _kill(children)
 
 
 def _kill(children: Iterable[Child]) -> list[Child]:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from foretouch.messages import Command
+from collections.abc import Callable
+
+from foretouch.messages import Command, Hello
 from foretouch.session.lease import LEASE, ControlLease
 
-__all__ = ["Contest"]
+__all__ = ["Contest", "ContestHeard"]
 
 MANY = 20
 """Another leader is told of once so many of its commands have come within `WINDOW_NS`: one that was just killed may
@@ -93,3 +95,28 @@ class Contest:
 
     def _tell(self, contender: str, now_ns: int, *, collides: bool = False) -> None:
         self._contender, self._collides, self._former, self._since_ns = contender, collides, "", now_ns
+
+
+class ContestHeard:
+    """Says in the terminal of who only listens what the follower says of a contest, once each time that it changes.
+
+    Args:
+        role: Of who listens.
+        say: Prints one line for people.
+        parent: Process id of a parent, whose other children say it in the same terminal: then nothing is said here.
+    """
+
+    __slots__ = ("_role", "_say", "_told")
+
+    def __init__(self, role: str, say: Callable[[str], None], parent: int | None = None) -> None:
+        self._role, self._told = role, ""
+        self._say = say if parent is None else None
+
+    def hear(self, hello: Hello) -> None:
+        """Take a `Hello` of anybody; only the follower's tells of a contest."""
+        if hello.role != "follower":
+            return
+        contest = hello.texts.get("contest", "")
+        if contest and contest != self._told and self._say is not None:
+            self._say(f"{self._role}: {contest}")
+        self._told = contest

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from foretouch.errors import one_line
+
 __all__ = ["Failures"]
 
 LONGEST_TEXT = 200
@@ -36,7 +38,8 @@ class Failures:
         """
         self.count += 1
         if not self.sentence:
-            self.sentence = f"{type(error).__name__} raised in {stage}{_text_of(error)}"
+            said = one_line(error, LONGEST_TEXT)
+            self.sentence = f"{type(error).__name__} raised in {stage}{f' ({said})' if said else ''}"
 
     def stop_learning(self, stage: str, error: Exception) -> None:
         """Take one exception of what learns: it learns no more.
@@ -49,13 +52,3 @@ class Failures:
             self.sentence = ""  # that learning has ended is what people have to know
         self.learns = False
         self.note(stage, error)
-
-
-def _text_of(error: Exception) -> str:
-    """What an exception says, on one line and without control characters; of one that cannot even say it, nothing."""
-    try:
-        text = " ".join(str(error).split())[:LONGEST_TEXT]
-    except Exception:  # of another package
-        return ""
-    text = "".join(character if character.isprintable() else "?" for character in text)
-    return f" ({text})" if text else ""

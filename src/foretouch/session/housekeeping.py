@@ -11,20 +11,32 @@ import time
 from collections.abc import Callable, Mapping
 from types import FrameType
 
+from foretouch.errors import one_line
 from foretouch.link import ZenohLink
 from foretouch.messages import SIDES, VERSION, Hello, Stop
-from foretouch.session.hanging import LoopWatch
+from foretouch.session.hanging import HANGS_AFTER, LoopWatch
 
-__all__ = ["BEAT", "ORPHANED", "Housekeeper", "StopFlag", "orphaned"]
+__all__ = ["BEAT", "GIVING_UP", "HELLO_PERIOD", "LEAVING", "ORPHANED", "Housekeeper", "StopFlag", "orphaned"]
 
 HELLO_PERIOD = 0.5
 """Between two `Hello` messages [s]."""
 
 BEAT = b"\x06"
-"""Written to the standard output, for a parent process, once in every `HELLO_PERIOD` in which the loop has ticked."""
+"""Written to the standard output, for a parent process, once in every `HELLO_PERIOD` in which the loop has ticked and
+was not to end."""
 
 CLOSING = 1.0
 """The driver of a loop that hangs has so long [s] to close."""
+
+LONGEST_REASON = 400
+"""Characters of the reason in a `Stop`: a message takes no longer text."""
+
+LEAVING = 3.0
+"""A robot that a session leaves in contact may unload for so long [s]."""
+
+GIVING_UP = HANGS_AFTER + HELLO_PERIOD + CLOSING + HELLO_PERIOD
+"""A process whose loop hangs has ended after so long [s]: it notices it at one of its looks, lets the driver close, and
+waits until its last word is on its way."""
 
 ORPHANED = "the parent process has gone"
 """Reason to stop when `orphaned`."""
@@ -158,12 +170,12 @@ class Housekeeper(threading.Thread):
     def _say_last(self, reason: str) -> None:
         self.say_hello()
         if not self._stop_flag.quiet:
-            self._link.publish(Stop(VERSION, 1, time.monotonic_ns(), reason[:400], self._epoch))
+            self._link.publish(Stop(VERSION, 1, time.monotonic_ns(), one_line(reason, LONGEST_REASON), self._epoch))
 
     def _look_at_loop(self) -> None:
         """Tell the parent that the loop goes on, or end the process where it does not."""
         moved = self.loop.look()
-        if moved and self._parent is not None:
+        if moved and self._parent is not None and not self._stop_flag.reason:  # not of a robot that unloads at last
             with contextlib.suppress(OSError):  # the parent has gone
                 os.write(1, BEAT)
         stuck = self.loop.stuck

@@ -16,7 +16,8 @@ from foretouch.robot import Robot, SpatialRobot
 from foretouch.session.contest import Contest
 from foretouch.session.counting import as_texts, follower_counts, leader_counts, link_counts
 from foretouch.session.driven import DrivenFollower, drive_follower, drive_leader
-from foretouch.session.housekeeping import ORPHANED, Housekeeper, StopFlag, orphaned
+from foretouch.session.hanging import LoopWatch
+from foretouch.session.housekeeping import LEAVING, ORPHANED, Housekeeper, StopFlag, orphaned
 from foretouch.session.lease import own_epoch
 from foretouch.session.loop_timer import LoopTimer, let_pass, steady
 from foretouch.session.news import all_of, follower_news, follower_says, leader_news
@@ -54,9 +55,6 @@ MOST_PRESSES = 1024
 
 ANSWERS = 1000
 """An emergency stop is asked for until so many ticks of the follower have been heard, and the newest says it."""
-
-LEAVING = 3.0
-"""A robot that a session leaves in contact may unload for so long [s]."""
 
 RECORDER_PATIENCE = 10.0
 """A leader that was told to wait for a recorder waits at most so long [s]."""
@@ -140,7 +138,8 @@ def run_follower(
     simulated = robot.specification.simulated
     woke, compute = 0, 0
     end = None if duration is None else time.monotonic_ns() + round(duration * 1e9)
-    with steady(), unloaded_at_last(driven, timer, say), ended_in_order(house, stop):
+    # The last word comes last: until then somebody notices a driver that hangs while the robot unloads.
+    with ended_in_order(house, stop), steady(), unloaded_at_last(driven, timer, loop, link.publish, say):
         while not stop.reason:
             now, periods = timer.wait()
             loop.ticked = now
@@ -180,21 +179,35 @@ def run_follower(
 
 
 @contextmanager
-def unloaded_at_last(driven: DrivenFollower, timer: LoopTimer, say: Callable[[str], None]) -> Iterator[None]:
+def unloaded_at_last(
+    driven: DrivenFollower,
+    timer: LoopTimer,
+    loop: LoopWatch,
+    publish: Callable[[Message], None],
+    say: Callable[[str], None],
+) -> Iterator[None]:
     """Leave no robot pressing, however a loop ends, also by an exception of its own or of the robot's driver.
 
     Args:
         driven: With its robot.
         timer: Of the loop.
+        loop: Is told of each tick, and notices a driver that hangs.
+        publish: Sends what the ticks say.
         say: Prints one line for people.
     """
     try:
         yield
     finally:
-        _leave(driven, timer, say)
+        _leave(driven, timer, loop, publish, say)
 
 
-def _leave(driven: DrivenFollower, timer: LoopTimer, say: Callable[[str], None] = lambda line: None) -> None:
+def _leave(
+    driven: DrivenFollower,
+    timer: LoopTimer,
+    loop: LoopWatch,
+    publish: Callable[[Message], None],
+    say: Callable[[str], None],
+) -> None:
     """Do as after a long silence, until the robot feels next to nothing, for at most `LEAVING`.
 
     A driver that raised may take the next command. Where a tick raises, the robot goes back from what its newest sample
@@ -205,6 +218,7 @@ def _leave(driven: DrivenFollower, timer: LoopTimer, say: Callable[[str], None] 
     deaf = False
     while _presses(driven) and time.monotonic() < end:
         now, _ = timer.wait()
+        loop.ticked = now
         try:
             driven.exchange()
             deaf = False
@@ -212,10 +226,13 @@ def _leave(driven: DrivenFollower, timer: LoopTimer, say: Callable[[str], None] 
             deaf = True
             continue
         try:
-            driven.tick([], 0, 0, now, ended=True)
+            said = driven.tick([], 0, 0, now, ended=True)
         except Exception:
             with contextlib.suppress(Exception):  # it holds its place
                 driven.back_off()
+            continue
+        for message in said:
+            publish(message)
     if deaf:
         say("follower: the robot takes no commands any more and pressed last: stop it by its own switch")
 

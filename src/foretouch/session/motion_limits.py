@@ -64,9 +64,12 @@ class MotionLimits:
     further that way than the stream, or faster than the bound says, brakes harder, at once, and by up to 5 A: nothing
     is worse than to press more than one is told. In such a tick, and the one after it, the last two limits are
 
-    .. math:: |\Delta v| \le 5 A T, \quad |\Delta a| \le 6 A.
+    .. math:: |\Delta v| \le 5 A T, \quad |\Delta a| \le 10 A.
 
-    On a line the one direction is where positions grow.
+    Two ticks that brake one after the other in opposite directions come near to the last one. On a line the one
+    direction is where positions grow, and it is 6 A: 5 A of braking, and A the other way.
+
+    Once begun at numbers the path has numbers, whatever is asked.
 
     Args:
         speed: V [m/s], positive.
@@ -131,7 +134,8 @@ class MotionLimits:
             wanted: Newest position of the stream [m]; no number means to stay.
             upwards: Where positions grow the path is no faster than this either [m/s], not negative; a path that is,
                 brakes.
-            shifted: By how far the stream was set elsewhere since the last tick [m]: no motion of it.
+            shifted: By how far the stream was set elsewhere since the last tick [m]: no motion of it; no number, or
+                more than 1 km, is 0.
         """
         return self._limited(self._path, wanted, upwards, shifted)
 
@@ -145,8 +149,10 @@ class MotionLimits:
 
         Args:
             wanted: Newest place of the stream [m]; one with no number, or beyond 1 km, means to stay.
-            bounds: Directions in which going on is dangerous; where they are at odds, the last comes first.
-            shifted: By how far the stream was set elsewhere since the last tick [m]: no motion of it.
+            bounds: Directions in which going on is dangerous; where they are at odds, the last comes first. One without
+                numbers is none, and a speed that is no number is 0.
+            shifted: By how far the stream was set elsewhere since the last tick [m]: no motion of it; one with no
+                number, or beyond 1 km, is 0.
         """
         first, second, third = bounds
         self._asked[:] = wanted + shifted + first + second + third

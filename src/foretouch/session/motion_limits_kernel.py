@@ -41,6 +41,8 @@ SPEED, LARGEST, JERK, PERIOD, GAIN = 34, 35, 36, 37, 38
 
 SIZE = 39
 
+NOTHING: Vector = (0.0, 0.0, 0.0)
+
 _add = compiled(rigid.add)
 _dot = compiled(rigid.dot)
 _norm = compiled(rigid.norm)
@@ -60,6 +62,15 @@ def _write(path: Array, begin: int, vector: Vector) -> None:
 
 
 _keep = compiled(_write)
+
+
+def _know(vector: Vector, otherwise: Vector) -> Vector:
+    """What to take for it where it has no number, or one beyond `FARTHEST`."""
+    x, y, z = vector
+    return vector if abs(x) <= FARTHEST and abs(y) <= FARTHEST and abs(z) <= FARTHEST else otherwise
+
+
+_known = compiled(_know)
 
 
 def _clip(vector: Vector, longest: float) -> Vector:
@@ -157,10 +168,13 @@ def _move(path: Array) -> None:
         return
     period, largest = path[PERIOD], path[LARGEST]
     last_velocity, last_acceleration = _three(path, VELOCITY), _three(path, ACCELERATION)
-    before, stream, wanted = _three(path, BEFORE), _three(path, STREAM), _three(path, WANTED)
-    stayed = _add(before, _three(path, SHIFTED))
-    if not (abs(wanted[0]) <= FARTHEST and abs(wanted[1]) <= FARTHEST and abs(wanted[2]) <= FARTHEST):
-        wanted = stayed
+    before, stream = _three(path, BEFORE), _three(path, STREAM)
+    stayed = _add(before, _known(_three(path, SHIFTED), NOTHING))
+    wanted = _known(_three(path, WANTED), stayed)
+    for bound in BOUNDS:
+        _keep(path, bound, _known(_three(path, bound), NOTHING))
+        if not path[bound + 3] >= 0.0:
+            path[bound + 3] = 0.0
     lag = _subtract(wanted, _three(path, POSITION))
     news = _subtract(_scaled(_subtract(wanted, stayed), 1.0 / period), stream)
     stream = _add(stream, _scaled(news, path[GAIN]))

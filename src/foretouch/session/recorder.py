@@ -22,6 +22,7 @@ from foretouch.messages import (
     Telemetry,
 )
 from foretouch.recordings import SessionWriter
+from foretouch.session.contest import ContestHeard
 from foretouch.session.housekeeping import ORPHANED, StopFlag, orphaned
 
 __all__ = ["RECORDER_CHANNELS", "RECORDING_INCOMPLETE", "Recorder", "run_recorder"]
@@ -191,12 +192,15 @@ def _listen(
 ) -> None:
     """Record until the end; say what went wrong as soon as it does."""
     said, hellos = "", 0
+    contest = ContestHeard("recorder", say, parent)
     flushed, spoken = time.monotonic(), -math.inf
     end = math.inf
     while not stop.reason and (now := time.monotonic()) <= end:
         for name in RECORDER_CHANNELS:
             arrivals = link.take(name)
             recorder.take(name, arrivals)
+            for _, message in arrivals if name == "hello" else ():
+                contest.hear(message)
             if name == "stop" and arrivals:
                 end = min(end, now + GRACE)
         if now - flushed >= FLUSH_PERIOD:

@@ -51,7 +51,7 @@ def read_mesh(
     if file.suffix.lower() not in FORMATS:
         raise InputError(f"{file}: meshes are read from {', '.join(FORMATS)}: convert it")
     if not file.is_file():
-        raise InputError(f"{file}: no such file" if not file.exists() else f"{file}: this is no file, but a folder")
+        raise InputError(f"{file}: {'this is no file' if file.exists() else 'no such file'}")
     vertices, faces = within_budget(file, budget, _triangles, file, scale)
     try:
         surface = TriangleMesh(vertices, faces)

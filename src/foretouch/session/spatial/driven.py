@@ -96,10 +96,10 @@ class SpaceLeader:
     """
 
     channels: tuple[str, ...] = ("follower-space", "field")
-    nowhere = 0
 
     def __init__(self, operator: SpatialDevice, settings: SessionSettings, holder: str, epoch: int) -> None:
         scene = make_scene(settings.scene)
+        self.nowhere = 0
         self._operator = operator
         self._whole = leader.start(settings, scene.surface, scene.nominal, holder=holder, epoch=epoch)
         self.state = self._whole.inner
@@ -126,8 +126,11 @@ class SpaceLeader:
         """One tick: what it says, the command first."""
         operator = self._operator
         operator.see(self._whole.line.pose)
+        place = operator.read(operator_ns)
+        if not all(map(math.isfinite, place)):
+            self.nowhere += 1
         inputs = leader.Inputs(
-            operator.read(operator_ns),
+            place,
             [message for message in arrived if type(message) is ModelUpdate],
             [message for message in arrived if type(message) is Telemetry],
             [message for message in arrived if type(message) is FollowerSpace],

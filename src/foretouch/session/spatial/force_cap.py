@@ -7,11 +7,9 @@ import math
 from foretouch.quantities.rigid import Vector, add, dot, norm, scaled, subtract
 from foretouch.session.force_guard import PATIENCE, ForceGuard
 from foretouch.session.motion_limits import Bound
+from foretouch.session.safety import AIMED
 
 __all__ = ["ForceCap"]
-
-AIMED = 0.88
-"""Share of the ceiling that is held."""
 
 SLOWED = 0.6
 """Share of the ceiling from which on sliding gets slower, until it stands at `AIMED`."""
