@@ -25,6 +25,7 @@ from foretouch.session.safety import REST_FORCE, Safety
 from foretouch.session.spatial import follower as space
 from foretouch.session.spatial import make_scene, make_spatial_robot
 from foretouch.session.spatial.course import Course
+from foretouch.session.spatial.field_sender import FieldSender
 from foretouch.session.spatial.last_limit import LastLimit
 from foretouch.session.spatial.line import SurfaceLine
 
@@ -181,7 +182,9 @@ def test_where_conditioning_raises_too_the_plain_force_is_felt(monkeypatch: pyte
     ran = session.run()
     assert ran["step_failures"] > 500
     assert 0.0 < session.largest < CEILING
-    pressed = session.link.telemetry[-300:]
+    telemetry = session.link.telemetry
+    pressed = [one for one in telemetry if one.status != Status.UNLOADING][-300:]
+    assert telemetry[-1].status == Status.UNLOADING
     assert all(telemetry.in_contact and 1.0 < telemetry.force < CEILING for telemetry in pressed)
     assert session.force < REST_FORCE + 0.1
 
@@ -230,6 +233,15 @@ def test_where_the_loop_itself_must_end_the_robot_is_unloaded_first(
     assert session.largest < CEILING
 
 
+def test_a_network_that_sends_nothing_more_keeps_no_robot_from_unloading(monkeypatch: pytest.MonkeyPatch) -> None:
+    session = Session(monkeypatch, LINE)
+    session.broken(session.link, "publish")
+    with pytest.raises((SideError, ZeroDivisionError)):
+        session.run()
+    assert session.largest > 2.0
+    assert session.force < REST_FORCE + 0.1
+
+
 @pytest.mark.parametrize(
     ("owner", "name"),
     [
@@ -239,7 +251,7 @@ def test_where_the_loop_itself_must_end_the_robot_is_unloaded_first(
         (Course, "go"),
         (space, "_learn_beside_the_law"),
         (space, "_with_fixture"),
-        (space, "_field_due"),
+        (FieldSender, "due"),
     ],
 )
 def test_in_space_an_exception_before_safety_is_counted_and_told_too(

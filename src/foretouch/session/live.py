@@ -214,7 +214,8 @@ def _leave(
     feels.
     """
     end = time.monotonic() + LEAVING
-    driven.state.failures.learns = False  # that may be what raised
+    failures = driven.state.failures
+    learns, failures.learns = failures.learns, False  # that may be what raised
     deaf = False
     while _presses(driven) and time.monotonic() < end:
         now, _ = timer.wait()
@@ -231,8 +232,10 @@ def _leave(
             with contextlib.suppress(Exception):  # it holds its place
                 driven.back_off()
             continue
-        for message in said:
-            publish(message)
+        with contextlib.suppress(Exception):  # to unload comes first, whoever hears of it
+            for message in said:
+                publish(message)
+    failures.learns = learns  # the last word tells what the session was
     if deaf:
         say("follower: the robot takes no commands any more and pressed last: stop it by its own switch")
 
