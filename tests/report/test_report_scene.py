@@ -273,8 +273,8 @@ def test_a_simulated_scene_is_reported_and_its_account_agrees(simulated: Session
     assert report["equal_position"]["prediction_error_percent"] is None
     assert scene["contacts"]["before_model"]["episodes"] == 1
     assert scene["pose"]["contacts_used"] == simulated.counts["contacts_used"] >= 2
-    # Without a camera nobody knows how the surface is inclined: the robot goes slowly along it, behind the commands.
-    assert report["tracking_error"]["rms_mm"] < 15.0
+    # Until it has felt the surface the robot comes to it slowly, behind the commands; where it has, as fast as they.
+    assert report["tracking_error"]["rms_mm"] < 4.0
     text = render_text(report)
     assert "Scene plane, the fixture's pose from touches" in text
     assert "predicted at follower's position" not in text

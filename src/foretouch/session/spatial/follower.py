@@ -216,7 +216,8 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
     if course.footing is None and all(map(math.isfinite, sample.place)):
         course.begin(sample.place)
         state.last.begin(sample.place)
-    course.way = _way(state, sample, sideways, state.last.observe(sample.place, force, footing.normal))
+    state.last.observe(sample.place, force, footing.normal)
+    course.way = _way(state, sample, sideways)
     course.meet(line.offset)
     along = RobotSample(
         position=footing.along,
@@ -238,7 +239,7 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
     return state, Outputs(desired, telemetry, model, space, materials)
 
 
-def _way(state: State, sample: SpatialSample, sideways: Vector, sliding: float) -> Way:
+def _way(state: State, sample: SpatialSample, sideways: Vector) -> Way:
     """What the course goes by, from this tick's sensors and what was decided in the tick before."""
     inner, fastest = state.inner, state.largest_speed
     if inner.first_touch.guarded:
@@ -250,7 +251,7 @@ def _way(state: State, sample: SpatialSample, sideways: Vector, sliding: float) 
         sample.place,
         sideways,
         inner.learner.sample.force,
-        sliding * fastest,
+        state.last.slide(fastest),
         inner.safety.fastest,
     )
 

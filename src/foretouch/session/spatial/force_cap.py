@@ -57,6 +57,7 @@ class ForceCap:
         "_period",
         "_place",
         "_rate",
+        "_slide",
         "_sliding",
         "_speed",
         "_way",
@@ -70,18 +71,18 @@ class ForceCap:
         self._place: Vector | None = None
         self._outwards: Vector = (0.0, 0.0, 1.0)
         self._way = self._force = self._rate = self.fastest = 0.0
-        self._known, self._sliding = False, 1.0
+        self._known, self._sliding, self._slide = False, 1.0, 0.0
 
-    def observe(self, here: Vector, force: Vector, normal: Vector) -> float:
-        """See where the probe is [m], what it feels [N] and what normal is believed; how much of a slide is allowed.
+    def observe(self, here: Vector, force: Vector, normal: Vector) -> None:
+        """See where the probe is [m], what it feels [N] and what normal is believed.
 
         A force that is no number is not known: nothing slides, and nothing goes deeper.
         """
         size = norm(force)
         if not (size < math.inf and all(map(math.isfinite, here))):
             self._guard.observe(math.nan, math.nan, False)
-            self._known, self.fastest = False, 0.0
-            return 0.0
+            self._known, self._sliding, self.fastest = False, 0.0, 0.0
+            return
         self._known, felt = True, size > FELT
         self._outwards = scaled(force, 1.0 / size) if felt and dot(force, normal) <= CONE * size else normal
         if self._here is not None and felt:
@@ -94,7 +95,17 @@ class ForceCap:
         coming = size + max(self._rate, 0.0) * AHEAD
         allowed = (AIMED * self._ceiling - coming) / ((AIMED - SLOWED) * self._ceiling)
         self._sliding = min(max(allowed, 0.0), 1.0, self._sliding + RECOVERY)
-        return self._sliding
+
+    def slide(self, fastest: float) -> float:
+        """How fast the probe may slide now, where all but the force allows so much [m/s].
+
+        In contact that grows no faster than a slide that was slowed down recovers, whatever becomes allowed at once.
+        """
+        speed = self._sliding * fastest
+        if self._force > FELT:
+            speed = min(speed, self._slide + RECOVERY * self._speed)
+        self._slide = speed
+        return speed
 
     def limit(self, wanted: Vector, told: Vector) -> tuple[Vector, Vector]:
         """The place that is allowed, and by how far it was set elsewhere, which is no motion of it [m].
@@ -110,7 +121,7 @@ class ForceCap:
             self._place = before
         elif self._force > FELT:
             outwards = self._outwards
-            self._place = wanted = add(before, self._slowed(subtract(wanted, before)))
+            wanted = self._place = add(before, self._slowed(subtract(wanted, before)))
             # Never further inside than the path soon is, for it would press on by itself.
             back = max(dot(subtract(told, before), outwards) - max(self.fastest, 0.0) * PATIENCE, 0.0)
             inwards = back - dot(subtract(wanted, before), outwards)
@@ -125,7 +136,7 @@ class ForceCap:
         A course that goes out of a surface that stands otherwise than believed may slide along the true one.
         """
         along = scaled(self._outwards, dot(step, self._outwards))
-        across, longest = subtract(step, along), self._sliding * self._speed * self._period
+        across, longest = subtract(step, along), self._slide * self._period
         length = norm(across)
         return add(along, scaled(across, longest / length)) if length > longest else step
 

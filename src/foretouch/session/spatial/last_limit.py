@@ -59,9 +59,13 @@ class LastLimit:
         self.line.offset = offset
         self.line.believe(pose)
 
-    def observe(self, here: Vector, force: Vector, normal: Vector) -> float:
+    def observe(self, here: Vector, force: Vector, normal: Vector) -> None:
         """See `ForceCap.observe`."""
-        return self._cap.observe(here, force, normal)
+        self._cap.observe(here, force, normal)
+
+    def slide(self, fastest: float) -> float:
+        """See `ForceCap.slide`."""
+        return self._cap.slide(fastest)
 
     @property
     def going(self) -> tuple[float, float]:
