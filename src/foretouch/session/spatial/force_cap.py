@@ -107,21 +107,24 @@ class ForceCap:
         self._slide = speed
         return speed
 
-    def limit(self, wanted: Vector, told: Vector) -> tuple[Vector, Vector]:
+    def limit(self, wanted: Vector, told: Vector, *, free: bool) -> tuple[Vector, Vector]:
         """The place that is allowed, and by how far it was set elsewhere, which is no motion of it [m].
 
         Args:
             wanted: [m].
             told: Where the robot was told to be in the tick before [m].
+            free: Whether the air that the probe is in is known to be free.
         """
         before, self._place, shifted = self._place, wanted, (0.0, 0.0, 0.0)
         if before is None:
             return wanted, shifted
         if not self._known:
             self._place = before
-        elif self._force > FELT:
-            outwards = self._outwards
+            return self._place, shifted
+        felt, outwards = self._force > FELT, self._outwards
+        if felt or not free:
             wanted = self._place = add(before, self._slowed(subtract(wanted, before)))
+        if felt:
             # Never further inside than the path soon is, for it would press on by itself.
             back = max(dot(subtract(told, before), outwards) - max(self.fastest, 0.0) * PATIENCE, 0.0)
             inwards = back - dot(subtract(wanted, before), outwards)
