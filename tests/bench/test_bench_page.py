@@ -27,6 +27,7 @@ def test_every_benchmark_has_its_block_and_figures() -> None:
 def test_a_block_is_a_table_with_ratios_first(monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("matplotlib")
     monkeypatch.setattr(sys, "path", [str(DOCS), *sys.path])
+    monkeypatch.setenv("NUMBA_NUM_THREADS", "")  # what the script sets is of its own process, and taken back
     import measure_speed
 
     rows = [Row("a time", 2.0, "us", 1.0), Row("a ratio", 3.0, "x", 2.0, True, (2.5, 3.5), 7)]

@@ -66,7 +66,7 @@ def test_a_session_with_a_fault_reads_back(kind: str, tmp_path: Path) -> None:
     assert report["faulty_samples"] == failed.sum() > 0
     assert report["status"] == "ok"
     # What was wrong is no true force: it moves neither the error nor the zero.
-    assert report["prediction_error_percent"] < 20.0
+    assert report["prediction_error_percent"] < 30.0
     assert report["phantom_force_rms_N"] < 0.1
 
     recording = read_recording(path)

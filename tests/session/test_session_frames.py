@@ -121,8 +121,8 @@ def test_machines_of_the_package_count_as_they_are_told() -> None:
 
     plain, other = run(), run(leader_frame="0.0213,-1", follower_frame="-0.117,-1")
     assert plain.leader["rendered_force"].max() > 0.2
-    np.testing.assert_allclose(plain.leader["hand_position"], other.leader["hand_position"], atol=2.1e-5)
-    np.testing.assert_allclose(plain.leader["rendered_force"], other.leader["rendered_force"], atol=0.05)
+    np.testing.assert_allclose(plain.leader["hand_position"], other.leader["hand_position"], atol=5.1e-5)
+    np.testing.assert_allclose(plain.leader["rendered_force"], other.leader["rendered_force"], atol=0.12)
 
 
 def test_a_frame_turns_the_machine_s_numbers_and_no_force() -> None:

@@ -107,39 +107,40 @@ class ForceCap:
         self._slide = speed
         return speed
 
-    def limit(self, wanted: Vector, told: Vector, *, free: bool) -> tuple[Vector, Vector]:
+    def limit(self, wanted: Vector, told: Vector) -> tuple[Vector, Vector]:
         """The place that is allowed, and by how far it was set elsewhere, which is no motion of it [m].
 
         Args:
             wanted: [m].
             told: Where the robot was told to be in the tick before [m].
-            free: Whether the air that the probe is in is known to be free.
         """
         before, self._place, shifted = self._place, wanted, (0.0, 0.0, 0.0)
         if before is None:
             return wanted, shifted
         if not self._known:
             self._place = before
-            return self._place, shifted
-        felt, outwards = self._force > FELT, self._outwards
-        if felt or not free:
-            wanted = self._place = add(before, self._slowed(subtract(wanted, before)))
-        if felt:
-            # Never further inside than the path soon is, for it would press on by itself.
-            back = max(dot(subtract(told, before), outwards) - max(self.fastest, 0.0) * PATIENCE, 0.0)
-            inwards = back - dot(subtract(wanted, before), outwards)
+            return before, shifted
+        outwards, deeper = self._outwards, max(self.fastest, 0.0)
+        # Never further on than the path soon is, for it would slide and press on by itself.
+        shifted = subtract(add(told, self._shortened(subtract(before, told), self._slide * PATIENCE)), before)
+        before = add(before, shifted)
+        self._place = add(before, self._shortened(subtract(wanted, before), self._slide * self._period))
+        if self._force > FELT:
+            back = max(dot(subtract(told, before), outwards) - deeper * PATIENCE, 0.0)
+            inwards = back - dot(subtract(self._place, before), outwards)
             most = min(max(self.fastest, -self._speed), self._speed) * self._period
             if inwards > most:
-                self._place, shifted = add(wanted, scaled(outwards, inwards - most)), scaled(outwards, back)
+                self._place = add(self._place, scaled(outwards, inwards - most))
+                shifted = add(shifted, scaled(outwards, back))
         return self._place, shifted
 
-    def _slowed(self, step: Vector) -> Vector:
-        """A step whose part across the force is no faster than sliding is allowed now.
+    def _shortened(self, step: Vector, longest: float) -> Vector:
+        """A step whose part across the force is no longer than this [m].
 
         A course that goes out of a surface that stands otherwise than believed may slide along the true one.
         """
         along = scaled(self._outwards, dot(step, self._outwards))
-        across, longest = subtract(step, along), self._slide * self._period
+        across = subtract(step, along)
         length = norm(across)
         return add(along, scaled(across, longest / length)) if length > longest else step
 

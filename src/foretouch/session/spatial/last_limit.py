@@ -89,7 +89,7 @@ class LastLimit:
         if gone is None or footing is None or not math.isfinite(aim):
             return before, aim
         allowed = course.held_at(aim)
-        wanted, shifted = self._cap.limit(allowed, before, free=free)
+        wanted, shifted = self._cap.limit(allowed, before)
         shifted = add(shifted, scaled(gone.normal, -safety.shifted))
         deeper = max(safety.fastest, 0.0)
         facing = line.motion.rotate(self._facing) if footing.depth < 0.0 else NO_VECTOR
