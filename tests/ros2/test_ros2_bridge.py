@@ -33,6 +33,8 @@ from foretouch.recordings.standard_topics import STANDARD
 from foretouch.ros2 import Bridge, Graph, Node, publisher_gid, type_hash, wall_offset_ns
 from foretouch.session import SessionSettings, make_operator, make_session_robot, simulate
 
+pytestmark = pytest.mark.network
+
 CHANNEL = {Telemetry: "telemetry", LeaderState: "leader", ModelUpdate: "model", FollowerSpace: "follower-space"} | {
     FixtureBelief: "fixture",
     CameraImage: "image",
@@ -97,7 +99,6 @@ def reader() -> Any:
     return store
 
 
-@pytest.mark.network
 def test_every_number_of_a_session_is_read_by_another_implementation(
     log: list[Message], there: Router, graph: Graph
 ) -> None:
@@ -183,7 +184,6 @@ def test_tokens_and_keys_name_the_same_types(log: list[Message], there: Router, 
     assert publishers < there.gone
 
 
-@pytest.mark.network
 def test_another_implementation_lists_the_topics(log: list[Message], there: Router, graph: Graph) -> None:
     pytest.importorskip("zenoh_ros2_sdk")
     pass_on(bridge(graph), [LINE, *log[:3000]])
@@ -268,7 +268,6 @@ def _fields_of(kind: type[Message]) -> list[Any]:
     return values
 
 
-@pytest.mark.network
 def test_where_no_router_is_it_says_so_once_and_goes_on() -> None:
     endpoint, lines = free_endpoint(), []
     graph = Graph(endpoint, NODE)
