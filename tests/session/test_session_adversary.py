@@ -149,3 +149,19 @@ SLIDES = (
 
 def test_a_slide_along_a_surface_that_is_inclined_otherwise_does_not_swing_up() -> None:
     assert 2.0 < largest_force_in_space("plane", "kelvin-voigt", np.array(SLIDES).ravel()) <= CEILING
+
+
+FLIPS = (
+    (0.3361, 0.676, 0.4858, 0.9968, 0.4411),
+    (0.6421, 0.8028, 0.2169, 0.7883, 0.6232),
+    (0.9533, 0.016, 0.3516, 0.8924, 0.7657),
+    (0.8527, 0.248, 0.025, 0.7625, 0.503),
+)
+"""What a search has found on a hill: it touches, goes under the fixture and over its edge, and pressed with 17 N."""
+
+
+def test_a_course_whose_nearest_point_is_now_under_and_now_on_the_fixture_presses_no_harder() -> None:
+    attack = SpaceAttack("hill", "kelvin-voigt", np.array(FLIPS[0]))
+    for genes in FLIPS[1:]:
+        attack.act(np.array(genes))
+    assert 5.0 < max(attack.forces) <= CEILING

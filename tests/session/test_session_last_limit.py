@@ -146,6 +146,17 @@ def test_a_line_is_the_case_of_one_direction() -> None:
         np.testing.assert_allclose(place, told * np.array(way), atol=1e-9)
 
 
+def test_a_stream_that_jumps_is_no_motion_to_follow() -> None:
+    """One that is set 60 mm away, of which the path is told nothing, leads it towards itself, and never away."""
+    limits = MotionLimits(SPEED, ACCELERATION, JERK, TICK)
+    limits.begin(0.0, 0.0, 0.0)
+    path = [limits.move((0.0, 0.0, 0.006), shifted=(0.0, 0.0, 0.065))]
+    path += [limits.move((0.0, 0.0, 0.006)) for _ in range(100)]
+    heights = [z for _, _, z in path]
+    assert min(heights) > -1e-4, "a speed of 59 m/s away would lead it 2 mm the other way"
+    assert heights[-1] == pytest.approx(0.006, abs=1e-4)
+
+
 def test_what_would_go_deeper_than_told_brakes_five_times_as_hard_and_what_goes_aside_does_not() -> None:
     down = ((0.0, 0.0, -1.0, math.inf), UNBOUNDED, UNBOUNDED)
     for way, hardest in (((0.0, 0.0, -1.0), EMERGENCY * ACCELERATION), ((1.0, 0.0, 0.0), ACCELERATION)):

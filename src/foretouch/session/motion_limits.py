@@ -47,7 +47,8 @@ class MotionLimits:
 
     A path begins where the robot is, at rest (`begin`). A step that leads to the stream, at a velocity not far from its
     own, and keeps all three limits is taken as it is. Otherwise, with the lag e of the path behind the stream, the
-    low-passed velocity u of the stream and v of the path, all of them vectors,
+    low-passed velocity u of the stream, which counts as no faster than V in a tick, and v of the path, all of them
+    vectors,
 
     .. math::
         a = 2 \lambda (u + v_c - v), \quad

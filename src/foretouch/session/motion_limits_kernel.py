@@ -176,8 +176,8 @@ def _move(path: Array) -> None:
         if not path[bound + 3] >= 0.0:
             path[bound + 3] = 0.0
     lag = _subtract(wanted, _three(path, POSITION))
-    news = _subtract(_scaled(_subtract(wanted, stayed), 1.0 / period), stream)
-    stream = _add(stream, _scaled(news, path[GAIN]))
+    going = _clipped(_scaled(_subtract(wanted, stayed), 1.0 / period), path[SPEED])  # a jump is no speed to follow
+    stream = _add(stream, _scaled(_subtract(going, stream), path[GAIN]))
     velocity = _scaled(lag, 1.0 / period)
     near = path[CAUGHT] != 0.0 or _norm(_subtract(velocity, stream)) <= LOCKING * largest * period
     kept = near and _is_within(path, velocity, last_velocity, last_acceleration)

@@ -7,7 +7,7 @@ import math
 from foretouch.quantities.rigid import Vector, add, dot, norm, scaled, subtract
 from foretouch.session.force_guard import PATIENCE, ForceGuard
 from foretouch.session.motion_limits import Bound
-from foretouch.session.safety import AIMED
+from foretouch.session.safety import AIMED, MOST_DAMPED
 
 __all__ = ["ForceCap"]
 
@@ -35,8 +35,10 @@ class ForceCap:
     friction slides the other way, and it turns.
 
     The place goes no deeper against the force than `ForceGuard` allows for 88 % of the ceiling, by the way that the
-    probe has gone against it, and goes back where that is passed. And who slides while the force nears the ceiling is
-    slowed down: a surface that rises on the way makes a force grow that no depth explains.
+    probe has gone against it, and goes back where that is passed. Where the normal does not explain the force, what was
+    proven along it says nothing of this material, which counts as damped as one that nobody has touched. And who slides
+    while the force nears the ceiling is slowed down: a surface that rises on the way makes a force grow that no depth
+    explains.
 
     Args:
         ceiling: [N], positive.
@@ -84,12 +86,14 @@ class ForceCap:
             self._known, self._sliding, self.fastest = False, 0.0, 0.0
             return
         self._known, felt = True, size > FELT
-        self._outwards = scaled(force, 1.0 / size) if felt and dot(force, normal) <= CONE * size else normal
+        unexplained = felt and dot(force, normal) <= CONE * size
+        self._outwards = scaled(force, 1.0 / size) if unexplained else normal
         if self._here is not None and felt:
             self._way -= dot(subtract(here, self._here), self._outwards)
         self._here = here
         self._guard.observe(self._way, size, felt)
-        self.fastest = self._guard.speed(AIMED * self._ceiling) if felt else math.inf
+        damping = MOST_DAMPED if unexplained else 0.0
+        self.fastest = self._guard.speed(AIMED * self._ceiling, damping) if felt else math.inf
         self._rate += RATE_SHARE * ((size - self._force) / self._period - self._rate)
         self._force = size
         coming = size + max(self._rate, 0.0) * AHEAD
