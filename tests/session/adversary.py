@@ -27,7 +27,7 @@ DRIVES = (CEILING, 1000.0)
 """Force at which the arm's own drive is clipped [N]: as it is built, and not at all."""
 NETWORKS = (
     Faults(0.0),
-    Faults(0.0),
+    Faults(0.0, jitter=0.2, loss=0.4, burst=20.0, seed=5),
     Faults(0.02, jitter=0.02, loss=0.2, burst=5.0, seed=1),
     Faults(0.05, reorder=0.2, duplicate=0.2, seed=2),
     Faults(0.0, outage=0.7, seed=3),

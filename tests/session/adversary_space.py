@@ -1,4 +1,4 @@
-"""The enemy of `adversary` in space: places, edges, circles and strikes, with and without a camera on the fixture.
+"""The enemy of `adversary` in space: places, edges, circles, strikes and stops, with and without a camera.
 
 Without a camera the fixture's pose is known by touch alone, from the tracker of real sessions, or there is no tracker.
 
@@ -61,15 +61,16 @@ class SpaceAttack:
         self.was_touching = False
         self.forces: list[float] = []
 
-    def tick(self, place: Place | None) -> None:
+    def tick(self, place: Place | None, *, stop: str = "", release: bool = False) -> None:
         self.now += MS
         commands = []
         if place is not None:
             self.sequence += 1
             self.place = place
             said = (self.sequence, self.now, 0.0, 0, False, "enemy", 1)
-            commands = [Command(VERSION, *said, place=place)]
-        inputs = follower.Inputs(commands, self.sample, MS, 0, self.seen())
+            heard = self.following.inner.tick  # all that it has said: else nothing after a release is obeyed
+            commands = [Command(VERSION, *said, place=place, telemetry_sequence=heard, run=1)]
+        inputs = follower.Inputs(commands, self.sample, MS, 0, self.seen(), stop, release)
         self.following, said_back = follower.step(self.following, inputs, self.now)
         touches = said_back.telemetry.in_contact
         if touches and not self.was_touching:
@@ -117,7 +118,7 @@ class SpaceAttack:
         kind, x, y, height, how = genes
         target = (REACH * (2 * x - 1), REACH * (2 * y - 1), float(pick(height, HEIGHTS)))
         kinds = (
-            self.step, self.glide, self.glide, self.circle, self.dither, self.strike, self.strike, self.silence,
+            self.step, self.glide, self.stop, self.circle, self.dither, self.strike, self.strike, self.silence,
             self.touch, self.touch,
         )  # fmt: skip
         pick(kind, kinds)(target, how)  # type: ignore[operator]
@@ -172,6 +173,12 @@ class SpaceAttack:
     def silence(self, target: Place, how: float) -> None:
         for _ in range(100 + int(600 * how)):
             self.tick(None)
+
+    def stop(self, target: Place, how: float) -> None:
+        """An emergency stop, released as soon as that goes."""
+        self.tick(target, stop="enemy")
+        for tick in range(300 + int(500 * how)):
+            self.tick(target, release=tick % 20 == 19)
 
 
 def _between(begin: Place, end: Place, share: float) -> Place:

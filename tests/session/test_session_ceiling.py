@@ -1,7 +1,7 @@
 """The force ceiling holds, by itself: on every material, whatever a leader says, through any network, after a restart.
 
 The arm's own force limit is taken away here: what holds is the safety layer. The force is the simulator's own, once a
-tick, and there is no tolerance: the layer brings a press to 95 % of the ceiling, and keeps the rest for what is late.
+tick, and there is no tolerance: the layer brings a press to 88 % of the ceiling, and keeps the rest for what is late.
 """
 
 from __future__ import annotations

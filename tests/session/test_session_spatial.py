@@ -181,9 +181,7 @@ def test_a_hidden_board_ages_and_nothing_jumps() -> None:
 def test_a_stiff_world_that_is_nearer_than_believed_is_met_below_the_ceiling() -> None:
     for seed in (1, 2, 3):
         log = run(6.0, camera=False, fusion="none", material="kelvin-voigt", seed=seed, turn=0.1, scene="plane")
-        force = log.follower["exact_force"]
-        assert np.convolve(force, np.full(20, 0.05), "valid").max() < 15.0
-        assert force.max() < 16.0  # the arm's own ripple on what is stiff and damped, +-1.3 N at 125 Hz
+        assert 5.0 < log.follower["exact_force"].max() < 15.0, seed
 
 
 # --- the follower's step ----------------------------------------------------------------------------------------------
@@ -230,15 +228,50 @@ def test_in_free_air_the_robot_goes_where_the_commands_go() -> None:
     np.testing.assert_allclose(bench.sample.exact_place, (0.02, -0.01, 0.04), atol=1e-4)
 
 
-def test_a_wall_that_nobody_knew_is_met_no_harder_sideways() -> None:
-    def wall(place: tuple, velocity: tuple, elapsed: float) -> tuple:
-        return -2e4 * max(place[0] - 0.01, 0.0), 0.0, 0.0
+def meet_sideways(stiffness: float, speed: float, far: float = 0.01, force_limit: float = 15.0) -> np.ndarray:
+    """What a wall that nobody knew, so far away, is pressed with in each tick [N], by commands of this speed [m/s]."""
 
-    bench = Bench(wall, start=(0.0, 0.0, 0.02))
-    bench.go(line((0.0, 0.0, 0.02), (0.06, 0.0, 0.02), 1000))
-    bench.go(line((0.06, 0.0, 0.02), (0.06, 0.0, 0.02), 500))
-    assert bench.column("force_x").min() > -15.0
-    assert abs(bench.sample.exact_force[0]) < 14.5
+    def wall(place: tuple, velocity: tuple, elapsed: float) -> tuple:
+        return -stiffness * max(place[0] - far, 0.0), 0.0, 0.0
+
+    bench, end = Bench(wall, start=(0.0, 0.0, 0.02), force_limit=force_limit), far + 0.05
+    bench.go(line((0.0, 0.0, 0.02), (end, 0.0, 0.02), round(end / speed / 1e-3)))
+    bench.go(line((end, 0.0, 0.02), (end, 0.0, 0.02), 500))
+    return -bench.column("force_x")
+
+
+def test_a_wall_that_nobody_knew_is_met_no_harder_sideways() -> None:
+    force = meet_sideways(2e4, 0.06)
+    assert 5.0 < force.max() < 15.0
+    assert 5.0 < force[-1] < 14.5
+
+
+STIFF_WALL = 23.0
+"""The impact sideways on 100 kN/m passes the ceiling by half of it [N]: in 900 such impacts 22.0 was the largest."""
+
+
+def test_one_of_100_kn_per_metre_is_met_with_half_as_much_again_for_an_instant() -> None:
+    force = meet_sideways(1e5, 0.1, 0.0101, 1000.0)
+    assert 5.0 < force.max() < STIFF_WALL
+    met = int(np.argmax(force > 1.0))
+    assert force[met + 50 :].max() < 15.0
+    assert force[-1] > 5.0
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(("stiffness", "most"), [(2e4, 15.0), (5e4, 15.0), (1e5, STIFF_WALL)])
+def test_walls_are_met_so_at_any_speed_and_in_any_phase_of_a_tick(stiffness: float, most: float) -> None:
+    """A ramp comes to the wall, which stands elsewhere within the way of a tick; prints the largest force."""
+    largest = {}
+    for speed in (0.02, 0.06, 0.1, 0.15, 0.2, 0.25):
+        forces = [
+            meet_sideways(stiffness, speed, 0.01 + 1e-3 * speed * phase, 1000.0) for phase in np.arange(0, 1, 0.1)
+        ]
+        assert all(5.0 < force[-1] < 15.0 for force in forces)
+        largest[speed] = max(float(force.max()) for force in forces)
+        assert 5.0 < largest[speed] < most, speed
+    said = (f"{speed} m/s {force:.1f} N" for speed, force in largest.items())
+    print(f"{1e-3 * stiffness:.0f} kN/m:", ", ".join(said))  # noqa: T201
 
 
 @pytest.mark.parametrize("angle", [10.0, 60.0, 90.0, 135.0, 180.0])
