@@ -57,11 +57,24 @@ class OnlyOut(KelvinVoigt):
         return state, (self.stiffness * 1e-3 if velocity < -1e-3 and depth > -0.01 else 0.0), math.nan
 
 
+CATCHES = 1e-3
+
+
+class Latch(KelvinVoigt):
+    """A model that catches: a millimetre deep it becomes three times as stiff, and is so until the probe is out."""
+
+    def advance(self, state, depth, velocity, sample_period):  # type: ignore[no-untyped-def]
+        caught = depth > CATCHES or (depth > 0.0 and state == (1.0,))
+        _, force, deviation = super().advance(state, depth, velocity, sample_period)
+        return (1.0,) if caught else (), force * (3.0 if caught else 1.0), deviation
+
+
 stiffness, damping = powers(-1.0, 7.0), st.just(0.0) | powers(-2.0, 4.0)
 laws: st.SearchStrategy[ContactModel] = st.one_of(
     st.builds(KelvinVoigt, stiffness, damping),
     st.builds(StifferOut, stiffness, damping),
     st.builds(OnlyOut, stiffness, damping),
+    st.builds(Latch, stiffness, damping),
     st.builds(HuntCrossley, stiffness, damping, st.floats(0.5, 2.5)),
     st.builds(ContinuousSwitching, stiffness, damping, st.floats(0.0, 1.5), st.floats(0.01, 1.0)),
     st.builds(

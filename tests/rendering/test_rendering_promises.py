@@ -9,7 +9,7 @@ import random
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
-from renderer_runs import NEVER, Part, Run, parts, renderers
+from renderer_runs import NEVER, Latch, Part, Run, parts, renderers
 
 from foretouch.devices import DeviceSpecification
 from foretouch.models import HuntCrossley, KelvinVoigt
@@ -24,15 +24,39 @@ def part(ticks=30, motion="smooth", size=2e-3, model=STIFF, other=NEVER, surface
     return Part(ticks, motion, size, model, other, surfaces, **numbers)
 
 
+def play(options, session):
+    run = Run(**options)
+    for seed, one in enumerate(session):
+        run.play(one, seed)
+
+
 @quick
 @given(renderers, parts())
 @example({"device": DEVICE}, [part(), part(motion=9.0), part(motion=math.nan), part(motion="wild", other=None)])
 @example({"device": DEVICE}, [part(model=SOFT), part(clutch=True, other=STIFF), part(clutch=True, motion="wild")])
 @example({"device": None, "guarded": True}, [part(model=SOFT), part(surfaces=(-4e-3, 4e-3), other=SOFT)])
+@example({"device": DEVICE}, [part(model=Latch(1e3, 0.0)), part(motion="wild"), part(30, "smooth", 1e-2)])
 def test_no_stream_of_models_and_no_motion_breaks_a_promise(options, session):
-    run = Run(**options)
-    for seed, one in enumerate(session):
-        run.play(one, seed)
+    play(options, session)
+
+
+@pytest.mark.long
+@settings(derandomize=True, deadline=None, max_examples=600)
+@given(renderers, parts())
+def test_nor_does_any_of_hundreds(options, session):
+    play(options, session)
+
+
+@pytest.mark.parametrize("delay", [0.0, 1e-3])
+def test_a_hand_that_goes_in_before_it_catches_and_out_after_it_takes_no_more_than_the_bound(delay):
+    """25 times a second 2 mm in and out of what catches at 1 mm, and would give back more than was put in."""
+    run, ran = Run(DeviceSpecification(damping=2.0, delay=delay)), 0.0
+    run.adopt(Latch(500.0, 0.0), -2e-3)
+    for number in range(1000):
+        run.tick(1e-3 * (1.0 - math.cos(0.157 * number)))
+        ran = max(ran, run.renderer.mediation.force)
+    assert ran > 1.0
+    assert 0.8 < run.largest_debt <= 1.0
 
 
 @pytest.mark.parametrize("closed", [True, False])

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from foretouch.devices.held_force import HeldForce
@@ -59,10 +59,132 @@ def test_what_is_booked_is_what_the_device_did_where_positions_are_missing(
             whole -= float(impulse @ (place - known)) / elapsed
             known, impulse, elapsed = place, np.zeros(3), 0.0
         assert whole >= account.energy + account.late_energy - 1e-9
+        assert account.energy >= -account.bound - 1e-12
     forces.append(np.zeros(3))
     booked = book(np.array(forces), np.array(places), np.array(periods), BookedDevice(1e-5, delay, watchdog))
     assert booked.work.sum() + booked.late.sum() == pytest.approx(whole, abs=1e-9)
     assert booked.work.sum() == pytest.approx(account.energy, abs=1e-9)
+
+
+NOMINAL, FASTEST_HAND, COUNT = 1e-3, 2.0, 1e-5
+LAWS = ("fixed", "with", "against", "latch")
+
+
+def asked(law: str, step: np.ndarray, size: float) -> np.ndarray:
+    """What a material wants to push with [N] while the hand goes this step: with or against it, or as a latch."""
+    if law == "fixed":
+        return np.array((size, -size, 0.5 * size))
+    if law == "latch":  # soft on the way in, stiff on the way out
+        return np.array((0.0, 0.0, abs(size) * (0.2 if step[2] < 0.0 else 1.0)))
+    way = step / max(float(np.linalg.norm(step)), 1e-12)
+    return abs(size) * (way if law == "with" else -way)
+
+
+class Session:
+    """A hand with an account, and beside it the work of the device's force over the whole session, never begun anew.
+
+    Attributes:
+        whole: W, that work [J].
+        late: Of it what late ticks and missing positions gave out [J].
+        largest_debt: Of the account, as a share of its bound.
+    """
+
+    def __init__(self, delay: float, watchdog: float) -> None:
+        self.account = SpatialEnergyAccount(COUNT, delay=delay, watchdog=watchdog)
+        self.device, self.share = HeldForce(np.zeros(3), delay, watchdog), delay / NOMINAL
+        self.way, self.first, self.impulse = (np.zeros(3) for _ in range(3))
+        self.place, self.now, self.elapsed = np.zeros(3), 0, 0.0
+        self.whole = self.late = self.largest_force = self.largest_debt = 0.0
+        self.largest_step = self.count = math.sqrt(3.0) * COUNT
+        self.account.observe((0.0, 0.0, 0.0))
+
+    def acted(self, begin: float, end: float) -> np.ndarray:
+        """The force's integral from and to so long after this tick began [N s]."""
+        pieces = self.device.over(self.now + round(begin * 1e9), self.now + round(end * 1e9))
+        return sum((lasted * force for lasted, force in pieces), np.zeros(3))
+
+    def tick(self, step: tuple, wanted: np.ndarray, period: float, *, missing: bool, closes: bool) -> None:
+        force = np.array(self.account.hold(tuple(wanted.tolist())))
+        self.largest_force = max(self.largest_force, float(np.linalg.norm(force)))
+        self.device.render(force, self.now)
+        if self.elapsed == 0.0:
+            self.first = self.acted(0.0, NOMINAL)
+            self.impulse = self.first + self.acted(NOMINAL, period)
+        else:
+            self.impulse = self.impulse + self.acted(0.0, period)
+        self.now, self.elapsed = self.now + round(period * 1e9), self.elapsed + period
+        self.place, self.way = self.place + step, self.way + step
+        self.account.observe((math.nan,) * 3 if missing else tuple(self.place.tolist()), period)
+        if not missing:
+            self.arrive()
+        if closes:
+            self.account.close()
+        self.check()
+
+    def arrive(self) -> None:
+        distance = float(np.linalg.norm(self.way))
+        nominal = min(distance / self.elapsed, FASTEST_HAND) * NOMINAL
+        work = -float(self.first @ self.way) / NOMINAL * nominal / max(distance, 1e-300)
+        whole = -float(self.impulse @ self.way) / self.elapsed
+        self.whole, self.late = self.whole + whole, min(self.late + whole - work, 0.0)
+        if self.first.any():
+            self.largest_step = max(self.largest_step, nominal + self.count)
+        self.way, self.elapsed = np.zeros(3), 0.0
+
+    def check(self) -> None:
+        account, bound = self.account, (1.0 + 2.0 * self.share) * self.largest_force * self.largest_step
+        assert self.whole >= self.late - bound - 1e-9
+        assert account.bound == pytest.approx(bound, abs=1e-12)
+        assert account.late_energy == pytest.approx(self.late, abs=1e-9)
+        assert -bound - 1e-12 <= account.energy <= self.whole - self.late + 1e-9
+        if bound > 0.0:
+            self.largest_debt = max(self.largest_debt, -account.energy / bound)
+
+
+ticks = st.tuples(
+    st.tuples(small, small, small),
+    force,
+    st.sampled_from((NOMINAL,) * 4 + (3e-3, 0.05)),
+    st.integers(0, 6).map(lambda number: number == 0),
+    st.integers(0, 9).map(lambda number: number == 0),
+)
+sessions = given(
+    st.lists(st.tuples(st.sampled_from(LAWS), st.lists(ticks, min_size=1, max_size=30)), min_size=1, max_size=6),
+    st.sampled_from((0.0, 5e-4, 1e-3)),
+    st.sampled_from((0.0, 0.02)),
+)
+
+
+def held(parts: list, delay: float, watchdog: float) -> None:
+    session = Session(delay, watchdog)
+    for law, some in parts:
+        for step, size, period, missing, closes in some:
+            session.tick(step, asked(law, np.array(step), size), period, missing=missing, closes=closes)
+
+
+@sessions
+def test_over_a_whole_session_the_hand_is_given_no_more_than_the_bound(
+    parts: list, delay: float, watchdog: float
+) -> None:
+    """With contacts lost, late ticks and positions that are missing; what these gave out is told beside it."""
+    held(parts, delay, watchdog)
+
+
+@pytest.mark.long
+@settings(max_examples=600)
+@sessions
+def test_nor_in_hundreds_of_them(parts: list, delay: float, watchdog: float) -> None:
+    held(parts, delay, watchdog)
+
+
+@pytest.mark.parametrize("law", LAWS[1:])
+@pytest.mark.parametrize("delay", [0.0, 1e-3])
+def test_a_material_that_gives_out_comes_near_to_the_bound_and_one_that_takes_does_not(law: str, delay: float) -> None:
+    session, random = Session(delay, 0.0), np.random.default_rng(1)
+    for number in range(400):
+        step = 5e-4 * np.array((0.1, 0.1, math.cos(0.2 * number))) + 1e-5 * random.normal(size=3)
+        session.tick(step, asked(law, step, 5.0), NOMINAL, missing=False, closes=number % 50 == 0)
+    assert session.largest_debt > 0.6 if law != "against" else session.largest_debt < 0.5
 
 
 def test_on_a_straight_line_it_is_the_account_along_it() -> None:
