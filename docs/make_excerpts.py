@@ -1,9 +1,9 @@
 """Make the excerpts of the measured recordings, which the package carries, again from their originals.
 
-Usage: `.venv/bin/python docs/make_excerpts.py`. The originals come from where `foretouch datasets fetch` takes them (the
-folder that FORETOUCH_DATA_DIR names, the cache, or their public origin), each checked against its SHA-256. Written are
-`<name>.npz` and, beside them, an `ORIGIN.md` for each origin; with `--check` nothing is, and it fails where an excerpt
-is not what would be written. The licences beside them are those of the origins' repositories, copied once.
+Usage: `.venv/bin/python docs/make_excerpts.py`. The originals come from where `foretouch datasets fetch` takes them
+(the folder that FORETOUCH_DATA_DIR names, the cache, or their public origin), each checked against its SHA-256. Written
+are `<name>.npz` and, beside them, an `ORIGIN.md` for each origin; with `--check` nothing is, and it fails where an
+excerpt is not what would be written. The licences beside them are those of the origins' repositories, copied once.
 """
 
 from __future__ import annotations
@@ -65,15 +65,13 @@ def main() -> None:
 
 
 def is_right(dataset: Dataset) -> bool:
-    """Whether an excerpt is what would be written: the numbers, for the bytes of the same differ between compressors."""
+    """Whether an excerpt is what would be written, by its numbers: the same ones are packed in several ways."""
     with tempfile.TemporaryDirectory() as folder:
         made = Path(folder, "made.npz")
         write_excerpt(made, *content(dataset))
         there, again = read_excerpt(excerpt(dataset.name)), read_excerpt(made)
-    same = there.columns.keys() == again.columns.keys()
-    return (
-        same and there.about == again.about and all(map(np.array_equal, *(x.columns.values() for x in (there, again))))
-    )
+    alike = there.about == again.about and there.columns.keys() == again.columns.keys()
+    return alike and all(np.array_equal(there.columns[name], again.columns[name]) for name in there.columns)
 
 
 def content(dataset: Dataset) -> tuple[About, Columns]:
@@ -119,8 +117,8 @@ def origin_page(folder: Path) -> str:
             f"# {inside[0].name.split('/')[0]}: {origin.about}",
             "",
             f"Excerpts of recordings of <https://github.com/{origin.repository}>, commit `{origin.commit}`.",
-            f"{origin.licence}: see `LICENSE`, which is that of the repository. Changed: of each file time, position and",
-            "force are kept (of a lever also the logged force and the leader's position), as integers.",
+            f"{origin.licence}: see `LICENSE`, which is that of the repository. Changed: of each file time, position",
+            "and force are kept (of a lever also the logged force and the leader's position), as integers.",
             "",
             "| Excerpt | Touched | Original | SHA-256 of the original |",
             "| --- | --- | --- | --- |",

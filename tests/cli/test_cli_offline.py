@@ -267,7 +267,6 @@ def test_session_options_are_the_fields_and_defaults_of_the_settings() -> None:
     assert SessionSettings(model="continuous-switching").estimator == "fprls"
 
 
-@pytest.mark.data
 def test_every_measured_press_is_predicted(measured: Any) -> None:
     for name in ("tue/a-foam", "tue/a-spring", "tue/a-rigid"):
         content = output_of("predict", measured(name), "--delay", 0.3, "--json")
@@ -282,7 +281,6 @@ def test_every_measured_press_is_predicted(measured: Any) -> None:
     assert skin["status"] == "ok"
 
 
-@pytest.mark.data
 def test_the_lag_of_a_filtered_sensor_is_found_and_can_be_waited_for(measured: Callable[[str], Path]) -> None:
     """The logged force of this spring went through a low-pass near 50 Hz, which is about 3 ms late."""
     logged = ("identify", measured("tue/d-spring"), "--force-channel", "logged", "--json")

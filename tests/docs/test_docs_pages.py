@@ -143,7 +143,6 @@ def test_results_have_every_measured_file() -> None:
     assert [name for name in results() if name in DATASETS] == list(DATASETS)
 
 
-@pytest.mark.data
 @pytest.mark.parametrize("name", ["tue/b-foam", "tue/a-free-motion", "aurora/400-mN"])
 def test_results_are_those_of_the_command(name: str, measured: Callable[[str], Path]) -> None:
     """The figures that no estimator enters: they change only with the data or the scoring."""

@@ -71,13 +71,11 @@ def test_the_registry_is_whole():
     assert DATASETS["aurora/100-mN"].url.endswith("/Emma%20protocols/22-01-18/100%20mN%20data%20file.ddf")
 
 
-@pytest.mark.data
 @pytest.mark.parametrize("name", DATASETS)
 def test_every_measured_file_is_the_registered_one(measured, name):
     assert hashlib.sha256(measured(name).read_bytes()).hexdigest() == DATASETS[name].sha256
 
 
-@pytest.mark.data
 def test_all_of_a_kind_are_fetched_in_order(measured):
     assert [measured(dataset.name) for dataset in list_datasets("foam")] == fetch_all("foam")
 
@@ -87,7 +85,6 @@ def test_an_unknown_name_is_refused_with_those_there_are():
         fetch("foam")
 
 
-@pytest.mark.data
 def test_a_data_folder_serves_without_network_or_pooch(original, elsewhere, monkeypatch):
     deep = elsewhere / "store" / "below" / "aurora_skin_indentation"
     deep.mkdir(parents=True)
@@ -123,7 +120,6 @@ def test_without_network_one_line_says_what_to_do(elsewhere):
         assert "\n" not in str(caught.value)
 
 
-@pytest.mark.data
 def test_the_origin_is_asked_once_and_then_the_cache(origin, elsewhere, monkeypatch):
     path = fetch(NAME)
     assert path.read_bytes() == origin.read_bytes()
@@ -132,7 +128,6 @@ def test_the_origin_is_asked_once_and_then_the_cache(origin, elsewhere, monkeypa
     assert fetch(NAME) == path
 
 
-@pytest.mark.data
 def test_what_the_origin_changed_is_not_taken(origin):
     origin.write_text("another version")
     with pytest.raises(DatasetError, match="what came has another SHA-256"):

@@ -11,7 +11,6 @@ TUE = [name for name in DATASETS if name.startswith("tue/")]
 AURORA = [name for name in DATASETS if name.startswith("aurora/")]
 
 
-@pytest.mark.data
 @pytest.mark.parametrize("name", TUE)
 def test_tue_press_is_the_follower_in_si_units(measured, name):
     path = measured(name)
@@ -27,7 +26,6 @@ def test_tue_press_is_the_follower_in_si_units(measured, name):
     assert recording.velocity is None
 
 
-@pytest.mark.data
 @pytest.mark.parametrize("dataset", [d for d in list_datasets() if d.kind in ("foam", "spring", "rigid")])
 @pytest.mark.parametrize("channel", ["raw", "logged"])
 def test_pressing_gives_more_force_at_more_depth(measured, dataset, channel):
@@ -38,7 +36,6 @@ def test_pressing_gives_more_force_at_more_depth(measured, dataset, channel):
     assert deep > shallow + 1.0
 
 
-@pytest.mark.data
 def test_raw_and_logged_force_differ_by_offset_and_lag(measured):
     raw, logged = (read_recording(measured("tue/a-foam"), force_channel=channel) for channel in ("raw", "logged"))
     assert raw.position.tobytes() == logged.position.tobytes()
@@ -47,7 +44,6 @@ def test_raw_and_logged_force_differ_by_offset_and_lag(measured):
     assert np.corrcoef(raw.force, logged.force)[0, 1] > 0.99
 
 
-@pytest.mark.data
 def test_flip_turns_the_positions(measured):
     for name in ("tue/a-foam", "aurora/100-mN"):
         straight, flipped = read_recording(measured(name)), read_recording(measured(name), flip=True)
@@ -55,7 +51,6 @@ def test_flip_turns_the_positions(measured):
         assert (straight.force == flipped.force).all()
 
 
-@pytest.mark.data
 @pytest.mark.parametrize("name", TUE)
 def test_leader_motion_is_a_hand_near_its_follower(measured, name):
     time, position = read_leader_motion(measured(name))
@@ -66,7 +61,6 @@ def test_leader_motion_is_a_hand_near_its_follower(measured, name):
     assert np.ptp(position) > 0.003
 
 
-@pytest.mark.data
 @pytest.mark.parametrize("name", AURORA)
 def test_aurora_file_is_read_whole(measured, name):
     path = measured(name)
@@ -83,7 +77,6 @@ def test_aurora_file_is_read_whole(measured, name):
     assert recording.position[held].mean() > recording.position[1000:1100].mean() + 1e-4  # deeper while it presses
 
 
-@pytest.mark.data
 def test_aurora_rows_are_those_of_the_file(measured, tmp_path):
     lines = measured("aurora/100-mN").read_text(encoding="latin-1").splitlines()
     path = tmp_path / "press.ddf"
@@ -111,7 +104,6 @@ def test_foreign_files_give_one_line(tmp_path, content, suffix):
     assert "\n" not in str(caught.value)
 
 
-@pytest.mark.data
 def test_a_damaged_mat_file_gives_one_line(measured, tmp_path):
     content = measured("tue/a-foam").read_bytes()
     path = tmp_path / "cut.mat"

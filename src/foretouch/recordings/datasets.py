@@ -1,8 +1,8 @@
 """The measured recordings: excerpts that the package carries, and the originals that they were made from.
 
 `excerpt` gives the path of an excerpt, which has time, position and force as the sensors counted them and is what
-everything here reads. `fetch` gives that of the whole original: from a folder that has it, from the user's cache, or from
-its public origin at one pinned commit, and checked against its SHA-256 before it is handed out.
+everything here reads. `fetch` gives that of the whole original: from a folder that has it, from the user's cache, or
+from its public origin at one pinned commit, and checked against its SHA-256 before it is handed out.
 
 Names say the origin and what tells a file from the others, and do not change: ``tue/<letter>-<what>``, with the
 experiment's own letters (a to c position-position control, d to f position-force control) and the material as its file
@@ -270,8 +270,8 @@ def _through_pooch(dataset: Dataset) -> Path:
         )
     except (OSError, ValueError) as error:  # requests' errors are OSErrors; ValueError is a wrong checksum
         raise DatasetError(
-            f"the original of {dataset.name} is not here and could not be fetched from {HOST} ({_cause(error)}): connect to "
-            f"the network once, or set {DATA_DIR} to a folder that has {dataset.origin.local_folder}/"
+            f"the original of {dataset.name} is not here and could not be fetched from {HOST} ({_cause(error)}): "
+            f"connect to the network once, or set {DATA_DIR} to a folder that has {dataset.origin.local_folder}/"
         ) from None
 
 

@@ -1,8 +1,8 @@
 r"""Excerpts of measured recordings: time, position and force as integers, in a small part of the original's size.
 
-Sensors count: encoders in steps, converters in volts over a power of two. An excerpt keeps these counts :math:`c` and how
-many of them make one unit of SI, :math:`u`, so that nothing is lost, and stores the first count and then differences,
-which are small:
+Sensors count: encoders in steps, converters in volts over a power of two. An excerpt keeps these counts :math:`c` and
+how many of them make one unit of SI, :math:`u`, so that nothing is lost, and stores the first count and then
+differences, which are small:
 
 .. math:: q_i = \frac{1}{u} \sum_{j \le i} \Delta c_j
 
@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from os import PathLike
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import msgspec
 import numpy as np
@@ -97,7 +97,7 @@ def write_excerpt(path: str | PathLike[str], about: About, columns: Mapping[str,
         RecordingError: The file cannot be written.
     """
     counts = {name: np.rint(column * about.counts_per_unit[name]).astype(np.int64) for name, column in columns.items()}
-    steps = {name: _smallest(np.diff(column, prepend=0)) for name, column in counts.items()}
+    steps: dict[str, Any] = {name: _smallest(np.diff(column, prepend=0)) for name, column in counts.items()}
     with atomic_path(path) as part, part.open("wb") as file:
         np.savez_compressed(file, about=np.array(msgspec.json.encode(about).decode()), **steps)
 
