@@ -1,10 +1,14 @@
 r"""Excerpts of measured recordings: time, position and force as integers, in a small part of the original's size.
 
 Sensors count: encoders in steps, converters in volts over a power of two. An excerpt keeps these counts :math:`c` and
-how many of them make one unit of SI, :math:`u`, so that nothing is lost, and stores the first count and then
-differences, which are small:
+how many of them make one unit of SI, :math:`u`, and stores the first count and then differences, which are small:
 
 .. math:: q_i = \frac{1}{u} \sum_{j \le i} \Delta c_j
+
+Whoever made the original rounded in another order, to other last bits. Beside the counts stand by how many units in the
+last place that differs, so that the numbers are the original's bit by bit: on some recordings of something rigid an
+estimator makes several percent of a difference of :math:`10^{-15}` m. A column that is no sensor's count but a filtered
+one is rounded to the nearest count, and has no such second column.
 
 It is an ``.npz`` of NumPy, which every installation reads; of Parquet the reader, pyarrow, comes with an extra.
 """
@@ -31,6 +35,9 @@ SUFFIX: Final = ".npz"
 
 FORCES: Final = {"raw": "force", "logged": "logged_force"}
 """The column of each force channel."""
+
+LAST: Final = "_last"
+"""Behind a column's name that of its units in the last place."""
 
 LEADER: Final = "leader_position"
 """The column of the motion of the leader's lever, where a recording has one."""
@@ -78,7 +85,10 @@ def read_excerpt(path: str | PathLike[str]) -> Excerpt:
     try:
         with np.load(path, allow_pickle=False) as held:
             about = msgspec.json.decode(str(held["about"]), type=About)
-            columns = {name: _quantity(held[name], counts) for name, counts in about.counts_per_unit.items()}
+            columns = {
+                name: _quantity(held[name], counts, held.get(f"{name}{LAST}"))
+                for name, counts in about.counts_per_unit.items()
+            }
         if not {"time", "position", "force"} <= columns.keys():
             raise KeyError("no time, position or force")
     except OSError as error:
@@ -90,14 +100,19 @@ def read_excerpt(path: str | PathLike[str]) -> Excerpt:
 
 
 def write_excerpt(path: str | PathLike[str], about: About, columns: Mapping[str, Array]) -> None:
-    """Write columns as counts, each to the nearest.
+    """Write columns as counts, and what is left in the last place where that is all.
 
     Raises:
         KeyError: A column without counts per unit.
         RecordingError: The file cannot be written.
     """
-    counts = {name: np.rint(column * about.counts_per_unit[name]).astype(np.int64) for name, column in columns.items()}
-    steps: dict[str, Any] = {name: _smallest(np.diff(column, prepend=0)) for name, column in counts.items()}
+    steps: dict[str, Any] = {}
+    for name, column in columns.items():
+        counts = np.rint(column * about.counts_per_unit[name]).astype(np.int64)
+        steps[name] = _smallest(np.diff(counts, prepend=0))
+        last = _smallest(column.view(np.int64) - (counts / about.counts_per_unit[name]).view(np.int64))
+        if last.dtype == np.int8 and last.any():
+            steps[f"{name}{LAST}"] = last
     with atomic_path(path) as part, part.open("wb") as file:
         np.savez_compressed(file, about=np.array(msgspec.json.encode(about).decode()), **steps)
 
@@ -124,11 +139,17 @@ def recording_of(path: str | PathLike[str], force_channel: str = "raw", *, flip:
     return Recording(columns["time"], position, force, name=str(path), contact_floor=about.contact_floor)
 
 
-def _quantity(steps: NDArray[np.generic], counts_per_unit: float) -> Array:
+def _quantity(steps: NDArray[Any], counts_per_unit: float, last: NDArray[Any] | None) -> Array:
     """A column in SI units."""
     if steps.dtype.kind != "i" or steps.ndim != 1 or not (np.isfinite(counts_per_unit) and counts_per_unit > 0.0):
         raise ValueError("no column of counts")
-    return np.cumsum(steps, dtype=np.int64) / counts_per_unit
+    values: Array = np.cumsum(steps, dtype=np.int64) / counts_per_unit
+    if last is None:
+        return values
+    if last.dtype != np.int8 or last.shape != steps.shape:
+        raise ValueError("no units in the last place")
+    values.view(np.int64)[:] += last
+    return values
 
 
 def _smallest(steps: NDArray[np.int64]) -> NDArray[np.signedinteger]:
