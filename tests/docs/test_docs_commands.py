@@ -163,7 +163,7 @@ def test_the_commands_are_found() -> None:
 @pytest.mark.parametrize("text", SHOWN)
 def test_every_command_has_a_short_form_and_known_options(text: str) -> None:
     assert kind(text) is not None, f"{SHOWN[text]}: foretouch {text} has no short form in {Path(__file__).name}"
-    command, words = COMMAND, shlex.split(FETCHED.sub("file.mat", text))
+    command, words = COMMAND, shlex.split(text)
     name = "foretouch"
     while hasattr(command, "commands") and words and words[0] in command.commands:
         name = words.pop(0)
@@ -260,7 +260,7 @@ def one_of_each_now() -> list[Any]:
 
 
 def publish(name: str, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Put something in the place of an original, and its checksum into the registry: nothing is downloaded for a test."""
+    """Something in the place of an original, and its checksum in the registry: nothing is downloaded for a test."""
     dataset = replace(DATASETS[name], sha256=hashlib.sha256(b"volts").hexdigest())
     path = folder / dataset.origin.local_folder / dataset.file
     path.parent.mkdir(exist_ok=True)

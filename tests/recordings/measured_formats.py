@@ -39,7 +39,9 @@ def write_tue(path: Path, held: Signals) -> Path:
     """A ``.mat`` with the structures of the experiment."""
     scope = _structures(held.angles, held.torques, held.torques)
     bridges = _structures(held.bridge, held.bridge, held.bridge)
-    savemat(path, {"scope": {"time": held.time, "signals": scope}, "env_est3": {"signals": bridges}})
+    savemat(
+        path, {"scope": {"time": held.time, "signals": scope}, "env_est3": {"signals": bridges}}, do_compression=True
+    )
     return path
 
 

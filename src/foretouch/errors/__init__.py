@@ -113,7 +113,7 @@ class SettingError(InputError):
 
 
 class DatasetError(InputError):
-    """The original of a measured recording is neither in ``FORETOUCH_DATA_DIR`` nor in the cache, and could not be fetched."""
+    """An original of a measured recording is neither here (``FORETOUCH_DATA_DIR``, cache) nor could it be fetched."""
 
 
 class SideError(ForetouchError):
