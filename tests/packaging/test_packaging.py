@@ -112,6 +112,10 @@ def test_the_wheel_alone_runs_in_an_empty_environment(built: Path, tmp_path: Pat
     stiffness = json.loads(done.stdout)["parameters"]["stiffness"]
     assert 360.0 < stiffness < 440.0
 
+    done = run(command, "predict", "--dataset", "tue/b-foam", "--model", "kelvin-voigt", "--json", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout)["samples"] == 9816
+
     for words, extra in (
         (("teleop",), "sim"),
         (("simulate",), "sim"),
