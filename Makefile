@@ -85,7 +85,7 @@ bench-baseline: setup  ## keep this machine's ratios as the baseline of bench-ch
 docs: setup  ## build the documentation site into docs/_build, warnings as errors
 	@$(BIN)/sphinx-build -q -W --keep-going -b html docs docs/_build
 
-gallery: setup  ## draw the figures of the documentation again that take seconds each (measured recordings are downloaded)
+gallery: setup  ## draw the figures of the documentation again that take seconds each
 	@for script in identifiability contact_map predictions rendering; do $(BIN)/python docs/draw_$$script.py; done
 	@$(BIN)/python docs/measure_surfaces.py
 	@$(BIN)/python docs/measure_speed.py plots
@@ -97,5 +97,5 @@ lock:  ## resolve the dependencies again (needs uv): universal, hashed, wheels o
 	@uv pip compile --universal --python-version 3.11 --fork-strategy fewest --generate-hashes --only-binary :all: \
 	    --no-emit-index-url --no-header --no-annotate --all-extras --quiet --upgrade pyproject.toml -o requirements.lock
 
-clean:  ## remove what was built; the measured recordings in the user's cache stay
+clean:  ## remove what was built; originals of recordings in the user's cache stay
 	@rm -rf .venv build dist docs/_build .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache

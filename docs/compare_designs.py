@@ -1,9 +1,8 @@
 """Compare designs of a learner of contact maps, the shipped one and those that lost, and write what they gave.
 
 Usage: `.venv/bin/python docs/compare_designs.py [TABLE ...]`, without names for all tables; `--files` prints every
-recording instead of groups. The figures go into the blocks `design-TABLE` of
-`docs/contact-map.md`. It needs the measured recordings (a network, or FORETOUCH_DATA_DIR) and takes about three
-minutes on two cores.
+recording instead of groups. The figures go into the blocks `design-TABLE` of `docs/contact-map.md`. It takes about
+three minutes on two cores.
 """
 
 from __future__ import annotations

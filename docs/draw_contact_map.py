@@ -1,7 +1,7 @@
 """Draw a learnt contact map on one measured foam: force over depth with its band, and over time under a delay.
 
-Usage: `.venv/bin/python docs/draw_contact_map.py`; the image goes to `docs/images`. It needs the measured recordings (a
-network, or FORETOUCH_DATA_DIR) and takes some seconds.
+Usage: `.venv/bin/python docs/draw_contact_map.py`; the image goes to `docs/images`. It takes some
+seconds.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import numpy as np
 from foretouch.identification import Learner, make_estimator, predict
 from foretouch.identification.learner import LearntModel
 from foretouch.models import advance
-from foretouch.recordings import datasets, read_recording
+from foretouch.recordings import excerpt, read_recording
 from foretouch.report import COLOURS, delayed, lowest_mean, new_figure
 
 IMAGE = Path(__file__).parent / "images" / "contact-map-foam.png"
@@ -29,7 +29,7 @@ WINDOW = (2.5, 4.5)
 
 def main() -> None:
     """Draw the figure."""
-    recording = read_recording(datasets.fetch(NAME))
+    recording = read_recording(excerpt(NAME))
     force = recording.force - lowest_mean(recording.time, recording.force)
     figure = new_figure(4.2)
     depths, times = figure.subplots(1, 2, width_ratios=(1.0, 1.6))

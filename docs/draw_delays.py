@@ -1,17 +1,18 @@
 """Draw the plots of prediction error against delay again, of every measured file and of the simulated recordings.
 
 Usage: `.venv/bin/python docs/draw_delays.py [GROUP ...]`, without names for all groups; the images go to `docs/images`.
-It needs the measured recordings (a network, or FORETOUCH_DATA_DIR) and takes about five minutes on two cores.
+It takes about five minutes on two cores.
 """
 
 from __future__ import annotations
 
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 from foretouch import comparison
-from foretouch.recordings import datasets
+from foretouch.recordings import excerpt, list_datasets
 
 IMAGES = Path(__file__).parent / "images"
 
@@ -20,9 +21,9 @@ SKIN = comparison.Scoring(tuple(sorted({0.02, *comparison.SWEEP})), score_from=0
 
 
 def files(kind: str) -> list[comparison.Case]:
-    """The measured files in which this kind of material is touched."""
-    chosen = [name for name, entry in datasets.DATASETS.items() if entry.kind == kind]
-    return [comparison.file_case(datasets.fetch(name)) for name in chosen]
+    """The measured recordings that the design was chosen on in which this kind of material is touched."""
+    chosen = [dataset.name for dataset in list_datasets(kind) if dataset.seen]
+    return [replace(comparison.file_case(excerpt(name)), name=name) for name in chosen]
 
 
 GROUPS: dict[str, tuple[str, Callable[[], list[comparison.Case]], comparison.Scoring]] = {

@@ -1,7 +1,7 @@
 """Draw true, predicted and delayed force of measured presses, and how honest the standard deviation is.
 
 Usage: `.venv/bin/python docs/draw_predictions.py [forces | calibration]`, without a name for both; the images go to
-`docs/images`. It needs the measured recordings (a network, or FORETOUCH_DATA_DIR) and takes about two minutes.
+`docs/images`. It takes about two minutes.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import numpy as np
 from foretouch.comparison import SIMULATED, simulate, unforeseeable
 from foretouch.identification import Learner, make_estimator
 from foretouch.quantities import Recording
-from foretouch.recordings import datasets, read_recording
+from foretouch.recordings import DATASETS, excerpt, read_recording
 from foretouch.report import Forces, finished, forces_under_delay, new_figure, score
 from foretouch.report.drawing import DELAYED, PREDICTED, RENDERED, TRUE
 
@@ -58,7 +58,7 @@ def forces() -> Any:
     figure = new_figure(13.5)
     panels = figure.subplots(len(SHOWN), 1)
     for panel, shown in zip(panels, SHOWN, strict=True):
-        recording = read_recording(datasets.fetch(shown.name))
+        recording = read_recording(excerpt(shown.name))
         offset = zero_of(recording) if "spring" in shown.name else None
         found = predicted(recording, shown.delay, offset)
         scores = score(
@@ -144,10 +144,10 @@ def held_out() -> Iterator[tuple[str, Any]]:
 
 def measured() -> Iterator[tuple[str, Any]]:
     """The same of the measured presses, in the windows that are scored."""
-    for name, entry in datasets.DATASETS.items():
-        if entry.kind == "free":
+    for name, entry in DATASETS.items():
+        if entry.kind == "free" or not entry.seen:
             continue
-        recording = read_recording(datasets.fetch(name))
+        recording = read_recording(excerpt(name))
         skin = entry.kind == "skin"
         offset = zero_of(recording) if entry.kind == "spring" else None
         found = predicted(recording, 0.02 if skin else 0.3, offset)

@@ -19,9 +19,10 @@ ELSEWHERE = "for other systems or versions of Python; not looked at here"
 
 HEAD = """# Licences
 
-foretouch itself is under Apache-2.0. Nothing of others is in it: the packages below are installed beside it, each under
-its own licence, and only those of the extras that you choose. This is what the packages of the lock state of
-themselves (`.venv/bin/python docs/list_licences.py` writes this page); *brought by* is what asks for a package,
+foretouch itself is under Apache-2.0. Of others it holds the excerpts of [measured recordings](measured-recordings.md),
+under the MIT licence, with licence and origin beside them. The packages below are installed beside it, each under its
+own licence, and only those of the extras that you choose. This is what the packages of the lock state of themselves
+(`.venv/bin/python docs/list_licences.py` writes this page); *brought by* is what asks for a package,
 directly or through others: `base` is always there, `dev`, `docs` and `bench` are tools that no user needs.
 
 Copyleft among what `all` brings: `certifi` (MPL-2.0) and `tqdm` (MPL-2.0 in part), both unchanged and as files of

@@ -4,15 +4,13 @@
 `<!-- measured: NAME of DIGEST -->` and `<!-- end -->` (`docs/measured_blocks.py`). Each block names the command that
 prints its figures; this script runs those commands, two at a time, and puts what they print into the blocks.
 
-Usage: `.venv/bin/python docs/measure_results.py [NAME ...]`, without names for all blocks. It needs the measured
-recordings (a network, or FORETOUCH_DATA_DIR). On two cores that do nothing else `reach` takes some two minutes;
-`reach-simulated`, of eight seeds, took half an hour on two that did much else.
+Usage: `.venv/bin/python docs/measure_results.py [NAME ...]`, without names for all blocks. On two cores that do nothing
+else `reach` takes some two minutes; `reach-simulated`, of eight seeds, took half an hour on two that did much else.
 """
 
 from __future__ import annotations
 
 import json
-import shlex
 import sys
 import tempfile
 from collections.abc import Callable
@@ -29,7 +27,7 @@ from numpy.typing import NDArray
 
 from foretouch.identification import Learner, make_estimator
 from foretouch.quantities import Recording
-from foretouch.recordings import fetch, read_recording
+from foretouch.recordings import excerpt, read_recording
 from foretouch.report import score
 from foretouch.session import mediate
 
@@ -41,27 +39,26 @@ PAGES = (
 
 
 def datasets() -> dict[str, str]:
-    """Name and kind of every measured file."""
-    return {name: entry["kind"] for name, entry in json.loads(foretouch("datasets list --json")).items()}
+    """Name and kind of every measured recording that the tables are of: those that the design was chosen on."""
+    listed = json.loads(foretouch("datasets list --json"))
+    return {name: entry["kind"] for name, entry in listed.items() if entry["seen"]}
 
 
 def reach() -> str:
     """`foretouch predict` on every measured file, beside what others make of it, and what is asked for."""
     rows, foams = [], []
     for name, kind in datasets().items():
-        origin, path = name.split("/")[0], fetched(name)
+        origin = name.split("/")[0]
         options = CONDITIONS.get(origin, "--delay 0.3")
-        found = json.loads(foretouch(f"predict {shlex.quote(path)} {options} --json"))
+        found = json.loads(foretouch(f"predict --dataset {name} {options} --json"))
         late = found["delayed_force_error_percent"]
         asked = 0.5 * late if kind == "skin" else ASKED.get(kind)
-        others = [None] * len(RIVALS) if kind == "free" else rivals(path, measured_comparison(origin, CHOSEN))[1:]
+        others = [None] * len(RIVALS) if kind == "free" else rivals(name, measured_comparison(origin, CHOSEN))[1:]
         rows.append([f"`{name}`", kind, *measured_row(found, asked), *map(figure, others), f"`{found['status']}`"])
         if kind == "foam":
             foams.append(found["prediction_error_percent"])
         if kind == "spring":
-            given = json.loads(
-                foretouch(f"predict {shlex.quote(path)} {options} --force-offset {zero(path):.4f} --json")
-            )
+            given = json.loads(foretouch(f"predict --dataset {name} {options} --force-offset {zero(name):.4f} --json"))
             none = ["–"] * len(RIVALS)
             rows.append([f"`{name}`, zero given", kind, *measured_row(given, asked), *none, f"`{given['status']}`"])
     error, blanks = median(foams), ["–"] * (5 + len(RIVALS))
@@ -178,27 +175,20 @@ def noticed(found: dict[str, Any]) -> Row:
     return [figure(found[key]) for key in keys]
 
 
-def zero(path: str) -> float:
+def zero(name: str) -> float:
     """The zero that scoring takes, which no causal learner can know of what never leaves contact [N]."""
-    from foretouch.recordings import read_recording
     from foretouch.report import lowest_mean
 
-    recording = read_recording(path)
+    recording = read_recording(excerpt(name))
     return lowest_mean(recording.time, recording.force)
-
-
-@cache
-def fetched(name: str) -> str:
-    """Path of a measured file."""
-    return foretouch(f"datasets fetch {name}")
 
 
 @cache
 def measured_comparison(origin: str, chosen: str = "") -> Results:
     """`foretouch compare` on all files of one origin; every law by every estimator, if none are chosen."""
     names = [name for name, kind in datasets().items() if name.startswith(origin) and kind != "free"]
-    paths = " ".join(shlex.quote(fetched(name)) for name in names)
-    return comparison(f"compare {paths} {CONDITIONS.get(origin, '--delay 0.3')} {chosen} --json")
+    chosen_files = " ".join(f"--dataset {name}" for name in names)
+    return comparison(f"compare {chosen_files} {CONDITIONS.get(origin, '--delay 0.3')} {chosen} --json")
 
 
 @cache
@@ -222,7 +212,7 @@ def identifications() -> str:
         if kind == "free":
             continue  # refused: nothing is touched
         options = "--model continuous-switching --estimator fprls"
-        found = json.loads(foretouch(f"identify {shlex.quote(fetched(name))} {options} --json"))
+        found = json.loads(foretouch(f"identify --dataset {name} {options} --json"))
         known = ((key, found["parameters"][key]) for key in ("ln_k", "s", "b1", "b2"))
         numbers = ", ".join(f"{key} {value:.3g}" for key, value in known)
         rows.append(
@@ -242,8 +232,8 @@ def identifications() -> str:
 def floors() -> str:
     """What a fit of the paper's law to the whole file leaves of each measured foam."""
     names = [name for name, kind in datasets().items() if kind == "foam"]
-    command = "identify {} --model continuous-switching --estimator offline --json"
-    found = (json.loads(foretouch(command.format(shlex.quote(fetched(name))))) for name in names)
+    command = "identify --dataset {} --model continuous-switching --estimator offline --json"
+    found = (json.loads(foretouch(command.format(name))) for name in names)
     rows = [[f"`{name}`", figure(one["residual_percent"])] for name, one in zip(names, found, strict=True)]
     return table(("Foam", "Left by the best fit of the whole file [% of the force RMS]"), rows)
 
@@ -266,7 +256,7 @@ def simulated() -> str:
 
 def compared(results: Results, key: str) -> str:
     """One row for each law and estimator, one column for each recording."""
-    places = [Path(name).stem.removeprefix("m2_question1") for name in results]
+    places = [Path(name).stem for name in results]
     rows = []
     for model, name in next(iter(results.values())):
         predictions = [found[model, name]["predictions"] for found in results.values()]
@@ -333,7 +323,7 @@ def mediation() -> str:
     for name, kind in datasets().items():
         if kind != "foam":
             continue
-        recording = read_recording(fetch(name))
+        recording = read_recording(excerpt(name))
         learner = Learner(make_estimator("contact-map", "bank"), contact_floor=recording.contact_floor)
         found = mediate(recording, learner, delay=0.3)
 

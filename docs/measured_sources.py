@@ -40,7 +40,7 @@ IGNORED = (
 """Nothing in these moves a figure, so what is in them makes no block stale."""
 
 COMPARE = "foretouch.cli.comparison:compare"
-FETCH = "foretouch.recordings.datasets:fetch"
+EXCERPT = "foretouch.recordings.datasets:excerpt"
 IDENTIFY = "foretouch.cli.offline:identify"
 PREDICT = "foretouch.cli.offline:predict"
 LIVE = (
@@ -59,7 +59,7 @@ _OF_PAGES: dict[str, dict[str, tuple[str, ...]]] = {
     "docs/baselines.md": {name: (f"compare_baselines:{name}",) for name in ("compared", "damped")},
     "docs/console.md": {"console": ("measure_console:main", *LIVE, "foretouch.cli.watchers:console")},
     "docs/contact-map.md": {
-        "floors": ("measure_results:floors", IDENTIFY, FETCH),
+        "floors": ("measure_results:floors", IDENTIFY, EXCERPT),
         **dict.fromkeys(
             [f"design-{name}" for name in ("experts", "learners", "features", "forgetting", "shares", "beyond")],
             ("compare_designs:measure", "compare_designs:summary"),
@@ -69,14 +69,14 @@ _OF_PAGES: dict[str, dict[str, tuple[str, ...]]] = {
     "docs/identifiability.md": dict.fromkeys(("bounds", "twins"), ("draw_identifiability:shares",)),
     "docs/replay.md": {name: (f"measure_results:{name}", SIMULATE, REPLAY) for name in ("replay", "replays")},
     "docs/results.md": {
-        "reach": ("measure_results:reach", PREDICT, COMPARE, FETCH),
+        "reach": ("measure_results:reach", PREDICT, COMPARE, EXCERPT),
         "reach-simulated": ("measure_results:reach_simulated", COMPARE),
-        "identifications": ("measure_results:identifications", IDENTIFY, FETCH),
-        "estimators": ("measure_results:estimators", COMPARE, FETCH),
+        "identifications": ("measure_results:identifications", IDENTIFY, EXCERPT),
+        "estimators": ("measure_results:estimators", COMPARE, EXCERPT),
         "simulated": ("measure_results:simulated", COMPARE),
         "claims": ("measure_results:claims", "foretouch.reproduction.*"),
         "sessions": ("measure_results:sessions", SIMULATE),
-        "foam": ("measure_results:foam", "foretouch.robot.materials.foam_fit:fit_foam", FETCH),
+        "foam": ("measure_results:foam", "foretouch.robot.materials.foam_fit:fit_foam", EXCERPT),
     },
     "docs/rooms/identification.md": {"sensor-faults": ("measure_sensor_faults:sensor_faults",)},
     "docs/rooms/vision.md": {"vision": ("measure_vision:main",)},
@@ -103,7 +103,7 @@ _OF_PAGES: dict[str, dict[str, tuple[str, ...]]] = {
         "startup": ("measure_speed:block", "foretouch.bench.benchmarks.startup"),
     },
     "docs/stability.md": {
-        "mediation": ("measure_results:mediation", FETCH),
+        "mediation": ("measure_results:mediation", EXCERPT),
         "first-touch": ("measure_results:first_touch", SIMULATE),
         "device-delay": ("measure_results:device_delay", SIMULATE),
         "guarded-peaks": ("measure_results:guarded_peaks", SIMULATE),

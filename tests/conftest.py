@@ -1,4 +1,4 @@
-"""What all tests share: reproducible property tests, and the measured files where they can be had."""
+"""What all tests share: reproducible property tests, the measured recordings, and their originals where they are."""
 
 from __future__ import annotations
 
@@ -46,23 +46,29 @@ def read_here(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("FORETOUCH_FILE_BUDGET", "inf")
 
 
-_missing: list[str] = []  # once one file cannot be had, nobody waits for the network again
-
-
 @pytest.fixture(scope="session")
 def measured() -> Callable[[str], Path]:
-    """Path of a measured file by its name in `foretouch.recordings.DATASETS`; skips where it cannot be had."""
+    """Path of the excerpt of a measured recording by its name in `foretouch.recordings.DATASETS`."""
+    from foretouch.recordings import excerpt
+
+    return excerpt
+
+
+@pytest.fixture
+def original(monkeypatch: pytest.MonkeyPatch) -> Callable[[str], Path]:
+    """Path of the original, where it is in the data folder or in the cache; nothing is downloaded for a test."""
     from foretouch.errors import DatasetError
-    from foretouch.recordings import fetch
+    from foretouch.recordings import datasets, fetch
 
     def path_of(name: str) -> Path:
-        if not _missing:
+        with monkeypatch.context() as offline:
+            offline.setattr(datasets, "HOST", "http://127.0.0.1:9")  # nobody listens there
+            offline.setenv("NO_PROXY", "127.0.0.1")
             try:
                 return fetch(name)
             except DatasetError as error:
                 if "SHA-256" in str(error):
                     raise  # a wrong file is a failure, not an absence
-                _missing.append(name)
-        pytest.skip("the measured recordings are not here: set FORETOUCH_DATA_DIR, or connect to the network")
+        pytest.skip("the originals are not here: FORETOUCH_DATA_DIR, or `foretouch datasets fetch all`")
 
     return path_of

@@ -14,16 +14,22 @@ from foretouch.comparison.forces import score_outside
 from foretouch.identification import Conditioner
 from foretouch.models import MotionFilter
 from foretouch.quantities import Recording
-from foretouch.recordings import DATASETS, datasets
+from foretouch.recordings import DATASETS, excerpt, list_datasets
 from foretouch.report import Forces, delayed, lowest_mean
 
 Array = NDArray[np.float64]
 
+
+def seen(kind: str) -> tuple[str, ...]:
+    """The measured recordings of a kind that designs are chosen on."""
+    return tuple(dataset.name for dataset in list_datasets(kind) if dataset.seen)
+
+
 COLUMNS: dict[str, tuple[str, ...]] = {
-    "foam": tuple(name for name, entry in DATASETS.items() if entry.kind == "foam"),
-    "springs": tuple(name for name, entry in DATASETS.items() if entry.kind == "spring"),
-    "rigid": tuple(name for name, entry in DATASETS.items() if entry.kind == "rigid"),
-    "skin": tuple(name for name, entry in DATASETS.items() if entry.kind == "skin"),
+    "foam": seen("foam"),
+    "springs": seen("spring"),
+    "rigid": seen("rigid"),
+    "skin": seen("skin"),
     "laws": ("kelvin-voigt", "hunt-crossley", "continuous-switching"),
     "gradual": ("gradual-change",),
     "sudden": ("sudden-change",),
@@ -94,7 +100,7 @@ class Press:
 @lru_cache(maxsize=2)
 def press(name: str) -> Press:
     """A measured or a simulated recording, read and conditioned."""
-    case: Case = file_case(datasets.fetch(name)) if name in DATASETS else simulated_case(name)
+    case: Case = file_case(excerpt(name)) if name in DATASETS else simulated_case(name)
     recording, truth, _ = load(case)
     return conditioned(recording, truth, 0.02 if name in COLUMNS["skin"] else 0.3, name in COLUMNS["springs"])
 

@@ -3,7 +3,7 @@
 The public interface; what is not here may change without notice. Names are imported when they are first used, so that
 `import foretouch` costs nothing.
 
-- Recordings: `Recording`, `read_recording`, `read_with_notes`, `read_session`, `fetch`
+- Recordings: `Recording`, `read_recording`, `read_with_notes`, `read_session`, `excerpt`, `fetch`
 - Contact models: `ContactModel`, `advance`, `make_model`
 - Identification: `make_estimator`, `Learner`, `identify`, `predict`
 - Scoring: `score`, `delayed`; `compare`, `file_case`
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from foretouch.messages import SessionLog
     from foretouch.models import ContactModel, advance, make_model
     from foretouch.quantities import Recording
-    from foretouch.recordings import fetch, read_recording, read_session, read_with_notes
+    from foretouch.recordings import excerpt, fetch, read_recording, read_session, read_with_notes
     from foretouch.report import delayed, score, session_report
     from foretouch.robot import make_robot
     from foretouch.session import SessionSettings, make_operator, simulate
@@ -38,6 +38,7 @@ _HOME = {
     "read_recording": "recordings",
     "read_session": "recordings",
     "read_with_notes": "recordings",
+    "excerpt": "recordings",
     "fetch": "recordings",
     "ContactModel": "models",
     "advance": "models",
@@ -67,6 +68,7 @@ __all__ = [
     "advance",
     "compare",
     "delayed",
+    "excerpt",
     "fetch",
     "file_case",
     "identify",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import struct
+import zipfile
 import zlib
 from collections.abc import Callable
 from pathlib import Path
@@ -10,11 +11,14 @@ from pathlib import Path
 import h5py
 import lz4.frame
 import mcap.records as records
+import msgspec
 import numpy as np
 import pyarrow
 import pyarrow.parquet
 import zstandard
 from mcap.data_stream import RecordBuilder
+
+from foretouch.recordings.excerpt_file import About
 
 MAGIC = b"\x89MCAP0\r\n"
 BLOCK = bytes(2**24)
@@ -22,7 +26,7 @@ RULE = "=" * 80 + "\n"
 BOMBS: dict[str, Callable[[Path], None]] = {}
 SLOW = (
     "loose-triangles.stl", "forty-chunks.mcap", "zstd.mcap", "zstd-that-lies.mcap", "packed.mat", "equal-rows.parquet",
-    "open-quote.csv", "one-line.csv",
+    "packed.npz", "open-quote.csv", "one-line.csv",
 )  # fmt: skip
 """These take seconds to make, or to be refused."""
 
@@ -148,6 +152,18 @@ def _(path: Path) -> None:
         group = file
         for _ in range(2000):
             group = group.create_group("g")
+
+
+@bomb("packed.npz")
+def _(path: Path) -> None:
+    """A column of a gigabyte of zeros, which takes eight as counts."""
+    units = {"time": 1e6, "position": 1e6, "force": 1e6}
+    np.savez(path, about=np.array(msgspec.json.encode(About("a", "b", "c", "MIT", 0.3, units)).decode()))
+    packed = zipfile.ZipFile(path, "a", zipfile.ZIP_DEFLATED, compresslevel=1)
+    with packed as archive, archive.open("time.npy", "w", force_zip64=True) as column:
+        np.lib.format.write_array_header_1_0(column, {"descr": "|i1", "fortran_order": False, "shape": (2**30,)})
+        for _ in range(2**30 // len(BLOCK)):
+            column.write(BLOCK)
 
 
 @bomb("packed.mat")

@@ -5,7 +5,6 @@ from __future__ import annotations
 import shutil
 import sys
 from pathlib import Path
-from typing import Any
 
 import h5py
 import numpy as np
@@ -17,11 +16,12 @@ import trimesh
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "recordings"))
 
 import made_bags
+import measured_formats
 import session_messages
 from rosbags.rosbag2 import StoragePlugin
 
 from foretouch.quantities import SensorCalibration
-from foretouch.recordings import write_calibration
+from foretouch.recordings import excerpt, write_calibration
 from foretouch.vision import CameraModel
 
 NAMES = ("time_s", "position_m", "force_N")
@@ -44,8 +44,9 @@ def write_all(folder: Path) -> dict[str, Path]:
             file.create_dataset(f"press/{name}", data=column, compression="gzip")
     scipy.io.savemat(folder / "a.mat", dict(columns))
     scipy.io.savemat(folder / "packed.mat", {"press": columns}, do_compression=True)
-    scipy.io.savemat(folder / "tue.mat", _tue(columns), do_compression=True)
-    (folder / "a.ddf").write_text(_ddf(table), encoding="latin-1")
+    measured_formats.write_tue(folder / "tue.mat", measured_formats.signals(200))
+    measured_formats.write_aurora(folder / "a.ddf", table[:, 1:] * [1e3, 2.0])
+    shutil.copy(excerpt("aurora/100-mN"), folder / "a.npz")
     _bags(folder)
     session_messages.write_session(folder / "session.mcap", 200)
     for ending in ("stl", "obj", "ply"):
@@ -66,24 +67,3 @@ def _bags(folder: Path) -> None:
     shutil.copy(next((folder / "mcap").glob("*.mcap")), folder / "a.mcap")
     for name in ("bag", "mcap"):
         shutil.rmtree(folder / name)
-
-
-def _tue(columns: dict[str, Any]) -> dict[str, Any]:
-    time, position, force = columns.values()
-    angles, torques = np.column_stack([position, position]), np.column_stack([force, force])
-    signals = np.array([{"values": angles}, {"values": torques}], dtype=object)
-    bridge = np.array([{"values": force}] * 3, dtype=object)
-    return {"scope": {"time": time, "signals": signals}, "env_est3": {"signals": bridge}}
-
-
-def _ddf(table: Any) -> str:
-    head = [
-        "DMC Data File",
-        "Sample Frequency (Hz): 2000",
-        "Units\tmm\tmN\t",
-        "Scale (units/V)\t1.0\t10.0",
-        "Offset (volts)\t0.0\t0.0",
-        "Sample\tAI0\tAI1\tAI2",
-    ]
-    rows = [f"{place}\t{1e3 * row[1]:.4f}\t{row[2]:.4f}\t0" for place, row in enumerate(table)]
-    return "\n".join([*head, *rows]) + "\n"

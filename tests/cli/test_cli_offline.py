@@ -267,7 +267,6 @@ def test_session_options_are_the_fields_and_defaults_of_the_settings() -> None:
     assert SessionSettings(model="continuous-switching").estimator == "fprls"
 
 
-@pytest.mark.data
 def test_every_measured_press_is_predicted(measured: Any) -> None:
     for name in ("tue/a-foam", "tue/a-spring", "tue/a-rigid"):
         content = output_of("predict", measured(name), "--delay", 0.3, "--json")
@@ -282,7 +281,34 @@ def test_every_measured_press_is_predicted(measured: Any) -> None:
     assert skin["status"] == "ok"
 
 
-@pytest.mark.data
+def test_a_measured_recording_is_named_instead_of_a_file(measured: Callable[[str], Path], tmp_path: Path) -> None:
+    name, law = "tue/b-foam", ("--model", "kelvin-voigt", "--estimator", "rls")
+    for command in ("identify", "predict"):
+        assert output_of(command, "--dataset", name, *law, "--json") == output_of(
+            command, measured(name), *law, "--json"
+        )
+    said = run("predict", "--dataset", name, *law, "--report", tmp_path / "page")
+    assert said.stdout.startswith(f"{name}: kelvin-voigt by rls")
+    assert name in (tmp_path / "page" / "index.html").read_text()
+    found = output_of(
+        "compare", "--dataset", name, "--dataset", "tue/a-rigid", "--models", "kelvin-voigt", "--estimators", "rls",
+        "--jobs", 1, "--json",
+    )  # fmt: skip
+    assert [result["recording"] for result in found["results"]] == [name, "tue/a-rigid"]
+
+
+@pytest.mark.parametrize("command", ["identify", "predict"])
+def test_one_recording_is_given_and_no_more(command: str) -> None:
+    for arguments, said in (
+        ((), "RECORDING = 'nothing': give a file, or --dataset with a name of `foretouch datasets list`"),
+        (("press.csv", "--dataset", "tue/b-foam"), "dataset = 'tue/b-foam': press.csv is given too: give one of them"),
+        (("--dataset", "foam"), "unknown dataset 'foam': choose one of aurora/100-mN, "),
+    ):
+        refusal = run(command, *arguments).exception
+        assert isinstance(refusal, ForetouchError)
+        assert said in str(refusal)
+
+
 def test_the_lag_of_a_filtered_sensor_is_found_and_can_be_waited_for(measured: Callable[[str], Path]) -> None:
     """The logged force of this spring went through a low-pass near 50 Hz, which is about 3 ms late."""
     logged = ("identify", measured("tue/d-spring"), "--force-channel", "logged", "--json")

@@ -87,30 +87,10 @@ def test_the_page_is_written(tmp_path: Path) -> None:
     assert page.rstrip().endswith("</html>")
 
 
-@pytest.mark.data
-def test_a_recorded_hand_presses(measured: Any) -> None:
-    measured("tue/b-foam")
+def test_a_recorded_hand_presses() -> None:
     report = report_of("simulate", "--duration", 5, "--operator", "recorded")
     assert report["operator"] == "recorded"
     assert report["contact_force_rms_N"] > 0.3
-
-
-def test_without_the_measured_hand_the_script_presses_and_says_so(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    from foretouch.errors import DatasetError
-    from foretouch.session import operators
-
-    def offline(name: str) -> Path:
-        raise DatasetError(f"{name} is not here: set FORETOUCH_DATA_DIR")
-
-    monkeypatch.setattr(operators, "fetch", offline)
-    result = run("simulate", "--duration", 1, "--operator", "recorded", "--json")
-    assert result.exit_code == 0
-    lines = [line for line in result.stderr.splitlines() if line]
-    assert len(lines) == 1
-    assert "the script presses instead of the recorded hand" in lines[0]
-    assert json.loads(result.stdout)["operator"] == "scripted"
 
 
 @pytest.mark.parametrize(

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import math
-import os
 from itertools import pairwise
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,6 +13,7 @@ from hypothesis import strategies as st
 from foretouch.devices import BrowserOperator, RecordedOperator, ScriptedOperator
 from foretouch.devices.motion import minimum_jerk, quintic_move
 from foretouch.errors import SettingError
+from foretouch.recordings import DATASETS, read_leader_motion
 
 TICK = 1_000_000
 quick = settings(derandomize=True, deadline=None, max_examples=25)
@@ -147,23 +146,14 @@ def test_recording_refuses_what_makes_no_sense(time, position):
         RecordedOperator(time, position, surface=0.02, press_depth=0.007)
 
 
-@pytest.mark.data
-@pytest.mark.filterwarnings("ignore:Duplicate variable name")
-def test_every_measured_leader_lever_can_press():
-    folder = Path(os.environ.get("FORETOUCH_DATA_DIR", "")) / "tue_1dof_teleoperation"
-    files = sorted(folder.glob("*.mat"))
-    if not os.environ.get("FORETOUCH_DATA_DIR") or not files:
-        pytest.skip("no measured recordings: set FORETOUCH_DATA_DIR")
-    import scipy.io
-
-    for file in files:
-        scope = scipy.io.loadmat(file, squeeze_me=True, struct_as_record=False, variable_names=["scope"])["scope"]
-        lever = 0.075 * np.asarray(scope.signals[0].values)[:, 0]
-        position = run(RecordedOperator(np.asarray(scope.time), lever, surface=0.012, press_depth=0.009), 30.0)
-        assert 0.0205 < position.max() <= 0.021001, file.name
-        assert np.abs(np.diff(position)).max() / 1e-3 < 0.3, file.name
-        assert np.abs(np.diff(position, 2)).max() / 1e-6 < 30.0, file.name
-        assert not (position[:1000] > 0.012).any(), file.name
+@pytest.mark.parametrize("name", [name for name in DATASETS if name.startswith("tue/")])
+def test_every_measured_leader_lever_can_press(measured, name):
+    time, lever = read_leader_motion(measured(name))
+    position = run(RecordedOperator(time, lever, surface=0.012, press_depth=0.009), 30.0)
+    assert 0.0205 < position.max() <= 0.021001
+    assert np.abs(np.diff(position)).max() / 1e-3 < 0.3
+    assert np.abs(np.diff(position, 2)).max() / 1e-6 < 30.0
+    assert not (position[:1000] > 0.012).any()
 
 
 # --- browser ----------------------------------------------------------------------------------------------------------

@@ -138,7 +138,7 @@ class Reached:
         return error / np.maximum(deviation[self.judged], 1e-12)
 
 
-MEASURED = {dataset.name: dataset.kind for dataset in list_datasets()}
+MEASURED = {dataset.name: dataset.kind for dataset in list_datasets() if dataset.seen}
 FOAM = [name for name, kind in MEASURED.items() if kind == "foam"]
 SPRINGS = [name for name, kind in MEASURED.items() if kind == "spring"]
 RIGID = [name for name, kind in MEASURED.items() if kind == "rigid"]
@@ -201,7 +201,6 @@ def better_than_late(found: Reached) -> bool:
     return percent(found) <= late + 1.0
 
 
-@pytest.mark.data
 @pytest.mark.parametrize("name", FOAM)
 def test_measured_foam(reached: Callable[[str], Reached], name: str) -> None:
     found = reached(name)
@@ -211,19 +210,16 @@ def test_measured_foam(reached: Callable[[str], Reached], name: str) -> None:
     assert np.isfinite(found.forces.predicted).all()
 
 
-@pytest.mark.data
 def test_the_median_of_measured_foam(reached: Callable[[str], Reached]) -> None:
     assert np.median([percent(reached(name)) for name in FOAM]) < 8.5
 
 
-@pytest.mark.data
 @pytest.mark.parametrize("name", SPRINGS)
 def test_measured_springs(reached: Callable[[str], Reached], name: str) -> None:
     assert percent(reached(name)) < 3.0
     assert reached(name).changes == 0
 
 
-@pytest.mark.data
 @pytest.mark.parametrize("name", RIGID)
 def test_measured_rigid(reached: Callable[[str], Reached], name: str) -> None:
     assert percent(reached(name)) < 25.0
@@ -231,7 +227,6 @@ def test_measured_rigid(reached: Callable[[str], Reached], name: str) -> None:
     assert reached(name).changes == 0
 
 
-@pytest.mark.data
 @pytest.mark.parametrize("name", [name for name, kind in MEASURED.items() if kind == "free"])
 def test_free_motion_gives_no_force(reached: Callable[[str], Reached], name: str) -> None:
     found = reached(name)
@@ -240,7 +235,6 @@ def test_free_motion_gives_no_force(reached: Callable[[str], Reached], name: str
     assert found.forces.predicted.max() < 0.3
 
 
-@pytest.mark.data
 @pytest.mark.parametrize(
     "name",
     missed(SKIN, {"aurora/100-mN": "11 to 12 % where half of the delayed force's error is 8.8 %"}),
@@ -253,7 +247,6 @@ def test_measured_skin(reached: Callable[[str], Reached], name: str) -> None:
     assert found.changes == 0
 
 
-@pytest.mark.data
 @pytest.mark.parametrize("name", [name for name, kind in MEASURED.items() if kind != "free"])
 def test_measured_messages_are_small(measured: Callable[[str], Path], name: str) -> None:
     """At fifty a second, 50 kB/s are 1000 bytes; all but the map are less than 200."""
@@ -327,7 +320,6 @@ def test_sudden_changes_are_said_when_they_are_felt() -> None:
 # --- doubt ------------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.data
 def test_doubt_on_measured_foam_is_honest(reached: Callable[[str], Reached]) -> None:
     held = np.concatenate([reached(name).held() for name in FOAM])
     assert 0.55 < np.mean(held <= 1.0) < 0.85

@@ -377,7 +377,6 @@ def test_the_learner_sends_the_corrected_surface() -> None:
     assert learner.learnt().surface == learner.conditioner.surface - learner.estimator.surface_correction
 
 
-@pytest.mark.data
 @pytest.mark.parametrize(
     ("name", "largest"),
     [

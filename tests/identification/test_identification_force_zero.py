@@ -49,4 +49,6 @@ def test_blocks_give_the_lowest_mean_of_all(monkeypatch: pytest.MonkeyPatch, siz
 
 @pytest.mark.parametrize("name", DATASETS)
 def test_measured_recordings(measured: Callable[[str], Path], name: str) -> None:
-    assert is_zero_unobservable(read_recording(measured(name))) == name.endswith("-spring")
+    """Three springs are preloaded and never let go."""
+    preloaded = {"tue/a-spring", "tue/b-spring", "tue/d-spring"}
+    assert is_zero_unobservable(read_recording(measured(name))) == (name in preloaded)

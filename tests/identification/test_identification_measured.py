@@ -34,8 +34,8 @@ from foretouch.quantities import Recording
 from foretouch.recordings import list_datasets, read_recording
 from foretouch.report import delayed, lowest_mean, score
 
-pytestmark = [pytest.mark.data, pytest.mark.long]
-FOAM = [d.name for d in list_datasets() if d.kind == "foam" and d.name.startswith("tue/")]
+pytestmark = pytest.mark.long
+FOAM = [dataset.name for dataset in list_datasets("foam") if dataset.seen]
 DELAY = 0.3
 
 

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from foretouch.errors import SettingError
 from foretouch.identification import SENSOR_SENTENCES, SensorState, SensorWatch
-from foretouch.recordings import DATASETS, read_recording
+from foretouch.recordings import DATASETS, FORCE_CHANNELS, read_recording
 from foretouch.robot import MATERIALS, make_robot
 
 PERIOD = 1e-3
@@ -202,12 +202,11 @@ def test_bad_settings_are_refused() -> None:
 # --- no false alarms --------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.data
-@pytest.mark.parametrize("channel", ["raw", "logged"])
-@pytest.mark.parametrize("name", DATASETS)
+@pytest.mark.parametrize(
+    ("name", "channel"),
+    [(name, channel) for name in DATASETS for channel in (FORCE_CHANNELS if name.startswith("tue/") else ("raw",))],
+)
 def test_measured_sensors_are_good(name: str, channel: str, measured: Callable[[str], Path]) -> None:
-    if channel == "logged" and not name.startswith("tue/"):
-        pytest.skip("has one force channel")
     recording = read_recording(measured(name), force_channel=channel)
     columns = (recording.time.tolist(), recording.position.tolist(), recording.force.tolist())
     assert set(states(list(zip(*columns, strict=True)), SensorWatch())) == {SensorState.GOOD}

@@ -14,6 +14,7 @@ from pathlib import Path
 import pytest
 
 from foretouch import __version__
+from foretouch.recordings import DATASETS
 from foretouch.robot.camera_scene import MESA_PACKAGES
 
 ROOT = Path(__file__).parents[2]
@@ -57,11 +58,17 @@ def test_both_distributions_are_as_the_index_wants_them(built: Path) -> None:
 
 def test_the_wheel_holds_the_package_and_nothing_beside_it(built: Path) -> None:
     with zipfile.ZipFile(one(built, "*.whl")) as wheel:
-        names = wheel.namelist()
+        sizes = {entry.filename: entry.compress_size for entry in wheel.infolist()}
+    names = sizes.keys()
     info = f"foretouch-{__version__}.dist-info/"
     assert {name.split("/")[0] + "/" for name in names} == {"foretouch/", info}
     assert "foretouch/py.typed" in names
     assert "foretouch/bench/baseline.json" in names
+    excerpts = {f"foretouch/recordings/measured/{name}.npz" for name in DATASETS}
+    assert excerpts <= names
+    for folder in {path.rpartition("/")[0] for path in excerpts}:
+        assert {f"{folder}/LICENSE", f"{folder}/ORIGIN.md", f"{info}licenses/src/{folder}/LICENSE"} <= names
+    assert sum(sizes[name] for name in names if "/recordings/measured/" in name) < 4e6
     assert info + "licenses/LICENSE" in names
     ours = {path.relative_to(ROOT / "src").as_posix() for path in (ROOT / "src" / "foretouch").rglob("*.py")}
     assert {name for name in names if name.endswith(".py")} == ours
@@ -104,6 +111,10 @@ def test_the_wheel_alone_runs_in_an_empty_environment(built: Path, tmp_path: Pat
     assert done.returncode == 0, done.stderr
     stiffness = json.loads(done.stdout)["parameters"]["stiffness"]
     assert 360.0 < stiffness < 440.0
+
+    done = run(command, "predict", "--dataset", "tue/b-foam", "--model", "kelvin-voigt", "--json", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout)["samples"] == 9816
 
     for words, extra in (
         (("teleop",), "sim"),

@@ -226,7 +226,7 @@ def test_units_count_before_the_limit_of_one_metre(table):
 
 def test_files_that_are_no_recording(table, tmp_path):
     assert "no such file" in str(refused(tmp_path / "absent.csv"))
-    assert "must end with one of .csv, .parquet, .mat, .ddf, .mcap, .h5, .hdf5, .db3, or be a rosbag2" in str(
+    assert "must end with one of .csv, .parquet, .mat, .ddf, .npz, .mcap, .h5, .hdf5, .db3, or be a rosbag2" in str(
         refused(table(GOOD, "press.txt"))
     )
     folder = tmp_path / "folder.csv"

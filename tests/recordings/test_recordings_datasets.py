@@ -1,7 +1,7 @@
 import hashlib
 import re
-import shutil
 import sys
+from dataclasses import replace
 from functools import partial
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from threading import Thread
@@ -20,9 +20,11 @@ class Quiet(SimpleHTTPRequestHandler):
 
 
 @pytest.fixture
-def original(measured):
-    """The file as it was published, found before the places to look are taken away."""
-    return measured(NAME)
+def published(monkeypatch):
+    """What was published under `NAME`, as far as the registry knows: its checksum."""
+    content = b"volts"
+    monkeypatch.setitem(DATASETS, NAME, replace(DATASETS[NAME], sha256=hashlib.sha256(content).hexdigest()))
+    return content
 
 
 @pytest.fixture
@@ -36,26 +38,26 @@ def elsewhere(monkeypatch, tmp_path):
 
 
 @pytest.fixture
-def origin(original, elsewhere, monkeypatch):
+def origin(published, elsewhere, monkeypatch):
     """A server that publishes one file where the real origin has it."""
     dataset = DATASETS[NAME]
     where = dataset.origin
-    published = elsewhere / "www" / where.repository / where.commit / where.folder / dataset.file
-    published.parent.mkdir(parents=True)
-    shutil.copyfile(original, published)
+    path = elsewhere / "www" / where.repository / where.commit / where.folder / dataset.file
+    path.parent.mkdir(parents=True)
+    path.write_bytes(published)
     server = ThreadingHTTPServer(("127.0.0.1", 0), partial(Quiet, directory=str(elsewhere / "www")))
     thread = Thread(target=server.serve_forever, daemon=True)
     thread.start()
     monkeypatch.setattr(datasets, "HOST", f"http://127.0.0.1:{server.server_port}")
-    yield published
+    yield path
     server.shutdown()
     server.server_close()
     thread.join()
 
 
 def test_the_registry_is_whole():
-    assert len(DATASETS) == 13
-    assert len({dataset.sha256 for dataset in DATASETS.values()}) == 13
+    assert len(DATASETS) == 24
+    assert len({dataset.sha256 for dataset in DATASETS.values()}) == 24
     for name, dataset in DATASETS.items():
         assert name == dataset.name
         assert re.fullmatch(r"(tue|aurora)/[a-z0-9]+(-[a-z0-9]+)*(-mN)?", name)
@@ -64,22 +66,31 @@ def test_the_registry_is_whole():
         assert dataset.origin.commit in dataset.url
         assert " " not in dataset.url
         assert dataset.origin.licence.startswith("MIT, Copyright (c) ")
-    assert [dataset.name for dataset in list_datasets("rigid")] == ["tue/a-rigid"]
-    assert len(list_datasets("foam")) == 5
+    assert [dataset.name for dataset in list_datasets("rigid") if dataset.seen] == ["tue/a-rigid"]
+    assert len(list_datasets("foam")) == 11
+    assert sum(dataset.seen for dataset in list_datasets("foam")) == 5
+    assert sum(dataset.seen for dataset in list_datasets()) == 13
     assert len(list_datasets("skin")) == 4
     assert [dataset.name for dataset in list_datasets()] == list(DATASETS)
+    assert DATASETS["tue/m1-d-foam"].url.endswith("/m1_question1/question1d_foam.mat")
     assert DATASETS["aurora/100-mN"].url.endswith("/Emma%20protocols/22-01-18/100%20mN%20data%20file.ddf")
 
 
 @pytest.mark.data
 @pytest.mark.parametrize("name", DATASETS)
-def test_every_measured_file_is_the_registered_one(measured, name):
-    assert hashlib.sha256(measured(name).read_bytes()).hexdigest() == DATASETS[name].sha256
+def test_every_original_is_the_registered_one(original, name):
+    assert hashlib.sha256(original(name).read_bytes()).hexdigest() == DATASETS[name].sha256
 
 
-@pytest.mark.data
-def test_all_of_a_kind_are_fetched_in_order(measured):
-    assert [measured(dataset.name) for dataset in list_datasets("foam")] == fetch_all("foam")
+def test_all_of_a_kind_are_fetched_in_order(published, elsewhere, monkeypatch):
+    monkeypatch.setenv(DATA_DIR, str(elsewhere))
+    paths = []
+    for dataset in list_datasets("skin"):
+        monkeypatch.setitem(DATASETS, dataset.name, replace(dataset, sha256=DATASETS[NAME].sha256))
+        paths.append(elsewhere / dataset.origin.local_folder / dataset.file)
+        paths[-1].parent.mkdir(exist_ok=True)
+        paths[-1].write_bytes(published)
+    assert fetch_all("skin") == paths
 
 
 def test_an_unknown_name_is_refused_with_those_there_are():
@@ -87,14 +98,13 @@ def test_an_unknown_name_is_refused_with_those_there_are():
         fetch("foam")
 
 
-@pytest.mark.data
-def test_a_data_folder_serves_without_network_or_pooch(original, elsewhere, monkeypatch):
-    deep = elsewhere / "store" / "below" / "aurora_skin_indentation"
-    deep.mkdir(parents=True)
-    shutil.copyfile(original, deep / original.name)
+def test_a_data_folder_serves_without_network_or_pooch(published, elsewhere, monkeypatch):
+    path = elsewhere / "store" / "below" / "aurora_skin_indentation" / DATASETS[NAME].file
+    path.parent.mkdir(parents=True)
+    path.write_bytes(published)
     monkeypatch.setenv(DATA_DIR, str(elsewhere / "store"))
     monkeypatch.setitem(sys.modules, "pooch", None)
-    assert fetch(NAME) == deep / original.name
+    assert fetch(NAME) == path
     with pytest.raises(MissingExtraError, match="pooch"):
         fetch("tue/a-foam")
 
@@ -123,7 +133,6 @@ def test_without_network_one_line_says_what_to_do(elsewhere):
         assert "\n" not in str(caught.value)
 
 
-@pytest.mark.data
 def test_the_origin_is_asked_once_and_then_the_cache(origin, elsewhere, monkeypatch):
     path = fetch(NAME)
     assert path.read_bytes() == origin.read_bytes()
@@ -132,7 +141,6 @@ def test_the_origin_is_asked_once_and_then_the_cache(origin, elsewhere, monkeypa
     assert fetch(NAME) == path
 
 
-@pytest.mark.data
 def test_what_the_origin_changed_is_not_taken(origin):
     origin.write_text("another version")
     with pytest.raises(DatasetError, match="what came has another SHA-256"):

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import os
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.io import loadmat
 
 from foretouch.errors import InputError, SettingError
+from foretouch.recordings import read_recording
 from foretouch.report import STATUSES, delayed, lowest_mean, score
 
 QUICK = settings(derandomize=True, deadline=None, max_examples=25)
@@ -260,27 +260,20 @@ def test_what_is_measured_is_predicted_without_error(seed: int, uneven: bool) ->
 
 
 MEASURED = {
-    "m2_question1a_foam.mat": "ok",
-    "m2_question1b_foam3.mat": "ok",
-    "m2_question1d_foam2.mat": "ok",
-    "m2_question1e_foam2.mat": "ok",
-    "m2_question1a_rigid.mat": "ok",
-    "m2_question1a_free_motion.mat": "no_contact",
-    "m2_question1a_spring.mat": "offset_unobservable",
-    "m2_question1d_spring.mat": "offset_unobservable",
+    "tue/a-foam": "ok",
+    "tue/b-foam3": "ok",
+    "tue/d-foam2": "ok",
+    "tue/e-foam2": "ok",
+    "tue/a-rigid": "ok",
+    "tue/a-free-motion": "no_contact",
+    "tue/a-spring": "offset_unobservable",
+    "tue/d-spring": "offset_unobservable",
 }
 
 
-@pytest.mark.data
-@pytest.mark.filterwarnings("ignore::scipy.io.matlab.MatReadWarning")
 @pytest.mark.parametrize(("name", "status"), MEASURED.items())
-def test_status_of_measured_files(name: str, status: str) -> None:
-    folder = os.environ.get("FORETOUCH_DATA_DIR")
-    if not folder:
-        pytest.skip("FORETOUCH_DATA_DIR is not set")
-    data = loadmat(Path(folder) / "tue_1dof_teleoperation" / name, squeeze_me=True, struct_as_record=False)
-    time = data["scope"].time
-    position = 0.075 * data["scope"].signals[0].values[:, 1]
-    force = data["env_est3"].signals[2].values * 0.2361 / 0.075
-    scores = score(time, force, force, delayed(time, force, 0.3), contact_floor=0.3, position=position)
+def test_status_of_measured_files(measured: Callable[[str], Path], name: str, status: str) -> None:
+    recording = read_recording(measured(name))
+    time, force = recording.time, recording.force
+    scores = score(time, force, force, delayed(time, force, 0.3), contact_floor=0.3, position=recording.position)
     assert scores.status == status

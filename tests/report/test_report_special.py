@@ -152,7 +152,6 @@ def test_what_is_no_recording_is_refused_in_one_line(tmp_path: Path, rows: int) 
     assert "\n" not in str(refusal)
 
 
-@pytest.mark.data
 def test_measured_presses_are_nothing_special_but_for_what_is_known_of_them(measured: Callable[[str], Path]) -> None:
     for name in ("tue/a-foam", "tue/b-foam3", "tue/d-foam2", "tue/a-rigid"):
         assert json.loads(run(measured(name), "--json").stdout)["remarks"] == [], name

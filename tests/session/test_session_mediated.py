@@ -19,7 +19,6 @@ def learner() -> Learner:
     return Learner(make_estimator("contact-map", "bank"))
 
 
-@pytest.mark.data
 @pytest.mark.parametrize("name", ["tue/b-foam3", "tue/e-foam2"])
 def test_mediation_costs_a_point_at_most_where_no_bound_is_active(name: str, measured: Callable[[str], Path]) -> None:
     recording = read_recording(measured(name))

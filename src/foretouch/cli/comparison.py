@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -28,6 +29,10 @@ __all__ = ["COMMANDS", "compare"]
 
 def compare(
     recordings: Annotated[list[Path] | None, typer.Argument(help=f"{RECORDING_HELP} Any number.")] = None,
+    datasets: Annotated[
+        list[str] | None,
+        typer.Option("--dataset", help="One of `foretouch datasets list`; may be given more than once."),
+    ] = None,
     simulated: Annotated[
         bool, typer.Option("--simulated", help="On simulated recordings too, whose truth is known.")
     ] = False,
@@ -67,6 +72,7 @@ def compare(
     Example: foretouch compare press.csv session.mcap --delay 0.1 --delay 0.3 --report comparison
     """
     from foretouch import comparison
+    from foretouch.recordings import excerpt
 
     if report_directory is not None:
         make_folder(report_directory)
@@ -81,6 +87,7 @@ def compare(
     for path in recordings or []:
         say_how_it_is_read(path, **units)
         cases.append(comparison.file_case(path, **units))
+    cases += [replace(comparison.file_case(excerpt(name), **units), name=name) for name in datasets or []]
     if simulated:
         cases += comparison.simulated_cases(seed)
 

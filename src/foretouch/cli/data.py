@@ -13,13 +13,13 @@ from foretouch.cli.progress import progress_bar, pulsing
 
 __all__ = ["datasets", "materials"]
 
-datasets = typer.Typer(help="Measured recordings: what there is, and fetching it.", no_args_is_help=True)
+datasets = typer.Typer(help="Measured recordings: what is here, and fetching the originals.", no_args_is_help=True)
 materials = typer.Typer(help="What the simulated follower can press.", no_args_is_help=True)
 
 
 @datasets.command("list")
 def list_datasets(json_output: Json = False) -> None:
-    """The measured recordings, and whose they are.
+    """The measured recordings, and whose they are; time, position and force of all of them are here.
 
     Example: foretouch datasets list
     """
@@ -28,7 +28,16 @@ def list_datasets(json_output: Json = False) -> None:
     entries = recordings.list_datasets()
     if json_output:
         print_json(
-            {entry.name: {"kind": entry.kind, "licence": entry.origin.licence, "url": entry.url} for entry in entries}
+            {
+                entry.name: {
+                    "kind": entry.kind,
+                    "licence": entry.origin.licence,
+                    "url": entry.url,
+                    "excerpt": str(recordings.excerpt(entry.name)),
+                    "seen": entry.seen,
+                }
+                for entry in entries
+            }
         )
         return
     for entry in entries:
@@ -40,7 +49,7 @@ def fetch_dataset(
     name: Annotated[str, typer.Argument(help="A name from `foretouch datasets list`, or all.")],
     json_output: Json = False,
 ) -> None:
-    """Make measured recordings available here and print where they lie.
+    """Make the originals of measured recordings available here, with all that they hold, and print where they lie.
 
     They come from the folder that FORETOUCH_DATA_DIR names, from the cache, or from their public origin.
 
@@ -104,12 +113,12 @@ def fit_material(
     Example: foretouch materials fit foam-measured --out foam.json
     """
     from foretouch.errors import UnknownNameError
-    from foretouch.recordings import atomic_path, fetch, read_recording
+    from foretouch.recordings import atomic_path, excerpt, read_recording
     from foretouch.robot import FOAM_DATASETS, fit_foam, foam_fit_json
 
     if name != "foam-measured":
         raise UnknownNameError("fitted material", name, ["foam-measured"])
-    pressed = [replace(read_recording(fetch(dataset)), name=dataset) for dataset in FOAM_DATASETS]
+    pressed = [replace(read_recording(excerpt(dataset)), name=dataset) for dataset in FOAM_DATASETS]
     fit = pulsing("fitting", fit_foam, pressed)
     if out is not None:
         require_writable(out.parent)

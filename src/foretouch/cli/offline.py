@@ -28,7 +28,7 @@ from foretouch.cli.options import (
     show,
 )
 from foretouch.cli.progress import pulsing
-from foretouch.cli.reading import RECORDING_HELP, MapFile, read_and_say
+from foretouch.cli.reading import RECORDING_HELP, DatasetName, MapFile, chosen_recording, read_and_say
 from foretouch.cli.recordings import say_what_is_left_out
 from foretouch.errors import SettingError
 
@@ -38,11 +38,12 @@ if TYPE_CHECKING:
 
 __all__ = ["COMMANDS", "identify", "predict", "report"]
 
-RecordingPath = Annotated[Path, typer.Argument(help=RECORDING_HELP)]
+RecordingPath = Annotated[Path | None, typer.Argument(help=RECORDING_HELP)]
 
 
 def identify(
-    recording: RecordingPath,
+    recording: RecordingPath = None,
+    dataset: DatasetName = None,
     model: ModelName = "contact-map",
     estimator: EstimatorName = None,
     surface: Surface = "auto",
@@ -66,6 +67,7 @@ def identify(
     from foretouch import identification
     from foretouch.recordings import write_columns
 
+    recording, shown = chosen_recording(recording, dataset)
     _refuse_to_replace(recording, out)
     estimator = _estimator_for(model, estimator)
     data = read_and_say(
@@ -111,11 +113,12 @@ def identify(
     if json_output:
         print_json(content)
     else:
-        _print_lines(f"{recording}: {model} by {estimator}", content)
+        _print_lines(f"{shown}: {model} by {estimator}", content)
 
 
 def predict(
-    recording: RecordingPath,
+    recording: RecordingPath = None,
+    dataset: DatasetName = None,
     delay: Annotated[float, typer.Option(help="Of the forces [s].")] = 0.3,
     model: ModelName = "contact-map",
     estimator: EstimatorName = None,
@@ -146,6 +149,7 @@ def predict(
     from foretouch.report import forces_under_delay, remarks, score
 
     require("delay", delay, at_least=0.0)
+    recording, shown = chosen_recording(recording, dataset)
     _refuse_to_replace(recording, out)
     if report_directory is not None:
         make_folder(report_directory)
@@ -208,12 +212,12 @@ def predict(
     if report_directory is not None:
         from foretouch.report import write_prediction_page
 
-        write_prediction_page(report_directory, recording.name, forces, content)
+        write_prediction_page(report_directory, dataset or recording.name, forces, content)
         say(f"report: {report_directory / 'index.html'}")
     if json_output:
         print_json(content)
     else:
-        _print_lines(f"{recording}: {model} by {estimator}", content)
+        _print_lines(f"{shown}: {model} by {estimator}", content)
 
 
 def report(

@@ -13,7 +13,7 @@ from foretouch.cli.progress import pulsing
 if TYPE_CHECKING:
     from foretouch.quantities import Recording
 
-__all__ = ["RECORDING_HELP", "MapFile", "read_and_say", "say_how_it_is_read"]
+__all__ = ["RECORDING_HELP", "DatasetName", "MapFile", "chosen_recording", "read_and_say", "say_how_it_is_read"]
 
 RECORDING_HELP = "CSV, Parquet, HDF5, MAT, MCAP, a rosbag2 folder, TU/e .mat or Aurora .ddf."
 
@@ -23,6 +23,30 @@ MapFile = Annotated[
         "--map", help="TOML that says which column or topic is what, in which unit: `foretouch recordings inspect`."
     ),
 ]
+
+DatasetName = Annotated[
+    str | None,
+    typer.Option("--dataset", help="Instead of a file a measured recording that is here: `foretouch datasets list`."),
+]
+
+
+def chosen_recording(path: Path | None, dataset: str | None) -> tuple[Path, str]:
+    """The recording that a command works on, and its name for people.
+
+    Raises:
+        SettingError: None is given, or two are.
+        UnknownNameError: No measured recording has that name.
+    """
+    from foretouch.errors import SettingError
+    from foretouch.recordings import excerpt
+
+    if path is not None and dataset is not None:
+        raise SettingError("dataset", dataset, f"{path} is given too: give one of them")
+    if path is not None:
+        return path, str(path)
+    if dataset is None:
+        raise SettingError("RECORDING", "nothing", "give a file, or --dataset with a name of `foretouch datasets list`")
+    return excerpt(dataset), dataset
 
 
 def read_and_say(

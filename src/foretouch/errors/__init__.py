@@ -113,7 +113,7 @@ class SettingError(InputError):
 
 
 class DatasetError(InputError):
-    """A measured file is neither in ``FORETOUCH_DATA_DIR`` nor in the cache, and could not be fetched."""
+    """An original of a measured recording is neither here (``FORETOUCH_DATA_DIR``, cache) nor could it be fetched."""
 
 
 class SideError(ForetouchError):

@@ -2,12 +2,12 @@
 
 `read_recording` reads a recording of any format, `SessionWriter` and `read_session` write and read a session as MCAP,
 `repair_session` makes one whole whose writer was killed,
-`write_columns` writes results, `fetch` gives the path of a measured file.
+`write_columns` writes results, `excerpt` gives the path of a measured recording, `fetch` that of its original.
 """
 
 from foretouch.recordings.calibration_file import read_calibration, write_calibration
 from foretouch.recordings.convert import OUTPUTS, write_recording
-from foretouch.recordings.datasets import DATA_DIR, DATASETS, Dataset, Origin, fetch, fetch_all, list_datasets
+from foretouch.recordings.datasets import DATA_DIR, DATASETS, Dataset, Origin, excerpt, fetch, fetch_all, list_datasets
 from foretouch.recordings.follower_samples import FollowerSamples, follower_samples, read_follower_samples
 from foretouch.recordings.inspection import Contents, inspect_recording
 from foretouch.recordings.mapping import Mapping, Signal, TimeSource, Velocity, read_mapping, write_mapping
@@ -43,6 +43,7 @@ __all__ = [
     "TimeSource",
     "Velocity",
     "atomic_path",
+    "excerpt",
     "fetch",
     "fetch_all",
     "follower_samples",

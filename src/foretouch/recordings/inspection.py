@@ -15,6 +15,7 @@ from foretouch.quantities import Recording
 from foretouch.recordings.aurora_ddf import CONTACT_FLOOR as AURORA_FLOOR
 from foretouch.recordings.aurora_ddf import read_aurora
 from foretouch.recordings.column_names import name_says
+from foretouch.recordings.excerpt_file import read_excerpt, recording_of
 from foretouch.recordings.guess import Guess, guess_mapping
 from foretouch.recordings.joining import clocks_of
 from foretouch.recordings.mapping import TIMES, Mapping, Signal, TimeSource
@@ -115,6 +116,8 @@ def inspect_recording(path: str | PathLike[str], topic: str | None = None, *, bu
 def _inspect(path: str | PathLike[str], suffix: str, topic: str | None) -> Contents:
     if suffix == ".ddf":
         return _of_aurora(path)
+    if suffix == ".npz":
+        return _of_excerpt(path)
     source = open_source(path)
     return _of_table(source, suffix) if isinstance(source, Table) else _of_bag(source, topic)
 
@@ -125,6 +128,16 @@ def _of_aurora(path: str | PathLike[str]) -> Contents:
     stated = f"an Aurora file states columns and units itself; contact floor {AURORA_FLOOR:g} N"
     duration, rate = _span(recording)
     return Contents(str(path), "Aurora .ddf", columns, duration_s=duration, rate=rate, stated=stated)
+
+
+def _of_excerpt(path: str | PathLike[str]) -> Contents:
+    about, columns = read_excerpt(path)
+    units = {"time": "s", "force": "N", "logged_force": "N"}
+    shown = (Column(name, "count", values.size, units.get(name, "m")) for name, values in columns.items())
+    stated = f"an excerpt of {about.name}, which needs no map; contact floor {about.contact_floor:g} N"
+    notes = (f"made from {about.original}, SHA-256 {about.sha256}", f"licence: {about.licence}")
+    duration, rate = _span(recording_of(path))
+    return Contents(str(path), "excerpt", tuple(shown), duration_s=duration, rate=rate, stated=stated, notes=notes)
 
 
 def _of_table(table: Table, suffix: str) -> Contents:

@@ -29,7 +29,7 @@ OPENERS: Final[dict[str, Callable[[str | PathLike[str]], Table | Bag]]] = {
 }
 """By ending; a folder is a rosbag2."""
 
-SUFFIXES: Final = (".csv", ".parquet", ".mat", ".ddf", ".mcap", ".h5", ".hdf5", ".db3")
+SUFFIXES: Final = (".csv", ".parquet", ".mat", ".ddf", ".npz", ".mcap", ".h5", ".hdf5", ".db3")
 """Endings of the files that can be read; a folder is read as a rosbag2."""
 
 
@@ -58,8 +58,9 @@ def open_source(path: str | PathLike[str]) -> Table | Bag:
         MissingExtraError: The format needs a package of the extra ``recordings``.
     """
     suffix = require_readable(path)
-    if suffix == ".ddf":
-        raise RecordingError(path, "an Aurora .ddf file has no columns to map: leave --map out")
+    if suffix in (".ddf", ".npz"):
+        what = "an Aurora .ddf file" if suffix == ".ddf" else "an excerpt of a measured recording"
+        raise RecordingError(path, f"{what} has no columns to map: leave --map out")
     try:
         return OPENERS[suffix](path) if suffix else Rosbag2(path)
     except OSError as error:

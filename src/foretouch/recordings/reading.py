@@ -15,6 +15,7 @@ from foretouch.files import within_budget
 from foretouch.quantities import Recording
 from foretouch.recordings.aurora_ddf import read_aurora
 from foretouch.recordings.column_names import name_says
+from foretouch.recordings.excerpt_file import recording_of
 from foretouch.recordings.follower_samples import read_follower
 from foretouch.recordings.guess import HELP, guess_mapping
 from foretouch.recordings.mapped import read_mapped
@@ -65,6 +66,7 @@ def read_recording(
     - ``.csv``, ``.parquet``: columns ``time_s``, ``position_m``, ``force_N`` and perhaps ``velocity_m_s``, or others
       that a map names or their own names tell.
     - ``.mat``: a TU/e teleoperation recording, or any variables by a map. ``.ddf``: an Aurora skin indentation.
+    - ``.npz``: an excerpt of these, which the package carries: `foretouch.recordings.excerpt`.
     - ``.h5``, ``.hdf5``: datasets.
     - ``.mcap``: a session of foretouch, the follower's position and sensor force; or any ROS 2 messages.
     - a folder, or ``.db3``: a rosbag2.
@@ -75,7 +77,7 @@ def read_recording(
             ``"cm"``, ``"mm"`` or ``"um"``; velocities are in the same a second.
         force_unit: What its forces are in: ``"N"``, ``"mN"`` or ``"kN"``.
         flip: Whether positions grow out of the material; position and velocity then change sign.
-        force_channel: For TU/e files ``"raw"`` (the force bridge) or ``"logged"`` (the low-pass filtered torque).
+        force_channel: For TU/e recordings ``"raw"`` (the force bridge) or ``"logged"`` (the low-pass filtered torque).
         map_file: TOML file of a `Mapping`: which column or message field is what, in which unit.
         budget: How many times the usual memory and time its reading may take, which is done in a process of its own
             (`foretouch.files.budget_for`); without it, what the environment variable ``FORETOUCH_FILE_BUDGET`` says.
@@ -120,8 +122,8 @@ def read_with_notes(
     if force_channel not in FORCE_CHANNELS:
         raise UnknownNameError("force channel", force_channel, FORCE_CHANNELS)
     suffix = require_readable(path)
-    if suffix != ".mat" and force_channel != "raw":
-        raise RecordingError(path, "only a TU/e .mat file has another --force-channel: leave it out")
+    if suffix not in (".mat", ".npz") and force_channel != "raw":
+        raise RecordingError(path, "only a TU/e recording has another --force-channel: leave it out")
     if map_file is None:
         return within_budget(path, budget, _by_itself, path, suffix, units, force_channel)
     if units != Units() or force_channel != "raw":
@@ -154,10 +156,12 @@ def _by_given_map(path: str | PathLike[str], mapping: Mapping) -> Read:
 
 def _by_itself(path: str | PathLike[str], suffix: str, units: Units, force_channel: str) -> Read:
     """Formats that state what they hold, else a guess."""
-    stated = suffix == ".ddf" or (suffix == ".mcap" and is_session(path))
+    stated = suffix in (".ddf", ".npz") or (suffix == ".mcap" and is_session(path))
     tue = suffix == ".mat" and is_tue(path)
     if (stated or tue) and (units.position, units.force) != ("m", "N"):
         raise RecordingError(path, f"a {suffix} file states its own units: leave --position-unit and --force-unit out")
+    if suffix == ".npz":
+        return Read(recording_of(path, force_channel, flip=units.flip), (), None)
     if suffix == ".ddf":
         return Read(read_aurora(path, flip=units.flip), (), None)
     if tue:
@@ -166,7 +170,7 @@ def _by_itself(path: str | PathLike[str], suffix: str, units: Units, force_chann
         return Read(read_follower(path, flip=units.flip), (), None)
     source = open_source(path)
     if force_channel != "raw":
-        raise RecordingError(path, "only a TU/e .mat file has another --force-channel: leave it out")
+        raise RecordingError(path, "only a TU/e recording has another --force-channel: leave it out")
     if isinstance(source, Table) and suffix in (".csv", ".parquet") and not source.stated_map:
         names = [column.name for column in source.columns]
         if set(REQUIRED) <= set(names) and not any(column.unit for column in source.columns):

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import warnings
 from os import PathLike
+from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
@@ -15,6 +16,7 @@ from numpy.typing import NDArray
 from foretouch.errors import RecordingError, UnknownNameError
 from foretouch.files import within_budget
 from foretouch.quantities import Recording
+from foretouch.recordings.excerpt_file import FORCES, LEADER, SUFFIX, read_excerpt
 
 __all__ = ["CONTACT_FLOOR", "FORCE_CHANNELS", "is_tue", "read_leader_motion", "read_tue"]
 
@@ -27,7 +29,7 @@ TORQUE_PER_VOLT = 0.2361
 CONTACT_FLOOR = 0.3
 """Smallest force [N] that counts as contact: lever friction and inertia stay below it."""
 
-FORCE_CHANNELS: Final = ("raw", "logged")
+FORCE_CHANNELS: Final = tuple(FORCES)
 """Forces of a file: the raw bridge, and the torque that the experiment logged."""
 
 _VARIABLES = ["scope", "env_est3"]
@@ -59,7 +61,7 @@ def read_tue(path: str | PathLike[str], force_channel: str = "raw", *, flip: boo
 
 
 def read_leader_motion(path: str | PathLike[str]) -> tuple[Array, Array]:
-    """Motion of the leader lever in a TU/e file: a real hand.
+    """Motion of the leader lever in a TU/e file or its excerpt: a real hand.
 
     Returns:
         Time since the first sample [s] and position [m], 0.075 m times the leader's angle, growing with depth.
@@ -67,9 +69,19 @@ def read_leader_motion(path: str | PathLike[str]) -> tuple[Array, Array]:
     Raises:
         RecordingError: The file is no such recording.
     """
-    time, angles, _, _ = within_budget(path, None, _signals, path)
-    motion = Recording(time, LEVER * angles[:, 0], np.zeros(time.size), name=str(path))  # checks time and position
+    time, position = within_budget(path, None, _leader_motion, path)
+    motion = Recording(time, position, np.zeros(time.size), name=str(path))  # checks time and position
     return motion.time - motion.time[0], motion.position
+
+
+def _leader_motion(path: str | PathLike[str]) -> tuple[Array, Array]:
+    if Path(path).suffix.lower() != SUFFIX:
+        time, angles, _, _ = _signals(path)
+        return time, LEVER * angles[:, 0]
+    about, columns = read_excerpt(path)
+    if LEADER not in columns:
+        raise RecordingError(path, f"{about.name} has no motion of a leader: take one of tue/")
+    return columns["time"], columns[LEADER]
 
 
 def is_tue(path: str | PathLike[str]) -> bool:

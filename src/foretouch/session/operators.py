@@ -19,9 +19,9 @@ from foretouch.devices import (
     RestingOperator,
     ScriptedOperator,
 )
-from foretouch.errors import DatasetError, SettingError, UnknownNameError
+from foretouch.errors import SettingError, UnknownNameError
 from foretouch.plugins import make_plugin
-from foretouch.recordings import fetch, read_leader_motion
+from foretouch.recordings import excerpt, read_leader_motion
 from foretouch.session.frames import device_inside, framed_device, inverse
 from foretouch.session.settings import NO_GRIP, SAMPLE_PERIOD, SIMULATED, SessionSettings
 
@@ -197,10 +197,6 @@ def _intention(settings: SessionSettings, surface: float, press_depth: float, sa
     if name == "browser":
         return BrowserOperator(script, deepest=surface + 1.2 * press_depth)
     if name == "recorded":
-        try:
-            time, position = read_leader_motion(fetch(RECORDED_MOTION))
-        except DatasetError as error:
-            say(f"operator: {error}; the script presses instead of the recorded hand")
-        else:
-            return RecordedOperator(time, position, surface, press_depth)
+        time, position = read_leader_motion(excerpt(RECORDED_MOTION))
+        return RecordedOperator(time, position, surface, press_depth)
     return script
