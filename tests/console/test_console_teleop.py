@@ -204,9 +204,11 @@ def test_an_emergency_stop_is_released_at_the_follower_and_a_killed_tab_lets_go(
         page.wait_for_timeout(500)
         page.get_by_role("button", name=READY).press("Enter")
         page.get_by_role("button", name=LATCHED).wait_for(timeout=20_000)
-        page.get_by_text(re.compile(r"Emergency stop \(pressed in the console\): .* kill -USR2 \d+")).wait_for()
+        page.get_by_text(re.compile(r"Emergency stop \(pressed in the console\): .* foretouch release \d+")).wait_for()
         page.wait_for_timeout(800)
-        teleop.send_signal(signal.SIGUSR2)
+        words = [sys.executable, "-m", "foretouch", "release"]
+        said = subprocess.run(words, input="y\nrelease\n", capture_output=True, text=True, check=True).stdout
+        assert said.endswith("the robot follows again, slowly at first\n")
         page.get_by_role("button", name=READY).wait_for(timeout=20_000)
         page.wait_for_timeout(500)
         page.get_by_role("button", name="Clutch").press("Enter")

@@ -68,7 +68,7 @@ def test_before_the_first_leader_a_robot_that_holds_still_alarms_nobody() -> Non
 
 
 def test_what_the_robots_side_says_of_itself_stands_until_its_status_changes() -> None:
-    trouble = "emergency stop (somebody): unloaded; to release it at rest: kill -USR2 4711"
+    trouble = "emergency stop (somebody): unloaded; to release it at rest: foretouch release 4711"
     heard = watched(state(), telemetry(status=Status.STOPPED), hello("follower", trouble=trouble))
     (said,) = robot_alerts(heard, NOW)
     assert said == f"E{trouble[1:]} on the follower's machine."
@@ -99,9 +99,11 @@ def test_a_fault_of_the_followers_step_is_told_whatever_the_robot_does() -> None
 def test_a_sensor_fault_is_told_once() -> None:
     sentence = SENSOR_SENTENCES[SensorState.STUCK]
     fault = telemetry(status=Status.SENSOR_FAULT, validity=SensorState.STUCK)
-    heard = watched(state(), fault, hello("follower", trouble=f"nothing is learnt: {sentence}; then kill -USR2 4711"))
+    heard = watched(
+        state(), fault, hello("follower", trouble=f"nothing is learnt: {sentence}; then foretouch release 4711")
+    )
     assert robot_alerts(heard, NOW) == (
-        f"Nothing is learnt: {sentence}; then kill -USR2 4711 on the follower's machine.",
+        f"Nothing is learnt: {sentence}; then foretouch release 4711 on the follower's machine.",
     )
 
 

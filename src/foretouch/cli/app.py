@@ -19,6 +19,7 @@ from foretouch.cli import (
     paper,
     plugins,
     recordings,
+    release,
     replay,
     sessions,
     sides,
@@ -55,7 +56,7 @@ def _root(
     pass
 
 
-for module in (sessions, sides, watchers, offline, replay, comparison, sweep, paper, bench, doctor):
+for module in (sessions, sides, release, watchers, offline, replay, comparison, sweep, paper, bench, doctor):
     for command in module.COMMANDS:
         app.command(cls=PanelledCommand)(command)
 app.add_typer(bridge.bridge, name="bridge")

@@ -21,7 +21,7 @@ FAULT = "the follower has a fault"
 NOBODY_YET = "No robot has been heard yet: nothing that is pressed here reaches one."
 """Until anybody speaks."""
 
-RELEASE = "kill -USR2"
+RELEASE = "foretouch release"
 """Stands in what the robot's side says where it waits for somebody to let it go on."""
 
 CALM = (Status.FOLLOWING, Status.GUARDED, Status.RETURNING, Status.SHADOW)

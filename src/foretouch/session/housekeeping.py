@@ -15,6 +15,7 @@ from foretouch.errors import one_line
 from foretouch.link import ZenohLink
 from foretouch.messages import SIDES, VERSION, Hello, Stop
 from foretouch.session.hanging import HANGS_AFTER, LoopWatch
+from foretouch.session.waiting import WaitingNote
 
 __all__ = ["BEAT", "GIVING_UP", "HELLO_PERIOD", "LEAVING", "ORPHANED", "Housekeeper", "StopFlag", "orphaned"]
 
@@ -89,7 +90,8 @@ class StopFlag:
 class Housekeeper(threading.Thread):
     """Publishes `Hello` twice a second, takes those of others, and says what people have to know, once a second.
 
-    It runs on a thread of its own, so that the loop neither prints nor waits. Where the loop hangs (`LoopWatch`) it
+    It runs on a thread of its own, so that the loop neither prints nor waits. What a follower says is also kept for
+    `foretouch release` (`foretouch.session.waiting`). Where the loop hangs (`LoopWatch`) it
     says so, publishes the last word, lets the driver close if it still can, and ends the process with exit code 1:
     nobody else in it could.
 
@@ -135,6 +137,7 @@ class Housekeeper(threading.Thread):
         self._release = release
         self.loop = LoopWatch(HELLO_PERIOD)
         self._told = ""
+        self._note = WaitingNote() if role == "follower" else None
         self._heard: dict[str, dict[str, str]] = {}
         self._hellos = 0
         self._reported = self._foreign = 0
@@ -164,6 +167,8 @@ class Housekeeper(threading.Thread):
         """Publish the last `Hello` and, unless it ends quietly, a `Stop`, a leader's with its epoch; end the thread."""
         self._ended.set()
         self.join()
+        if self._note is not None:
+            self._note.close()
         self._say_last(reason)
         self._report_link()
 
@@ -202,6 +207,8 @@ class Housekeeper(threading.Thread):
         news = "" if self._news is None else self._news(self._heard)
         if news and news != self._told:
             self._say(f"{self.role}: {news}")
+        if self._note is not None and news != self._told:
+            self._note.say(news)
         self._told = news
 
     def _report_link(self) -> None:

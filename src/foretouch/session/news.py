@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping
 
 from foretouch.identification import SENSOR_SENTENCES, SensorState
@@ -10,6 +9,7 @@ from foretouch.messages import PROCESS, STATUS_SENTENCES, Status
 from foretouch.session import follower
 from foretouch.session.heard import Heard
 from foretouch.session.lease import LEASE
+from foretouch.session.waiting import release_command
 
 __all__ = ["all_of", "failure_news", "follower_news", "follower_says", "leader_news", "shadow_news"]
 
@@ -43,12 +43,12 @@ def follower_news(state: follower.State) -> str:
     safety, watch = state.safety, state.watch
     if safety.stop_reason and watch.state is not SensorState.GOOD:
         why = f"nobody knows what it feels, and it goes out as it came: {SENSOR_SENTENCES[watch.state]}"
-        return f"emergency stop ({safety.stop_reason}): {why}; once that is mended: kill -USR2 {os.getpid()}"
+        return f"emergency stop ({safety.stop_reason}): {why}; once that is mended: {release_command()}"
     if safety.stop_reason:
         left = "unloads" if safety.pressing else "is unloaded"
-        return f"emergency stop ({safety.stop_reason}): it {left}; to release it at rest: kill -USR2 {os.getpid()}"
+        return f"emergency stop ({safety.stop_reason}): it {left}; to release it at rest: {release_command()}"
     if watch.state is not SensorState.GOOD:
-        again = f"; once that is mended: kill -USR2 {os.getpid()}"
+        again = f"; once that is mended: {release_command()}"
         held = "the robot learns nothing, holds its place and then goes out as it came"
         return f"{held}: {SENSOR_SENTENCES[watch.state]}{again}"
     if safety.status in (Status.HOLDING, Status.UNLOADING, Status.RETREATING, Status.TOO_SLOW) and state.lease.epoch:
@@ -98,6 +98,6 @@ def shadow_news(state: follower.State, asked: str) -> str:
     if asked:
         return f"emergency stop ({asked}): nothing is commanded from here, so stop the robot where it is moved"
     if state.watch.state is not SensorState.GOOD:
-        again = f"; once that is mended: kill -USR2 {os.getpid()}"
+        again = f"; once that is mended: {release_command()}"
         return f"nothing is learnt: {SENSOR_SENTENCES[state.watch.state]}{again}"
     return failure_news(state)

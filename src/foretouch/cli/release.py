@@ -1,0 +1,75 @@
+"""The command that lets a stopped robot follow again, at the robot's own machine and nowhere else."""
+
+from __future__ import annotations
+
+import os
+import signal
+import time
+from collections.abc import Mapping
+from typing import Annotated
+
+import typer
+
+from foretouch.cli.options import say, show
+from foretouch.errors import SettingError, one_line
+
+__all__ = ["COMMANDS", "release"]
+
+PATIENCE, LOOK = 5.0, 0.1
+"""For so long [s] it is looked whether the robot follows again, and each time after so long."""
+
+
+def release(
+    process: Annotated[
+        int | None,
+        typer.Argument(help="Number of the follower's process, where there are several.", show_default=False),
+    ] = None,
+) -> None:
+    """Let a robot of this machine that was stopped follow commands again; asked twice, at the robot itself.
+
+    A robot whose sensors were not to be trusted, too, once that is mended. Only at rest: slower than 10 mm/s, with less
+    than 1 N. Exit code 1 where it was not released.
+
+    Example: foretouch release
+    """
+    from foretouch.session import followers
+
+    waiting = followers()
+    chosen = _the_one(waiting, process)
+    show(f"follower {chosen}: {one_line(waiting[chosen])}")
+    near = typer.confirm("Is nobody within the robot's reach, and what it was stopped for mended?")
+    if not near or typer.prompt('Type "release" to let it follow commands again').strip() != "release":
+        say("foretouch: not released")
+        raise typer.Exit(1)
+    os.kill(chosen, signal.SIGUSR2)
+    end, now = time.monotonic() + PATIENCE, waiting[chosen]
+    while _waits(now) and time.monotonic() < end:
+        time.sleep(LOOK)
+        now = followers().get(chosen, "")
+    if not _waits(now):
+        show("the robot follows again, slowly at first")
+        return
+    say(f"foretouch: NOT released (after {PATIENCE:g} s): {one_line(now)}")
+    raise typer.Exit(1)
+
+
+COMMANDS = (release,)
+
+
+def _waits(sentence: str) -> bool:
+    """Whether a follower that says this waits to be released."""
+    return "foretouch release" in sentence
+
+
+def _the_one(waiting: Mapping[int, str], process: int | None) -> int:
+    """The number of the process that is meant."""
+    stopped = [number for number, sentence in waiting.items() if _waits(sentence)]
+    numbers = ", ".join(map(str, stopped)) or "none"
+    if process is None and len(stopped) == 1:
+        return stopped[0]
+    if process is None or process not in stopped:
+        rule = (
+            f"is to be the number of one of this user's followers on this machine that wait to be released: {numbers}"
+        )
+        raise SettingError("process", "not given" if process is None else process, rule)
+    return process

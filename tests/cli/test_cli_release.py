@@ -1,0 +1,118 @@
+"""A stopped robot is released at its own machine, by who says so twice."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from foretouch.cli.app import app
+from foretouch.session.waiting import WaitingNote, followers
+
+STOPPED = """
+import os, signal, sys, time
+from foretouch.session.waiting import WaitingNote, release_command
+note, released = WaitingNote(), []
+signal.signal(signal.SIGUSR2, lambda *_: released.append(1))
+note.say(f"emergency stop (somebody): it is unloaded; to release it at rest: {release_command()}")
+print("ready", flush=True)
+for _ in range(2000):
+    time.sleep(0.01)
+    if released and "moves" not in sys.argv:
+        note.say("")
+"""
+"""A process that says what a stopped follower says, and is released by the signal, unless its robot moves."""
+
+
+@pytest.fixture(autouse=True)
+def runtime(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    return tmp_path / "foretouch" / "followers"
+
+
+def stopped(*words: str) -> subprocess.Popen[str]:
+    process = subprocess.Popen([sys.executable, "-c", STOPPED, *words], stdout=subprocess.PIPE, text=True)
+    assert process.stdout is not None
+    assert process.stdout.readline() == "ready\n"
+    return process
+
+
+@pytest.fixture
+def robot() -> Iterator[subprocess.Popen[str]]:
+    process = stopped()
+    yield process
+    process.kill()
+    process.communicate()
+
+
+def release(*words: str, said: str) -> tuple[int, str]:
+    result = CliRunner().invoke(app, ["release", *words], input=said)
+    error = "" if result.exception is None or isinstance(result.exception, SystemExit) else str(result.exception)
+    return result.exit_code, result.output + error
+
+
+def test_who_says_so_twice_releases_it(robot: subprocess.Popen[str]) -> None:
+    code, said = release(said="y\nrelease\n")
+    assert code == 0
+    assert f"follower {robot.pid}: emergency stop (somebody): it is unloaded" in said
+    assert said.endswith("the robot follows again, slowly at first\n")
+    assert followers() == {robot.pid: ""}
+
+
+@pytest.mark.parametrize("answers", ["n\n", "y\nyes\n", "y\n\n", ""])
+def test_who_does_not_releases_nothing(robot: subprocess.Popen[str], answers: str) -> None:
+    code, _ = release(said=answers)
+    assert code == 1
+    assert followers()[robot.pid]
+
+
+def test_a_robot_that_stays_stopped_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("foretouch.cli.release.PATIENCE", 0.3)
+    process = stopped("moves")
+    try:
+        code, said = release(said="y\nrelease\n")
+    finally:
+        process.kill()
+        process.communicate()
+    assert code == 1
+    assert "NOT released (after 0.3 s): emergency stop (somebody)" in said
+
+
+def test_where_none_waits_or_several_do_one_line_says_so(robot: subprocess.Popen[str]) -> None:
+    other = stopped()
+    try:
+        first, second = sorted((robot.pid, other.pid))
+        assert f"{first}, {second}" in release(said="")[1] or f"{second}, {first}" in release(said="")[1]
+        assert release(str(os.getpid()), said="")[0] != 0
+        assert release(str(other.pid), said="y\nrelease\n")[0] == 0
+    finally:
+        other.kill()
+        other.communicate()
+    robot.kill()
+    robot.wait()
+    code, said = release(said="")
+    assert code != 0
+    assert said.endswith("wait to be released: none")
+
+
+def test_a_process_that_was_killed_leaves_nothing(robot: subprocess.Popen[str], runtime: Path) -> None:
+    robot.send_signal(signal.SIGKILL)
+    robot.wait()
+    assert [path.name for path in runtime.iterdir()] == [str(robot.pid)]
+    assert followers() == {}
+    assert not list(runtime.iterdir())
+
+
+def test_a_folder_that_others_can_write_is_not_believed(robot: subprocess.Popen[str], runtime: Path) -> None:
+    runtime.chmod(0o777)
+    assert followers() == {}
+    note = WaitingNote()
+    note.say("to release it: foretouch release 1")
+    note.close()
+    assert [path.name for path in runtime.iterdir()] == [str(robot.pid)]
