@@ -145,7 +145,7 @@ def _tiles(report: Mapping[str, Any], words: Mapping[str, str] | None = None) ->
 
 def _session_figures(log: SessionLog, report: dict[str, Any]) -> list[str]:
     """Those figures that the session has something to show in."""
-    log = log.longest()
+    log = log.longest_phase()
     pairs = pair(log)
     start = int(pairs.follower["time_ns"][0]) if pairs.time.size else log.models[0].time_ns if log.models else 0
     away = follower_away(log, start)

@@ -22,7 +22,7 @@ REFUSED = {
 
 
 def stretch_sentence(report: Mapping[str, Any]) -> str:
-    """Which part of a session the figures are of, where a side ended and began again; else empty.
+    """Which part of a session the figures are of, where a side began again or settings changed; else empty.
 
     Args:
         report: What `session_report` gave.
@@ -31,6 +31,8 @@ def stretch_sentence(report: Mapping[str, Any]) -> str:
     if found["count"] < 2:
         return ""
     began = _begun(found)
+    if found["changes"]:
+        began += f", and settings changed {_times(found['changes'])}"
     return f"{began[:1].upper()}{began[1:]}; figures are of the longest stretch, {number(report['duration_s'], 's')}."
 
 

@@ -16,12 +16,12 @@ from foretouch.report.hand import (
     hand_figures,
     largest,
     loop_sentence,
-    number_of,
     renders_models,
     setting,
 )
 from foretouch.report.pairs import Pairs, force_at_follower, model_of, not_scored, nowhere, pair
 from foretouch.report.perception import time_to_accuracy, update_jumps
+from foretouch.report.phases import contact_scores, phase_figures
 from foretouch.report.scene import in_scene, look_at_scene, scene_figures
 from foretouch.report.scene_rows import has_scene
 from foretouch.report.scores import Scores, score
@@ -57,8 +57,9 @@ def session_report(
     gave no position, are counted and not scored; rows whose sensors were not to be trusted are counted and left out. A
     figure is None where there is nothing to measure it on.
 
-    Where a side ended and began again, all figures are of the longest stretch (`SessionLog.longest`), but for
-    ``stretches``, ``safety``, ``messages`` and ``counts``, which are of the whole session.
+    Where a side ended and began again, or settings changed, all figures are of the longest part in which nothing
+    changed (`SessionLog.longest_phase`) and ``settings`` are its own, but for ``stretches``, ``safety``, ``messages``
+    and ``counts``, which are of the whole session. ``stretches`` has the main figures of every part.
 
     A session in three dimensions has these figures along the normal of the surface, and ``scene`` beside them
     (`foretouch.report.scene.scene_figures`).
@@ -72,21 +73,15 @@ def session_report(
     Raises:
         SettingError: A window that ends before it begins.
     """
-    whole, log = log, log.longest()
+    whole, log = log, log.longest_phase()
     pairs = pair(log)
     leader, follower = pairs.leader, pairs.follower
     skipped = not_scored(pairs)
-    window: dict[str, Any] = {
-        "contact_floor": CONTACT_FLOOR,
-        "score_from": score_from,
-        "score_to": score_to,
-        "position": follower["position"],
-        "skipped": skipped,
-    }
+    limits: dict[str, Any] = {"contact_floor": CONTACT_FLOOR, "score_from": score_from, "score_to": score_to}
+    scores = contact_scores(log, **limits)
+    main, rendered = scores["predicted"], scores["rendered"]
+    window = limits | {"position": follower["position"], "skipped": skipped}
     sensor, predicted, known = follower["sensor_force"], leader["predicted_force"], leader["delayed_force"]
-    main = score(pairs.time, sensor, predicted, known, **window)
-    felt = leader["rendered_force"] / number_of(log.settings, "force_scale", 1.0)
-    rendered = score(pairs.time, sensor, felt, known, **window)
     local = score(pairs.time, sensor, force_at_follower(log, pairs), known, **window)
     exact = None
     if np.isfinite(follower["exact_force"]).all():  # the simulator's force has no offset to take off
@@ -94,7 +89,7 @@ def session_report(
     report = {
         "status": main.status,
         "recording": recording,
-        "stretches": stretch_figures(whole),
+        "stretches": stretch_figures(whole) | {"each": phase_figures(whole, log, **limits)},
         "safety": safety_figures(whole),
         "duration_s": _duration(log),
         "samples": main.samples,

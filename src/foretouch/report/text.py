@@ -16,6 +16,7 @@ from foretouch.report.hand_text import (
     stability,
 )
 from foretouch.report.numbers import figure, number
+from foretouch.report.phases import phase_lines
 from foretouch.report.pressed import late_sentences, nowhere_sentence, out_of_reach, pressed
 from foretouch.report.safety_text import safety_lines, safety_sentences, stretch_sentence
 from foretouch.report.scene_text import scene_lines, scene_sentences
@@ -39,6 +40,7 @@ def render_text(report: Mapping[str, Any]) -> str:
         _heading(report),
         *(finding.text for finding in findings(report)),
         "",
+        *phase_lines(report),
         *_forces(report),
         *_perception(report),
         *_doubt(report),

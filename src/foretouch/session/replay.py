@@ -62,7 +62,7 @@ def replay(log: SessionLog, learner: Learner, *, delay: float) -> Replay:
     if believed.sum() < 2 or not leader.size:
         raise RecordingError("session", "a side is missing: nothing to predict")
     try:
-        later = delay - float(log.settings["force_delay"])
+        later = delay - float(stretch.settings["force_delay"])
     except (KeyError, ValueError):
         raise RecordingError(
             "session", "does not say its force_delay: no other delay can be put in its place"
