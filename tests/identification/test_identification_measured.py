@@ -32,7 +32,7 @@ from foretouch.identification import (
 )
 from foretouch.quantities import Recording
 from foretouch.recordings import list_datasets, read_recording
-from foretouch.report import delayed, lowest_mean, score
+from foretouch.report import delayed, score
 
 pytestmark = [pytest.mark.data, pytest.mark.long]
 FOAM = [d.name for d in list_datasets() if d.kind == "foam" and d.name.startswith("tue/")]
@@ -51,7 +51,7 @@ def errors(recording: Recording, make: Callable[[], Estimator]) -> tuple[float, 
         one_step = 100.0 * found.residual_rms / found.contact_force_rms
     except RecordingError:
         one_step = math.nan  # no model at the end
-    late = delayed(recording.time, recording.force - lowest_mean(recording.time, recording.force), DELAY)
+    late = delayed(recording.time, recording.force, DELAY)
     predicted = predict(recording, Learner(make()), delay=DELAY).force
     scores = score(
         recording.time,

@@ -176,6 +176,7 @@ def predict(
         score_from=score_from,
         score_to=score_to,
         position=found.position,
+        delayed_offset=0.0,
         skipped=found.skipped,
     )
     names = (

@@ -121,7 +121,7 @@ def unforeseeable(time: Array, depth: Array, delay: float, changes: Sequence[flo
     Raises:
         SettingError: A delay below 0.
     """
-    reached = delayed(time, np.maximum.accumulate(np.maximum(depth, 0.0)), delay)
+    reached = np.nan_to_num(delayed(time, np.maximum.accumulate(np.maximum(depth, 0.0)), delay), nan=0.0)
     flags: Flags = (depth > 0.0) & (depth > reached)
     for change in changes:
         felt = _felt(time, depth, change)

@@ -16,7 +16,7 @@ PROCESS = "process"
 """Name of the text that tells the processes of a side apart: the epoch of each."""
 
 SINCE = "settings_since_ns"
-"""Name of the text that says since when a process has the settings that it says now, by its own clock [ns]; one that has
+"""Name of the text that says since when a process has the settings that it says, by its own clock [ns]; one that has
 changed none does not say it."""
 
 NEWS = ("control", "contest", "trouble", "stopped")

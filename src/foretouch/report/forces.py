@@ -31,7 +31,7 @@ class Forces:
         position: Of the probe [m].
         measured: As the sensor gives it [N].
         predicted: [N].
-        delayed: What the receiver knows [N].
+        delayed: What the receiver knows, its zero taken off [N]; 0 while it knows nothing.
         contact_floor: Smallest force that counts as contact [N].
         standard_deviation: Of the predicted force [N], NaN where the model carries no doubt; None where models have
             no part in it, as in the next two.
@@ -80,7 +80,7 @@ def forces_under_delay(source: Recording | SessionLog, learner: Learner, delay: 
     if isinstance(source, Recording):
         felt = source.force - lowest_mean(source.time, source.force)
         predicted = predict(source, learner, delay=delay)
-        known = delayed(source.time, felt, delay)
+        known = np.nan_to_num(delayed(source.time, felt, delay), nan=0.0)
         return Forces(
             source.time,
             source.position,

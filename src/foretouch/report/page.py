@@ -124,9 +124,10 @@ def _summary(report: dict[str, Any]) -> str:
 
 def _tiles(report: Mapping[str, Any], words: Mapping[str, str] | None = None) -> str:
     shown = (
+        ("rendered_error_percent", "%", "error of the rendered force, which the hand felt"),
         ("prediction_error_percent", "%", "error of the predicted force"),
-        ("rendered_error_percent", "%", "error of the rendered force"),
         ("delayed_force_error_percent", "%", "error of the delayed force"),
+        ("rendered_within_jnd_percent", "%", "of contact rendered within what is noticed"),
         ("within_jnd_percent", "%", "of contact predicted within what is noticed"),
         ("phantom_force_rms_N", "N", "predicted in free air, RMS"),
         ("contact_force_rms_N", "N", "contact force, RMS"),

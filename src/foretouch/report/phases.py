@@ -30,7 +30,7 @@ def contact_scores(log: SessionLog, **window: Any) -> dict[str, Any]:
     pairs = pair(log)
     sensor, known = pairs.follower["sensor_force"], pairs.leader["delayed_force"]
     felt = pairs.leader["rendered_force"] / number_of(log.settings, "force_scale", 1.0)
-    window |= {"position": pairs.follower["position"], "skipped": not_scored(pairs)}
+    window |= {"position": pairs.follower["position"], "skipped": not_scored(pairs), "delayed_offset": 0.0}
     forces = {"rendered": felt, "predicted": pairs.leader["predicted_force"]}
     return {name: score(pairs.time, sensor, force, known, **window) for name, force in forces.items()}
 
@@ -112,5 +112,5 @@ def _same(phase: SessionLog, chosen: SessionLog) -> bool:
     """Whether two phases of one session are the same: no row is in two of them."""
     for one, other in ((phase.leader, chosen.leader), (phase.follower, chosen.follower)):
         if one.size and other.size:
-            return one.size == other.size and bool(one[0] == other[0])
+            return all(int(one[name][0]) == int(other[name][0]) for name in ("epoch", "run", "sequence", "time_ns"))
     return False

@@ -117,6 +117,7 @@ def contacts(log: SessionLog) -> list[Contact]:
         pairs.leader["predicted_force"],
         pairs.leader["delayed_force"],
         contact_floor=CONTACT_FLOOR,
+        delayed_offset=0.0,
         score_from=0.0,
         position=pairs.follower["position"],
         skipped=not_scored(pairs),

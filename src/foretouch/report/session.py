@@ -80,7 +80,7 @@ def session_report(
     limits: dict[str, Any] = {"contact_floor": CONTACT_FLOOR, "score_from": score_from, "score_to": score_to}
     scores = contact_scores(log, **limits)
     main, rendered = scores["predicted"], scores["rendered"]
-    window = limits | {"position": follower["position"], "skipped": skipped}
+    window = limits | {"position": follower["position"], "skipped": skipped, "delayed_offset": 0.0}
     sensor, predicted, known = follower["sensor_force"], leader["predicted_force"], leader["delayed_force"]
     local = score(pairs.time, sensor, force_at_follower(log, pairs), known, **window)
     exact = None

@@ -94,9 +94,9 @@ def scoring_findings(figures: Mapping[str, Any]) -> list[Finding]:
     said = [] if status == "ok" else [Finding(f"{status}: {STATUSES[status]}.", False)]
     error, late = figures["prediction_error_percent"], figures["delayed_force_error_percent"]
     models = figures.get("baseline", NO_BASELINE) == NO_BASELINE
+    said += _felt(figures)
     if error is not None and late and models:
-        ratio = figure(error / late)
-        better = error < late and ratio != figure(1.0)
+        ratio, better = figure(error / late), _is_better(error, late)
         word = "better" if better else "no better" if ratio == figure(1.0) else "worse"
         said.append(Finding(f"The predicted force is {word} than the delayed force (error x {ratio}).", better))
         if error > 100.0:
@@ -110,6 +110,29 @@ def scoring_findings(figures: Mapping[str, Any]) -> list[Finding]:
     if missed:
         said.append(Finding(f"Contact was missed in {figure(missed)} % of the contact time.", False))
     return said
+
+
+def _felt(figures: Mapping[str, Any]) -> list[Finding]:
+    """The headline of a session: the force that the hand was given, beside those that it could have been given."""
+    error, late = figures.get("rendered_error_percent"), figures["delayed_force_error_percent"]
+    if error is None or late is None:
+        return []
+    predicted = figures["prediction_error_percent"]
+    models = figures.get("baseline", NO_BASELINE) == NO_BASELINE
+    beside = f"the predicted one by {figure(predicted)} %, " if models and predicted is not None else ""
+    given = f"The force that the hand was given is wrong by {figure(error)} %"
+    text = f"{given}, {beside}the delayed one by {figure(late)} %."
+    said = [Finding(text, _is_better(error, late))]
+    within = figures["rendered_within_jnd_percent"]
+    if within is not None and within < 100.0:
+        share = figure(100.0 - within)
+        said.append(Finding(f"An operator could feel that it is wrong in {share} % of the contact time.", False))
+    return said
+
+
+def _is_better(error: float, late: float) -> bool:
+    """Whether an error is below that of the delayed force, as far as it is printed."""
+    return error < late and figure(error / late) != figure(1.0)
 
 
 def _heading(report: Mapping[str, Any]) -> str:
@@ -138,18 +161,18 @@ def _forces(report: Mapping[str, Any]) -> list[str]:
         *_left_out(report),
         f"  {'':<34}{'error':>12}{'RMSE':>12}{'within JND':>14}{'in free air':>14}",
         _row(
+            "rendered (what the hand felt)",
+            report["rendered_error_percent"],
+            report["rendered_rmse_N"],
+            report["rendered_within_jnd_percent"],
+            report["rendered_phantom_force_rms_N"],
+        ),
+        _row(
             wanted,
             report["prediction_error_percent"],
             report["prediction_rmse_N"],
             report["within_jnd_percent"],
             report["phantom_force_rms_N"],
-        ),
-        _row(
-            "rendered (after limits)",
-            report["rendered_error_percent"],
-            report["rendered_rmse_N"],
-            report["rendered_within_jnd_percent"],
-            report["rendered_phantom_force_rms_N"],
         ),
         _row(
             late,
