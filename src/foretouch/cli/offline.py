@@ -82,7 +82,7 @@ def identify(
         data, force_offset, sensor_lag = _at_the_contact(data, sensor, force_offset, sensor_lag)
     learner = _learner(model, estimator, surface, force_offset, sensor_lag)
     result = pulsing(
-        f"identifying from {len(data)} samples",
+        f"identifying from {len(data):,} samples",
         identification.identify,
         data,
         learner(contact_floor=data.contact_floor),
@@ -313,18 +313,29 @@ def _finite(value: float) -> float | None:
 
 
 def _print_lines(title: str, content: dict[str, Any]) -> None:
-    """A result as aligned lines."""
+    """A result as aligned lines: what is known with an error has as many digits as that allows."""
+    from foretouch.report.numbers import measured, parameter_text
+
     show(title)
     for name, value in content.items():
-        text = f"{value:.6g}" if isinstance(value, float) else str(value)
+        partner = name.rpartition("_")  # surface_m and surface_error_m, say
+        error = f"{partner[0]}_error_{partner[2]}"
+        if name == "standard_errors" or ("_error_" in name and name.replace("_error_", "_") in content):
+            continue  # stands behind what it is of
         if name == "remarks":
             show("".join(f"  {remark}\n" for remark in value), end=False)
             continue
         if name == "map":
             _print_map(value)
             continue
-        if isinstance(value, dict):
-            text = ", ".join(f"{key} {_or_undetermined(number)}" for key, number in value.items())
+        if name == "parameters":
+            text = parameter_text(value, content["standard_errors"])
+        elif error in content:
+            text = measured(value, content[error])
+        elif isinstance(value, float):
+            text = f"{value:.6g}"
+        else:
+            text = "-" if value is None else str(value)
         show(f"  {name:<28} {text}")
 
 
@@ -334,7 +345,3 @@ def _print_map(figures: dict[str, Any] | None) -> None:
 
     for line in () if figures is None else map_lines(figures):
         show(f"  {'map':<28} {line}")
-
-
-def _or_undetermined(value: float | None) -> str:
-    return "undetermined" if value is None else f"{value:.6g}"

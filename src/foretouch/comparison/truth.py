@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from foretouch.identification import LearntModel
 from foretouch.models import ContactModel, HuntCrossley, KelvinVoigt, MemorylessLaw, MotionFilter, advance
-from foretouch.quantities import Recording
+from foretouch.quantities import ByValue, Recording
 from foretouch.report import delayed
 
 __all__ = [
@@ -55,7 +55,7 @@ HOLDS: Final[dict[str, tuple[str, ...]]] = {
 
 
 @dataclass(frozen=True, eq=False)
-class Truth:
+class Truth(ByValue):
     """What is behind a simulated recording.
 
     Attributes:

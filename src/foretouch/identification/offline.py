@@ -14,6 +14,7 @@ from foretouch.identification.conditioning import ContactSample
 from foretouch.identification.estimator import Estimator, Status
 from foretouch.identification.exact_law import REFERENCE_TIME, ExactLaw, exact_law
 from foretouch.models import ContactModel
+from foretouch.quantities import ByValue
 
 __all__ = [
     "FEWEST_SAMPLES",
@@ -48,7 +49,7 @@ UNIFORM_INFORMATION = 12.0
 
 
 @dataclass(frozen=True, eq=False)
-class OfflineFit:
+class OfflineFit(ByValue):
     """A law fitted to whole arrays.
 
     Attributes:

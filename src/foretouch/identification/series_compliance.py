@@ -11,7 +11,7 @@ from foretouch.errors import RecordingError
 from foretouch.identification.conditioning import Conditioner
 from foretouch.identification.sensor_lag import LONGEST_LAG, SensorLag
 from foretouch.models.checks import require
-from foretouch.quantities import Recording, SensorCalibration
+from foretouch.quantities import ByValue, Recording, SensorCalibration
 
 __all__ = ["SeriesCompliance", "correct_recording", "find_sensor_lag", "fit_series_compliance"]
 
@@ -34,7 +34,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
-class SeriesCompliance:
+class SeriesCompliance(ByValue):
     """What presses on a rigid block tell.
 
     Attributes:

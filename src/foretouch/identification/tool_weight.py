@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from foretouch.errors import InputError
+from foretouch.quantities import ByValue
 
 __all__ = ["FEWEST_POSES", "LEAST_SPREAD", "ToolWeight", "fit_tool_weight"]
 
@@ -25,7 +26,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
-class ToolWeight:
+class ToolWeight(ByValue):
     """What static poses tell. Arrays of three are in the sensor's frame.
 
     Attributes:

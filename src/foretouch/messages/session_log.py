@@ -14,7 +14,7 @@ from foretouch.messages.said import Said
 from foretouch.messages.schema import EmergencyStop, LeaderState, Message, ModelUpdate, Telemetry
 from foretouch.messages.spatial import CameraImage, FieldUpdate, FixtureBelief, FollowerSpace, LeaderSpace
 from foretouch.messages.stretches import side_seconds, split_by_settings, split_session
-from foretouch.quantities import Columns
+from foretouch.quantities import ByValue, Columns
 
 __all__ = [
     "FOLLOWER_DTYPE",
@@ -77,7 +77,7 @@ def as_row(message: Message) -> tuple[object, ...]:
 
 
 @dataclass(frozen=True)
-class SessionRows:
+class SessionRows(ByValue):
     """One row per command sequence number that the follower applied: the first tick that applied it.
 
     All arrays have the same length and are ordered by command sequence, stretch by stretch (`SessionLog.stretches`).

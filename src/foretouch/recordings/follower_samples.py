@@ -16,7 +16,7 @@ from foretouch.files import within_budget
 from foretouch.messages import SessionLog
 from foretouch.messages.session_log import believable
 from foretouch.messages.stretches import side_seconds
-from foretouch.quantities import Recording
+from foretouch.quantities import ByValue, Recording
 from foretouch.recordings.output import atomic_path
 from foretouch.recordings.session_reader import read_samples
 
@@ -34,7 +34,7 @@ _COLUMNS = ("time", "position", "force", "faults", "fault_counts")
 
 
 @dataclass(frozen=True, eq=False)
-class FollowerSamples:
+class FollowerSamples(ByValue):
     """The samples of the follower's process of the longest stretch (`SessionLog.longest`), and what is not among them.
 
     Attributes:

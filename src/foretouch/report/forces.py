@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from foretouch.identification import Learner, predict
 from foretouch.messages import SessionLog
-from foretouch.quantities import Recording
+from foretouch.quantities import ByValue, Recording
 from foretouch.report.pairs import not_scored, pair
 from foretouch.report.perception import LargestJump, largest_jump, time_to_accuracy
 from foretouch.report.scores import Scores, delayed, lowest_mean
@@ -23,7 +23,7 @@ Flags = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
-class Forces:
+class Forces(ByValue):
     """Columns of shape (n,): those of the recording, or of a session at equal command.
 
     Attributes:

@@ -17,6 +17,7 @@ from foretouch.identification.force_zero import (
     median_period,
     never_leaves_contact,
 )
+from foretouch.quantities import ByValue
 
 __all__ = ["JND_FORCE", "JND_SHARE", "OFFSET_WINDOW", "STATUSES", "Scores", "delayed", "lowest_mean", "score"]
 
@@ -41,7 +42,7 @@ STATUSES: dict[str, str] = {
 
 
 @dataclass(frozen=True, eq=False)
-class Scores:
+class Scores(ByValue):
     """How well a force was predicted. A metric is None where there is nothing to measure it on.
 
     Attributes:

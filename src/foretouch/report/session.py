@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -175,15 +176,21 @@ def _duration(log: SessionLog) -> float:
 
 
 def _learnt(log: SessionLog, pairs: Pairs) -> dict[str, Any]:
-    """The law's numbers in the last valid model, and what is beside them in a contact map."""
-    model = next((found for found in map(model_of, reversed(log.models)) if found is not None), None)
-    if model is None:
-        return {"parameters": None, "map": None}
+    """The law's numbers in the last valid model, None where undetermined, and what a contact map has beside them."""
+    found = ((update, model_of(update)) for update in reversed(log.models))
+    update, model = next(((update, model) for update, model in found if model is not None), (None, None))
+    if update is None or model is None:
+        return {"parameters": None, "standard_errors": None, "map": None}
+    told = [error if math.isfinite(error) else None for error in update.standard_errors]
+    errors = dict(zip(model.parameter_names, told, strict=True)) if len(told) == len(model.parameters) else None
+    untold = {name for name, error in (errors or {}).items() if error is None}
+    numbers = zip(model.parameter_names, model.parameters, strict=True)
     deviation = pairs.leader["standard_deviation"]
     known = np.flatnonzero(np.isfinite(deviation) & pairs.follower["in_contact"])
     newest = float(deviation[known[-1]]) if known.size else None
     return {
-        "parameters": dict(zip(model.parameter_names, model.parameters, strict=True)),
+        "parameters": {name: None if name in untold else value for name, value in numbers},
+        "standard_errors": errors,
         "map": summarise_map(model).figures(newest) if isinstance(model, ContactMap) else None,
     }
 

@@ -15,7 +15,7 @@ from foretouch.report.hand_text import (
     phantom_sentence,
     stability,
 )
-from foretouch.report.numbers import figure, number
+from foretouch.report.numbers import figure, number, parameter_text, plural
 from foretouch.report.phases import phase_lines
 from foretouch.report.pressed import late_sentences, nowhere_sentence, out_of_reach, pressed
 from foretouch.report.safety_text import safety_lines, safety_sentences, stretch_sentence
@@ -82,7 +82,7 @@ def findings(report: Mapping[str, Any]) -> list[Finding]:
     said = [finding for finding in said if finding.text]
     for side, what in (("leader", "rendered force"), ("follower", "robot's command")):
         if report["clipped"][side]:
-            said.append(Finding(f"The limits cut the {what} in {report['clipped'][side]:,} ticks.", False))
+            said.append(Finding(f"The limits cut the {what} in {plural(report['clipped'][side], 'tick')}.", False))
     if report["samples"] and not report["models"]["valid"]:
         said.append(Finding("No valid contact model was ever identified: nothing could be predicted.", False))
     return said
@@ -250,7 +250,7 @@ def _learnt(report: Mapping[str, Any]) -> list[str]:
     """The last model: the law's numbers, and what a contact map is beside them."""
     if report["parameters"] is None:
         return []
-    numbers = ", ".join(f"{name} {figure(value)}" for name, value in report["parameters"].items())
+    numbers = parameter_text(report["parameters"], report["standard_errors"])
     lines = ["What was learnt, at the end", f"  law        {numbers}"]
     if report["map"] is not None:
         lines += [f"  map        {line}" for line in map_lines(report["map"])]
@@ -283,12 +283,13 @@ def _motion(report: Mapping[str, Any]) -> list[str]:
     rendered = number(report["max_rendered_force_N"], "N")
     jump = number(report["largest_rendered_jump_N"], "N")
     rms, lag = number(tracking["rms_mm"], "mm"), number(tracking["lag_ms"], "ms")
+    felt = number(report["max_follower_force_N"], "N")
     return [
         "Motion and limits",
         f"  robot      {rms} RMS from its commands, lag {lag}",
         f"  commands   {commands['sent']:,} sent, {commands['never_applied']:,} never applied",
-        f"  leader     at most {rendered}, {jump} in one tick, {clipped['leader']:,} ticks cut",
-        f"  follower   at most {number(report['max_follower_force_N'], 'N')}, {clipped['follower']:,} ticks cut",
+        f"  leader     at most {rendered}, {jump} in one tick, {plural(clipped['leader'], 'tick')} cut",
+        f"  follower   at most {felt}, {plural(clipped['follower'], 'tick')} cut",
     ]
 
 
