@@ -49,8 +49,8 @@ def sensor(
     approach_gravity: Annotated[
         float, typer.Option(help="Gravity along the approach [m/s^2]; 0 where the probe approaches sideways.")
     ] = 9.80665,
-    position_unit: PositionUnit = "m",
-    force_unit: ForceUnit = "N",
+    position_unit: PositionUnit = None,
+    force_unit: ForceUnit = None,
     flip: Flip = False,
     force_channel: ForceChannel = "raw",
     map_file: MapFile = None,
@@ -110,8 +110,8 @@ def sensor(
 def compliance(
     recording: Annotated[Path, typer.Argument(help="Recording of presses on a rigid block.")],
     output: Output = None,
-    position_unit: PositionUnit = "m",
-    force_unit: ForceUnit = "N",
+    position_unit: PositionUnit = None,
+    force_unit: ForceUnit = None,
     flip: Flip = False,
     force_channel: ForceChannel = "raw",
     map_file: MapFile = None,

@@ -51,8 +51,8 @@ def identify(
     sensor: Annotated[
         Path | None, typer.Option(help="TOML of `foretouch calibrate`: offset, lag and compliance are corrected.")
     ] = None,
-    position_unit: PositionUnit = "m",
-    force_unit: ForceUnit = "N",
+    position_unit: PositionUnit = None,
+    force_unit: ForceUnit = None,
     flip: Flip = False,
     force_channel: ForceChannel = "raw",
     map_file: MapFile = None,
@@ -122,8 +122,8 @@ def predict(
     surface: Surface = "auto",
     force_offset: ForceOffset = "auto",
     sensor_lag: SensorLag = 0.0,
-    position_unit: PositionUnit = "m",
-    force_unit: ForceUnit = "N",
+    position_unit: PositionUnit = None,
+    force_unit: ForceUnit = None,
     flip: Flip = False,
     force_channel: ForceChannel = "raw",
     map_file: MapFile = None,
