@@ -7,9 +7,10 @@ from dataclasses import replace
 import pytest
 from report_sessions import make_session
 
+from foretouch.errors import plural
 from foretouch.quantities import parameter_unit
 from foretouch.report import render_text, session_report
-from foretouch.report.numbers import measured, parameter_text, plural
+from foretouch.report.numbers import measured, parameter_text
 
 
 @pytest.mark.parametrize(

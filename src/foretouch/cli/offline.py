@@ -30,7 +30,7 @@ from foretouch.cli.options import (
 from foretouch.cli.progress import pulsing
 from foretouch.cli.reading import RECORDING_HELP, MapFile, read_and_say
 from foretouch.cli.recordings import say_what_is_left_out
-from foretouch.errors import SettingError
+from foretouch.errors import SettingError, plural
 
 if TYPE_CHECKING:
     from foretouch.identification import Identification, Learner
@@ -82,7 +82,7 @@ def identify(
         data, force_offset, sensor_lag = _at_the_contact(data, sensor, force_offset, sensor_lag)
     learner = _learner(model, estimator, surface, force_offset, sensor_lag)
     result = pulsing(
-        f"identifying from {len(data):,} samples",
+        f"identifying from {plural(len(data), 'sample')}",
         identification.identify,
         data,
         learner(contact_floor=data.contact_floor),

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foretouch.comparison.truth import Convergence, ParameterError
+from foretouch.errors import plural
 from foretouch.quantities import Brief, as_frame
 
 if TYPE_CHECKING:
@@ -130,7 +131,7 @@ class Results(list[Result]):
     def __repr__(self) -> str:
         shown = [f"    {one.recording}: {one.model} by {one.estimator}, {one.status}" for one in self[:FEW]]
         more = [] if len(self) <= FEW else [f"    and {len(self) - FEW} more"]
-        return "\n".join([f"Results({len(self)} combinations)", *shown, *more])
+        return "\n".join([f"Results({plural(len(self), 'combination')})", *shown, *more])
 
     def rows(self) -> list[dict[str, Any]]:
         """One row for each result and delay, with plain values; one for a result without any."""

@@ -9,7 +9,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from foretouch.errors import InputError
+from foretouch.errors import InputError, plural
 from foretouch.identification.conditioning import ContactSample
 from foretouch.identification.estimator import Estimator, Status
 from foretouch.identification.exact_law import REFERENCE_TIME, ExactLaw, exact_law
@@ -101,9 +101,8 @@ def fit_offline(
         raise InputError("depth, velocity and force must be finite: leave the other samples out")
     inside = x > 0.0
     if inside.sum() < FEWEST_SAMPLES or not f[inside].max() > 0.0:
-        raise InputError(
-            f"{int(inside.sum())} samples inside the surface: at least {FEWEST_SAMPLES}, with force, are needed"
-        )
+        there = plural(int(inside.sum()), "sample")
+        raise InputError(f"{there} inside the surface: at least {FEWEST_SAMPLES}, with force, are needed")
     return _Problem(family, x[inside], v[inside], f[inside]).fit(inside, f)
 
 

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from foretouch.errors import RecordingError
+from foretouch.errors import RecordingError, plural
 from foretouch.files import within_budget
 from foretouch.messages import SessionLog
 from foretouch.messages.session_log import believable
@@ -124,7 +124,8 @@ def read_follower(path: str | PathLike[str], *, flip: bool = False) -> Recording
     samples = read_follower_samples(path)
     if samples.time.size < 2:
         without = " with sensors that could be believed" if samples.faults.size else ""
-        raise RecordingError(path, f"{samples.time.size} samples of the follower{without}: at least 2 are needed")
+        there = plural(samples.time.size, "sample")
+        raise RecordingError(path, f"{there} of the follower{without}: at least 2 are needed")
     position = -samples.position if flip else samples.position
     return Recording(samples.time, position, samples.force, name=str(path))
 

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 
 from foretouch.quantities import parameter_unit
 
-__all__ = ["figure", "measured", "number", "parameter_text", "plural"]
+__all__ = ["figure", "measured", "number", "parameter_text"]
 
 
 def number(value: float | None, unit: str) -> str:
@@ -64,8 +64,3 @@ def parameter_text(parameters: Mapping[str, float | None], errors: Mapping[str, 
         f"{name} {measured(value, told.get(name), parameter_unit(name, parameters))}"
         for name, value in parameters.items()
     )
-
-
-def plural(count: int, one: str) -> str:
-    """A count with its noun: 1 tick, 2 ticks."""
-    return f"{count:,} {one}{'' if count == 1 else 's'}"

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from foretouch.errors import plural
 from foretouch.messages import SessionLog
 from foretouch.report.hand import hand_figures, largest, number_of
 from foretouch.report.numbers import number
@@ -104,7 +105,7 @@ def phase_lines(report: Mapping[str, Any]) -> list[str]:
         stable = {True: "stable", False: "not stable", None: "nobody knows whether stable"}[one["stable"]]
         lines.append(f"        error {errors}; {stable}")
     if len(phases) > len(listed):
-        lines.append(f"    and {len(phases) - len(listed)} shorter ones")
+        lines.append(f"    and {plural(len(phases) - len(listed), 'part')} more, all of them shorter")
     return [*lines, ""]
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
+from foretouch.errors import plural
 from foretouch.report.hand import AS_IT_COMES, NO_BASELINE
 from foretouch.report.hand_text import (
     baseline_sentence,
@@ -15,7 +16,7 @@ from foretouch.report.hand_text import (
     phantom_sentence,
     stability,
 )
-from foretouch.report.numbers import figure, number, parameter_text, plural
+from foretouch.report.numbers import figure, number, parameter_text
 from foretouch.report.phases import phase_lines
 from foretouch.report.pressed import late_sentences, nowhere_sentence, out_of_reach, pressed
 from foretouch.report.safety_text import safety_lines, safety_sentences, stretch_sentence
