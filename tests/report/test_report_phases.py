@@ -198,3 +198,19 @@ def test_the_headline_is_what_the_hand_was_given() -> None:
     assert f"An operator could feel that it is wrong in {outside:.1f} % of the contact time." in text
     assert text.index("that the hand was given") < text.index("The predicted force is better")
     assert text.index("rendered (what") < text.index("predicted (newest")
+
+
+def test_a_side_says_what_it_does_to_messages_and_since_when() -> None:
+    from foretouch.link import FaultStage
+    from foretouch.session import SessionSettings
+    from foretouch.session.counting import fault_texts
+
+    stage: FaultStage[Message] = FaultStage(SessionSettings(force_delay=0.3, loss=0.1).return_faults)
+    before = fault_texts(stage, "force_delay", 0, "return_")
+    assert before == {"force_delay": "0.3", "return_jitter": "0.0", "return_loss": "0.1", "return_outage": "0.0"}
+    stage.change(delay=0.7, jitter=0.02, loss=0.0, outage=0.0)
+    after = fault_texts(stage, "force_delay", 12345, "return_")
+    assert after["force_delay"] == "0.7"
+    assert after["return_jitter"] == "0.02"
+    assert after[SINCE] == "12345"
+    assert fault_texts(stage, "position_delay", 0)["jitter"] == "0.02"
