@@ -117,7 +117,7 @@ def _summary(results: Sequence[Result]) -> list[str]:
     recordings = len({result.recording for result in results})
     delays = [p.delay_s for p in next((row.predictions for row in results if row.predictions), ())]
     lines = [
-        f"{plural(recordings, 'recording')} in all: median and worst",
+        f"{'All ' if recordings > 1 else ''}{plural(recordings, 'recording')}: median and worst",
         f"  {'law':<21}{'estimator':<21}{'one step':>20}",
     ]
     lines[-1] += "".join(f"{f'{delay:g} s':>22}" for delay in delays) + "  failed"
