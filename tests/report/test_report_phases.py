@@ -187,17 +187,17 @@ def test_one_stop_of_a_late_loop_is_one_stop(late: int) -> None:
     assert stopped["seconds"] == pytest.approx(2.0, abs=1e-6)
 
 
-def test_the_headline_is_what_the_hand_was_given() -> None:
+def test_the_headline_is_what_the_hand_feels() -> None:
     """A limit of 2 N: the prediction is right, and what the hand is given is not."""
     report = session_report(make_session(limit=2.0))
     text = render_text(report)
     rendered, delayed = report["rendered_error_percent"], report["delayed_force_error_percent"]
-    assert f"The force that the hand was given is wrong by {figure(rendered)} %, the predicted one by " in text
+    assert f"The rendered force is wrong by {figure(rendered)} %, the predicted one by " in text
     assert f" %, the delayed one by {figure(delayed)} %." in text
     outside = 100.0 - report["rendered_within_jnd_percent"]
     assert f"An operator could feel that it is wrong in {outside:.1f} % of the contact time." in text
-    assert text.index("that the hand was given") < text.index("The predicted force is better")
-    assert text.index("rendered (what") < text.index("predicted (newest")
+    assert text.index("The rendered force is wrong") < text.index("The predicted force is better")
+    assert text.index("rendered (after") < text.index("predicted (newest")
 
 
 def test_a_side_says_what_it_does_to_messages_and_since_when() -> None:

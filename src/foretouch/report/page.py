@@ -124,7 +124,7 @@ def _summary(report: dict[str, Any]) -> str:
 
 def _tiles(report: Mapping[str, Any], words: Mapping[str, str] | None = None) -> str:
     shown = (
-        ("rendered_error_percent", "%", "error of the rendered force, which the hand felt"),
+        ("rendered_error_percent", "%", "error of the rendered force"),
         ("prediction_error_percent", "%", "error of the predicted force"),
         ("delayed_force_error_percent", "%", "error of the delayed force"),
         ("rendered_within_jnd_percent", "%", "of contact rendered within what is noticed"),

@@ -26,7 +26,7 @@ def contact_scores(log: SessionLog, **window: Any) -> dict[str, Any]:
 
     Args:
         log: Of `SessionLog.phases`.
-        window: As for `score`: ``contact_floor``, ``score_from``, ``score_to``.
+        **window: As for `score`: ``contact_floor``, ``score_from``, ``score_to``.
     """
     pairs = pair(log)
     sensor, known = pairs.follower["sensor_force"], pairs.leader["delayed_force"]
@@ -42,7 +42,7 @@ def phase_figures(whole: SessionLog, chosen: SessionLog, **window: Any) -> list[
     Args:
         whole: The session.
         chosen: The phase whose figures the report gives in full.
-        window: As for `score`.
+        **window: As for `score`.
 
     Returns:
         Of each: ``begin_s`` since the leader was first heard, ``duration_s``, ``reported`` (whether it is the chosen

@@ -114,18 +114,17 @@ def scoring_findings(figures: Mapping[str, Any]) -> list[Finding]:
 
 
 def _felt(figures: Mapping[str, Any]) -> list[Finding]:
-    """The headline of a session: the force that the hand was given, beside those that it could have been given."""
+    """The headline of a session: the rendered force, which a hand feels, beside the predicted and the delayed one."""
     error, late = figures.get("rendered_error_percent"), figures["delayed_force_error_percent"]
     if error is None or late is None:
         return []
     predicted = figures["prediction_error_percent"]
     models = figures.get("baseline", NO_BASELINE) == NO_BASELINE
     beside = f"the predicted one by {figure(predicted)} %, " if models and predicted is not None else ""
-    given = f"The force that the hand was given is wrong by {figure(error)} %"
-    text = f"{given}, {beside}the delayed one by {figure(late)} %."
+    text = f"The rendered force is wrong by {figure(error)} %, {beside}the delayed one by {figure(late)} %."
     said = [Finding(text, _is_better(error, late))]
     within = figures["rendered_within_jnd_percent"]
-    if within is not None and within < 100.0:
+    if within is not None and within < 100.0 and figures.get("baseline") != AS_IT_COMES:  # there they are one force
         share = figure(100.0 - within)
         said.append(Finding(f"An operator could feel that it is wrong in {share} % of the contact time.", False))
     return said
@@ -162,7 +161,7 @@ def _forces(report: Mapping[str, Any]) -> list[str]:
         *_left_out(report),
         f"  {'':<34}{'error':>12}{'RMSE':>12}{'within JND':>14}{'in free air':>14}",
         _row(
-            "rendered (what the hand felt)",
+            "rendered (after limits)",
             report["rendered_error_percent"],
             report["rendered_rmse_N"],
             report["rendered_within_jnd_percent"],
