@@ -371,6 +371,42 @@ def first_touch() -> str:
     return f"{said}\n\n" + table((*heads, "Time lost [s]", "Robot, follow [N]", "Hand, follow [N]"), rows)
 
 
+def device_delay() -> str:
+    """What the device's delay of half a tick costs a hand: the same sessions with none."""
+    cases = [(material, grip) for material in ("foam-measured", "bone", "kelvin-voigt") for grip in ("soft", "normal")]
+    commands = [
+        f"simulate --grip {grip} --material {material} --duration 12 {delay} --json"
+        for material, grip in cases
+        for delay in ("", "--device-delay 0")
+    ]
+    reports = map(json.loads, two_at_a_time(commands))
+    rows = []
+    for (material, grip), late, prompt in zip(cases, reports, reports, strict=True):
+        both = [(one["rendered_error_percent"], one["hand"]) for one in (late, prompt)]
+        told = [(error, hand["device_bound_percent"], 100 * hand["smallest_rendered_share"]) for error, hand in both]
+        energy = figure(1e6 * late["net_energy_J"]), figure(-1e6 * late["energy_bound_J"])
+        rows.append([material, grip, *(" / ".join(map(figure, pair)) for pair in zip(*told, strict=True)), *energy])
+    heads = ("Material", "Grip", "Rendered error [%]", "Not carried in full [% of contact]", "Least share [%]")
+    said = "`foretouch simulate --grip GRIP --material MATERIAL --duration 12`, with 0.5 ms / with `--device-delay 0`:"
+    return f"{said}\n\n" + table((*heads, "Least E [uJ]", "Bound in that tick [uJ]"), rows)
+
+
+def guarded_peaks() -> str:
+    """How hard a guarded first touch presses at its peak, at the approach speed and at a quarter of it."""
+    cases = [(material, speed) for material in ("bone", "kelvin-voigt") for speed in (0.02, 0.005)]
+    commands = [
+        f"simulate --grip normal --material {material} --duration 7 --approach-speed {speed} --json"
+        for material, speed in cases
+    ]
+    hands = (json.loads(said)["hand"] for said in two_at_a_time(commands))
+    rows = [
+        [material, figure(1e3 * speed), figure(hand["peak_force_guarded_N"])]
+        for (material, speed), hand in zip(cases, hands, strict=True)
+    ]
+    said = "`foretouch simulate --grip normal --material MATERIAL --duration 7 --approach-speed SPEED`:"
+    return f"{said}\n\n" + table(("Material", "Approach speed [mm/s]", "Peak while guarded [N]"), rows)
+
+
 def replay() -> str:
     """A recorded session under another delay, as it is printed."""
     with tempfile.TemporaryDirectory() as folder:
@@ -414,6 +450,8 @@ MEASURE: dict[str, Callable[[], str]] = {
     "session": session,
     "mediation": mediation,
     "first-touch": first_touch,
+    "device-delay": device_delay,
+    "guarded-peaks": guarded_peaks,
     "replay": replay,
     "replays": replays,
 }

@@ -105,6 +105,8 @@ _OF_PAGES: dict[str, dict[str, tuple[str, ...]]] = {
     "docs/stability.md": {
         "mediation": ("measure_results:mediation", FETCH),
         "first-touch": ("measure_results:first_touch", SIMULATE),
+        "device-delay": ("measure_results:device_delay", SIMULATE),
+        "guarded-peaks": ("measure_results:guarded_peaks", SIMULATE),
     },
     "docs/surfaces.md": {
         "god-object": ("measure_surfaces:god_object",),

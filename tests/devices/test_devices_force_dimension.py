@@ -14,7 +14,7 @@ from foretouch.devices import DeviceSpecification
 from foretouch.devices.force_dimension import FAILURES, PATIENCE, WATCHDOG_TICKS, ForceDimension
 from foretouch.devices.specification import LEAST_DAMPING
 from foretouch.errors import SettingError
-from foretouch.session import SessionSettings
+from foretouch.session import SAMPLE_PERIOD, SessionSettings
 from foretouch.session.conformance.device_checks import check_device
 from foretouch.session.conformance.finding import failed
 from foretouch.session.leader import start
@@ -225,7 +225,7 @@ def test_a_leader_renders_what_the_device_carries_and_guards_its_first_touch(dev
     assert device.render(1.0) == 0.0  # it was closed
 
 
-def test_a_damping_that_nobody_states_is_the_least_and_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_damping_and_delay_that_nobody_states_are_the_worst_and_are_said(monkeypatch: pytest.MonkeyPatch) -> None:
     opened: list[DeviceSpecification] = []
 
     def open_one(specification: DeviceSpecification) -> ForceDimension:
@@ -233,13 +233,19 @@ def test_a_damping_that_nobody_states_is_the_least_and_is_said(monkeypatch: pyte
         return ForceDimension(Binding(), specification)
 
     monkeypatch.setattr("foretouch.devices.force_dimension.open_force_dimension", open_one)
-    for stated, damping, lines in ((None, LEAST_DAMPING, 1), (1.5, 1.5, 0)):
+    for damping, delay, taken in (
+        (None, None, ("0.1 N s/m", "1 ms", "67 N/m")),
+        (1.5, None, ("1 ms", "1000 N/m")),
+        (None, 5e-4, ("0.1 N s/m", "100 N/m")),
+        (1.5, 5e-4, ()),
+    ):
         said: list[str] = []
-        settings = SessionSettings(operator="force-dimension", device_damping=stated)
+        settings = SessionSettings(operator="force-dimension", device_damping=damping, device_delay=delay)
         make_operator(settings, surface=math.nan, press_depth=math.nan, say=said.append).close()
-        assert opened[-1].damping == damping
-        assert len(said) == lines
-        assert all("0.1 N s/m is taken" in line and "100 N/m" in line for line in said)
+        assert opened[-1].damping == (LEAST_DAMPING if damping is None else damping)
+        assert opened[-1].delay == (SAMPLE_PERIOD if delay is None else delay)
+        assert len(said) == bool(taken)
+        assert all(f" {words}" in said[0] for words in taken)
 
 
 def test_without_the_sdk_the_command_ends_with_one_line() -> None:

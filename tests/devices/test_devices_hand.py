@@ -240,12 +240,12 @@ def test_a_sampled_spring_is_stable_up_to_the_bound_and_not_beyond(damping, dela
 
 @pytest.mark.parametrize("grip", GRIPS)
 def test_within_the_bound_every_grip_is_stable(grip):
-    device = DeviceSpecification(damping=2.0, friction=0.0, resolution=0.0)
+    device = DeviceSpecification(damping=2.0, friction=0.0, resolution=0.0, delay=5e-4)
     assert wall_ripple(GRIPS[grip], device, 0.95 * device.largest_stiffness(1e-3)) < 1e-9
 
 
 def test_bound_counts_the_rendered_damping_of_either_sign():
-    device = DeviceSpecification(damping=2.0)
+    device = DeviceSpecification(damping=2.0, delay=5e-4)
     assert device.largest_stiffness(1e-3, 0.5) == device.largest_stiffness(1e-3, -0.5) == pytest.approx(1500.0)
     assert device.largest_stiffness(1e-3, 2.0) == device.largest_stiffness(1e-3, -7.0) == 0.0
     for period, damping in ((0.0, 0.0), (math.nan, 0.0), (1e-3, math.inf)):
@@ -258,7 +258,7 @@ def test_bound_counts_the_rendered_damping_of_either_sign():
     [(0.3, 1e-3, 600.0), (0.0, 1e-3, 100.0), (0.0, 1e-5, 2000.0), (0.0, 0.0, 2000.0)],
 )
 def test_one_count_of_the_encoder_changes_the_force_by_little(friction, count, stiffness):
-    device = DeviceSpecification(damping=2.0, friction=friction, resolution=count)
+    device = DeviceSpecification(damping=2.0, friction=friction, resolution=count, delay=5e-4)
     assert device.largest_stiffness(1e-3) == pytest.approx(stiffness)
 
 

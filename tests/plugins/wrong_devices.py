@@ -26,7 +26,7 @@ class Held(Device):
 
     @property
     def specification(self) -> DeviceSpecification | None:
-        return DeviceSpecification(damping=2.0, force_limit=8.0)
+        return DeviceSpecification(damping=2.0, delay=5e-4, force_limit=8.0)
 
     def read(self, now_ns: int) -> float:
         self._newest = max(self._newest, now_ns)

@@ -90,14 +90,14 @@ NAMES = ["1000 N/mm", "10 N/mm", "100 N/mm", "damper", "stiffening", "stiffening
 @pytest.mark.parametrize("damping", [0.5, 2.0, 5.0])
 @pytest.mark.parametrize("grip", GRIPS)
 def test_no_material_swings_in_any_grip_without_the_help_of_friction(grip, damping, model):
-    device = DeviceSpecification(damping=damping, friction=0.0, resolution=0.0)
+    device = DeviceSpecification(damping=damping, friction=0.0, resolution=0.0, delay=5e-4)
     assert swing(device, GRIPS[grip], model) < 2e-5
 
 
 @pytest.mark.parametrize("grip", GRIPS)
 @pytest.mark.parametrize("resolution", [1e-6, 1e-5, 5e-5])
 def test_nor_with_a_real_encoder_and_friction(grip, resolution):
-    device = DeviceSpecification(damping=2.0, resolution=resolution)
+    device = DeviceSpecification(damping=2.0, resolution=resolution, delay=5e-4)
     for model in HARD:
         assert swing(device, GRIPS[grip], model) <= max(2.0 * resolution, 2e-5)
 
@@ -105,7 +105,7 @@ def test_nor_with_a_real_encoder_and_friction(grip, resolution):
 @pytest.mark.parametrize("model", [KelvinVoigt(1e5, 0.0), HuntCrossley(1e6, 0.0, 1.2)])
 def test_without_the_share_it_swings_or_the_account_takes_the_force_away(model, monkeypatch):
     """The tests above can fail: the same hands and the whole model."""
-    device, loosely = DeviceSpecification(damping=2.0, friction=0.0, resolution=0.0), Grip(0.0, 0.0, 300.0)
+    device, loosely = DeviceSpecification(damping=2.0, friction=0.0, resolution=0.0, delay=5e-4), Grip(0.0, 0.0, 300.0)
     assert swing_and_force(device, loosely, model)[0] < 1e-6
     assert swing_and_force(device, GRIPS["soft"], model)[1] > 1.8
     monkeypatch.setattr(module.Renderer, "_carried", lambda renderer: 1.0)
@@ -117,7 +117,7 @@ def test_without_the_share_it_swings_or_the_account_takes_the_force_away(model, 
 @pytest.mark.parametrize("grip", GRIPS)
 @pytest.mark.parametrize("guarded", [True, False])
 def test_models_that_jump_fifty_times_a_second_move_a_still_hand_little(grip, guarded):
-    loop = Loop(DeviceSpecification(damping=2.0), GRIPS[grip], guarded=guarded)
+    loop = Loop(DeviceSpecification(damping=2.0, delay=5e-4), GRIPS[grip], guarded=guarded)
     models = (KelvinVoigt(200.0, 0.0), 1e-3), (KelvinVoigt(2e4, 10.0), 5e-4)
     loop.tick(models[0])
     loop.go(4e-3, 1.0)
@@ -133,7 +133,7 @@ def test_models_that_jump_fifty_times_a_second_move_a_still_hand_little(grip, gu
 
 def test_what_the_device_carries_is_rendered_whole():
     """A spring of less than b / (T / 2 + d) is felt as it is: where the hand rests is where spring and grip agree."""
-    device, grip = DeviceSpecification(damping=2.0, friction=0.0, resolution=0.0), GRIPS["normal"]
+    device, grip = DeviceSpecification(damping=2.0, friction=0.0, resolution=0.0, delay=5e-4), GRIPS["normal"]
     loop = Loop(device, grip)
     loop.tick((KelvinVoigt(1000.0, 0.0), 1e-3))
     rest = loop.go(5e-3, 3.0)[-1]
@@ -144,7 +144,7 @@ def test_what_the_device_carries_is_rendered_whole():
 
 def test_what_it_does_not_carry_is_felt_as_stiff_as_it_can():
     """A wall of 100 N/mm by a device that carries 2: the hand rests where a spring of 2 N/mm would hold it."""
-    device, grip = DeviceSpecification(damping=2.0, friction=0.0, resolution=0.0), GRIPS["normal"]
+    device, grip = DeviceSpecification(damping=2.0, friction=0.0, resolution=0.0, delay=5e-4), GRIPS["normal"]
     loop = Loop(device, grip)
     loop.tick((KelvinVoigt(1e5, 0.0), 1e-3))
     rest = loop.go(5e-3, 3.0)[-1]

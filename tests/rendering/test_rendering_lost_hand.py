@@ -26,7 +26,7 @@ def pressed(device: DeviceSpecification | None) -> tuple[Renderer, int]:
     return renderer, places.size
 
 
-@pytest.mark.parametrize("device", [None, DeviceSpecification(damping=2.0)])
+@pytest.mark.parametrize("device", [None, DeviceSpecification(damping=2.0, delay=5e-4)])
 def test_the_force_is_gone_within_five_ticks_of_the_third_missing_position(device: DeviceSpecification | None) -> None:
     renderer, tick = pressed(device)
     forces = [renderer.update((tick + n) * TICK, math.nan, TICK) for n in range(20)]
@@ -37,7 +37,7 @@ def test_the_force_is_gone_within_five_ticks_of_the_third_missing_position(devic
 
 
 def test_what_a_lost_hand_may_have_been_given_is_told_and_widens_no_bound() -> None:
-    renderer, tick = pressed(DeviceSpecification(damping=2.0))
+    renderer, tick = pressed(DeviceSpecification(damping=2.0, delay=5e-4))
     for number in range(1000):
         renderer.update((tick + number) * TICK, math.nan, TICK)
     renderer.update((tick + 1000) * TICK, -0.05, TICK)
@@ -48,7 +48,7 @@ def test_what_a_lost_hand_may_have_been_given_is_told_and_widens_no_bound() -> N
 
 
 def test_the_force_comes_back_mediated() -> None:
-    renderer, tick = pressed(DeviceSpecification(damping=2.0))
+    renderer, tick = pressed(DeviceSpecification(damping=2.0, delay=5e-4))
     for number in range(50):
         renderer.update((tick + number) * TICK, math.nan, TICK)
     forces = [renderer.update((tick + 50 + n) * TICK, 0.01, TICK) for n in range(400)]

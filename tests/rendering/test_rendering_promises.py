@@ -16,7 +16,7 @@ from foretouch.models import HuntCrossley, KelvinVoigt
 
 quick = settings(derandomize=True, deadline=None, max_examples=40)
 SOFT, STIFF = KelvinVoigt(100.0, 0.0), KelvinVoigt(1e6, 5.0)
-DEVICE = DeviceSpecification(damping=2.0)
+DEVICE = DeviceSpecification(damping=2.0, delay=5e-4)
 
 
 def part(ticks=30, motion="smooth", size=2e-3, model=STIFF, other=NEVER, surfaces=(0.0, 0.0), **rest):

@@ -183,7 +183,11 @@ SESSION_OPTIONS: dict[str, tuple[type, object, str]] = {
     "device_damping": (float, None, "Viscous friction of the device [N s/m]; simulated 2, in your hand 0.1 at first."),
     "device_friction": (float, 0.1, "Coulomb friction of the device [N]."),
     "device_resolution": (float, 1e-5, "Count of the device's encoder [m]."),
-    "device_delay": (float, 5e-4, "From reading a position until its force acts [s]; `foretouch doctor` says a part."),
+    "device_delay": (
+        float,
+        None,
+        "From reading a position until its force acts [s]; simulated 5e-4, in your hand a tick.",
+    ),
     "device_watchdog": (float, 0.02, "When the device drops a force that nobody renews [s]; 0 for never."),
     "largest_stiffness": (float, 0.0, "Largest local stiffness rendered [N/m]; 0 for what the device carries."),
     "position_scale": (float, 1.0, "Follower's motion for the hand's."),

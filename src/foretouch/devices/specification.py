@@ -46,7 +46,7 @@ class DeviceSpecification:
         friction: Coulomb friction [N], 0 to 100; stiction is as large.
         force_limit: Largest force [N] that it gives, above 0, at most 1000.
         resolution: One encoder count [m], 0 (none) to 0.001.
-        delay: d [s], 0 to 0.001.
+        delay: d [s], 0 to 0.001; a tick where nobody states it.
         watchdog: [s], 0.002 to 10, or 0 for none.
 
     Raises:
@@ -66,7 +66,7 @@ class DeviceSpecification:
     friction: float = 0.1
     force_limit: float = 10.0
     resolution: float = 1e-5
-    delay: float = 5e-4
+    delay: float = LONGEST_DELAY
     watchdog: float = 0.0
 
     def __post_init__(self) -> None:

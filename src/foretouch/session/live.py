@@ -23,7 +23,7 @@ from foretouch.session.loop_timer import LoopTimer, let_pass, steady
 from foretouch.session.news import all_of, follower_news, follower_says, leader_news
 from foretouch.session.operator_clock import OperatorClock
 from foretouch.session.operators import close_operator
-from foretouch.session.safety import REST_FORCE
+from foretouch.session.safety import LEFT
 from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
 from foretouch.session.warm_up import warm_up
 
@@ -247,7 +247,7 @@ def _presses(driven: DrivenFollower) -> bool:
     safety, sample = driven.state.safety, driven.state.learner.sample
     if safety.status is Status.SENSOR_FAULT:
         return safety.pressing
-    return sample.in_contact and sample.force >= REST_FORCE
+    return sample.in_contact and sample.force > LEFT
 
 
 def run_leader(

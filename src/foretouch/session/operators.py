@@ -66,7 +66,7 @@ def make_operator(
     """
     if settings.operator not in OPERATORS:
         made = _with_grip(settings, _foreign(settings, _scaled(settings, surface, press_depth)))
-        _say_damping(made, settings, say)
+        _say_assumed(made, settings, say)
         return made
     reach = _hand_lengths(settings, surface, press_depth)
     mounted = inverse(settings.frames[0])
@@ -92,16 +92,27 @@ def felt_texts(operator: Device, settings: SessionSettings) -> dict[str, str]:
     return {"felt": "yes"} | {f"device_{name}": str(value) for name, value in numbers.items()}
 
 
-def _say_damping(operator: Device, settings: SessionSettings, say: Callable[[str], None]) -> None:
-    """Say what was assumed of a device that is felt and whose damping nobody has stated."""
+def _say_assumed(operator: Device, settings: SessionSettings, say: Callable[[str], None]) -> None:
+    """Say what was assumed of a device that is felt and whose damping or delay nobody has stated."""
     device = felt_device(operator, settings)
-    if device is None or settings.device_damping is not None or device.damping != settings.device.damping:
+    if device is None:
         return
-    stiffness = device.largest_stiffness(SAMPLE_PERIOD)
-    say(
-        f"operator: nobody states the damping of {operator.name}: {device.damping:g} N s/m is taken, the least of its "
-        f"class, so that no more than {stiffness:.0f} N/m are felt; state it by --device-damping"
-    )
+    assumed = {
+        "damping": f"{device.damping:g} N s/m, the least of its class,",
+        "delay": f"{1e3 * device.delay:g} ms, the most that there may be,",
+    }
+    unstated = [
+        name
+        for name in assumed
+        if getattr(settings, f"device_{name}") is None and getattr(device, name) == getattr(settings.device, name)
+    ]
+    if unstated:
+        taken = " and ".join(f"{assumed[name]} is taken for its {name}" for name in unstated)
+        options = " and ".join(f"--device-{name}" for name in unstated)
+        say(
+            f"operator: nobody states the {' and '.join(unstated)} of {operator.name}: {taken} so that no more than "
+            f"{device.largest_stiffness(SAMPLE_PERIOD):.0f} N/m are felt; state it by {options}"
+        )
 
 
 def close_operator(operator: Device) -> None:

@@ -14,7 +14,7 @@ from foretouch.session.force_guard import ForceGuard
 from foretouch.session.motion_limits import POSITION, VELOCITY, MotionLimits
 from foretouch.session.proven_way import ProvenWay
 
-__all__ = ["REST_FORCE", "Safety", "SafetyLimits"]
+__all__ = ["LEFT", "REST_FORCE", "Safety", "SafetyLimits"]
 
 STIFFEST, MOST_DAMPED = 1e5, 500.0
 """What nobody has gone through yet counts as so stiff [N/m], which is bone under a probe, and so damped [N s/m], which
@@ -42,6 +42,9 @@ is, and it would press on."""
 
 UNLOADED, REST_FORCE = 0.5, 1.0
 """A robot that unloads goes back until it feels the first [N]; the second counts as unloaded [N]."""
+
+LEFT = 0.6
+"""With no more than this [N] a session leaves its robot, if there is time: a little over what unloading comes to."""
 
 REST_SPEED, SEEN_AT_REST = 5e-3, 1e-2
 """A robot is at rest whose path is slower than the first, and whose own velocity, as its encoder shows it, than the

@@ -56,8 +56,8 @@ GUARDED_FORCES = (10.0 * CONTACT_FLOOR, 15.0)
 """Least and largest force at which a guarded follower can be told to hold [N]: nearer to the least force that counts as
 contact, sensor noise decides what it holds, and the surface is learnt from too little."""
 
-SIMULATED_DAMPING = 2.0
-"""Of the device that a simulated hand holds, where nothing else is said [N s/m]."""
+SIMULATED_DAMPING, SIMULATED_DELAY = 2.0, 5e-4
+"""Of the device that a simulated hand holds, where nothing else is said [N s/m, s]."""
 
 SOFTEST = 1.0
 """A device that is held carries at least this [N/m], or there is nothing to feel."""
@@ -96,6 +96,7 @@ class SessionSettings(Brief):
         device_friction: Coulomb friction of the device [N].
         device_resolution: Count of its encoder [m].
         device_delay: From reading a position until its force acts [s], at most a tick; a simulated device is as late.
+            None where nobody has stated it: 0.5 ms in a simulated hand, and in a person's a tick.
         device_watchdog: Time after which the device takes a force away that nobody has renewed [s]; 0 for never.
         largest_stiffness: Largest local stiffness that is rendered [N/m]; 0 for what the device carries.
         position_scale: Proxy's motion for the hand's, 0.01 to 100.
@@ -158,7 +159,7 @@ class SessionSettings(Brief):
     device_damping: float | None = None
     device_friction: float = 0.1
     device_resolution: float = 1e-5
-    device_delay: float = 5e-4
+    device_delay: float | None = None
     device_watchdog: float = 0.02
     largest_stiffness: float = 0.0
     position_scale: float = 1.0
@@ -317,7 +318,7 @@ class SessionSettings(Brief):
     def as_text(self) -> dict[str, str]:
         """The settings by name, for `Hello` messages and recordings."""
         texts = {one.name: str(getattr(self, one.name)) for one in dataclasses.fields(self) if one.init}
-        return texts | {"device_damping": str(self.device.damping)}
+        return texts | {f"device_{name}": str(getattr(self.device, name)) for name in ("damping", "delay")}
 
     def _check_baseline(self) -> None:
         """A baseline renders no model: what is said of models would have no effect, or none that is meant."""
@@ -333,14 +334,14 @@ class SessionSettings(Brief):
     def _device(self) -> DeviceSpecification:
         """The device, once it is known that it can carry the stiffness that is asked for."""
         simulated = self.grip != NO_GRIP or self.operator in OPERATORS
-        assumed = SIMULATED_DAMPING if simulated else LEAST_DAMPING
+        assumed, late = (SIMULATED_DAMPING, SIMULATED_DELAY) if simulated else (LEAST_DAMPING, SAMPLE_PERIOD)
         try:
             device = DeviceSpecification(
                 mass=self.device_mass,
                 damping=assumed if self.device_damping is None else self.device_damping,
                 friction=self.device_friction,
                 resolution=self.device_resolution,
-                delay=self.device_delay,
+                delay=late if self.device_delay is None else self.device_delay,
                 watchdog=self.device_watchdog,
             )
         except SettingError as error:
@@ -354,8 +355,8 @@ class SessionSettings(Brief):
         require("largest_stiffness", self.largest_stiffness, at_least=0.0)
         if self.largest_stiffness > carried:
             if carried < device.stiffness_by_encoder:
-                late = f"{device.damping:g} N s/m of damping and {1e3 * device.delay:g} ms of delay at {RATE:g} Hz"
-                why = f"{late} carries at most b / (T / 2 + d)"
+                slow = f"{device.damping:g} N s/m of damping and {1e3 * device.delay:g} ms of delay at {RATE:g} Hz"
+                why = f"{slow} carries at most b / (T / 2 + d)"
             else:
                 coarse = f"{device.friction:g} N of friction and an encoder count of {device.resolution:g} m"
                 why = f"{coarse} carries at most max(2 f, {COUNT_FORCE:g} N) / count"
