@@ -70,6 +70,7 @@ def forces() -> Any:
             score_from=shown.window[0],
             score_to=shown.window[1],
             position=found.position,
+            delayed_offset=0.0,
         )
         time = found.time - found.time[0]
         near = (time >= shown.near[0]) & (time <= shown.near[1])
@@ -153,7 +154,13 @@ def measured() -> Iterator[tuple[str, Any]]:
         found = predicted(recording, 0.02 if skin else 0.3, offset)
         window = {"score_from": 0.5, "score_to": 1.6} if skin else {}
         scores = score(
-            found.time, found.measured, found.predicted, found.delayed, contact_floor=found.contact_floor, **window
+            found.time,
+            found.measured,
+            found.predicted,
+            found.delayed,
+            contact_floor=found.contact_floor,
+            delayed_offset=0.0,
+            **window,
         )
         since = found.time - found.time[0]
         inside = (since >= 0.5) & (since <= 1.6) if skin else since >= 1.5

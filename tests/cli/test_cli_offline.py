@@ -157,6 +157,26 @@ def test_undetermined_is_printed_so(tmp_path: Path) -> None:
     parameters = next(line for line in result.stdout.splitlines() if line.split()[0] == "parameters")
     assert "switching undetermined" in parameters
     assert "stiffness undetermined" not in parameters
+    assert "None" not in result.stdout
+
+
+@pytest.mark.parametrize("estimator", ["exact", "rls", "fprls"])
+def test_what_is_undetermined_has_no_standard_error(tmp_path: Path, estimator: str) -> None:
+    """A slow press under much noise: hardly anything of damping and exponents is told by it."""
+    time = np.arange(0.0, 6.0, 1e-3)
+    depth = 0.01 * np.sin(2 * np.pi * 0.5 * np.maximum(time - 1.0, 0.0))
+    force = 900.0 * np.maximum(depth, 0.0) + np.random.default_rng(0).normal(0.0, 0.3, time.size)
+    path = tmp_path / "noisy.csv"
+    write_columns(path, {"time_s": time, "position_m": depth, "force_N": force})
+    arguments = ("identify", path, "--model", "continuous-switching", "--estimator", estimator, "--surface", 0)
+    content = output_of(*arguments, "--json")
+    undetermined = [name for name, value in content["parameters"].items() if value is None]
+    assert undetermined
+    errors = content["standard_errors"]
+    assert errors is None or all(errors[name] is None for name in undetermined)
+    lines = run(*arguments).stdout.splitlines()
+    assert not any(line.split()[0] in ("standard_errors", "surface_error_m", "sensor_lag_error_s") for line in lines)
+    assert not any("None" in line for line in lines)
 
 
 def test_predict_keeps_its_contract(press: Path, tmp_path: Path) -> None:

@@ -27,7 +27,7 @@ from foretouch.identification import ESTIMATORS, Estimator, Learner, identify, m
 from foretouch.models import HuntCrossley
 from foretouch.quantities import Recording
 from foretouch.recordings import read_recording, write_columns
-from foretouch.report import Forces, delayed, forces_under_delay, lowest_mean, score, time_to_accuracy
+from foretouch.report import Forces, delayed, forces_under_delay, score, time_to_accuracy
 
 PAIR = {"models": ("kelvin-voigt",), "estimators": ("rls",)}
 
@@ -103,7 +103,7 @@ def test_the_figures_are_those_of_identify_and_predict(folder: Path) -> None:
             recording.time,
             recording.force,
             predicted.force,
-            delayed(recording.time, recording.force - lowest_mean(recording.time, recording.force), delay),
+            delayed(recording.time, recording.force, delay),
             contact_floor=recording.contact_floor,
             position=recording.position,
         )

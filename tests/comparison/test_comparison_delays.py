@@ -61,6 +61,7 @@ def scored(recording: Recording, estimator: str, delay: float) -> tuple[float | 
         forces.delayed,
         contact_floor=forces.contact_floor,
         position=forces.position,
+        delayed_offset=0.0,
     )
     return found.prediction_error_percent, found.delayed_force_error_percent
 

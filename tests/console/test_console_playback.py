@@ -14,7 +14,7 @@ from foretouch.console.library import Library
 from foretouch.console.models_seen import figures_of
 from foretouch.console.playback import Playback, RecordedWatch
 from foretouch.errors import RecordingError
-from foretouch.messages import LEADER_DTYPE, SessionLog
+from foretouch.messages import LEADER_DTYPE, Said, SessionLog
 
 pytest.importorskip("mujoco")
 SECONDS = 5.0
@@ -168,3 +168,27 @@ def test_a_second_run_under_another_delay_stands_beside_the_recorded_one(recorde
     library.run_again(0.0, 0.05, closed_loop=True)
     library.wait()
     assert library.note.startswith("It cannot be run again: ")  # nobody holds a device
+
+
+def test_playback_shows_what_was_set_then(recorded: tuple[Path, SessionLog]) -> None:
+    """A material that was chosen later is not that of now, nor is a delay that was set later."""
+    log = recorded[1]
+    leader, follower = log.leader.copy(), log.follower.copy()
+    leader["epoch"] = follower["epoch"] = 5
+    leader["run"] = follower["run"] = 105
+    changed = int(leader["time_ns"][3000])
+    said = (
+        Said("follower", 105, 0, {"material": "foam", "position_delay": "0.08"}),
+        Said("leader", 5, 0, {"grip": "none", "force_delay": "0.3"}),
+        Said("leader", 5, changed, {"grip": "none", "force_delay": "0.6"}),
+        Said("follower", 109, 0, {"material": "sponge", "position_delay": "0.08"}),
+        Said("leader", 9, 0, {"grip": "normal", "force_delay": "0.6"}),
+    )
+    shown = RecordedWatch(
+        dataclasses.replace(log, leader=leader, follower=follower, said=said, settings={"grip": "normal"})
+    )
+    for moment, delay in ((1.0, 0.3), (2.9, 0.3), (3.1, 0.6), (1.0, 0.3)):
+        shown.go_to(moment)
+        assert shown.settings["material"] == "foam"
+        assert shown.grip == ""
+        assert shown.setting("force_delay", 0.0) == delay

@@ -45,5 +45,5 @@ def test_what_breaks_a_rule_is_refused_by_row(columns: dict[str, list[float]], m
 
 
 def test_one_sample_is_no_recording() -> None:
-    with pytest.raises(RecordingError, match="1 samples: at least 2 are needed"):
+    with pytest.raises(RecordingError, match="1 sample: at least 2 are needed"):
         Recording(np.zeros(1), np.zeros(1), np.zeros(1))

@@ -108,7 +108,7 @@ def test_joints_are_found_by_name_whoever_publishes_and_in_which_order(tmp_path,
     bag = write_bag(tmp_path / "bag", messages())
     text = MAP.replace("position[0]", "position[elbow]").replace('"rad"\nscale = 0.075', '"m"')
     read = read_with_notes(bag, map_file=by_map(text))
-    assert "20 messages of /joint_states without these fields are left out" in read.notes[0]
+    assert "20 messages of /joint_states without these fields were left out" in read.notes[0]
     ticks = np.arange(59)
     known = np.array([tick for tick in range(60) if tick % 3 != 2])
     expected = np.interp(ticks, known, known * 1e-3)

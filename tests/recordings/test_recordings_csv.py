@@ -98,7 +98,7 @@ def test_unknown_units_are_refused_with_those_there_are(table, option):
     [
         ("time_s,position_m,force\n0,0,0\n", None, "the unit of the force force is not known.*--map"),
         ("time_s,position,force_N\n0,0,0\n1,0,0\n", None, "the unit of the position position is not known.*mm.*--map"),
-        ("time_s;position_m;force_N\n0;0;0\n", None, "1 samples: at least 2"),
+        ("time_s;position_m;force_N\n0;0;0\n", None, "1 sample: at least 2"),
         ("time_s;position_m;force_N\n0;0;0\n1;0\n", 3, "2 values, the header names 3 columns"),
         ("0,0.001,0.5\n0.001,0.002,0.75\n", None, r"columns have no names but numbers \(0, 0.001, 0.5\): write"),
         ("time_s,force_N,position_m,force_N\n0,0,0,0\n1,0,0,0\n", 1, "column force_N is there 2 times"),
@@ -115,7 +115,7 @@ def test_unknown_units_are_refused_with_those_there_are(table, option):
         (GOOD + "0.003,12.5,1\n", 5, "position 12.5 m is beyond 1 m.*--position-unit"),
         (GOOD + '0.003,"0.0\n1",1\n', 6, "which is no number"),
         ("time_s,position_m,force_N\n", None, "0 samples: at least 2"),
-        ("time_s,position_m,force_N\n0,0,0\n\n", None, "1 samples: at least 2"),
+        ("time_s,position_m,force_N\n0,0,0\n\n", None, "1 sample: at least 2"),
         ("", 1, "has no header"),
         ("\n\n", 1, "has no header"),
         (GOOD.encode("utf-16"), 1, "is no UTF-8 text"),

@@ -77,7 +77,7 @@ def test_a_session_with_a_fault_reads_back(kind: str, tmp_path: Path) -> None:
 
     again = run("predict", path, "--delay", 0.3, "--json")
     figures = printed(again)
-    assert f"{failed.sum():,} samples are left out" in again.stderr
+    assert f"{failed.sum():,} samples were left out" in again.stderr
     for name in ("samples", "scored_samples", "prediction_error_percent", "delayed_force_error_percent"):
         assert figures[name] == pytest.approx(report[name], rel=1e-9)
     if kind == "nan":

@@ -121,7 +121,7 @@ def test_a_failing_sensor_is_left_out_with_the_moment_before_it_was_found(quiet:
     assert f"Faulty sensors for 0.50 s: {fault['sentence']}." in text
     assert "500 with sensors not to be trusted" in text
     assert "sensor fault" not in text  # its kind says it
-    assert left_out(follower_samples(log)) == ["500 samples are left out: the sensors were not to be trusted (spike)"]
+    assert left_out(follower_samples(log)) == ["500 samples were left out: the sensors were not to be trusted (spike)"]
 
 
 @pytest.mark.parametrize("force", [float("nan"), float("inf"), 50.0])

@@ -27,7 +27,7 @@ def presses(duration: float = 6.0, peak: float = 4.0) -> tuple[np.ndarray, np.nd
 
 def test_perfect_prediction() -> None:
     time, position, force = presses()
-    scores = score(time, force + 7.0, force, np.zeros_like(force), contact_floor=0.05, position=position)
+    scores = score(time, force + 7.0, force, np.full_like(force, np.nan), contact_floor=0.05, position=position)
     assert scores.status == "ok"
     assert scores.prediction_error_percent == pytest.approx(0.0, abs=1e-9)
     assert scores.prediction_rmse_N == pytest.approx(0.0, abs=1e-9)
@@ -55,7 +55,7 @@ def test_every_figure_by_hand() -> None:
     measured = np.concatenate((np.zeros(100), [0.0, 0.0, 1.0, 2.0, 2.0, 2.0, 1.0, 0.0, 0.0]))
     predicted = np.concatenate((np.zeros(100), [0.0, 0.6, 1.05, 2.3, 2.0, 0.02, 1.0, 0.09, 0.0]))
     known = np.concatenate((np.zeros(100), [np.nan, 0.0, 0.0, 1.0, 2.0, 2.0, 2.0, 1.0, 5.0]))
-    scores = score(time, measured + 3.0, predicted, known, contact_floor=0.05, score_from=0.1)
+    scores = score(time, measured + 3.0, predicted, known + 3.0, contact_floor=0.05, score_from=0.1)
     contact_rms = np.sqrt((1 + 4 + 4 + 4 + 1) / 5)
     assert scores.samples == 109
     # the 98th percentile of nine samples is 2.0, so the threshold is 0.1: a prediction of 0.09 is not above it
@@ -64,7 +64,7 @@ def test_every_figure_by_hand() -> None:
     errors = np.array([0.6, 0.05, 0.3, 0.0, -1.98, 0.0])
     assert scores.contact_force_rms_N == pytest.approx(contact_rms)
     assert scores.prediction_rmse_N == pytest.approx(np.sqrt(np.mean(errors**2)))
-    late = np.array([0.0, 1.0, 1.0, 0.0, 0.0, -1.0])
+    late = np.array([1.0, 1.0, 0.0, 0.0, -1.0])  # in contact alone: it knows nothing of the prediction
     assert scores.delayed_force_rmse_N == pytest.approx(np.sqrt(np.mean(late**2)))
     assert scores.delayed_force_error_percent == pytest.approx(100 * np.sqrt(np.mean(late**2)) / contact_rms)
     assert scores.within_jnd_percent == pytest.approx(60.0)
@@ -73,7 +73,7 @@ def test_every_figure_by_hand() -> None:
     assert int(scores.in_contact.sum()) == 5
 
 
-def test_both_errors_over_the_same_samples() -> None:
+def test_a_force_predicted_in_free_air_counts_against_the_prediction_alone() -> None:
     time, _, force = presses()
     phantom = np.where(force > 0.2, force, 1.0)
     scores = score(time, force, phantom, force + 1.0, contact_floor=0.05)
@@ -182,11 +182,11 @@ def test_lowest_mean_does_not_take_one_sample_after_a_gap() -> None:
 def test_delayed_holds_the_newest_that_arrived() -> None:
     time = np.arange(6) * 0.1
     force = np.arange(1.0, 7.0)
-    np.testing.assert_array_equal(delayed(time, force, 0.3), [0, 0, 0, 1, 2, 3])
-    np.testing.assert_array_equal(delayed(time, force, 0.25), [0, 0, 0, 1, 2, 3])
+    np.testing.assert_array_equal(delayed(time, force, 0.3), [np.nan, np.nan, np.nan, 1, 2, 3])
+    np.testing.assert_array_equal(delayed(time, force, 0.25), [np.nan, np.nan, np.nan, 1, 2, 3])
     np.testing.assert_array_equal(delayed(time, force, 0.0), force)
-    np.testing.assert_array_equal(delayed(time + 1e4, force, 0.3), [0, 0, 0, 1, 2, 3])
-    np.testing.assert_array_equal(delayed(time, force, 9.0), np.zeros(6))
+    np.testing.assert_array_equal(delayed(time + 1e4, force, 0.3), [np.nan, np.nan, np.nan, 1, 2, 3])
+    np.testing.assert_array_equal(delayed(time, force, 9.0), np.full(6, np.nan))
     with pytest.raises(SettingError, match="delay"):
         delayed(time, force, -0.1)
 
@@ -239,9 +239,28 @@ def test_sensor_offset_and_clock_start_do_not_matter(offset: float, start: float
     time, _, force = presses(3.0)
     predicted = np.maximum(0.0, force + rng.normal(0.0, 0.3, time.size))
     one = score(time, force, predicted, force, contact_floor=0.05)
-    other = score(time + start, force + offset, predicted, force, contact_floor=0.05)
+    other = score(time + start, force + offset, predicted, force + offset, contact_floor=0.05)
     assert other.prediction_error_percent == pytest.approx(one.prediction_error_percent, rel=1e-6)
     assert other.within_jnd_percent == pytest.approx(one.within_jnd_percent, abs=0.1)
+    assert other.delayed_force_error_percent == pytest.approx(one.delayed_force_error_percent, abs=1e-6)
+    known = delayed(time, force + offset, 0.4)
+    late = score(time, force + offset, predicted, known, contact_floor=0.05, score_from=0.0)
+    plain = score(time, force, predicted, delayed(time, force, 0.4), contact_floor=0.05, score_from=0.0)
+    assert late.delayed_force_error_percent == pytest.approx(plain.delayed_force_error_percent, rel=1e-6)
+    taken_off = score(
+        time, force + offset, predicted, known - offset, contact_floor=0.05, score_from=0.0, delayed_offset=0.0
+    )
+    assert taken_off.delayed_force_error_percent == pytest.approx(plain.delayed_force_error_percent, rel=1e-6)
+
+
+def test_the_delayed_force_has_one_error_whatever_predicts() -> None:
+    time, _, force = presses()
+    known = delayed(time, force + 3.0, 0.3)
+    errors = {
+        score(time, force + 3.0, predicted, known, contact_floor=0.05).delayed_force_error_percent
+        for predicted in (force, np.roll(force, 100), np.full_like(force, 2.0), np.zeros_like(force))
+    }
+    assert len(errors) == 1
 
 
 @QUICK
@@ -252,7 +271,7 @@ def test_what_is_measured_is_predicted_without_error(seed: int, uneven: bool) ->
     time = np.cumsum(steps)
     measured = np.maximum(0.0, rng.uniform(1.0, 9.0) * np.sin(rng.uniform(2.0, 12.0) * time))
     zero = lowest_mean(time, measured)
-    scores = score(time, measured, measured - zero, measured - zero, contact_floor=0.05)
+    scores = score(time, measured, measured - zero, measured, contact_floor=0.05)
     assert scores.prediction_error_percent == pytest.approx(0.0, abs=1e-9)
     assert scores.delayed_force_error_percent == pytest.approx(0.0, abs=1e-9)
     assert scores.within_jnd_percent == 100.0

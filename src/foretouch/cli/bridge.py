@@ -8,7 +8,7 @@ import typer
 
 from foretouch.cli.links import ENDED, Endpoints, open_link, with_endpoints
 from foretouch.cli.options import Json, Parent, print_json, say
-from foretouch.errors import LinkError
+from foretouch.errors import LinkError, plural
 
 __all__ = ["bridge"]
 
@@ -57,4 +57,4 @@ def ros2(
     if json_output:
         print_json({"ended": stop.reason or ENDED, "sent": graph.sent, "unsent": graph.unsent})
     for name, count in sorted(graph.sent.items()):
-        say(f"bridge: {name} {count} messages")
+        say(f"bridge: {name} {plural(count, 'message')}")

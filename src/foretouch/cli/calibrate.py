@@ -21,7 +21,7 @@ from foretouch.cli.options import (
     show,
 )
 from foretouch.cli.reading import MapFile, read_and_say
-from foretouch.errors import SettingError
+from foretouch.errors import SettingError, plural
 
 if TYPE_CHECKING:
     from foretouch.identification import SeriesCompliance, ToolWeight
@@ -49,8 +49,8 @@ def sensor(
     approach_gravity: Annotated[
         float, typer.Option(help="Gravity along the approach [m/s^2]; 0 where the probe approaches sideways.")
     ] = 9.80665,
-    position_unit: PositionUnit = "m",
-    force_unit: ForceUnit = "N",
+    position_unit: PositionUnit = None,
+    force_unit: ForceUnit = None,
     flip: Flip = False,
     force_channel: ForceChannel = "raw",
     map_file: MapFile = None,
@@ -99,7 +99,7 @@ def sensor(
         found["sensor_lag"], found["sensor_lag_error"] = find_sensor_lag(recording)
     calibration = msgspec.structs.replace(before, **found)
     content = _weight_figures(weight, calibration)
-    _finish(f"{poses}: {weight.poses} poses", output, calibration, content, json_output)
+    _finish(f"{poses}: {plural(weight.poses, 'pose')}", output, calibration, content, json_output)
     if report_directory is not None:
         from foretouch.report import write_calibration_page
 
@@ -110,8 +110,8 @@ def sensor(
 def compliance(
     recording: Annotated[Path, typer.Argument(help="Recording of presses on a rigid block.")],
     output: Output = None,
-    position_unit: PositionUnit = "m",
-    force_unit: ForceUnit = "N",
+    position_unit: PositionUnit = None,
+    force_unit: ForceUnit = None,
     flip: Flip = False,
     force_channel: ForceChannel = "raw",
     map_file: MapFile = None,
@@ -147,7 +147,7 @@ def compliance(
         lost_motion=found.lost_motion,
     )
     content = _compliance_figures(found)
-    _finish(f"{recording}: {found.force.size} samples", output, calibration, content, json_output)
+    _finish(f"{recording}: {plural(found.force.size, 'sample')}", output, calibration, content, json_output)
     if report_directory is not None:
         from foretouch.report import write_calibration_page
 

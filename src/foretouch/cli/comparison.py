@@ -49,8 +49,8 @@ def compare(
     sweep: Annotated[
         bool, typer.Option("--sweep", help="At 0, 50, 100, 200, 300, 500 and 1000 ms too: error against delay.")
     ] = False,
-    position_unit: PositionUnit = "m",
-    force_unit: ForceUnit = "N",
+    position_unit: PositionUnit = None,
+    force_unit: ForceUnit = None,
     flip: Flip = False,
     force_channel: ForceChannel = "raw",
     map_file: MapFile = None,

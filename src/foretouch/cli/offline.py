@@ -30,7 +30,7 @@ from foretouch.cli.options import (
 from foretouch.cli.progress import pulsing
 from foretouch.cli.reading import RECORDING_HELP, DatasetName, MapFile, chosen_recording, read_and_say
 from foretouch.cli.recordings import say_what_is_left_out
-from foretouch.errors import SettingError
+from foretouch.errors import SettingError, plural
 
 if TYPE_CHECKING:
     from foretouch.identification import Identification, Learner
@@ -52,8 +52,8 @@ def identify(
     sensor: Annotated[
         Path | None, typer.Option(help="TOML of `foretouch calibrate`: offset, lag and compliance are corrected.")
     ] = None,
-    position_unit: PositionUnit = "m",
-    force_unit: ForceUnit = "N",
+    position_unit: PositionUnit = None,
+    force_unit: ForceUnit = None,
     flip: Flip = False,
     force_channel: ForceChannel = "raw",
     map_file: MapFile = None,
@@ -84,7 +84,7 @@ def identify(
         data, force_offset, sensor_lag = _at_the_contact(data, sensor, force_offset, sensor_lag)
     learner = _learner(model, estimator, surface, force_offset, sensor_lag)
     result = pulsing(
-        f"identifying from {len(data)} samples",
+        f"identifying from {plural(len(data), 'sample')}",
         identification.identify,
         data,
         learner(contact_floor=data.contact_floor),
@@ -125,8 +125,8 @@ def predict(
     surface: Surface = "auto",
     force_offset: ForceOffset = "auto",
     sensor_lag: SensorLag = 0.0,
-    position_unit: PositionUnit = "m",
-    force_unit: ForceUnit = "N",
+    position_unit: PositionUnit = None,
+    force_unit: ForceUnit = None,
     flip: Flip = False,
     force_channel: ForceChannel = "raw",
     map_file: MapFile = None,
@@ -180,6 +180,7 @@ def predict(
         score_from=score_from,
         score_to=score_to,
         position=found.position,
+        delayed_offset=0.0,
         skipped=found.skipped,
     )
     names = (
@@ -316,18 +317,29 @@ def _finite(value: float) -> float | None:
 
 
 def _print_lines(title: str, content: dict[str, Any]) -> None:
-    """A result as aligned lines."""
+    """A result as aligned lines: what is known with an error has as many digits as that allows."""
+    from foretouch.report.numbers import measured, parameter_text
+
     show(title)
     for name, value in content.items():
-        text = f"{value:.6g}" if isinstance(value, float) else str(value)
+        partner = name.rpartition("_")  # surface_m and surface_error_m, say
+        error = f"{partner[0]}_error_{partner[2]}"
+        if name == "standard_errors" or ("_error_" in name and name.replace("_error_", "_") in content):
+            continue  # stands behind what it is of
         if name == "remarks":
             show("".join(f"  {remark}\n" for remark in value), end=False)
             continue
         if name == "map":
             _print_map(value)
             continue
-        if isinstance(value, dict):
-            text = ", ".join(f"{key} {_or_undetermined(number)}" for key, number in value.items())
+        if name == "parameters":
+            text = parameter_text(value, content["standard_errors"])
+        elif error in content:
+            text = measured(value, content[error])
+        elif isinstance(value, float):
+            text = f"{value:.6g}"
+        else:
+            text = "-" if value is None else str(value)
         show(f"  {name:<28} {text}")
 
 
@@ -337,7 +349,3 @@ def _print_map(figures: dict[str, Any] | None) -> None:
 
     for line in () if figures is None else map_lines(figures):
         show(f"  {'map':<28} {line}")
-
-
-def _or_undetermined(value: float | None) -> str:
-    return "undetermined" if value is None else f"{value:.6g}"

@@ -73,8 +73,12 @@ KeysFolder = Annotated[
     typer.Option("--keys", help="Folder of keys; without it FORETOUCH_KEYS, or ~/.config/foretouch/keys."),
 ]
 Parent = Annotated[int | None, typer.Option(hidden=True)]
-PositionUnit = Annotated[str, typer.Option(help="Unit of positions in the file: m, cm, mm or um.")]
-ForceUnit = Annotated[str, typer.Option(help="Unit of forces in the file: N, mN or kN.")]
+PositionUnit = Annotated[
+    str | None, typer.Option(help="Unit of positions, where the file states none: m, cm, mm or um; position_m: m.")
+]
+ForceUnit = Annotated[
+    str | None, typer.Option(help="Unit of forces, where the file states none: N, mN or kN; force_N: N.")
+]
 Flip = Annotated[bool, typer.Option("--flip", help="Positions in the file shrink with depth.")]
 ForceChannel = Annotated[str, typer.Option(help="Force of a TU/e file: raw bridge or logged torque.")]
 Surface = Annotated[str, typer.Option(help="Position of the surface [m], or auto.")]

@@ -52,8 +52,8 @@ def chosen_recording(path: Path | None, dataset: str | None) -> tuple[Path, str]
 def read_and_say(
     path: Path,
     *,
-    position_unit: str = "m",
-    force_unit: str = "N",
+    position_unit: str | None = None,
+    force_unit: str | None = None,
     flip: bool = False,
     force_channel: str = "raw",
     map_file: Path | None = None,
@@ -77,7 +77,13 @@ def read_and_say(
 
 
 def say_how_it_is_read(
-    path: Path, *, position_unit: str, force_unit: str, flip: bool, force_channel: str, map_file: Path | None
+    path: Path,
+    *,
+    position_unit: str | None,
+    force_unit: str | None,
+    flip: bool,
+    force_channel: str,
+    map_file: Path | None,
 ) -> None:
     """The same notes where others read the recording; nothing where it cannot be read, for they say why."""
     from foretouch.errors import ForetouchError

@@ -23,7 +23,7 @@ from foretouch.cli.options import (
 )
 from foretouch.cli.progress import pulsing
 from foretouch.cli.reading import RECORDING_HELP, MapFile, read_and_say
-from foretouch.errors import RecordingError, SettingError, printable
+from foretouch.errors import RecordingError, SettingError, plural, printable
 
 if TYPE_CHECKING:
     from foretouch.messages import SessionLog
@@ -112,8 +112,8 @@ def convert(
     path: Annotated[Path, typer.Argument(metavar="IN", help=RECORDING_HELP)],
     output: Annotated[Path, typer.Argument(metavar="OUT", help="Ends with .mcap, .parquet or .csv.")],
     map_file: MapFile = None,
-    position_unit: PositionUnit = "m",
-    force_unit: ForceUnit = "N",
+    position_unit: PositionUnit = None,
+    force_unit: ForceUnit = None,
     flip: Flip = False,
     force_channel: ForceChannel = "raw",
     json_output: Json = False,
@@ -142,7 +142,7 @@ def convert(
         velocity = recording.velocity is not None
         print_json({"path": str(output), "samples": len(recording), "duration_s": seconds, "velocity": velocity})
     else:
-        show(f"{output}: {len(recording)} samples in {seconds:.3f} s")
+        show(f"{output}: {plural(len(recording), 'sample')} in {seconds:.3f} s")
 
 
 def _require_elsewhere(name: str, output: Path, path: Path) -> None:
@@ -157,7 +157,7 @@ def _print_contents(found: Contents, topic: str | None, show_all: bool) -> None:
     span = "" if found.duration_s is None else f", {found.duration_s:.3f} s"
     rate = "" if found.rate is None else f", {found.rate:.5g} samples a second"
     begin = "" if not found.begin_ns else f", from {_date(found.begin_ns)}"
-    what = f"{len(found.topics)} topics" if found.topics else f"{len(found.columns)} columns"
+    what = plural(len(found.topics), "topic") if found.topics else plural(len(found.columns), "column")
     show(f"{found.path}: {found.format}, {what}{span}{rate}{begin}")
     beside_the_map = () if found.guess is None else found.guess.notes
     for note in found.notes:
@@ -171,7 +171,8 @@ def _print_contents(found: Contents, topic: str | None, show_all: bool) -> None:
     if rows:
         _print_table(("topic", "type", "messages", "rate"), rows)
         if len(found.topics) > len(rows):
-            show(f"  ... and {len(found.topics) - len(rows)} topics more: --all shows them, --topic NAME its fields")
+            more = plural(len(found.topics) - len(rows), "topic")
+            show(f"  ... and {more} more: --all shows them, --topic NAME its fields")
     if found.columns:
         title, columns = _table_of(found.columns[:most], topic is not None)
         _print_table(title, columns)

@@ -95,7 +95,7 @@ def replay(
         make_folder(report)
     log = _session(recording)
     changes = {name: value for name, value in given.items() if value is not None}
-    settings, told = recorded_settings(log.settings, changes)
+    settings, told = recorded_settings(log.longest().settings, changes)
     again = pulsing("running the session again", replay_under, log, settings, closed_loop)
     if output is not None:
         _write(output, again)

@@ -55,11 +55,13 @@ LEADER_SAYS = (
     "position_scale",
     "force_scale",
     "clutch",
+    "force_delay",
     "leader_frame",
     "first_touch",
     "baseline",
 )
-"""Settings that are the leader's: what a follower that was started by hand has for them means nothing."""
+"""Settings that are the leader's: what a follower that was started by hand has for them means nothing. Each side delays
+what it receives, so that the delay of forces is the leader's, and that of positions the follower's."""
 
 
 @with_session_settings()

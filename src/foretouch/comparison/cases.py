@@ -40,8 +40,8 @@ class Case:
     path: str = ""
     simulated: bool = False
     seed: int = 0
-    position_unit: str = "m"
-    force_unit: str = "N"
+    position_unit: str | None = None
+    force_unit: str | None = None
     flip: bool = False
     force_channel: str = "raw"
     map_file: str = ""

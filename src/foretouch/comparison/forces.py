@@ -140,6 +140,7 @@ def score_outside(
         contact_floor=forces.contact_floor if contact_floor is None else contact_floor,
         score_from=score_from - moved,
         score_to=None if score_to is None else score_to - moved,
+        delayed_offset=0.0,
         position=forces.position[kept],
         offset=lowest_mean(forces.time, forces.measured) if forces.time.size else None,
         skipped=None if forces.skipped is None else forces.skipped[kept],

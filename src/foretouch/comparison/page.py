@@ -14,6 +14,7 @@ from foretouch.comparison.delays import delay_figure
 from foretouch.comparison.figures import matrix_figure
 from foretouch.comparison.result import Prediction, Result
 from foretouch.comparison.table import convergence_text, note, parameter_text, same_reason
+from foretouch.errors import plural
 from foretouch.report import embedded, table, write_html
 
 __all__ = ["write_comparison_page"]
@@ -38,9 +39,10 @@ def write_comparison_page(directory: str | PathLike[str], results: Sequence[Resu
     """
     failed = sum(result.status != "ok" for result in results)
     recordings = len({result.recording for result in results})
+    what = f"{plural(len(results), 'combination')} on {plural(recordings, 'recording')}"
     body = [
         "<h1>Comparison of laws and estimators</h1>",
-        f'<p class="quiet">{len(results)} combinations on {recordings} recordings; {failed} failed.</p>',
+        f'<p class="quiet">{what}; {failed} failed.</p>',
         "<p>Errors are shares of the RMS of the contact force. The delayed force is what would be felt without a "
         "model: a prediction that is no better than it is of no use.</p>",
         *_figures(results),

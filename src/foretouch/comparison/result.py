@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foretouch.comparison.truth import Convergence, ParameterError
-from foretouch.quantities import as_frame
+from foretouch.errors import plural
+from foretouch.quantities import Brief, as_frame
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -79,7 +80,7 @@ class LocalStiffness:
 
 
 @dataclass(frozen=True)
-class Result:
+class Result(Brief):
     """What came of one combination.
 
     Attributes:
@@ -127,6 +128,11 @@ class Result:
 class Results(list[Result]):
     """What `compare` found: one result for each combination, in the order of the recordings."""
 
+    def __repr__(self) -> str:
+        shown = [f"    {one.recording}: {one.model} by {one.estimator}, {one.status}" for one in self[:FEW]]
+        more = [] if len(self) <= FEW else [f"    and {len(self) - FEW} more"]
+        return "\n".join([f"Results({plural(len(self), 'combination')})", *shown, *more])
+
     def rows(self) -> list[dict[str, Any]]:
         """One row for each result and delay, with plain values; one for a result without any."""
         rows = []
@@ -172,6 +178,9 @@ class Results(list[Result]):
         figure: Figure = matrix_figure(self, error, f"Prediction error at a delay of {longest:g} s [% of force RMS]")
         return figure
 
+
+FEW = 8
+"""So many results are shown in the representation of all."""
 
 _IN_A_ROW = ("recording", "model", "estimator", "status", "reason", "samples", "contact_samples", "residual_percent")
 """Of each result, in `Results.rows`."""

@@ -15,7 +15,7 @@ from foretouch.devices import ScriptedOperator
 from foretouch.devices.motion import minimum_jerk
 from foretouch.errors import UnknownNameError
 from foretouch.models import ContactModel, ContinuousSwitching, HuntCrossley, KelvinVoigt, MemorylessLaw, advance
-from foretouch.quantities import Recording
+from foretouch.quantities import ByValue, Recording
 from foretouch.robot import make_material
 
 __all__ = ["ENCODER_STEP", "FORCE_NOISE", "SIMULATED", "Simulated", "simulate"]
@@ -63,7 +63,7 @@ class Scenario:
 
 
 @dataclass(frozen=True, eq=False)
-class Simulated:
+class Simulated(ByValue):
     """A simulated recording and what nobody who reads it knows.
 
     Attributes:

@@ -7,6 +7,7 @@ from itertools import groupby
 from statistics import median
 
 from foretouch.comparison.result import Prediction, Result
+from foretouch.errors import plural
 from foretouch.report.numbers import number
 
 __all__ = ["NEVER", "convergence_text", "middle", "note", "parameter_text", "render_table"]
@@ -115,7 +116,10 @@ def _summary(results: Sequence[Result]) -> list[str]:
     """Median and worst prediction error of each combination over all recordings."""
     recordings = len({result.recording for result in results})
     delays = [p.delay_s for p in next((row.predictions for row in results if row.predictions), ())]
-    lines = [f"All {recordings} recordings: median and worst", f"  {'law':<21}{'estimator':<21}{'one step':>20}"]
+    lines = [
+        f"{'All ' if recordings > 1 else ''}{plural(recordings, 'recording')}: median and worst",
+        f"  {'law':<21}{'estimator':<21}{'one step':>20}",
+    ]
     lines[-1] += "".join(f"{f'{delay:g} s':>22}" for delay in delays) + "  failed"
     for model, estimator in dict.fromkeys((result.model, result.estimator) for result in results):
         rows = [result for result in results if (result.model, result.estimator) == (model, estimator)]

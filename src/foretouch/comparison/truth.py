@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from foretouch.identification import LearntModel
 from foretouch.models import ContactModel, HuntCrossley, KelvinVoigt, MemorylessLaw, MotionFilter, advance
-from foretouch.quantities import Recording
+from foretouch.quantities import ByValue, Recording
 from foretouch.report import delayed
 
 __all__ = [
@@ -55,7 +55,7 @@ HOLDS: Final[dict[str, tuple[str, ...]]] = {
 
 
 @dataclass(frozen=True, eq=False)
-class Truth:
+class Truth(ByValue):
     """What is behind a simulated recording.
 
     Attributes:
@@ -121,7 +121,7 @@ def unforeseeable(time: Array, depth: Array, delay: float, changes: Sequence[flo
     Raises:
         SettingError: A delay below 0.
     """
-    reached = delayed(time, np.maximum.accumulate(np.maximum(depth, 0.0)), delay)
+    reached = np.nan_to_num(delayed(time, np.maximum.accumulate(np.maximum(depth, 0.0)), delay), nan=0.0)
     flags: Flags = (depth > 0.0) & (depth > reached)
     for change in changes:
         felt = _felt(time, depth, change)

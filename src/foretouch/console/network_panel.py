@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import time
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
@@ -16,6 +18,8 @@ __all__ = ["LONGEST_DELAY", "NetworkFaults", "NetworkPanel"]
 
 LONGEST_DELAY = 2.0
 """End of the sliders of delays [s]."""
+OWN = 2.0
+"""What a person sets, nobody sets otherwise for so long [s]: the session says it half a second later."""
 TRIP = Curve("Round trip: age of the answer", INK, 2.0)
 THERE = Curve("Lost on the way there", BLUE, 2.0)
 BACK = Curve("Lost on the way back", VERMILLION, 2.0, "dashed")
@@ -59,6 +63,7 @@ class NetworkPanel:
 
     def __init__(self, gui: Any, on_faults: Callable[[NetworkFaults], None]) -> None:
         self._on_faults = on_faults
+        self._moved = -math.inf
         self._sliders = {
             name: gui.add_slider(label, 0.0, end, step, 0.0, hint=hint)
             for name, (label, end, step, hint) in SLIDERS.items()
@@ -75,6 +80,8 @@ class NetworkPanel:
         Args:
             faults: By name, as in `NetworkFaults`.
         """
+        if time.monotonic() - self._moved < OWN:
+            return  # the session will say what it was told
         for name, value in faults.items():
             self._sliders[name].value = min(max(value, 0.0), SLIDERS[name][1])
 
@@ -98,4 +105,5 @@ class NetworkPanel:
 
     async def _slid(self, event: Any) -> None:
         if event.client is not None:  # None: the program set it
+            self._moved = time.monotonic()
             self._on_faults(NetworkFaults(**{name: float(slider.value) for name, slider in self._sliders.items()}))

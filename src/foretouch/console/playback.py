@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import bisect
 import math
+from collections.abc import Mapping
 from typing import TypeVar
 
 import numpy as np
@@ -14,7 +15,7 @@ from foretouch.console.space_playback import RecordedSpace
 from foretouch.console.watched import Watched
 from foretouch.console.window import NAN, Array, Window, empty_window, window_of
 from foretouch.errors import RecordingError
-from foretouch.messages import VERSION, LeaderState, SessionLog, Telemetry
+from foretouch.messages import VERSION, LeaderState, SessionLog, Telemetry, settings_at
 
 __all__ = ["Playback", "RecordedWatch"]
 
@@ -47,7 +48,7 @@ class RecordedWatch(Watched):
         self._leader, self._follower = stretch.leader, stretch.follower
         self._seconds: Array = (self._leader["time_ns"] - self._leader["time_ns"][0]) * 1e-9
         self.duration = float(self._seconds[-1])
-        self.settings = log.settings
+        self._stretch = stretch
         self.space = self._recorded_space = RecordedSpace(stretch)
         self._row_of = _rows_of(self._leader["telemetry_sequence"], self._follower["sequence"])
         self._columns = self._all_columns(stretch)
@@ -70,6 +71,7 @@ class RecordedWatch(Watched):
         self.leader = _message(LeaderState, self._leader[row])
         telemetry = int(self._row_of[row])
         self.telemetry = _message(Telemetry, self._follower[telemetry]) if telemetry >= 0 else None
+        self.settings = self._settings_at(row, telemetry)
         self.model = self._by_sequence.get(int(self._leader["model_sequence"][row]))
         self._recorded_space.go_to(self.leader.sequence, self.leader.telemetry_sequence)
 
@@ -97,6 +99,16 @@ class RecordedWatch(Watched):
         """Nothing: a recording has its losses in all, and not over time."""
         none = np.empty(0)
         return LossTrace(none, none, none)
+
+    def _settings_at(self, row: int, telemetry: int) -> Mapping[str, str]:
+        """What was set then: a network can be changed while a session runs."""
+        stretch = self._stretch
+        if not stretch.said:
+            return stretch.settings
+        leader = self._leader[row]
+        felt_ns = int(self._follower["time_ns"][max(telemetry, 0)]) if self._follower.size else None
+        run = int(self._follower["run"][0]) if self._follower.size else 0
+        return settings_at(stretch.said, int(leader["epoch"]), run, int(leader["time_ns"]), felt_ns)
 
     def _figures(self, sequence: int) -> ModelFigures | None:
         key = (sequence, self.model_depth)

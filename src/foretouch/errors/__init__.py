@@ -24,7 +24,7 @@ from collections.abc import Iterable
 from typing import Any
 
 from foretouch.errors.installing import install_command
-from foretouch.errors.printing import one_line, printable
+from foretouch.errors.printing import one_line, plural, printable, was_or_were
 
 __all__ = [
     "DatasetError",
@@ -41,7 +41,9 @@ __all__ = [
     "UnknownNameError",
     "install_command",
     "one_line",
+    "plural",
     "printable",
+    "was_or_were",
 ]
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-__all__ = ["one_line", "printable"]
+__all__ = ["one_line", "plural", "printable", "was_or_were"]
 
 LONGEST_LINE = 300
 """Characters of a text of others on a line of ours: it says what is wrong, and leaves room for where."""
@@ -38,3 +38,13 @@ def one_line(said: object, longest: int = LONGEST_LINE) -> str:
     except Exception:  # of another package
         return ""
     return printable(words[:longest])[:longest]
+
+
+def plural(count: int, one: str) -> str:
+    """A count with its noun: 1 tick, 2 ticks."""
+    return f"{count:,} {one}{'' if count == 1 else 's'}"
+
+
+def was_or_were(count: int) -> str:
+    """The verb behind a count: 1 message was dropped, 2 messages were."""
+    return "was" if count == 1 else "were"

@@ -97,4 +97,4 @@ class Estimator(ABC):
     @property
     @abstractmethod
     def standard_errors(self) -> dict[str, float | None] | None:
-        """Standard error of each of `parameters`, None where the estimator has none to give."""
+        """Standard error of each of `parameters`, None of one that is undetermined; None where it has none to give."""

@@ -247,21 +247,29 @@ class _ExactFilter(Estimator):
         A strength is undetermined while its standard error is larger than itself, an exponent while its standard error
         is above 0.25.
         """
-        model, errors = self.model, self.standard_errors
-        if model is None or errors is None:
+        model = self.model
+        if model is None:
             return {}
+        errors = self._errors()
         found: dict[str, float | None] = {}
         for name, value in zip(model.parameter_names, model.parameters, strict=True):
             limit = LARGEST_EXPONENT_ERROR if name in ("exponent", "switching") else value
-            error = errors[name]
-            found[name] = value if error is not None and error <= limit else None
+            found[name] = value if errors[name] <= limit else None
         return found
 
     @property
     def standard_errors(self) -> dict[str, float | None] | None:
-        """Of the law's numbers by name, by the delta method from P; None before there is a model."""
+        """Of the law's numbers by name, by the delta method from P; None before there is a model.
+
+        What is undetermined has none: the delta method is of small errors.
+        """
         if self.model is None:
             return None
+        known, errors = self.parameters, self._errors()
+        return {name: None if value is None else errors[name] for name, value in known.items()}
+
+    def _errors(self) -> dict[str, float]:
+        """Of all the law's numbers."""
         elastic, viscous, s, alpha, _ = self._theta.tolist()
         sensitivities = np.array(self._law.sensitivities(elastic, viscous, s, alpha, float(self._memory[REFERENCE])))
         variances = np.diag(sensitivities @ self._covariance[:4, :4] @ sensitivities.T)

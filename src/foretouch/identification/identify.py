@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from foretouch.errors import RecordingError
+from foretouch.errors import RecordingError, plural
 from foretouch.identification.learner import Learner
 from foretouch.identification.learner_run import RawSamples, run_by_sample
 from foretouch.models import ContactModel
@@ -98,7 +98,7 @@ def identify(recording: Recording, learner: Learner, *, keep_history: bool = Fal
     if contacts < FEWEST_CONTACT_SAMPLES:
         raise RecordingError(
             recording.name,
-            f"{contacts} samples in contact, at least {FEWEST_CONTACT_SAMPLES} are needed to identify a model",
+            f"{plural(contacts, 'sample')} in contact, at least {FEWEST_CONTACT_SAMPLES} are needed for a model",
         )
     if model is None:
         raise RecordingError(recording.name, f"{estimator.name} found no model: {learner.learnt().reason}")

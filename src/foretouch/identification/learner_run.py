@@ -14,6 +14,7 @@ from foretouch.errors import InputError
 from foretouch.identification.conditioning import ContactSample
 from foretouch.identification.contact_map import ContactMapBank
 from foretouch.models import advance
+from foretouch.quantities import ByValue
 
 if TYPE_CHECKING:
     from foretouch.identification.learner import Learner
@@ -27,7 +28,7 @@ BLOCK = 1 << 15
 
 
 @dataclass(frozen=True, eq=False)
-class LearnerRun:
+class LearnerRun(ByValue):
     """What a learner made of the samples of a recording.
 
     Attributes:

@@ -17,6 +17,7 @@ from foretouch.identification.fprls_batch import (
 )
 from foretouch.identification.fprls_lanes import COUNTS, RESULT_SIZE
 from foretouch.identification.fprls_layout import RESIDUALS, full_covariance
+from foretouch.quantities import ByValue
 
 __all__ = [
     "STATUSES",
@@ -38,7 +39,7 @@ STATUSES = (Status.LEARNT, Status.FREE_AIR, Status.UNUSABLE, Status.GATED, Statu
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class LinearRun:
+class LinearRun(ByValue):
     """What a linear estimator made of one recording of m samples.
 
     Attributes:
@@ -64,7 +65,7 @@ class LinearRun:
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class LinearRuns:
+class LinearRuns(ByValue):
     """What a linear estimator made of n recordings of m samples.
 
     Attributes:

@@ -9,11 +9,12 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from foretouch.errors import InputError
+from foretouch.errors import InputError, plural
 from foretouch.identification.conditioning import ContactSample
 from foretouch.identification.estimator import Estimator, Status
 from foretouch.identification.exact_law import REFERENCE_TIME, ExactLaw, exact_law
 from foretouch.models import ContactModel
+from foretouch.quantities import ByValue
 
 __all__ = [
     "FEWEST_SAMPLES",
@@ -48,7 +49,7 @@ UNIFORM_INFORMATION = 12.0
 
 
 @dataclass(frozen=True, eq=False)
-class OfflineFit:
+class OfflineFit(ByValue):
     """A law fitted to whole arrays.
 
     Attributes:
@@ -100,9 +101,8 @@ def fit_offline(
         raise InputError("depth, velocity and force must be finite: leave the other samples out")
     inside = x > 0.0
     if inside.sum() < FEWEST_SAMPLES or not f[inside].max() > 0.0:
-        raise InputError(
-            f"{int(inside.sum())} samples inside the surface: at least {FEWEST_SAMPLES}, with force, are needed"
-        )
+        there = plural(int(inside.sum()), "sample")
+        raise InputError(f"{there} inside the surface: at least {FEWEST_SAMPLES}, with force, are needed")
     return _Problem(family, x[inside], v[inside], f[inside]).fit(inside, f)
 
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from foretouch.identification.learner import Learner, LearntModel
 from foretouch.models import Predictor
 from foretouch.models.checks import require
-from foretouch.quantities import Columns, Recording
+from foretouch.quantities import ByValue, Columns, Recording
 
 __all__ = ["TIME_TOLERANCE", "Motion", "PredictedForce", "predict", "predict_motion"]
 
@@ -24,7 +24,7 @@ TIME_TOLERANCE = 1e-7
 
 
 @dataclass(frozen=True)
-class Motion:
+class Motion(ByValue):
     """The operator's motion, where it is another one than the probe's, and when models reached the operator.
 
     Attributes:

@@ -7,11 +7,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from foretouch.errors import RecordingError
+from foretouch.errors import RecordingError, plural
 from foretouch.identification.conditioning import Conditioner
 from foretouch.identification.sensor_lag import LONGEST_LAG, SensorLag
 from foretouch.models.checks import require
-from foretouch.quantities import Recording, SensorCalibration
+from foretouch.quantities import ByValue, Recording, SensorCalibration
 
 __all__ = ["SeriesCompliance", "correct_recording", "find_sensor_lag", "fit_series_compliance"]
 
@@ -34,7 +34,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
-class SeriesCompliance:
+class SeriesCompliance(ByValue):
     """What presses on a rigid block tell.
 
     Attributes:
@@ -94,7 +94,7 @@ def fit_series_compliance(recording: Recording, *, sensor_lag: float = 0.0) -> S
         if int(part.sum()) < FEWEST_SAMPLES:
             raise RecordingError(
                 recording.name,
-                f"{int(part.sum())} samples while {name} above {floor:.3g} N, at least {FEWEST_SAMPLES} are needed: "
+                f"{plural(int(part.sum()), 'sample')} while {name} above {floor:.3g} N, not {FEWEST_SAMPLES} or more: "
                 "press the block slowly, several times, and leave it in between",
             )
     return _fit(recording, force, taken, loading, floor, offset)

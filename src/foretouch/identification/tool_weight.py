@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from foretouch.errors import InputError
+from foretouch.errors import InputError, plural
+from foretouch.quantities import ByValue
 
 __all__ = ["FEWEST_POSES", "LEAST_SPREAD", "ToolWeight", "fit_tool_weight"]
 
@@ -25,7 +26,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
-class ToolWeight:
+class ToolWeight(ByValue):
     """What static poses tell. Arrays of three are in the sensor's frame.
 
     Attributes:
@@ -146,7 +147,8 @@ def _require_directions(directions: Array, poses: int) -> Array:
         )
     if poses < FEWEST_POSES:
         more = f"; so far gravity hardly turns towards {missing}" if missing else ""
-        raise InputError(f"{poses} poses that differ by more than 6 degrees: at least {FEWEST_POSES} are needed{more}")
+        there = f"{plural(poses, 'pose')} that differ by more than 6 degrees"
+        raise InputError(f"{there}: at least {FEWEST_POSES} are needed{more}")
     return spread
 
 

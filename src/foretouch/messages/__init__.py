@@ -6,7 +6,8 @@ msgpack bytes and back, strictly.
 
 from foretouch.messages.channels import CHANNELS, Channel
 from foretouch.messages.codec import LARGEST_MESSAGE, as_printed, decode, encode, foreign_speaker
-from foretouch.messages.hellos import COUNT_PREFIX, NEWS, PROCESS, Hellos, split_texts
+from foretouch.messages.hellos import COUNT_PREFIX, NEWS, PROCESS, SINCE, Hellos, split_texts
+from foretouch.messages.said import Said, settings_at
 from foretouch.messages.schema import (
     SIDES,
     SPEAKERS,
@@ -47,6 +48,7 @@ __all__ = [
     "NEWS",
     "PROCESS",
     "SIDES",
+    "SINCE",
     "SPEAKERS",
     "STATUS_SENTENCES",
     "VERSION",
@@ -65,6 +67,7 @@ __all__ = [
     "LeaderState",
     "Message",
     "ModelUpdate",
+    "Said",
     "SessionLog",
     "SessionRows",
     "Settings",
@@ -76,5 +79,6 @@ __all__ = [
     "decode",
     "encode",
     "foreign_speaker",
+    "settings_at",
     "split_texts",
 ]

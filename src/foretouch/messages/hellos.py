@@ -4,15 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from foretouch.messages.schema import SPEAKERS, Hello
+from foretouch.messages.said import Said
+from foretouch.messages.schema import SIDES, SPEAKERS, Hello
 
-__all__ = ["COUNT_PREFIX", "NEWS", "PROCESS", "Hellos", "split_texts"]
+__all__ = ["COUNT_PREFIX", "NEWS", "PROCESS", "SINCE", "Hellos", "split_texts"]
 
 COUNT_PREFIX = "count_"
 """Begins the names of counters among the texts of a `Hello`."""
 
 PROCESS = "process"
 """Name of the text that tells the processes of a side apart: the epoch of each."""
+
+SINCE = "settings_since_ns"
+"""Name of the text that says since when a process has the settings that it says, by its own clock [ns]; one that has
+changed none does not say it."""
 
 NEWS = ("control", "contest", "trouble", "stopped")
 """Texts that change while a session runs: who holds control and who else would, what is not as it should be, and why it
@@ -28,6 +33,9 @@ MOST_PROCESSES, MOST_NEWS = 64, 64
 """So many processes of each role and so many different news are remembered: who says hello without end fills nothing,
 and takes nobody's place."""
 
+MOST_CHANGES = 256
+"""So many changes of settings are remembered of each role: of a slider that is drawn to and fro for two minutes."""
+
 
 def split_texts(texts: Mapping[str, str]) -> tuple[dict[str, str], dict[str, int]]:
     """The settings and the counters among the texts of a `Hello`."""
@@ -36,7 +44,7 @@ def split_texts(texts: Mapping[str, str]) -> tuple[dict[str, str], dict[str, int
         for name, value in texts.items()
         if name.startswith(COUNT_PREFIX) and value.isascii() and value.isdigit() and len(value) < 20
     }
-    others = (PROCESS, *NEWS)
+    others = (PROCESS, SINCE, *NEWS)
     return {
         name: value for name, value in texts.items() if not name.startswith(COUNT_PREFIX) and name not in others
     }, counts
@@ -54,6 +62,7 @@ class Hellos:
 
     def __init__(self) -> None:
         self._settings: dict[str, dict[str, str]] = {}
+        self._said: dict[str, list[Said]] = {role: [] for role in ROLES}
         self.news: dict[str, tuple[str, ...]] = {}
         self._counts: dict[str, dict[str, dict[str, int]]] = {role: {} for role in ROLES}
 
@@ -65,6 +74,7 @@ class Hellos:
             return
         self._settings.pop(hello.role, None)  # who spoke last stands last
         self._settings[hello.role] = settings
+        self._remember(hello, settings)
         processes, process = self._counts[hello.role], texts.get(PROCESS, "")
         if process in processes or len(processes) < MOST_PROCESSES:
             processes[process] = counts
@@ -72,6 +82,25 @@ class Hellos:
             said, known = texts.get(name), self.news.get(name, ())
             if said and said not in known and len(known) < MOST_NEWS:
                 self.news[name] = (*known, said)
+
+    def _remember(self, hello: Hello, settings: dict[str, str]) -> None:
+        """Remember what a side's process says from when on, and of any other role what it said last."""
+        said, process = self._said[hello.role], _number(hello.texts.get(PROCESS, ""))
+        if hello.role not in SIDES:
+            said[:] = [Said(hello.role, process, 0, settings)]
+            return
+        before = next((one for one in reversed(said) if one.process == process), None)
+        if before is not None and before.settings == settings:
+            return
+        since = 0 if before is None else _number(hello.texts.get(SINCE, "")) or hello.time_ns
+        if len(said) >= MOST_CHANGES:
+            said.pop()
+        said.append(Said(hello.role, process, since, settings))
+
+    @property
+    def said(self) -> tuple[Said, ...]:
+        """What each process said of the settings, and from when on."""
+        return tuple(one for said in self._said.values() for one in said)
 
     @property
     def settings(self) -> dict[str, str]:
@@ -86,3 +115,8 @@ class Hellos:
             for name, count in counts.items():
                 total[name] = total.get(name, 0) + count
         return total
+
+
+def _number(text: str) -> int:
+    """A whole number that fits a message; 0 for any other text."""
+    return int(text) if text.isascii() and text.isdigit() and len(text) < 20 else 0

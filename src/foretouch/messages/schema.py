@@ -13,6 +13,8 @@ from typing import Annotated
 
 import msgspec
 
+from foretouch.quantities import brief_text
+
 __all__ = [
     "STATUS_SENTENCES",
     "VERSION",
@@ -97,6 +99,10 @@ class Message(msgspec.Struct, frozen=True, array_like=True, forbid_unknown_field
     version: Count
     sequence: Count
     time_ns: Count
+
+    def __repr__(self) -> str:
+        """In at most ten lines, however much a map or an image holds."""
+        return brief_text(type(self).__name__, zip(self.__struct_fields__, msgspec.structs.astuple(self), strict=True))
 
 
 class Command(Message, frozen=True, array_like=True, gc=False):

@@ -10,10 +10,11 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from foretouch.messages.said import Said
 from foretouch.messages.schema import EmergencyStop, LeaderState, Message, ModelUpdate, Telemetry
 from foretouch.messages.spatial import CameraImage, FieldUpdate, FixtureBelief, FollowerSpace, LeaderSpace
-from foretouch.messages.stretches import side_seconds, split_session
-from foretouch.quantities import Columns
+from foretouch.messages.stretches import side_seconds, split_by_settings, split_session
+from foretouch.quantities import ByValue, Columns
 
 __all__ = [
     "FOLLOWER_DTYPE",
@@ -76,7 +77,7 @@ def as_row(message: Message) -> tuple[object, ...]:
 
 
 @dataclass(frozen=True)
-class SessionRows:
+class SessionRows(ByValue):
     """One row per command sequence number that the follower applied: the first tick that applied it.
 
     All arrays have the same length and are ordered by command sequence, stretch by stretch (`SessionLog.stretches`).
@@ -100,7 +101,8 @@ class SessionLog(Columns):
         leader: One row per `LeaderState`, structured as `LEADER_DTYPE`.
         follower: One row per `Telemetry`, structured as `FOLLOWER_DTYPE`.
         models: Every `ModelUpdate`, by the follower's process and in order of sequence.
-        settings: The session's settings as text, from the `Hello` messages.
+        settings: The session's settings as text, as they were said last in the `Hello` messages; of a stretch those
+            that its own two processes said last, of a phase those of all of it.
         counts: Counters of both sides at the end, for example ``"undecodable"``, summed over the processes of each.
         emergencies: Every `EmergencyStop`.
         news: What the sides said of themselves while it lasted, by name of `foretouch.messages.NEWS`: each text once.
@@ -109,6 +111,7 @@ class SessionLog(Columns):
         fields: Every `FieldUpdate`.
         images: Every `CameraImage`.
         beliefs: Every `FixtureBelief`.
+        said: What each process said of the settings, and from when on.
     """
 
     leader: NDArray[np.void]
@@ -123,6 +126,7 @@ class SessionLog(Columns):
     fields: tuple[FieldUpdate, ...] = ()
     images: tuple[CameraImage, ...] = ()
     beliefs: tuple[FixtureBelief, ...] = ()
+    said: tuple[Said, ...] = ()
 
     @classmethod
     def from_messages(
@@ -161,19 +165,29 @@ class SessionLog(Columns):
         after it was left alone, to the one that was. A leader that the follower does not obey has a stretch of its own.
 
         Returns:
-            Logs with the rows and models of each, in the order in which they began; what is not said tick by tick is in
-            all of them. A session without a restart is its own only stretch.
+            Logs with the rows, models and settings of each, in the order in which they began; what else is not said
+            tick by tick is in all of them. A session without a restart is its own only stretch.
         """
         return split_session(self)
 
     def longest(self) -> SessionLog:
         """That stretch in which both sides were there longest."""
+        return max(self.stretches(), key=_seconds_together)
 
-        def together(stretch: SessionLog) -> tuple[float, float]:
-            sides = side_seconds(stretch.leader), side_seconds(stretch.follower)
-            return min(sides), max(sides)
+    def phases(self) -> tuple[SessionLog, ...]:
+        """The parts of all stretches in which no setting changed: a network can change while the same processes go on.
 
-        return max(self.stretches(), key=together)
+        A stretch is cut at a command: what was sent before a change belongs to what was before. Changes of both sides
+        within a second are one.
+
+        Returns:
+            Logs as of `stretches`, in time; each has the settings that held in all of it.
+        """
+        return tuple(phase for stretch in self.stretches() for phase in split_by_settings(stretch))
+
+    def longest_phase(self) -> SessionLog:
+        """That part without a change of any setting in which both sides were there longest."""
+        return max(self.phases(), key=_seconds_together)
 
     def columns(self) -> dict[str, NDArray[Any]]:
         """Forces and positions at equal command: what the leader did in a tick, and what the robot then felt of it.
@@ -203,6 +217,12 @@ def believable(follower: NDArray[np.void]) -> NDArray[np.bool_]:
     """Which of these rows of `SessionLog.follower` hold samples that sensors meant: valid, and finite."""
     finite = np.isfinite(follower["sensor_force"]) & np.isfinite(follower["position"])
     return np.asarray((follower["validity"] == 0) & finite)
+
+
+def _seconds_together(log: SessionLog) -> tuple[float, float]:
+    """How long both sides were there, and then how long one was [s]."""
+    sides = side_seconds(log.leader), side_seconds(log.follower)
+    return min(sides), max(sides)
 
 
 def in_order(models: list[ModelUpdate]) -> tuple[ModelUpdate, ...]:

@@ -14,12 +14,13 @@ from numpy.typing import NDArray
 from foretouch.errors import SettingError
 from foretouch.models.checks import require
 from foretouch.models.contact_model import ContactModel, ContactState
+from foretouch.quantities import Brief
 
 __all__ = ["ContactMap"]
 
 
 @dataclass(frozen=True, slots=True)
-class ContactMap(ContactModel):
+class ContactMap(Brief, ContactModel):
     r"""What was learnt of a material that is none of the laws: three experts in shares.
 
     .. math::

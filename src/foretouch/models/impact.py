@@ -15,6 +15,7 @@ from foretouch.errors import SettingError
 from foretouch.models.checks import require
 from foretouch.models.contact_model import NO_STATE, ContactModel
 from foretouch.models.memoryless_law import MemorylessLaw
+from foretouch.quantities import Brief
 
 __all__ = ["Impact", "integrate_impact"]
 
@@ -34,7 +35,7 @@ _PERIOD = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
-class Impact:
+class Impact(Brief):
     """One impact, from first touch to separation: the arrays of the paper's Figs. 2 and 3, and the sums.
 
     Attributes:

@@ -29,6 +29,7 @@ from foretouch.errors import SettingError
 from foretouch.models.checks import require
 from foretouch.models.linearised import LinearisedContinuousSwitching
 from foretouch.models.memoryless_law import MemorylessLaw
+from foretouch.quantities import Brief
 
 __all__ = [
     "TABLE_1",
@@ -77,7 +78,7 @@ class PolynomialFit:
 
 
 @dataclass(frozen=True, eq=False)
-class LinearisationError:
+class LinearisationError(Brief):
     """Force of (18) less force of (15), and which step of the linearisation it comes from; NaN where (15) has no value.
 
     Attributes:

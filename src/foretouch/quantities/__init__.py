@@ -1,16 +1,19 @@
 """What is measured: one table of names, units and signs, and the recording that holds the samples."""
 
+from foretouch.quantities.brief import Brief, ByValue, brief_text
 from foretouch.quantities.columns import Columns, as_frame, new_figure
 from foretouch.quantities.frame import Frame
 from foretouch.quantities.pose import Pose, cross_matrix
 from foretouch.quantities.recording import LARGEST_POSITION, Recording
 from foretouch.quantities.sensor_calibration import STANDARD_GRAVITY, SensorCalibration
-from foretouch.quantities.table import QUANTITIES, Quantity
+from foretouch.quantities.table import QUANTITIES, Quantity, parameter_unit
 
 __all__ = [
     "LARGEST_POSITION",
     "QUANTITIES",
     "STANDARD_GRAVITY",
+    "Brief",
+    "ByValue",
     "Columns",
     "Frame",
     "Pose",
@@ -18,6 +21,8 @@ __all__ = [
     "Recording",
     "SensorCalibration",
     "as_frame",
+    "brief_text",
     "cross_matrix",
     "new_figure",
+    "parameter_unit",
 ]

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foretouch.errors import MissingExtraError, UnknownNameError
+from foretouch.quantities.brief import ByValue
 from foretouch.quantities.table import QUANTITIES
 
 if TYPE_CHECKING:
@@ -35,7 +36,7 @@ UNITS = {
 """By the end of a column's name, after the last underline but for velocities and accelerations."""
 
 
-class Columns:
+class Columns(ByValue):
     """A result with columns of equal length, the time among them: one row a sample.
 
     Names end in their unit: ``time_s``, ``position_m``, ``velocity_m_s``, ``force_N``; other numbers have none.

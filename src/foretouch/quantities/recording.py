@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from foretouch.errors import RecordingError
+from foretouch.errors import RecordingError, plural
 from foretouch.quantities.columns import Columns
 
 __all__ = ["LARGEST_POSITION", "Recording"]
@@ -60,7 +60,7 @@ class Recording(Columns):
             if array.ndim != 1 or array.size != length:
                 raise RecordingError(self.name, f"{label} has shape {array.shape}, time has {length} samples")
             if length < 2:
-                raise RecordingError(self.name, f"{length} samples: at least 2 are needed")
+                raise RecordingError(self.name, f"{plural(length, 'sample')}: at least 2 are needed")
             self._refuse(~np.isfinite(array), array, f"{label} is {{}}: every value must be finite")
             object.__setattr__(self, label, array)
             array.flags.writeable = False

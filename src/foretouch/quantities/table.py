@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
-__all__ = ["QUANTITIES", "Quantity"]
+__all__ = ["QUANTITIES", "Quantity", "parameter_unit"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,6 +35,8 @@ QUANTITIES: tuple[Quantity, ...] = (
     Quantity("force_offset", "", "N", "what the sensor shows in free air"),
     Quantity("stiffness", "k", "N/m^s", "of the power law; comparable only at equal exponent s = n + alpha"),
     Quantity("damping", "λ", "N s/m^(n+1)", "of the contact law; N s/m for Kelvin-Voigt"),
+    Quantity("stiffening", "", "N/m^2", "of the quadratic law: how its stiffness grows with depth"),
+    Quantity("threshold", "", "N/m", "stiffness from which on threshold switching takes Kelvin-Voigt"),
     Quantity("exponent", "n", "1", "of depth in the damping term"),
     Quantity("switching", "α", "1", "0 is Hunt-Crossley, 1 with n = 0 is Kelvin-Voigt"),
     Quantity("s", "s", "1", "exponent of depth in the elastic term, n + alpha"),
@@ -47,3 +50,20 @@ QUANTITIES: tuple[Quantity, ...] = (
     Quantity("sample_period", "", "s", "between two ticks of a loop"),
 )
 """The table."""
+
+
+def parameter_unit(name: str, names: Iterable[str]) -> str:
+    """Unit of one of a law's numbers, "" where it has none or is not known here.
+
+    Args:
+        name: Of the number; one of two laws begins with its law's name, as ``kelvin_voigt_stiffness``.
+        names: Of all numbers of the law: without an exponent among them its strengths have plain units.
+    """
+    law, _, short = name.rpartition("voigt_" if "voigt_" in name else "crossley_")
+    names = set(names)
+    if law.startswith("kelvin") or not names & {"exponent", "s", "hunt_crossley_exponent"}:
+        plain = {"stiffness": "N/m", "damping": "N s/m^2" if "stiffening" in names else "N s/m"}
+        if short in plain:
+            return plain[short]
+    unit = next((quantity.unit for quantity in QUANTITIES if quantity.name == short), "")
+    return "" if unit == "1" else unit

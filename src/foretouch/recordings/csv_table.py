@@ -3,8 +3,8 @@
 Two ways with one result: pyarrow's, a few seconds for an hour at 1 kHz, and where that finds anything out of order (or
 is not installed) a careful one, line by line, which knows the row that is to blame.
 
-Columns are separated by commas, semicolons or tabs, whichever the header has most of; beside the latter two a comma in
-a number is its decimal point, as spreadsheets of many countries write.
+Columns are separated by commas, semicolons or tabs, whichever the header has most of, or by single spaces; beside all
+but commas a comma in a number is its decimal point, as spreadsheets of many countries write.
 
 Remarks (``#`` or ``%``) may stand above the header, or be it, as NumPy's ``savetxt`` writes; a row of units may stand
 below it, as testing machines write. They also write lines on the sample above it, with one or two cells each: these are
@@ -13,6 +13,7 @@ passed over where a header of three columns or more comes within 50 lines, with 
 
 from __future__ import annotations
 
+import contextlib
 import csv
 import re
 from collections.abc import Iterator, Sequence
@@ -94,11 +95,15 @@ class CsvTable(Table):
         self._header_row, self.first_row = top.row, top.lines + 1
         if top.passed_over:
             self.notes = (f"the columns are named in line {top.row}; {top.passed_over} lines above are passed over",)
-        self.columns = tuple(Column(name, "text", unit=unit) for name, unit in zip(top.names, top.units, strict=True))
-        self._decimal = "."
-        if self._separator != ",":
-            cells = (cell for _, row in islice(self._rows(), LOOKED_AT) for cell in row)
-            self._decimal = "," if any(_DECIMAL_COMMA.match(cell) for cell in cells) else "."
+        rows: list[list[str]] = []
+        with contextlib.suppress(RecordingError):  # whoever reads the whole says what is wrong
+            rows = [row for _, row in islice(self._rows(), LOOKED_AT)]
+        comma = self._separator != "," and any(_DECIMAL_COMMA.match(cell) for row in rows for cell in row)
+        self._decimal = "," if comma else "."
+        kinds = [_kind([row[place] for row in rows if place < len(row)]) for place in range(len(top.names))]
+        self.columns = tuple(
+            Column(name, kind, unit=unit) for name, kind, unit in zip(top.names, kinds, top.units, strict=True)
+        )
 
     def _top(self) -> _Top:
         with Path(self.path).open(encoding=self._encoding, errors="replace", newline="") as file:
@@ -110,6 +115,8 @@ class CsvTable(Table):
             if not line:
                 raise RecordingError(self.path, "has no header where the first line has to name the columns", row=1)
             below = [self._line(file, lines + 1)]
+            if _filled(line) < FEWEST and _by_spaces(line, below[0]):
+                return _Top(" ", _cells(line.strip(), " "), [""] * len(line.split()), lines, lines)
             if _filled(line) < FEWEST:
                 below += [self._line(file, lines + 1 + more) for more in range(1, LOOKED_AT)]
                 found = _under_a_preamble(lines + 1, below)
@@ -219,6 +226,12 @@ def _header(separator: str, names: list[str], below: str, row: int) -> _Top:
     return _Top(separator, names, [""] * len(names), row, row)
 
 
+def _by_spaces(line: str, below: str) -> bool:
+    """Whether single spaces separate the names in a line, and the numbers in the one below, as UR's clients write."""
+    names, numbers = line.strip().split(" "), below.strip().split(" ")
+    return len(names) == len(numbers) >= FEWEST and all(names) and all(map(_is_number, numbers))
+
+
 def _under_a_preamble(first: int, lines: list[str]) -> _Top | None:
     """The header below lines of fewer columns: names, perhaps units, and then as many cells with numbers among them.
 
@@ -246,6 +259,12 @@ def _filled(line: str) -> int:
 
 def _cells(line: str, separator: str) -> list[str]:
     return [cell.strip() for cell in next(csv.reader([line], delimiter=separator), [])]
+
+
+def _kind(cells: list[str]) -> str:
+    """Type of a column by its first values: numbers, unless one of them is a word."""
+    filled = [cell for cell in cells if cell.strip()]
+    return "number" if filled and all(map(_is_number, filled)) else "text"
 
 
 def _is_number(text: str) -> bool:

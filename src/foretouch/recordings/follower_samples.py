@@ -11,12 +11,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from foretouch.errors import RecordingError
+from foretouch.errors import RecordingError, plural
 from foretouch.files import within_budget
 from foretouch.messages import SessionLog
 from foretouch.messages.session_log import believable
 from foretouch.messages.stretches import side_seconds
-from foretouch.quantities import Recording
+from foretouch.quantities import ByValue, Recording
 from foretouch.recordings.output import atomic_path
 from foretouch.recordings.session_reader import read_samples
 
@@ -34,7 +34,7 @@ _COLUMNS = ("time", "position", "force", "faults", "fault_counts")
 
 
 @dataclass(frozen=True, eq=False)
-class FollowerSamples:
+class FollowerSamples(ByValue):
     """The samples of the follower's process of the longest stretch (`SessionLog.longest`), and what is not among them.
 
     Attributes:
@@ -124,7 +124,8 @@ def read_follower(path: str | PathLike[str], *, flip: bool = False) -> Recording
     samples = read_follower_samples(path)
     if samples.time.size < 2:
         without = " with sensors that could be believed" if samples.faults.size else ""
-        raise RecordingError(path, f"{samples.time.size} samples of the follower{without}: at least 2 are needed")
+        there = plural(samples.time.size, "sample")
+        raise RecordingError(path, f"{there} of the follower{without}: at least 2 are needed")
     position = -samples.position if flip else samples.position
     return Recording(samples.time, position, samples.force, name=str(path))
 

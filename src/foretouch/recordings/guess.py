@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import msgspec
 
 from foretouch.errors import RecordingError
-from foretouch.recordings.column_names import FORCE, POSITION, TIME, VELOCITY, name_says, rank
+from foretouch.recordings.column_names import FORCE, POSITION, TIME, VELOCITY, Named, name_says, rank
 from foretouch.recordings.mapping import (
     FORCES,
     LENGTHS,
@@ -23,6 +23,7 @@ from foretouch.recordings.mapping import (
     mapping_text,
     parse_mapping,
 )
+from foretouch.recordings.robot_names import robot_column
 from foretouch.recordings.source import Bag, Column, Table, listed
 from foretouch.recordings.topic_choice import axis_note, choose_topic
 
@@ -91,19 +92,19 @@ class Guess:
         check_mapping(self.path, mapping)
         return mapping
 
-    def in_units(self, position_unit: str, force_unit: str, flip: bool) -> Guess:
+    def in_units(self, position_unit: str | None, force_unit: str | None, flip: bool) -> Guess:
         """The same with units where the file states none, and with positions turned round.
 
         Args:
-            position_unit: ``"m"`` says nothing, as it is the default of the option.
-            force_unit: ``"N"`` says nothing.
+            position_unit: None where nobody has said it.
+            force_unit: Likewise.
             flip: Whether positions shrink with depth.
 
         Raises:
             RecordingError: The file states another unit.
         """
-        position = self._with(self.position, "position", position_unit, "m")
-        force = self._with(self.force, "force", force_unit, "N")
+        position = self._with(self.position, "position", position_unit)
+        force = self._with(self.force, "force", force_unit)
         if flip and position is not None:
             position = msgspec.structs.replace(position, sign=-1 if position.sign == 1 else 1)
         stated = self.stated
@@ -111,8 +112,8 @@ class Guess:
             stated = msgspec.structs.replace(stated, position=position, force=force)
         return replace(self, position=position, force=force, stated=stated)
 
-    def _with(self, signal: Signal | None, name: str, unit: str, unsaid: str) -> Signal | None:
-        if signal is None or unit == unsaid:
+    def _with(self, signal: Signal | None, name: str, unit: str | None) -> Signal | None:
+        if signal is None or unit is None:
             return signal
         if signal.unit not in (UNKNOWN, unit):
             problem = f"{name} {signal.place} is in {signal.unit}: leave --{name}-unit out, or give a --map"
@@ -164,7 +165,7 @@ def _of_table(table: Table) -> Guess:
     candidates: dict[str, tuple[str, ...]] = {}
     found: dict[str, tuple[str, str]] = {}
     for quantity in (TIME, POSITION, FORCE):
-        ranked = {column.name: rank(quantity, named[column.name]) for column in table.columns}
+        ranked = {column.name: _rank(quantity, column.name, named[column.name]) for column in table.columns}
         best = max((score for score, _ in ranked.values()), default=0.0)
         names = [name for name, (score, _) in ranked.items() if score == best and best > 0.0]
         if len(names) == 1:
@@ -188,10 +189,30 @@ def _of_table(table: Table) -> Guess:
         Signal(column=found[name][0], unit=found[name][1] or UNKNOWN) if name in found else None
         for name in (POSITION, FORCE)
     )
-    velocity = _velocity(table.columns, position)
+    velocity, notes = _velocity(table.columns, position), _frame_notes(position, force)
     return Guess(
-        table.path, TimeSource(column=time, unit=unit), position, force, velocity, tuple(problems), (), candidates
+        table.path, TimeSource(column=time, unit=unit), position, force, velocity, tuple(problems), notes, candidates
     )  # fmt: skip
+
+
+def _rank(quantity: str, column: str, named: Named) -> tuple[float, str]:
+    """How well a column fits a quantity, by its words or because a robot's interface always names it so; its unit."""
+    known = robot_column(column)
+    if known is None:
+        return rank(quantity, named)
+    return (known.rank, known.unit) if known.quantity == quantity else (0.0, "")
+
+
+def _frame_notes(*signals: Signal | None) -> tuple[str, ...]:
+    """Of columns that robots name: what they are, and in which frame."""
+    notes = []
+    for signal in signals:
+        known = None if signal is None else robot_column(signal.column)
+        if signal is not None and known is not None:
+            x, y, _ = known.axes
+            place = f"{signal.column} is taken for {known.quantity}: {known.said}"
+            notes.append(f"{place}, z; numbers {x} and {y} are x and y (--map takes them)")
+    return tuple(notes)
 
 
 def _velocity(columns: tuple[Column, ...], position: Signal | None) -> Velocity | None:

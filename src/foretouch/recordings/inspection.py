@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from foretouch.errors import RecordingError
 from foretouch.files import within_budget
-from foretouch.quantities import Recording
+from foretouch.quantities import Brief, Recording
 from foretouch.recordings.aurora_ddf import CONTACT_FLOOR as AURORA_FLOOR
 from foretouch.recordings.aurora_ddf import read_aurora
 from foretouch.recordings.column_names import name_says
@@ -35,7 +35,7 @@ LONG_LOOK = 2**28
 
 
 @dataclass(frozen=True)
-class Contents:
+class Contents(Brief):
     """What is in a file.
 
     Attributes:

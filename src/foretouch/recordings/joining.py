@@ -7,7 +7,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from foretouch.errors import RecordingError
+from foretouch.errors import RecordingError, plural
 from foretouch.recordings.source import Series
 
 __all__ = ["CLOCKS_AGREE", "Clocks", "Joined", "at_force_times", "clock_of", "clocks_of", "in_time"]
@@ -158,8 +158,8 @@ def in_time(topic: str, times: Times, columns: dict[str, Array]) -> tuple[Times,
     first = np.concatenate(([True], np.diff(times) > 0))
     columns = {name: column[order][first] for name, column in columns.items()}
     turned, double = int((step < 0).sum()), int((~first).sum())
-    said = [f"{turned} messages stand before earlier ones and were put in order"] if turned else []
-    said += [f"{double} messages with the time of the one before are left out"] if double else []
+    said = [f"{plural(turned, 'message')} out of order, put back into it"] if turned else []
+    said += [f"{plural(double, 'message')} with the time of the one before, left out"] if double else []
     return times[first], columns, [f"{topic}: {' and '.join(said)}"]
 
 

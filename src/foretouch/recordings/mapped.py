@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from foretouch.errors import RecordingError
+from foretouch.errors import RecordingError, plural, was_or_were
 from foretouch.quantities import Recording
 from foretouch.recordings.joining import at_force_times, clock_of, in_time
 from foretouch.recordings.mapping import FORCES, LENGTHS, TIMES, Mapping, to_si
@@ -90,7 +90,9 @@ def _of_bag(bag: Bag, mapping: Mapping) -> tuple[Recording, list[str]]:
     for one in series:
         _require_finite(bag, one)
     notes = [
-        f"{one.left_out} messages of {one.topic} without these fields are left out" for one in series if one.left_out
+        f"{plural(one.left_out, 'message')} of {one.topic} without these fields {was_or_were(one.left_out)} left out"
+        for one in series
+        if one.left_out
     ]
     times, said = clock_of(bag.path, series, time.stamp)
     notes += said

@@ -51,8 +51,8 @@ class Read(NamedTuple):
 def read_recording(
     path: str | PathLike[str],
     *,
-    position_unit: str = "m",
-    force_unit: str = "N",
+    position_unit: str | None = None,
+    force_unit: str | None = None,
     flip: bool = False,
     force_channel: str = "raw",
     map_file: str | PathLike[str] | None = None,
@@ -104,8 +104,8 @@ def read_recording(
 def read_with_notes(
     path: str | PathLike[str],
     *,
-    position_unit: str = "m",
-    force_unit: str = "N",
+    position_unit: str | None = None,
+    force_unit: str | None = None,
     flip: bool = False,
     force_channel: str = "raw",
     map_file: str | PathLike[str] | None = None,
@@ -158,7 +158,7 @@ def _by_itself(path: str | PathLike[str], suffix: str, units: Units, force_chann
     """Formats that state what they hold, else a guess."""
     stated = suffix in (".ddf", ".npz") or (suffix == ".mcap" and is_session(path))
     tue = suffix == ".mat" and is_tue(path)
-    if (stated or tue) and (units.position, units.force) != ("m", "N"):
+    if (stated or tue) and (units.position or units.force):
         raise RecordingError(path, f"a {suffix} file states its own units: leave --position-unit and --force-unit out")
     if suffix == ".npz":
         return Read(recording_of(path, force_channel, flip=units.flip), (), None)
@@ -189,8 +189,8 @@ def _by_itself(path: str | PathLike[str], suffix: str, units: Units, force_chann
 def _by_names(names: list[str], units: Units) -> Mapping:
     """The map of a table whose columns are named as the contract has them."""
     return Mapping(
-        Signal(column="position_m", unit=units.position, sign=-1 if units.flip else 1),
-        Signal(column="force_N", unit=units.force),
+        Signal(column="position_m", unit=units.position or "m", sign=-1 if units.flip else 1),
+        Signal(column="force_N", unit=units.force or "N"),
         TimeSource(column="time_s"),
         Velocity(column=VELOCITY) if VELOCITY in names else None,
     )

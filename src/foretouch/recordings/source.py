@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foretouch.errors import RecordingError
+from foretouch.quantities import ByValue
 
 __all__ = [
     "MAP_NAME",
@@ -71,7 +72,7 @@ class Topic:
 
 
 @dataclass(frozen=True)
-class Series:
+class Series(ByValue):
     """Numbers out of the messages of one topic, in the order of the file.
 
     Attributes:

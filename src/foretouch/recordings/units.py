@@ -24,16 +24,16 @@ class Units:
     """What the numbers of a table mean.
 
     Attributes:
-        position: Unit of positions; velocities are in that unit a second.
-        force: Unit of forces.
+        position: Unit of positions; velocities are in that unit a second. None where nobody has said it.
+        force: Unit of forces, likewise.
         flip: Whether positions grow out of the material, so that they change sign.
 
     Raises:
         UnknownNameError: A unit that is not known.
     """
 
-    position: str = "m"
-    force: str = "N"
+    position: str | None = None
+    force: str | None = None
     flip: bool = False
 
     def __post_init__(self) -> None:
@@ -41,5 +41,5 @@ class Units:
             ("position unit", self.position, POSITION_UNITS),
             ("force unit", self.force, FORCE_UNITS),
         ):
-            if name not in known:
+            if name is not None and name not in known:
                 raise UnknownNameError(kind, name, known)

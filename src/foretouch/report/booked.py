@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from foretouch.quantities import brief_text
 from foretouch.rendering.energy import FASTEST_HAND, SAMPLE_PERIOD, SMALLEST_COUNT
 
 __all__ = ["NO_DEVICE", "Booked", "BookedDevice", "book", "booked_device"]
@@ -61,6 +62,10 @@ class Booked(NamedTuple):
     work: Array
     late: Array
     reach: Array
+
+    def __repr__(self) -> str:
+        """In a few lines, however long the session was."""
+        return brief_text(type(self).__name__, self._asdict().items())
 
 
 def book(force: Array, place: Array, period: Array, device: BookedDevice) -> Booked:

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from foretouch.quantities import brief_text
 from foretouch.rendering.energy import SAMPLE_PERIOD
 from foretouch.rendering.renderer import FARTHEST, PHANTOM
 from foretouch.report.booked import NO_DEVICE, Booked, BookedDevice, book
@@ -46,6 +47,10 @@ class Account(NamedTuple):
     energy: Array
     bound: Array
     late: Array
+
+    def __repr__(self) -> str:
+        """In a few lines, however long the session was."""
+        return brief_text(type(self).__name__, self._asdict().items())
 
 
 def has_account(leader: Rows) -> bool:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from foretouch.identification import Learner, predict
 from foretouch.messages import SessionLog
-from foretouch.quantities import Recording
+from foretouch.quantities import ByValue, Recording
 from foretouch.report.pairs import not_scored, pair
 from foretouch.report.perception import LargestJump, largest_jump, time_to_accuracy
 from foretouch.report.scores import Scores, delayed, lowest_mean
@@ -23,7 +23,7 @@ Flags = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
-class Forces:
+class Forces(ByValue):
     """Columns of shape (n,): those of the recording, or of a session at equal command.
 
     Attributes:
@@ -31,7 +31,7 @@ class Forces:
         position: Of the probe [m].
         measured: As the sensor gives it [N].
         predicted: [N].
-        delayed: What the receiver knows [N].
+        delayed: What the receiver knows, its zero taken off [N]; 0 while it knows nothing.
         contact_floor: Smallest force that counts as contact [N].
         standard_deviation: Of the predicted force [N], NaN where the model carries no doubt; None where models have
             no part in it, as in the next two.
@@ -80,7 +80,7 @@ def forces_under_delay(source: Recording | SessionLog, learner: Learner, delay: 
     if isinstance(source, Recording):
         felt = source.force - lowest_mean(source.time, source.force)
         predicted = predict(source, learner, delay=delay)
-        known = delayed(source.time, felt, delay)
+        known = np.nan_to_num(delayed(source.time, felt, delay), nan=0.0)
         return Forces(
             source.time,
             source.position,

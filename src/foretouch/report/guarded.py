@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from foretouch.messages import SessionLog
 
-__all__ = ["guarded_figures", "guarded_runs", "runs_of", "usual_period"]
+__all__ = ["guarded_figures", "guarded_runs", "runs_of", "seconds_of", "usual_period"]
 
 Rows = NDArray[np.void]
 
@@ -22,6 +22,8 @@ APART_NS = 100_000_000
 def runs_of(follower: Rows, flags: Flags) -> list[slice]:
     """Stretches of rows from the first to the last that is flagged, those less than 0.1 s apart joined.
 
+    Time without any tick is no time apart: a loop that was late did not do something else meanwhile.
+
     Args:
         follower: Rows of `SessionLog.follower`, shape (n,).
         flags: Shape (n,).
@@ -29,8 +31,21 @@ def runs_of(follower: Rows, flags: Flags) -> list[slice]:
     ticks = np.flatnonzero(flags)
     if not ticks.size:
         return []
-    cuts = np.flatnonzero(np.diff(follower["time_ns"][ticks]) > APART_NS) + 1
+    others = np.diff(ticks) > 1
+    cuts = np.flatnonzero(others & (np.diff(follower["time_ns"][ticks]) > APART_NS)) + 1
     return [slice(int(run[0]), int(run[-1]) + 1) for run in np.split(ticks, cuts)]
+
+
+def seconds_of(follower: Rows, flags: Flags) -> float:
+    """How long the flag was set [s]: from each flagged tick to the next tick, however late that was.
+
+    Args:
+        follower: Rows of `SessionLog.follower` of one process, shape (n,).
+        flags: Shape (n,).
+    """
+    lasted = np.diff(follower["time_ns"]) * 1e-9
+    last = usual_period(follower) if flags.size and flags[-1] else 0.0  # nobody knows how long after the last tick
+    return float(lasted[flags[:-1]].sum()) + last
 
 
 def guarded_runs(follower: Rows) -> list[slice]:
@@ -71,7 +86,7 @@ def guarded_figures(log: SessionLog) -> dict[str, Any]:
     return {
         "guarded_contact_percent": 100.0 * float(held.sum() / touching.sum()) if touching.any() else None,
         "guarded_contacts": contacts,
-        "guarded_s": float(follower["guarded"].sum()) * usual_period(follower),
+        "guarded_s": seconds_of(follower, follower["guarded"]),
         "depth_lost_mm": 1e3 * depth,
         "time_lost_s": time,
     }

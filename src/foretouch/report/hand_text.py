@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from foretouch.errors import plural
 from foretouch.report.hand import AS_IT_COMES, NO_BASELINE, NO_GRIP
 from foretouch.report.numbers import figure, number
 
@@ -119,7 +120,8 @@ def hand_lines(report: Mapping[str, Any]) -> list[str]:
 
 
 def _swings(swings: Mapping[str, Any]) -> str:
-    return f"{swings['swings']:,} times, and would have swung {swings['free_swings']:,} times without force"
+    swung, free = (plural(swings[name], "time") for name in ("swings", "free_swings"))
+    return f"{swung}, and would have swung {free} without force"
 
 
 def _most(swings: Mapping[str, Any]) -> str:
@@ -187,7 +189,7 @@ def _jumps(report: Mapping[str, Any]) -> list[str]:
 
 def _guard(report: Mapping[str, Any]) -> str:
     hand, count = report["hand"], report["guarded_contacts"]
-    many = "1 contact" if count == 1 else f"{count} contacts"
+    many = plural(count, "contact")
     depth, time = number(hand["depth_lost_mm"], "mm"), number(hand["time_lost_s"], "s")
     peak, all_ = number(hand["peak_force_guarded_N"], "N"), number(report["guarded_s"], "s")
     return f"{many} guarded, {all_} in all, at most {peak}; lost at most {depth} of depth and {time}"

@@ -124,9 +124,10 @@ def _summary(report: dict[str, Any]) -> str:
 
 def _tiles(report: Mapping[str, Any], words: Mapping[str, str] | None = None) -> str:
     shown = (
-        ("prediction_error_percent", "%", "error of the predicted force"),
         ("rendered_error_percent", "%", "error of the rendered force"),
+        ("prediction_error_percent", "%", "error of the predicted force"),
         ("delayed_force_error_percent", "%", "error of the delayed force"),
+        ("rendered_within_jnd_percent", "%", "of contact rendered within what is noticed"),
         ("within_jnd_percent", "%", "of contact predicted within what is noticed"),
         ("phantom_force_rms_N", "N", "predicted in free air, RMS"),
         ("contact_force_rms_N", "N", "contact force, RMS"),
@@ -145,7 +146,7 @@ def _tiles(report: Mapping[str, Any], words: Mapping[str, str] | None = None) ->
 
 def _session_figures(log: SessionLog, report: dict[str, Any]) -> list[str]:
     """Those figures that the session has something to show in."""
-    log = log.longest()
+    log = log.longest_phase()
     pairs = pair(log)
     start = int(pairs.follower["time_ns"][0]) if pairs.time.size else log.models[0].time_ns if log.models else 0
     away = follower_away(log, start)

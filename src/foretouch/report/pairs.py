@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from foretouch.errors import ForetouchError
 from foretouch.messages import ModelUpdate, SessionLog
 from foretouch.models import ContactModel, Predictor, make_model
+from foretouch.quantities import ByValue
 from foretouch.report.statuses import away, trusted
 
 __all__ = ["Pairs", "force_at_follower", "model_of", "not_scored", "nowhere", "pair"]
@@ -18,7 +19,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
-class Pairs:
+class Pairs(ByValue):
     """One row per command that the follower applied, in the order of the follower's ticks.
 
     Attributes:

@@ -81,7 +81,7 @@ def compare_replay(recorded: SessionLog, replayed: SessionLog, notes: Sequence[s
         differ, as text, each with ``recorded`` (None where the recording does not say it) and ``replayed``;
         ``recorded`` and ``replayed``, the reports; ``contacts`` of each, as lists of the fields of `Contact`.
     """
-    before, after = recorded.settings, replayed.settings
+    before, after = recorded.longest().settings, replayed.settings
     defaults = SessionSettings().as_text()  # what the recording does not say is none of the changes if it has these
     differ = {
         name: {"recorded": before.get(name), "replayed": text}
@@ -117,6 +117,7 @@ def contacts(log: SessionLog) -> list[Contact]:
         pairs.leader["predicted_force"],
         pairs.leader["delayed_force"],
         contact_floor=CONTACT_FLOOR,
+        delayed_offset=0.0,
         score_from=0.0,
         position=pairs.follower["position"],
         skipped=not_scored(pairs),

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from foretouch.errors import plural, was_or_were
 from foretouch.recordings import FollowerSamples
 from foretouch.report.numbers import number
 from foretouch.report.statuses import fault_name
@@ -22,7 +23,7 @@ REFUSED = {
 
 
 def stretch_sentence(report: Mapping[str, Any]) -> str:
-    """Which part of a session the figures are of, where a side ended and began again; else empty.
+    """Which part of a session the figures are of, where a side began again or settings changed; else empty.
 
     Args:
         report: What `session_report` gave.
@@ -31,6 +32,8 @@ def stretch_sentence(report: Mapping[str, Any]) -> str:
     if found["count"] < 2:
         return ""
     began = _begun(found)
+    if found["changes"]:
+        began += f", and settings changed {_times(found['changes'])}"
     return f"{began[:1].upper()}{began[1:]}; figures are of the longest stretch, {number(report['duration_s'], 's')}."
 
 
@@ -46,7 +49,8 @@ def left_out(samples: FollowerSamples) -> list[str]:
         said.append(f"{begun}; used is the longest stretch, {number(samples.seconds, 's')}")
     if samples.faults.size:
         kinds = ", ".join(fault_name(kind) for kind in samples.faults.tolist()).replace("_", " ")
-        count = f"{samples.fault_counts.sum():,} samples are left out"
+        faulty = int(samples.fault_counts.sum())
+        count = f"{plural(faulty, 'sample')} {was_or_were(faulty)} left out"
         said.append(f"{count}: the sensors were not to be trusted ({kinds})")
     return said
 
@@ -74,7 +78,7 @@ def safety_lines(report: Mapping[str, Any]) -> list[str]:
         lines.append(f"  control    was held by {', then '.join(safety['control']) or 'one whose name is not known'}")
     lines += [f"  contested  {sentence}" for sentence in safety["contests"]]
     if safety["step_failures"]:
-        lines.append(f"  failures   {safety['step_failures']:,} exceptions in the follower's step")
+        lines.append(f"  failures   {plural(safety['step_failures'], 'exception')} in the follower's step")
     if stretches["count"] > 1:
         hand, robot = (number(stretches[f"max_{side}_force_N"], "N") for side in ("rendered", "follower"))
         lines.append(
@@ -93,4 +97,4 @@ def _lasted(one: Mapping[str, Any]) -> str:
 
 
 def _times(count: int) -> str:
-    return "1 time" if count == 1 else f"{count:,} times"
+    return plural(count, "time")

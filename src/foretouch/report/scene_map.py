@@ -12,6 +12,7 @@ from scipy.spatial import Delaunay, cKDTree
 from foretouch.errors import ForetouchError
 from foretouch.messages import SessionLog
 from foretouch.models import FIELD_DEPTH, MaterialField
+from foretouch.quantities import ByValue
 from foretouch.quantities.rigid import RigidMotion
 from foretouch.report.scene_rows import SceneRows
 from foretouch.robot import make_material
@@ -48,7 +49,7 @@ SMALL = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
-class StiffnessMap:
+class StiffnessMap(ByValue):
     """Local stiffness at rest over a scene's surface, seen from above; fields of shape (rows, columns).
 
     Attributes:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from foretouch.messages import SessionLog
+from foretouch.quantities import ByValue
 from foretouch.report.scene_rows import SceneRows, vectors
 
 __all__ = ["PoseError", "pose_error", "pose_figures"]
@@ -25,7 +26,7 @@ NEAR_MM, NEAR_DEGREES, NEAR_FOR = 0.5, 0.5, 0.5
 
 
 @dataclass(frozen=True, eq=False)
-class PoseError:
+class PoseError(ByValue):
     """What is between the rendered and the true fixture, at each tick of the leader; shape (n,).
 
     Attributes:

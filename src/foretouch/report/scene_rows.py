@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foretouch.messages import SessionLog
+from foretouch.quantities import ByValue
 from foretouch.report.hand import number_of, setting
 from foretouch.report.pairs import Pairs
 
@@ -22,7 +23,7 @@ ONE_CLOCK_NS = 5_000_000
 
 
 @dataclass(frozen=True, eq=False)
-class SceneRows:
+class SceneRows(ByValue):
     """One stretch of a session in three dimensions; columns of one side have the same length.
 
     Attributes:

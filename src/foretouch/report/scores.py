@@ -17,6 +17,7 @@ from foretouch.identification.force_zero import (
     median_period,
     never_leaves_contact,
 )
+from foretouch.quantities import ByValue
 
 __all__ = ["JND_FORCE", "JND_SHARE", "OFFSET_WINDOW", "STATUSES", "Scores", "delayed", "lowest_mean", "score"]
 
@@ -41,7 +42,7 @@ STATUSES: dict[str, str] = {
 
 
 @dataclass(frozen=True, eq=False)
-class Scores:
+class Scores(ByValue):
     """How well a force was predicted. A metric is None where there is nothing to measure it on.
 
     Attributes:
@@ -50,7 +51,7 @@ class Scores:
         contact_force_rms_N: RMS of the measured force over the contact samples of the window.
         prediction_rmse_N: RMS of predicted less measured force over the scored samples.
         prediction_error_percent: The same as a share of `contact_force_rms_N`.
-        delayed_force_error_percent: The delayed force's RMS error over the same samples, as the same share.
+        delayed_force_error_percent: The delayed force's RMS error over the contact samples, as the same share.
         delayed_force_rmse_N: That RMS error.
         within_jnd_percent: Share of contact samples whose error is at most max(10 % of the force, 0.05 N).
         phantom_force_rms_N: RMS of the prediction over the window's samples out of contact.
@@ -88,6 +89,7 @@ def score(
     score_to: float | None = None,
     position: ArrayLike | None = None,
     offset: float | None = None,
+    delayed_offset: float | None = None,
     skipped: ArrayLike | None = None,
 ) -> Scores:
     r"""Score a predicted force against the measured one.
@@ -97,12 +99,15 @@ def score(
 
     .. math:: F > \theta = \max(0.05\, F_{98},\; \text{contact floor}).
 
-    The scored samples S are those of the window that are in contact or predicted above :math:`\theta`; both errors,
-    of the prediction and of the delayed force, are taken over the same S:
+    With the contact samples C of the window, and the scored samples S, which are also those that are predicted above
+    :math:`\theta`, the errors of the prediction and of the delayed force D are
 
-    .. math:: e = 100\,\sqrt{\operatorname{mean}_S (\hat F - F)^2} \,\Big/\, \sqrt{\operatorname{mean}_C F^2}
+    .. math:: e = 100\,\sqrt{\operatorname{mean}_S (\hat F - F)^2} \,\Big/\, \sqrt{\operatorname{mean}_C F^2},
+        \qquad
+        d = 100\,\sqrt{\operatorname{mean}_C (D - F)^2} \,\Big/\, \sqrt{\operatorname{mean}_C F^2}.
 
-    where C are the contact samples of the window. There is contact in it if some mean over 10 ms is above
+    So a recording and a delay have one d, whatever predicts, and what is predicted in free air counts against the
+    prediction alone. There is contact in it if some mean over 10 ms is above
     :math:`\theta` too: single samples may be noise. A prediction that is not finite counts as above the threshold, as
     outside the just noticeable difference and as missed contact; the RMS figures that it enters are None, so it
     can never look good.
@@ -111,14 +116,16 @@ def score(
         time: Sample times [s], increasing, shape (n,); they count from the first.
         measured_force: As the sensor gives it [N], offset included, finite, shape (n,).
         predicted_force: Predicted at the same samples [N], shape (n,).
-        delayed_force: Known at the receiver at the same samples [N], shape (n,); not finite where nothing had
-            arrived, which counts as 0.
+        delayed_force: Known at the receiver at the same samples [N], shape (n,), as the sensor gave it (`delayed`);
+            not finite where nothing had arrived, which counts as no force.
         contact_floor: Smallest force that counts as contact [N], positive.
         score_from: Start of the window [s], included.
         score_to: End of the window [s], included; None for the last sample.
         position: Probe position [m], shape (n,). With it, a recording that never leaves contact is noticed
             (``offset_unobservable``); from the force alone this cannot be told.
         offset: Zero of the measured force [N] where it is known; None to find it.
+        delayed_offset: Zero of the delayed force [N]: 0 where whoever sent it took that off; None for that of the
+            measured force.
         skipped: Samples that are out of every window, flags of shape (n,); their force still tells the zero.
 
     Raises:
@@ -127,9 +134,10 @@ def score(
     """
     clock, measured, predicted, known = columns_of(time, measured_force, predicted_force, delayed_force)
     _check(clock, measured, contact_floor, score_from, score_to)
-    known = np.where(np.isfinite(known), known, 0.0)
     if clock.size:
-        measured = measured - (lowest_mean(clock, measured) if offset is None else offset)
+        zero = lowest_mean(clock, measured) if offset is None else offset
+        measured, known = measured - zero, known - (zero if delayed_offset is None else delayed_offset)
+    known = np.where(np.isfinite(known), known, 0.0)
     window = _window(clock, score_from, score_to)
     if skipped is not None:
         (left_out, _) = columns_of(skipped, clock)
@@ -162,7 +170,7 @@ def score(
     scored = window & (in_contact | ~finite | (predicted > threshold))
     contact_rms = _rms(measured[contact])
     rmse = _rms((predicted - measured)[scored])
-    delayed_rmse = _rms((known - measured)[scored])
+    delayed_rmse = _rms((known - measured)[contact])
     tolerance = np.maximum(JND_SHARE * measured[contact], JND_FORCE)
     near = np.abs(predicted[contact] - measured[contact]) <= tolerance * (1.0 + 1e-9)
     found = predicted[contact] >= threshold
@@ -191,7 +199,7 @@ def score(
 
 
 def delayed(time: ArrayLike, force: ArrayLike, delay: float) -> Array:
-    """The force that is known a delay later: the newest sample not later than t - delay, 0 where there is none.
+    """The force that is known a delay later: the newest sample not later than t - delay, NaN where there is none.
 
     Times are compared with a tolerance of a thousandth of the median sample period, so that a delay of a whole
     number of samples is that number of samples in spite of rounding.
@@ -210,7 +218,7 @@ def delayed(time: ArrayLike, force: ArrayLike, delay: float) -> Array:
         raise SettingError("delay", delay, "must be 0 s or more")
     _increasing(clock)
     newest = np.searchsorted(clock, clock - delay + 1e-3 * median_period(clock), side="right") - 1
-    return np.where(newest >= 0, values[np.maximum(newest, 0)], 0.0)
+    return np.where(newest >= 0, values[np.maximum(newest, 0)], np.nan)
 
 
 def _check(clock: Array, measured: Array, contact_floor: float, score_from: float, score_to: float | None) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -16,12 +17,12 @@ from foretouch.report.hand import (
     hand_figures,
     largest,
     loop_sentence,
-    number_of,
     renders_models,
     setting,
 )
 from foretouch.report.pairs import Pairs, force_at_follower, model_of, not_scored, nowhere, pair
 from foretouch.report.perception import time_to_accuracy, update_jumps
+from foretouch.report.phases import contact_scores, phase_figures
 from foretouch.report.scene import in_scene, look_at_scene, scene_figures
 from foretouch.report.scene_rows import has_scene
 from foretouch.report.scores import Scores, score
@@ -57,8 +58,9 @@ def session_report(
     gave no position, are counted and not scored; rows whose sensors were not to be trusted are counted and left out. A
     figure is None where there is nothing to measure it on.
 
-    Where a side ended and began again, all figures are of the longest stretch (`SessionLog.longest`), but for
-    ``stretches``, ``safety``, ``messages`` and ``counts``, which are of the whole session.
+    Where a side ended and began again, or settings changed, all figures are of the longest part in which nothing
+    changed (`SessionLog.longest_phase`) and ``settings`` are its own, but for ``stretches``, ``safety``, ``messages``
+    and ``counts``, which are of the whole session. ``stretches`` has the main figures of every part.
 
     A session in three dimensions has these figures along the normal of the surface, and ``scene`` beside them
     (`foretouch.report.scene.scene_figures`).
@@ -72,21 +74,15 @@ def session_report(
     Raises:
         SettingError: A window that ends before it begins.
     """
-    whole, log = log, log.longest()
+    whole, log = log, log.longest_phase()
     pairs = pair(log)
     leader, follower = pairs.leader, pairs.follower
     skipped = not_scored(pairs)
-    window: dict[str, Any] = {
-        "contact_floor": CONTACT_FLOOR,
-        "score_from": score_from,
-        "score_to": score_to,
-        "position": follower["position"],
-        "skipped": skipped,
-    }
+    limits: dict[str, Any] = {"contact_floor": CONTACT_FLOOR, "score_from": score_from, "score_to": score_to}
+    scores = contact_scores(log, **limits)
+    main, rendered = scores["predicted"], scores["rendered"]
+    window = limits | {"position": follower["position"], "skipped": skipped, "delayed_offset": 0.0}
     sensor, predicted, known = follower["sensor_force"], leader["predicted_force"], leader["delayed_force"]
-    main = score(pairs.time, sensor, predicted, known, **window)
-    felt = leader["rendered_force"] / number_of(log.settings, "force_scale", 1.0)
-    rendered = score(pairs.time, sensor, felt, known, **window)
     local = score(pairs.time, sensor, force_at_follower(log, pairs), known, **window)
     exact = None
     if np.isfinite(follower["exact_force"]).all():  # the simulator's force has no offset to take off
@@ -94,7 +90,7 @@ def session_report(
     report = {
         "status": main.status,
         "recording": recording,
-        "stretches": stretch_figures(whole),
+        "stretches": stretch_figures(whole) | {"each": phase_figures(whole, log, **limits)},
         "safety": safety_figures(whole),
         "duration_s": _duration(log),
         "samples": main.samples,
@@ -180,15 +176,21 @@ def _duration(log: SessionLog) -> float:
 
 
 def _learnt(log: SessionLog, pairs: Pairs) -> dict[str, Any]:
-    """The law's numbers in the last valid model, and what is beside them in a contact map."""
-    model = next((found for found in map(model_of, reversed(log.models)) if found is not None), None)
-    if model is None:
-        return {"parameters": None, "map": None}
+    """The law's numbers in the last valid model, None where undetermined, and what a contact map has beside them."""
+    found = ((update, model_of(update)) for update in reversed(log.models))
+    update, model = next(((update, model) for update, model in found if model is not None), (None, None))
+    if update is None or model is None:
+        return {"parameters": None, "standard_errors": None, "map": None}
+    told = [error if math.isfinite(error) else None for error in update.standard_errors]
+    errors = dict(zip(model.parameter_names, told, strict=True)) if len(told) == len(model.parameters) else None
+    untold = {name for name, error in (errors or {}).items() if error is None}
+    numbers = zip(model.parameter_names, model.parameters, strict=True)
     deviation = pairs.leader["standard_deviation"]
     known = np.flatnonzero(np.isfinite(deviation) & pairs.follower["in_contact"])
     newest = float(deviation[known[-1]]) if known.size else None
     return {
-        "parameters": dict(zip(model.parameter_names, model.parameters, strict=True)),
+        "parameters": {name: None if name in untold else value for name, value in numbers},
+        "standard_errors": errors,
         "map": summarise_map(model).figures(newest) if isinstance(model, ContactMap) else None,
     }
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from foretouch.identification import SENSOR_SENTENCES, SensorState
 from foretouch.messages import STATUS_SENTENCES, SessionLog, Status
 from foretouch.messages.session_log import believable
-from foretouch.report.guarded import runs_of, usual_period
+from foretouch.report.guarded import runs_of, seconds_of
 
 __all__ = ["Stretch", "away", "follower_away", "joining", "safety_figures", "stretch_figures", "trusted"]
 
@@ -87,14 +87,17 @@ def stretch_figures(log: SessionLog) -> dict[str, Any]:
     """How often each side began, and which part of the session the figures are of.
 
     Returns:
-        ``leader_starts``, ``follower_starts``: processes that were heard. ``count``: of `SessionLog.stretches`.
+        ``leader_starts``, ``follower_starts``: processes that were heard. ``changes``: how often settings changed in
+        between. ``count``: of `SessionLog.phases`.
         ``max_rendered_force_N``, ``max_follower_force_N``: over all of them.
     """
     exact, felt = log.follower["exact_force"], log.follower["force"]
+    phases = len(log.phases())
     return {
         "leader_starts": int(np.unique(log.leader["epoch"]).size),
         "follower_starts": int(np.unique(log.follower["run"]).size),
-        "count": len(log.stretches()),
+        "changes": phases - len(log.stretches()),
+        "count": phases,
         "max_rendered_force_N": _largest(log.leader["rendered_force"]),
         "max_follower_force_N": _largest(exact if np.isfinite(exact).any() else felt),
     }
@@ -140,7 +143,7 @@ def _summed(parts: list[Rows], column: str, ordinary: tuple[int, ...], name_of: 
                 flags &= ~joining(rows)
             ticks += int(flags.sum())
             times += len(runs_of(rows, flags))
-            seconds += float(flags.sum()) * usual_period(rows)
+            seconds += seconds_of(rows, flags)
         if ticks:
             name, sentence = name_of(value)
             found[name] = {"times": times, "seconds": seconds, "sentence": sentence}

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
+from foretouch.errors import plural
 from foretouch.report.hand import AS_IT_COMES, NO_BASELINE
 from foretouch.report.hand_text import (
     baseline_sentence,
@@ -15,7 +16,8 @@ from foretouch.report.hand_text import (
     phantom_sentence,
     stability,
 )
-from foretouch.report.numbers import figure, number
+from foretouch.report.numbers import figure, number, parameter_text
+from foretouch.report.phases import phase_lines
 from foretouch.report.pressed import late_sentences, nowhere_sentence, out_of_reach, pressed
 from foretouch.report.safety_text import safety_lines, safety_sentences, stretch_sentence
 from foretouch.report.scene_text import scene_lines, scene_sentences
@@ -39,6 +41,7 @@ def render_text(report: Mapping[str, Any]) -> str:
         _heading(report),
         *(finding.text for finding in findings(report)),
         "",
+        *phase_lines(report),
         *_forces(report),
         *_perception(report),
         *_doubt(report),
@@ -80,7 +83,7 @@ def findings(report: Mapping[str, Any]) -> list[Finding]:
     said = [finding for finding in said if finding.text]
     for side, what in (("leader", "rendered force"), ("follower", "robot's command")):
         if report["clipped"][side]:
-            said.append(Finding(f"The limits cut the {what} in {report['clipped'][side]:,} ticks.", False))
+            said.append(Finding(f"The limits cut the {what} in {plural(report['clipped'][side], 'tick')}.", False))
     if report["samples"] and not report["models"]["valid"]:
         said.append(Finding("No valid contact model was ever identified: nothing could be predicted.", False))
     return said
@@ -92,9 +95,9 @@ def scoring_findings(figures: Mapping[str, Any]) -> list[Finding]:
     said = [] if status == "ok" else [Finding(f"{status}: {STATUSES[status]}.", False)]
     error, late = figures["prediction_error_percent"], figures["delayed_force_error_percent"]
     models = figures.get("baseline", NO_BASELINE) == NO_BASELINE
+    said += _felt(figures)
     if error is not None and late and models:
-        ratio = figure(error / late)
-        better = error < late and ratio != figure(1.0)
+        ratio, better = figure(error / late), _is_better(error, late)
         word = "better" if better else "no better" if ratio == figure(1.0) else "worse"
         said.append(Finding(f"The predicted force is {word} than the delayed force (error x {ratio}).", better))
         if error > 100.0:
@@ -108,6 +111,28 @@ def scoring_findings(figures: Mapping[str, Any]) -> list[Finding]:
     if missed:
         said.append(Finding(f"Contact was missed in {figure(missed)} % of the contact time.", False))
     return said
+
+
+def _felt(figures: Mapping[str, Any]) -> list[Finding]:
+    """The headline of a session: the rendered force, which a hand feels, beside the predicted and the delayed one."""
+    error, late = figures.get("rendered_error_percent"), figures["delayed_force_error_percent"]
+    if error is None or late is None:
+        return []
+    predicted = figures["prediction_error_percent"]
+    models = figures.get("baseline", NO_BASELINE) == NO_BASELINE
+    beside = f"the predicted one by {figure(predicted)} %, " if models and predicted is not None else ""
+    text = f"The rendered force is wrong by {figure(error)} %, {beside}the delayed one by {figure(late)} %."
+    said = [Finding(text, _is_better(error, late))]
+    within = figures["rendered_within_jnd_percent"]
+    if within is not None and within < 100.0 and figures.get("baseline") != AS_IT_COMES:  # there they are one force
+        share = figure(100.0 - within)
+        said.append(Finding(f"An operator could feel that it is wrong in {share} % of the contact time.", False))
+    return said
+
+
+def _is_better(error: float, late: float) -> bool:
+    """Whether an error is below that of the delayed force, as far as it is printed."""
+    return error < late and figure(error / late) != figure(1.0)
 
 
 def _heading(report: Mapping[str, Any]) -> str:
@@ -136,18 +161,18 @@ def _forces(report: Mapping[str, Any]) -> list[str]:
         *_left_out(report),
         f"  {'':<34}{'error':>12}{'RMSE':>12}{'within JND':>14}{'in free air':>14}",
         _row(
-            wanted,
-            report["prediction_error_percent"],
-            report["prediction_rmse_N"],
-            report["within_jnd_percent"],
-            report["phantom_force_rms_N"],
-        ),
-        _row(
             "rendered (after limits)",
             report["rendered_error_percent"],
             report["rendered_rmse_N"],
             report["rendered_within_jnd_percent"],
             report["rendered_phantom_force_rms_N"],
+        ),
+        _row(
+            wanted,
+            report["prediction_error_percent"],
+            report["prediction_rmse_N"],
+            report["within_jnd_percent"],
+            report["phantom_force_rms_N"],
         ),
         _row(
             late,
@@ -225,7 +250,7 @@ def _learnt(report: Mapping[str, Any]) -> list[str]:
     """The last model: the law's numbers, and what a contact map is beside them."""
     if report["parameters"] is None:
         return []
-    numbers = ", ".join(f"{name} {figure(value)}" for name, value in report["parameters"].items())
+    numbers = parameter_text(report["parameters"], report["standard_errors"])
     lines = ["What was learnt, at the end", f"  law        {numbers}"]
     if report["map"] is not None:
         lines += [f"  map        {line}" for line in map_lines(report["map"])]
@@ -258,12 +283,13 @@ def _motion(report: Mapping[str, Any]) -> list[str]:
     rendered = number(report["max_rendered_force_N"], "N")
     jump = number(report["largest_rendered_jump_N"], "N")
     rms, lag = number(tracking["rms_mm"], "mm"), number(tracking["lag_ms"], "ms")
+    felt = number(report["max_follower_force_N"], "N")
     return [
         "Motion and limits",
         f"  robot      {rms} RMS from its commands, lag {lag}",
         f"  commands   {commands['sent']:,} sent, {commands['never_applied']:,} never applied",
-        f"  leader     at most {rendered}, {jump} in one tick, {clipped['leader']:,} ticks cut",
-        f"  follower   at most {number(report['max_follower_force_N'], 'N')}, {clipped['follower']:,} ticks cut",
+        f"  leader     at most {rendered}, {jump} in one tick, {plural(clipped['leader'], 'tick')} cut",
+        f"  follower   at most {felt}, {plural(clipped['follower'], 'tick')} cut",
     ]
 
 

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from foretouch.quantities import Brief
 from foretouch.report import finished, new_figure
 from foretouch.reproduction.presses import Trace
 from foretouch.reproduction.section import Table
@@ -22,7 +23,7 @@ PANELS = (("k", "k [N/m$^s$]"), ("s", "s"), ("b1", "b$_1$ [s/m]"), ("b2", "b$_2$
 
 
 @dataclass(frozen=True, eq=False)
-class Curve:
+class Curve(Brief):
     """One line in all four panels.
 
     Attributes:

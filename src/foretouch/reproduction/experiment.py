@@ -14,6 +14,7 @@ from foretouch.devices.device import limit_force
 from foretouch.devices.motion import minimum_jerk
 from foretouch.errors import SettingError, UnknownNameError
 from foretouch.messages import SessionLog
+from foretouch.quantities import Brief
 from foretouch.robot import Material, make_material, make_robot
 from foretouch.session import SessionSettings, simulate
 
@@ -128,7 +129,7 @@ class SlowPresses(Device):
 
 
 @dataclass(frozen=True, eq=False)
-class Experiment:
+class Experiment(Brief):
     """One session on one material.
 
     Attributes:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from foretouch.identification import Estimator, Status
 from foretouch.models import ContactModel, ContinuousSwitching, LinearisedContinuousSwitching, MotionFilter
+from foretouch.quantities import Brief
 from foretouch.reproduction.presses import Press, forces_of
 
 __all__ = [
@@ -86,7 +87,7 @@ def hold() -> Press:
 
 
 @dataclass(frozen=True, eq=False)
-class Walk:
+class Walk(Brief):
     """What an estimator made of a press, at every `STRIDE`-th sample.
 
     Attributes:

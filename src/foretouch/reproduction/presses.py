@@ -22,6 +22,7 @@ from foretouch.models import (
     fit_polynomial,
     linearise,
 )
+from foretouch.quantities import Brief
 from foretouch.reproduction.trajectories import WAVES, two_presses
 
 __all__ = [
@@ -83,7 +84,7 @@ MATERIALS: dict[str, Callable[[float], MemorylessLaw]] = {
 
 
 @dataclass(frozen=True, eq=False)
-class Press:
+class Press(Brief):
     """One simulation: what the estimator is given, and what is true.
 
     Attributes:
@@ -174,7 +175,7 @@ def true_parameters(pressed: Press) -> Array:
 
 
 @dataclass(frozen=True, eq=False)
-class Trace:
+class Trace(Brief):
     """What an estimator of the linearised law (18) found at each sample.
 
     Attributes:

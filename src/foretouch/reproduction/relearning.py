@@ -24,6 +24,7 @@ from foretouch.identification import (
 from foretouch.identification.recursion import ErrorUnit
 from foretouch.messages import SessionLog
 from foretouch.models import ContactModel
+from foretouch.quantities import Brief
 from foretouch.report import session_report
 from foretouch.reproduction.experiment import FORCE_DELAY
 from foretouch.session import replay
@@ -210,7 +211,7 @@ def learn_again(log: SessionLog, choice: Choice) -> dict[str, Array]:
 
 
 @dataclass(frozen=True, eq=False)
-class Prediction:
+class Prediction(Brief):
     """A session as it would have been with another estimator; the operator is open loop and moves the same.
 
     Attributes:

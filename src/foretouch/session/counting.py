@@ -1,13 +1,15 @@
-"""What each side counted, by name, for the report."""
+"""What each side tells the report in its `Hello`: what it counted, and what it does to the messages that it takes."""
 
 from __future__ import annotations
 
-from foretouch.link import ZenohLink
-from foretouch.messages import COUNT_PREFIX
+from typing import Any
+
+from foretouch.link import FaultStage, ZenohLink
+from foretouch.messages import COUNT_PREFIX, SINCE
 from foretouch.session import follower, leader
 from foretouch.session.freshness import Arrival
 
-__all__ = ["as_texts", "follower_counts", "leader_counts", "link_counts"]
+__all__ = ["as_texts", "fault_texts", "follower_counts", "leader_counts", "link_counts"]
 
 
 def leader_counts(state: leader.State) -> dict[str, int]:
@@ -52,3 +54,16 @@ def link_counts(role: str, link: ZenohLink) -> dict[str, int]:
 def as_texts(counts: dict[str, int]) -> dict[str, str]:
     """Counters as texts of a `Hello`; the recorder tells them from settings by the prefix."""
     return {COUNT_PREFIX + name: str(value) for name, value in counts.items()}
+
+
+def fault_texts(stage: FaultStage[Any], delay: str, changed_ns: int, prefix: str = "") -> dict[str, str]:
+    """What a side does to the messages that it takes, as settings of its `Hello`: nobody else knows it.
+
+    Args:
+        stage: That the messages pass.
+        delay: Name of the setting that their delay is.
+        changed_ns: When it was changed last, by the side's own clock [ns]; 0 for never.
+        prefix: Of the names of the other faults: ``"return_"`` for those of models and telemetry.
+    """
+    faults = {f"{prefix}{name}": str(getattr(stage.faults, name)) for name in ("jitter", "loss", "outage")}
+    return {delay: str(stage.delay)} | faults | ({SINCE: str(changed_ns)} if changed_ns else {})

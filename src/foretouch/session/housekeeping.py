@@ -11,7 +11,7 @@ import time
 from collections.abc import Callable, Mapping
 from types import FrameType
 
-from foretouch.errors import one_line
+from foretouch.errors import one_line, plural, was_or_were
 from foretouch.link import ZenohLink
 from foretouch.messages import SIDES, VERSION, Hello, Stop
 from foretouch.session.hanging import HANGS_AFTER, LoopWatch
@@ -219,7 +219,8 @@ class Housekeeper(threading.Thread):
             versions = f", {foreign} of them of another version" if foreign else ""
             peer = link.other_version(set(SIDES) - {self.role})
             because = f" ({peer})" if peer else ""
-            self._say(f"{self.role}: {new} messages did not decode and were dropped{versions}{because}")
+            lost = f"{plural(new, 'message')} did not decode and {was_or_were(new)} dropped"
+            self._say(f"{self.role}: {lost}{versions}{because}")
             self._reported, self._foreign = link.undecodable, link.foreign
         if link.too_large and not self._told_too_large:
             self._told_too_large = True

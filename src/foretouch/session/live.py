@@ -14,7 +14,7 @@ from foretouch.link import ASKING_PERIOD_NS, FaultStage, ZenohLink, new_press
 from foretouch.messages import PROCESS, SIDES, VERSION, Command, EmergencyStop, Message, Status
 from foretouch.robot import Robot, SpatialRobot
 from foretouch.session.contest import Contest
-from foretouch.session.counting import as_texts, follower_counts, leader_counts, link_counts
+from foretouch.session.counting import as_texts, fault_texts, follower_counts, leader_counts, link_counts
 from foretouch.session.driven import DrivenFollower, drive_follower, drive_leader
 from foretouch.session.hanging import LoopWatch
 from foretouch.session.housekeeping import LEAVING, ORPHANED, Housekeeper, StopFlag, orphaned
@@ -122,11 +122,12 @@ def run_follower(
     driven = drive_follower(robot, settings, own_epoch())
     state = driven.state
     contest = Contest(state.lease)
+    changed_ns = 0
 
     def describe() -> dict[str, str]:
         contested = contest.sentence(time.monotonic_ns())
         told = follower_says(state, contested) | as_texts(follower_counts(state) | link_counts("follower", link))
-        return description | told
+        return description | fault_texts(stage, "position_delay", changed_ns) | told
 
     def news(_: Mapping[str, Mapping[str, str]]) -> str:
         return all_of(contest.sentence(time.monotonic_ns()), follower_news(state))
@@ -150,6 +151,7 @@ def run_follower(
             if link.inboxes["settings"]:
                 chosen = link.take("settings")[-1][1]
                 stage.change(delay=chosen.position_delay, jitter=chosen.jitter, loss=chosen.loss, outage=chosen.outage)
+                changed_ns = now
                 state.freshness.begin_way()
             for _, last_word in link.take("stop"):
                 if last_word.epoch in (0, state.lease.epoch):
@@ -273,9 +275,10 @@ def run_leader(
     driven = drive_leader(operator, settings, name, own_epoch())
     state = driven.state
     clock = OperatorClock(operator)
+    changed_ns = 0
 
     def describe() -> dict[str, str]:
-        own = {"leader": name, PROCESS: str(state.epoch)}
+        own = {"leader": name, PROCESS: str(state.epoch)} | fault_texts(stage, "force_delay", changed_ns, "return_")
         return description | own | as_texts(leader_counts(state) | link_counts("leader", link))
 
     heard_ns = time.monotonic_ns()
@@ -321,6 +324,7 @@ def run_leader(
             if link.inboxes["settings"]:
                 chosen = link.take("settings")[-1][1]
                 stage.change(delay=chosen.force_delay, jitter=chosen.jitter, loss=chosen.loss, outage=chosen.outage)
+                changed_ns = now
             if link.inboxes["stop"]:
                 stop.set(link.take("stop")[-1][1].reason or "the session was ended")
             if link.inboxes["handle"]:

@@ -9,14 +9,14 @@ from numpy.typing import NDArray
 
 from foretouch.identification import TIME_TOLERANCE, Learner
 from foretouch.models.checks import require
-from foretouch.quantities import Recording
+from foretouch.quantities import ByValue, Recording
 from foretouch.rendering import Renderer
 
 __all__ = ["MediatedForce", "mediate"]
 
 
 @dataclass(frozen=True, eq=False)
-class MediatedForce:
+class MediatedForce(ByValue):
     """A force predicted along a recorded motion and what mediation let in of it; columns of shape (n,).
 
     Attributes:

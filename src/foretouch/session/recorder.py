@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from foretouch.errors import PeerVersionError, RecordingError
+from foretouch.errors import PeerVersionError, RecordingError, plural, was_or_were
 from foretouch.link import SequenceCounter, ZenohLink
 from foretouch.messages import (
     COUNT_PREFIX,
@@ -177,9 +177,11 @@ def run_recorder(
     if not recorder.heard and (error := _other_version(link, parent)) is not None:
         recorder.path.unlink(missing_ok=True)
         raise error
-    for name, what in (("undecodable", "did not decode and were dropped"), ("dropped", "came too fast to be written")):
-        if count := _counts(link, recorder)[f"recorder_{name}"]:
-            say(f"recorder: {count} messages {what}")
+    counts = _counts(link, recorder)
+    if count := counts["recorder_undecodable"]:
+        say(f"recorder: {plural(count, 'message')} did not decode and {was_or_were(count)} dropped")
+    if count := counts["recorder_dropped"]:
+        say(f"recorder: {plural(count, 'message')} came too fast to be written")
     if recorder.problem != said:
         say(f"recorder: {recorder.problem}; {recorder.kept}")
     elif not said:

@@ -12,7 +12,7 @@ from foretouch.identification import TIME_TOLERANCE, Learner, Motion, PredictedF
 from foretouch.messages import SessionLog
 from foretouch.messages.session_log import believable
 from foretouch.models.checks import require
-from foretouch.quantities import Recording
+from foretouch.quantities import ByValue, Recording
 from foretouch.session.round_trip import RoundTrip
 
 __all__ = ["Replay", "replay"]
@@ -22,7 +22,7 @@ Rows = NDArray[np.void]
 
 
 @dataclass(frozen=True)
-class Replay:
+class Replay(ByValue):
     """A session's forces at each leader tick of its longest stretch.
 
     Attributes:
@@ -62,7 +62,7 @@ def replay(log: SessionLog, learner: Learner, *, delay: float) -> Replay:
     if believed.sum() < 2 or not leader.size:
         raise RecordingError("session", "a side is missing: nothing to predict")
     try:
-        later = delay - float(log.settings["force_delay"])
+        later = delay - float(stretch.settings["force_delay"])
     except (KeyError, ValueError):
         raise RecordingError(
             "session", "does not say its force_delay: no other delay can be put in its place"

@@ -59,9 +59,9 @@ def replay_under(log: SessionLog, settings: SessionSettings, closed_loop: bool =
             simulated again.
         SettingError: A closed loop without a grip, or with a robot that does not answer.
     """
-    stretch = log.longest()
-    leader = stretch.leader
-    if not leader.size or not stretch.follower.size:
+    log = log.longest()
+    leader = log.leader
+    if not leader.size or not log.follower.size:
         raise RecordingError("session", "a side is missing: there is nothing to run again")
     if settings.scene != log.settings.get("scene", ""):
         there, here = (name or "a line" for name in (log.settings.get("scene", ""), settings.scene))
@@ -69,7 +69,7 @@ def replay_under(log: SessionLog, settings: SessionSettings, closed_loop: bool =
         raise RecordingError("session", problem)
     if settings.scene:
         _require_grip(settings, closed_loop)
-        return replay_scene(stretch, settings, closed_loop, _told(log, settings, closed_loop))
+        return replay_scene(log, settings, closed_loop, _told(log, settings, closed_loop))
     operator = _operator(log, leader, settings, closed_loop)
     ticks = round(int(leader["time_ns"][-1] - leader["time_ns"][0]) / _PERIOD_NS) + 1
     if material_answers(log):
@@ -78,17 +78,18 @@ def replay_under(log: SessionLog, settings: SessionSettings, closed_loop: bool =
     if closed_loop:
         rule = "needs a material that answers: of this robot there is only the force where it was measured"
         raise SettingError("closed loop", True, rule)
-    felt = _felt_at(stretch, settings)
+    felt = _felt_at(log, settings)
     ticks = min(ticks, int(felt[-1]) // _PERIOD_NS + 1)  # behind its last sample there is nothing to learn from
     if ticks < 2:
         raise RecordingError("session", "the robot felt nothing while the operator moved")
-    played = PlayedRobot(stretch.follower, felt, ticks)
+    played = PlayedRobot(log.follower, felt, ticks)
     return _as_it_was(_run(log, settings, closed_loop, operator, played, ticks), played.rows)
 
 
 def material_answers(log: SessionLog) -> bool:
     """Whether what the robot pressed can be simulated again: it was, and nobody else moved the robot."""
-    follower = log.longest().follower
+    log = log.longest()
+    follower = log.follower
     known = log.settings.get("material") in MATERIALS and bool(np.isfinite(follower["exact_force"]).all())
     return known and not (follower["status"] == Status.SHADOW).any()
 
@@ -118,6 +119,8 @@ def replay_notes(log: SessionLog, settings: SessionSettings, closed_loop: bool =
         notes.append("the robot's motion is fixed too: its measured force comes as late as its commands do")
     if len(stretches) > 1:
         notes.append(f"a side began again: of {len(stretches)} stretches the longest is run again")
+    if len(stretch.phases()) > 1:
+        notes.append("the network was changed meanwhile: it is run again as it was at the end")
     if log.emergencies:
         notes.append("the recording's emergency stops are not given again")
     if settings.sensor_fault and material_answers(log):

@@ -16,7 +16,7 @@ from foretouch.link import Faults
 from foretouch.link.faults import LONGEST_DELAY
 from foretouch.models.checks import require
 from foretouch.plugins import load_plugin, plugin_names
-from foretouch.quantities import Frame
+from foretouch.quantities import Brief, Frame
 from foretouch.robot import SensorFault
 from foretouch.vision import ImageFault
 
@@ -64,7 +64,7 @@ SOFTEST = 1.0
 
 
 @dataclass(frozen=True)
-class SessionSettings:
+class SessionSettings(Brief):
     """What is pressed, by whom, over which network, and what is identified.
 
     The defaults of the delays are the paper's: 80 ms for positions, 300 ms for forces. The law is not: it is

@@ -19,7 +19,7 @@ from foretouch.link import FaultStage, ZenohLink
 from foretouch.messages import PROCESS, LeaderState, ModelUpdate, Status, Telemetry
 from foretouch.robot import Robot, RobotSample, RobotSpecification
 from foretouch.session import follower, leader
-from foretouch.session.counting import as_texts, follower_counts, leader_counts, link_counts
+from foretouch.session.counting import as_texts, fault_texts, follower_counts, leader_counts, link_counts
 from foretouch.session.frames import framed_robot
 from foretouch.session.housekeeping import Housekeeper, StopFlag
 from foretouch.session.lease import own_epoch
@@ -186,14 +186,15 @@ def run_shadow(
     epoch = own_epoch()
     state = start(robot.specification, settings, epoch=epoch, run=epoch)
     texts = settings.as_text() | {"operator": NAME} | description
-    asked = ""
+    asked, changed_ns = "", 0
 
     def news() -> str:
         return shadow_news(state.following, asked)
 
     def describe() -> dict[str, str]:
         counts = leader_counts(state.leading) | follower_counts(state.following) | link_counts("follower", link)
-        return texts | {PROCESS: str(epoch), "control": "nobody", "trouble": news()} | as_texts(counts)
+        told = {PROCESS: str(epoch), "control": "nobody", "trouble": news()}
+        return texts | fault_texts(state.returned, "force_delay", changed_ns) | told | as_texts(counts)
 
     house = Housekeeper(link, "follower", describe, stop, say, parent, lambda _: news(), release=robot.close)
     house.start()
@@ -217,7 +218,7 @@ def run_shadow(
                 state.returned.change(
                     delay=chosen.force_delay, jitter=chosen.jitter, loss=chosen.loss, outage=chosen.outage
                 )
-                state.score = ShadowScore()
+                state.score, changed_ns = ShadowScore(), now
             # Taken only where it is there: a signal may come at any moment, and is not to be lost.
             if release := stop.release:
                 asked, stop.release = "", False

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from foretouch.quantities import Brief
 from foretouch.sweep.cases import is_clean, is_plain
 from foretouch.sweep.outcome import Outcome
 from foretouch.sweep.totals import of
@@ -79,7 +80,7 @@ def stiff(rows: Sequence[Outcome]) -> list[Outcome]:
 
 
 @dataclass(frozen=True)
-class Curve:
+class Curve(Brief):
     """Median and quartiles of a figure in bins, for those bins that have enough sessions.
 
     Attributes:

@@ -180,10 +180,17 @@ def _crosses(model: ContactModel) -> Finding:
 
 def _errors(estimator: Estimator) -> Finding:
     errors, parameters = estimator.standard_errors, estimator.parameters
-    rule = "standard_errors is None, or has one for each parameter that is None, or finite and not negative"
+    rule = (
+        "standard_errors is None, or has one for each parameter: None where that is undetermined, else finite and >= 0"
+    )
     if errors is None:
         return Finding("standard errors", True, "it gives none", rule)
-    bad = [name for name, value in errors.items() if value is not None and not 0.0 <= value < math.inf]
+    undetermined = [name for name, value in parameters.items() if value is None]
+    bad = [
+        name
+        for name, value in errors.items()
+        if value is not None and (name in undetermined or not 0.0 <= value < math.inf)
+    ]
     kept = errors.keys() == parameters.keys() and not bad
     return Finding(
         "standard errors", kept, f"of {', '.join(errors)}" + (f"; not {', '.join(bad)}" if bad else ""), rule

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from foretouch.quantities import Brief
 from foretouch.quantities.rigid import Vector, add, scaled, subtract
 from foretouch.session.settings import SAMPLE_PERIOD
 
@@ -14,7 +15,7 @@ SMOOTHED = -math.expm1(-2.0 * math.pi * 20.0 * SAMPLE_PERIOD)
 
 
 @dataclass(slots=True)
-class Rubbed:
+class Rubbed(Brief):
     """What friction is learnt from, through one low-pass of 20 Hz: the speed of one tick is mostly the encoders' noise.
 
     Attributes:
