@@ -107,7 +107,7 @@ OFFLINE: dict[tuple[str, ...], Callable[[list[str]], list[str]]] = {
 }
 """Commands that end by themselves, and their short forms."""
 
-LIVE = ("teleop", "follower", "leader", "record", "console", "stop", "camera", "bridge", "doctor")
+LIVE = ("teleop", "follower", "leader", "record", "console", "stop", "release", "camera", "bridge", "doctor")
 """Commands of a session in real time."""
 
 SHADOW = "--shadow"
@@ -353,7 +353,7 @@ def test_a_doctor_looks_and_answers(text: str, tmp_path: Path, running: list[sub
 
 def laps() -> Iterator[dict[str, str]]:
     """The commands of single sides, combined so that each is in at least one lap; robots are stopped in the first."""
-    names = [name for name in LIVE if name not in ("teleop", "stop", "camera", "bridge", "doctor")]
+    names = [name for name in LIVE if name not in ("teleop", "stop", "release", "camera", "bridge", "doctor")]
     sides = {name: sorted(of(name), key=lambda text: SHADOW in text) for name in names}
     stops = of("stop")
     for lap in range(max(map(len, sides.values()))):
@@ -396,11 +396,19 @@ def stop_the_robot(arguments: list[str], folder: Path, seconds: float = 40.0) ->
         assert time.monotonic() < end, err
 
 
+def release_the_robot(folder: Path) -> None:
+    (text,) = set(of("release"))
+    command = [sys.executable, "-m", "foretouch", *shlex.split(text)]
+    said = subprocess.run(command, cwd=folder, input="y\nrelease\n", capture_output=True, text=True, timeout=20)
+    assert said.stdout.endswith("the robot follows again, slowly at first\n"), said.stderr
+
+
 @pytest.mark.live
 @pytest.mark.parametrize("lap", one_now(list(laps())), ids=lambda lap: lap["leader"])
 def test_the_sides_run_one_by_one(
     lap: dict[str, str], tmp_path: Path, running: list[subprocess.Popen[str]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))  # other followers of this machine are not meant
     ports = (free_port(), free_port())
     kind = "tls" if "tls/" in lap["leader"] else "tcp"
     if kind == "tls":
@@ -414,6 +422,7 @@ def test_the_sides_run_one_by_one(
     running += [start([*arguments, "--json"], tmp_path) for arguments in (follower, recorder, console)]
     if "stop" in lap:
         stop_the_robot(on_this_machine(lap["stop"], kind, ports), tmp_path)
+        release_the_robot(tmp_path)
     waits = "--listen" in leader and recorder.count("--connect") == 2
     running.append(start([*leader, "--json", *(["--wait-for-recorder"] if waits else [])], tmp_path))
     said = [json.loads(finish(process)) for process in reversed(running)]

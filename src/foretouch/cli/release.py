@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import signal
 import time
-from collections.abc import Mapping
 from typing import Annotated
 
 import typer
@@ -17,6 +16,9 @@ __all__ = ["COMMANDS", "release"]
 
 PATIENCE, LOOK = 5.0, 0.1
 """For so long [s] it is looked whether the robot follows again, and each time after so long."""
+
+SAID = 1.0
+"""A follower that was stopped has said so after so long [s]."""
 
 
 def release(
@@ -32,17 +34,16 @@ def release(
 
     Example: foretouch release
     """
-    from foretouch.session import followers
+    from foretouch.session.waiting import followers
 
-    waiting = followers()
-    chosen = _the_one(waiting, process)
-    show(f"follower {chosen}: {one_line(waiting[chosen])}")
+    chosen, why = _the_one(process)
+    show(f"follower {chosen}: {one_line(why)}")
     near = typer.confirm("Is nobody within the robot's reach, and what it was stopped for mended?")
     if not near or typer.prompt('Type "release" to let it follow commands again').strip() != "release":
         say("foretouch: not released")
         raise typer.Exit(1)
     os.kill(chosen, signal.SIGUSR2)
-    end, now = time.monotonic() + PATIENCE, waiting[chosen]
+    end, now = time.monotonic() + PATIENCE, why
     while _waits(now) and time.monotonic() < end:
         time.sleep(LOOK)
         now = followers().get(chosen, "")
@@ -61,15 +62,19 @@ def _waits(sentence: str) -> bool:
     return "foretouch release" in sentence
 
 
-def _the_one(waiting: Mapping[int, str], process: int | None) -> int:
-    """The number of the process that is meant."""
-    stopped = [number for number, sentence in waiting.items() if _waits(sentence)]
+def _the_one(process: int | None) -> tuple[int, str]:
+    """The number of the process that is meant, and what it says."""
+    from foretouch.session.waiting import followers
+
+    end = time.monotonic() + SAID
+    while True:
+        stopped = {number: sentence for number, sentence in followers().items() if _waits(sentence)}
+        meant = [number for number in stopped if process in (None, number)]
+        if len(meant) == 1:
+            return meant[0], stopped[meant[0]]
+        if time.monotonic() > end:
+            break
+        time.sleep(LOOK)
     numbers = ", ".join(map(str, stopped)) or "none"
-    if process is None and len(stopped) == 1:
-        return stopped[0]
-    if process is None or process not in stopped:
-        rule = (
-            f"is to be the number of one of this user's followers on this machine that wait to be released: {numbers}"
-        )
-        raise SettingError("process", "not given" if process is None else process, rule)
-    return process
+    rule = f"must be one of this user's followers on this machine that wait to be released: {numbers}"
+    raise SettingError("process", "not given" if process is None else process, rule)

@@ -27,7 +27,6 @@ from foretouch.session.scheduling import be_prompt, give_way
 from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
 from foretouch.session.shadow import SHADOW_CHANNELS, run_shadow
 from foretouch.session.simulated import SimulatedSession, simulate
-from foretouch.session.waiting import followers
 
 __all__ = [
     "CLOSED_LOOP",
@@ -52,7 +51,6 @@ __all__ = [
     "be_prompt",
     "close_operator",
     "felt_texts",
-    "followers",
     "framed_device",
     "framed_robot",
     "give_way",
