@@ -247,7 +247,7 @@ def test_a_wall_that_nobody_knew_is_met_no_harder_sideways() -> None:
 
 
 STIFF_WALL = 23.0
-"""The impact sideways on 100 kN/m passes the ceiling by half of it [N]: in 900 such impacts 22.0 was the largest."""
+"""The impact sideways on 100 kN/m passes the ceiling by half of it [N]: in 600 such impacts 22.0 was the largest."""
 
 
 def test_one_of_100_kn_per_metre_is_met_with_half_as_much_again_for_an_instant() -> None:
