@@ -371,3 +371,10 @@ def test_blocks_of_earlier_code_are_counted_by_page(
     assert done == ["2 measured blocks say that they are of earlier code: a.md 2"]
     monkeypatch.setattr(blocks, "blocks", lambda: iter(there[1:2]))
     assert blocks.earlier() == ""
+
+
+def test_where_the_prediction_loses_is_said(docs: SimpleNamespace) -> None:
+    rows = table(docs.measured_blocks, "docs/results.md", "sessions")
+    worse = {row["Material"] for row in rows if float(row["Prediction error [%]"]) > float(row["Delayed error [%]"])}
+    assert worse == {"`bone`"}
+    assert "**On bone the prediction is worse than the delayed force**" in (ROOT / "docs" / "results.md").read_text()
