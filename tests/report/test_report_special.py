@@ -148,7 +148,7 @@ def test_what_is_no_recording_is_refused_in_one_line(tmp_path: Path, rows: int) 
     path.write_text("time_s,position_m,force_N\n" + "0,0,0\n" * rows)
     refusal = run(path).exception
     assert isinstance(refusal, ForetouchError)
-    assert f"{rows} samples: at least 2 are needed" in str(refusal)
+    assert f"{rows} sample{'' if rows == 1 else 's'}: at least 2 are needed" in str(refusal)
     assert "\n" not in str(refusal)
 
 
