@@ -283,16 +283,20 @@ def test_what_is_to_be_known_is_said(pressed: SessionLog, felt: SessionLog) -> N
 
 def test_the_recorded_settings_are_those_of_the_session(felt: SessionLog) -> None:
     settings, notes = recorded_settings(felt.settings)
-    assert settings == SessionSettings(material="hunt-crossley", grip="normal", clutch="4.2:4.6", device_damping=2.0)
+    assert settings == SessionSettings(
+        material="hunt-crossley", grip="normal", clutch="4.2:4.6", device_damping=2.0, device_delay=5e-4
+    )
     assert notes == ()
 
 
 def test_changes_take_the_place_of_what_was_recorded() -> None:
     texts = SessionSettings(model="kelvin-voigt", estimator="rls", seed=3).as_text()
     assert recorded_settings(texts, {"force_delay": 1.0})[0] == SessionSettings(
-        model="kelvin-voigt", estimator="rls", seed=3, force_delay=1.0, device_damping=2.0
+        model="kelvin-voigt", estimator="rls", seed=3, force_delay=1.0, device_damping=2.0, device_delay=5e-4
     )
-    assert recorded_settings(texts, {"model": "contact-map"})[0] == SessionSettings(seed=3, device_damping=2.0)
+    assert recorded_settings(texts, {"model": "contact-map"})[0] == SessionSettings(
+        seed=3, device_damping=2.0, device_delay=5e-4
+    )
     assert recorded_settings(texts, {"model": "kelvin-voigt"})[0].estimator == "rls"
 
 
@@ -305,7 +309,7 @@ def test_what_is_missing_or_not_known_has_its_default_and_is_said() -> None:
     }
     del texts["sensor_fault"]
     settings, notes = recorded_settings(texts)
-    assert settings == SessionSettings(clutch="1:2", grip="soft", device_damping=2.0)
+    assert settings == SessionSettings(clutch="1:2", grip="soft", device_damping=2.0, device_delay=5e-4)
     assert "does not say sensor_fault" in notes[0]
     assert any("jitter = 'much'" in note for note in notes)
     assert any("model = 'a-law-of-old'" in note and "contact-map is taken" in note for note in notes)

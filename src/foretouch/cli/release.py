@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from foretouch.cli.options import say, show
+from foretouch.cli.options import Json, print_json, say, show
 from foretouch.errors import SettingError, one_line
 
 __all__ = ["COMMANDS", "release"]
@@ -26,6 +26,7 @@ def release(
         int | None,
         typer.Argument(help="Number of the follower's process, where there are several.", show_default=False),
     ] = None,
+    json_output: Json = False,
 ) -> None:
     """Let a robot of this machine that was stopped follow commands again; asked twice, at the robot itself.
 
@@ -37,9 +38,9 @@ def release(
     from foretouch.session.waiting import followers
 
     chosen, why = _the_one(process)
-    show(f"follower {chosen}: {one_line(why)}")
-    near = typer.confirm("Is nobody within the robot's reach, and what it was stopped for mended?")
-    if not near or typer.prompt('Type "release" to let it follow commands again').strip() != "release":
+    say(f"follower {chosen}: {one_line(why)}")
+    near = typer.confirm("Is nobody within the robot's reach, and what it was stopped for mended?", err=True)
+    if not near or typer.prompt('Type "release" to let it follow commands again', err=True).strip() != "release":
         say("foretouch: not released")
         raise typer.Exit(1)
     os.kill(chosen, signal.SIGUSR2)
@@ -47,8 +48,11 @@ def release(
     while _waits(now) and time.monotonic() < end:
         time.sleep(LOOK)
         now = followers().get(chosen, "")
+    if json_output:
+        print_json({"released": not _waits(now), "follower": chosen})
     if not _waits(now):
-        show("the robot follows again, slowly at first")
+        if not json_output:
+            show("the robot follows again, slowly at first")
         return
     say(f"foretouch: NOT released (after {PATIENCE:g} s): {one_line(now)}")
     raise typer.Exit(1)

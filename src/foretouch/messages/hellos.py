@@ -33,8 +33,9 @@ MOST_PROCESSES, MOST_NEWS = 64, 64
 """So many processes of each role and so many different news are remembered: who says hello without end fills nothing,
 and takes nobody's place."""
 
-MOST_CHANGES = 256
-"""So many changes of settings are remembered of each role: of a slider that is drawn to and fro for two minutes."""
+MOST_CHANGES, MOST_TEXT = 256, 1_000_000
+"""So many changes of settings are remembered of each role, of a slider that is drawn to and fro for two minutes; and so
+many characters of them, twice what that takes."""
 
 
 def split_texts(texts: Mapping[str, str]) -> tuple[dict[str, str], dict[str, int]]:
@@ -93,9 +94,10 @@ class Hellos:
         if before is not None and before.settings == settings:
             return
         since = 0 if before is None else _number(hello.texts.get(SINCE, "")) or hello.time_ns
-        if len(said) >= MOST_CHANGES:
+        new = Said(hello.role, process, since, settings)
+        while said and (len(said) >= MOST_CHANGES or sum(map(_length, (*said, new))) > MOST_TEXT):
             said.pop()
-        said.append(Said(hello.role, process, since, settings))
+        said.append(new)
 
     @property
     def said(self) -> tuple[Said, ...]:
@@ -115,6 +117,11 @@ class Hellos:
             for name, count in counts.items():
                 total[name] = total.get(name, 0) + count
         return total
+
+
+def _length(said: Said) -> int:
+    """Characters of its settings."""
+    return sum(len(name) + len(value) for name, value in said.settings.items())
 
 
 def _number(text: str) -> int:

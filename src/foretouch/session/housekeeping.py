@@ -137,7 +137,7 @@ class Housekeeper(threading.Thread):
         self._release = release
         self.loop = LoopWatch(HELLO_PERIOD)
         self._told = ""
-        self._note = WaitingNote() if role == "follower" else None
+        self._note: WaitingNote | None = None
         self._heard: dict[str, dict[str, str]] = {}
         self._hellos = 0
         self._reported = self._foreign = 0
@@ -146,6 +146,8 @@ class Housekeeper(threading.Thread):
 
     def run(self) -> None:
         """Work until `close`."""
+        if self.role == "follower":
+            self._note = WaitingNote()
         count = 0
         while not self._ended.wait(HELLO_PERIOD):
             self._look_at_loop()

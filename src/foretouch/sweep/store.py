@@ -25,18 +25,8 @@ ROOMS = (
 
 SHOWING = {
     "report": (
-        *("calibration_page", "drawing", "figures", "forces", "hand_drawing", "hand_text", "html", "numbers", "page"),
-        *(
-            "pressed",
-            "remarks",
-            "replay",
-            "replay_page",
-            "safety_text",
-            "scene_drawing",
-            "scene_text",
-            "text",
-            "thinning",
-        ),
+        *("calibration_page", "drawing", "figures", "forces", "hand_drawing", "hand_text", "html", "page", "remarks"),
+        *("replay", "replay_page", "safety_text", "scene_drawing", "scene_text", "text", "thinning"),
     ),
     "sweep": ("curves", "figures", "page", "summary", "totals"),
 }
