@@ -73,7 +73,7 @@ def test_an_independent_subscriber_sees_a_running_session(running: list[subproce
         said.setdefault(topic, []).append(message | {"heard": heard_ns})
     first, *others = ends[1][1].splitlines()
     assert first == f"bridge: on the ROS 2 graph, through {hub.endpoint}"
-    sent = {line.split()[1].removeprefix("/robot1"): int(line.split()[2]) for line in others}
+    sent = {line.split()[1].removeprefix("/robot1"): int(line.split()[2].replace(",", "")) for line in others}
     assert sum(sent.values()) == count
     assert {topic: len(messages) for topic, messages in said.items()} == pytest.approx(sent, abs=5)
     _is_on_time(said, begun)

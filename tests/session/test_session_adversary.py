@@ -94,7 +94,7 @@ IN_SPACE = [
 
 @pytest.mark.parametrize(("scene", "material"), IN_SPACE[:1])
 def test_a_short_search_in_space_finds_nothing(scene: str, material: str) -> None:
-    found = search(lambda programme: largest_force_in_space(scene, material, programme), 15, SPACE_LENGTH)
+    found = search(lambda programme: largest_force_in_space(scene, material, programme), 8, SPACE_LENGTH)
     assert found.force <= CEILING, found
 
 

@@ -305,7 +305,7 @@ def test_what_a_full_inbox_pushes_out_is_counted(tmp_path: Path) -> None:
     assert log.follower.size == 20_000
     assert dropped > 2500
     assert log.counts["recorder_dropped"] == dropped
-    assert f"recorder: {dropped} messages came too fast to be written" in said
+    assert f"recorder: {dropped:,} messages came too fast to be written" in said
 
 
 def teleop(path: Path, seconds: float, largest_file: int | None = None) -> subprocess.Popen[str]:
