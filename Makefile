@@ -43,10 +43,10 @@ INTERPRETED := $(addprefix tests/models/test_models_,$(addsuffix .py,catching_up
 # raises; and what compiled code returns is of Python's own types.
 COMPILED_ONLY := test_any_motion_of_any_map or test_a_call_of_the_map_is_the_kernel
 
-# What starts processes in real time runs alone; the rest shares the cores.
-test: setup system  ## everything that a change must pass, in under 10 minutes on 2 cores
+# What starts processes in real time runs alone; the rest shares the cores, three at a time, for a third of them waits.
+test: setup system  ## everything that a change must pass, in some 10 minutes on 2 cores
 	@$(MAKE) --no-print-directory --jobs 2 --output-sync check docs
-	@$(BIN)/pytest -m "not long and not live and not soak" --numprocesses 2 --dist loadfile $(ARGS)
+	@$(BIN)/pytest -m "not long and not live and not soak" --numprocesses 3 --dist loadfile $(ARGS)
 	@$(MAKE) --no-print-directory --jobs 2 --output-sync test-live test-beside
 
 # Loops in real time use little more than one core; what only computes has what they leave, at the lowest priority.
