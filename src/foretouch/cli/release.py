@@ -39,7 +39,7 @@ def release(
 
     chosen, why = _the_one(process)
     say(f"follower {chosen}: {one_line(why)}")
-    near = typer.confirm("Is nobody within the robot's reach, and what it was stopped for mended?", err=True)
+    near = typer.confirm("Is the reason for the stop mended, and everybody out of the robot's reach?", err=True)
     if not near or typer.prompt('Type "release" to let it follow commands again', err=True).strip() != "release":
         say("foretouch: not released")
         raise typer.Exit(1)

@@ -19,7 +19,7 @@ __all__ = ["LONGEST_DELAY", "NetworkFaults", "NetworkPanel"]
 LONGEST_DELAY = 2.0
 """End of the sliders of delays [s]."""
 OWN = 2.0
-"""What a person sets, nobody sets otherwise for so long [s]: the session says it half a second later."""
+"""A slider that a person has moved stays as it is for so long [s], until the session says the new value too."""
 TRIP = Curve("Round trip: age of the answer", INK, 2.0)
 THERE = Curve("Lost on the way there", BLUE, 2.0)
 BACK = Curve("Lost on the way back", VERMILLION, 2.0, "dashed")

@@ -46,7 +46,7 @@ class DeviceSpecification:
         friction: Coulomb friction [N], 0 to 100; stiction is as large.
         force_limit: Largest force [N] that it gives, above 0, at most 1000.
         resolution: One encoder count [m], 0 (none) to 0.001.
-        delay: d [s], 0 to 0.001; a tick where nobody states it.
+        delay: d [s], 0 to 0.001; without a value one tick, the longest.
         watchdog: [s], 0.002 to 10, or 0 for none.
 
     Raises:

@@ -95,8 +95,7 @@ class SessionSettings(Brief):
             that is assumed of such a device.
         device_friction: Coulomb friction of the device [N].
         device_resolution: Count of its encoder [m].
-        device_delay: From reading a position until its force acts [s], at most a tick; a simulated device is as late.
-            None where nobody has stated it: 0.5 ms in a simulated hand, and in a person's a tick.
+        device_delay: From reading a position until its force acts [s]; None for 0.5 ms if simulated, else a tick.
         device_watchdog: Time after which the device takes a force away that nobody has renewed [s]; 0 for never.
         largest_stiffness: Largest local stiffness that is rendered [N/m]; 0 for what the device carries.
         position_scale: Proxy's motion for the hand's, 0.01 to 100.
