@@ -73,6 +73,8 @@ def test_without_what_draws_images_it_goes_on_and_says_what_to_install(monkeypat
         (("--scene", "nowhere"), "unknown scene 'nowhere'"),
         (("--scene", "absent.stl"), r"absent\.stl: no such file"),
         (("--scene", "plane", "--material", "sponge"), "remembers what was done to it"),
+        (("--scene", "phantom", "--material", "kelvin-voigt"), "most_damped = 500.0: must be at least 2000 N s/m"),
+        (("--scene", "plane", "--stiffest", "100"), "stiffest = 100.0: must be at least "),
         (("--scene", "plane", "--operator", "recorded"), "is for sessions along a line"),
         (("--scene", "plane", "--operator", "browser"), "needs real time"),
         (("--scene", "plane", "--fusion", "luck"), "unknown fusion 'luck'"),

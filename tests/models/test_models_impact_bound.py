@@ -14,9 +14,10 @@ from foretouch.models import KelvinVoigt
 from foretouch.models.impact_bound import impact_impedance
 from foretouch.robot import RcmArm, make_robot
 from foretouch.robot.materials.material import Material
-from foretouch.session.safety import MOST_DAMPED, REACTION, STIFFEST
+from foretouch.session.safety import REACTION, SafetyLimits
 
 SURFACE, TICK = 0.01, 1e-3
+STIFFEST, MOST_DAMPED = SafetyLimits().stiffest, SafetyLimits().most_damped
 FELT = 0.15
 """Force at which a contact is noticed here [N]."""
 

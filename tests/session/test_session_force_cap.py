@@ -6,16 +6,16 @@ import pytest
 
 from foretouch.quantities.rigid import Vector
 from foretouch.session.force_guard import PATIENCE, STEEPER
-from foretouch.session.safety import AIMED, MOST_DAMPED
+from foretouch.session.safety import AIMED, SafetyLimits
 from foretouch.session.spatial.force_cap import ForceCap
 
-CEILING, STIFFNESS = 15.0, 2000.0
+CEILING, STIFFNESS, MOST_DAMPED = 15.0, 2000.0, SafetyLimits().most_damped
 UP: Vector = (0.0, 0.0, 1.0)
 
 
 def pressed(normal: Vector) -> ForceCap:
     """It goes 2 mm into a spring that pushes upwards, whatever normal is believed."""
-    cap = ForceCap(CEILING, 0.25, 1e-3)
+    cap = ForceCap(CEILING, MOST_DAMPED, 0.25, 1e-3)
     for tick in range(200):
         depth = 1e-5 * tick
         cap.observe((0.0, 0.0, -depth), (0.0, 0.0, STIFFNESS * depth), normal)

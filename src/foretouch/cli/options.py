@@ -199,6 +199,12 @@ SESSION_OPTIONS: dict[str, tuple[type, object, str]] = {
     "approach_speed": (float, 0.02, "Of a guarded follower before it knows a surface [m/s]."),
     "guarded_force": (float, 2.0, "At which a guarded follower holds [N]."),
     "force_ceiling": (float, 15.0, "Contact force that the follower never holds more than [N]."),
+    "stiffest": (float, 1e5, "What it has not gone through yet counts as so stiff [N/m]."),
+    "most_damped": (
+        float,
+        500.0,
+        "And as so damped at once [N s/m]; with more it goes slower into it.",
+    ),
     "largest_depth": (float, 0.05, "Deepest below a surface that the follower has felt [m]."),
     "largest_speed": (float, 0.25, "Of the follower [m/s]."),
     "largest_acceleration": (float, 40.0, "Of the follower [m/s^2]."),
@@ -253,6 +259,8 @@ SESSION_PANELS: dict[str, tuple[str, ...]] = {
     "In three dimensions": ("scene", "fusion", "displacement", "turn", "bump", "camera_delay", "image_fault"),
     "Safety at the robot": (
         "force_ceiling",
+        "stiffest",
+        "most_damped",
         "largest_depth",
         "largest_speed",
         "largest_acceleration",

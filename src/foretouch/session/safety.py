@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from foretouch.messages import Status
 from foretouch.models.checks import require
@@ -15,10 +17,6 @@ from foretouch.session.motion_limits import POSITION, VELOCITY, MotionLimits
 from foretouch.session.proven_way import ProvenWay
 
 __all__ = ["LEFT", "REST_FORCE", "Safety", "SafetyLimits"]
-
-STIFFEST, MOST_DAMPED = 1e5, 500.0
-"""What nobody has gone through yet counts as so stiff [N/m], which is bone under a probe, and so damped [N s/m], which
-is the paper's Kelvin-Voigt material; as both at once."""
 
 REACTION = 3e-3
 """After its first touch a robot is no faster than before for so long [s], and then stops: its sensor and drive are as
@@ -73,6 +71,8 @@ class SafetyLimits:
         acceleration: [m/s^2].
         jerk: [m/s^3].
         mass: That moves with the probe [kg]: what an impact is of.
+        stiffest: What nobody has gone through yet counts as so stiff [N/m]; 1e5 is bone under a probe.
+        most_damped: And as so damped at once [N s/m]; 500 is the paper's Kelvin-Voigt material.
         return_speed: Inwards, on the way back to the commands after it was held [m/s].
         hold_after: Time without a fresh command until it holds [s].
         unload_after: And until it unloads [s].
@@ -89,14 +89,17 @@ class SafetyLimits:
     acceleration: float = 40.0
     jerk: float = 1e5
     mass: float = 0.4
+    stiffest: float = 1e5
+    most_damped: float = 500.0
     return_speed: float = 0.05
     hold_after: float = 0.05
     unload_after: float = 0.5
     retreats: bool = False
 
     def __post_init__(self) -> None:
-        for name in ("force", "depth", "speed", "acceleration", "jerk", "mass", "return_speed", "hold_after"):
-            require(name, getattr(self, name), above=0.0)
+        for limit in dataclasses.fields(self):
+            if limit.name not in ("workspace", "unload_after", "retreats"):
+                require(limit.name, getattr(self, limit.name), above=0.0)
         require("unload_after", self.unload_after, at_least=self.hold_after)
 
 
@@ -119,9 +122,10 @@ class Safety:
        .. math:: v_0 = \frac{0.88\, F - f}{Z}
 
        F being the ceiling, f the force that is felt, or that was when it was there, and Z what `impact_impedance` says
-       of the robot's mass, 3 ms of reaction, 100 kN/m and 500 N s/m: the largest force of an impact of all that is no
-       stiffer and no more damped. Where it has, as fast as `ProvenWay` says for three quarters of the ceiling. It
-       brakes in time before what allows less: at a way d before, 0.5 mm of margin off, and w being allowed there, by
+       of the robot's mass, 3 ms of reaction, and the stiffest and most damped that is assumed, as both at once: the
+       largest force of an impact of all that is no stiffer and no more damped. Where it has, as fast as `ProvenWay`
+       says for three quarters of the ceiling. It brakes in time before what allows less: at a way d before, 0.5 mm of
+       margin off, and w being allowed there, by
 
        .. math:: v = \sqrt{(w + A \tau / 2)^2 + A\, d} - A \tau / 2, \quad \tau = 5\ \mathrm{ms}
 
@@ -152,6 +156,7 @@ class Safety:
         "_memory",
         "_motion",
         "_path",
+        "_period",
         "_proven",
         "pressing",
         "status",
@@ -167,12 +172,13 @@ class Safety:
         ForceGuard(self._memory[kernel.GUARD : kernel.MOTION])
         self._proven = ProvenWay(self._memory[kernel.WAY :])
         self._path = self._memory[kernel.MOTION : kernel.WAY]
-        self._limits = limits.speed, limits.acceleration, limits.jerk, sample_period
-        self._motion = MotionLimits(*self._limits, path=self._path)
+        self._limits, self._period = limits, sample_period
+        self._motion = self._motion_limits(self._path)
         self._memory[kernel.AIM] = self._memory[kernel.CAME] = math.nan
         self._memory[kernel.NEAREST] = -math.inf
         self._memory[kernel.NEW] = 1.0  # it has not followed yet: nothing leads from anywhere
-        self._memory[kernel.IMPEDANCE] = impact_impedance(STIFFEST, MOST_DAMPED, limits.mass, REACTION)
+        self._memory[kernel.IMPEDANCE] = impact_impedance(limits.stiffest, limits.most_damped, limits.mass, REACTION)
+        self._memory[kernel.DAMPING] = limits.most_damped
         self._memory[kernel.FORCE : kernel.PERIOD] = (
             limits.force,
             limits.depth,
@@ -195,8 +201,17 @@ class Safety:
         From then on `update` returns the aim, and `went` is told in each tick what came of it.
         """
         self._memory[self._kernel.IN_SPACE] = 1.0
-        self._motion = MotionLimits(*self._limits)
+        self._motion = self._motion_limits()
         return self._motion
+
+    def _motion_limits(self, path: NDArray[np.float64] | None = None) -> MotionLimits:
+        limits = self._limits
+        return MotionLimits(limits.speed, limits.acceleration, limits.jerk, self._period, path=path)
+
+    @property
+    def limits(self) -> SafetyLimits:
+        """What is never done."""
+        return self._limits
 
     @property
     def blind_speed(self) -> float:

@@ -24,7 +24,6 @@ from foretouch.session.safety import (
     BRAKING_DELAY,
     CLEARANCE,
     MARGIN,
-    MOST_DAMPED,
     PROVEN_SHARE,
     REJOINED_FOR,
     REST_FORCE,
@@ -35,6 +34,7 @@ from foretouch.session.safety import (
 __all__ = [
     "AIM",
     "CAME",
+    "DAMPING",
     "FASTEST",
     "FORCE",
     "GUARD",
@@ -64,21 +64,21 @@ FORCE, DEPTH, LOWEST, HIGHEST, SPEED, ACCELERATION, RETURN_SPEED = 6, 7, 8, 9, 1
 HOLD_AFTER, UNLOAD_AFTER, RETREATS = 13, 14, 15
 """What stays: the numbers of `SafetyLimits`."""
 
-PERIOD, IMPEDANCE = 16, 17
-"""T [s], and Z [N s/m]."""
+PERIOD, IMPEDANCE, DAMPING = 16, 17, 18
+"""T [s]; Z; and the damping of what nobody has gone through [N s/m]."""
 
-IN_SPACE, NEAREST = 18, 19
+IN_SPACE, NEAREST = 19, 20
 """Whether the aim is brought into space, and the motion limited there; and where the place that the robot was told
 there is against the surface [m], which on a curved one is not quite the aim."""
 
-FASTEST, SHIFTED = 20, 21
+FASTEST, SHIFTED = 21, 22
 """What the motion limits are told beside the aim: how fast it may go deeper, negative where it has to go back [m/s],
 and by how far the aim was set elsewhere [m]."""
 
-NEARING = 22
+NEARING = 23
 """In space: how fast it may be coming nearer to what may be there by going along it [m/s]."""
 
-GUARD = 23
+GUARD = 24
 """From here on the numbers of its `ForceGuard`."""
 
 MOTION = GUARD + GUARD_SIZE
@@ -125,7 +125,7 @@ def _fastest(memory: Array, status: int, position: float, surface: float, free: 
     if status < HOLDING:
         ahead = _ahead(memory)
         untouched = not ahead < free and proven_speed(memory[WAY:], ahead, aimed) == 0.0
-        inwards = max(allowed_speed(guard, aimed, MOST_DAMPED if untouched else 0.0), -memory[SPEED])
+        inwards = max(allowed_speed(guard, aimed, memory[DAMPING] if untouched else 0.0), -memory[SPEED])
         inwards = min(inwards, _towards(memory, free))
         return float(min(inwards, memory[RETURN_SPEED]) if memory[RETURNING] != 0.0 else inwards)
     if status == RETREATING and math.isfinite(surface) and not position < surface - CLEARANCE:

@@ -107,6 +107,8 @@ class SessionSettings(Brief):
         approach_speed: Of a guarded follower before it knows a surface [m/s].
         guarded_force: At which a guarded follower holds [N], 0.5 to 15.
         force_ceiling: Contact force that the follower never holds more than [N].
+        stiffest: What the follower has not gone through yet counts as so stiff [N/m].
+        most_damped: And as so damped at once [N s/m].
         largest_depth: Deepest that the follower goes below a surface that it has felt [m].
         largest_speed: Of the follower [m/s].
         largest_acceleration: Of the follower [m/s^2].
@@ -170,6 +172,8 @@ class SessionSettings(Brief):
     approach_speed: float = 0.02
     guarded_force: float = 2.0
     force_ceiling: float = 15.0
+    stiffest: float = 1e5
+    most_damped: float = 500.0
     largest_depth: float = 0.05
     largest_speed: float = 0.25
     largest_acceleration: float = 40.0
@@ -370,6 +374,8 @@ SCENE_DEFAULTS = {"model": ("contact-map", "quadratic"), "material": ("foam-meas
 
 SAFETY_LIMITS = {
     "force": "force_ceiling",
+    "stiffest": "stiffest",
+    "most_damped": "most_damped",
     "depth": "largest_depth",
     "speed": "largest_speed",
     "acceleration": "largest_acceleration",

@@ -176,7 +176,7 @@ def start(
     probe, gone, told = (SurfaceLine(surface, pose, leads=leads) for leads in (True, True, False))
     course = Course(gone, ceiling, speed, settings.return_speed, SAMPLE_PERIOD)
     inner.playout = Playout(course.go)
-    last = LastLimit(inner.safety, told, ceiling, speed, SAMPLE_PERIOD)
+    last = LastLimit(inner.safety, told, SAMPLE_PERIOD)
     way_in, fields = WayIn(surface), FieldSender(inner.run)
     return State(inner, probe, course, last, way_in, fields, settings.approach_speed, speed)
 

@@ -7,7 +7,7 @@ import math
 from foretouch.quantities.rigid import Vector, add, dot, norm, scaled, subtract
 from foretouch.session.force_guard import PATIENCE, ForceGuard
 from foretouch.session.motion_limits import Bound
-from foretouch.session.safety import AIMED, MOST_DAMPED
+from foretouch.session.safety import AIMED
 
 __all__ = ["ForceCap"]
 
@@ -42,6 +42,7 @@ class ForceCap:
 
     Args:
         ceiling: [N], positive.
+        most_damped: That a material counts as which nobody has touched [N s/m], not negative.
         speed: Largest of the robot [m/s], positive.
         sample_period: [s], positive.
 
@@ -55,6 +56,7 @@ class ForceCap:
         "_guard",
         "_here",
         "_known",
+        "_most_damped",
         "_outwards",
         "_period",
         "_place",
@@ -66,8 +68,9 @@ class ForceCap:
         "fastest",
     )
 
-    def __init__(self, ceiling: float, speed: float, sample_period: float) -> None:
+    def __init__(self, ceiling: float, most_damped: float, speed: float, sample_period: float) -> None:
         self._ceiling, self._speed, self._period = ceiling, speed, sample_period
+        self._most_damped = most_damped
         self._guard = ForceGuard()
         self._here: Vector | None = None
         self._place: Vector | None = None
@@ -92,7 +95,7 @@ class ForceCap:
             self._way -= dot(subtract(here, self._here), self._outwards)
         self._here = here
         self._guard.observe(self._way, size, felt)
-        damping = MOST_DAMPED if unexplained else 0.0
+        damping = self._most_damped if unexplained else 0.0
         self.fastest = self._guard.speed(AIMED * self._ceiling, damping) if felt else math.inf
         self._rate += RATE_SHARE * ((size - self._force) / self._period - self._rate)
         self._force = size

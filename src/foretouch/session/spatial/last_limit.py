@@ -33,8 +33,6 @@ class LastLimit:
     Args:
         safety: Whose aims are brought into space, and whose limits hold there.
         line: Of the places that the robot is told.
-        ceiling: Of the force [N].
-        speed: Largest of the robot [m/s].
         sample_period: [s].
 
     Attributes:
@@ -43,10 +41,11 @@ class LastLimit:
 
     __slots__ = ("_cap", "_facing", "_limits", "_safety", "line")
 
-    def __init__(self, safety: Safety, line: SurfaceLine, ceiling: float, speed: float, sample_period: float) -> None:
+    def __init__(self, safety: Safety, line: SurfaceLine, sample_period: float) -> None:
         self._safety, self.line = safety, line
         self._limits = safety.in_space()
-        self._cap = ForceCap(ceiling, speed, sample_period)
+        limits = safety.limits
+        self._cap = ForceCap(limits.force, limits.most_damped, limits.speed, sample_period)
         self._facing = line.surface.facing()
 
     def begin(self, place: Vector) -> None:

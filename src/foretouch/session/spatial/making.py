@@ -12,9 +12,9 @@ from foretouch.devices import (
     SpatialDevice,
     SpatialHand,
 )
-from foretouch.errors import MissingExtraError
-from foretouch.robot import GantryArm, make_material
-from foretouch.session.settings import NO_GRIP, SessionSettings
+from foretouch.errors import MissingExtraError, SettingError
+from foretouch.robot import GantryArm, Material, make_material
+from foretouch.session.settings import NO_GRIP, SAMPLE_PERIOD, SessionSettings
 from foretouch.session.spatial.camera import SimulatedCamera
 from foretouch.session.spatial.scenes import Scene, palpation
 from foretouch.session.spatial.world import SpatialWorld
@@ -35,17 +35,38 @@ def make_spatial_robot(settings: SessionSettings, scene: Scene, *, force_limit: 
         force_limit: Force that each drive can hold at most [N].
 
     Raises:
-        SettingError: A material that remembers.
+        SettingError: A material that remembers, or one in which the safety's bound on an impact is known not to hold.
     """
+    material = make_material(settings.material)
     world = SpatialWorld(
         scene,
-        make_material(settings.material),
+        material,
         displacement=settings.displacement,
         turn=settings.turn,
         bump=settings.bump,
         seed=settings.seed,
     )
+    _require_assumed(settings, scene, material)
     return GantryArm(world.touch, world.fixture, seed=settings.seed, force_limit=force_limit)
+
+
+def _require_assumed(settings: SessionSettings, scene: Scene, material: Material) -> None:
+    """Refuse what is stiffer or more damped somewhere than safety assumes, up to the force ceiling: see `Safety`."""
+    ratio = 1.0 if scene.inclusion is None else scene.inclusion.ratio
+    step, speed = 1e-5, settings.largest_speed
+
+    def force(depth: float, inwards: float) -> float:
+        return ratio * material.model.advance((), depth, inwards, SAMPLE_PERIOD)[1]
+
+    stiffness = damping = depth = 0.0
+    while depth < settings.largest_depth and force(depth, 0.0) < settings.force_ceiling:
+        depth += step
+        stiffness = max(stiffness, (force(depth, 0.0) - force(depth - step, 0.0)) / step)
+        damping = max(damping, (force(depth, speed) - force(depth, 0.0)) / speed)
+    for name, unit, most in (("stiffest", "N/m", stiffness), ("most_damped", "N s/m", damping)):
+        if getattr(settings, name) < 0.99 * most:
+            rule = f"must be at least {most:.4g} {unit}, which {material.name} has somewhere in the scene {scene.name}"
+            raise SettingError(name, getattr(settings, name), rule)
 
 
 def make_camera(settings: SessionSettings, scene: Scene, *, say: Callable[[str], None]) -> SimulatedCamera | None:
