@@ -24,8 +24,9 @@ from typing import Any, TypeVar, overload
 
 import numba
 from numba.core import caching
+from numba.core.registry import cpu_target
 
-__all__ = ["compiled", "compiled_folder", "digest_of", "imported"]
+__all__ = ["compiled", "compiled_folder", "compiled_root", "complete_mark", "digest_of", "imported", "mark_complete"]
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -59,10 +60,45 @@ def compiled(what: Any = "", /, **options: Any) -> Any:
     def compile_one(function: Function) -> Function:
         kept = compiled_folder(function.__code__.co_filename) is not None
         types = (what,) if what else ()
-        made: Function = numba.njit(*types, cache=kept, **options)(function)
+        # A wrapper for callers in C is compiled with each function otherwise, and there are none.
+        made: Function = numba.njit(*types, cache=kept, no_cfunc_wrapper=True, **options)(function)
         return made
 
     return compile_one
+
+
+def compiled_root() -> Path | None:
+    """The folder of all folders of compiled code; None where there is none of this user's own."""
+    home = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
+    root = Path(numba.config.CACHE_DIR or Path(home, "foretouch", "compiled"))
+    try:
+        root.mkdir(mode=0o700, parents=True, exist_ok=True)
+        return root if _is_ours(root) else None
+    except OSError:
+        return None
+
+
+def complete_mark() -> Path | None:
+    """The folder that is there once everything was compiled of these sources, for this processor and Python.
+
+    None where nothing can be kept.
+    """
+    root = compiled_root()
+    if root is None:
+        return None
+    found = hashlib.sha256(repr((sys.version, cpu_target.target_context.codegen().magic_tuple())).encode())
+    for source in sorted(PACKAGE.rglob("*.py")):
+        if "import compiled\n" in _text(source) or "import entry_point\n" in _text(source):
+            found.update(f"{source.stem}-{digest_of(source)}".encode())
+    return root / f"complete-{found.hexdigest()[:16]}"
+
+
+def mark_complete() -> None:
+    """Say to later processes that everything was compiled."""
+    mark = complete_mark()
+    if mark is not None:
+        mark.mkdir(mode=0o700, exist_ok=True)
+        _forget_old(mark.parent, "complete")
 
 
 @cache
@@ -73,14 +109,11 @@ def compiled_folder(source: str) -> Path | None:
     is said once, and every process compiles for itself. It is below ``NUMBA_CACHE_DIR``, where that is set, or the
     user's cache folder.
     """
-    home = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
-    root = Path(numba.config.CACHE_DIR or Path(home, "foretouch", "compiled"))
-    name = Path(source).stem
+    name, root = Path(source).stem, compiled_root()
+    if root is None:
+        return None
     folder = root / f"{name}-{digest_of(Path(source))}"
     try:
-        root.mkdir(mode=0o700, parents=True, exist_ok=True)
-        if not _is_ours(root):
-            return None
         if not folder.is_dir():
             folder.mkdir(mode=0o700, exist_ok=True)
             _forget_old(root, name)

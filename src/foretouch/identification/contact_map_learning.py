@@ -198,7 +198,8 @@ def _snap(flat: Array, notes: Array, times: Array, ring: Array, time: float) -> 
     if time - notes[SNAPPED_AT] >= RING_PERIOD - 1e-7 or notes[SNAPSHOTS] == 0.0:
         notes[SNAPPED_AT] = time
         index = int(notes[SNAPSHOTS]) % RING
-        ring[index, :SIZE] = flat
+        for k in range(SIZE):  # a slice of an array into another takes seconds to compile
+            ring[index, k] = flat[k]
         ring[index, SIZE], times[index] = notes[CONTACT], time
         notes[SNAPSHOTS] += 1.0
 

@@ -110,9 +110,8 @@ def _reset(state: Array) -> None:
     """Forget all samples; what was set stays, and how many changes there were."""
     notes = state[BEGIN_NOTES:BEGIN_RATES]
     horizon, changes = notes[HORIZON], notes[CHANGES]
-    absent = notes[ABSENT : ABSENT + EXPERTS].copy()
-    state[BEGIN_FLAT:BEGIN_SETTINGS] = 0.0
-    notes[ABSENT : ABSENT + EXPERTS] = absent
+    state[BEGIN_FLAT : BEGIN_NOTES + ABSENT] = 0.0
+    state[BEGIN_NOTES + ABSENT + EXPERTS : BEGIN_SETTINGS] = 0.0
     notes[HORIZON], notes[CHANGES] = horizon, changes
     notes[PATIENCE], notes[TIME] = ALARM_FROM, math.nan
     begin(state)

@@ -242,11 +242,15 @@ def _reach_all(state: MapRegression) -> None:
     _, _, knots, _, coarse, features, _ = _LAYOUTS[state.kind]
     size = state.covariance.shape[0]
     state.covariance[:] = 0.0
-    state.covariance[:knots, :knots] = part_of(state, True)[1].reshape((knots, knots))
+    elastic, prior = part_of(state, True)[1], part_of(state, False)[1]
+    for i in range(knots):  # a slice of an array into another takes seconds to compile
+        for j in range(knots):
+            state.covariance[i, j] = elastic[i * knots + j]
     for f in range(features):
         begin = knots + f * coarse
-        prior = part_of(state, False)[1].reshape((coarse, coarse))
-        state.covariance[begin : begin + coarse, begin : begin + coarse] = prior
+        for i in range(coarse):
+            for j in range(coarse):
+                state.covariance[begin + i, begin + j] = prior[i * coarse + j]
     for i in range(size):
         state.places[_WEIGHT_AT + i] = state.places[_WEIGHT_AT + size + i] = i
     state.places[REACHED_WEIGHTS] = size

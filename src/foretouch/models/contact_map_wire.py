@@ -54,9 +54,11 @@ def _transfer(flat: Array, packed: Array, unpacking: bool) -> int:
         return -1
     if unpacking:
         flat[:] = 0.0
-        flat[:HEADER] = packed[:HEADER]
-    else:
-        packed[:HEADER] = flat[:HEADER]
+    for k in range(HEADER):  # a slice of an array into another takes seconds to compile
+        if unpacking:
+            flat[k] = packed[k]
+        else:
+            packed[k] = flat[k]
     size = HEADER
     for kind in range(2):
         if kind == 1 and not flat[SHARES + 2] > 0.0:
@@ -77,11 +79,12 @@ def _transfer(flat: Array, packed: Array, unpacking: bool) -> int:
                 begin, end = offset + low, offset + high
             if size + end - begin > packed.size:
                 return -1
-            if unpacking:
-                flat[begin:end] = packed[size : size + end - begin]
-            else:
-                packed[size : size + end - begin] = flat[begin:end]
-            size += end - begin
+            for k in range(begin, end):
+                if unpacking:
+                    flat[k] = packed[size]
+                else:
+                    packed[size] = flat[k]
+                size += 1
     return size
 
 
