@@ -8,6 +8,7 @@ The public interface; what is not here may change without notice. Names are impo
 - Identification: `make_estimator`, `Learner`, `identify`, `predict`
 - Scoring: `score`, `delayed`; `compare`, `file_case`
 - Sessions: `SessionSettings`, `simulate`, `make_robot`, `make_operator`, `session_report`, `SessionLog`
+- Before a loop of your own: `warm_up`
 - Errors: `ForetouchError`
 """
 
@@ -26,7 +27,7 @@ if TYPE_CHECKING:
     from foretouch.recordings import excerpt, fetch, read_recording, read_session, read_with_notes
     from foretouch.report import delayed, score, session_report
     from foretouch.robot import make_robot
-    from foretouch.session import SessionSettings, make_operator, simulate
+    from foretouch.session import SessionSettings, make_operator, simulate, warm_up
 
 __version__ = "0.1.0"
 
@@ -53,6 +54,7 @@ _HOME = {
     "SessionLog": "messages",
     "SessionSettings": "session",
     "simulate": "session",
+    "warm_up": "session",
     "make_operator": "session",
     "make_robot": "robot",
 }
@@ -83,6 +85,7 @@ __all__ = [
     "score",
     "session_report",
     "simulate",
+    "warm_up",
 ]
 
 

@@ -1,4 +1,4 @@
-"""The command that looks whether this machine, and the way to another, are fit for a session."""
+"""Whether this machine, and the way to another, are fit for a session; and what makes it ready for the first."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import typer
 
 from foretouch.cli.links import Endpoints, open_link, with_endpoints
 from foretouch.cli.options import Duration, Json, print_json, require_duration, say, show
-from foretouch.cli.progress import progress_bar
+from foretouch.cli.progress import compile_first, progress_bar
 from foretouch.errors import LinkError, SettingError
 
 if TYPE_CHECKING:
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from foretouch.link import ZenohLink
     from foretouch.messages import Message
 
-__all__ = ["COMMANDS", "doctor"]
+__all__ = ["COMMANDS", "doctor", "warm_up"]
 
 WIDE = 120
 """Columns of the table where no terminal says how wide it is."""
@@ -69,7 +69,20 @@ def doctor(
         raise typer.Exit(1)
 
 
-COMMANDS = (doctor,)
+def warm_up() -> None:
+    """Compile what sessions and estimators run, once on this machine, in about a minute; `make setup` does it.
+
+    Without it the first command that needs it does the same. Exit code 1 where it could not be kept.
+
+    Example: foretouch warm-up
+    """
+    if not compile_first():
+        say("not everything could be compiled and kept: each start compiles what it needs")
+        raise typer.Exit(1)
+    say("everything is compiled")
+
+
+COMMANDS = (doctor, warm_up)
 
 
 def _print(findings: list[Finding]) -> None:

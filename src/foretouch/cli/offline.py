@@ -27,7 +27,7 @@ from foretouch.cli.options import (
     say,
     show,
 )
-from foretouch.cli.progress import pulsing
+from foretouch.cli.progress import compile_first, pulsing
 from foretouch.cli.reading import RECORDING_HELP, DatasetName, MapFile, chosen_recording, read_and_say
 from foretouch.cli.recordings import say_what_is_left_out
 from foretouch.errors import SettingError, plural
@@ -82,6 +82,7 @@ def identify(
         say_what_is_left_out(recording)
     if sensor is not None:
         data, force_offset, sensor_lag = _at_the_contact(data, sensor, force_offset, sensor_lag)
+    compile_first()
     learner = _learner(model, estimator, surface, force_offset, sensor_lag)
     result = pulsing(
         f"identifying from {plural(len(data), 'sample')}",
@@ -154,6 +155,7 @@ def predict(
     if report_directory is not None:
         make_folder(report_directory)
     estimator = _estimator_for(model, estimator)
+    compile_first()
     learner = _learner(model, estimator, surface, force_offset, sensor_lag)
     log = None
     if map_file is None and is_session(recording):

@@ -11,7 +11,7 @@ from typing import Any, ParamSpec, TypeVar
 
 from foretouch.cli.options import say
 
-__all__ = ["SHOWN_AFTER", "Bar", "progress_bar", "pulsing"]
+__all__ = ["SHOWN_AFTER", "Bar", "compile_first", "progress_bar", "pulsing"]
 
 Given = ParamSpec("Given")
 Made = TypeVar("Made")
@@ -141,3 +141,27 @@ def pulsing(title: str, work: Callable[Given, Made], *given: Given.args, **named
     with progress_bar(title) as bar:
         bar.pulse()
         return work(*given, **named)
+
+
+def compile_first() -> bool:
+    """Compile everything on the first use, with a line that says so, a bar on a terminal and elsewhere some lines.
+
+    Returns:
+        Whether everything has been compiled now.
+    """
+    from foretouch.session.warm_up import compile_all, is_compiled
+
+    if is_compiled():
+        return True
+    say("compiling what sessions run, once on this machine, in about a minute")
+    told = 0.2
+    with progress_bar("compiling") as bar:
+
+        def progress(share: float) -> None:
+            nonlocal told
+            bar.update(share, 1.0)
+            if not bar.shown and told <= share < 1.0:
+                say(f"compiling, {share:.0%}")
+                told += 0.2
+
+        return compile_all(progress)

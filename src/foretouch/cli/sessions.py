@@ -23,7 +23,7 @@ from foretouch.cli.options import (
     show,
     with_session_settings,
 )
-from foretouch.cli.progress import progress_bar
+from foretouch.cli.progress import compile_first, progress_bar
 from foretouch.cli.recordings import say_if_cut
 from foretouch.cli.scenes import scene_session
 from foretouch.errors import RecordingError, SettingError
@@ -108,6 +108,7 @@ def simulate(
         require_recording(recording)
     if report is not None:
         make_folder(report)
+    compile_first()
     with progress_bar("simulating") as bar:
         make = scene_session if settings.scene else _line_session
         start = make(settings, duration, lambda now: bar.update(now, duration))

@@ -49,6 +49,8 @@ def session_status(watched: Watched, now: float, *, held: bool, clutched: bool) 
         return "Waiting for the session."
     if now - watched.heard > GONE:
         return "The session has gone silent."
+    if share := watched.said(SUPERVISOR, "compiling"):
+        return f"Compiling, {share}: the first start on this machine takes about a minute."
     if watched.stopped:
         said = "The robot is stopped: nobody moves it."
     elif clutched:

@@ -12,7 +12,7 @@ from foretouch.doctor.graphics import check_graphics
 from foretouch.doctor.loops import LoopReport, check_loops, run_loops
 from foretouch.doctor.packages import check_extras, check_packages, check_python
 from foretouch.doctor.processors import check_cores, check_governor, check_real_time
-from foretouch.doctor.surroundings import PORTS, check_disk, check_keys, check_port, check_text
+from foretouch.doctor.surroundings import PORTS, check_compiled, check_disk, check_keys, check_port, check_text
 from foretouch.errors import install_command
 
 if TYPE_CHECKING:
@@ -37,7 +37,7 @@ def examine(
         say: Told what is looked at next, where it takes long.
     """
     yield from (check_python(), check_packages(), check_extras(), check_cores(), check_governor())
-    yield from (check_text(), check_disk())
+    yield from (check_text(), check_disk(), check_compiled())
     for port in PORTS:
         yield _made(f"port {port}", functools.partial(check_port, port))
     yield _made("keys", lambda: check_keys(keys))

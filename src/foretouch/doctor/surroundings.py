@@ -14,7 +14,7 @@ from pathlib import Path
 from foretouch.doctor.finding import Finding, Verdict
 from foretouch.errors import ForetouchError, LinkError, MissingExtraError, install_command
 
-__all__ = ["PORTS", "check_disk", "check_keys", "check_port", "check_text"]
+__all__ = ["PORTS", "check_compiled", "check_disk", "check_keys", "check_port", "check_text"]
 
 PORTS = {8080: "the console", 7447: "a link"}
 """Ports that commands take unless they are told otherwise, and what for."""
@@ -62,6 +62,22 @@ def check_disk(
     verdict = Verdict.BAD if free[least] < too_little else Verdict.WARNING if free[least] < little else Verdict.GOOD
     mend = "" if verdict is Verdict.GOOD else f"du -xh {least} | sort -h | tail"
     return Finding("disk", verdict, found, mend, {"free_bytes": free})
+
+
+def check_compiled() -> Finding:
+    """Whether the code of sessions was compiled here: else the first start takes about a minute longer."""
+    from foretouch.core.compiling import compiled_root
+    from foretouch.session.warm_up import is_compiled
+
+    root = compiled_root()
+    figures = {"folder": "" if root is None else str(root), "compiled": root is not None and is_compiled()}
+    if root is None:
+        found = "no folder of your own to keep it in: each start compiles for about a minute"
+        return Finding("compiled", Verdict.WARNING, found, "export NUMBA_CACHE_DIR=~/.foretouch-compiled", figures)
+    if not is_compiled():
+        found = "never, of these sources: the first start takes about a minute longer"
+        return Finding("compiled", Verdict.WARNING, found, "foretouch warm-up", figures)
+    return Finding("compiled", Verdict.GOOD, "all that a session runs", figures=figures)
 
 
 def check_port(port: int) -> Finding:

@@ -27,6 +27,7 @@ from foretouch.session.scheduling import be_prompt, give_way
 from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
 from foretouch.session.shadow import SHADOW_CHANNELS, run_shadow
 from foretouch.session.simulated import SimulatedSession, simulate
+from foretouch.session.warm_up import warm_up
 
 __all__ = [
     "CLOSED_LOOP",
@@ -76,4 +77,5 @@ __all__ = [
     "session_calibration",
     "simulate",
     "wait_for_hello",
+    "warm_up",
 ]

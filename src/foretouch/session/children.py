@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import signal
 import subprocess
@@ -11,7 +12,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from foretouch.session.housekeeping import BEAT, GIVING_UP, HELLO_PERIOD, LEAVING
+from foretouch.session.housekeeping import BEAT, COMPILING, GIVING_UP, HELLO_PERIOD, LEAVING
 
 __all__ = ["PATIENCE", "POLL_PERIOD", "SIDES", "Child", "end_session", "retire", "start", "wait_for"]
 
@@ -30,7 +31,7 @@ GOING = 2.0
 of its own, for a signal that comes while an interpreter ends would take its place."""
 
 BEGINNING = 180.0
-"""A side has so long [s] to begin: on a machine that has never run it, much is compiled first."""
+"""A side has so long [s] to begin, beside the time in which it compiles."""
 
 LONGEST_LOOK = 0.5
 """Time between two looks counts as so much [s] at most: whoever looks may have been stopped meanwhile."""
@@ -45,6 +46,7 @@ class Child:
         process: That runs it.
         started: When it was started [s].
         lasts: Its loop ends by itself after so long [s], infinite without an end.
+        compiled: When it was heard last that it compiles [s], infinitely long ago before.
         begun: When the first beat of its loop was heard [s], None before.
         silence: Time without a beat since [s], as far as it was listened to and not stopped by a signal.
         listened: When it was listened to last [s].
@@ -54,6 +56,7 @@ class Child:
     process: subprocess.Popen[bytes]
     started: float = field(default_factory=time.monotonic)
     lasts: float = float("inf")
+    compiled: float = -math.inf
     begun: float | None = None
     silence: float = 0.0
     listened: float = field(default_factory=time.monotonic)
@@ -70,6 +73,8 @@ class Child:
         self.listened = now
         if BEAT in said or self.begun is None or _stopped(self.process.pid):
             self.silence = 0.0
+        if COMPILING in said:
+            self.compiled = now
         if BEAT in said and self.begun is None:
             self.begun = now
 
@@ -79,12 +84,18 @@ class Child:
         if not self.running:
             return ""
         if self.begun is None:
-            return f"has not begun within {BEGINNING:g} s" if now - self.started > BEGINNING else ""
+            waited = now - max(self.started, self.compiled)
+            return f"has not begun within {BEGINNING:g} s" if waited > BEGINNING else ""
         if self.silence > PATIENCE:
             return f"hangs: nothing has come of it for {PATIENCE:g} s"
         if now - self.begun > self.lasts + PATIENCE:
             return f"hangs: it has not ended {PATIENCE:g} s after its duration"
         return ""
+
+    @property
+    def compiles(self) -> bool:
+        """Whether it compiles, by what was heard of it last."""
+        return self.begun is None and time.monotonic() - self.compiled < 4.0 * HELLO_PERIOD
 
     @property
     def goes_on(self) -> bool:

@@ -68,6 +68,7 @@ class Desk:
         refused: Why the newest choice was not followed; "" where it was.
         recording: File that is being written; "" for none.
         faults: Delays and faults that a console has set, None before the first.
+        compiling: How far compiling is before the session can begin, "" while nothing is compiled.
         ended: When somebody asked for the session's end [s], infinite before.
     """
 
@@ -79,6 +80,7 @@ class Desk:
         self._stop_said = ""
         self.refused = ""
         self.recording = ""
+        self.compiling = ""
         self.faults: Settings | None = None
         self.ended = math.inf
 
@@ -108,6 +110,8 @@ class Desk:
             return
         self._spoken, self._hellos = now, self._hellos + 1
         texts = {"supervised": "yes", "recording": self.recording, "refused": self.refused}
+        if self.compiling:
+            texts["compiling"] = self.compiling
         self._link.publish(Hello.of(SUPERVISOR, self._hellos, time.monotonic_ns(), texts))
 
     def say_now(self) -> None:

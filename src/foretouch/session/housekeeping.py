@@ -17,7 +17,17 @@ from foretouch.messages import SIDES, VERSION, Hello, Stop
 from foretouch.session.hanging import HANGS_AFTER, LoopWatch
 from foretouch.session.waiting import WaitingNote
 
-__all__ = ["BEAT", "GIVING_UP", "HELLO_PERIOD", "LEAVING", "ORPHANED", "Housekeeper", "StopFlag", "orphaned"]
+__all__ = [
+    "BEAT",
+    "COMPILING",
+    "GIVING_UP",
+    "HELLO_PERIOD",
+    "LEAVING",
+    "ORPHANED",
+    "Housekeeper",
+    "StopFlag",
+    "orphaned",
+]
 
 HELLO_PERIOD = 0.5
 """Between two `Hello` messages [s]."""
@@ -25,6 +35,9 @@ HELLO_PERIOD = 0.5
 BEAT = b"\x06"
 """Written to the standard output, for a parent process, once in every `HELLO_PERIOD` in which the loop has ticked and
 was not to end."""
+
+COMPILING = b"\x05"
+"""Written there as often before the loop begins, while code is compiled or loaded."""
 
 CLOSING = 1.0
 """The driver of a loop that hangs has so long [s] to close."""

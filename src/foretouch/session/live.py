@@ -25,7 +25,7 @@ from foretouch.session.operator_clock import OperatorClock
 from foretouch.session.operators import close_operator
 from foretouch.session.safety import LEFT
 from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
-from foretouch.session.warm_up import warm_up
+from foretouch.session.warm_up import prepare
 
 __all__ = [
     "FOLLOWER_CHANNELS",
@@ -116,7 +116,7 @@ def run_follower(
     Raises:
         SideError: The loop raised.
     """
-    warm_up(settings)
+    prepare(settings, stop, say, parent)
     stage: FaultStage[Command] = FaultStage(settings.command_faults)
     presses: deque[int] = deque(maxlen=MOST_PRESSES)
     driven = drive_follower(robot, settings, own_epoch())
@@ -270,7 +270,7 @@ def run_leader(
     the loop begins once a recorder listens, or after `RECORDER_PATIENCE`. Other leaders are told the `name` of this
     one. Returns and raises as that does.
     """
-    warm_up(settings)
+    prepare(settings, stop, say, parent)
     stage: FaultStage[Message] = FaultStage(settings.return_faults)
     driven = drive_leader(operator, settings, name, own_epoch())
     state = driven.state

@@ -16,6 +16,7 @@ from foretouch.session.choices import CHOICE_CHANNELS, Desk, choose, with_faults
 from foretouch.session.housekeeping import StopFlag
 from foretouch.session.recorder import RECORDING_INCOMPLETE
 from foretouch.session.settings import SessionSettings
+from foretouch.session.warm_up import compiled_share
 
 __all__ = ["run_processes"]
 
@@ -26,7 +27,10 @@ SETTLING = 15.0
 """A side that fails within so long [s] after a choice is started again as it was before it."""
 
 SLOW_BEGINNING = 30.0
-"""A side that has not begun for so long [s] is told of."""
+"""A side that has not begun for so long [s], beside the time in which it compiles, is told of."""
+
+TOLD_EVERY = 0.2
+"""How far compiling is is told in such shares."""
 
 ENDING = 3.0
 """A session that somebody ended ends so long [s] afterwards, though no leader was there then to hear of it."""
@@ -94,6 +98,7 @@ class _Supervisor:
             self._watching += ["--connect", self._camera]
         self._begun: float | None = None
         self._awaited = False
+        self._told = 0.0
         self._hung = False
 
     @property
@@ -168,15 +173,24 @@ class _Supervisor:
             if child.begun is None:  # the leader waits for the follower
                 self._tell_of_waiting(child)
                 break
+            if self._desk is not None:
+                self._desk.compiling = ""
         return False
 
     def _tell_of_waiting(self, child: Child) -> None:
-        if not self._awaited and time.monotonic() - child.started > SLOW_BEGINNING:
+        share = compiled_share() if child.compiles else None
+        if self._desk is not None:
+            self._desk.compiling = "" if share is None else f"{share:.0%}"
+        if share is not None:
+            if share >= self._told:
+                self._told = share + TOLD_EVERY
+                self._say(f"compiling, {share:.0%}: the first start on this machine takes about a minute")
+        elif not self._awaited and time.monotonic() - max(child.started, child.compiled) > SLOW_BEGINNING:
             self._awaited = True
             what = "robot" if child.role == "follower" else "device"
             self._say(
-                f"the {child.role} has not begun for {SLOW_BEGINNING:g} s: the first time of all much is compiled; "
-                f"else its {what} does not answer (Ctrl-C ends the session)"
+                f"the {child.role} has not begun for {SLOW_BEGINNING:g} s: its {what} does not answer "
+                "(Ctrl-C ends the session)"
             )
 
     def _judge(self, child: Child) -> int | None:

@@ -28,7 +28,7 @@ from foretouch.session.loop_timer import LoopTimer, let_pass, steady
 from foretouch.session.news import shadow_news
 from foretouch.session.settings import NO_GRIP, SAMPLE_PERIOD, SessionSettings
 from foretouch.session.shadow_score import ShadowScore
-from foretouch.session.warm_up import warm_up
+from foretouch.session.warm_up import prepare
 
 __all__ = ["SHADOW_CHANNELS", "Inputs", "Outputs", "State", "run_shadow", "shadow_settings", "start", "step"]
 
@@ -181,7 +181,7 @@ def run_shadow(
         Why it ended, as ``ended``, how well it went, and what was counted, by name.
     """
     settings = shadow_settings(settings)
-    warm_up(settings)
+    prepare(settings, stop, say, parent)
     robot = framed_robot(robot, settings.frames[1])
     epoch = own_epoch()
     state = start(robot.specification, settings, epoch=epoch, run=epoch)

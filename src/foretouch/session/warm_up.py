@@ -14,6 +14,7 @@ import selectors
 import signal
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import suppress
@@ -31,10 +32,11 @@ from foretouch.models import ContactMap, Predictor, make_model
 from foretouch.quantities import Recording
 from foretouch.robot import RobotSample, RobotSpecification
 from foretouch.session import follower, leader
+from foretouch.session.housekeeping import COMPILING, HELLO_PERIOD, ORPHANED, StopFlag, orphaned
 from foretouch.session.operators import make_operator
 from foretouch.session.settings import SAMPLE_PERIOD, SIMULATED, SessionSettings
 
-__all__ = ["compile_all", "compiled_share", "is_compiled", "warm_up"]
+__all__ = ["compile_all", "compiled_share", "is_compiled", "prepare", "warm_up"]
 
 TICKS = 700
 DEPTH, STIFFNESS, SURFACE, ABOVE = 2e-3, 500.0, 0.01, 1e-3
@@ -42,8 +44,8 @@ DEPTH, STIFFNESS, SURFACE, ABOVE = 2e-3, 500.0, 0.01, 1e-3
 
 SPECIFICATION = RobotSpecification(SAMPLE_PERIOD, 15.0, 0.0, 0.0, 0.0, 0.0, 0.02, 0.0, 200.0, (-1.0, 1.0))
 
-KERNELS = {"map": 260, "others": 700}
-"""How many functions are compiled for each part: they say how far it is."""
+KERNELS = {"map": (112, 0.6), "others": (228, 0.4)}
+"""How many functions are compiled for each part, and its share of the time: they say how far it is."""
 
 LOOK_PERIOD = 0.2
 """Between two looks at how far it is [s]."""
@@ -138,7 +140,7 @@ def _move_the_simulated(settings: SessionSettings) -> None:
 def _recording() -> Recording:
     """The press, recorded."""
     places, forces = zip(*map(_press, range(TICKS)), strict=True)
-    return Recording(SAMPLE_PERIOD * np.arange(TICKS), np.array(places), np.array(forces))
+    return Recording(np.linspace(0.0, TICKS * SAMPLE_PERIOD, TICKS), np.array(places), np.array(forces))
 
 
 def _learn_offline(law: str) -> None:
@@ -153,14 +155,16 @@ def _compile_map() -> None:
     """The contact map, which takes longest."""
     _press_alone(SessionSettings())
     _learn_offline("contact-map")
+    for settings in (SessionSettings(grip="normal"), SessionSettings(scene="phantom", material="hunt-crossley")):
+        warm_up(settings)
 
 
 def _compile_others() -> None:
     """All that needs no contact map."""
-    settings = SessionSettings(model="hunt-crossley", estimator="exact")
-    for more in ({"grip": "normal"}, {"scene": "plane", "material": "bone"}, {"scene": "phantom"}):
-        with suppress(ForetouchError):
-            warm_up(dataclasses.replace(settings, **more))
+    settings = SessionSettings(model="hunt-crossley", estimator="exact", grip="normal")
+    warm_up(settings)
+    for scene in ("plane", "hill", "phantom"):
+        warm_up(dataclasses.replace(settings, scene=scene, material="hunt-crossley"))
     for law in ESTIMATORS:
         if law != "contact-map":
             _learn_offline(law)
@@ -241,25 +245,63 @@ def _compile_in_processes(stop: Callable[[], bool]) -> Iterator[float]:
         subprocess.Popen([*command, name], stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL)
         for name in PARTS
     ]
-    done, most = 0, sum(KERNELS.values())
+    done = dict.fromkeys(PARTS, 0)
     try:
         with selectors.DefaultSelector() as open_ones:
-            for part in parts:
+            for name, part in zip(PARTS, parts, strict=True):
                 assert part.stdout is not None
-                open_ones.register(part.stdout, selectors.EVENT_READ)
+                open_ones.register(part.stdout, selectors.EVENT_READ, name)
             while open_ones.get_map() and not stop():
                 for key, _ in open_ones.select(LOOK_PERIOD):
                     said = os.read(key.fd, 4096)
-                    done += len(said)
+                    done[key.data] += len(said)
                     if not said:
                         open_ones.unregister(key.fileobj)
-                yield min(done / most, 0.99)
+                yield sum(share * min(done[name] / most, 0.99) for name, (most, share) in KERNELS.items())
         if not stop() and any(part.wait() for part in parts):
             raise subprocess.SubprocessError
     finally:
         for part in parts:
             part.kill()
             part.communicate()
+
+
+def prepare(settings: SessionSettings, stop: StopFlag, say: Callable[[str], None], parent: int | None) -> None:
+    """Compile what was never compiled, load what was, and say meanwhile that it goes on.
+
+    Args:
+        settings: Of the session that is to begin.
+        stop: Looked at meanwhile, and set where the parent process has gone.
+        say: Told how far it is, where there is no parent who says so.
+        parent: Process that hears `COMPILING`, and whose end ends this one.
+    """
+    told, done = 0.0, threading.Event()
+
+    def progress(share: float) -> None:
+        nonlocal told
+        if parent is None and told <= share < 1.0:
+            say(f"compiling, {share:.0%}: the first start on this machine takes about a minute")
+            told = share + 0.2
+
+    def beat() -> None:
+        while parent is not None and not done.wait(HELLO_PERIOD):
+            with suppress(OSError):  # the parent has gone
+                os.write(1, COMPILING)
+
+    def stopped() -> bool:
+        if orphaned(parent):
+            stop.set(ORPHANED)
+        return bool(stop.reason)
+
+    beating = threading.Thread(target=beat, name="compiling", daemon=True)
+    beating.start()
+    try:
+        compile_all(progress, stop=stopped)
+        if not stop.reason:
+            warm_up(settings)
+    finally:
+        done.set()
+        beating.join()
 
 
 class _Counted(event.Listener):  # type: ignore[misc]  # Numba is not typed
