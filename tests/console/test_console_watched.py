@@ -12,7 +12,7 @@ import msgspec
 import pytest
 
 from foretouch.console.emergency import ASKING_PERIOD, LEAST_ASKED, EmergencyCall
-from foretouch.console.sentences import INSECURE, NOBODY_YET, doing, robot_alerts, warnings
+from foretouch.console.sentences import INSECURE, NOBODY_YET, doing, robot_alerts, session_status, warnings
 from foretouch.console.watched import GONE, MOST_SPEAKERS, Watched
 from foretouch.identification import SENSOR_SENTENCES, SensorState
 from foretouch.messages import STATUS_SENTENCES, VERSION, Hello, LeaderState, Status, Telemetry
@@ -60,6 +60,15 @@ def test_every_status_has_its_sentence_in_one_place(status: Status) -> None:
     assert told[0][0].isupper()
     calm = status in (Status.GUARDED, Status.RETURNING, Status.SHADOW)
     assert doing(heard) == (tuple(told) if calm else ())
+
+
+def test_while_code_is_compiled_nobody_is_said_to_press() -> None:
+    watched = Watched()
+    said = ("supervised", "recording", "refused")
+    watched.take(Hello(VERSION, 1, 1, "supervisor", (*said, "compiling"), ("yes", "", "", "40%")), 10.0)
+    assert session_status(watched, 10.1, held=False, clutched=False).startswith("Compiling, 40%: ")
+    watched.take(Hello(VERSION, 2, 2, "supervisor", said, ("yes", "", "")), 10.5)
+    assert "presses" in session_status(watched, 10.6, held=False, clutched=False)
 
 
 def test_before_the_first_leader_a_robot_that_holds_still_alarms_nobody() -> None:

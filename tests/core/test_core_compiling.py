@@ -59,6 +59,23 @@ def test_a_constant_that_changes_in_another_file_is_compiled_anew(tmp_path: Path
     assert run_in(first, kept) == (pytest.approx(14.0 / (50.0 * 0.01)), 1)
 
 
+MARK = "from foretouch.core.compiling import complete_mark; print(complete_mark())"
+
+
+def test_a_second_clone_finds_that_everything_was_compiled_and_a_changed_one_does_not(tmp_path: Path) -> None:
+    marks = []
+    for name in ("first", "second", "changed"):
+        folder = copy_of_the_package(tmp_path / name)
+        if name == "changed":
+            rules = folder / "foretouch" / "session" / "force_guard.py"
+            rules.write_text(rules.read_text().replace("PATIENCE = 0.01\n", "PATIENCE = 0.04\n"))
+        environment = os.environ | {"PYTHONPATH": str(folder), "NUMBA_CACHE_DIR": str(tmp_path / "kept")}
+        done = subprocess.run([sys.executable, "-c", MARK], env=environment, capture_output=True, text=True, check=True)
+        marks.append(done.stdout)
+    assert marks[0] == marks[1] != marks[2]
+    assert marks[0].startswith(str(tmp_path / "kept" / "complete-"))
+
+
 def test_the_digest_follows_imports_through_other_modules() -> None:
     session = PACKAGE / "session"
     sources = [session / f"{name}.py" for name in ("safety_kernel", "force_guard_kernel", "force_guard")]

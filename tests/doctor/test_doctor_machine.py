@@ -14,13 +14,15 @@ from pathlib import Path
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from numba import config
 
+from foretouch.core import compiling
 from foretouch.doctor import Finding, Verdict, examine, worst
 from foretouch.doctor.graphics import check_graphics
 from foretouch.doctor.loops import check_loops, run_loops
 from foretouch.doctor.packages import check_extras, check_packages, check_python, parts_of, satisfies
 from foretouch.doctor.processors import check_cores, check_governor, check_real_time
-from foretouch.doctor.surroundings import check_disk, check_keys, check_port, check_text
+from foretouch.doctor.surroundings import check_compiled, check_disk, check_keys, check_port, check_text
 from foretouch.errors import install_command
 from foretouch.link import KeyFolder
 
@@ -44,6 +46,20 @@ def test_python_and_packages_that_run_this_test_are_good() -> None:
     assert check_python().verdict is Verdict.GOOD
     assert check_packages().verdict is Verdict.GOOD
     assert check_packages().figures["needed"]["numpy"] == metadata.version("numpy")
+
+
+def test_code_that_was_never_compiled_is_a_warning(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    if config.DISABLE_JIT:
+        pytest.skip("nothing is compiled")
+    monkeypatch.setattr(config, "CACHE_DIR", str(tmp_path / "kept"))
+    finding = check_compiled()
+    assert (finding.verdict, finding.mend) == (Verdict.WARNING, "foretouch warm-up")
+    compiling.mark_complete()
+    assert check_compiled().verdict is Verdict.GOOD
+    (tmp_path / "kept").chmod(0o777)
+    compiling._say_once.cache_clear()
+    assert check_compiled().verdict is Verdict.WARNING
+    assert "each start compiles" in check_compiled().found
 
 
 def test_a_package_that_is_missing_or_too_old_is_named_with_what_brings_it() -> None:

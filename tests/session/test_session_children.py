@@ -15,7 +15,7 @@ import pytest
 from foretouch.session import children
 from foretouch.session.children import Child, end_session
 from foretouch.session.hanging import HANGS_AFTER
-from foretouch.session.housekeeping import BEAT
+from foretouch.session.housekeeping import BEAT, COMPILING
 from foretouch.session.live import LEAVING
 
 BEATS = f"""
@@ -111,6 +111,21 @@ def test_one_that_never_begins_and_one_that_does_not_end_are_told(
     assert beating.hangs() == ""
     listen(beating, beating.hangs)
     assert beating.hangs() == "hangs: it has not ended 0.5 s after its duration"
+
+
+def test_one_that_compiles_is_not_killed_for_it(begin: Callable[..., Child], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(children, "BEGINNING", 0.5)
+    child = begin(BEATS.replace("COUNT", "20").replace(repr(BEAT), repr(COMPILING)))
+    end = time.monotonic() + 20.0
+    listen(child, lambda: child.compiles)
+    while child.compiled - child.started < 1.5:  # three times as long as a side may take that does not compile
+        assert time.monotonic() < end
+        child.listen()
+        assert child.hangs() == ""
+        time.sleep(0.02)
+    assert child.begun is None
+    listen(child, child.hangs)
+    assert child.hangs() == "has not begun within 0.5 s"
 
 
 def test_who_does_not_end_is_killed_and_nobody_waits_longer(

@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import hashlib
+import os
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from numba import config
 
 from foretouch.devices import Device, ScriptedOperator
 from foretouch.errors import SettingError, UnknownNameError
@@ -18,7 +22,7 @@ from foretouch.recordings import SessionWriter, read_session
 from foretouch.report import session_report
 from foretouch.robot import MATERIALS, make_robot
 from foretouch.session import SessionSettings, SimulatedSession, replay, simulate
-from foretouch.session.warm_up import warm_up
+from foretouch.session.warm_up import KERNELS, warm_up
 
 
 def run(duration: float = 6.0, *, record: Path | None = None, **changes: Any) -> SimulatedSession:
@@ -205,6 +209,87 @@ def test_settings_out_of_range_are_refused(changes: dict[str, float], message: s
 def test_unknown_names_are_refused_with_the_choices(changes: dict[str, str], message: str) -> None:
     with pytest.raises(UnknownNameError, match=message):
         SessionSettings(**changes)
+
+
+NEW = """
+import sys
+import foretouch
+from numba.core import event
+from foretouch.session.warm_up import _recording
+
+made = []
+
+class Noted(event.Listener):
+    def on_start(self, event): pass
+    def on_end(self, event): made.append(str(event.data["dispatcher"]))
+
+settings = foretouch.SessionSettings(material="hunt-crossley", operator="scripted", **eval(sys.argv[1]))
+foretouch.warm_up(settings)
+event.register("numba:compile", Noted())
+if settings.scene:
+    from foretouch.cli.scenes import scene_session
+    log = scene_session(settings, 8.0)(None).log
+else:
+    robot = foretouch.make_robot(settings.material, seed=1)
+    reach = robot.material
+    operator = foretouch.make_operator(settings, surface=robot.surface, press_depth=reach.press_depth, say=print)
+    log = foretouch.simulate(settings, duration=4.0, operator=operator, robot=robot).log
+    foretouch.predict(_recording(), foretouch.Learner(settings.make_estimator()), delay=0.1)
+assert log.follower["force"].max() > 1.0, "nothing was touched"
+print(len(made), made)
+"""
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {},
+        {"grip": "normal"},
+        {"model": "continuous-switching"},
+        {"scene": "phantom", "fusion": "contact"},
+    ],
+    ids=str,
+)
+def test_a_warm_session_compiles_nothing(options: dict[str, str]) -> None:
+    """What a loop calls was compiled before it: the first touch of none waits for the compiler."""
+    if config.DISABLE_JIT:
+        pytest.skip("nothing is compiled")
+    done = subprocess.run([sys.executable, "-c", NEW, str(options)], capture_output=True, text=True, check=False)
+    assert done.stdout == "0 []\n", done.stderr[-400:]
+
+
+COLD = """
+import sys
+from foretouch.session.warm_up import compile_all, compiled_share, is_compiled
+
+said = []
+assert not is_compiled()
+assert compile_all(said.append)
+assert is_compiled() and compiled_share() is None
+assert compile_all(lambda share: 1 / 0)  # there is nothing left to say
+assert said == sorted(said) and said[-1] == 1.0, said
+print(said[-2])
+"""
+
+
+@pytest.mark.long
+def test_everything_is_compiled_once_in_an_empty_folder(tmp_path: Path) -> None:
+    """Two that begin together do it once, and a session afterwards compiles nothing."""
+    environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
+    both = [
+        subprocess.Popen([sys.executable, "-c", COLD], env=environment, stdout=subprocess.PIPE, text=True)
+        for _ in range(2)
+    ]
+    shares = [float(process.communicate()[0]) for process in both]
+    assert [process.returncode for process in both] == [0, 0]
+    assert min(shares) > 0.9, f"KERNELS = {KERNELS} is no longer what is compiled"
+    kept = sorted(path.name for path in tmp_path.rglob("*.nbc"))
+    for options in ({}, {"grip": "normal"}, {"scene": "phantom", "fusion": "contact"}):
+        done = subprocess.run(
+            [sys.executable, "-c", NEW, str(options)], env=environment, capture_output=True, text=True
+        )
+        assert done.stdout == "0 []\n", done.stderr[-400:]
+    assert sorted(path.name for path in tmp_path.rglob("*.nbc")) == kept
 
 
 @pytest.mark.parametrize(

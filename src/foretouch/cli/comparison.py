@@ -21,7 +21,7 @@ from foretouch.cli.options import (
     say,
     show,
 )
-from foretouch.cli.progress import progress_bar
+from foretouch.cli.progress import compile_first, progress_bar
 from foretouch.cli.reading import RECORDING_HELP, MapFile, say_how_it_is_read
 
 __all__ = ["COMMANDS", "compare"]
@@ -99,6 +99,7 @@ def compare(
             bar.say(f"{done:{len(str(total))}} of {total}  {job}{failed}")
 
     delays = sorted({*(delay or ()), *comparison.SWEEP}) if sweep else delay or [0.3]
+    compile_first()
     with progress_bar("comparing") as bar:
         bar.pulse()
         results = comparison.compare(

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from foretouch.cli.options import make_folder, say, show
-from foretouch.cli.progress import progress_bar
+from foretouch.cli.progress import compile_first, progress_bar
 
 __all__ = ["COMMANDS", "reproduce"]
 
@@ -37,6 +37,7 @@ def reproduce(
         bar.say(f"{len(done):2} of {len(names)}  {name:<12} after {seconds:.0f} s")
 
     done: list[str] = []
+    compile_first()
     with progress_bar("making the paper again") as bar:
         bar.update(0, len(names))
         bar.pulse()

@@ -17,7 +17,7 @@ from foretouch.cli.options import (
     say,
     show,
 )
-from foretouch.cli.progress import pulsing
+from foretouch.cli.progress import compile_first, pulsing
 from foretouch.cli.recordings import say_if_cut
 from foretouch.errors import RecordingError, SettingError
 
@@ -96,6 +96,7 @@ def replay(
     log = _session(recording)
     changes = {name: value for name, value in given.items() if value is not None}
     settings, told = recorded_settings(log.longest().settings, changes)
+    compile_first()
     again = pulsing("running the session again", replay_under, log, settings, closed_loop)
     if output is not None:
         _write(output, again)

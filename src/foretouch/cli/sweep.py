@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from foretouch.cli.options import Cluster, Json, make_folder, print_json, say, show
+from foretouch.cli.progress import compile_first
 from foretouch.errors import SettingError
 
 if TYPE_CHECKING:
@@ -57,6 +58,7 @@ def sweep(
     make_folder(out)
     compared = min(100, sessions) if baselines is None else baselines
     plan = Plan(12, 2, 4.0, seed) if quick else Plan(sessions, compared, duration, seed)
+    compile_first()
     with _progress() as progress:
         rows = run_sweep(out, plan, processes=jobs, cluster=cluster, progress=progress, say=say)
     page = write_sweep_page(out, rows)
