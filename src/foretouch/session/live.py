@@ -116,7 +116,8 @@ def run_follower(
     Raises:
         SideError: The loop raised.
     """
-    prepare(settings, stop, say, parent)
+    if never_begun := prepare(settings, stop, say, parent):
+        return {"ended": never_begun}
     stage: FaultStage[Command] = FaultStage(settings.command_faults)
     presses: deque[int] = deque(maxlen=MOST_PRESSES)
     driven = drive_follower(robot, settings, own_epoch())
@@ -270,7 +271,8 @@ def run_leader(
     the loop begins once a recorder listens, or after `RECORDER_PATIENCE`. Other leaders are told the `name` of this
     one. Returns and raises as that does.
     """
-    prepare(settings, stop, say, parent)
+    if never_begun := prepare(settings, stop, say, parent):
+        return {"ended": never_begun}
     stage: FaultStage[Message] = FaultStage(settings.return_faults)
     driven = drive_leader(operator, settings, name, own_epoch())
     state = driven.state

@@ -181,7 +181,8 @@ def run_shadow(
         Why it ended, as ``ended``, how well it went, and what was counted, by name.
     """
     settings = shadow_settings(settings)
-    prepare(settings, stop, say, parent)
+    if never_begun := prepare(settings, stop, say, parent):
+        return {"ended": never_begun}
     robot = framed_robot(robot, settings.frames[1])
     epoch = own_epoch()
     state = start(robot.specification, settings, epoch=epoch, run=epoch)

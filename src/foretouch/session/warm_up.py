@@ -266,7 +266,7 @@ def _compile_in_processes(stop: Callable[[], bool]) -> Iterator[float]:
             part.communicate()
 
 
-def prepare(settings: SessionSettings, stop: StopFlag, say: Callable[[str], None], parent: int | None) -> None:
+def prepare(settings: SessionSettings, stop: StopFlag, say: Callable[[str], None], parent: int | None) -> str:
     """Compile what was never compiled, load what was, and say meanwhile that it goes on.
 
     Args:
@@ -274,6 +274,9 @@ def prepare(settings: SessionSettings, stop: StopFlag, say: Callable[[str], None
         stop: Looked at meanwhile, and set where the parent process has gone.
         say: Told how far it is, where there is no parent who says so.
         parent: Process that hears `COMPILING`, and whose end ends this one.
+
+    Returns:
+        Why the session is not to begin any more; "" where it is.
     """
     told, done = 0.0, threading.Event()
 
@@ -302,6 +305,7 @@ def prepare(settings: SessionSettings, stop: StopFlag, say: Callable[[str], None
     finally:
         done.set()
         beating.join()
+    return stop.reason
 
 
 class _Counted(event.Listener):  # type: ignore[misc]  # Numba is not typed
