@@ -345,3 +345,21 @@ def test_a_baseline_renders_what_the_network_brings(tmp_path: Path) -> None:
     felt = leader["delayed_force"] > 0.5
     assert felt.sum() > 100
     assert np.median(np.abs(leader["rendered_force"] - leader["delayed_force"])[felt]) < 0.05
+
+
+def test_a_first_start_says_that_it_compiles_and_ends_when_told(tmp_path: Path) -> None:
+    environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / "kept")}
+    command = [sys.executable, "-m", "foretouch", "teleop", "--headless", "--operator", "scripted"]
+    process = subprocess.Popen(
+        [*command, "--recording", str(tmp_path / "s.mcap")], env=environment, stderr=subprocess.PIPE, text=True
+    )
+    assert process.stderr is not None
+    said: list[str] = []
+    while not said or "compiling, 0%: " not in said[-1]:
+        said.append(process.stderr.readline())
+        assert said[-1], said
+    process.send_signal(signal.SIGINT)
+    rest = process.communicate(timeout=60.0)[1]
+    assert "killed" not in rest
+    assert "the session never began" in rest
+    assert not (tmp_path / "kept" / "share").exists()
