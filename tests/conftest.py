@@ -17,10 +17,15 @@ settings.load_profile("foretouch")
 gc.set_threshold(200_000, 20, 100)
 
 
-def pytest_collection_finish() -> None:
+def pytest_collection_finish(session: pytest.Session) -> None:
     """What is imported and collected by now stays until the end: no collection need look at it again."""
     gc.collect()
     gc.freeze()
+    # What runs in real time would wait for the compiler, where sources have changed since the last set-up.
+    if any(item.get_closest_marker("live") for item in session.items) and not session.config.option.collectonly:
+        from foretouch.session.warm_up import compile_all
+
+        compile_all()
 
 
 REAL_TIME = ("live", "network", "browser")
