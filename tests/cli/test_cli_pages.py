@@ -34,6 +34,7 @@ SAID = {
         ["sweep", "--sessions", "1", "--baselines", "0", "--duration", "2", "--jobs", "1", "--out", "page"],
         ["sessions 1, baselines 0, duration 2, seed 0"],
     ),
+    "reproduce": (["reproduce", "--only", "fig2", "--out", "page"], ["10.1007/s40747-021-00464-0", "fig2"]),
 }
 
 
