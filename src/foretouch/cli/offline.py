@@ -352,6 +352,8 @@ def _print_lines(title: str, content: dict[str, Any]) -> None:
             continue
         if name == "parameters":
             text = parameter_text(value, content["standard_errors"])
+            if content["standard_errors"] and content["surface_error_m"]:
+                text += f"\n  {'':<28} (each ± takes the surface for right: see surface_m)"
         elif error in content:
             text = measured(value, content[error])
         elif isinstance(value, float):

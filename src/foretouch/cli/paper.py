@@ -38,7 +38,9 @@ def reproduce(
 
     def progress(name: str, seconds: float) -> None:
         done.append(name)
-        bar.update(len(done), len(names))
+        left = [other for other in names if other not in done]
+        more = f" and {len(left) - 3} more" if len(left) > 3 else ""
+        bar.update(len(done), len(names), f"making {', '.join(left[:3])}{more}" if left else "")
         bar.say(f"{len(done):2} of {len(names)}  {name:<12} after {seconds:.0f} s")
 
     done: list[str] = []
