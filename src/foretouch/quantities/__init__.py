@@ -1,7 +1,7 @@
 """What is measured: one table of names, units and signs, and the recording that holds the samples."""
 
 from foretouch.quantities.brief import Brief, ByValue, brief_text
-from foretouch.quantities.columns import COLOURS, Columns, as_frame, new_figure
+from foretouch.quantities.columns import Columns, as_frame, new_figure
 from foretouch.quantities.frame import Frame
 from foretouch.quantities.pose import Pose, cross_matrix
 from foretouch.quantities.recording import LARGEST_POSITION, Recording
@@ -9,7 +9,6 @@ from foretouch.quantities.sensor_calibration import STANDARD_GRAVITY, SensorCali
 from foretouch.quantities.table import QUANTITIES, Quantity, parameter_unit
 
 __all__ = [
-    "COLOURS",
     "LARGEST_POSITION",
     "QUANTITIES",
     "STANDARD_GRAVITY",

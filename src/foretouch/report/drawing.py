@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from foretouch.quantities import COLOURS, new_figure
+from foretouch.quantities import new_figure
 from foretouch.report.statuses import Stretch
 
 __all__ = [
@@ -28,6 +28,9 @@ __all__ = [
 TRUE, PREDICTED, DELAYED, RENDERED, ERROR = "#000000", "#0072B2", "#D55E00", "#009E73", "#E69F00"
 """Okabe and Ito's colours, which the colour-blind tell apart, by what they stand for in a session, here as in the
 console; the last for what is none of the forces: errors, bounds and marks."""
+
+COLOURS = (PREDICTED, DELAYED, RENDERED, ERROR, "#CC79A7", "#56B4E9", TRUE)
+"""The same colours for curves that stand in a row."""
 
 
 def legend(axes: Any, columns: int) -> None:

@@ -150,7 +150,7 @@ def _stable(report: Mapping[str, Any]) -> str:
     if report["hand"]["guarded_contact_percent"] is None and report["stable"]:
         return f"{word}; nothing was touched"
     if swings["swings"] is None:
-        return f"{word}; nobody knows what the hand meant to do"
+        return f"{word}; the session does not say what the hand intended"
     return f"{word}; the hand swung {_swings(swings)}"
 
 
