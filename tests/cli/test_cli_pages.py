@@ -55,6 +55,8 @@ def test_it_says_version_date_command_and_what_it_is_of(
         run(["simulate", *SHORT, "first"], monkeypatch)
     run(words, monkeypatch)
     page = (tmp_path / "page" / "index.html").read_text()
+    if name == "simulate":
+        assert "yes; in an open loop no force moves the hand" in page
     made = html.unescape(page.partition('<footer class="made">')[2])
     assert f"foretouch {__version__}" in made
     assert " UTC" in made
