@@ -63,7 +63,8 @@ def _figures(results: Sequence[Result]) -> list[str]:
     nearest = min(delays, key=lambda delay: abs(delay - 0.3), default=None)
 
     def add(*arguments: Any, **options: Any) -> None:
-        drawn.append(embedded(matrix_figure(results, *arguments, **options), arguments[1]))
+        said = f"{arguments[1]}: a row for each law and estimator, a column for each recording; darker is larger."
+        drawn.append(embedded(matrix_figure(results, *arguments, **options), said))
 
     if len(set(delays)) > 1:
         drawn += _against_delay(results)
