@@ -310,7 +310,7 @@ def foam() -> str:
 
 def session() -> str:
     """One session as it is printed."""
-    return console("simulate --grip normal")
+    return console("simulate")
 
 
 def mediation() -> str:

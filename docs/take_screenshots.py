@@ -25,7 +25,7 @@ sys.path.insert(0, str(ROOT / "tests" / "console"))  # the mouse and the browser
 from console_driver import choose, held_handle, held_in_space, open_page, open_tab  # noqa: E402
 from visitors import Printed  # noqa: E402
 
-from foretouch.console.alarm import LATCHED, READY  # noqa: E402
+from foretouch.console.alarm import ALERTS, LATCHED, READY  # noqa: E402
 from foretouch.console.gate.page import LOST  # noqa: E402
 from foretouch.console.space import SPACE_INSTRUCTION  # noqa: E402
 
@@ -46,6 +46,8 @@ WATCHED = 12.0
 """So long the script presses before the picture is taken [s]: the plot is full then."""
 LONGER, MOMENT = "0.6", "9"
 """The delay back of the second run, and the moment of the recording that is shown [s]."""
+QUIET = 30_000
+"""So long a picture waits for the moment in which no warning lies over the scene [ms]."""
 SETTLED = 1.5
 """So long after the emergency stop the last picture is taken [s]: the robot has unloaded."""
 
@@ -97,12 +99,12 @@ def _take(url: str, end: Ending) -> None:
         open_tab(page, "Model")
         page.get_by_text("at rest").wait_for()
         _scroll(page, to_end=True)
-        page.screenshot(path=MODEL)
+        _picture(page, MODEL)
         _scroll(page, to_end=False)
         _look_at_recording(page)
         open_tab(page, "Network")
         with held_handle(page, PRESS_MM, seconds=1.0, steps=20):
-            page.screenshot(path=PRESSED)
+            _picture(page, PRESSED)
             page.get_by_role("button", name=READY).press("Enter")
             page.get_by_role("button", name=LATCHED).wait_for()
             page.get_by_text("kill -USR2").wait_for()
@@ -120,12 +122,27 @@ def _take_scene(url: str, _: Ending) -> None:
         page.keyboard.press("o")
         page.wait_for_timeout(1000 * PALPATED)
         _close_notices(page)
-        page.screenshot(path=SCENE)
+        _picture(page, SCENE)
         open_tab(page, "Fixture")
         with held_in_space(page, DOWN_MM):
             _scroll(page, to_end=True)
             page.wait_for_timeout(1500)
-            page.screenshot(path=SCENE_PRESSED)
+            _picture(page, SCENE_PRESSED)
+
+
+def _picture(page: Any, path: Path) -> None:
+    """Take a picture while nothing urgent stands over the scene: a machine that is late holds the robot now and then.
+
+    Raises:
+        TimeoutError: A warning stayed, or came back in each picture.
+    """
+    for _ in range(5):
+        page.locator(ALERTS).wait_for(state="detached", timeout=QUIET)
+        picture = page.screenshot()
+        if not page.locator(ALERTS).count():
+            path.write_bytes(picture)
+            return
+    raise TimeoutError(f"{path.name}: a warning stood over every picture of the scene; this machine is late")
 
 
 def _look_at_recording(page: Any) -> None:
@@ -145,7 +162,7 @@ def _look_at_recording(page: Any) -> None:
     page.get_by_text("Run again under").wait_for(timeout=120_000)
     page.get_by_text(f"{float(MOMENT):.1f} of").wait_for()
     page.wait_for_timeout(1000)
-    page.screenshot(path=RECORDING)
+    _picture(page, RECORDING)
     page.get_by_role("button", name="Back to live").click()
 
 

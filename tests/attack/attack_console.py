@@ -187,7 +187,7 @@ def recordings(target: Target, folder: Path) -> Iterator[Tally]:
         for name in names:
             page.update(listed, value=name)
             said = str(page.hear(1.0))
-            tally.count("Reading" in said or "No such file" in said or "is no MCAP" in said or "looked at:" in said)
+            tally.count("Reading" in said or "No such file" in said or "is not an MCAP" in said or "looked at:" in said)
     yield tally
 
 

@@ -117,7 +117,7 @@ def test_what_is_no_session_is_refused(session: Path, tmp_path: Path) -> None:
     for path, words in (
         (press, "foretouch predict"),
         (tmp_path / "none.mcap", "No such file"),
-        (tmp_path / "wrong.mcap", "is no MCAP file"),
+        (tmp_path / "wrong.mcap", "is not an MCAP file"),
     ):
         if path.name == "wrong.mcap":
             path.write_bytes(b"something else, and long enough")

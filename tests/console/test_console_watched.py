@@ -130,7 +130,7 @@ def test_each_side_that_falls_silent_alone_is_named() -> None:
     (said,) = robot_alerts(heard, NOW + 0.5)
     assert said.startswith("The leader has been silent for 0.5 s")
     (said,) = robot_alerts(heard, NOW + 5.0)
-    assert re.match(r"Neither side has been heard for 4\.\d s: nobody here knows", said)
+    assert re.match(r"Neither side has been heard for 4\.\d s: what the robot does is not known here", said)
     assert robot_alerts(Watched(), NOW) == (NOBODY_YET,)
     assert "from the beginning" in robot_alerts(watched(state()), NOW)[0]
     assert robot_alerts(watched(telemetry()), NOW) == ()  # it waits for a leader

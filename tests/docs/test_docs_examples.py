@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -22,6 +23,7 @@ WRITTEN = {
     "identify_a_press.py": "identified.png",
     "compare_laws.py": "compared.png",
     "simulate_a_session.py": "session.png",
+    "walk_through.py": "walk-through-session.png",
 }
 LONGEST = 80
 NAMES = sorted(path.name for path in EXAMPLES.glob("*.py"))
@@ -59,3 +61,13 @@ def test_it_runs(name: str, folder: Path) -> None:
     assert "nan" not in done.stdout.lower().split()
     if name in WRITTEN:
         assert (folder / WRITTEN[name]).read_bytes().startswith(b"\x89PNG")
+
+
+def test_the_walk_through_is_a_notebook_of_five_steps() -> None:
+    """Cells of the percent format: a text with a heading and then code, five times."""
+    _, *cells = (EXAMPLES / "walk_through.py").read_text().split("\n# %%")
+    texts, codes = cells[0::2], cells[1::2]
+    headings = [re.search(r"^ \[markdown\]\n# ## (\w+)\n", text) for text in texts]
+    assert [found and found[1] for found in headings] == ["Read", "Identify", "Predict", "Simulate", "Plot"]
+    for code in codes:
+        compile(code, "cell", "exec")

@@ -136,7 +136,7 @@ def test_a_row_of_units_below_the_header(table):
         read = read_with_notes(table(f"Time,Travel,Load\n{units}\n{numbers}"))
         assert_good(read.recording)
         assert read.recording.first_row == 3
-        assert "read by a guess" in read.notes[0]
+        assert "columns guessed" in read.notes[0]
     assert refused(table(f"Time,Travel,Load\ns,mm,N\n{numbers}0.002,3,1\n")).row == 6
     assert "the unit of the force Load is not known" in str(refused(table(f"Time,Travel,Load\ns,mm,\n{numbers}")))
 
@@ -212,7 +212,7 @@ def test_what_numpy_writes(tmp_path):
 
 
 def test_a_guess_is_a_warning_and_a_stated_recording_is_none(table):
-    with pytest.warns(RecordingWarning, match=r"press.csv: read by a guess: .*unit = .mm") as caught:
+    with pytest.warns(RecordingWarning, match=r"press.csv: columns guessed: .*unit = .mm") as caught:
         assert_good(read_recording(table("Zeit [s],Weg [mm],Kraft [N]\n0,1,0.5\n0.001,2,0.75\n0.002,3,1\n")))
     assert [warning.filename for warning in caught] == [__file__]
     assert_good(read_recording(table(GOOD)))  # warnings are errors here

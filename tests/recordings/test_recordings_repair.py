@@ -178,7 +178,7 @@ def test_refusals_say_what_and_leave_everything_as_it_was(session, tmp_path):
     other.write_text("time_s,position_m,force_N\n")
     cut.write_bytes(session[: len(session) // 2])
     for path in (empty, other):
-        with pytest.raises(RecordingError, match="is no MCAP file, or was cut before anything was flushed"):
+        with pytest.raises(RecordingError, match="is not an MCAP file, or was cut before anything was flushed"):
             repair_session(path)
     with pytest.raises(RecordingError, match="cannot be read: No such file"):
         repair_session(tmp_path / "absent.mcap")

@@ -14,8 +14,8 @@ from report_sessions import make_session
 
 from foretouch.errors import ForetouchError, InputError, MissingExtraError
 from foretouch.messages import FOLLOWER_DTYPE, LEADER_DTYPE, SessionLog
-from foretouch.report import delayed, session_report, write_page, write_prediction_page
-from foretouch.report.figures import force_figure
+from foretouch.report import delayed, session_report, tiles, write_page, write_prediction_page
+from foretouch.report.figures import force_figure, prediction_figure, timing_figure
 from foretouch.report.thinning import thinned
 
 EMPTY = SessionLog(np.zeros(0, LEADER_DTYPE), np.zeros(0, FOLLOWER_DTYPE), ())
@@ -151,3 +151,32 @@ def test_thinning_keeps_every_peak() -> None:
     assert thin.min() == -3.0
     assert thin[-1] == 2.0
     assert (np.diff(thin_time) >= 0.0).all()
+
+
+def test_the_panel_of_errors_is_scaled_to_the_prediction_and_says_what_it_leaves_out() -> None:
+    time = np.arange(8000) * 1e-3
+    force = 15.0 * np.maximum(np.sin(2.0 * np.pi * time), 0.0)
+    predicted = force + 0.2 * np.sin(50.0 * time)
+    error = force_figure(time, force, predicted, delayed(time, force, 0.3)).axes[2]
+    assert 0.2 <= error.get_ylim()[1] < 0.4
+    assert any("error of the delayed force beyond the axis" in text.get_text() for text in error.texts)
+
+
+def test_every_panel_has_titles_of_its_axes() -> None:
+    time = np.arange(3000) * 1e-3
+    force = np.maximum(np.sin(5.0 * time), 0.0)
+    figures = [
+        prediction_figure(time, force, force, delayed(time, force, 0.3), force > 0.1),
+        force_figure(time, force, force, delayed(time, force, 0.3), force),
+        timing_figure(make_session(2.0)),
+    ]
+    for axes in (axes for figure in figures for axes in figure.axes):
+        assert axes.get_xlabel(), axes.get_title()
+        assert axes.get_ylabel(), axes.get_title()
+
+
+@pytest.mark.parametrize(("count", "columns"), [(5, 5), (6, 6), (7, 4), (9, 5), (13, 5)])
+def test_no_card_is_alone_in_its_row(count: int, columns: int) -> None:
+    text = tiles([("1 N", "force")] * count)
+    assert f"--columns: {columns}" in text
+    assert count % columns != 1

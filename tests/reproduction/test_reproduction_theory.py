@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
@@ -17,7 +18,7 @@ from typer.testing import CliRunner
 from foretouch.cli.app import app
 from foretouch.errors import SettingError
 from foretouch.models import TABLE_1, ContinuousSwitching
-from foretouch.reproduction import Claim, make_section
+from foretouch.reproduction import Claim, counted, make_section, write_report
 from foretouch.reproduction import fig2 as kelvin_voigt
 from foretouch.reproduction import fig3 as hunt_crossley
 from foretouch.reproduction.fig4 import area, measured_exponent
@@ -25,6 +26,7 @@ from foretouch.reproduction.fig5 import CASES, breaking_depth, press_error, shar
 from foretouch.reproduction.fig6 import turns
 from foretouch.reproduction.impact_section import MASS, SPEED
 from foretouch.reproduction.linearisation_limits import phi_range, scaled_error
+from foretouch.reproduction.page import SHOWN
 from foretouch.reproduction.shock import STEPS, comparable_law, greatest_pull
 from foretouch.reproduction.table1 import Choice, choices, distance, recursive_fit
 from foretouch.reproduction.trajectories import WAVES, linearisation_press, two_presses
@@ -101,6 +103,35 @@ def test_the_command_writes_page_figures_data_and_claims(tmp_path: Path) -> None
         "fig6.png",
         "fig6-trajectory.parquet",
     }
+
+
+def test_the_page_begins_with_its_summary_and_each_claim_is_a_folded_card_with_its_verdict(tmp_path: Path) -> None:
+    sections = [section(name) for name in ("fig2", "fig5")]
+    claims = [claim for one in sections for claim in one.claims]
+    page = write_report(tmp_path, sections, {"command": "foretouch reproduce"}).read_text()
+    counts = counted(claims)
+    assert sum(counts.values()) == len(claims)
+    summary, _, rest = page.partition("Equations that are named")
+    assert "doi:10.1007/s40747-021-00464-0" in summary
+    assert f"Of {len(claims)} claims {counts['holds']} hold as printed" in summary
+    assert "Error of (18) against (15)" in summary  # one of the five that matter
+    for verdict, (style, sign, words) in SHOWN.items():
+        assert rest.count(f'<details class="claim {style}"><summary><b>{sign} {words}</b>') == counts[verdict]
+    assert "<details open" not in page
+    named = set(re.findall(r'href="#([^"]+)"', page))
+    assert {"fig2", "fig5", "equation-1", "equation-15", "equation-18"} <= named
+    assert named <= set(re.findall(r'id="([^"]+)"', page))
+    assert 'id="equation-16"' in page  # a text names it
+
+
+def test_what_the_terminal_is_told_fits_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("COLUMNS", "80")
+    for words in (["reproduce", "--only", "fig5"], ["reproduce", "--only", "fig6"]):
+        result = CliRunner().invoke(app, words)
+        assert result.exit_code == 0, result.output
+        assert max(map(len, result.stdout.splitlines())) <= 80
+    assert "Of 2 claims: 1 hold as printed, 0 under a stated choice, 1 not." in result.stdout
+    assert "measured: 2 compressions and 1 restitution" in " ".join(result.stdout.split())
 
 
 def test_kelvin_voigt_impact_is_the_damped_oscillator() -> None:

@@ -84,7 +84,7 @@ def _watching(session: subprocess.Popen[str]) -> list[str]:
     """The options that a session says for others that watch it."""
     assert session.stderr is not None
     for line in session.stderr:
-        if line.startswith("another process watches it with "):
+        if line.startswith("Another process watches it with "):
             return line.split()[5:]
     raise AssertionError("the session has not said it")
 

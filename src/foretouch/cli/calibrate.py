@@ -15,6 +15,7 @@ from foretouch.cli.options import (
     Json,
     PositionUnit,
     ReportDirectory,
+    made_by,
     make_folder,
     print_json,
     say,
@@ -103,7 +104,8 @@ def sensor(
     if report_directory is not None:
         from foretouch.report import write_calibration_page
 
-        say(f"report: {write_calibration_page(report_directory, poses.name, weight, content)}")
+        made = made_by([poses] if motion is None else [poses, motion], axis=axis)
+        say(f"report: {write_calibration_page(report_directory, poses.name, weight, content, made)}")
 
 
 @calibrate.command("compliance")
@@ -151,7 +153,8 @@ def compliance(
     if report_directory is not None:
         from foretouch.report import write_calibration_page
 
-        say(f"report: {write_calibration_page(report_directory, recording.name, found, content)}")
+        made = made_by([recording], sensor_lag=f"{before.sensor_lag or 0.0:g} s")
+        say(f"report: {write_calibration_page(report_directory, recording.name, found, content, made)}")
 
 
 def _before(output: Path | None, source: Path, motion: Path | None) -> SensorCalibration:

@@ -16,6 +16,7 @@ from foretouch.cli.options import (
     Json,
     PositionUnit,
     ReportDirectory,
+    made_by,
     make_folder,
     print_json,
     say,
@@ -117,7 +118,16 @@ def compare(
     else:
         show(comparison.render_table(results))
     if report_directory is not None:
-        say(f"report: {comparison.write_comparison_page(report_directory, results)}")
+        said = made_by(
+            recordings or [],
+            datasets=", ".join(datasets or []) or None,
+            simulated=f"seed {seed}" if simulated else None,
+            laws=", ".join(dict.fromkeys(row.model for row in results)),
+            estimators=", ".join(dict.fromkeys(row.estimator for row in results)),
+            delays=", ".join(f"{one:g} s" for one in delays),
+            **{name: value or None for name, value in units.items()},
+        )
+        say(f"report: {comparison.write_comparison_page(report_directory, results, said)}")
     if all(result.status != "ok" for result in results):
         raise typer.Exit(1)
 

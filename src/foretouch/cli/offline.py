@@ -22,6 +22,7 @@ from foretouch.cli.options import (
     ReportDirectory,
     SensorLag,
     Surface,
+    made_by,
     make_folder,
     print_json,
     say,
@@ -173,12 +174,13 @@ def predict(
         found = pulsing("predicting", forces_under_delay, data, learner(contact_floor=data.contact_floor), delay)
     if log is not None:
         say_what_is_left_out(recording, log)
+    floor = found.contact_floor if contact_floor is None else contact_floor
     scores = score(
         found.time,
         found.measured,
         found.predicted,
         found.delayed,
-        contact_floor=found.contact_floor if contact_floor is None else contact_floor,
+        contact_floor=floor,
         score_from=score_from,
         score_to=score_to,
         position=found.position,
@@ -215,7 +217,23 @@ def predict(
     if report_directory is not None:
         from foretouch.report import write_prediction_page
 
-        write_prediction_page(report_directory, dataset or recording.name, forces, content)
+        made = made_by(
+            [recording],
+            dataset=dataset,
+            law=model,
+            estimator=estimator,
+            delay=f"{delay:g} s",
+            surface=surface,
+            force_offset=force_offset,
+            sensor_lag=f"{sensor_lag:g} s",
+            position_unit=position_unit,
+            force_unit=force_unit,
+            flipped=flip or None,
+            map=map_file,
+            scored=f"from {score_from:g} s" + (f" to {score_to:g} s" if score_to is not None else ""),
+            contact_floor=f"{floor:g} N",
+        )
+        write_prediction_page(report_directory, dataset or recording.name, forces, content, made)
         say(f"report: {report_directory / 'index.html'}")
     if json_output:
         print_json(content)
@@ -336,6 +354,8 @@ def _print_lines(title: str, content: dict[str, Any]) -> None:
             continue
         if name == "parameters":
             text = parameter_text(value, content["standard_errors"])
+            if content["standard_errors"] and content["surface_error_m"]:
+                text += f"\n  {'':<28} (each ± takes the surface for right: see surface_m)"
         elif error in content:
             text = measured(value, content[error])
         elif isinstance(value, float):

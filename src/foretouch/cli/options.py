@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import functools
+import hashlib
 import inspect
 import json
 import math
+import shlex
+import sys
 import tempfile
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -37,6 +40,7 @@ __all__ = [
     "ReportDirectory",
     "SensorLag",
     "Surface",
+    "made_by",
     "make_folder",
     "print_json",
     "require_duration",
@@ -102,6 +106,27 @@ def make_folder(path: Path) -> None:
         require_writable(path)
     except OSError as error:
         raise SettingError("folder", str(path), f"cannot be written: {error.strerror}") from None
+
+
+def made_by(recordings: Sequence[Path] = (), **what: Any) -> dict[str, Any]:
+    """What makes a page, for its end: this command as it was given, the recordings, and what else is said of it.
+
+    Args:
+        recordings: That are read; of files a checksum says which.
+        **what: By name; None is not said.
+    """
+    said: dict[str, Any] = {"command": shlex.join(["foretouch", *sys.argv[1:]])}
+    if recordings:
+        said["recording" if len(recordings) == 1 else "recordings"] = "; ".join(map(_which, recordings))
+    return said | {name: value for name, value in what.items() if value is not None}
+
+
+def _which(path: Path) -> str:
+    """A recording's path and, of a file, the beginning of its checksum."""
+    if not path.is_file():
+        return str(path)
+    with path.open("rb") as file:
+        return f"{path} (SHA-256 {hashlib.file_digest(file, 'sha256').hexdigest()[:16]})"
 
 
 def require_writable(folder: Path) -> None:

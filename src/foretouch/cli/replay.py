@@ -11,6 +11,7 @@ from foretouch.cli.options import (
     SESSION_OPTIONS,
     Json,
     ReportDirectory,
+    made_by,
     make_folder,
     print_json,
     require_recording,
@@ -107,7 +108,7 @@ def replay(
     else:
         show(f"{recording}\n{render_replay(content)}")
     if report is not None:
-        page = write_replay_page(report, recording.name, log, again, content)
+        page = write_replay_page(report, recording.name, log, again, content, made_by([recording]))
         say(f"report: {page}")
 
 

@@ -15,6 +15,7 @@ from foretouch.cli.options import (
     Duration,
     Json,
     ReportDirectory,
+    made_by,
     make_folder,
     print_json,
     require_duration,
@@ -201,5 +202,5 @@ def print_report(
     else:
         show(render_text(content))
     if directory is not None:
-        write_page(directory, log, content)
+        write_page(directory, log, content, made_by([] if path is None else [path]))
         say(f"report: {directory / 'index.html'}")

@@ -5,12 +5,13 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from foretouch.cli.options import Cluster, Json, make_folder, print_json, say, show
+from foretouch.cli.options import Cluster, Json, made_by, make_folder, print_json, say, show
 from foretouch.cli.progress import compile_first
 from foretouch.errors import SettingError
 
@@ -61,7 +62,8 @@ def sweep(
     compile_first()
     with _progress() as progress:
         rows = run_sweep(out, plan, processes=jobs, cluster=cluster, progress=progress, say=say)
-    page = write_sweep_page(out, rows)
+    made = made_by(plan=", ".join(f"{name} {value:g}" for name, value in asdict(plan).items()))
+    page = write_sweep_page(out, rows, made)
     content = summary(rows)
     if json_output:
         print_json({**content, "page": str(page)})

@@ -15,7 +15,7 @@ from foretouch.comparison.result import Prediction, Result
 from foretouch.comparison.table import middle
 from foretouch.identification import DEFAULT_ESTIMATORS
 from foretouch.report import finished, new_figure
-from foretouch.report.drawing import DELAYED, ERROR, PREDICTED, RENDERED, TRUE
+from foretouch.report.drawing import COLOURS, PREDICTED, RENDERED, TRUE
 
 __all__ = ["JND", "Curve", "delay_curves", "delay_figure", "delayed_force_curve", "floors"]
 
@@ -28,7 +28,7 @@ JND: Final = (7.0, 10.0)
 
 COLUMNS: Final = 3
 PROMINENT: Final[dict[Pair, tuple[str, str]]] = {
-    ("continuous-switching", "fprls"): (ERROR, "paper"),
+    ("continuous-switching", "fprls"): (COLOURS[1], "paper"),
     ("continuous-switching", "exact"): (PREDICTED, "exact"),
     ("contact-map", DEFAULT_ESTIMATORS.get("contact-map", "contact-map")): (RENDERED, "map"),
 }
@@ -41,7 +41,7 @@ LAW_COLOURS: Final = {
     "contact-map": RENDERED,
 }
 """Of thin curves and of floors."""
-OTHER_COLOUR: Final = DELAYED
+OTHER_COLOUR: Final = COLOURS[3]
 JND_COLOUR: Final = "#f0e9c8"
 LOWEST: Final = 0.2
 """Smaller errors are below the panels [%]."""

@@ -57,7 +57,7 @@ def _draw(
     values: Array, texts: list[list[str]], labels: list[str], names: list[str], title: str, limits: tuple[float, float]
 ) -> Any:
     low, high = np.log(limits)
-    figure = new_figure(1.7 + 0.27 * len(labels))
+    figure = new_figure(1.9 + 0.27 * len(labels))
     axes = figure.subplots()
     shade = np.clip((np.log(np.maximum(values, 1e-12)) - low) / (high - low), 0.0, 1.0)
     shade = np.where(np.isnan(values), np.nan, shade)
@@ -71,12 +71,14 @@ def _draw(
     axes.set_xticks(range(len(names)), names, rotation=35, ha="right", fontsize="small")
     axes.set_yticks(range(len(labels)), labels, fontsize="small")
     axes.set_title(title)
+    axes.set_xlabel("recording")
+    axes.set_ylabel("law / estimator")
     finished(figure, 1)
     axes.grid(False)
     axes.spines[["bottom", "left"]].set_visible(False)
     axes.tick_params(length=0)
     height = figure.get_figheight()
-    figure.subplots_adjust(left=0.30, right=0.99, bottom=1.05 / height, top=1.0 - 0.4 / height)
+    figure.subplots_adjust(left=0.32, right=0.99, bottom=1.25 / height, top=1.0 - 0.4 / height)
     return figure
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from html import escape
 from itertools import groupby
 from os import PathLike
@@ -23,12 +23,15 @@ MOST_MATRICES = 3
 """With more delays than this, only the one that is the nearest to 0.3 s has matrices of its own."""
 
 
-def write_comparison_page(directory: str | PathLike[str], results: Sequence[Result]) -> Path:
+def write_comparison_page(
+    directory: str | PathLike[str], results: Sequence[Result], made: Mapping[str, Any] | None = None
+) -> Path:
     """Write plots and tables of a comparison as ``index.html``.
 
     Args:
         directory: Made if it is not there.
         results: As `compare` gave them, at least one.
+        made: What made it, for the end of the page, as `write_html` takes it.
 
     Returns:
         Path of the page.
@@ -50,7 +53,7 @@ def write_comparison_page(directory: str | PathLike[str], results: Sequence[Resu
     ]
     for name, rows in groupby(results, key=lambda result: result.recording):
         body += [f"<h3>{escape(name)}</h3>", _table(list(rows))]
-    return write_html(directory, "Comparison of laws and estimators", body)
+    return write_html(directory, "Comparison of laws and estimators", body, made)
 
 
 def _figures(results: Sequence[Result]) -> list[str]:
@@ -60,7 +63,8 @@ def _figures(results: Sequence[Result]) -> list[str]:
     nearest = min(delays, key=lambda delay: abs(delay - 0.3), default=None)
 
     def add(*arguments: Any, **options: Any) -> None:
-        drawn.append(embedded(matrix_figure(results, *arguments, **options), arguments[1]))
+        said = f"{arguments[1]}: a row for each law and estimator, a column for each recording; darker is larger."
+        drawn.append(embedded(matrix_figure(results, *arguments, **options), said))
 
     if len(set(delays)) > 1:
         drawn += _against_delay(results)
@@ -143,7 +147,7 @@ def _table(rows: list[Result]) -> str:
         statuses = sorted({p.status for p in row.predictions} - {"ok"})
         remarks = [*statuses, *row.warnings] if row.status == "ok" else [note(row)]
         lines.append([*line, "; ".join(remarks)])
-    return f'<div style="overflow-x: auto; font-size: .8rem">{table(head, lines)}</div>'
+    return f'<div class="wide" style="font-size: .8rem">{table(head, lines)}</div>'
 
 
 def _rounded(value: float | None) -> str | None:

@@ -9,7 +9,7 @@ from typing import Any
 from foretouch.console.gate.page import BEAT_PERIOD, beat_html
 from foretouch.console.palette import BLUE, GREY, INK, VERMILLION, css
 
-__all__ = ["ASKING", "KEYS", "LATCHED", "READY", "UNABLE", "Alarm"]
+__all__ = ["ALERTS", "ASKING", "KEYS", "LATCHED", "READY", "UNABLE", "Alarm"]
 
 READY, ASKING, LATCHED = "EMERGENCY STOP (Space)", "Stopping the robot …", "Emergency stop is latched"
 """What stands on the button: before it is pressed, until the robot has stopped, and until it is released there."""
@@ -17,6 +17,8 @@ UNABLE = "No stop from here: a shadow"
 """And where somebody else moves the robot."""
 COLOURS = {READY: VERMILLION, UNABLE: GREY}
 """Of the button; else it is black."""
+ALERTS = ".foretouch-alerts"
+"""Where the sentences are in the page, as a style sheet names it; nothing is there while nothing is urgent."""
 KEYS = ("space", "escape")
 """Each presses the button wherever the focus is, but in a field for text or numbers."""
 
@@ -92,7 +94,7 @@ def _box_html(alerts: tuple[str, ...]) -> str:
         return ""
     lines = "".join(f'<div style="padding:2px 0">&#9888; {html.escape(alert)}</div>' for alert in alerts)
     return (
-        f'<div role="alert" class="foretouch-alerts" style="{_PLACE}bottom:92px;'
+        f'<div role="alert" class="{ALERTS[1:]}" style="{_PLACE}bottom:92px;'
         "width:max(366px, min(560px, calc(100vw - 492px)));"
         f"box-sizing:border-box;pointer-events:none;overflow-wrap:anywhere;background:#fff;color:{css(INK)};"
         f'border:3px solid {css(VERMILLION)};border-radius:8px;padding:6px 10px;font-weight:600">{lines}</div>'

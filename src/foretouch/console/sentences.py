@@ -105,7 +105,7 @@ def _recording(watched: Watched, now: float) -> str:
     if watched.supervised(now) and not watched.said(SUPERVISOR, "recording"):
         return ""  # nobody was told to record
     if silence > RECORDER_SILENT and watched.leader_silence(now) < SILENT:
-        return f"The recorder has been silent for {silence:.0f} s: nobody here knows whether anything is recorded."
+        return f"The recorder has been silent for {silence:.0f} s: whether anything is recorded is not known here."
     return ""
 
 
@@ -115,10 +115,10 @@ def _silence(watched: Watched, now: float) -> str:
     if watched.heard == -math.inf:
         return NOBODY_YET
     if robot > SILENT and leader > SILENT and math.isfinite(robot):
-        return f"Neither side has been heard for {min(robot, leader):.1f} s: nobody here knows what the robot does."
+        return f"Neither side has been heard for {min(robot, leader):.1f} s: what the robot does is not known here."
     if robot > SILENT:
         since = f"for {robot:.1f} s" if math.isfinite(robot) else "from the beginning"
-        return f"The robot's side has been silent {since}: nobody here knows what it does."
+        return f"The robot's side has been silent {since}: what it does is not known here."
     if leader > SILENT > robot and math.isfinite(leader):
         return f"The leader has been silent for {leader:.1f} s: the robot hears no commands from it."
     return ""

@@ -216,7 +216,7 @@ def _key() -> str:
     """What the lines and arrows of the picture are."""
     rows = (
         (GREY, "Probe, now: where your hand is"),
-        (VERMILLION, "Robot, delayed; outline: where it believes all"),
+        (VERMILLION, "Robot, delayed; outline: the fixture as the robot knows it"),
         (BLUE, "Force on the hand, and its doubt"),
         (GREEN, "Normal of the surface"),
     )

@@ -10,12 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foretouch.errors import RecordingError, plural
+from foretouch.identification.conditioning_layout import SURFACE_THRESHOLD
 from foretouch.identification.learner import Learner
 from foretouch.identification.learner_run import RawSamples, run_by_sample
 from foretouch.models import ContactModel
 from foretouch.quantities import Columns, Recording
 
-__all__ = ["FEWEST_CONTACT_SAMPLES", "Identification", "identify"]
+__all__ = ["FEWEST_CONTACT_SAMPLES", "Identification", "identify", "unnoticed_depth"]
 
 Array = NDArray[np.float64]
 
@@ -29,7 +30,8 @@ class Identification(Columns):
 
     Attributes:
         parameters: The law's numbers by name, after the last sample; None for one that is undetermined.
-        standard_errors: By name, None where the estimator has none.
+        standard_errors: By name, None where the estimator has none; those of the law alone, given `surface` and
+            `force_offset`: where the surface is not known well, the parameters are less sure than they say.
         surface: Position of the surface found [m], as the model counts from it.
         force_offset: Force in free air found [N].
         in_contact: The conditioner's judgement at every sample, shape (n,).
@@ -39,7 +41,8 @@ class Identification(Columns):
         history: Parameters after every sample by name, NaN before there was a model and where undetermined,
             shape (n,) each; empty where it was not asked for.
         model: After the last sample.
-        surface_error: Standard error of where contact begins [m]; 0 for a surface that was given.
+        surface_error: Standard error of where contact begins [m], 0 for a surface that was given: the scatter of the
+            onsets, and how far out it may lie unnoticed, see `unnoticed_depth`.
         sensor_lag: How late forces are at least [s], beyond the lag that was given; None where nothing tells it.
         sensor_lag_error: Standard error of that [s].
         standard_deviation: Of the force at the last sample that has a residual [N], NaN where the model carries no
@@ -112,12 +115,49 @@ def identify(recording: Recording, learner: Learner, *, keep_history: bool = Fal
         found.contact_force_rms,
         {} if history is None else history.columns,
         model,
-        learner.conditioner.surface_error,
+        _surface_error(recording, learner, surface),
         learner.lag.lag,
         learner.lag.standard_error,
         found.standard_deviation,
         recording.time,
     )
+
+
+def unnoticed_depth(depth: Array, force: Array, threshold: float) -> float:
+    r"""How much further out contact may begin than where it was noticed [m].
+
+    A law without damping, :math:`F = k (x + u)^n`, goes through the force :math:`F_0` that is felt at the depth 0 and
+    through that around the threshold, :math:`F_1` at :math:`x_1`; then
+    :math:`u = x_1 / ((F_1 / F_0)^{1/n} - 1)`. It grows with n, which is not known, and is given for n = 2, the end of
+    the range of (5). Only where the force at the depth 0 is zero does contact begin there for sure.
+
+    Args:
+        depth: From where contact was noticed [m], shape (n,).
+        force: Less its offset [N], shape (n,).
+        threshold: At which contact was noticed [N].
+
+    Returns:
+        [m], 0 where there are no samples that tell it.
+    """
+    near = (depth > 0.0) & (force > 1.5 * threshold) & (force < 2.5 * threshold)
+    if not near.any():
+        return 0.0
+    further, strong = float(depth[near].mean()), float(force[near].mean())
+    there = force[np.abs(depth) < 0.1 * further]
+    weak = max(float(there.mean()), 0.0) if there.size else 0.5 * threshold
+    return further / (np.sqrt(strong / weak) - 1.0) if 0.0 < weak < strong else 0.0
+
+
+def _surface_error(recording: Recording, learner: Learner, surface: float) -> float:
+    """Of the onsets' scatter, and of what is unnoticed: that is at most two standard errors."""
+    conditioner = learner.conditioner
+    scatter = conditioner.surface_error
+    if scatter == 0.0:  # given
+        return 0.0
+    force = recording.force - conditioner.force_offset
+    threshold = float(conditioner.memory[SURFACE_THRESHOLD])
+    unnoticed = unnoticed_depth(recording.position - surface, force, threshold)
+    return float(np.hypot(scatter, 0.5 * unnoticed))
 
 
 class _History:

@@ -73,7 +73,7 @@ class McapFile(RosBag):
         self._chunks: list[tuple[int, frozenset[int] | None]] = []  # where each begins, and whose messages it has
         with Path(path).open("rb") as file:
             if file.read(len(MAGIC)) != MAGIC:
-                raise RecordingError(path, "is no MCAP file: it does not begin like one")
+                raise RecordingError(path, "is not an MCAP file: it does not begin as one does")
             with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
                 if not self._read_summary(data):
                     self._read_all(data, peek)

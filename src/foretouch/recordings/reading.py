@@ -202,7 +202,7 @@ def _by_map(source: Table | Bag, mapping: Mapping, *, guessed: bool = False) -> 
         _require_likely_times(source, mapping, recording)
     if guessed:
         said = " ".join(mapping_text(mapping).replace("\n", "; ").replace("; ; ", " ").replace("]; ", "] ").split())
-        notes.insert(0, f"read by a guess: {said.strip('; ')}")
+        notes.insert(0, f"columns guessed: {said.strip('; ')}")
     if isinstance(source, Table):
         notes += source.notes
     elif not source.whole:

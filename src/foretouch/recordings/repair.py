@@ -115,7 +115,9 @@ def _repair(path: str | PathLike[str], output: str | PathLike[str] | None) -> Re
             raise RecordingError(path, "is still being written: end its recorder first")
         with Path(path).open("rb") as file:
             if file.read(len(MAGIC)) != MAGIC:
-                raise RecordingError(path, "is no MCAP file, or was cut before anything was flushed: nothing to keep")
+                raise RecordingError(
+                    path, "is not an MCAP file, or was cut before anything was flushed: nothing to keep"
+                )
             data = _Data(file.fileno())
             ended = is_whole(path) and _index_stands(data)
             if ended and output is None:

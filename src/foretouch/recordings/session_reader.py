@@ -121,7 +121,7 @@ def _read(
             begins = handle.read(len(MAGIC))
             if begins != MAGIC:
                 short = MAGIC.startswith(begins)
-                raise RecordingError(path, NOTHING if short else "is no MCAP file: it does not begin like one")
+                raise RecordingError(path, NOTHING if short else "is not an MCAP file: it does not begin as one does")
             with mmap.mmap(handle.fileno(), 0, access=mmap.ACCESS_READ) as data:
                 scan = _Scan(path, columns, kept)
                 scan.file(data)

@@ -7,7 +7,7 @@ from foretouch.report.forces import Forces, forces_under_delay
 from foretouch.report.free_hand import free_hand
 from foretouch.report.guarded import guarded_runs
 from foretouch.report.hand import hand_figures
-from foretouch.report.html import embedded, named_values, table, write_html
+from foretouch.report.html import embedded, named_values, table, tiles, write_html
 from foretouch.report.page import write_page, write_prediction_page
 from foretouch.report.pairs import Pairs, force_at_follower, pair
 from foretouch.report.perception import LargestJump, largest_jump, rendered_jump, time_to_accuracy, update_jumps
@@ -68,6 +68,7 @@ __all__ = [
     "session_report",
     "swings",
     "table",
+    "tiles",
     "time_to_accuracy",
     "turning_points",
     "update_jumps",

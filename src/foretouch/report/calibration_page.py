@@ -18,7 +18,11 @@ __all__ = ["write_calibration_page"]
 
 
 def write_calibration_page(
-    directory: str | PathLike[str], name: str, found: ToolWeight | SeriesCompliance, figures: Mapping[str, Any]
+    directory: str | PathLike[str],
+    name: str,
+    found: ToolWeight | SeriesCompliance,
+    figures: Mapping[str, Any],
+    made: Mapping[str, Any] | None = None,
 ) -> Path:
     """Write what a calibration found as ``index.html``.
 
@@ -30,6 +34,7 @@ def write_calibration_page(
         name: Of the file, for the heading.
         found: What was found.
         figures: By name, for the table.
+        made: What made it, for the end of the page, as `write_html` takes it.
 
     Returns:
         Path of the page.
@@ -47,7 +52,7 @@ def write_calibration_page(
         for key, value in figures.items()
     }
     body = [f"<h1>{escape(title)}</h1>", named_values(shown), "<h2>Residuals</h2>", embedded(drawn, "Residuals")]
-    return write_html(directory, title, body)
+    return write_html(directory, title, body, made)
 
 
 def _weight_figure(weight: ToolWeight) -> Any:
@@ -61,7 +66,8 @@ def _weight_figure(weight: ToolWeight) -> Any:
             place = np.arange(1, len(residual) + 1) + 0.12 * (column - 1)
             axes.plot(place, residual[:, column], "o", ms=4, color=COLOURS[column], label=axis)
         axes.axhline(0.0, color="0.5", lw=0.8)
-        axes.set_title(f"Measured less fitted {title}")
+        axes.set_title(f"Residual: measured less fitted {title.partition(' ')[0]}")
+        axes.set_ylabel(title)
         axes.set_xlabel("pose")
         legend(axes, 3)
     return finished(figure, len(parts), gap=1.1)
@@ -83,7 +89,8 @@ def _compliance_figure(found: SeriesCompliance) -> Any:
     above.set_title("Force over deflection, and the fitted lines")
     above.set_xlabel("deflection [um]")
     above.set_ylabel("force [N]")
-    below.set_title("Measured less fitted position [um]")
+    below.set_title("Residual: measured less fitted position")
+    below.set_ylabel("residual [um]")
     below.set_xlabel("force [N]")
     legend(above, 2)
     legend(below, 2)

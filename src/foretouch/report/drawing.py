@@ -25,10 +25,11 @@ __all__ = [
     "shade",
 ]
 
-TRUE, PREDICTED, DELAYED, RENDERED, ERROR = "#000000", "#0072B2", "#E69F00", "#009E73", "#D55E00"
-"""Okabe and Ito's colours, which the colour-blind tell apart, by what they stand for in a session."""
+TRUE, PREDICTED, DELAYED, RENDERED, ERROR = "#000000", "#0072B2", "#D55E00", "#009E73", "#E69F00"
+"""Okabe and Ito's colours, which the colour-blind tell apart, by what they stand for in a session, here as in the
+console; the last for what is none of the forces: errors, bounds and marks."""
 
-COLOURS = (PREDICTED, ERROR, RENDERED, DELAYED, "#CC79A7", "#56B4E9", TRUE)
+COLOURS = (PREDICTED, DELAYED, RENDERED, ERROR, "#CC79A7", "#56B4E9", TRUE)
 """The same colours for curves that stand in a row."""
 
 

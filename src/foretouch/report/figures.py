@@ -40,7 +40,7 @@ __all__ = [
 Array = NDArray[np.float64]
 
 ZOOM = 4.0
-"""Length of the close-up [s]."""
+"""Length of the close-up [s], and of shorter recordings half of them."""
 
 LEAST = 0.3
 """The force axis shows at least so much [N], so that noise does not fill it."""
@@ -87,7 +87,8 @@ def force_figure(
             axes.plot(*thinned(time[chosen], force[chosen]), color=colour, linewidth=width, alpha=alpha, label=label)
         axes.set_ylim(-0.08 * top, top)
         axes.set_ylabel("force [N]")
-        _say_beyond(axes, predicted_force[chosen], top)
+        axes.set_xlabel("time [s]")
+        _say_beyond(axes, predicted_force[chosen], top, "predicted force")
     whole.set_title("Contact force at equal command")
     if scored is not None:
         shade(whole, time, scored, "#56B4E9", "scored")
@@ -100,16 +101,21 @@ def force_figure(
     error.fill_between(
         time[inside], -band, band, color="0.5", alpha=0.3, linewidth=0.0, label="not noticed: max(10 %, 0.05 N)"
     )
-    for label, force, colour in (("delayed", delayed_force, DELAYED), (wanted, predicted_force, PREDICTED)):
-        error.plot(*thinned(time[inside], (force - true_force)[inside]), color=colour, linewidth=1.1, label=label)
-    error.set_ylim(-top, top)
+    wrong = {
+        kind: (force - true_force)[inside] for kind, force in (("delayed", delayed_force), (wanted, predicted_force))
+    }
+    for (label, values), colour in zip(wrong.items(), (DELAYED, PREDICTED), strict=True):
+        error.plot(*thinned(time[inside], values), color=colour, linewidth=1.1, label=label)
+    widest = min(top, ROOM * max(_largest(np.abs(wrong[wanted])), JND_FORCE))
+    error.set_ylim(-widest, widest)
     mark(error, _within(stretches, time[inside]))
-    error.set_title("Error in the close-up: force less true force")
+    error.set_title(f"Error in the close-up, scaled to that of the {wanted} force: force less {name.split()[0]} force")
     error.set_ylabel("error [N]")
     error.set_xlabel("time [s]")
-    _say_beyond(error, np.abs(predicted_force - true_force)[inside], top)
+    for kind, values in wrong.items():
+        _say_beyond(error, np.abs(values), widest, f"error of the {kind} force")
     legend(error, columns=5)
-    return finished(figure, 3, above=0.8 if stretches else 0.6)
+    return finished(figure, 3, above=0.8 if stretches else 0.6, gap=1.1)
 
 
 def _within(stretches: Sequence[Stretch], time: Array) -> list[Stretch]:
@@ -129,7 +135,7 @@ def prediction_figure(
         axes.set_xlim(sides)
     figure.axes[0].plot([], [], color="0.45", linewidth=3.0, label="in contact")
     legend(figure.axes[0], columns=6)
-    return finished(figure, 3)
+    return finished(figure, 3, gap=1.1)
 
 
 def model_figure(models: tuple[ModelUpdate, ...], start_ns: int, stretches: Sequence[Stretch] = ()) -> Any:
@@ -181,7 +187,7 @@ def loop_figure(pairs: Pairs, true_force: Array, surface: float | None, wanted: 
         axes.plot(1e3 * (position[::step] - zero), force[::step], color=colour, linewidth=0.7, label=label)
     top = ROOM * max(_largest(true_force), LEAST)
     axes.set_ylim(-0.08 * top, top)
-    _say_beyond(axes, pairs.leader["predicted_force"], top)
+    _say_beyond(axes, pairs.leader["predicted_force"], top, "predicted force")
     axes.set_title("Force against depth")
     axes.set_xlabel("position [mm]" if surface is None else "depth, from the last surface that was sent [mm]")
     axes.set_ylabel("force [N]")
@@ -199,14 +205,14 @@ def tracking_figure(pairs: Pairs, stretches: Sequence[Stretch] = ()) -> Any:
     figure = new_figure(5.0)
     place, apart = figure.subplots(2, 1, sharex=True)
     commanded, actual = 1e3 * pairs.leader["position"], 1e3 * pairs.follower["position"]
-    place.plot(*thinned(pairs.time, commanded), color=DELAYED, linewidth=1.6, label="command that was applied")
+    place.plot(*thinned(pairs.time, commanded), color=ERROR, linewidth=1.6, label="command that was applied")
     place.plot(*thinned(pairs.time, actual), color=TRUE, linewidth=0.9, label="follower")
     place.set_title("Position of the robot at equal command")
     place.set_ylabel("position [mm]")
     for axes in (place, apart):
         mark(axes, stretches)
     legend(place, columns=4)
-    apart.plot(*thinned(pairs.time, actual - commanded), color=ERROR, linewidth=0.9)
+    apart.plot(*thinned(pairs.time, actual - commanded), color=PREDICTED, linewidth=0.9)
     apart.set_title("Tracking error: follower less command")
     apart.set_ylabel("error [mm]")
     apart.set_xlabel("time [s]")
@@ -227,7 +233,7 @@ def timing_figure(log: SessionLog) -> Any:
         ):
             _histogram(axes, values, colour)
             axes.set_title(title)
-            axes.set_xlabel(f"[{unit}]")
+            axes.set_xlabel(f"{title.partition(': ')[2]} [{unit}]")
             axes.set_ylabel("ticks")
     return finished(figure, 2, above=0.4)
 
@@ -257,8 +263,9 @@ def _close_up(time: Array, force: Array) -> NDArray[np.bool_]:
     """The last stretch of `ZOOM` seconds that ends with some contact: the estimate has had its time to settle."""
     touched = np.flatnonzero(force > 0.2 * _largest(force))
     end = time[touched[-1]] if touched.size else time[-1]
-    begin = max(end - ZOOM, time[0])
-    return np.asarray((time >= begin) & (time <= begin + 1.1 * ZOOM))
+    length = min(ZOOM, 0.5 * (time[-1] - time[0]))
+    begin = max(end - length, time[0])
+    return np.asarray((time >= begin) & (time <= begin + 1.1 * length))
 
 
 def _largest(values: Array) -> float:
@@ -266,20 +273,19 @@ def _largest(values: Array) -> float:
     return float(finite.max()) if finite.size else 0.0
 
 
-def _say_beyond(axes: Any, predicted: Array, top: float) -> None:
-    """Say in the axes how much of the predicted force they do not show."""
-    beyond = 100.0 * float(np.mean(~(predicted <= top))) if predicted.size else 0.0
+def _say_beyond(axes: Any, values: Array, top: float, what: str) -> None:
+    """Say in the axes how much of a curve they do not show; on a white ground, for it lies over the curves."""
+    beyond = 100.0 * float(np.mean(~(values <= top))) if values.size else 0.0
     if beyond > 0.0:
         axes.text(
             0.995,
             0.96,
-            f"predicted force beyond the axis in {beyond:.2g} % of samples (at most {_largest(predicted):.3g} N)",
+            f"{what} beyond the axis in {min(beyond, 99.9):.2g} % of samples (at most {_largest(values):.3g} N)",
             ha="right",
             va="top",
             transform=axes.transAxes,
             fontsize="small",
-            color="white",
-            bbox={"facecolor": PREDICTED, "edgecolor": "none", "pad": 3.0},
+            bbox={"facecolor": "white", "edgecolor": "0.7", "linewidth": 0.6, "pad": 3.0},
         )
 
 

@@ -79,13 +79,13 @@ def hand_figure(log: SessionLog, pairs: Pairs, burst_at: float | None = None) ->
     held = np.isin(leader["sequence"], pairs.leader["sequence"][pairs.follower["guarded"]])
     elsewhere = _heard_away(log)
     curves = (
-        ("meant", leader["intended_position"], DELAYED, 1.4),
+        ("meant", leader["intended_position"], ERROR, 1.4),
         ("hand", hand, TRUE, WIDE),  # under the proxy, which is mostly where the hand is
         ("proxy: where the robot is told to be", proxy, PREDICTED, 1.2),
     )
     inside = _close_up(time, leader["rendered_force"], burst_at)
     for axes, chosen in ((place, np.ones(time.size, dtype=np.bool_)), (near, inside), (force, inside)):
-        shade(axes, time[chosen], held[chosen], ERROR, "robot held back by the guard")
+        shade(axes, time[chosen], held[chosen], DELAYED, "robot held back by the guard")
         shade(axes, time[chosen], ~leader["engaged"][chosen], "0.5", "not coupled")
         shade(axes, time[chosen], elsewhere[chosen], "#CC79A7", "told that the robot does not follow")
         if axes is not force:
@@ -94,6 +94,7 @@ def hand_figure(log: SessionLog, pairs: Pairs, burst_at: float | None = None) ->
                 curve = thinned(time[chosen], 1e3 * values[chosen])
                 axes.plot(*curve, color=colour, linewidth=width, alpha=alpha, label=label)
             axes.set_ylabel("position [mm]")
+            axes.set_xlabel("time [s]")
     place.axvspan(time[inside][0], time[inside][-1], color="#56B4E9", alpha=0.15, linewidth=0.0, label="close-up below")
     place.set_title("The hand")
     legend(place, columns=6 if not elsewhere.any() else 4)
@@ -111,7 +112,7 @@ def hand_figure(log: SessionLog, pairs: Pairs, burst_at: float | None = None) ->
     legend(force, columns=4)
     for axes in (near, force):
         axes.set_xlim(time[inside][0], time[inside][-1])
-    return finished(figure, 3, above=0.8 if elsewhere.any() else 0.6)
+    return finished(figure, 3, above=0.8 if elsewhere.any() else 0.6, gap=1.1)
 
 
 def _heard_away(log: SessionLog) -> Flags:

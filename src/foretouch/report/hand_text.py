@@ -149,8 +149,10 @@ def _stable(report: Mapping[str, Any]) -> str:
         return f"{word}: nobody holds what the delayed force would move"
     if report["hand"]["guarded_contact_percent"] is None and report["stable"]:
         return f"{word}; nothing was touched"
+    if report["hand"]["grip"] == NO_GRIP:
+        return f"{word}; in an open loop no force moves the hand"
     if swings["swings"] is None:
-        return f"{word}; nobody knows what the hand meant to do"
+        return f"{word}; the session does not say what the hand intended"
     return f"{word}; the hand swung {_swings(swings)}"
 
 

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import base64
+import importlib.metadata
 import io
+import platform
 from collections.abc import Mapping, Sequence
+from datetime import UTC, datetime
 from html import escape
 from os import PathLike
 from pathlib import Path
@@ -13,7 +16,7 @@ from typing import Any
 from foretouch.errors import InputError
 from foretouch.recordings import atomic_path
 
-__all__ = ["embedded", "named_values", "table", "write_html"]
+__all__ = ["embedded", "named_values", "table", "tiles", "write_html"]
 
 STYLE = """
 :root { color-scheme: light dark; --ink: #1b1b1b; --quiet: #5c5c5c; --paper: #fafafa; --card: #fff; --line: #ddd;
@@ -24,18 +27,26 @@ body { font: 16px/1.5 system-ui, sans-serif; color: var(--ink); background: var(
   padding: 1.5rem; max-width: 64rem; }
 h1 { font-size: 1.5rem; margin: 0 0 .2rem; } h2 { font-size: 1.15rem; margin: 2rem 0 .6rem; }
 p { margin: .3rem 0; } .quiet { color: var(--quiet); } .bad, .good { font-weight: 600; } .bad { color: var(--bad); }
-.tiles { display: grid; grid-template-columns: repeat(auto-fit, minmax(8.5rem, 1fr)); gap: .8rem; margin: 1rem 0; }
-.tile { background: var(--card); border: 1px solid var(--line); border-radius: .5rem; padding: .7rem .9rem; }
+.tiles { display: flex; flex-wrap: wrap; gap: .8rem; margin: 1rem 0; }
+.tile { flex: 1 1 max(7.5rem, calc(100% / var(--columns) - .8rem)); box-sizing: border-box;
+  background: var(--card); border: 1px solid var(--line); border-radius: .5rem; padding: .7rem .9rem; }
 .tile b { display: block; font-size: 1.3rem; white-space: nowrap; }
 .tile span { color: var(--quiet); font-size: .85rem; }
 figure { margin: 1rem 0; background: #fff; border: 1px solid var(--line); border-radius: .5rem; padding: .5rem; }
 figure img { width: 100%; height: auto; display: block; } figcaption { color: #444; font-size: .85rem; padding: .3rem; }
-table { border-collapse: collapse; }
+table { border-collapse: collapse; display: block; overflow-x: auto; max-width: 100%; }
 th, td { text-align: left; vertical-align: top; padding: .25rem 1.5rem .25rem 0; }
 td { border-bottom: 1px solid var(--line); }
+.wide { overflow-x: auto; } .made { margin-top: 3rem; border-top: 1px solid var(--line); font-size: .85rem; }
+.made td { overflow-wrap: anywhere; } .made td:first-child { white-space: nowrap; }
+code { font-family: ui-monospace, monospace; font-size: .9em; }
 pre { overflow-x: auto; background: var(--card); border: 1px solid var(--line); border-radius: .5rem; padding: .8rem;
   font-size: .8rem; }
 """
+
+
+MOST_COLUMNS = 6
+"""So many cards stand beside each other on a wide page."""
 
 
 def embedded(figure: Any, caption: str) -> str:
@@ -63,13 +74,43 @@ def table(head: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
     return f"<table>{f'<tr>{titles}</tr>' if head else ''}{''.join(f'<tr>{line}</tr>' for line in lines)}</table>"
 
 
-def write_html(directory: str | PathLike[str], title: str, body: list[str]) -> Path:
-    """Write ``index.html`` in a folder, which is made if it is not there.
+def tiles(figures: Sequence[tuple[str, str]]) -> str:
+    """Cards side by side, in rows of equal length where that can be: none is left alone in a row of its own.
+
+    Args:
+        figures: Of each its value with unit, and what it is.
+    """
+    rows = -(-len(figures) // MOST_COLUMNS) or 1
+    cards = (f'<div class="tile"><b>{escape(value)}</b><span>{escape(what)}</span></div>' for value, what in figures)
+    return f'<div class="tiles" style="--columns: {-(-len(figures) // rows)}">{"".join(cards)}</div>'
+
+
+def _origin(made: Mapping[str, Any]) -> str:
+    """What made the page, and how to make it again."""
+    now = datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC")
+    command = f"<code>{escape(made['command'])}</code>" if made.get("command") else "none: written from Python"
+    version = importlib.metadata.version("foretouch")
+    rows = [
+        ("made by", escape(f"foretouch {version}, Python {platform.python_version()}, {platform.machine()}")),
+        ("made on", now),
+        ("command, to repeat it", command),
+        *((name.replace("_", " "), escape(str(what))) for name, what in made.items() if name != "command"),
+    ]
+    lines = "".join(f"<tr><td>{name}</td><td>{what}</td></tr>" for name, what in rows)
+    return f'<footer class="made"><h2>How this page was made</h2><table>{lines}</table></footer>'
+
+
+def write_html(
+    directory: str | PathLike[str], title: str, body: list[str], made: Mapping[str, Any] | None = None
+) -> Path:
+    """Write ``index.html`` in a folder, which is made if it is not there; at its end it says what made it.
 
     Args:
         directory: The folder.
         title: Of the page.
         body: HTML of the page's parts.
+        made: What made it, by name: the ``command`` that repeats it, the recording, the law, the settings; version and
+            date are said in any case.
 
     Raises:
         InputError: The folder cannot be made or the page cannot be written.
@@ -86,6 +127,7 @@ def write_html(directory: str | PathLike[str], title: str, body: list[str]) -> P
             '<meta name="viewport" content="width=device-width, initial-scale=1">',
             f"<title>{escape(title)}</title><style>{STYLE}</style></head><body>",
             *body,
+            _origin(made or {}),
             "</body></html>\n",
         )
     )

@@ -26,7 +26,7 @@ from foretouch.report.figures import (
 from foretouch.report.hand import NO_BASELINE, NO_GRIP
 from foretouch.report.hand_drawing import energy_figure, hand_figure
 from foretouch.report.hand_text import baseline_sentence, stability_word
-from foretouch.report.html import embedded, named_values, write_html
+from foretouch.report.html import embedded, named_values, tiles, write_html
 from foretouch.report.numbers import number
 from foretouch.report.pairs import Pairs, not_scored, pair
 from foretouch.report.pressed import pressed
@@ -42,13 +42,16 @@ from foretouch.report.text import Finding, findings, render_text, scoring_findin
 __all__ = ["write_page", "write_prediction_page"]
 
 
-def write_page(directory: str | PathLike[str], log: SessionLog, report: dict[str, Any]) -> Path:
+def write_page(
+    directory: str | PathLike[str], log: SessionLog, report: dict[str, Any], made: Mapping[str, Any] | None = None
+) -> Path:
     """Write the report of a session with its figures as ``index.html``; it makes no request to anywhere.
 
     Args:
         directory: Made if it is not there.
         log: The session.
         report: What `session_report` gave of it.
+        made: What made it, for the end of the page, as `write_html` takes it.
 
     Returns:
         Path of the page.
@@ -69,11 +72,15 @@ def write_page(directory: str | PathLike[str], log: SessionLog, report: dict[str
         "<h2>All figures</h2>",
         f"<pre>{escape(render_text(report))}</pre>",
     ]
-    return write_html(directory, "foretouch session", body)
+    return write_html(directory, "foretouch session", body, made)
 
 
 def write_prediction_page(
-    directory: str | PathLike[str], name: str, forces: Mapping[str, ArrayLike], figures: Mapping[str, Any]
+    directory: str | PathLike[str],
+    name: str,
+    forces: Mapping[str, ArrayLike],
+    figures: Mapping[str, Any],
+    made: Mapping[str, Any] | None = None,
 ) -> Path:
     """Write what became of a prediction on a recording as ``index.html``.
 
@@ -84,6 +91,7 @@ def write_prediction_page(
             ``in_contact``, shape (n,).
         figures: The figures by name, among them ``delay_s`` and ``status``, as ``predict --json`` prints them; where
             there are ``remarks``, they are said first.
+        made: What made it, for the end of the page, as `write_html` takes it.
 
     Returns:
         Path of the page.
@@ -94,9 +102,11 @@ def write_prediction_page(
     """
     status, remarks = figures["status"], figures.get("remarks", ())
     figures = {key: value for key, value in figures.items() if key != "remarks"}
+    by = "".join(f"{what.capitalize()}: {made[what]}. " for what in ("law", "estimator") if made and what in made)
+    said = f"{by}Forces known {figures['delay_s']:g} s late. Status: {status}."
     body = [
         f"<h1>Prediction on {escape(name)}</h1>",
-        f'<p class="quiet">Forces known {figures["delay_s"]:g} s late. Status: {escape(status)}.</p>',
+        f'<p class="quiet">{escape(said)}</p>',
         *_sentences([Finding(remark, False) for remark in remarks]),
         *_sentences([finding for finding in scoring_findings(figures) if finding.text not in remarks]),
         _tiles(figures),
@@ -108,7 +118,7 @@ def write_prediction_page(
         drawn = prediction_figure(time, measured, predicted, known, columns["in_contact"].astype(np.bool_))
         body.append(embedded(drawn, "Measured, predicted and delayed force over time, and the errors"))
     body += ["<h2>All figures</h2>", named_values(figures)]
-    return write_html(directory, f"Prediction on {name}", body)
+    return write_html(directory, f"Prediction on {name}", body, made)
 
 
 def _sentences(said: list[Finding]) -> list[str]:
@@ -134,14 +144,8 @@ def _tiles(report: Mapping[str, Any], words: Mapping[str, str] | None = None) ->
         ("largest_update_jump_N", "N", "largest jump by a new model"),
         ("time_to_ten_percent_s", "s", "from first touch to an error below 10 %"),
     )
-    tiles = (
-        f'<div class="tile"><b>{escape(value)}</b><span>{label}</span></div>'
-        for label, value in (
-            *(words or {}).items(),
-            *((label, number(report[key], unit)) for key, unit, label in shown if key in report),
-        )
-    )
-    return f'<div class="tiles">{"".join(tiles)}</div>'
+    figures = [(number(report[key], unit), label) for key, unit, label in shown if key in report]
+    return tiles([*((value, label) for label, value in (words or {}).items()), *figures])
 
 
 def _session_figures(log: SessionLog, report: dict[str, Any]) -> list[str]:

@@ -44,7 +44,12 @@ ROOM = 1.25
 
 
 def write_replay_page(
-    directory: str | PathLike[str], name: str, recorded: SessionLog, replayed: SessionLog, content: Mapping[str, Any]
+    directory: str | PathLike[str],
+    name: str,
+    recorded: SessionLog,
+    replayed: SessionLog,
+    content: Mapping[str, Any],
+    made: Mapping[str, Any] | None = None,
 ) -> Path:
     """Write a recorded session and its replay, over one another, as ``index.html``.
 
@@ -54,6 +59,7 @@ def write_replay_page(
         recorded: The session.
         replayed: Its replay.
         content: What `compare_replay` gave of them.
+        made: What made it, for the end of the page, as `write_html` takes it.
 
     Returns:
         Path of the page.
@@ -76,7 +82,7 @@ def write_replay_page(
         "<h2>Settings of the replay</h2>",
         table(("", "recorded", "replayed"), _settings(content)),
     ]
-    return write_html(directory, f"Replay of {name}", body)
+    return write_html(directory, f"Replay of {name}", body, made)
 
 
 def replay_figure(recorded: SessionLog, replayed: SessionLog, contacts: Mapping[str, Any]) -> Any:
@@ -97,6 +103,7 @@ def replay_figure(recorded: SessionLog, replayed: SessionLog, contacts: Mapping[
         top = ROOM * max(LEAST, *(_largest(columns[kind]) for columns in near_by for kind in ("true", "delayed")))
         axes.set_ylim(-0.08 * top, top)
         axes.set_ylabel("force [N]")
+        axes.set_xlabel("time of the hand [s]")
     whole.set_title("Contact force at equal command, over the time in which the hand moved")
     whole.axvspan(begin, end, color="0.5", alpha=0.15, linewidth=0.0, label="close-up below")
     near.set_title("Close-up")
@@ -105,7 +112,7 @@ def replay_figure(recorded: SessionLog, replayed: SessionLog, contacts: Mapping[
     for axes in (whole, errors):
         last = max((float(one["time"][-1]) for one in (before, after) if one["time"].size), default=1.0)
         axes.set_xlim(0.0, last)
-    return finished(figure, 3, above=0.8)
+    return finished(figure, 3, above=0.8, gap=1.1)
 
 
 def _forces(log: SessionLog) -> dict[str, Array]:

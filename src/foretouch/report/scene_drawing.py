@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foretouch.messages import SessionLog
-from foretouch.report.drawing import DELAYED, ERROR, PREDICTED, TRUE, finished, legend, new_figure, shade
+from foretouch.report.drawing import ERROR, PREDICTED, TRUE, finished, legend, new_figure, shade
 from foretouch.report.pairs import Pairs
 from foretouch.report.scene_contacts import Wrong
 from foretouch.report.scene_map import StiffnessMap
@@ -39,7 +39,7 @@ def pose_figure(error: PoseError) -> Any:
     ):
         axes.plot(*thinned(error.time, np.maximum(values, least)), color=PREDICTED, linewidth=1.1, label=what)
         told = np.maximum(deviation, least)
-        axes.plot(*thinned(error.time, told), color=DELAYED, linewidth=1.1, label="the filter's own standard deviation")
+        axes.plot(*thinned(error.time, told), color=ERROR, linewidth=1.1, label="the filter's own standard deviation")
         axes.axhline(near, color="0.4", linestyle=":", linewidth=1.0, label=f"{near:g} {unit}")
         _mark_touches(axes, error)
         axes.set_yscale("log")

@@ -10,14 +10,10 @@ import numpy as np
 from foretouch.report import COLOURS, finished, new_figure
 from foretouch.reproduction.course import Array, History
 
-__all__ = ["parameters_figure"]
+__all__ = ["ESTIMATOR_COLOURS", "parameters_figure"]
 
-STYLES = (
-    {"color": COLOURS[6], "linewidth": 1.0},
-    {"color": COLOURS[3], "linewidth": 1.0},
-    {"color": COLOURS[0], "linewidth": 1.4},
-    {"color": COLOURS[2], "linewidth": 1.4},
-)
+ESTIMATOR_COLOURS = {"printed": COLOURS[4], "choice": COLOURS[3], "robust": COLOURS[0], "exact": COLOURS[2]}
+"""Of the estimators, in Fig. 10 and Fig. 11 alike; black and vermillion are left for true and delayed force."""
 
 ROWS = (
     ("k", "k [N/m$^s$]", (1e1, 1e8)),
@@ -52,8 +48,8 @@ def parameters_figure(
             axes = grid[row][column]
             for time in deepest[material]:
                 axes.axvline(time, color="0.75", linewidth=0.8)
-            for history, style, estimator in zip(histories, STYLES, labels, strict=True):
-                axes.plot(*_line(history, name), label=estimator, **style)
+            for history, colour, estimator in zip(histories, ESTIMATOR_COLOURS.values(), labels, strict=True):
+                axes.plot(*_line(history, name), label=estimator, color=colour, linewidth=1.2)
             if name in LOGARITHMIC:
                 axes.set_yscale("log")
             axes.set_ylim(*limits)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foretouch.identification.offline import fit_offline
-from foretouch.report import COLOURS, finished, new_figure, pair
+from foretouch.report import finished, new_figure, pair
 from foretouch.report.drawing import DELAYED, TRUE
 from foretouch.reproduction.claims import Claim
 from foretouch.reproduction.experiment import (
@@ -21,6 +21,7 @@ from foretouch.reproduction.experiment import (
     Experiment,
     run_experiment,
 )
+from foretouch.reproduction.fig10_figure import ESTIMATOR_COLOURS
 from foretouch.reproduction.judging import Outcome, judge
 from foretouch.reproduction.relearning import (
     AS_PRINTED,
@@ -280,7 +281,6 @@ def _further() -> str:
 
 def _figure(data: Mapping[str, Mapping[str, Array]], labels: Mapping[str, str]) -> Any:
     figure = new_figure(11.0)
-    colours = {"printed": COLOURS[1], "choice": COLOURS[4], "robust": COLOURS[0], "exact": COLOURS[2]}
     grid = figure.subplots(len(MATERIALS), 2, sharex=True)
     for row, name in enumerate(MATERIALS):
         columns = data[name]
@@ -290,7 +290,7 @@ def _figure(data: Mapping[str, Mapping[str, Array]], labels: Mapping[str, str]) 
         force.plot(time, columns["delayed_force_N"], color=DELAYED, linewidth=1.0, label="delayed")
         error.plot(time, columns["delayed_force_N"] - true, color=DELAYED, linewidth=1.0)
         cut = 0
-        for label, colour in colours.items():
+        for label, colour in ESTIMATOR_COLOURS.items():
             predicted = columns[f"predicted_{label}_N"]
             cut += int((predicted > top).any())
             force.plot(time, predicted, color=colour, linewidth=1.0, label=labels[label])
@@ -298,7 +298,7 @@ def _figure(data: Mapping[str, Mapping[str, Array]], labels: Mapping[str, str]) 
         force.plot(time, true, color=TRUE, linewidth=1.4, label="true force at the follower")
         force.set_ylim(-0.03 * top, top)
         error.set_ylim(-0.5 * top, 0.5 * top)
-        beyond = f", {cut} of 4 leave the axis" if cut else ""
+        beyond = f" ({cut} of 4 predictions leave the axis)" if cut else ""
         force.set_title(f"({'abc'[row]}) {name.capitalize()}: force{beyond}")
         error.set_title(f"{name.capitalize()}: error")
         force.set_ylabel("force [N]")

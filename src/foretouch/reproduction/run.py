@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Sequence
-from html import escape
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 from foretouch.comparison.parallel import run_all
 from foretouch.errors import InputError
 from foretouch.recordings import atomic_path, write_columns
-from foretouch.report import embedded, table, write_html
+from foretouch.reproduction.page import write_paper_page
 from foretouch.reproduction.registry import SECTIONS, make_section
 from foretouch.reproduction.section import Section
 
 __all__ = ["reproduce", "write_report"]
+
+SLOWEST = "fig11"
+"""Half of all the work: begun first, while the other cores make the rest, so that something is done all the time."""
 
 
 def reproduce(names: Sequence[str], *, progress: Callable[[str, float], None] | None = None) -> list[Section]:
@@ -45,15 +48,24 @@ def _made(names: Sequence[str]) -> Iterator[Section]:
     def lost(name: str, reason: str) -> Section:
         raise RuntimeError(f"section {name}: {reason}")
 
-    yield from (section for _, section in run_all(make_section, names, lost=lost))
+    ordered = sorted(names, key=lambda name: name != SLOWEST)
+    yield from (section for _, section in run_all(make_section, ordered, lost=lost))
 
 
-def write_report(directory: Path, sections: Sequence[Section]) -> Path:
+def write_report(
+    directory: Path,
+    sections: Sequence[Section],
+    made: Mapping[str, Any] | None = None,
+    *,
+    progress: Callable[[str], None] | None = None,
+) -> Path:
     """Write the page, and each section's figure as SVG and PNG and its data as Parquet beside it.
 
     Args:
         directory: Made if it is not there.
         sections: To write.
+        made: What made it, for the end of the page, as `foretouch.report.write_html` takes it.
+        progress: Called with the name of each section before it is written.
 
     Returns:
         Path of the page.
@@ -62,19 +74,11 @@ def write_report(directory: Path, sections: Sequence[Section]) -> Path:
         InputError: Something cannot be written there.
         MissingExtraError: A package of the extras ``report`` or ``recordings`` is not installed.
     """
-    claims = [claim for section in sections for claim in section.claims]
-    body = ["<h1>The paper, reproduced</h1>"]
-    if claims:
-        head = ("claim", "the paper", "measured", "verdict", "setting")
-        rows = [(c.claim, c.paper, c.measured, c.verdict, c.setting) for c in claims]
-        body += ["<h2>Claims</h2>", table(head, rows)]
-    for section in sections:
-        body += [f"<h2>{escape(section.title)}</h2>", f"<p>{escape(section.text)}</p>"]
-        if section.figure is not None:
-            body.append(embedded(section.figure, section.title))
-    page = write_html(directory, "The paper, reproduced", body)
+    page = write_paper_page(directory, sections, made)
     try:
         for section in sections:
+            if progress is not None:
+                progress(section.name)
             _write_files(directory, section)
     except OSError as error:
         raise InputError(f"{directory}: the data cannot be written there: {error.strerror}") from None

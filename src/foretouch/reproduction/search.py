@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from dataclasses import fields
 from typing import Any
 
@@ -104,12 +105,12 @@ def make() -> Section:
         "every value of every choice the share of its combinations under which a claim holds. Recovery after sudden "
         "changes takes depths in metres and P enlarged before the gain, whatever the rest; P0 and theta_0 decide "
         f"how soon k and s are found. No combination gives {len(never)} of the {len(QUESTIONS)} claims "
-        f"({', '.join(never)})."
+        f"({'; '.join(QUESTIONS[name].claim for name in never)})."
     )
     noise = noise_shares()
-    text += " With force noise the claims of Fig. 7a hold, each under its best choice, in so many of "
-    text += f"{SEEDS} runs: " + "; ".join(
-        f"{level:g} N: " + ", ".join(f"{name} {round(SEEDS * share)}" for name, share in shares.items())
+    text += " With force noise the claims of Fig. 7a hold, each under its best choice and in the order of the rows, in "
+    text += f"so many of {SEEDS} runs: " + "; ".join(
+        f"{level:g} N: " + ", ".join(str(round(SEEDS * share)) for share in shares.values())
         for level, shares in noise.items()
     )
     text += "."
@@ -117,8 +118,9 @@ def make() -> Section:
         Claim(
             "One setting of the estimator gives all of Figs. 7 and 8",
             "all of them, one algorithm",
-            f"at most {held[most]} of {len(QUESTIONS)} at once (not: {', '.join(missing)}); as printed "
-            f"{held[printed]}; median {np.median(held):g}",
+            f"at most {held[most]} of {len(QUESTIONS)} at once; as printed {held[printed]}; median {np.median(held):g}"
+            + "; not: "
+            + "; ".join(QUESTIONS[name].claim for name in missing),
             "holds"
             if held[printed] == len(QUESTIONS)
             else "holds under stated choice"
@@ -172,7 +174,7 @@ def _figure(found: Search) -> Any:
     shares = np.array(
         [[found.holds[q].mean()] + [found.holds[q][values[name] == v].mean() for name, v in columns] for q in QUESTIONS]
     )
-    figure = new_figure(6.6)
+    figure = new_figure(8.6)
     axes = figure.subplots()
     axes.imshow(shares, cmap="Blues", vmin=0.0, vmax=1.0, aspect="auto")
     for row, line in enumerate(shares):
@@ -182,7 +184,11 @@ def _figure(found: Search) -> Any:
             axes.text(column, row, text, ha="center", va="center", fontsize="x-small", color=colour)
     names = ["all", *(f"{value:g}" if isinstance(value, float) else str(value) for _, value in columns)]
     axes.set_xticks(range(len(names)), names, rotation=60.0, ha="right", fontsize="small")
-    axes.set_yticks(range(len(QUESTIONS)), [f"{name}" for name in QUESTIONS], fontsize="small")
+    axes.set_yticks(
+        range(len(QUESTIONS)),
+        ["\n".join(textwrap.wrap(question.claim, 46)) for question in QUESTIONS.values()],
+        fontsize="small",
+    )
     edge = 0.5
     top = axes.secondary_xaxis("top")
     middles = [0.0]
@@ -190,11 +196,22 @@ def _figure(found: Search) -> Any:
         axes.axvline(edge, color="0.3", linewidth=0.9)
         middles.append(edge + 0.5 * len(group))
         edge += len(group)
-    heads = ["", "depth in", "test on", "P enlarged", "P", "rho [1/m]", "k of\ntheta_0", "P0", "noise [N]", "velocity"]
+    heads = [
+        "",
+        "depth\nin",
+        "test\non",
+        "enlarge P,\nthe gain",
+        "P by\ndelta",
+        "rho [1/m]",
+        "k of\ntheta_0",
+        "P0",
+        "noise\n[N]",
+        "velocity",
+    ]
     top.set_xticks(middles, heads, fontsize="small")
     top.tick_params(length=0)
     axes.set_title("Share of combinations under which a claim holds [%]; empty: none", pad=40.0)
     figure = finished(figure, 1, above=1.0)
-    figure.subplots_adjust(left=0.1, bottom=0.14)
+    figure.subplots_adjust(left=0.36, bottom=0.11)
     axes.grid(visible=False)
     return figure

@@ -77,7 +77,7 @@ def leader_news(heard: Heard, follower_texts: Mapping[str, str], silence: float 
     if nowhere:
         return "the device gives no position: the last one is held"
     if heard.run and silence > LONGEST_SILENCE:
-        return "nothing is heard of the follower: the hand feels the newest model, whatever the robot does"
+        return "nothing is heard of the follower: the hand still feels the newest model, not what the robot does now"
     if heard.shadows:
         return f"the robot {STATUS_SENTENCES[Status.SHADOW]}"
     if heard.in_control:

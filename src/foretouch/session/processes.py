@@ -130,8 +130,8 @@ class _Supervisor:
         if console_port is not None:
             self._desk = Desk(ZenohLink(connect=[self._follower, self._console], subscribe=CHOICE_CHANNELS))
             self._tell_recording(self._recording)
-        self._say(f"another process watches it with {' '.join(self._watching)}")
-        self._say("no certificate is asked for there: every user of this machine may watch, command and stop it")
+        self._say(f"Another process watches it with {' '.join(self._watching)}")
+        self._say("No certificate is asked for there: every user of this machine may watch, command and stop it")
 
     def watch(self) -> int:
         """Wait until the leader has ended, or a process has failed, or the stop is set; return the exit code."""

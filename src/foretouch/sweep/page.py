@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from html import escape
 from os import PathLike
 from pathlib import Path
 from typing import Any
 
-from foretouch.report import embedded, table, write_html
+from foretouch.report import embedded, table, tiles, write_html
 from foretouch.sweep.curves import AXES, said_of_crossovers
 from foretouch.sweep.figures import condition_figure, energy_figure, error_figure, jump_figure, stiffness_figure
 from foretouch.sweep.outcome import FORCE_CEILING, LARGEST_JUMP, Outcome
@@ -34,12 +34,15 @@ HEADS = {
 }
 
 
-def write_sweep_page(directory: str | PathLike[str], rows: Sequence[Outcome]) -> Path:
+def write_sweep_page(
+    directory: str | PathLike[str], rows: Sequence[Outcome], made: Mapping[str, Any] | None = None
+) -> Path:
     """Write tables and plots of a sweep as ``index.html``; it makes no request to anywhere.
 
     Args:
         directory: Made if it is not there.
         rows: As `run_sweep` gave them, at least one.
+        made: What made it, for the end of the page, as `write_html` takes it.
 
     Returns:
         Path of the page.
@@ -77,7 +80,7 @@ def write_sweep_page(directory: str | PathLike[str], rows: Sequence[Outcome]) ->
         "<h2>Sessions that are not as they should be</h2>",
         *_objections(content["objections"]),
     ]
-    return write_html(directory, "foretouch sweep", body)
+    return write_html(directory, "foretouch sweep", body, made)
 
 
 def _what(rows: Sequence[Outcome], content: dict[str, Any]) -> str:
@@ -102,11 +105,7 @@ def _verdict(content: dict[str, Any]) -> str:
 
 def _tiles(ours: dict[str, Any]) -> str:
     shown = ("sessions", "unstable", "largest_energy_surplus_J", "largest_jump_N", "median_error_percent")
-    tiles = (
-        f'<div class="tile"><b>{escape(said(ours[name], TOTALS[name][0]))}</b><span>{TOTALS[name][1]}</span></div>'
-        for name in shown
-    )
-    return f'<div class="tiles">{"".join(tiles)}</div>'
+    return tiles([(said(ours[name], TOTALS[name][0]), TOTALS[name][1]) for name in shown])
 
 
 def _totals(content: dict[str, Any]) -> str:
