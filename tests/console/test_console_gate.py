@@ -448,7 +448,7 @@ def test_a_viewer_that_cannot_be_put_behind_the_gate_is_not_left_running(monkeyp
 def test_a_picture_that_cannot_be_drawn_leaves_the_emergency_stop(monkeypatch: pytest.MonkeyPatch) -> None:
     published: list[Any] = []
     console = Console(0, published.append)
-    monkeypatch.setattr(console, "_plot", lambda: 1 / 0)
+    monkeypatch.setattr(console, "_plot", lambda shown: 1 / 0)
     end = threading.Event()
     drawing = threading.Thread(target=console.run, args=(end.is_set,))
     drawing.start()

@@ -31,11 +31,11 @@ from visitors import Printed
 
 from foretouch.console.alarm import LATCHED, READY
 from foretouch.console.image_panel import DRAW_PROBE
-from foretouch.console.palette import BLUE
 from foretouch.console.space import SPACE_INSTRUCTION
 from foretouch.devices.browser import HOLD_TIME
 from foretouch.link import free_endpoint
 from foretouch.messages import Status
+from foretouch.quantities.colours import BLUE
 from foretouch.recordings import read_session
 from foretouch.rendering.mediation import LARGEST_STEP
 

@@ -11,7 +11,6 @@ import numpy as np
 
 from foretouch.console.image_panel import ImagePanel
 from foretouch.console.keys import add_space_keys
-from foretouch.console.palette import BLUE, GREEN, GREY, VERMILLION, css
 from foretouch.console.plots import SECONDS
 from foretouch.console.scene import CAMERA, look
 from foretouch.console.space_heard import fixture_of
@@ -23,6 +22,7 @@ from foretouch.console.watched import Watched
 from foretouch.errors import ForetouchError
 from foretouch.messages import FieldUpdate, FollowerSpace, LeaderSpace
 from foretouch.models import MaterialField
+from foretouch.quantities.colours import BLUE, GREEN, GREY, VERMILLION, css
 from foretouch.quantities.rigid import Vector
 from foretouch.rendering import Surface
 

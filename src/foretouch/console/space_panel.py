@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from foretouch.console.palette import BLUE, INK, VERMILLION, css
 from foretouch.console.plots import Curve, Row, TimePlot, number, table
 from foretouch.console.space_heard import PoseTrace
 from foretouch.console.watched import Watched
 from foretouch.messages import FixtureBelief, LeaderSpace
+from foretouch.quantities.colours import BLUE, INK, VERMILLION, css
 
 __all__ = ["SLIDERS", "SpacePanel", "pose_sentence"]
 
