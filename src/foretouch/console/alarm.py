@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import html
+import math
 from collections.abc import Callable
 from typing import Any
 
@@ -92,6 +93,7 @@ class Alarm:
         Args:
             said: What there is to do.
         """
+        self._next_beat = math.inf
         self._beat.content = beat_html(self._beats + 1, ended=said)
 
     async def _pressed(self, event: Any) -> None:

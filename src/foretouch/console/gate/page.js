@@ -105,6 +105,7 @@
     note.style.display = "none";
   };
   window.addEventListener("input", heard, true);
+  window.addEventListener("change", heard, true);
   window.addEventListener("focusout", left, true);
 })();
 

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from foretouch.quantities.colours import URGENT, css
 
-__all__ = ["BEAT_ATTRIBUTE", "BEAT_PERIOD", "ENDED", "LOST", "beat_html", "with_watch"]
+__all__ = ["BEAT_ATTRIBUTE", "BEAT_PERIOD", "ENDED", "ENDED_ATTRIBUTE", "LOST", "beat_html", "with_watch"]
 
 BEAT_PERIOD = 0.1
 """So often the console shows the page that it draws [s]."""

@@ -210,7 +210,7 @@ def _connection_type(gate: _Gate) -> type[ServerConnection]:
             backlog = self.transport.get_write_buffer_size()
             if self._volume.too_much(self.loop.time(), len(data)) or backlog > LARGEST_BACKLOG:
                 self.transport.abort()
-            elif self._first and not data.startswith(b"GET"):  # a link preview, or a monitor
+            elif self._first and data[:3] != b"GET"[: len(data)]:  # a link preview, or a monitor
                 self.transport.write(NOT_ALLOWED)
                 self.transport.close()
             else:
