@@ -6,6 +6,7 @@ import threading
 from collections.abc import Iterator
 from typing import Any
 
+import numpy as np
 import pytest
 from console_driver import Session, chromium, on_screen, open_page, open_tab
 
@@ -158,3 +159,24 @@ def test_a_session_that_has_ended_says_so(running: tuple[Console, Session]) -> N
         page.get_by_text(ENDED).wait_for(timeout=10_000)
         page.get_by_text("so is the way to start another: foretouch teleop").wait_for()
         assert page.get_by_text(LOST).count() == 0
+
+
+def test_every_number_of_a_picture_is_of_one_moment(running: tuple[Console, Session]) -> None:
+    """The panel's own, and the newest points of its plot; in the scene no number stands that could be older."""
+    both = """() => {
+        const row = name => [...document.querySelectorAll("tr")].find(one => one.textContent.includes(name)).innerText;
+        const number = name => Number(row(name).match(/-?\\d+\\.\\d+(?= N)/)[0]);
+        const {data, series} = Object.values(window.__viserTestpoints.uplots)[0].chart;
+        const newest = name => data[series.findIndex(one => one.label === name)].at(-1);
+        return ["Rendered to the hand", "Delayed force now"].map(name => [number(name), newest(name)]);
+    }"""
+    with open_page(running[0].url, *LAPTOP) as (page, _):
+        page.locator("tr", has_text="Rendered to the hand").wait_for()
+        page.wait_for_timeout(2000)
+        seen = [page.evaluate(both) for _ in range(25) if page.wait_for_timeout(170) is None]
+        labels = page.evaluate("JSON.stringify(window.__viserSceneTree.getState())")
+    assert max(pairs[0][0] for pairs in seen) > 0.3  # something was pressed
+    apart = [abs(number - newest) for pairs in seen for number, newest in pairs]
+    assert np.median(apart) < 0.02
+    assert "rendered force" in labels
+    assert ' N"' not in labels

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import html
 import math
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -109,11 +108,8 @@ class SpaceView:
         if scene is None:
             return
         self._write_legend(legend_html(scene.fixture.scale.edges) + _KEY)
-        state, robot = watched.leader, watched.space.heard(watched.heard_sequence)
-        known = state is not None and math.isfinite(state.standard_deviation)
-        doubt = f" ± {state.standard_deviation:.2f}" if state is not None and known else ""
-        felt = "" if robot is None else f"delayed robot: {_size(_force(robot)):.2f} N"
-        scene.label(f"rendered now: {_size(_force(leader)):.2f}{doubt} N", felt)
+        robot = watched.space.heard(watched.heard_sequence)
+        scene.label("rendered force", "" if robot is None else "delayed robot")
 
     def _look(self, in_space: bool) -> None:
         """Move the cameras where sessions along a line and in space, live or recorded, take turns."""
@@ -202,10 +198,6 @@ class SpaceView:
 def _force(space: LeaderSpace | FollowerSpace) -> Vector:
     """In all directions, friction's too [N]."""
     return space.force_x, space.force_y, space.force_z
-
-
-def _size(force: Sequence[float]) -> float:
-    return math.sqrt(sum(value * value for value in force))
 
 
 def _point(leader: LeaderSpace) -> Vector:

@@ -132,6 +132,9 @@ def _rows(leader: LeaderSpace, belief: FixtureBelief | None) -> list[Row]:
         Row("Since an image showed it, as told", number(leader.fixture_age, "s", 1), AGE),
         Row("Images / touches used", used[0]),
         Row("Images and touches refused", used[1]),
+        Row(
+            "Force on the hand, with friction", number(math.hypot(leader.force_x, leader.force_y, leader.force_z), "N")
+        ),
         Row("Friction, Coulomb", number(leader.friction, "")),
         Row("Local stiffness here, rendered", number(leader.stiffness, "N/m", 0)),
     ]
