@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from foretouch.quantities import colours, new_figure
-from foretouch.quantities.columns import COLOURS
+from foretouch.quantities import colours, columns, new_figure
 from foretouch.report.statuses import Stretch
 
 __all__ = [
@@ -31,6 +30,9 @@ TRUE, PREDICTED, DELAYED, RENDERED, ERROR = (
     for colour in (colours.TRUE, colours.PREDICTED, colours.DELAYED, colours.RENDERED, colours.WRONG)
 )
 """By what they stand for in a session."""
+
+COLOURS = columns.COLOURS
+"""For curves that stand in a row."""
 
 
 def legend(axes: Any, columns: int) -> None:
