@@ -131,6 +131,6 @@ def numbers_html(n: Numbers) -> str:
     return (
         f'<div style="padding:0 12px">{warnings}{table(rows, heads)}'
         '<div style="color:#555;padding-top:2px;line-height:1.3;font-size:0.93em;overflow-wrap:anywhere">'
-        f'<div style="min-height:2.6em">{html.escape(n.status)}</div>'
+        f'<div style="min-height:3.9em">{html.escape(n.status)}</div>'
         f'<span style="font-size:0.9em">{html.escape(n.names)}</span></div></div>'
     )

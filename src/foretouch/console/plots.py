@@ -123,8 +123,9 @@ class TimePlot:
             return
         columns = list(values)
         for index, deviation in zip(self._banded, deviations, strict=True):
-            spread = np.where(np.isfinite(deviation), deviation, 0.0)
-            columns += [values[index] + spread, values[index] - spread]
+            spread = np.where(np.isfinite(deviation) & np.isfinite(values[index]), deviation, 0.0)
+            middle = np.where(np.isfinite(values[index]), values[index], self._lowest or 0.0)  # it would fill a gap
+            columns += [middle + spread, middle - spread]
         self._plot.data = (time, *(self._drawable(column, most) for column in columns))
 
     def _drawable(self, values: Array, most: float) -> Array:

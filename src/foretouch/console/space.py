@@ -220,6 +220,8 @@ def _key() -> str:
 
 _KEY = _key()
 _LEGEND = (
-    '<div style="position:fixed;left:12px;top:84px;z-index:50;pointer-events:none;background:rgba(255,255,255,0.9);'
+    "<div><style>@media (max-width:36em){{.foretouch-legend{{display:none}}}}</style></div>"  # it would hide the scene
+    '<div class="foretouch-legend" style="position:fixed;left:12px;top:84px;z-index:50;pointer-events:none;'
+    "background:rgba(255,255,255,0.9);"
     'color:#000;border:1px solid #999;border-radius:6px;padding:6px 10px;font-size:13px">{}</div>'
 )
