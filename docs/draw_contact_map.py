@@ -14,6 +14,7 @@ import numpy as np
 from foretouch.identification import Learner, make_estimator, predict
 from foretouch.identification.learner import LearntModel
 from foretouch.models import advance
+from foretouch.quantities.colours import DELAYED, css
 from foretouch.recordings import excerpt, read_recording
 from foretouch.report import COLOURS, delayed, lowest_mean, new_figure
 
@@ -87,7 +88,7 @@ def draw_times(axes: Any, recording: Any, force: np.ndarray) -> None:
     time = recording.time - recording.time[0]
     late = delayed(recording.time, force, DELAY)
     predicted, deviation = found.force, found.standard_deviation
-    axes.plot(time, late, color=COLOURS[1], linewidth=0.9, label=f"felt, {1e3 * DELAY:g} ms late")
+    axes.plot(time, late, color=css(DELAYED), linewidth=0.9, label=f"felt, {1e3 * DELAY:g} ms late")
     axes.plot(time, force, color="black", linewidth=1.2, label="felt")
     axes.plot(time, predicted, color=COLOURS[0], linewidth=1.0, label="predicted")
     axes.fill_between(time, predicted - deviation, predicted + deviation, color=COLOURS[0], alpha=0.2, linewidth=0.0)

@@ -4,7 +4,10 @@
 (SIGSTOP) while it is sent pictures; its tab has been closed while the handle was held; a browser draws and a mouse
 presses. Printed, and written into `docs/console.md`, is what leader and follower measured of themselves in these
 stretches, from the recording: the median over the rounds, and from which to which. The browser that draws does so in
-software on the machine of the session, with the lowest priority (nice 19).
+software on the machine of the session, with the lowest priority (nice 19), and once more with the priority that it has.
+
+Beside it: in which share of its ticks the robot held its place for lack of a fresh command, and how wrong the predicted
+force was while it followed, as the console shows it beside the curve.
 
 Usage: `.venv/bin/python docs/measure_console.py [SECONDS of a stretch] [ROUNDS]`; 10 and 5 without.
 """
@@ -31,7 +34,9 @@ sys.path.insert(0, str(ROOT / "tests" / "console"))  # the mouse and the browser
 from console_driver import held_handle, open_page, take_handle  # noqa: E402
 from visitors import Printed  # noqa: E402
 
+from foretouch.console.window import CONTACT_FLOOR  # noqa: E402
 from foretouch.link import free_endpoint  # noqa: E402
+from foretouch.messages import WITH_THE_COMMANDS, SessionLog, Status  # noqa: E402
 from foretouch.recordings import read_session  # noqa: E402
 
 LATE_NS = 1_500_000
@@ -43,6 +48,15 @@ SETTLE = 2.0
 Stretch = tuple[int, int]
 """From when to when [ns, monotonic clock, which is one for all processes of a machine]."""
 
+Runs = dict[str, Callable[[Printed, float], Stretch]]
+"""What the browser does, by name."""
+
+HELD = (Status.HOLDING, Status.UNLOADING, Status.RETREATING, Status.TOO_SLOW)
+"""In these the robot has no fresh command."""
+
+LAPTOP, LOADED = (1280, 720), 8.0
+"""The page, and how long it has to load and to find its rate of pictures [s]."""
+
 Key = tuple[str, str]
 """What the browser did, and the side of the session."""
 
@@ -51,7 +65,8 @@ def main(seconds: float, rounds: int) -> None:
     """Print the table and fill the page."""
     from measured_blocks import fill  # notes which code this is, and the tests that use this script need no notes
 
-    measured = measure(RUNS, seconds, rounds)
+    log, stretches = run_all(RUNS, seconds, rounds)
+    measured = timing(log, stretches)
     lines = [
         f"{rounds} rounds of {seconds:g} s each; period between ticks [ms], median over the rounds and range",
         f"{'stretch':28}{'side':10}{'50 %':>8}{'99 %':>8}{'range':>14}{'late':>9}{'range':>16}",
@@ -64,13 +79,18 @@ def main(seconds: float, rounds: int) -> None:
         )
         mosts, lates = (f"{least[i]:.2f} to {largest[i]:.2f}" for i in (1, 2))
         lines.append(f"{name:28}{side:10}{median:8.3f}{most:8.2f}{mosts:>14}{late:7.2f} %{lates:>14} %")
+    lines += ["", f"{'stretch':28}{'robot held':>12}{'range':>18}{'error':>9}{'range':>18}"]
+    for name, of_rounds in felt(log, stretches).items():
+        (held, error), least, largest = np.median(of_rounds, axis=0), of_rounds.min(axis=0), of_rounds.max(axis=0)
+        helds, errors = (f"{least[i]:.2f} to {largest[i]:.2f}" for i in (0, 1))
+        lines.append(f"{name:28}{held:10.2f} %{helds:>16} %{error:7.1f} %{errors:>16} %")
     text = "\n".join(lines)
     print(text)
     fill(PAGE, {"console": f"```text\n{text}\n```\n"})
 
 
-def measure(runs: dict[str, Callable[[Printed, float], Stretch]], seconds: float, rounds: int) -> dict[Key, np.ndarray]:
-    """By what the browser did and side of the session: `figures` of each round."""
+def run_all(runs: Runs, seconds: float, rounds: int) -> tuple[SessionLog, dict[str, list[Stretch]]]:
+    """One session in which the browser did all that, by turns; and when it did."""
     stretches: dict[str, list[Stretch]] = {name: [] for name in runs}
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "session.mcap"
@@ -79,11 +99,33 @@ def measure(runs: dict[str, Callable[[Printed, float], Stretch]], seconds: float
                 for name, behave in runs.items():
                     stretches[name].append(behave(printed, seconds))
         log = read_session(path)
+    return log, stretches
+
+
+def timing(log: SessionLog, stretches: dict[str, list[Stretch]]) -> dict[Key, np.ndarray]:
+    """By what the browser did and side of the session: `figures` of each round."""
     return {
         (name, side): np.array([figures(rows, stretch) for stretch in of_it])
         for name, of_it in stretches.items()
         for side, rows in (("leader", log.leader), ("follower", log.follower))
     }
+
+
+def felt(log: SessionLog, stretches: dict[str, list[Stretch]]) -> dict[str, np.ndarray]:
+    """By what the browser did: how long the robot held [%], and the error of the predicted force [%], of each round."""
+    return {name: np.array([_felt(log, stretch) for stretch in of_it]) for name, of_it in stretches.items()}
+
+
+def _felt(log: SessionLog, stretch: Stretch) -> tuple[float, float]:
+    begin, end = stretch
+    follower = log.follower[(log.follower["time_ns"] > begin) & (log.follower["time_ns"] < end)]
+    rows = log.rows()
+    following = np.isin(rows.follower["status"], WITH_THE_COMMANDS)
+    counted = (rows.leader["time_ns"] > begin) & (rows.leader["time_ns"] < end) & following
+    true, predicted = rows.follower["force"][counted], rows.leader["predicted_force"][counted]
+    contact = (true > CONTACT_FLOOR) & np.isfinite(predicted)
+    error = np.sqrt(np.mean((predicted[contact] - true[contact]) ** 2) / np.mean(true[contact] ** 2))
+    return 100.0 * float(np.isin(follower["status"], HELD).mean()), 100.0 * float(error)
 
 
 @contextlib.contextmanager
@@ -132,6 +174,13 @@ def one_that_presses(printed: Printed, seconds: float) -> Stretch:
             return watch(seconds, lambda s: page.wait_for_timeout(1000 * s))
 
 
+def one_that_draws(printed: Printed, seconds: float) -> Stretch:
+    """A browser that draws, with the priority that it has."""
+    with open_page(printed.address(), *LAPTOP) as (page, _):
+        page.wait_for_timeout(1000 * LOADED)
+        return watch(seconds, lambda s: page.wait_for_timeout(1000 * s))
+
+
 def one_that_stands_still(printed: Printed, seconds: float) -> Stretch:
     """A browser whose processes are stopped: it reads nothing any more."""
     with open_page(printed.address()) as (page, _):
@@ -153,11 +202,12 @@ def one_that_is_closed(printed: Printed, seconds: float) -> Stretch:
         return watch(seconds)
 
 
-RUNS: dict[str, Callable[[Printed, float], Stretch]] = {
+RUNS: Runs = {
     "no browser": nobody,
     "browser stopped (SIGSTOP)": one_that_stands_still,
     "tab closed while it presses": one_that_is_closed,
     "browser, mouse presses": one_that_presses,
+    "browser, as it comes": one_that_draws,
 }
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import http.client
 import os
 import socket
 import threading
@@ -10,6 +11,7 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
+from urllib.parse import urlsplit
 
 import msgspec
 import pytest
@@ -26,6 +28,7 @@ from foretouch.console import Console
 from foretouch.console.alarm import LATCHED, READY
 from foretouch.console.gate import Entrance, make_gated_server
 from foretouch.console.gate.pace import BURST, MOST_BYTES, MOST_PAGES, RATE, Volume, Wait
+from foretouch.console.gate.page import ENDED_ATTRIBUTE
 from foretouch.console.gate.permitted import FARTHEST, permitted
 from foretouch.errors import LinkError
 from foretouch.messages import VERSION, Choice, EmergencyStop, Hello, Settings, Status, Telemetry
@@ -445,10 +448,42 @@ def test_a_viewer_that_cannot_be_put_behind_the_gate_is_not_left_running(monkeyp
         assert probe.connect_ex(("127.0.0.1", port)) != 0
 
 
+@pytest.mark.parametrize("method", ["HEAD", "POST", "OPTIONS"])
+def test_what_asks_for_no_page_gets_an_answer_and_prints_nothing(
+    bench: Bench, method: str, caplog: pytest.LogCaptureFixture, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """A link preview does, or a monitor."""
+    where = urlsplit(bench.console.base)
+    connection = http.client.HTTPConnection(where.netloc, timeout=5)
+    try:
+        connection.request(method, "/")
+        reply = connection.getresponse()
+        assert (reply.status, reply.getheader("Allow"), reply.read()) == (405, "GET", b"")
+    finally:
+        connection.close()
+    assert ask(where.netloc, "/").status == 403  # the next is heard as ever
+    assert caplog.text == ""
+    assert capfd.readouterr().err == ""
+
+
+def test_the_pages_of_a_session_that_has_ended_say_so_and_those_of_a_console_that_ends_alone_do_not() -> None:
+    for ended in (True, False):
+        console = Console(0, lambda message: None)
+        with page_of(console.url) as page:
+            closing = threading.Thread(target=console.close, kwargs={"ended": ended})
+            closing.start()
+            with contextlib.suppress(ConnectionClosed):
+                for _ in range(100):
+                    page.hear(0.05)
+        closing.join()
+        heard = str(page.shown)
+        assert (ENDED_ATTRIBUTE in heard and "foretouch teleop" in heard) == ended
+
+
 def test_a_picture_that_cannot_be_drawn_leaves_the_emergency_stop(monkeypatch: pytest.MonkeyPatch) -> None:
     published: list[Any] = []
     console = Console(0, published.append)
-    monkeypatch.setattr(console, "_plot", lambda: 1 / 0)
+    monkeypatch.setattr(console, "_plot", lambda shown: 1 / 0)
     end = threading.Event()
     drawing = threading.Thread(target=console.run, args=(end.is_set,))
     drawing.start()

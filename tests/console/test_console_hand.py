@@ -54,7 +54,7 @@ def test_a_drag_moves_the_hand_from_where_it_wanted_to_be(shown):
     console, published = shown
     console.watch(hello(grip="normal", position_scale=0.5))
     console.watch(leader(position=0.010, hand=0.036, intended=0.040))
-    console._draw_scene()
+    console._draw_scene(console._watched.at_once(), True)
     taken = 0.010 + 0.5 * 0.004  # where the handle is drawn
     console._line._dragged(height(taken), True)
     assert published[-1].held
@@ -70,7 +70,7 @@ def test_the_handle_ends_where_a_hand_that_is_pushed_out_still_reaches(shown):
     console, published = shown
     console.watch(hello(grip="soft"))
     console.watch(leader(position=0.01, hand=0.01, intended=0.01))
-    console._draw_scene()
+    console._draw_scene(console._watched.at_once(), True)
     console._line._dragged(height(1.0), True)
     deepest = SURFACE + 1.2 * (PRESS_DEPTH + INTENDED_FORCE / GRIPS["soft"].stiffness)
     assert published[-1].position == pytest.approx(deepest)
@@ -80,13 +80,13 @@ def test_before_hand_and_follower_have_met_it_draws_what_there_is(shown):
     console, _ = shown
     console.watch(hello(grip="normal"))
     console.watch(leader(position=math.nan, hand=0.0, intended=0.0))
-    console._draw_scene()
+    console._draw_scene(console._watched.at_once(), True)
     assert console._line.hold.position == 0.0
     console.watch(telemetry(guarded=False))
-    console._draw_scene()
+    console._draw_scene(console._watched.at_once(), True)
     assert console._line.hold.position == pytest.approx(0.01)  # where the robot is
-    console._plot()
-    console._write(time.monotonic())
+    console._plot(console._watched.at_once())
+    console._write(console._watched.at_once(), time.monotonic())
 
 
 def test_the_clutch_says_so_until_it_is_let_go(shown):
@@ -105,7 +105,7 @@ def test_strokes_of_keys_move_the_hand_and_let_it_go_a_second_after_the_last(sho
     console, published = shown
     console.watch(hello(operator="browser"))
     console.watch(leader(position=0.010, hand=0.010, intended=0.010))
-    console._draw_scene()
+    console._draw_scene(console._watched.at_once(), True)
     console._step(5e-4)
     console._step(5e-4)
     assert [message.position for message in published] == pytest.approx([0.0105, 0.0110])
@@ -136,12 +136,12 @@ def numbers(**changes: float) -> Numbers:
     return Numbers(**{**known, "status": "", "names": "", "deviation": 0.1, **changes})
 
 
-def test_the_numbers_have_the_hand_only_where_it_is_apart():
-    assert "Hand (ring)" not in numbers_html(numbers())
-    assert "Hand (ring)" not in numbers_html(numbers(hand_ahead=1e-5))
+def test_the_numbers_have_the_hand_only_where_a_force_moves_it_and_keep_their_rows():
+    assert "hand " not in numbers_html(numbers())
+    assert "hand +0.0 mm" in numbers_html(numbers(hand_ahead=1e-5))
     text = numbers_html(numbers(hand_ahead=-2.3e-3))
-    assert "Hand (ring), further out by" in text
-    assert "2.3 mm" in text
+    assert "hand -2.3 mm" in text
+    assert text.count("<tr") == numbers_html(numbers()).count("<tr")
 
 
 def test_whom_the_force_moves_is_said():

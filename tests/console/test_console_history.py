@@ -11,9 +11,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from foretouch.console.history import History
-from foretouch.console.palette import INK
 from foretouch.console.plots import Curve, TimePlot
-from foretouch.messages import VERSION, LeaderState, Telemetry
+from foretouch.messages import VERSION, LeaderState, Status, Telemetry
+from foretouch.quantities.colours import INK
 
 
 def leader(sequence: int, predicted: float, delayed: float = 0.0, position: float = 0.0) -> LeaderState:
@@ -22,10 +22,11 @@ def leader(sequence: int, predicted: float, delayed: float = 0.0, position: floa
     )
 
 
-def telemetry(sequence: int, applied: int, force: float, position: float = 0.0) -> Telemetry:
-    return Telemetry(
-        VERSION, sequence, 0, applied, position, position, 0.0, force, force, force, force > 0, False, 1, 0, 0
-    )
+def telemetry(
+    sequence: int, applied: int, force: float, position: float = 0.0, status: Status = Status.FOLLOWING
+) -> Telemetry:
+    numbers = (position, position, 0.0, force, force, force, force > 0, False, 1, 0, 0)
+    return Telemetry(VERSION, sequence, 0, applied, *numbers, status=status)
 
 
 def test_true_force_stands_where_its_command_was_given():
@@ -46,6 +47,32 @@ def test_true_force_stands_where_its_command_was_given():
     assert window.prediction_error == pytest.approx(100 * 0.1 / rms)
     delayed = np.sqrt(np.mean([(true[i] - 0.5) ** 2 for i in range(1, 921)]))
     assert window.delayed_error == pytest.approx(100 * delayed / rms)
+
+
+def test_what_the_robot_does_beside_following_is_no_error_of_the_prediction():
+    """It holds for 0.3 s, in which no command is applied, and is on its way back for 0.2 s."""
+    history = History()
+    for i in range(1, 2001):
+        history.add_leader(leader(i, predicted=3.1))
+        if i < 1000 or i >= 1500:
+            history.add_telemetry(telemetry(i, i, 3.0))
+        elif i >= 1300:
+            history.add_telemetry(telemetry(i, i, 0.5, status=Status.RETURNING))
+        else:
+            history.add_telemetry(telemetry(i, 999, 0.5, status=Status.HOLDING))
+    window = history.window(points=4000)
+    sequence = np.rint(window.time * 1000).astype(int) + 2000
+    np.testing.assert_array_equal(window.away, (sequence >= 1000) & (sequence < 1500))
+    assert np.isnan(window.true[(sequence >= 1000) & (sequence < 1300)]).all()
+    assert window.prediction_error == pytest.approx(100 * 0.1 / 3.0)
+
+
+def test_a_window_ends_where_it_is_asked_to():
+    history = History()
+    for i in range(1, 500):
+        history.add_leader(leader(i, predicted=float(i)))
+    assert history.window(newest=300).predicted[-1] == 300.0
+    assert history.window().predicted[-1] == 499.0 or history.window().predicted[-1] == 498.0
 
 
 def test_free_air_has_no_error():
@@ -168,16 +195,17 @@ class Drawn:
         return self
 
 
-def test_what_is_not_known_is_below_the_plot_and_what_is_not_known_yet_is_nothing():
+def test_what_is_not_known_is_a_gap_and_never_a_fall_to_zero():
     nan, gui = float("nan"), Drawn()
     plot = TimePlot(gui, "", (Curve("a", INK), Curve("b", INK, band=True)))
     known = np.array([nan, 1.0, nan, 20.0, nan])
     plot.draw(np.arange(5.0), (known, np.full(5, nan)), (np.ones(5),), most=15.0)
     time_axis, first, second, above, below = gui.data
     assert list(time_axis) == [0.0, 1.0, 2.0, 3.0, 4.0]
-    np.testing.assert_array_equal(first, [-1.0, 1.0, -1.0, 15.0, nan])
-    for column in (second, above, below):
-        np.testing.assert_array_equal(column, [-1.0, nan, nan, nan, nan])
+    np.testing.assert_array_equal(first, [1.0, 1.0, nan, 15.0, nan])
+    np.testing.assert_array_equal(second, [0.0, nan, nan, nan, nan])
+    for edge in (above, below):  # a band has no width there: it would be filled over a gap
+        np.testing.assert_array_equal(edge, np.zeros(5))
     assert np.isnan(known[0])  # what is drawn is a copy
 
 

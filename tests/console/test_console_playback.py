@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 import os
+import re
+import time
 from pathlib import Path
 
 import numpy as np
@@ -154,6 +156,14 @@ def test_a_second_run_under_another_delay_stands_beside_the_recorded_one(recorde
     library.wait()
     library.run_again(0.0, 0.05, closed_loop=False)
     assert library.busy
+    said = set()
+    while library.busy:
+        said.add(library.note)
+        time.sleep(0.02)
+    shares = [int(found[1]) for note in said if (found := re.fullmatch(r"Running it again … (\d+) %, \d+ s", note))]
+    assert len(shares) > 2
+    assert max(shares) > 50
+    library.run_again(0.0, 0.05, closed_loop=False)
     library.open("one.mcap")
     assert library.note == "Another recording is still being read."
     library.wait()

@@ -12,6 +12,7 @@ import msgspec
 import pytest
 
 from foretouch.console.emergency import ASKING_PERIOD, LEAST_ASKED, EmergencyCall
+from foretouch.console.losses import FASTEST, SLOWEST
 from foretouch.console.sentences import INSECURE, NOBODY_YET, doing, robot_alerts, session_status, warnings
 from foretouch.console.watched import GONE, MOST_SPEAKERS, Watched
 from foretouch.identification import SENSOR_SENTENCES, SensorState
@@ -239,3 +240,59 @@ def test_an_emergency_stop_is_asked_for_until_the_robot_has_stopped() -> None:
     finally:
         call.close()
     assert not call._thread.is_alive()
+
+
+def ticks(heard: Watched, count: int, late: int) -> None:
+    for number in range(count):
+        period_ns = 2_000_000 if number < late else 1_000_000
+        heard.lateness.take("leader", period_ns)
+        heard.lateness.take("follower", 1_000_000)
+
+
+def test_drawing_gives_way_while_a_loop_is_late_and_comes_back() -> None:
+    heard = watched(state(), telemetry())
+    heard.lateness.look()
+    begun = heard.lateness.pictures
+    for _ in range(10):
+        ticks(heard, 500, late=50)
+        heard.lateness.look()
+    assert heard.lateness.pictures == SLOWEST < begun
+    assert heard.lateness.late == {"leader": pytest.approx(10.0), "follower": 0.0}
+    said = session_status(heard, NOW, held=False, clutched=False)
+    assert said.startswith(
+        "This machine is late (10 % of the leader's ticks): close other programs, or open this page on"
+    )
+    for _ in range(30):
+        ticks(heard, 500, late=2)
+        heard.lateness.look()
+    assert heard.lateness.pictures == FASTEST
+    assert "late" not in session_status(heard, NOW, held=False, clutched=False)
+
+
+def test_loops_that_are_not_heard_are_not_late() -> None:
+    heard = watched(state(), telemetry())
+    for _ in range(5):
+        heard.lateness.look()
+    assert heard.lateness.late == {}
+
+
+def test_a_moment_stays_while_more_is_heard() -> None:
+    heard = watched(state(), telemetry())
+    moment = heard.at_once()
+    before = moment.window(6.0), moment.leader, moment.telemetry, moment.space.leader
+    for sequence in range(2, 200):
+        heard.take(state(sequence), NOW)
+        heard.take(telemetry(sequence=sequence, command_sequence=sequence, force=5.0), NOW)
+    after = moment.window(6.0), moment.leader, moment.telemetry, moment.space.leader
+    assert len(after[0].time) == len(before[0].time)
+    assert after[1:] == before[1:]
+    assert heard.leader is not None
+    assert heard.leader.sequence == 199
+
+
+def test_a_session_that_has_gone_silent_says_what_to_do() -> None:
+    heard = watched(state(), telemetry())
+    said = session_status(heard, NOW + GONE + 0.1, held=False, clutched=False)
+    assert "gone silent" in said
+    assert "foretouch teleop" in said
+    assert "presses" not in said

@@ -120,8 +120,12 @@ def console(
     names = tuple(host_name or ())
     shown = Console(port, lambda message: link.publish(message), recordings=recordings, names=names, say=say)
 
+    heard_end = False  # else it is this console alone that ends, and the session goes on
+
     def watch(message: Message) -> None:
+        nonlocal heard_end
         if isinstance(message, Stop):
+            heard_end = True
             stop.set(message.reason)
         shown.watch(message)
 
@@ -130,7 +134,7 @@ def console(
         # Processes of one parent are of one version: what else one hears is a stranger's.
         differ = link.other_version if parent is None else lambda: None
         shown.run(lambda: bool(stop.reason or differ()) or orphaned(parent))
-        shown.close()
+        shown.close(ended=heard_end or (parent is not None and bool(stop.reason)))
         if (error := differ()) is not None:
             raise error
     if json_output:

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import html
+import math
 from collections.abc import Callable
 from typing import Any
 
 from foretouch.console.gate.page import BEAT_PERIOD, beat_html
-from foretouch.console.palette import BLUE, GREY, INK, VERMILLION, css
+from foretouch.quantities.colours import BLUE, GREY, INK, VERMILLION, css
 
 __all__ = ["ALERTS", "ASKING", "KEYS", "LATCHED", "READY", "UNABLE", "Alarm"]
 
@@ -31,6 +32,9 @@ _STYLE = (
     f"{_BUTTON} .mantine-Button-label{{font-weight:700 !important;overflow:visible}}"
     f"{_BUTTON}:focus-visible{{outline:4px solid {css(BLUE)};outline-offset:5px}}"
     "[data-dock-region-collapse],[data-dock-minimize]{display:none !important}"
+    f".foretouch-alerts{{{_PLACE}bottom:92px;width:max(366px, min(560px, calc(100vw - 492px)))}}"
+    "@media (max-width:36em){.foretouch-alerts{bottom:auto;top:8px;width:calc(100vw - 24px)}"  # not over numbers
+    f"{_BUTTON}{{width:calc(100vw - 24px)}}}}"
     "</style></div>"
 )
 """The style of the button that comes next: it stays in its corner of the window while the panel scrolls, and
@@ -73,16 +77,26 @@ class Alarm:
         if self._box.content != content:
             self._box.content = content
 
-    def beat(self, now: float) -> None:
+    def beat(self, now: float, frames: float) -> None:
         """Let the page see that the console draws; without that it says that no stop can be had from it.
 
         Args:
             now: By a monotonic clock [s].
+            frames: So many pictures a second the page may draw.
         """
         if now >= self._next_beat:
             self._next_beat = now + BEAT_PERIOD
             self._beats += 1
-            self._beat.content = beat_html(self._beats)
+            self._beat.content = beat_html(self._beats, frames)
+
+    def end(self, said: str) -> None:
+        """Let the page say that the session has ended, and that there is nothing here to be stopped any more.
+
+        Args:
+            said: What there is to do.
+        """
+        self._next_beat = math.inf
+        self._beat.content = beat_html(self._beats + 1, ended=said)
 
     async def _pressed(self, event: Any) -> None:
         self._on_press()
@@ -94,8 +108,7 @@ def _box_html(alerts: tuple[str, ...]) -> str:
         return ""
     lines = "".join(f'<div style="padding:2px 0">&#9888; {html.escape(alert)}</div>' for alert in alerts)
     return (
-        f'<div role="alert" class="{ALERTS[1:]}" style="{_PLACE}bottom:92px;'
-        "width:max(366px, min(560px, calc(100vw - 492px)));"
+        f'<div role="alert" class="{ALERTS[1:]}" style="'
         f"box-sizing:border-box;pointer-events:none;overflow-wrap:anywhere;background:#fff;color:{css(INK)};"
         f'border:3px solid {css(VERMILLION)};border-radius:8px;padding:6px 10px;font-weight:600">{lines}</div>'
     )

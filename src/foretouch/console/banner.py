@@ -5,8 +5,8 @@ from __future__ import annotations
 import html
 from typing import Any
 
-from foretouch.console.palette import INK, ORANGE, css
 from foretouch.console.playback import Playback
+from foretouch.quantities.colours import INK, ORANGE, css
 
 __all__ = ["NOT_LIVE", "Banner"]
 
@@ -35,7 +35,8 @@ def _html(playback: Playback) -> str:
     what = f"{NOT_LIVE}: {html.escape(playback.name)}, {time}"
     return (
         '<div role="status" style="position:fixed;left:12px;top:12px;z-index:100;pointer-events:none;'
-        f"max-width:calc(100vw - 500px);overflow-wrap:anywhere;background:{css(ORANGE)};color:{css(INK)};"
+        "max-width:max(calc(100vw - 500px), min(366px, calc(100vw - 24px)));overflow-wrap:anywhere;"
+        f"background:{css(ORANGE)};color:{css(INK)};"
         f'border:3px solid {css(INK)};border-radius:8px;padding:6px 12px;font-weight:700;font-size:17px">{what}<br>'
         '<span style="font-weight:400;font-size:14px">The robot goes on with the session; the emergency stop below is '
         "the robot's.</span></div>"

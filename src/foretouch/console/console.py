@@ -22,7 +22,7 @@ from foretouch.console.numbers import numbers_of
 from foretouch.console.panel import INSTRUCTION, WATCH_RECORDING, Actions, Panel, felt
 from foretouch.console.plots import SECONDS
 from foretouch.console.ports import free_port, require_free_port
-from foretouch.console.sentences import robot_alerts, session_status, warnings
+from foretouch.console.sentences import HAS_ENDED, SILENT_INSTRUCTION, robot_alerts, session_status, warnings
 from foretouch.console.space import SPACE_INSTRUCTION, SpaceView
 from foretouch.console.space_hold import SpaceHold
 from foretouch.console.speech import Speech
@@ -33,8 +33,13 @@ from foretouch.messages import Message, Status, Telemetry
 
 __all__ = ["Console"]
 
-SCENE_PERIOD, PLOT_PERIOD, TEXT_PERIOD, LIST_PERIOD = 1 / 30, 1 / 12, 1 / 6, 2.0
-"""How often scene, forces, numbers with the other plots, and the list of recordings are sent to the browser [s]."""
+ROUND_PERIOD, PLOT_PERIOD, TEXT_PERIOD, LIST_PERIOD = 1 / 30, 1 / 12, 1 / 6, 2.0
+"""How often it is looked whether a picture is due, and forces, numbers with the other plots, and the list of recordings
+are sent to the browser at most [s]."""
+LOOK_PERIOD = 0.5
+"""So often it is asked how late the loops are [s]."""
+LAST_WORD = 0.3
+"""So long the pages have to hear that the session has ended [s]."""
 UNSEEN_PERIOD = 0.5
 """Where there is no browser [s]: what the first sees when it comes is not older."""
 ANSWERS = (Status.STOPPED, Status.SHADOW)
@@ -106,7 +111,7 @@ class Console:
         space_hold = SpaceHold(self._watched, self._speech)
         self._space = SpaceView(self._server, self._panel.image, self._panel.tabs, space_hold)
         self._server.on_client_disconnect(self._browser_gone)
-        self._next_plot = self._next_text = self._next_list = 0.0
+        self._next_scene = self._next_plot = self._next_text = self._next_list = self._next_look = 0.0
 
     @property
     def url(self) -> str:
@@ -123,16 +128,16 @@ class Console:
         """Draw until told to stop.
 
         Args:
-            should_stop: Asked before every picture, 30 times a second.
+            should_stop: Asked 30 times a second.
         """
-        next_picture, drawn = time.monotonic(), -math.inf
+        next_round, drawn = time.monotonic(), -math.inf
         while not should_stop():
             now = time.monotonic()
             if due := bool(self._server.get_clients()) or now - drawn > UNSEEN_PERIOD:
                 drawn = now
             self._round(now, due)
-            next_picture = max(next_picture + SCENE_PERIOD, now)
-            time.sleep(max(0.0, next_picture - time.monotonic()))
+            next_round = max(next_round + ROUND_PERIOD, now)
+            time.sleep(max(0.0, next_round - time.monotonic()))
 
     def _round(self, now: float, due: bool) -> None:
         """Keep hold, let a recording go on, and draw where that is due.
@@ -143,14 +148,18 @@ class Console:
         try:
             self._holding.keep_alive(now)
             self._play_on(now)
-            if due:
+            if now >= self._next_look:
+                self._next_look = now + LOOK_PERIOD
+                self._watched.lateness.look()
+            if due and now >= self._next_scene:
+                self._next_scene = now + 1.0 / self._watched.lateness.pictures - 0.5 * ROUND_PERIOD
                 self._draw(now)
         except Exception as error:
             self.trouble = f"{type(error).__name__}: {one_line(error)}"
             self._standing = f"The picture stands still ({self.trouble}); the stop works."
             self._show_alarm(now)
         if due:
-            self._panel.alarm.beat(now)
+            self._panel.alarm.beat(now, self._watched.lateness.pictures)
 
     def _play_on(self, now: float) -> None:
         """Let the recording that is looked at go on; one that cannot be shown is looked at no more."""
@@ -165,25 +174,34 @@ class Console:
             raise
 
     def _draw(self, now: float) -> None:
-        """The scene, and of the rest what is due."""
+        """The scene, and of the rest what is due: all of one moment."""
+        live = self._library.playback is None
+        shown = self._shown.at_once()
         names = None
         if now >= self._next_list:
             self._next_list = now + LIST_PERIOD
             names = self._library.names()
         with self._server.atomic():
-            self._draw_scene()
+            self._draw_scene(shown, live)
             if names is not None:
                 self._panel.recordings.list(names)
             if now >= self._next_plot:
                 self._next_plot = now + PLOT_PERIOD
-                self._plot()
+                self._plot(shown)
             if now >= self._next_text:
                 self._next_text = now + TEXT_PERIOD
-                self._write(now)
+                self._write(shown, now)
 
-    def close(self) -> None:
-        """End the server; browsers show that the connection is gone."""
+    def close(self, *, ended: bool = False) -> None:
+        """End the server.
+
+        Args:
+            ended: Whether the session has ended, which the pages then say; else that they do not reach the console.
+        """
         self._emergency.close()
+        if ended and self._server.get_clients():
+            self._panel.alarm.end(HAS_ENDED)
+            time.sleep(LAST_WORD)
         with contextlib.redirect_stdout(io.StringIO()):
             self._server.stop()
 
@@ -265,23 +283,21 @@ class Console:
     def _by_mouse(self) -> bool:
         return self._watched.operator == "browser"
 
-    def _draw_scene(self) -> None:
-        shown = self._shown
-        live = shown is self._watched
+    def _draw_scene(self, shown: Watched, live: bool) -> None:
         if self._space.draw(shown, live=live):
             self._line.hide()
         else:
             self._line.draw(shown, live=live)
 
-    def _plot(self) -> None:
+    def _plot(self, shown: Watched) -> None:
         playback = self._library.playback
         other = None if playback is None or playback.other is None else playback.other.window(SECONDS)
-        self._panel.forces.plot(self._shown.window(SECONDS), other)
-        self._space.draw_image(self._shown)
+        self._panel.forces.plot(shown.window(SECONDS), other)
+        self._space.draw_image(shown)
 
-    def _write(self, now: float) -> None:
+    def _write(self, shown: Watched, now: float) -> None:
         """Numbers, labels, the other plots, and where the sliders begin."""
-        shown, playback, panel = self._shown, self._library.playback, self._panel
+        playback, panel = self._library.playback, self._panel
         other = None if playback is None else playback.other
         window = shown.window(SECONDS)
         status = self._status(now) if playback is None else "A recording is shown; see the tab Recordings."
@@ -328,7 +344,11 @@ class Console:
         if watched.in_space:
             self._panel.explain_space_keys()
         instruction = by_hand if by_mouse else f"Watch the {watched.operator} operator press."
-        self._panel.instruct(instruction if live else WATCH_RECORDING, felt(watched.grip, by_mouse))
+        if not live:
+            instruction = WATCH_RECORDING
+        elif watched.silent(time.monotonic()):
+            instruction = SILENT_INSTRUCTION
+        self._panel.instruct(instruction, felt(watched.grip, by_mouse))
 
     def _show_alarm(self, now: float) -> None:
         """How far an emergency stop is, and what is urgent."""

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from foretouch.console.palette import GREEN, VERMILLION
 from foretouch.console.plots import SECONDS, Curve, Row, TimePlot, number, table
 from foretouch.console.window import Window
+from foretouch.quantities.colours import GREEN, VERMILLION
 
 __all__ = ["EnergyPanel"]
 

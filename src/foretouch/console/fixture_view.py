@@ -10,7 +10,6 @@ import numpy as np
 
 from foretouch.console import surface_shape as shape
 from foretouch.console.material_view import add_body
-from foretouch.console.palette import CUT, GREY, INK, VERMILLION
 from foretouch.console.stiffness_colours import (
     COLOURS,
     LEAST_KNOWN,
@@ -21,6 +20,7 @@ from foretouch.console.stiffness_colours import (
 )
 from foretouch.console.turning import wxyz_of
 from foretouch.models import MaterialField
+from foretouch.quantities.colours import CUT, GREY, INK, VERMILLION
 from foretouch.quantities.rigid import RigidMotion
 from foretouch.rendering import Surface
 

@@ -8,9 +8,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from foretouch.console.palette import BLUE, GREEN, INK, ORANGE, SKY, VERMILLION, css
 from foretouch.console.plots import SECONDS, Curve, Row, TimePlot, number, table
 from foretouch.console.window import NAN, Window
+from foretouch.quantities.colours import BLUE, GREEN, GREY, INK, ORANGE, SKY, VERMILLION, css
 
 __all__ = ["ForcePanel", "Numbers"]
 
@@ -23,6 +23,7 @@ TRUE = Curve("True force (robot's sensor)", INK, 3.0)
 PREDICTED = Curve("Predicted force now", BLUE, 2.0, band=True)
 DELAYED = Curve("Delayed force now", VERMILLION, 2.0, "dashed")
 RENDERED = Curve("Rendered to the hand", GREEN, 2.0, "dotted")
+AWAY = Curve("Not following", GREY, 6.0)
 PREDICTED_AGAIN = Curve("Predicted, run again", SKY, 2.0)
 DELAYED_AGAIN = Curve("Delayed, run again", ORANGE, 2.0, "dashed")
 
@@ -46,6 +47,7 @@ class Numbers(NamedTuple):
         warnings: Lines in vermillion above all.
         again: Predicted and delayed force of a second run [N], None where there is none.
         again_errors: Their errors over the plotted time [%].
+        away: How long of the plotted time the robot did not follow [s], which no error counts.
     """
 
     predicted: float
@@ -63,6 +65,7 @@ class Numbers(NamedTuple):
     warnings: tuple[str, ...] = ()
     again: tuple[float, float] | None = None
     again_errors: tuple[float, float] = (NAN, NAN)
+    away: float = 0.0
 
 
 class ForcePanel:
@@ -73,9 +76,9 @@ class ForcePanel:
     """
 
     def __init__(self, gui: Any) -> None:
-        curves = (TRUE, PREDICTED, DELAYED, RENDERED, PREDICTED_AGAIN, DELAYED_AGAIN)
+        curves = (TRUE, PREDICTED, DELAYED, RENDERED, AWAY, PREDICTED_AGAIN, DELAYED_AGAIN)
         title = f"Contact force [N], drawn up to {LARGEST_DRAWN:.0f} N"
-        self._plot = TimePlot(gui, title, curves, height=200, time="time of your motion before now [s]")
+        self._plot = TimePlot(gui, title, curves, height=138, time="time of your motion before now [s]")
         self._text = gui.add_html("")
 
     def plot(self, window: Window, other: Window | None = None) -> None:
@@ -89,7 +92,9 @@ class ForcePanel:
         again = [unknown, unknown]
         if other is not None and len(other.time):
             again = [np.interp(window.time, other.time, force) for force in (other.predicted, other.delayed)]
-        values = (window.true, window.predicted, window.delayed, window.rendered, *again)
+        true = np.where(window.away, NAN, window.true)
+        away = np.where(window.away, 0.0, NAN)
+        values = (true, window.predicted, window.delayed, window.rendered, away, *again)
         self._plot.draw(window.time, values, (window.deviation,), LARGEST_DRAWN)
 
     def write(self, numbers: Numbers) -> None:
@@ -114,17 +119,18 @@ def numbers_html(n: Numbers) -> str:
         curves = (PREDICTED_AGAIN, DELAYED_AGAIN)
         again = zip(curves, n.again, n.again_errors, strict=True)
         rows += [Row(curve.name, number(force, "N"), curve, number(error, "%", 1)) for curve, force, error in again]
-    rows.append(Row("Depth of the probe", number(max(n.depth, 0.0) * 1e3, "mm", 1)))
-    if abs(n.hand_ahead) >= SMALLEST_APART:
-        where = "further in" if n.hand_ahead > 0.0 else "further out"
-        rows.append(Row(f"Hand (ring), {where} by", number(abs(n.hand_ahead) * 1e3, "mm", 1)))
+    ahead = n.hand_ahead if abs(n.hand_ahead) >= SMALLEST_APART else 0.0
+    hand = f"hand {ahead * 1e3:+.1f} mm" if math.isfinite(n.hand_ahead) else ""
+    rows.append(Row("Depth of the probe", number(max(n.depth, 0.0) * 1e3, "mm", 1), more=hand))
+    heads = (Row(f"{AWAY.name}: {number(n.away, 's', 1)}", "", AWAY), "value", f"error, last {SECONDS:.0f} s")
     warnings = "".join(
         f'<div style="color:{css(VERMILLION)};overflow-wrap:anywhere;padding-bottom:4px">'
         f"<b>{html.escape(warning)}</b></div>"
         for warning in n.warnings
     )
     return (
-        f'<div style="padding:0 12px">{warnings}{table(rows, ("value", f"error, last {SECONDS:.0f} s"))}'
-        f'<div style="color:#555;padding-top:4px">{html.escape(n.status)}'
-        f'<br><span style="font-size:0.85em">{html.escape(n.names)}</span></div></div>'
+        f'<div style="padding:0 12px">{warnings}{table(rows, heads)}'
+        '<div style="color:#555;padding-top:2px;line-height:1.3;font-size:0.93em;overflow-wrap:anywhere">'
+        f'<div style="min-height:3.9em">{html.escape(n.status)}</div>'
+        f'<span style="font-size:0.9em">{html.escape(n.names)}</span></div></div>'
     )

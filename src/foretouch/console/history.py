@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from foretouch.console.window import NAN, Array, Window, empty_window, window_of
-from foretouch.messages import LeaderState, Telemetry
+from foretouch.messages import WITH_THE_COMMANDS, LeaderState, Telemetry
 
 __all__ = ["History"]
 
@@ -32,6 +32,7 @@ class History:
         self._rows = np.full((length, COLUMNS), np.nan)
         self._true_sequence = np.zeros(length, np.int64)
         self._true = np.full(length, np.nan)
+        self._away = np.zeros(length)  # whether the robot then did something else than follow
         self._position_sequence = np.zeros(length, np.int64)
         self._position = np.full(length, np.nan)
         self._applied_in = np.zeros(length, np.int64)  # the command that one telemetry answers, 0 for none of ours
@@ -71,6 +72,7 @@ class History:
             self._applied = applied
             row = applied % self._length
             self._true[row] = telemetry.force
+            self._away[row] = telemetry.status not in WITH_THE_COMMANDS
             self._true_sequence[row] = applied
 
     def follower_position(self, telemetry_sequence: int) -> float:
@@ -79,9 +81,15 @@ class History:
         known = telemetry_sequence > 0 and self._position_sequence[row] == telemetry_sequence
         return float(self._position[row]) if known else float("nan")
 
-    def window(self, seconds: float = 6.0, points: int = 400) -> Window:
-        """The newest `seconds` in at most `points` points, always the same ticks while they stay in the window."""
-        newest = self._newest
+    def window(self, seconds: float = 6.0, points: int = 400, newest: int = 0) -> Window:
+        """The newest `seconds` in at most `points` points, always the same ticks while they stay in the window.
+
+        Args:
+            seconds: How far back.
+            points: At most so many.
+            newest: Sequence of the leader's tick at which the window ends; 0 for the newest that is here.
+        """
+        newest = newest or self._newest
         sequence = np.arange(max(1, newest - self._length + 2), newest + 1)
         sequence = sequence[self._sequence[sequence % self._length] == sequence]
         if len(sequence) == 0:
@@ -89,7 +97,8 @@ class History:
         rows = self._rows[sequence % self._length]
         known = self._true_sequence[sequence % self._length] == sequence
         true = np.where(known, self._true[sequence % self._length], NAN)
-        columns = np.column_stack([rows[:, :-1], self._round_trips(rows), true])
+        away = np.where(known, self._away[sequence % self._length], 0.0)
+        columns = np.column_stack([rows[:, :-1], self._round_trips(rows), true, away])
         return window_of(sequence, columns, float(rows[-1, 0]), seconds, points)
 
     def _round_trips(self, rows: Array) -> Array:

@@ -11,12 +11,12 @@ import numpy as np
 
 from foretouch.console.fixture_view import footprint
 from foretouch.console.overlay import can_draw, draw_over
-from foretouch.console.palette import VERMILLION, css
 from foretouch.console.space_heard import fixture_of
 from foretouch.console.watched import Watched
 from foretouch.console.window import Array
 from foretouch.errors import install_command
 from foretouch.messages import CameraImage, LeaderSpace
+from foretouch.quantities.colours import VERMILLION, css
 
 __all__ = ["DRAW_PROBE", "NO_IMAGE", "ImagePanel", "missing_image"]
 
@@ -38,6 +38,7 @@ _STYLE = (
     "width:clamp(200px, calc(100vw - 900px), 400px);background:#fff;border:1px solid #999;border-radius:6px;"
     "padding:2px 6px 6px 6px !important;margin:0 !important}"
     "@media (max-width:1100px){div:has(> .foretouch-camera) + div{bottom:92px}}"
+    "@media (max-width:36em){div:has(> .foretouch-camera) + div{position:static !important;width:auto}}"
     "</style></div>"
 )
 """The image comes next: it stands in the corner of the picture while the panel scrolls."""

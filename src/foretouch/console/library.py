@@ -32,14 +32,14 @@ class Library:
 
     Attributes:
         playback: The recording that is looked at, None for none.
-        note: What there is to say in one line; "" for nothing.
     """
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
         self._job: threading.Thread | None = None
+        self._begun, self._share = 0.0, math.nan  # of the job: when it began [s], how much of it is done
+        self._said = ""
         self.playback: Playback | None = None
-        self.note = ""
 
     def names(self) -> tuple[str, ...]:
         """Of the recordings, the newest first: files of this folder, no pipe, no device and no link out of it."""
@@ -54,6 +54,18 @@ class Library:
     def busy(self) -> bool:
         """Whether a recording is being read or run again."""
         return self._job is not None and self._job.is_alive()
+
+    @property
+    def note(self) -> str:
+        """What there is to say in one line, how far it is while something is read or run; "" for nothing."""
+        if not self.busy or not self._said.endswith("…"):
+            return self._said
+        done = f" {100.0 * self._share:.0f} %," if math.isfinite(self._share) else ""
+        return f"{self._said}{done} {time.monotonic() - self._begun:.0f} s"
+
+    @note.setter
+    def note(self, said: str) -> None:
+        self._said = said
 
     def open(self, name: str) -> None:
         """Look at a recording from its beginning; it is paused.
@@ -71,7 +83,7 @@ class Library:
             self.playback = Playback(log, name=name)
             return "It ends before its session did." if log.counts.get("truncated") else ""
 
-        self._start(read, f"Reading {name} …", "This recording cannot be looked at")
+        self._start(read, f"Reading {name}{self._size(name)} …", "This recording cannot be looked at")
 
     def run_again(self, position_delay: float, force_delay: float, *, closed_loop: bool) -> None:
         """Run the recorded session again under other delays, beside what was recorded.
@@ -87,7 +99,11 @@ class Library:
 
         def run() -> str:
             log = shown.log.longest()
-            other = _again(log, closed_loop, position_delay=position_delay, force_delay=force_delay)
+
+            def progress(seconds: float) -> None:
+                self._share = min(seconds / max(shown.duration, 1e-3), 1.0)
+
+            other = _again(log, closed_loop, progress, position_delay=position_delay, force_delay=force_delay)
             again = Playback(log, other, name=shown.name)
             again.go_to(shown.now)
             if self.playback is shown:
@@ -96,6 +112,12 @@ class Library:
             return f"Run again under {position_delay:g} s there and {force_delay:g} s back; {loop}."
 
         self._start(run, "Running it again …", "It cannot be run again")
+
+    def _size(self, name: str) -> str:
+        try:
+            return f" ({(self._folder / name).stat().st_size / 1e6:.0f} MB)" if name in self.names() else ""
+        except OSError:  # it was removed meanwhile
+            return ""
 
     def close(self) -> None:
         """Look at none: back to the session that runs."""
@@ -120,7 +142,7 @@ class Library:
             except Exception as error:  # whatever a file holds, the console goes on
                 self.note = f"{failed}: {type(error).__name__}: {one_line(error)}"
 
-        self.note = meanwhile
+        self.note, self._begun, self._share = meanwhile, time.monotonic(), math.nan
         self._job = threading.Thread(target=job, name="recording", daemon=True)
         self._job.start()
 
@@ -136,10 +158,10 @@ def _age(path: Path, folder: Path) -> float:
     return -state.st_mtime
 
 
-def _again(log: SessionLog, closed_loop: bool, **changes: Any) -> SessionLog:
+def _again(log: SessionLog, closed_loop: bool, progress: Callable[[float], None], **changes: Any) -> SessionLog:
     """The session under other settings."""
     from foretouch.session import replay_under
     from foretouch.session.replay_settings import recorded_settings
 
     settings, _ = recorded_settings(log.settings, changes)
-    return replay_under(log, settings, closed_loop)
+    return replay_under(log, settings, closed_loop, progress)

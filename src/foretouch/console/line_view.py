@@ -57,7 +57,9 @@ class LineView:
         self._scene.draw_hand(z, shown.hand_ahead * UNITS)
 
     def write(self, shown: Watched) -> None:
-        """Write beside handle, force and robot.
+        """Write beside handle, force and robot what they are.
+
+        How large a force is stands in the panel alone: the viewer draws labels some pictures later than numbers.
 
         Args:
             shown: The session, or a recording.
@@ -66,12 +68,11 @@ class LineView:
         if leader is None:
             self._scene.label(DRAG, "", "")
             return
-        doubt = f" ± {leader.standard_deviation:.2f}" if math.isfinite(leader.standard_deviation) else ""
         held_back = ", holds back" if shown.telemetry is not None and shown.telemetry.guarded else ""
         self._scene.label(
             LET_GO if self.hold.held else DRAG,
-            f"rendered: {leader.rendered_force:.2f}{doubt} N",
-            f"delayed robot: {leader.delayed_force:.2f} N{held_back}",
+            "rendered force",
+            f"delayed robot{held_back}",
         )
 
     def _handle_height(self) -> float:

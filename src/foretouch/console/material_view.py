@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from foretouch.console import shapes
-from foretouch.console.palette import CUT, DENT
+from foretouch.quantities.colours import CUT, DENT
 
 __all__ = ["MaterialView", "add_body"]
 

@@ -9,9 +9,9 @@ import numpy as np
 
 from foretouch.console.description import SYMBOLS
 from foretouch.console.models_seen import ModelTrace
-from foretouch.console.palette import BLUE, GREEN, INK, PURPLE, VERMILLION
 from foretouch.console.plots import Curve, Row, TimePlot, table
 from foretouch.console.window import NAN
+from foretouch.quantities.colours import BLUE, GREEN, INK, PURPLE, VERMILLION
 
 __all__ = ["ModelPanel"]
 

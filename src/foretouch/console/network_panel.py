@@ -10,9 +10,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from foretouch.console.losses import LossTrace
-from foretouch.console.palette import BLUE, INK, VERMILLION
 from foretouch.console.plots import Curve, Row, TimePlot, number, table
 from foretouch.console.window import Window
+from foretouch.quantities.colours import BLUE, INK, VERMILLION
 
 __all__ = ["LONGEST_DELAY", "NetworkFaults", "NetworkPanel"]
 

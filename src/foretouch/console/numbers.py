@@ -34,6 +34,7 @@ def numbers_of(
     leader = shown.leader
     known = np.flatnonzero(np.isfinite(window.true))
     true, age = (window.true[known[-1]], -window.time[known[-1]]) if len(known) else (NAN, NAN)
+    away = float(np.mean(window.away) * np.ptp(window.time)) if len(window.time) else 0.0
     again, errors = None, (NAN, NAN)
     if other is not None and other.leader is not None:
         again = (other.leader.predicted_force, other.leader.delayed_force)
@@ -55,6 +56,7 @@ def numbers_of(
         warnings=warnings,
         again=again,
         again_errors=errors,
+        away=away,
     )
 
 

@@ -11,10 +11,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from foretouch.console.palette import BLUE, GREEN, Colour
 from foretouch.console.window import Array
 from foretouch.errors import MissingExtraError, SettingError
 from foretouch.quantities import Pose
+from foretouch.quantities.colours import BLUE, GREEN, Colour
 from foretouch.quantities.rigid import Vector
 from foretouch.vision.board import opencv
 

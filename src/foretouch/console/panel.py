@@ -15,9 +15,9 @@ from foretouch.console.image_panel import ImagePanel
 from foretouch.console.keys import HELP, SPACE_HELP, add_keys
 from foretouch.console.model_panel import ModelPanel
 from foretouch.console.network_panel import NetworkFaults, NetworkPanel
-from foretouch.console.palette import BLUE, GREY, css
 from foretouch.console.recordings_panel import RecordingsPanel
 from foretouch.console.session_panel import SessionPanel
+from foretouch.quantities.colours import BLUE, GREY, css
 
 __all__ = ["INSTRUCTION", "WATCH_RECORDING", "Actions", "Panel", "felt"]
 
@@ -26,6 +26,25 @@ WATCH_RECORDING = "A recording: play it, or drag its time bar."
 PRESS_CLUTCH, RELEASE_CLUTCH = "Clutch (C)", "Clutch is pressed: let it go (C)"
 WIDTH = 460
 """[pixel]."""
+PHONE = "(max-width: 36em)"
+"""Where the viewer shows its panel as a sheet."""
+_LAYOUT = (
+    '<div class="foretouch-layout"><style>'
+    # A laptop shows handle, material, plot and all sliders of the network at once.
+    "@media (max-height:800px) and (min-width:36.01em){.foretouch-about{display:none}}"
+    # The viewer leaves it as narrow as a small window had made it.
+    f"@media (min-width:56em){{[data-dock-region],div:has(> [data-dock-column]){{min-width:{WIDTH + 4}px}}}}"
+    # A phone shows the scene above, the panel as a sheet below it, and the stop below both.
+    f"@media {PHONE}{{"
+    "div:has(> .mantine-Paper-root .foretouch-layout){flex-direction:column}"
+    "div:has(> .mantine-Paper-root .foretouch-layout) > div:not(.mantine-Paper-root){height:auto !important;"
+    "min-height:0;flex:1 1 0 !important}"
+    ".mantine-Paper-root:has(.foretouch-layout){position:relative !important;width:100% !important;"
+    "max-height:50% !important;margin-bottom:84px !important}"
+    '.mantine-Paper-root:has(.foretouch-layout) div[style*="20em"]{width:100% !important}'
+    ".foretouch-table{font-size:0.85em}.foretouch-about{display:none}}"
+    "</style></div>"
+)
 
 
 @dataclass(frozen=True)
@@ -88,6 +107,7 @@ class Panel:
         gui.configure_theme(control_width="large", show_logo=False, show_share_button=False, brand_color=BLUE)
         gui.main_panel.dock_right()
         gui.main_panel.set_width(WIDTH)
+        gui.add_html(_LAYOUT)
         self.alarm = Alarm(gui, actions.emergency)  # the first that the keyboard reaches
         self.banner = Banner(gui)
         self._head = gui.add_html(_head_html(INSTRUCTION, felt("", True)))
@@ -158,9 +178,9 @@ def _head_html(instruction: str, note: str) -> str:
     """What to do, and what it is about."""
     return (
         f'<div style="padding:0 12px 2px 12px;font-size:1.15em;line-height:1.3"><b style="color:{css(BLUE)}">'
-        f'{html.escape(instruction)}</b><br><span style="font-size:0.78em;color:#555">A robot touches the material '
-        "beyond a slow network. A model of it comes back, and the force is computed here, at once. "
-        f"{html.escape(note)}</span></div>"
+        f'{html.escape(instruction)}</b><br><span style="font-size:0.78em;color:#555"><span class="foretouch-about">A '
+        "robot touches the material beyond a slow network. A model of it comes back, and the force is computed here, "
+        f"at once. </span>{html.escape(note)}</span></div>"
     )
 
 

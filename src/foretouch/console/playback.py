@@ -15,7 +15,7 @@ from foretouch.console.space_playback import RecordedSpace
 from foretouch.console.watched import Watched
 from foretouch.console.window import NAN, Array, Window, empty_window, window_of
 from foretouch.errors import RecordingError
-from foretouch.messages import VERSION, LeaderState, SessionLog, Telemetry, settings_at
+from foretouch.messages import VERSION, WITH_THE_COMMANDS, LeaderState, SessionLog, Telemetry, settings_at
 
 __all__ = ["Playback", "RecordedWatch"]
 
@@ -121,17 +121,20 @@ class RecordedWatch(Watched):
         """The columns of `window_of`, over the whole recording."""
         leader, follower = self._leader, self._follower
         predicted = np.where(np.isfinite(leader["position"]), leader["predicted_force"], NAN)
-        true, trips = np.full(leader.size, NAN), np.full(leader.size, NAN)
+        true, trips, away = np.full(leader.size, NAN), np.full(leader.size, NAN), np.zeros(leader.size)
         rows = stretch.rows()
         force = rows.follower["exact_force"] if self._exact(rows.follower) else rows.follower["force"]
-        true[np.searchsorted(leader["sequence"], rows.leader["sequence"])] = force
+        at = np.searchsorted(leader["sequence"], rows.leader["sequence"])
+        true[at] = force
+        away[at] = ~np.isin(rows.follower["status"], WITH_THE_COMMANDS)
         if follower.size:
             answered = follower["command_sequence"][np.maximum(self._row_of, 0)]
             at = np.minimum(np.searchsorted(leader["sequence"], answered), leader.size - 1)
             here = (self._row_of >= 0) & (leader["sequence"][at] == answered)
             trips[here] = (self._seconds - self._seconds[at])[here]
         names = ("delayed_force", "standard_deviation", "rendered_force", "energy", "energy_bound", "late_energy")
-        columns: Array = np.column_stack([self._seconds, predicted, *(leader[name] for name in names), trips, true])
+        known = [leader[name] for name in names]
+        columns: Array = np.column_stack([self._seconds, predicted, *known, trips, true, away])
         return columns
 
     def _exact(self, follower: np.ndarray) -> bool:

@@ -9,13 +9,16 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from foretouch.console.palette import Colour, css, faint
 from foretouch.console.window import NAN, Array
+from foretouch.quantities.colours import Colour, css, faint
 
 __all__ = ["SECONDS", "Curve", "Row", "TimePlot", "number", "style", "table"]
 
 SECONDS = 6.0
 """Length of all plots [s]."""
+
+WIDTHS, WIDTHS_OF_TWO = ("47%", "28%", "25%"), ("66%", "34%", "0")
+"""Of a table's columns, with heads and without: it keeps them whatever the numbers are."""
 
 DASHES = {"solid": (), "dashed": (6.0, 4.0), "dotted": (2.0, 3.0)}
 
@@ -62,7 +65,7 @@ class TimePlot:
         title: With the unit.
         curves: From the back to the front.
         height: [pixel].
-        lowest: Lower end of the drawn range, below which a curve is that is not known; None to fit it to the curves.
+        lowest: Lower end of the drawn range; None to fit it to the curves.
         time: What stands below the time axis.
     """
 
@@ -120,22 +123,20 @@ class TimePlot:
             return
         columns = list(values)
         for index, deviation in zip(self._banded, deviations, strict=True):
-            spread = np.where(np.isfinite(deviation), deviation, 0.0)
-            columns += [values[index] + spread, values[index] - spread]
+            spread = np.where(np.isfinite(deviation) & np.isfinite(values[index]), deviation, 0.0)
+            middle = np.where(np.isfinite(values[index]), values[index], self._lowest or 0.0)  # it would fill a gap
+            columns += [middle + spread, middle - spread]
         self._plot.data = (time, *(self._drawable(column, most) for column in columns))
 
     def _drawable(self, values: Array, most: float) -> Array:
-        """Within what is drawn; a curve drops out of the plot where it is not known, and ends with the last that is.
+        """Within what is drawn. Where a curve is not known it has a gap, which the page leaves (`gate/page.js`).
 
-        The plot joins over what is no number, and finds no scale for a curve that begins with that. Where the range is
-        fitted to the curves there is no place below it, and the plot has to join.
+        The plot finds no scale for a curve that begins with no number: the first is then what the next one is.
         """
-        if self._lowest is None:
-            return np.where(np.isfinite(values), np.clip(values, -most, most), NAN)
-        drawn: Array = np.clip(values, self._lowest, most)
-        known = np.flatnonzero(np.isfinite(drawn))
-        before_end = drawn[: known[-1] + 1 if len(known) else 1]
-        before_end[np.isnan(before_end)] = self._lowest - 1.0
+        lowest = -most if self._lowest is None else self._lowest
+        drawn: Array = np.where(np.isfinite(values), np.clip(values, lowest, most), NAN)
+        if np.isnan(drawn[0]):
+            drawn[0] = drawn[1] if len(drawn) > 1 and np.isfinite(drawn[1]) else max(lowest, 0.0)
         return drawn
 
 
@@ -166,26 +167,28 @@ def style(text: str, css_text: str) -> str:
     return f'<span style="{css_text}">{html.escape(text)}</span>'
 
 
-def table(rows: Sequence[Row], heads: tuple[str, str] = ("", "")) -> str:
+def table(rows: Sequence[Row], heads: tuple[Row, str, str] | None = None) -> str:
     """A table of numbers, with the curves' own lines before their names: it is the plot's legend too.
 
     Args:
         rows: From above.
-        heads: Of the second and the third column.
+        heads: Of the three columns; without them there are two.
     """
     right = "text-align:right;white-space:nowrap"
     head = ""
-    if any(heads):
-        cells = "".join(f'<td style="{right}">{text}</td>' for text in heads)
-        head = f'<tr style="color:#555"><td></td>{cells}</tr>'
+    if heads is not None:
+        first, *others = heads
+        cells = "".join(f'<td style="{right}">{text}</td>' for text in others)
+        head = f'<tr style="color:#555"><td>{_line(first.curve)} {html.escape(first.name)}</td>{cells}</tr>'
     body = "".join(
         f"<tr><td>{_line(row.curve)} {html.escape(row.name)}</td>"
         f'<td style="{right}"><b>{html.escape(row.value)}</b></td><td style="{right}">{html.escape(row.more)}</td></tr>'
         for row in rows
     )
+    widths = "".join(f'<col style="width:{width}">' for width in (WIDTHS_OF_TWO if heads is None else WIDTHS))
     return (
-        '<table style="width:100%;font-variant-numeric:tabular-nums;border-spacing:0 1px;line-height:1.35">'
-        f"{head}{body}</table>"
+        '<table class="foretouch-table" style="width:100%;table-layout:fixed;font-variant-numeric:tabular-nums;'
+        f'border-spacing:0 1px;line-height:1.3"><colgroup>{widths}</colgroup>{head}{body}</table>'
     )
 
 

@@ -7,8 +7,8 @@ from collections.abc import Callable
 from typing import Any
 
 from foretouch.console.network_panel import LONGEST_DELAY
-from foretouch.console.palette import BLUE, GREY
 from foretouch.console.playback import Playback
+from foretouch.quantities.colours import BLUE, GREY
 
 __all__ = ["CHOOSE", "LIVE", "PAUSE", "PLAY", "RUN_AGAIN", "RecordingsPanel"]
 

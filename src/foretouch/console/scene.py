@@ -11,7 +11,7 @@ import numpy as np
 
 from foretouch.console import shapes
 from foretouch.console.material_view import MaterialView, add_body
-from foretouch.console.palette import BLUE, VERMILLION
+from foretouch.quantities.colours import BLUE, VERMILLION
 
 __all__ = ["CAMERA", "FIELD_OF_VIEW", "UNITS", "Scene", "height_on_axis", "look"]
 

@@ -4,14 +4,27 @@ from __future__ import annotations
 
 import math
 
+from foretouch.console.losses import LATE
 from foretouch.console.watched import GONE, SILENT, SUPERVISOR, Watched
 from foretouch.identification import SENSOR_SENTENCES, SensorState
 from foretouch.messages import STATUS_SENTENCES, Status, Telemetry
 
-__all__ = ["doing", "robot_alerts", "session_status", "warnings"]
+__all__ = ["HAS_ENDED", "SILENT_INSTRUCTION", "doing", "robot_alerts", "session_status", "warnings"]
 
 INSECURE = "INSECURE: nothing is encrypted and nobody is checked; anybody on this network may command."
 """What stands above the numbers where one of the sides says so."""
+
+HAS_ENDED = (
+    "Its report is in the terminal where it was started, and so is the way to start another: foretouch teleop. "
+    "This page can be closed."
+)
+"""What the page says when the session has ended."""
+SILENT_INSTRUCTION = "The session is silent: nothing can be pressed."
+"""Instead of what there is to do."""
+GONE_SILENT = (
+    "The session has gone silent: see what the terminal says in which it was started. If it has ended, start it again: "
+    "foretouch teleop."
+)
 
 RECORDER_SILENT = 3.0
 """A recorder speaks twice a second; it is silent when nothing has come for so long [s]."""
@@ -47,8 +60,8 @@ def session_status(watched: Watched, now: float, *, held: bool, clutched: bool) 
     """
     if watched.heard == -math.inf:
         return "Waiting for the session."
-    if now - watched.heard > GONE:
-        return "The session has gone silent."
+    if watched.silent(now):
+        return GONE_SILENT
     if share := watched.said(SUPERVISOR, "compiling"):
         return f"Compiling, {share}: the first start on this machine takes about a minute."
     if watched.stopped:
@@ -59,11 +72,21 @@ def session_status(watched: Watched, now: float, *, held: bool, clutched: bool) 
         said = f"The {watched.operator} operator presses."
     else:
         said = "You press." if held else "A script presses until you take the handle."
+    said = " ".join((*_late(watched), said))
     model = watched.model
     if model is None or not model.valid:
         reason = model.reason if model and model.reason else "no model has arrived."
         return " ".join((said, *doing(watched), f"No force yet: {reason}"))
     return " ".join((said, *doing(watched)))
+
+
+def _late(watched: Watched) -> tuple[str, ...]:
+    """That a loop is late, and what to do about it, in a sentence; nothing where none is."""
+    late = {side: share for side, share in watched.lateness.late.items() if share > LATE}
+    if not late:
+        return ()
+    shares = " and ".join(f"{share:.0f} % of the {side}'s" for side, share in late.items())
+    return (f"This machine is late ({shares} ticks): close other programs, or open this page on another machine.",)
 
 
 def robot_alerts(watched: Watched, now: float) -> tuple[str, ...]:

@@ -7,8 +7,8 @@ import time
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from foretouch.console.palette import BLUE, GREY, VERMILLION, css
 from foretouch.devices import GRIPS, OPERATORS
+from foretouch.quantities.colours import BLUE, GREY, VERMILLION, css
 from foretouch.robot import MATERIALS
 
 __all__ = ["END", "NO_GRIP", "START_RECORDING", "STOP_RECORDING", "SessionPanel"]

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import html
 import math
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from foretouch.console.image_panel import ImagePanel
 from foretouch.console.keys import add_space_keys
-from foretouch.console.palette import BLUE, GREEN, GREY, VERMILLION, css
 from foretouch.console.plots import SECONDS
 from foretouch.console.scene import CAMERA, look
 from foretouch.console.space_heard import fixture_of
@@ -23,6 +21,7 @@ from foretouch.console.watched import Watched
 from foretouch.errors import ForetouchError
 from foretouch.messages import FieldUpdate, FollowerSpace, LeaderSpace
 from foretouch.models import MaterialField
+from foretouch.quantities.colours import BLUE, GREEN, GREY, VERMILLION, css
 from foretouch.quantities.rigid import Vector
 from foretouch.rendering import Surface
 
@@ -109,11 +108,8 @@ class SpaceView:
         if scene is None:
             return
         self._write_legend(legend_html(scene.fixture.scale.edges) + _KEY)
-        state, robot = watched.leader, watched.space.heard(watched.heard_sequence)
-        known = state is not None and math.isfinite(state.standard_deviation)
-        doubt = f" ± {state.standard_deviation:.2f}" if state is not None and known else ""
-        felt = "" if robot is None else f"delayed robot: {_size(_force(robot)):.2f} N"
-        scene.label(f"rendered now: {_size(_force(leader)):.2f}{doubt} N", felt)
+        robot = watched.space.heard(watched.heard_sequence)
+        scene.label("rendered force", "" if robot is None else "delayed robot")
 
     def _look(self, in_space: bool) -> None:
         """Move the cameras where sessions along a line and in space, live or recorded, take turns."""
@@ -204,10 +200,6 @@ def _force(space: LeaderSpace | FollowerSpace) -> Vector:
     return space.force_x, space.force_y, space.force_z
 
 
-def _size(force: Sequence[float]) -> float:
-    return math.sqrt(sum(value * value for value in force))
-
-
 def _point(leader: LeaderSpace) -> Vector:
     return leader.point_x, leader.point_y, leader.point_z
 
@@ -228,6 +220,8 @@ def _key() -> str:
 
 _KEY = _key()
 _LEGEND = (
-    '<div style="position:fixed;left:12px;top:84px;z-index:50;pointer-events:none;background:rgba(255,255,255,0.9);'
+    "<div><style>@media (max-width:36em){{.foretouch-legend{{display:none}}}}</style></div>"  # it would hide the scene
+    '<div class="foretouch-legend" style="position:fixed;left:12px;top:84px;z-index:50;pointer-events:none;'
+    "background:rgba(255,255,255,0.9);"
     'color:#000;border:1px solid #999;border-radius:6px;padding:6px 10px;font-size:13px">{}</div>'
 )

@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from foretouch.console.palette import BLUE, INK, VERMILLION, css
 from foretouch.console.plots import Curve, Row, TimePlot, number, table
 from foretouch.console.space_heard import PoseTrace
 from foretouch.console.watched import Watched
 from foretouch.messages import FixtureBelief, LeaderSpace
+from foretouch.quantities.colours import BLUE, INK, VERMILLION, css
 
 __all__ = ["SLIDERS", "SpacePanel", "pose_sentence"]
 
@@ -132,6 +132,9 @@ def _rows(leader: LeaderSpace, belief: FixtureBelief | None) -> list[Row]:
         Row("Since an image showed it, as told", number(leader.fixture_age, "s", 1), AGE),
         Row("Images / touches used", used[0]),
         Row("Images and touches refused", used[1]),
+        Row(
+            "Force on the hand, with friction", number(math.hypot(leader.force_x, leader.force_y, leader.force_z), "N")
+        ),
         Row("Friction, Coulomb", number(leader.friction, "")),
         Row("Local stiffness here, rendered", number(leader.stiffness, "N/m", 0)),
     ]

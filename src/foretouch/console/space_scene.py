@@ -11,8 +11,8 @@ import numpy as np
 from foretouch.console import shapes
 from foretouch.console.fixture_view import FixtureView
 from foretouch.console.material_view import add_body
-from foretouch.console.palette import BLUE, GREEN, GREY, VERMILLION
 from foretouch.console.turning import along
+from foretouch.quantities.colours import BLUE, GREEN, GREY, VERMILLION
 from foretouch.quantities.rigid import Vector
 from foretouch.rendering import Surface
 

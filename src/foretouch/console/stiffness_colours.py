@@ -9,9 +9,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from foretouch.console.palette import Colour, css
 from foretouch.console.window import Array
 from foretouch.models import FIELD_DEPTH, MaterialField
+from foretouch.quantities.colours import Colour, css
 
 __all__ = ["COLOURS", "UNKNOWN", "StiffnessScale", "known_share", "legend_html", "levels_of"]
 

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import copy
 import math
 from collections.abc import Mapping
 from types import MappingProxyType
 
 from foretouch.console.history import History
-from foretouch.console.losses import Losses, LossTrace
+from foretouch.console.losses import Lateness, Losses, LossTrace
 from foretouch.console.models_seen import ModelsSeen, ModelTrace
 from foretouch.console.space_heard import SpaceHeard
 from foretouch.console.window import Window
@@ -50,6 +51,7 @@ class Watched:
         trouble: What the robot's side says of itself since it has its newest status, "" for nothing.
         settings: What all have said of the session, by name; what only one of them can know is asked of it by `said`.
         heard: When anything was heard [s]; minus infinity before.
+        lateness: How late the loops of both sides are.
     """
 
     def __init__(self) -> None:
@@ -63,6 +65,7 @@ class Watched:
         self.heard = -math.inf
         self._models = ModelsSeen()
         self._losses = Losses()
+        self.lateness = Lateness()
         self._supervisor_heard = -math.inf
         self._leader_heard = self._telemetry_heard = -math.inf
         self._leaders: dict[int, float] = {}
@@ -84,6 +87,16 @@ class Watched:
             self._take_hello(message, now)
         else:
             self.space.take(message, now, 0 if self.leader is None else self.leader.epoch)
+
+    def at_once(self) -> Watched:
+        """What has been heard until now, which stays so while more is heard: all of one picture is of one moment."""
+        moment = copy.copy(self)
+        moment.space = copy.copy(self.space)
+        return moment
+
+    def silent(self, now: float) -> bool:
+        """Whether something was heard of the session once, and nothing has been for `GONE` seconds."""
+        return self.heard > -math.inf and now - self.heard > GONE
 
     def leader_silence(self, now: float) -> float:
         """Time since the leader that is shown was heard [s]; infinite before the first."""
@@ -123,7 +136,7 @@ class Watched:
 
     def window(self, seconds: float) -> Window:
         """Forces, energy and delay of the last seconds."""
-        return self.history.window(seconds)
+        return self.history.window(seconds, newest=0 if self.leader is None else self.leader.sequence)
 
     def model_trace(self, seconds: float) -> ModelTrace:
         """Models of the last seconds, compared at `model_depth`."""
@@ -244,6 +257,7 @@ class Watched:
                 return
             self.history = History()  # each leader counts its commands from 1
         self.history.add_leader(state)
+        self.lateness.take("leader", state.period_ns)
         self._models.adopt(state.time_ns * 1e-9, state.model_sequence)
         self.leader, self._leader_heard = state, now
 
@@ -252,6 +266,7 @@ class Watched:
         if before is not None and telemetry.status != before.status:
             self.trouble = ""
         self.history.add_telemetry(telemetry, applies=shown is None or telemetry.epoch in (0, shown.epoch))
+        self.lateness.take("follower", telemetry.period_ns)
         self.telemetry, self._telemetry_heard = telemetry, now
 
     def _take_hello(self, hello: Hello, now: float) -> None:

@@ -26,8 +26,8 @@ class Window(NamedTuple):
         predicted: Force of the model at the hand's motion [N]; NaN while hand and robot are apart.
         delayed: Force of the newest telemetry that had arrived [N].
         true: Force that the follower's sensor measured when it applied this very command [N]; NaN where not yet known.
-        prediction_error: RMSE of `predicted` over the samples in contact, in % of the RMS of the true force there; NaN
-            with none. It is taken over all ticks, not over the points returned.
+        prediction_error: RMSE of `predicted` over the samples in contact while the robot followed, in % of the RMS of
+            the true force there; NaN with none. It is taken over all ticks, not over the points returned.
         delayed_error: The same of `delayed`.
         deviation: Standard deviation of `predicted` [N]; NaN where the model carries no doubt.
         rendered: What the hand was given after the clamps [N].
@@ -35,6 +35,7 @@ class Window(NamedTuple):
         energy_bound: That it may have given out at most [J].
         late_energy: That late ticks and missing positions took beside it, never positive [J].
         round_trip: How old the hand's motion is that the newest telemetry answers [s]; NaN before the first.
+        away: Whether the robot was not where the command said: it held its place, or was on its way back.
     """
 
     time: Array
@@ -49,12 +50,13 @@ class Window(NamedTuple):
     energy_bound: Array
     late_energy: Array
     round_trip: Array
+    away: NDArray[np.bool_]
 
 
 def empty_window() -> Window:
     """Of a session that has said nothing."""
     none = np.empty(0)
-    return Window(none, none, none, none, NAN, NAN, none, none, none, none, none, none)
+    return Window(none, none, none, none, NAN, NAN, none, none, none, none, none, none, np.empty(0, np.bool_))
 
 
 def window_of(sequence: NDArray[np.int64], columns: Array, now: float, seconds: float, points: int) -> Window:
@@ -63,7 +65,7 @@ def window_of(sequence: NDArray[np.int64], columns: Array, now: float, seconds: 
     Args:
         sequence: Of the leader's ticks, increasing, shape (n,).
         columns: Leader time [s], predicted, delayed force, deviation, rendered force [N], energy, its bound, late
-            energy [J], round trip [s] and true force [N], shape (n, 10).
+            energy [J], round trip [s], true force [N] and whether the robot was away then (1 or 0), shape (n, 11).
         now: The moment, on the leader's time [s].
         seconds: How far back.
         points: At most so many.
@@ -74,7 +76,8 @@ def window_of(sequence: NDArray[np.int64], columns: Array, now: float, seconds: 
     if len(sequence) == 0:
         return empty_window()
     true = columns[:, 9]
-    contact = (true > CONTACT_FLOOR) & np.isfinite(columns[:, 1])
+    away = (columns[:, 10] > 0.0) | _never_applied(sequence, true)
+    contact = (true > CONTACT_FLOOR) & np.isfinite(columns[:, 1]) & ~away
     prediction_error, delayed_error = (_error(columns[contact, column], true[contact]) for column in (1, 2))
     stride = 1 << max(0, math.ceil(math.log2(len(sequence) / points)))  # a power of two: it seldom changes
     shown = sequence % stride == 0
@@ -82,7 +85,7 @@ def window_of(sequence: NDArray[np.int64], columns: Array, now: float, seconds: 
     drawn = columns[shown].T
     return Window(
         time[shown], drawn[1], drawn[2], true, prediction_error, delayed_error, drawn[3], drawn[4], drawn[5], drawn[6],
-        drawn[7], drawn[8],
+        drawn[7], drawn[8], away[shown],
     )  # fmt: skip
 
 
@@ -93,14 +96,30 @@ def _error(force: Array, true: Array) -> float:
     return float(100.0 * np.sqrt(np.mean((force - true) ** 2) / np.mean(true**2)))
 
 
-def _bridged(sequence: NDArray[np.int64], true: Array) -> Array:
-    """The true force with straight lines over commands that were never applied, where only a few are missing."""
+def _never_applied(sequence: NDArray[np.int64], true: Array) -> NDArray[np.bool_]:
+    """Which commands lie in a gap that no line bridges: the robot went on, and never took them."""
+    here, before = _neighbours(true)
+    wide: NDArray[np.bool_] = np.isnan(true) & (here > before) & (sequence[here] - sequence[before] > LARGEST_GAP)
+    return wide
+
+
+def _neighbours(true: Array) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Of each sample the next that is known, and the last before that; the same twice at the ends and with none."""
     known = np.flatnonzero(np.isfinite(true))
     if len(known) == 0:
-        return true
+        return np.zeros(len(true), np.int64), np.zeros(len(true), np.int64)
     after = np.searchsorted(known, np.arange(len(true)))
+    inside = (after > 0) & (after < len(known))
     here = known[np.minimum(after, len(known) - 1)]
-    before = known[np.maximum(after - 1, 0)]
-    between = (after > 0) & (after < len(known)) & (sequence[here] - sequence[before] <= LARGEST_GAP)
+    return here, np.where(inside, known[np.maximum(after - 1, 0)], here)
+
+
+def _bridged(sequence: NDArray[np.int64], true: Array) -> Array:
+    """The true force with straight lines over commands that were never applied, where only a few are missing."""
+    known = np.isfinite(true)
+    if not known.any():
+        return true
+    here, before = _neighbours(true)
+    between = (here > before) & (sequence[here] - sequence[before] <= LARGEST_GAP)
     bridged: Array = np.interp(sequence, sequence[known], true[known])
     return np.where(np.isfinite(true), true, np.where(between, bridged, NAN))

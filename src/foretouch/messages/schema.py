@@ -18,6 +18,7 @@ from foretouch.quantities import brief_text
 __all__ = [
     "STATUS_SENTENCES",
     "VERSION",
+    "WITH_THE_COMMANDS",
     "Choice",
     "Command",
     "EmergencyStop",
@@ -85,6 +86,9 @@ STATUS_SENTENCES = {
     Status.TOO_SLOW: "makes fewer than 500 ticks a second, too few to be safe: holds its place",
 }
 """What each `Status` means, as the end of a sentence that begins with "The robot"."""
+
+WITH_THE_COMMANDS = (Status.FOLLOWING, Status.GUARDED, Status.SHADOW)
+"""In these the robot is where a command says, or is said to be held back, or moves the command itself."""
 
 
 class Message(msgspec.Struct, frozen=True, array_like=True, forbid_unknown_fields=True, gc=False):

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from foretouch.errors import MissingExtraError, UnknownNameError
 from foretouch.quantities.brief import ByValue
+from foretouch.quantities.colours import BLUE, GREEN, INK, ORANGE, PURPLE, SKY, VERMILLION, css
 from foretouch.quantities.table import QUANTITIES
 
 if TYPE_CHECKING:
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
 
 __all__ = ["COLOURS", "Columns", "as_frame", "new_figure"]
 
-COLOURS = ("#0072B2", "#D55E00", "#009E73", "#E69F00", "#CC79A7", "#56B4E9", "#000000")
+COLOURS = tuple(css(colour) for colour in (BLUE, VERMILLION, GREEN, ORANGE, PURPLE, SKY, INK))
 """Okabe and Ito's colours, which the colour-blind tell apart, for curves that stand in a row."""
 
 LINES = ("-", "--", ":", "-.")

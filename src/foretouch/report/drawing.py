@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from foretouch.quantities import new_figure
+from foretouch.quantities import colours, columns, new_figure
 from foretouch.report.statuses import Stretch
 
 __all__ = [
@@ -25,12 +25,14 @@ __all__ = [
     "shade",
 ]
 
-TRUE, PREDICTED, DELAYED, RENDERED, ERROR = "#000000", "#0072B2", "#D55E00", "#009E73", "#E69F00"
-"""Okabe and Ito's colours, which the colour-blind tell apart, by what they stand for in a session, here as in the
-console; the last for what is none of the forces: errors, bounds and marks."""
+TRUE, PREDICTED, DELAYED, RENDERED, ERROR = (
+    colours.css(colour)
+    for colour in (colours.TRUE, colours.PREDICTED, colours.DELAYED, colours.RENDERED, colours.WRONG)
+)
+"""By what they stand for in a session."""
 
-COLOURS = (PREDICTED, DELAYED, RENDERED, ERROR, "#CC79A7", "#56B4E9", TRUE)
-"""The same colours for curves that stand in a row."""
+COLOURS = columns.COLOURS
+"""For curves that stand in a row."""
 
 
 def legend(axes: Any, columns: int) -> None:
@@ -93,7 +95,7 @@ def mark(axes: Any, stretches: Sequence[Stretch]) -> None:
     axes.set_xlim(sides)
 
 
-_MARKS = {False: ("not following", "\\\\\\", "0.65"), True: ("faulty sensors", "///", "#CC79A7")}
+_MARKS = {False: ("not following", "\\\\\\", "0.65"), True: ("faulty sensors", "///", colours.css(colours.PURPLE))}
 """Legend, hatch and its colour, by whether the sensors failed."""
 
 

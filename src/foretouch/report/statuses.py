@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foretouch.identification import SENSOR_SENTENCES, SensorState
-from foretouch.messages import STATUS_SENTENCES, SessionLog, Status
+from foretouch.messages import STATUS_SENTENCES, WITH_THE_COMMANDS, SessionLog, Status
 from foretouch.messages.session_log import believable
 from foretouch.report.guarded import runs_of, seconds_of
 
@@ -16,9 +16,6 @@ __all__ = ["Stretch", "away", "follower_away", "joining", "safety_figures", "str
 
 Flags = NDArray[np.bool_]
 Rows = NDArray[np.void]
-
-WITH_THE_COMMANDS = (Status.FOLLOWING, Status.GUARDED, Status.SHADOW)
-"""In these the robot is where a command says, or is said to be held back, or moves the command itself."""
 
 A_MOMENT_NS = 100_000_000
 """A robot that joins the first command within so long [ns] is not said to have returned."""

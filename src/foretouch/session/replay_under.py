@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,7 +35,12 @@ CLOSED_LOOP = "the hand answers: the force that is rendered now moves it"
 _PERIOD_NS = round(SAMPLE_PERIOD * 1e9)
 
 
-def replay_under(log: SessionLog, settings: SessionSettings, closed_loop: bool = False) -> SessionLog:
+def replay_under(
+    log: SessionLog,
+    settings: SessionSettings,
+    closed_loop: bool = False,
+    progress: Callable[[float], None] | None = None,
+) -> SessionLog:
     """Run a recorded session again, under other settings.
 
     In an open loop the hand moves as it was recorded, in a closed loop its recorded intention moves a simulated hand,
@@ -50,6 +56,7 @@ def replay_under(log: SessionLog, settings: SessionSettings, closed_loop: bool =
         log: The session; of one in which a side began again, the longest stretch is taken.
         settings: All of them; `recorded_settings` has those of the recording.
         closed_loop: Whether the force moves the hand.
+        progress: Called now and then with the time that has been run again [s].
 
     Returns:
         The session that comes of it. Its `settings` also say ``replay``, "open loop" or "closed loop".
@@ -69,12 +76,12 @@ def replay_under(log: SessionLog, settings: SessionSettings, closed_loop: bool =
         raise RecordingError("session", problem)
     if settings.scene:
         _require_grip(settings, closed_loop)
-        return replay_scene(log, settings, closed_loop, _told(log, settings, closed_loop))
+        return replay_scene(log, settings, closed_loop, _told(log, settings, closed_loop), progress)
     operator = _operator(log, leader, settings, closed_loop)
     ticks = round(int(leader["time_ns"][-1] - leader["time_ns"][0]) / _PERIOD_NS) + 1
     if material_answers(log):
         robot, _ = make_session_robot(settings)
-        return _run(log, settings, closed_loop, operator, robot, ticks)
+        return _run(log, settings, closed_loop, operator, robot, ticks, progress)
     if closed_loop:
         rule = "needs a material that answers: of this robot there is only the force where it was measured"
         raise SettingError("closed loop", True, rule)
@@ -83,7 +90,7 @@ def replay_under(log: SessionLog, settings: SessionSettings, closed_loop: bool =
     if ticks < 2:
         raise RecordingError("session", "the robot felt nothing while the operator moved")
     played = PlayedRobot(log.follower, felt, ticks)
-    return _as_it_was(_run(log, settings, closed_loop, operator, played, ticks), played.rows)
+    return _as_it_was(_run(log, settings, closed_loop, operator, played, ticks, progress), played.rows)
 
 
 def material_answers(log: SessionLog) -> bool:
@@ -160,7 +167,13 @@ def _told(log: SessionLog, settings: SessionSettings, closed_loop: bool) -> dict
 
 
 def _run(
-    log: SessionLog, settings: SessionSettings, closed_loop: bool, operator: Device, robot: Robot, ticks: int
+    log: SessionLog,
+    settings: SessionSettings,
+    closed_loop: bool,
+    operator: Device,
+    robot: Robot,
+    ticks: int,
+    progress: Callable[[float], None] | None,
 ) -> SessionLog:
     """Run the session; the log says what the recording said beside its settings."""
     chosen = settings.as_text()
@@ -175,6 +188,7 @@ def _run(
         operator=operator,
         robot=robot,
         description=_told(log, settings, closed_loop) | told,
+        progress=progress,
     )
     return session.log
 

@@ -1,17 +1,128 @@
-// Says that nothing comes from the console any more. It runs in the page and needs nobody's answer for it.
+// What the console adds to the viewer's page. It runs before the viewer, and needs nobody's answer.
+
+// Where the processor draws, it draws for its own machine's loops too: cheaper, and no more often than the console asks.
+(() => {
+  const MOST_IN_SOFTWARE = 10; // pictures a second
+  const getContext = HTMLCanvasElement.prototype.getContext;
+  const isSoftware = () => {
+    const canvas = document.createElement("canvas");
+    const gl = getContext.call(canvas, "webgl2") || getContext.call(canvas, "webgl");
+    const names = gl && gl.getExtension("WEBGL_debug_renderer_info");
+    const name = names ? gl.getParameter(names.UNMASKED_RENDERER_WEBGL) : "";
+    gl?.getExtension("WEBGL_lose_context")?.loseContext();
+    return /swiftshader|llvmpipe|softpipe|software/i.test(name);
+  };
+  let software = null;
+  HTMLCanvasElement.prototype.getContext = function (kind, options) {
+    software ??= isSoftware();
+    if (!software) return getContext.call(this, kind, options);
+    // Lines are drawn by the processor itself three times as fast as through a graphics card that it plays.
+    const cheaper = kind === "2d" ? { willReadFrequently: true } : { antialias: false };
+    return getContext.call(this, kind, { ...options, ...cheaper });
+  };
+
+  const nextFrame = window.requestAnimationFrame.bind(window);
+  let waiting = new Map(), number = 0, asked = false, drawn = -Infinity;
+  const period = () => {
+    const said = document.querySelector("[FRAMES_ATTRIBUTE]")?.getAttribute("FRAMES_ATTRIBUTE");
+    return 1000 / Math.min(Number(said) || 30, software ? MOST_IN_SOFTWARE : 60);
+  };
+  const draw = (now) => {
+    asked = false;
+    drawn = performance.now();
+    const these = waiting;
+    waiting = new Map();
+    for (const callback of these.values()) {
+      try {
+        callback(now);
+      } catch (error) {
+        reportError(error);
+      }
+    }
+    if (waiting.size) ask();
+  };
+  const ask = () => {
+    if (asked) return;
+    asked = true;
+    const wait = drawn + period() - performance.now();
+    if (wait > 4) setTimeout(() => nextFrame(draw), wait);
+    else nextFrame(draw);
+  };
+  window.requestAnimationFrame = (callback) => {
+    waiting.set(++number, callback);
+    ask();
+    return number;
+  };
+  window.cancelAnimationFrame = (handle) => waiting.delete(handle);
+})();
+
+// A curve has a gap where it is no number: a canvas would join over it.
+(() => {
+  const lineTo = Path2D.prototype.lineTo;
+  const gap = new WeakSet();
+  Path2D.prototype.lineTo = function (x, y) {
+    if (!Number.isFinite(y)) gap.add(this);
+    else if (gap.delete(this)) this.moveTo(x, y);
+    else lineTo.call(this, x, y);
+  };
+})();
+
+// What is typed into the box of a slider is within its range, or goes nowhere, and the box says so.
+(() => {
+  const note = document.createElement("div");
+  note.id = "foretouch-range";
+  note.setAttribute("role", "alert");
+  note.style.cssText =
+    "display:none;position:fixed;z-index:90000;pointer-events:none;padding:3px 8px;background:#fff;color:#000;" +
+    "border:2px solid URGENT_COLOUR;border-radius:6px;font:13px/1.3 sans-serif";
+  document.documentElement.append(note);
+  let wrong = null;
+  const sliderOf = (box) => box.tagName === "INPUT" && box.closest(".mantine-InputWrapper-root, .mantine-NumberInput-root")
+    ?.parentElement?.querySelector("[role=slider]");
+  const text = (slider, side) => String(Number(Number(slider.getAttribute(`aria-value${side}`)).toFixed(6)));
+  const heard = (event) => {
+    const box = event.target, slider = sliderOf(box);
+    if (!slider) return;
+    const [least, most] = [text(slider, "min"), text(slider, "max")];
+    const typed = box.value.trim();
+    const right = typed !== "" && Number(typed) >= Number(least) && Number(typed) <= Number(most);
+    box.setAttribute("aria-invalid", String(!right));
+    note.style.display = right ? "none" : "block";
+    wrong = right ? null : box;
+    if (right) return;
+    event.stopImmediatePropagation(); // nobody hears of it, nor does the viewer, which would put the end of the range
+    const place = box.getBoundingClientRect();
+    note.textContent = `Not set: a number from ${least} to ${most}, please.`;
+    note.style.top = `${place.bottom + 3}px`;
+    note.style.right = `${Math.max(document.documentElement.clientWidth - place.right, 4)}px`;
+  };
+  const left = (event) => {
+    if (event.target !== wrong) return;
+    const slider = sliderOf(wrong);
+    if (slider) wrong.value = text(slider, "now"); // what is set
+    wrong.removeAttribute("aria-invalid");
+    wrong = null;
+    note.style.display = "none";
+  };
+  window.addEventListener("input", heard, true);
+  window.addEventListener("change", heard, true);
+  window.addEventListener("focusout", left, true);
+})();
+
+// Says that nothing comes from the console any more, or that the session has ended.
 (() => {
   const LONGEST = 600; // without a beat [ms]; ten beats come in a second, and a second is what is promised
   const LOOK = 50; // between two looks at least [ms]
   const LONGEST_LOOK = 250; // [ms]; what comes is shown when a frame is drawn: slow frames are no silence of the console
   const TOLD_AGAIN = 1000; // [ms]
-  let beat = "", silence = 0, looked = performance.now(), since = looked, told = -Infinity;
+  let beat = "", silence = 0, looked = performance.now(), since = looked, told = -Infinity, ended = "";
   const box = document.createElement("div");
   box.id = "foretouch-lost";
   box.setAttribute("role", "alert");
   box.style.cssText =
     "display:none;position:fixed;left:12px;bottom:12px;z-index:100000;box-sizing:border-box;pointer-events:none;" +
     "width:min(560px, calc(100vw - 24px));min-height:76px;padding:10px 14px;background:#000;color:#fff;" +
-    "border:4px solid #d55e00;border-radius:10px;font:16px/1.35 sans-serif";
+    "border:4px solid URGENT_COLOUR;border-radius:10px;font:16px/1.35 sans-serif";
   const style = document.createElement("style");
   style.textContent =
     "html.foretouch-lost :is(div:has(> .foretouch-alarm) + div > button, .foretouch-alerts)" +
@@ -20,7 +131,6 @@
     "background:rgba(255,255,255,0.6)}";
   const head = document.createElement("b");
   head.style.cssText = "display:block;font-size:19px;color:#ffb27a";
-  head.textContent = "\u26a0 LOST_TEXT";
   const text = document.createElement("span");
   box.append(head, text);
   const look = () => {
@@ -31,14 +141,15 @@
     looked = now;
     const found = document.querySelector("[BEAT_ATTRIBUTE]");
     const next = found ? found.getAttribute("BEAT_ATTRIBUTE") : beat;
-    if (next !== beat || document.hidden) {
+    ended = found?.getAttribute("ENDED_ATTRIBUTE") || "";
+    if ((next !== beat && !ended) || document.hidden) {
       beat = next;
       silence = 0;
       since = now;
     } else {
       silence += waited;
     }
-    const lost = silence > LONGEST;
+    const lost = silence > LONGEST || ended !== "";
     document.documentElement.classList.toggle("foretouch-lost", lost);
     box.style.display = lost ? "block" : "none";
     if (!lost) {
@@ -48,12 +159,14 @@
     if (lost && now - told > TOLD_AGAIN) {
       told = now;
       const seconds = Math.round((now - since) / 1000);
+      head.textContent = ended ? "ENDED_TEXT" : "\u26a0 LOST_TEXT";
       text.textContent =
-        beat === ""
+        ended ||
+        (beat === ""
           ? "It is still loading, or the console refuses it. No emergency stop from here yet."
           : `Nothing has come from it for ${Math.max(seconds, 1)} s. What is pressed here may not arrive, nor may the ` +
             "emergency stop (Space): stop the robot at its own machine, or with \u201cforetouch stop\u201d. " +
-            "A console that was started again has a new address, in its terminal.";
+            "A console that was started again has a new address, in its terminal.");
     }
   };
   document.documentElement.append(style, box);

@@ -1,29 +1,54 @@
-"""What is added to the viewer's page: that it says by itself, within a second, when it does not reach the console."""
+"""What is added to the viewer's page: how it draws, and what it says by itself.
+
+Where the page is drawn in software it draws more cheaply, and never more often than the console asks; a curve has gaps
+where it is no number; a number out of a slider's range is not heard; and within a second the page says that it does not
+reach the console, or that the session has ended.
+"""
 
 from __future__ import annotations
 
+import html
 from pathlib import Path
 
-__all__ = ["BEAT_ATTRIBUTE", "BEAT_PERIOD", "LOST", "beat_html", "with_watch"]
+from foretouch.quantities.colours import URGENT, css
+
+__all__ = ["BEAT_ATTRIBUTE", "BEAT_PERIOD", "ENDED", "ENDED_ATTRIBUTE", "LOST", "beat_html", "with_watch"]
 
 BEAT_PERIOD = 0.1
 """So often the console shows the page that it draws [s]."""
-BEAT_ATTRIBUTE = "data-foretouch-beat"
-LOST = "THIS PAGE DOES NOT REACH THE CONSOLE"
+BEAT_ATTRIBUTE, FRAMES_ATTRIBUTE, ENDED_ATTRIBUTE = (f"data-foretouch-{name}" for name in ("beat", "frames", "ended"))
+LOST, ENDED = "THIS PAGE DOES NOT REACH THE CONSOLE", "THE SESSION HAS ENDED"
 """How what the page then says begins."""
 _SCRIPT = Path(__file__).with_name("page.js")
+_WORDS = {
+    "LOST_TEXT": LOST,
+    "ENDED_TEXT": ENDED,
+    "BEAT_ATTRIBUTE": BEAT_ATTRIBUTE,
+    "FRAMES_ATTRIBUTE": FRAMES_ATTRIBUTE,
+    "ENDED_ATTRIBUTE": ENDED_ATTRIBUTE,
+    "URGENT_COLOUR": css(URGENT),
+}
 
 
-def beat_html(beat: int) -> str:
-    """An element that nobody sees, and whose number goes on while the console draws."""
-    return f'<i {BEAT_ATTRIBUTE}="{beat}"></i>'
+def beat_html(beat: int, frames: float = 30.0, ended: str = "") -> str:
+    """An element that nobody sees, and whose number goes on while the console draws.
+
+    Args:
+        beat: The number.
+        frames: So many pictures a second the page may draw.
+        ended: What there is to say after the session's end; "" while it runs.
+    """
+    last = f' {ENDED_ATTRIBUTE}="{html.escape(ended)}"' if ended else ""
+    return f'<i {BEAT_ATTRIBUTE}="{beat}" {FRAMES_ATTRIBUTE}="{frames:.0f}"{last}></i>'
 
 
 def with_watch(page: bytes) -> bytes:
-    """The viewer's page with the script that watches the beat.
+    """The viewer's page with the script.
 
     Args:
         page: As the viewer has it.
     """
-    script = _SCRIPT.read_text().replace("LOST_TEXT", LOST).replace("BEAT_ATTRIBUTE", BEAT_ATTRIBUTE)
+    script = _SCRIPT.read_text()
+    for name, word in _WORDS.items():
+        script = script.replace(name, word)
     return page.replace(b"<head>", b"<head><script>" + script.encode() + b"</script>", 1)

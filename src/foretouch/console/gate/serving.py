@@ -41,6 +41,9 @@ HEADERS = {
 UNKNOWN_VIEWER = "viser {} serves in a way that the console's gate does not know: install viser 1.1.1"
 BUSY = "Too many pages of this console are open: close one.\n"
 
+NOT_ALLOWED = b"HTTP/1.1 405 Method Not Allowed\r\nAllow: GET\r\nContent-Length: 0\r\nConnection: close\r\n\r\n"
+"""What whoever asks for something else than a page gets; the server behind knows no other method."""
+
 _STARTING = threading.Lock()
 
 
@@ -189,6 +192,7 @@ def _connection_type(gate: _Gate) -> type[ServerConnection]:
         def __init__(self, *args: Any, **options: Any) -> None:
             super().__init__(*args, **options)
             self._wait, self._volume = Wait(), Volume()
+            self._first = True
 
         def connection_made(self, transport: Any) -> None:
             super().connection_made(transport)
@@ -206,7 +210,11 @@ def _connection_type(gate: _Gate) -> type[ServerConnection]:
             backlog = self.transport.get_write_buffer_size()
             if self._volume.too_much(self.loop.time(), len(data)) or backlog > LARGEST_BACKLOG:
                 self.transport.abort()
+            elif self._first and data[:3] != b"GET"[: len(data)]:  # a link preview, or a monitor
+                self.transport.write(NOT_ALLOWED)
+                self.transport.close()
             else:
+                self._first = False
                 super().data_received(data)
 
         def send_data(self) -> None:

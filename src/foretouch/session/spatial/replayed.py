@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -62,7 +62,11 @@ class PlayedSpatialOperator(SpatialDevice):
 
 
 def replay_scene(
-    log: SessionLog, settings: SessionSettings, closed_loop: bool, description: Mapping[str, str]
+    log: SessionLog,
+    settings: SessionSettings,
+    closed_loop: bool,
+    description: Mapping[str, str],
+    progress: Callable[[float], None] | None = None,
 ) -> SessionLog:
     """Run a session in three dimensions again; see `foretouch.session.replay_under`.
 
@@ -74,6 +78,7 @@ def replay_scene(
         settings: All of them.
         closed_loop: Whether the force moves the hand.
         description: Further texts for the log.
+        progress: Called now and then with the time that has been run again [s].
 
     Raises:
         RecordingError: A real robot; a hand that felt something, in an open loop; a closed loop whose hand was led by
@@ -97,6 +102,7 @@ def replay_scene(
             robot=robot,
             camera=camera,
             description=description,
+            progress=progress,
         ).log
     finally:
         if camera is not None:

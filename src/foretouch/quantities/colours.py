@@ -1,32 +1,42 @@
-"""Colours of the console: Okabe and Ito's, which most colour-blind people can tell apart.
+"""Every colour, once: console, pages, figures and documentation draw the same thing in the same one.
 
-Okabe and Ito (2008), Color Universal Design.
+Okabe and Ito's, which most colour-blind people can tell apart (Okabe and Ito (2008), Color Universal Design).
 """
 
 from __future__ import annotations
 
 __all__ = [
-    "BLUE", "CUT", "DENT", "GREEN", "GREY", "INK", "ORANGE", "PURPLE", "SKY", "SURFACE", "VERMILLION", "css", "faint"
+    "AGAIN", "BLUE", "CUT", "DELAYED", "DENT", "GREEN", "GREY", "INK", "ORANGE", "PREDICTED", "PURPLE", "RENDERED",
+    "SKY", "SURFACE", "TRUE", "URGENT", "VERMILLION", "WRONG", "css", "faint"
 ]  # fmt: skip
 
 Colour = tuple[int, int, int]
 
 BLUE: Colour = (0, 114, 178)
-"""The operator: handle, probe, predicted force."""
 VERMILLION: Colour = (213, 94, 0)
-"""The delayed robot and its force; the emergency stop, and whatever has to be known at once."""
 GREEN: Colour = (0, 158, 115)
-"""What the hand is given; whatever belongs to energy."""
 SKY: Colour = (86, 180, 233)
-"""The predicted force of a second run."""
 ORANGE: Colour = (230, 159, 0)
-"""The delayed force of a second run."""
 PURPLE: Colour = (204, 121, 167)
-"""A fourth curve where three are not enough."""
 INK: Colour = (0, 0, 0)
-"""The true force."""
 GREY: Colour = (92, 106, 120)
-"""What is neither pressed nor urgent."""
+"""What is neither pressed nor urgent; the robot while it does not follow."""
+
+PREDICTED = BLUE
+"""The operator: handle, probe, predicted force."""
+DELAYED = VERMILLION
+"""The delayed robot and its force."""
+RENDERED = GREEN
+"""What the hand is given; whatever belongs to energy."""
+TRUE = INK
+"""The true force."""
+AGAIN = (SKY, ORANGE)
+"""The predicted and the delayed force of a second run."""
+URGENT = VERMILLION
+"""The emergency stop, and whatever has to be known at once."""
+WRONG = ORANGE
+"""On pages: what is wrong, forbidden or not believed."""
+
 SURFACE: Colour = (240, 215, 190)
 """The material from above."""
 DENT: tuple[Colour, ...] = ((240, 215, 190), (222, 190, 160), (196, 156, 122), (160, 116, 84), (116, 78, 52))

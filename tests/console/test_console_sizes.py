@@ -1,0 +1,182 @@
+"""The console in a real browser, on a laptop, a phone and a large screen: what is seen, and what nothing covers."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+from console_driver import Session, chromium, on_screen, open_page, open_tab
+
+pytest.importorskip("viser")
+
+from foretouch.console import Console
+from foretouch.console.alarm import READY
+from foretouch.console.gate.page import ENDED, LOST
+from foretouch.console.network_panel import SLIDERS
+from foretouch.console.panel import WIDTH
+from foretouch.console.shapes import HANDLE_HEIGHT
+from foretouch.messages import Settings
+
+pytestmark = [
+    pytest.mark.browser,
+    pytest.mark.skipif(chromium() is None, reason="no Chromium: install it, or set FORETOUCH_BROWSER"),
+]
+
+LAPTOP, PHONE, LARGE = (1280, 720), (390, 844), (1920, 1080)
+LABELS = [label for label, *_ in SLIDERS.values()]
+
+
+@pytest.fixture
+def running() -> Iterator[tuple[Console, Session]]:
+    sessions: list[Session] = []
+    console = Console(0, lambda message: sessions[0].publish(message))
+    sessions.append(Session(console.watch))
+    end = threading.Event()
+    drawing = threading.Thread(target=console.run, args=(end.is_set,))
+    drawing.start()
+    try:
+        with sessions[0]:
+            yield console, sessions[0]
+    finally:
+        end.set()
+        drawing.join()
+        console.close()
+
+
+def box_of(locator: Any) -> dict[str, float]:
+    box = locator.bounding_box()
+    assert box is not None
+    return {"left": box["x"], "top": box["y"], "right": box["x"] + box["width"], "bottom": box["y"] + box["height"]}
+
+
+def apart(one: dict[str, float], other: dict[str, float]) -> bool:
+    beside = one["right"] <= other["left"] or other["right"] <= one["left"]
+    return beside or one["bottom"] <= other["top"] or other["bottom"] <= one["top"]
+
+
+def on_top(page: Any, x: float, y: float) -> str:
+    return str(page.evaluate("([x, y]) => document.elementFromPoint(x, y).tagName", [x, y]))
+
+
+@pytest.mark.parametrize("size", [LAPTOP, LARGE])
+def test_handle_material_plot_and_all_sliders_of_the_network_are_seen_at_once(
+    running: tuple[Console, Session], size: tuple[int, int]
+) -> None:
+    with open_page(running[0].url, *size) as (page, _):
+        page.get_by_text("hunt-crossley").wait_for()
+        seen = [page.locator(".uplot").first, page.get_by_text("hunt-crossley")]
+        seen += [page.get_by_text(label, exact=True) for label in LABELS]
+        seen += page.locator("input[type=text]:visible").all()[: len(LABELS)]
+        for one in seen:
+            box = box_of(one)
+            assert 0 <= box["left"] < box["right"] <= size[0], one
+            assert 0 <= box["top"] < box["bottom"] <= size[1], one
+        for height in (0.0, HANDLE_HEIGHT + 1.0):  # the surface, and the handle
+            assert on_top(page, *on_screen(page, (0.0, 0.0, height))) == "CANVAS"
+
+
+def test_on_a_phone_the_scene_is_above_the_panel_and_the_stop_is_over_no_data(running: tuple[Console, Session]) -> None:
+    with open_page(running[0].url, *PHONE) as (page, _):
+        stop = box_of(page.get_by_role("button", name=READY))
+        sheet = box_of(page.locator(".mantine-Paper-root").filter(has=page.locator(".foretouch-alarm")).first)
+        plot = box_of(page.locator(".uplot").first)
+        assert (sheet["left"], sheet["right"]) == (0, PHONE[0])
+        assert apart(stop, sheet)
+        assert stop["bottom"] <= PHONE[1]
+        assert sheet["top"] >= 0.38 * PHONE[1]
+        assert 0 <= plot["left"] < plot["right"] <= PHONE[0]
+        assert plot["bottom"] <= sheet["bottom"]  # no scrolling for it
+        for height in (-1.0, HANDLE_HEIGHT + 1.0):
+            x, y = on_screen(page, (0.0, 0.0, height))
+            assert y < sheet["top"]
+            assert on_top(page, x, y) == "CANVAS"
+
+
+def test_the_panel_keeps_its_width_and_its_tables_keep_theirs(running: tuple[Console, Session]) -> None:
+    with open_page(running[0].url, *LAPTOP) as (page, _):
+        region = page.locator("[data-dock-region]:visible").first
+        width = box_of(region)["right"] - box_of(region)["left"]
+        assert width == pytest.approx(WIDTH, abs=8)
+        page.set_viewport_size({"width": PHONE[0], "height": PHONE[1]})
+        page.wait_for_timeout(1500)
+        page.set_viewport_size({"width": LAPTOP[0], "height": LAPTOP[1]})
+        page.wait_for_timeout(1500)
+        assert box_of(region)["right"] - box_of(region)["left"] == width
+        tab = page.get_by_role("tab", name="Network")
+        places = set()
+        for _ in range(12):
+            places.add(box_of(tab)["top"])
+            page.wait_for_timeout(250)
+        assert len(places) == 1
+
+
+@pytest.mark.parametrize("typed", ["50", "-3", "abc"])
+def test_a_number_out_of_range_is_said_to_be_and_goes_nowhere(running: tuple[Console, Session], typed: str) -> None:
+    console, session = running
+    with open_page(console.url, *LAPTOP) as (page, _):
+        open_tab(page, "Network")
+        box = page.locator("input[type=text]:visible").nth(1)
+        note = page.locator("#foretouch-range")
+        box.click()
+        box.press("Control+a")
+        page.keyboard.type(typed)
+        assert note.inner_text() == "Not set: a number from 0 to 2, please."
+        assert note.is_visible()
+        box.press("Tab")
+        page.wait_for_timeout(500)
+        assert not note.is_visible()
+        assert box.input_value() == "0.3"
+        assert session.of(Settings) == []
+        box.fill("0.5")
+        box.press("Enter")
+        page.wait_for_timeout(500)
+        assert session.of(Settings)[-1].force_delay == 0.5
+        assert not note.is_visible()
+
+
+def test_a_curve_has_a_gap_where_it_is_no_number(running: tuple[Console, Session]) -> None:
+    drawn = """() => {
+        const canvas = document.createElement("canvas");
+        const context = canvas.getContext("2d");
+        const path = new Path2D();
+        path.moveTo(0, 50);
+        for (const x of [20, 40, 60, 80, 100]) path.lineTo(x, x === 60 ? NaN : 50);
+        context.lineWidth = 6;
+        context.stroke(path);
+        return [10, 30, 50, 70, 90].map(x => context.getImageData(x, 50, 1, 1).data[3] > 0);
+    }"""
+    with open_page(running[0].url, *LAPTOP) as (page, _):
+        assert page.evaluate(drawn) == [True, True, False, False, True]
+
+
+def test_a_session_that_has_ended_says_so(running: tuple[Console, Session]) -> None:
+    console, _ = running
+    with open_page(console.url, *LAPTOP) as (page, _):
+        console.close(ended=True)
+        page.get_by_text(ENDED).wait_for(timeout=10_000)
+        page.get_by_text("so is the way to start another: foretouch teleop").wait_for()
+        assert page.get_by_text(LOST).count() == 0
+
+
+def test_every_number_of_a_picture_is_of_one_moment(running: tuple[Console, Session]) -> None:
+    """The panel's own, and the newest points of its plot; in the scene no number stands that could be older."""
+    both = """() => {
+        const row = name => [...document.querySelectorAll("tr")].find(one => one.textContent.includes(name)).innerText;
+        const number = name => Number(row(name).match(/-?\\d+\\.\\d+(?= N)/)[0]);
+        const {data, series} = Object.values(window.__viserTestpoints.uplots)[0].chart;
+        const newest = name => data[series.findIndex(one => one.label === name)].at(-1);
+        return ["Rendered to the hand", "Delayed force now"].map(name => [number(name), newest(name)]);
+    }"""
+    with open_page(running[0].url, *LAPTOP) as (page, _):
+        page.locator("tr", has_text="Rendered to the hand").wait_for()
+        page.wait_for_timeout(2000)
+        seen = [page.evaluate(both) for _ in range(25) if page.wait_for_timeout(170) is None]
+        labels = page.evaluate("JSON.stringify(window.__viserSceneTree.getState())")
+    assert max(pairs[0][0] for pairs in seen) > 0.3  # something was pressed
+    apart = [abs(number - newest) for pairs in seen for number, newest in pairs]
+    assert np.median(apart) < 0.02
+    assert "rendered force" in labels
+    assert ' N"' not in labels
