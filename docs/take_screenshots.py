@@ -107,7 +107,7 @@ def _take(url: str, end: Ending) -> None:
             _picture(page, PRESSED)
             page.get_by_role("button", name=READY).press("Enter")
             page.get_by_role("button", name=LATCHED).wait_for()
-            page.get_by_text("kill -USR2").wait_for()
+            page.get_by_text("foretouch release").wait_for()
             page.wait_for_timeout(1000 * SETTLED)
             page.screenshot(path=STOPPED)
             end()

@@ -29,8 +29,8 @@ DOCUMENTED = Path(__file__).resolve().parents[2] / "docs" / "command-line.md"
 
 SOURCE = Path(inspect.getfile(foretouch)).parent
 
-WITHOUT_RESULT = ("leader", "follower", "camera", "record", "console", "bridge ros2")
-"""Commands that run until they are ended, and print nothing on the output."""
+WITHOUT_RESULT = ("leader", "follower", "camera", "record", "console", "bridge ros2", "warm-up")
+"""Commands that print nothing on the output: all but the last run until they are ended."""
 
 
 def walk(command: object, path: tuple[str, ...] = ()) -> Iterator[tuple[str, click.Command]]:
