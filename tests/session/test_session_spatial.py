@@ -489,6 +489,29 @@ def test_a_material_that_remembers_is_refused() -> None:
             make_spatial_robot(settings, make_scene("hill"))
 
 
+def test_a_probe_meets_the_most_damped_of_scenes_and_stays_on_it() -> None:
+    """With physics steps of half a millisecond its damper would turn the probe around in one, and swing it up."""
+    settings = SessionSettings(
+        scene="phantom", material="kelvin-voigt", most_damped=2000.0, displacement=0.0, turn=0.0, fusion="none"
+    )
+    scene = make_scene("phantom")
+    arm = make_spatial_robot(settings, scene)
+    assert scene.inclusion is not None
+    (x, y, _), speed = scene.inclusion.middle, 0.004
+    place, forces = arm.read().exact_place, []
+    aside = x + scene.nominal[0], y + scene.nominal[1]
+    for tick in range(12_000):
+        share = min(tick / 1000, 1.0)
+        sample = arm.exchange((aside[0] * share, aside[1] * share, place[2] - speed * 1e-3 * tick))
+        if len(forces) > 20:
+            break
+        if forces or sample.exact_force[2] > 0.0:
+            forces.append(math.hypot(*sample.exact_force))
+    assert len(forces) > 20
+    assert min(forces) > 0.0, "it stays in touch"
+    assert max(forces) < 1.5 * 2000.0 * speed, "and nothing swings up"
+
+
 def test_a_scene_has_defaults_of_its_own() -> None:
     settings = SessionSettings(scene="hill")
     assert (settings.model, settings.estimator, settings.material) == ("quadratic", "material-field", "hunt-crossley")

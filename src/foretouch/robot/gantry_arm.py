@@ -15,11 +15,14 @@ from foretouch.robot.insertion_servo import InsertionServo
 from foretouch.robot.robot import RobotSpecification
 from foretouch.robot.spatial_robot import SpatialRobot, SpatialSample, Vector
 
-__all__ = ["GantryArm", "TouchedWorld"]
+__all__ = ["LEAST_STEPS", "MOVED_MASS", "GantryArm", "TouchedWorld"]
 
 MOVED_MASS = CARRIAGE_MASS + TOOL_MASS
 RAIL_DAMPING = 1.0
 """Of each joint [N s/m]."""
+
+LEAST_STEPS = 2
+"""Physics steps in a sample period: of 1 ms they are 0.5 ms long."""
 
 LARGEST_FORCE = 1000.0
 """A contact force that is more, or no number, is cut here, so that the physics stay finite [N]."""
@@ -54,6 +57,8 @@ class GantryArm(SpatialRobot):
         start: Place of the tip at first [m].
         reach: Lowest and highest place [m].
         sample_period: [s].
+        substeps: Physics steps in a sample period: what is touched acts through a whole one, so that a damping of b
+            needs more than b T / (2 m) of them, or a contact swings up by itself.
         force_limit: Force that each drive can hold at most [N].
         encoder_resolution: [m]; 0 does not round.
         encoder_noise: Standard deviation before rounding [m].
@@ -75,6 +80,7 @@ class GantryArm(SpatialRobot):
         start: Vector = (0.0, 0.0, 0.05),
         reach: tuple[Vector, Vector] = ((-0.15, -0.15, -0.08), (0.15, 0.15, 0.12)),
         sample_period: float = 1e-3,
+        substeps: int = LEAST_STEPS,
         force_limit: float = 15.0,
         encoder_resolution: float = 5e-6,
         encoder_noise: float = 2e-6,
@@ -84,13 +90,15 @@ class GantryArm(SpatialRobot):
     ) -> None:
         require("seed", seed, at_least=0)
         require("sample_period", sample_period, above=0.0, at_most=1.2e-3)
+        require("substeps", substeps, at_least=LEAST_STEPS)
         require("force_limit", force_limit, above=0.0)
         for name, value in (("resolution", encoder_resolution), ("noise", encoder_noise), ("sensor", sensor_noise)):
             require(name, value, at_least=0.0)
         require("sensor_bandwidth", sensor_bandwidth, above=0.0)
         self._world, self._fixture = world, fixture
         self.reach = reach
-        self._h = 0.5 * sample_period
+        self._steps = range(substeps)
+        self._h = sample_period / substeps
         self._low_pass = -math.expm1(-2.0 * math.pi * sensor_bandwidth * self._h)
         self._offset = sensor_offset
         self._resolution, self._encoder_noise, self._sensor_noise = encoder_resolution, encoder_noise, sensor_noise
@@ -156,7 +164,7 @@ class GantryArm(SpatialRobot):
             servo.command(way * wanted)
         h, data = self._h, self._data
         place, velocity = self._place, self._velocity
-        for _ in range(2):
+        for _ in self._steps:
             for axis in AXES:
                 # A servo counts inwards, against the force that it meets; the third one's way in is down.
                 way = WAYS[axis]

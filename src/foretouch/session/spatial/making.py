@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 
 from foretouch.devices import (
@@ -14,6 +15,7 @@ from foretouch.devices import (
 )
 from foretouch.errors import MissingExtraError, SettingError
 from foretouch.robot import GantryArm, Material, make_material
+from foretouch.robot.gantry_arm import LEAST_STEPS, MOVED_MASS
 from foretouch.session.settings import NO_GRIP, SAMPLE_PERIOD, SessionSettings
 from foretouch.session.spatial.camera import SimulatedCamera
 from foretouch.session.spatial.scenes import Scene, palpation
@@ -24,6 +26,9 @@ __all__ = ["make_camera", "make_spatial_operator", "make_spatial_robot"]
 
 PRESS_DEPTH = 0.005
 """Of a palpating hand [m]."""
+
+STOPPED_AT_MOST = 0.7
+"""Share of the probe's speed that a damper takes in one physics step: with 1 it stops, and with 2 it swings up."""
 
 
 def make_spatial_robot(settings: SessionSettings, scene: Scene, *, force_limit: float = 15.0) -> GantryArm:
@@ -46,12 +51,17 @@ def make_spatial_robot(settings: SessionSettings, scene: Scene, *, force_limit: 
         bump=settings.bump,
         seed=settings.seed,
     )
-    _require_assumed(settings, scene, material)
-    return GantryArm(world.touch, world.fixture, seed=settings.seed, force_limit=force_limit)
+    stiffness, damping = _hardest(settings, scene, material)
+    for name, unit, most in (("stiffest", "N/m", stiffness), ("most_damped", "N s/m", damping)):
+        if getattr(settings, name) < 0.99 * most:
+            rule = f"must be at least {most:.4g} {unit}, which {material.name} has somewhere in the scene {scene.name}"
+            raise SettingError(name, getattr(settings, name), rule)
+    steps = max(LEAST_STEPS, math.ceil(damping * SAMPLE_PERIOD / (STOPPED_AT_MOST * MOVED_MASS)))
+    return GantryArm(world.touch, world.fixture, seed=settings.seed, substeps=steps, force_limit=force_limit)
 
 
-def _require_assumed(settings: SessionSettings, scene: Scene, material: Material) -> None:
-    """Refuse what is stiffer or more damped somewhere than safety assumes, up to the force ceiling: see `Safety`."""
+def _hardest(settings: SessionSettings, scene: Scene, material: Material) -> tuple[float, float]:
+    """Largest stiffness [N/m] and damping [N s/m] anywhere in the scene, up to the force ceiling."""
     ratio = 1.0 if scene.inclusion is None else scene.inclusion.ratio
     step, speed = 1e-5, settings.largest_speed
 
@@ -63,10 +73,7 @@ def _require_assumed(settings: SessionSettings, scene: Scene, material: Material
         depth += step
         stiffness = max(stiffness, (force(depth, 0.0) - force(depth - step, 0.0)) / step)
         damping = max(damping, (force(depth, speed) - force(depth, 0.0)) / speed)
-    for name, unit, most in (("stiffest", "N/m", stiffness), ("most_damped", "N s/m", damping)):
-        if getattr(settings, name) < 0.99 * most:
-            rule = f"must be at least {most:.4g} {unit}, which {material.name} has somewhere in the scene {scene.name}"
-            raise SettingError(name, getattr(settings, name), rule)
+    return stiffness, damping
 
 
 def make_camera(settings: SessionSettings, scene: Scene, *, say: Callable[[str], None]) -> SimulatedCamera | None:
