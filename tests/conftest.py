@@ -30,7 +30,7 @@ def pytest_collection_finish(session: pytest.Session) -> None:
 
 REAL_TIME = ("live", "network", "browser")
 """Tests with these marks run processes in real time. A shared machine may stand still for a second, which no deadline
-survives: what fails is tried once more, and is shown as such; what fails twice is a failure."""
+survives: what fails is tried once more, and named at the end of the run; what fails twice is a failure."""
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
