@@ -55,7 +55,7 @@ def one_law_without_simulation(words: list[str]) -> list[str]:
 
 def only_the_quickest_section(words: list[str]) -> list[str]:
     """The whole reproduction takes minutes; one section goes through the same code."""
-    return words if "--only" in words else [*words, "--only", "fig4"]
+    return words if "--only" in words else [*words, "--only", "fig2"]
 
 
 def two_short_sessions(words: list[str]) -> list[str]:
@@ -245,7 +245,7 @@ def run(arguments: list[str]) -> str:
     return result.stdout
 
 
-SLOW = (("materials", "fit"),)
+SLOW = (("materials", "fit"), ("bench",))
 """Commands that take long in any form; their parts have tests of their own."""
 
 
@@ -341,8 +341,14 @@ def test_a_session_runs_in_its_short_form(text: str, tmp_path: Path, running: li
     assert list(tmp_path.rglob("*.mcap"))
 
 
+def doctors_now() -> list[Any]:
+    """Who answers, and the first that looks; the others differ in whom they ask, which tests of the doctor do too."""
+    looks, answers = ([text for text in of("doctor") if ("--listen" in text) is listens] for listens in (False, True))
+    return [*answers, *one_now(sorted(looks, key=len))]
+
+
 @pytest.mark.network
-@pytest.mark.parametrize("text", of("doctor"))
+@pytest.mark.parametrize("text", doctors_now())
 def test_a_doctor_looks_and_answers(text: str, tmp_path: Path, running: list[subprocess.Popen[str]]) -> None:
     """Who asks somebody finds nobody here; whether this machine is fit is not this test's matter."""
     arguments = without(shlex.split(text), "--seconds")

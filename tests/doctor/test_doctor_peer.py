@@ -290,7 +290,7 @@ def test_the_command_answers_and_asks(tmp_path: Path) -> None:
     assert bad.exit_code == 1
 
 
-@pytest.mark.parametrize("no_colour", [True, False])
+@pytest.mark.parametrize("no_colour", [True, pytest.param(False, marks=pytest.mark.long)])
 def test_the_table_says_verdicts_in_words_and_no_color_is_heeded(tmp_path: Path, no_colour: bool) -> None:
     pty = pytest.importorskip("pty")
     environment = {name: value for name, value in os.environ.items() if name not in ("NO_COLOR", "FORCE_COLOR")}
