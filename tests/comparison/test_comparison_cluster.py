@@ -34,7 +34,7 @@ CHOSEN: dict[str, Any] = {"models": ("kelvin-voigt", "hunt-crossley"), "estimato
 
 @pytest.fixture(scope="module")
 def address() -> Iterator[str]:
-    with started(2) as (at, _, _):
+    with started(1) as (at, _, _):
         yield at
 
 

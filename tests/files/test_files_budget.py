@@ -9,6 +9,7 @@ import subprocess
 import sys
 import threading
 import time
+from collections.abc import Iterator
 from pathlib import Path
 
 import hungry
@@ -21,10 +22,13 @@ from foretouch.recordings import Mapping, read_recording, read_session, repair_s
 from foretouch.rendering.surfaces import read_mesh
 
 
-@pytest.fixture(autouse=True)
-def _from_here(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The process that reads finds the readers of these tests, and ends with each test."""
-    monkeypatch.syspath_prepend(str(Path(__file__).parent))
+@pytest.fixture(autouse=True, scope="module")
+def _from_here() -> Iterator[None]:
+    """The process that reads finds the readers of these tests, and ends with them."""
+    within.close()
+    with pytest.MonkeyPatch.context() as patch:
+        patch.syspath_prepend(str(Path(__file__).parent))
+        yield
     within.close()
 
 

@@ -47,7 +47,7 @@ def test_it_knows_nothing_at_first(estimator: Estimator) -> None:
 
 
 def test_its_model_can_cross_the_network(estimator: Estimator) -> None:
-    identify(press(), Learner(estimator))
+    identify(press(duration=3.0), Learner(estimator))
     model = estimator.model
     assert model is not None
     assert LAWS[model.law] is type(model)
@@ -91,7 +91,7 @@ def test_bad_numbers_never_raise(estimator: Estimator) -> None:
 
 
 def test_reset_forgets_and_the_same_samples_teach_the_same_again(estimator: Estimator) -> None:
-    recording = press(noise=0.01)
+    recording = press(noise=0.01, duration=2.5)
     first = identify(recording, Learner(estimator), keep_history=True)
     errors = estimator.standard_errors
     estimator.reset()
@@ -128,7 +128,7 @@ def arbitrary_samples(count: int) -> Iterator[ContactSample]:
 
 
 def test_no_samples_unbound_its_covariance(estimator: Estimator) -> None:
-    for index, sample in enumerate(arbitrary_samples(40_000)):
+    for index, sample in enumerate(arbitrary_samples(10_000)):
         estimator.update(sample)
         if index % 97:
             continue
