@@ -223,7 +223,7 @@ def test_numpy_restarts_where_a_covariance_overflows() -> None:
         fprls_many_numpy(*recordings, options=OPTIONS["robust"])
 
 
-@pytest.mark.parametrize("parallel", [False, True])
+@pytest.mark.parametrize("parallel", [False, pytest.param(True, marks=pytest.mark.long)])
 def test_known_regressors_are_the_recursion_alone(parallel: bool) -> None:
     depth, velocity, force, _ = columns([recorded(SHORT, seed) for seed in range(MANY)])
     depth, velocity, force = np.clip(np.nan_to_num(np.abs(depth)), 1e-4, 0.01), np.clip(velocity, -1, 1), abs(force)

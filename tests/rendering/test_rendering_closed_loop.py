@@ -87,7 +87,7 @@ NAMES = ["1000 N/mm", "10 N/mm", "100 N/mm", "damper", "stiffening", "stiffening
 
 
 @pytest.mark.parametrize("model", HARD, ids=NAMES)
-@pytest.mark.parametrize("damping", [0.5, 2.0, 5.0])
+@pytest.mark.parametrize("damping", [0.5, *(pytest.param(damping, marks=pytest.mark.long) for damping in (2.0, 5.0))])
 @pytest.mark.parametrize("grip", GRIPS)
 def test_no_material_swings_in_any_grip_without_the_help_of_friction(grip, damping, model):
     device = DeviceSpecification(damping=damping, friction=0.0, resolution=0.0, delay=5e-4)
@@ -95,7 +95,9 @@ def test_no_material_swings_in_any_grip_without_the_help_of_friction(grip, dampi
 
 
 @pytest.mark.parametrize("grip", GRIPS)
-@pytest.mark.parametrize("resolution", [1e-6, 1e-5, 5e-5])
+@pytest.mark.parametrize(
+    "resolution", [5e-5, *(pytest.param(resolution, marks=pytest.mark.long) for resolution in (1e-6, 1e-5))]
+)
 def test_nor_with_a_real_encoder_and_friction(grip, resolution):
     device = DeviceSpecification(damping=2.0, resolution=resolution, delay=5e-4)
     for model in HARD:

@@ -167,7 +167,7 @@ def test_a_change_of_the_material_is_sent_at_once_and_told_for_two_seconds() -> 
     assert "the material changed" not in pressing.run(300)[-1].reason
 
 
-@pytest.mark.parametrize("faults", [{"loss": 0.2}, {"outage": 0.15}])
+@pytest.mark.parametrize("faults", [{"loss": 0.2}, pytest.param({"outage": 0.15}, marks=pytest.mark.long)])
 def test_lost_models_are_made_good_within_200_ms(faults: dict[str, float], session: SessionLog) -> None:
     log = simulated(8.0, material="foam-measured", **faults)
     sent = {model.sequence: model.time_ns for model in log.models}
@@ -255,7 +255,7 @@ def test_a_command_that_comes_after_its_turn_does_not_unlearn_what_the_leader_re
     assert trip.current == 0, "a leader that gave its model up says so"
 
 
-@pytest.mark.parametrize("faults", [{}, {"loss": 0.05, "jitter": 0.003}])
+@pytest.mark.parametrize("faults", [pytest.param({}, marks=pytest.mark.long), {"loss": 0.05, "jitter": 0.003}])
 def test_a_state_is_that_of_the_command_that_its_message_names(faults: dict[str, float]) -> None:
     """What the material remembers by the leader's own motion up to that command, and up to no other."""
     log = simulated(16.0, material="hunt-crossley", seed=3, **faults)

@@ -63,7 +63,9 @@ def test_after_a_follower_began_again_its_own_learning_counts() -> None:
     assert error[-3000:].max() < 1e-3
 
 
-@pytest.mark.parametrize("kind", ["nan", "spikes", "dropout", "stuck"])
+@pytest.mark.parametrize(
+    "kind", ["nan", "stuck", *(pytest.param(kind, marks=pytest.mark.long) for kind in ("spikes", "dropout"))]
+)
 def test_what_a_failing_sensor_showed_is_not_learnt(kind: str) -> None:
     from foretouch.robot import FaultySensor, SensorFault
 

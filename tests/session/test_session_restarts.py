@@ -190,7 +190,7 @@ def test_a_moving_robot_is_not_released() -> None:
     assert lap.following.safety.stop_reason == "now"
 
 
-@pytest.mark.parametrize("kind", ["nan", "offset-step", *RARER])
+@pytest.mark.parametrize("kind", ["nan", pytest.param("offset-step", marks=pytest.mark.long), *RARER])
 def test_a_sensor_that_fails_freezes_learning_and_holds_the_robot(kind: str) -> None:
     from foretouch.robot import FaultySensor, SensorFault
 

@@ -147,7 +147,7 @@ def test_faults_are_counted() -> None:
     assert session_report(log)["messages"]["lost"] == sum(n for name, n in log.counts.items() if name.endswith("_lost"))
 
 
-@pytest.mark.parametrize("jitter", [0.0, 0.0005, 0.005])
+@pytest.mark.parametrize("jitter", [0.005, *(pytest.param(jitter, marks=pytest.mark.long) for jitter in (0.0, 0.0005))])
 def test_the_network_s_jitter_does_not_shake_what_the_follower_feels(jitter: float) -> None:
     log = run(6.0, material="hunt-crossley", jitter=jitter, seed=1).log
     learnt = log.follower[log.follower["command_sequence"] > 0]
@@ -243,10 +243,10 @@ print(len(made), made)
 @pytest.mark.parametrize(
     "options",
     [
-        {},
         {"grip": "normal"},
-        {"model": "continuous-switching"},
         {"scene": "phantom", "fusion": "contact"},
+        pytest.param({}, marks=pytest.mark.long),
+        pytest.param({"model": "continuous-switching"}, marks=pytest.mark.long),
     ],
     ids=str,
 )
