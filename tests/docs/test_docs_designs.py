@@ -35,6 +35,14 @@ def designs() -> Iterator[SimpleNamespace]:
         sys.path.remove(str(ROOT / "docs"))
 
 
+@pytest.fixture
+def interpreted(designs: SimpleNamespace, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nothing of the designs is compiled, which takes longer than little computing. What computes more takes long."""
+    for module in (designs.maps, designs.kernels):
+        for name, one in vars(module).copy().items():
+            monkeypatch.setattr(module, name, getattr(one, "py_func", one))
+
+
 def recorded(seconds: float = 3.2, *, other_after: float | None = None) -> Recording:
     """The beginning of a simulated foam; from a time on, if one is given, with twice the force."""
     whole = simulate("foam").recording
@@ -51,9 +59,9 @@ def press(designs: SimpleNamespace) -> Any:
 
 
 LEARNING: list[Any] = [
-    lambda designs: designs.maps.Map(),
-    lambda designs: designs.maps.Map(gain=True, beyond="tangent"),
-    lambda designs: designs.kernels.Kernel(25),
+    pytest.param(lambda designs: designs.maps.Map(), marks=pytest.mark.long),
+    pytest.param(lambda designs: designs.maps.Map(gain=True, beyond="tangent"), marks=pytest.mark.long),
+    pytest.param(lambda designs: designs.kernels.Kernel(25), marks=pytest.mark.long),
     lambda designs: designs.shares.Shipped(("law", "coarse")),
     lambda designs: designs.shares.Shares(),
     pytest.param(lambda designs: designs.shares.Shares("stacked"), marks=pytest.mark.long),
@@ -73,6 +81,7 @@ def test_no_design_knows_forces_of_the_last_delay(
     assert np.abs(one - two)[unknown].max() > 0.1
 
 
+@pytest.mark.long
 def test_only_the_floor_knows_the_future(designs: SimpleNamespace, press: Any) -> None:
     other = designs.presses.conditioned(recorded(other_after=2.5), None, 0.3, False)
     floor = designs.maps.Map(whole=True, restart=False)
@@ -95,6 +104,7 @@ def test_features_and_prior_are_those_of_the_package(designs: SimpleNamespace, p
     np.testing.assert_allclose(designs.maps.Map()._prior(), theirs, atol=1e-9)
 
 
+@pytest.mark.usefixtures("interpreted")
 def test_recursive_weights_are_those_of_one_solution(designs: SimpleNamespace) -> None:
     random = np.random.default_rng(1)
     rows, force, prior = random.normal(size=(30, 6)), random.normal(size=30), np.diag([4.0, 1.0, 1.0, 0.5, 2.0, 1.0])
@@ -104,6 +114,7 @@ def test_recursive_weights_are_those_of_one_solution(designs: SimpleNamespace) -
     assert not begun.any()
 
 
+@pytest.mark.usefixtures("interpreted")
 def test_a_gaussian_process_within_its_budget_is_the_exact_one(designs: SimpleNamespace) -> None:
     random = np.random.default_rng(2)
     count = 25
@@ -119,6 +130,7 @@ def test_a_gaussian_process_within_its_budget_is_the_exact_one(designs: SimpleNa
     np.testing.assert_allclose(said, exact, rtol=1e-6, atol=1e-8)
 
 
+@pytest.mark.usefixtures("interpreted")
 def test_a_full_budget_is_kept(designs: SimpleNamespace) -> None:
     random = np.random.default_rng(3)
     inputs, force = np.column_stack((random.uniform(0.0, 8.0, 80), random.normal(size=80))), np.ones(80)
@@ -131,6 +143,7 @@ def test_a_full_budget_is_kept(designs: SimpleNamespace) -> None:
     assert np.abs(said - force).mean() < 0.3  # the process forgot samples, not what they said
 
 
+@pytest.mark.long
 def test_the_memory_lowers_the_error_on_foam(designs: SimpleNamespace) -> None:
     whole = simulate("foam")
     press = designs.presses.conditioned(whole.recording, whole.truth, 0.3, False)
