@@ -10,6 +10,12 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
+# One thread for linear algebra, as the commands have it: more take longer over small matrices, beside others at least.
+with pytest.MonkeyPatch.context() as alone:
+    for pool in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+        alone.setenv(pool, os.environ.get(pool, "1"))
+    import scipy.linalg  # noqa: F401  # it has a library of its own, and NumPy another
+
 settings.register_profile("foretouch", derandomize=True, deadline=None, max_examples=30)
 settings.load_profile("foretouch")
 

@@ -6,7 +6,7 @@ import os
 import subprocess
 import sys
 from pathlib import Path
-from shutil import copytree, ignore_patterns
+from shutil import copytree
 
 import numpy as np
 import pytest
@@ -34,7 +34,7 @@ def half(number: float) -> float:
 
 
 def copy_of_the_package(folder: Path) -> Path:
-    copytree(PACKAGE, folder / "foretouch", ignore=ignore_patterns("__pycache__"))
+    copytree(PACKAGE, folder / "foretouch")
     return folder
 
 

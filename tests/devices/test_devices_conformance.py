@@ -62,7 +62,12 @@ def run(device: Device, seconds: float, start_ns: int = 7_000_000_000) -> np.nda
     return np.array([device.read(start_ns + i * TICK_NS) for i in range(int(seconds * 1000))])
 
 
-@pytest.fixture(params=sorted(DEVICES) + sorted(HANDS))
+RARER = [name for name in HANDS if "normal" not in name and "scripted" not in name]
+
+
+@pytest.fixture(
+    params=[*sorted(DEVICES), *(pytest.param(n, marks=[pytest.mark.long] * (n in RARER)) for n in sorted(HANDS))]
+)
 def make(request: pytest.FixtureRequest) -> Callable[[], Device]:
     return (DEVICES | HANDS)[request.param]
 

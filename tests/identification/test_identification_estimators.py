@@ -29,6 +29,8 @@ OWN_LAW: dict[str, ContactModel] = {
 """What an estimator can learn whole, by the name of its model; a soft Hunt-Crossley press for all others."""
 
 NAMES = [(model, estimator) for model, estimators in ESTIMATORS.items() for estimator in estimators]
+SHORT = 2.5
+"""Of a press [s], where it only has to teach something: those that fit all samples at once are slow."""
 
 
 @pytest.fixture(params=NAMES, ids=["/".join(names) for names in NAMES])
@@ -91,7 +93,7 @@ def test_bad_numbers_never_raise(estimator: Estimator) -> None:
 
 
 def test_reset_forgets_and_the_same_samples_teach_the_same_again(estimator: Estimator) -> None:
-    recording = press(noise=0.01, duration=2.5)
+    recording = press(noise=0.01, duration=SHORT)
     first = identify(recording, Learner(estimator), keep_history=True)
     errors = estimator.standard_errors
     estimator.reset()

@@ -102,7 +102,7 @@ def test_a_file_cut_at_every_so_many_bytes_becomes_whole(session, tmp_path):
     assert sizes[-1] == 60
 
 
-@settings(max_examples=60)
+@settings(max_examples=25)
 @given(st.integers(0, 10**6))
 def test_a_file_cut_anywhere_becomes_whole(session, tmp_path_factory, place):
     check_a_cut(session, place % len(session), tmp_path_factory.mktemp("cut"))

@@ -117,11 +117,11 @@ def test_an_exception_before_safety_is_counted_and_told_and_safety_goes_on(
 ) -> None:
     session = Session(monkeypatch, LINE)
     broken = session.broken(owner, name)
-    ran = session.run()
+    ran = session.run(2.0)
     assert broken.raised
     assert ran["step_failures"] == broken.raised
     assert ran["ended"] == "the duration is over"
-    assert session.link.telemetry[-1].sequence > 3400  # the loop went on
+    assert session.link.telemetry[-1].sequence > 1900  # the loop went on
     assert session.largest < CEILING
     if owner is SensorWatch:
         assert session.link.telemetry[-1].status == Status.SENSOR_FAULT
