@@ -203,7 +203,8 @@ def timed_round(session: TapedSession, bare: Mapping[str, Array]) -> dict[str, T
     found, first = {}, 0
     for side in sides:
         count = len(PARTS[side])
-        spent, calls = np.array(booked[side], dtype=np.float64)[:, :, first : first + count].transpose(1, 0, 2)
+        ticks = booked[side][-times[side].size :]  # what came before them warmed up
+        spent, calls = np.array(ticks, dtype=np.float64)[:, :, first : first + count].transpose(1, 0, 2)
         places = {part.name: place for place, part in enumerate(PARTS[side])}
         inner = {places[part.name]: places[part.within] for part in PARTS[side] if part.within}
         touching = times["contact"] > 0.0
