@@ -80,6 +80,7 @@ def in_new_keys(words: list[str]) -> list[str]:
 OFFLINE: dict[tuple[str, ...], Callable[[list[str]], list[str]]] = {
     ("--help",): as_it_is,
     ("--version",): as_it_is,
+    ("warm-up",): as_it_is,
     ("simulate",): lasting(2.0),
     ("identify",): as_it_is,
     ("predict",): as_it_is,
@@ -284,7 +285,7 @@ def test_a_command_runs_in_its_short_form(text: str, folder: Path, monkeypatch: 
     if "--position-unit mm" in text:
         write_press(folder / arguments[1], -1e3 if "--flip" in arguments else 1e3)
     there = set(folder.rglob("*"))
-    assert run(OFFLINE[key](arguments)).strip()
+    assert run(OFFLINE[key](arguments)).strip() or key == ("warm-up",)  # which has no result
     for option in ("--out", "--output", "--recording", "--report"):
         if option in arguments:
             made = folder / arguments[arguments.index(option) + 1]
