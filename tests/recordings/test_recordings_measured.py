@@ -80,7 +80,7 @@ def test_foreign_files_give_one_line(tmp_path, content, suffix):
     path = tmp_path / f"foreign{suffix}"
     path.write_bytes(content)
     # An empty recording of a session may be one whose writer was killed at once.
-    what = "was cut off before anything" if suffix == ".mcap" and not content else "is no "
+    what = "was cut off before anything" if suffix == ".mcap" and not content else "is no"
     with pytest.raises(RecordingError, match=rf"foreign\.\w+: {what}") as caught:
         read_recording(path)
     assert "\n" not in str(caught.value)
