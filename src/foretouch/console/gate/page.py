@@ -31,7 +31,7 @@ _WORDS = {
 
 
 def beat_html(beat: int, frames: float = 30.0, ended: str = "") -> str:
-    """An element that nobody sees, and whose number goes on while the console draws.
+    """An invisible element; its number grows for as long as the console draws.
 
     Args:
         beat: The number.

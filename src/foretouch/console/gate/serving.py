@@ -42,7 +42,7 @@ UNKNOWN_VIEWER = "viser {} serves in a way that the console's gate does not know
 BUSY = "Too many pages of this console are open: close one.\n"
 
 NOT_ALLOWED = b"HTTP/1.1 405 Method Not Allowed\r\nAllow: GET\r\nContent-Length: 0\r\nConnection: close\r\n\r\n"
-"""What whoever asks for something else than a page gets; the server behind knows no other method."""
+"""The answer to any request but GET, which is all that the server behind knows."""
 
 _STARTING = threading.Lock()
 
