@@ -83,14 +83,17 @@ def follower(
 
     Example: foretouch follower --listen tcp/127.0.0.1:7447 --duration 5
     """
-    from foretouch.session import StopFlag, be_prompt, session_calibration
+    from foretouch.session import StopFlag, be_prompt, prepare, session_calibration
 
     require_duration(duration)
     session_calibration(settings)  # told before anything is opened
     be_prompt()
     stop = StopFlag().on_signals()
-    follow = _follow_in_a_scene if settings.scene else _follow_along_a_line
-    ran = follow(settings, endpoints, shadow, stop, duration, parent)
+    # Before the robot is opened: a driver's watchdog does not wait for the compiler.
+    ran: Mapping[str, Any] = {"ended": prepare(settings, stop, say, parent)}
+    if not ran["ended"]:
+        follow = _follow_in_a_scene if settings.scene else _follow_along_a_line
+        ran = follow(settings, endpoints, shadow, stop, duration, parent)
     if json_output:
         print_json(ran)
 
@@ -124,6 +127,7 @@ def leader(
         be_prompt,
         close_operator,
         felt_texts,
+        prepare,
         run_leader,
         wait_for_hello,
     )
@@ -131,6 +135,7 @@ def leader(
     require_duration(duration)
     be_prompt()
     stop = StopFlag().on_signals()
+    prepare(settings, stop, say, parent)  # while the follower does the same
     channels = (*LEADER_CHANNELS, *SPACE_LEADER_CHANNELS) if settings.scene else LEADER_CHANNELS
     with open_link("leader", endpoints, channels) as link:
         if parent is None:

@@ -27,7 +27,7 @@ from foretouch.session.scheduling import be_prompt, give_way
 from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
 from foretouch.session.shadow import SHADOW_CHANNELS, run_shadow
 from foretouch.session.simulated import SimulatedSession, simulate
-from foretouch.session.warm_up import warm_up
+from foretouch.session.warm_up import prepare, warm_up
 
 __all__ = [
     "CLOSED_LOOP",
@@ -62,6 +62,7 @@ __all__ = [
     "material_answers",
     "mediate",
     "orphaned",
+    "prepare",
     "reach_texts",
     "recorded_settings",
     "replay",

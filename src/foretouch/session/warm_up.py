@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import fcntl
+import gc
 import math
 import os
 import selectors
@@ -18,6 +19,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import suppress
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -26,7 +28,7 @@ from numba.core import event
 
 from foretouch.core.compiling import compiled_root, complete_mark, mark_complete
 from foretouch.errors import ForetouchError
-from foretouch.identification import ESTIMATORS, Learner, identify, make_estimator, predict
+from foretouch.identification import ESTIMATORS, ContactSample, Learner, identify, make_estimator, predict
 from foretouch.messages import VERSION, Command, ModelUpdate, Telemetry
 from foretouch.models import ContactMap, Predictor, make_model
 from foretouch.quantities import Recording
@@ -61,7 +63,12 @@ def warm_up(settings: SessionSettings | None = None) -> None:
     Args:
         settings: Of the session that is to begin; law and estimator are taken from them. None for the defaults.
     """
-    settings = SessionSettings() if settings is None else settings
+    _warm_up(SessionSettings() if settings is None else settings)
+
+
+@cache
+def _warm_up(settings: SessionSettings) -> None:
+    """Once in a process for the same settings."""
     if settings.scene:
         from foretouch.session.spatial.warm_up import warm_up_scene
 
@@ -153,6 +160,11 @@ def _learn_offline(law: str) -> None:
 
 def _compile_map() -> None:
     """The contact map, which takes longest."""
+    # First what nobody else needs: meanwhile the other process compiles what both do, and this one finds it.
+    bank = SessionSettings().make_estimator()
+    for tick in range(TICKS):
+        position, force = _press(tick)
+        bank.update(ContactSample(tick * SAMPLE_PERIOD, position - SURFACE, 0.0, force, force > 0.0))
     _press_alone(SessionSettings())
     _learn_offline("contact-map")
     for settings in (SessionSettings(grip="normal"), SessionSettings(scene="phantom", material="hunt-crossley")):
@@ -323,6 +335,7 @@ def main(part: str) -> None:
     for number in (signal.SIGINT, signal.SIGPIPE):
         signal.signal(number, signal.SIG_DFL)
     event.register("numba:compile", _Counted())
+    gc.disable()  # it would look through the compiler's millions of small objects again and again
     PARTS[part]()
 
 
