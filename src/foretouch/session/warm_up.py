@@ -63,12 +63,7 @@ def warm_up(settings: SessionSettings | None = None) -> None:
     Args:
         settings: Of the session that is to begin; law and estimator are taken from them. None for the defaults.
     """
-    _warm_up(SessionSettings() if settings is None else settings)
-
-
-@cache
-def _warm_up(settings: SessionSettings) -> None:
-    """Once in a process for the same settings."""
+    settings = SessionSettings() if settings is None else settings
     if settings.scene:
         from foretouch.session.spatial.warm_up import warm_up_scene
 
@@ -278,6 +273,9 @@ def _compile_in_processes(stop: Callable[[], bool]) -> Iterator[float]:
             part.communicate()
 
 
+_warm_up_once = cache(warm_up)
+
+
 def prepare(settings: SessionSettings, stop: StopFlag, say: Callable[[str], None], parent: int | None) -> str:
     """Compile what was never compiled, load what was, and say meanwhile that it goes on.
 
@@ -313,7 +311,7 @@ def prepare(settings: SessionSettings, stop: StopFlag, say: Callable[[str], None
     try:
         compile_all(progress, stop=stopped)
         if not stop.reason:
-            warm_up(settings)
+            _warm_up_once(settings)
     finally:
         done.set()
         beating.join()
