@@ -120,16 +120,15 @@ class Page:
 
     def hear(self, seconds: float, until: str = "") -> list[dict[str, Any]]:
         """What is shown within a time [s], or until a message of this type has come."""
-        end, heard = time.monotonic() + seconds, []
+        end, begun = time.monotonic() + seconds, len(self.shown)
         while (left := end - time.monotonic()) > 0.0:
             try:
-                heard += _decode(self.socket.recv(timeout=left))  # type: ignore[arg-type]
+                self.shown += _decode(self.socket.recv(timeout=left))  # type: ignore[arg-type]
             except TimeoutError:
                 break
-            if any(message["type"] == until for message in heard):
+            if any(message["type"] == until for message in self.shown[begun:]):
                 break
-        self.shown += heard
-        return heard
+        return self.shown[begun:]
 
     def control(self, kind: str, label: str) -> str:
         """The identifier of a control."""
