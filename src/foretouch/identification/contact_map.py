@@ -286,7 +286,7 @@ class ContactMapBank(Estimator):
 
     @property
     def parameters(self) -> dict[str, float | None]:
-        """The law's numbers, as the law's own estimator gives them."""
+        """The law's numbers, as the law's own estimator gives them, of the newest sample; a model's are an update's."""
         return self._law.parameters
 
     @property
