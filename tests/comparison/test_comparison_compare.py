@@ -178,24 +178,20 @@ def timeless(result: comparison.Result) -> dict[str, Any]:
     return replace(result, us_per_sample=None).as_row()
 
 
-def test_a_process_that_dies_takes_nothing_with_it() -> None:
-    def work(job: int) -> int:
-        if job == 2:
-            os._exit(1)
-        return 10 * job
-
-    outcomes = dict(run_all(work, range(5), processes=2, lost=lambda job, reason: -job if "died" in reason else 0))
-    assert outcomes == {0: 0, 1: 10, 2: -2, 3: 30, 4: 40}
-
-
-def test_worker_processes_do_not_hear_ctrl_c_and_this_one_does() -> None:
-    def deaf(job: int) -> bool:
+def test_a_process_that_dies_takes_nothing_with_it_and_none_of_them_hears_ctrl_c_as_this_one_does() -> None:
+    def deaf() -> bool:
         return signal.SIGINT in signal.pthread_sigmask(signal.SIG_BLOCK, ())
 
-    assert deaf(0) is False
+    def work(job: int) -> tuple[int, bool]:
+        if job == 2:
+            os._exit(1)
+        return 10 * job, deaf()
+
+    assert deaf() is False
     shut_workers_down()  # those of another test began with another mask
-    assert dict(run_all(deaf, range(2), processes=2, lost=lambda job, reason: False)) == {0: True, 1: True}
-    assert deaf(0) is False
+    lost = dict(run_all(work, range(5), processes=2, lost=lambda job, reason: (-job, "died" in reason)))
+    assert lost == {0: (0, True), 1: (10, True), 2: (-2, True), 3: (30, True), 4: (40, True)}
+    assert deaf() is False
 
 
 def shut_workers_down() -> None:

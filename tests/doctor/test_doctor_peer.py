@@ -13,7 +13,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import pytest
@@ -291,30 +291,32 @@ def test_the_command_answers_and_asks(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("no_colour", [True, pytest.param(False, marks=pytest.mark.long)])
-def test_the_table_says_verdicts_in_words_and_no_color_is_heeded(tmp_path: Path, no_colour: bool) -> None:
+def test_the_table_says_verdicts_in_words_and_no_color_is_heeded(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], no_colour: bool
+) -> None:
     pty = pytest.importorskip("pty")
-    environment = {name: value for name, value in os.environ.items() if name not in ("NO_COLOR", "FORCE_COLOR")}
-    environment |= {"TERM": "xterm-256color", "COLUMNS": "100"} | ({"NO_COLOR": "1"} if no_colour else {})
+    for name in ("NO_COLOR", "FORCE_COLOR"):
+        monkeypatch.delenv(name, raising=False)
+    terminal_is = {"TERM": "xterm-256color", "COLUMNS": "100"} | ({"NO_COLOR": "1"} if no_colour else {})
+    for name, value in terminal_is.items():
+        monkeypatch.setenv(name, value)
     terminal, end = pty.openpty()
-    process = subprocess.Popen(
-        [sys.executable, "-m", "foretouch", "doctor", "--seconds", "0.2", "--keys", str(tmp_path / "none")],
-        env=environment,
-        stdout=end,
-        stderr=subprocess.PIPE,
-        close_fds=True,
-    )
-    os.close(end)
-    shown = b""
-    while True:
-        try:
-            part = os.read(terminal, 65536)
-        except OSError:  # the other end has closed
-            break
-        if not part:
-            break
-        shown += part
-    assert process.communicate()[1] == b""  # no bar where the error stream is no terminal
-    text = shown.decode()
+    shown: list[bytes] = []
+
+    def look() -> None:
+        with suppress(OSError):  # the other end has closed
+            while part := os.read(terminal, 65536):
+                shown.append(part)
+
+    looking = threading.Thread(target=look)
+    looking.start()
+    with open(end, "w") as screen, monkeypatch.context() as there:
+        there.setattr(sys, "stdout", screen)
+        app(["doctor", "--seconds", "0.2", "--keys", str(tmp_path / "none")], standalone_mode=False)
+    looking.join()
+    os.close(terminal)
+    assert capsys.readouterr().err == ""  # no bar where the error stream is no terminal
+    text = b"".join(shown).decode()
     assert "good" in text
     assert "all in all:" in text
     assert ("\x1b[38;" in text) is not no_colour

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -11,6 +13,7 @@ from foretouch.quantities import Recording
 SOFT = HuntCrossley(3000.0, 300.0, 1.4)
 
 
+@cache
 def press(
     law: ContactModel = SOFT,
     *,
@@ -22,12 +25,14 @@ def press(
     deepest: float = 0.01,
     seed: int = 0,
 ) -> Recording:
-    """One second in free air, then presses of two frequencies, out of contact in between."""
+    """One second in free air, then presses of two frequencies, out of contact in between; made once."""
     time = np.arange(0.0, duration, 1.0 / rate)
     t = np.maximum(time - 1.0, 0.0)
     depth = deepest * (np.sin(2 * np.pi * 0.8 * t) * (0.7 + 0.3 * np.sin(2 * np.pi * 0.31 * t)) - 0.05)
     velocity = np.gradient(depth, time)
-    force = np.array([law.advance((), x, v, 1 / rate)[1] for x, v in zip(depth, velocity, strict=True)])
+    force = np.array(
+        [law.advance((), x, v, 1 / rate)[1] for x, v in zip(depth.tolist(), velocity.tolist(), strict=True)]
+    )
     return Recording(time, surface + depth, force + offset + np.random.default_rng(seed).normal(0.0, noise, time.size))
 
 

@@ -277,12 +277,13 @@ def test_reset_forgets_everything() -> None:
 # --- what may come in -------------------------------------------------------------------------------------------------
 
 
-def test_ten_minutes_of_taps_leave_the_covariance_one() -> None:
+@pytest.mark.parametrize("minutes", [3, pytest.param(10, marks=pytest.mark.long)])
+def test_minutes_of_taps_leave_the_covariance_one(minutes: int) -> None:
     """Symmetric, positive and bounded by the prior, though no step enforces it."""
     bank = ContactMapBank()
-    statuses = {bank.update(sample) for sample in taps(600.0)}
+    statuses = {bank.update(sample) for sample in taps(60.0 * minutes)}
     assert Status.RESTARTED not in statuses
-    assert bank.updates > 140_000
+    assert bank.updates > 14_000 * minutes
     model = bank.model
     assert isinstance(model, ContactMap)
     assert np.isfinite(model._flat).all()

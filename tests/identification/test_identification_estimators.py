@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Iterator
+from functools import cache
 
 import numpy as np
 import pytest
-from presses import SOFT, press, true_force
+from presses import SOFT, press
 
 from foretouch.errors import UnknownNameError
 from foretouch.identification import (
@@ -29,7 +29,7 @@ OWN_LAW: dict[str, ContactModel] = {
 """What an estimator can learn whole, by the name of its model; a soft Hunt-Crossley press for all others."""
 
 NAMES = [(model, estimator) for model, estimators in ESTIMATORS.items() for estimator in estimators]
-SHORT = 2.5
+SHORT = 3.0
 """Of a press [s], where it only has to teach something: those that fit all samples at once are slow."""
 
 
@@ -48,22 +48,10 @@ def test_it_knows_nothing_at_first(estimator: Estimator) -> None:
     assert estimator.updates == 0
 
 
-def test_its_model_can_cross_the_network(estimator: Estimator) -> None:
-    identify(press(duration=3.0), Learner(estimator))
-    model = estimator.model
-    assert model is not None
-    assert LAWS[model.law] is type(model)
-    assert make_model(model.law, model.parameters, getattr(model, "map", b"")) == model
-    for name, value in zip(model.parameter_names, model.parameters, strict=True):
-        assert estimator.parameters[name] in (value, None)  # None: the model needs a number, but it is undetermined
-    errors = estimator.standard_errors
-    assert errors is None or errors.keys() == estimator.parameters.keys()
-
-
 def test_it_learns_a_clean_press_of_its_own_law(estimator: Estimator) -> None:
     """Given surface and offset, the law it found gives the force again, where the depth is not tiny."""
     true = OWN_LAW.get(estimator.model_name, SOFT)
-    recording = press(true)
+    recording = press(true, duration=5.0)
     result = identify(recording, Learner(estimator, surface=0.01, force_offset=0.3))
     assert result.in_contact.sum() > 1000
     assert result.residual_rms < 0.1 * result.contact_force_rms
@@ -72,7 +60,7 @@ def test_it_learns_a_clean_press_of_its_own_law(estimator: Estimator) -> None:
     for depth in (0.004, 0.008):
         found, expected = (law.advance((), depth, 0.0, 1e-3)[1] for law in (model, true))
         assert found == pytest.approx(expected, rel=0.05)
-    assert true_force(recording, true).max() > 4.0
+    assert recording.position.max() > 0.01 + 0.008  # it was pressed so deep
 
 
 def test_samples_outside_contact_teach_nothing(estimator: Estimator) -> None:
@@ -92,10 +80,19 @@ def test_bad_numbers_never_raise(estimator: Estimator) -> None:
     assert model is None or all(map(math.isfinite, model.parameters))
 
 
-def test_reset_forgets_and_the_same_samples_teach_the_same_again(estimator: Estimator) -> None:
+def test_its_model_can_cross_the_network_and_after_a_reset_the_same_samples_teach_the_same_again(
+    estimator: Estimator,
+) -> None:
     recording = press(noise=0.01, duration=SHORT)
     first = identify(recording, Learner(estimator), keep_history=True)
+    model = estimator.model
+    assert model is not None
+    assert LAWS[model.law] is type(model)
+    assert make_model(model.law, model.parameters, getattr(model, "map", b"")) == model
+    for name, value in zip(model.parameter_names, model.parameters, strict=True):
+        assert estimator.parameters[name] in (value, None)  # None: the model needs a number, but it is undetermined
     errors = estimator.standard_errors
+    assert errors is None or errors.keys() == estimator.parameters.keys()
     estimator.reset()
     assert estimator.model is None
     assert estimator.parameters == {}
@@ -107,9 +104,10 @@ def test_reset_forgets_and_the_same_samples_teach_the_same_again(estimator: Esti
         np.testing.assert_array_equal(again.history[name], column)
 
 
-def arbitrary_samples(count: int) -> Iterator[ContactSample]:
+@cache
+def arbitrary_samples(count: int) -> list[ContactSample]:
     """Presses, held positions, jumps and nonsense, in turns."""
-    random = np.random.default_rng(7)
+    random, found = np.random.default_rng(7), []
     while count > 0:
         size = min(count, 500)
         kind = random.integers(4)
@@ -125,12 +123,13 @@ def arbitrary_samples(count: int) -> Iterator[ContactSample]:
             depth, velocity, force = (random.normal(size=size) * 10.0 ** random.uniform(-9, 9, size) for _ in range(3))
         contact = random.random(size) < 0.9
         for row in zip(depth.tolist(), velocity.tolist(), force.tolist(), contact.tolist(), strict=True):
-            yield ContactSample(0.0, *row)
+            found.append(ContactSample(0.0, *row))
         count -= size
+    return found
 
 
 def test_no_samples_unbound_its_covariance(estimator: Estimator) -> None:
-    for index, sample in enumerate(arbitrary_samples(10_000)):
+    for index, sample in enumerate(arbitrary_samples(6_000)):
         estimator.update(sample)
         if index % 97:
             continue
@@ -171,7 +170,7 @@ def test_unknown_names_list_the_choices() -> None:
 
 
 def test_history_and_residual_have_a_row_a_sample() -> None:
-    recording = press()
+    recording = press(duration=SHORT)
     result = identify(recording, Learner(make_estimator("continuous-switching", "fprls")), keep_history=True)
     assert set(result.history) == {"ln_k", "s", "b1", "b2", "stiffness", "damping", "exponent", "switching"}
     for column in (*result.history.values(), result.residual, result.in_contact):

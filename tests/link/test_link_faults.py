@@ -169,7 +169,7 @@ def lost_of(faults: Faults, messages: int) -> np.ndarray:
     ("loss", "burst"), [(0.01, 3.0), (0.05, 10.0), (0.3, 20.0), (0.3, 1.2), (0.6, 1.5), (0.7, 4.0)]
 )
 def test_bursts_have_the_share_and_the_mean_length_asked_for(loss: float, burst: float) -> None:
-    messages = 200_000
+    messages = 100_000
     lost = lost_of(Faults(loss=loss, burst=burst, seed=5), messages)
     lengths = np.array([sum(1 for _ in run) for is_lost, run in groupby(lost) if is_lost])
     # Standard errors of the two-state chain: memory 1 - p - r, and burst lengths that are geometric.

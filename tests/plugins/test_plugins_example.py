@@ -1,4 +1,4 @@
-"""The example of a plug-in, installed as a package is, in processes of their own."""
+"""The example of a plug-in, installed as a package is, in processes of their own and in this one."""
 
 from __future__ import annotations
 
@@ -8,7 +8,9 @@ import os
 import shutil
 import subprocess
 import sys
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,6 +18,8 @@ from plugin_packages import EXAMPLE
 from typer.testing import CliRunner
 
 from foretouch.cli.app import app
+from foretouch.errors import ForetouchError
+from foretouch.plugins import all_plugins
 
 ROOT = EXAMPLE.parents[1]
 
@@ -32,19 +36,31 @@ def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return target
 
 
-def run(installed: Path, *words: str, folder: Path, code: int = 0) -> subprocess.CompletedProcess[str]:
-    """A command where the example is installed."""
-    environment = os.environ | {"PYTHONPATH": str(installed)}
-    done = subprocess.run(
-        [sys.executable, "-m", "foretouch", *words],
-        capture_output=True,
-        text=True,
-        cwd=folder,
-        env=environment,
-        timeout=120,
-    )
-    assert done.returncode == code, done.stderr
-    return done
+def run(installed: Path, *words: str, folder: Path) -> Any:
+    """What a command prints as JSON, in a process where the example is installed."""
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join([str(installed), os.environ.get("PYTHONPATH", "")])}
+    command = [sys.executable, "-m", "foretouch", *words, "--json"]
+    done = subprocess.run(command, capture_output=True, text=True, cwd=folder, env=environment, timeout=120)
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout)
+
+
+@pytest.fixture
+def here(installed: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., Any]]:
+    """The same in this process, as if the example had just been installed beside it."""
+    for name in [name for name in sys.modules if name.partition(".")[0] == "foretouch_plugin_example"]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.syspath_prepend(str(installed))
+    monkeypatch.chdir(tmp_path)
+    all_plugins.cache_clear()
+
+    def call(*words: str) -> Any:
+        result = CliRunner().invoke(app, [*words, "--json"])
+        assert result.exit_code == 0, result.exception
+        return json.loads(result.stdout)
+
+    yield call
+    all_plugins.cache_clear()
 
 
 def press(path: Path) -> Path:
@@ -63,48 +79,51 @@ def test_files_are_short() -> None:
     assert max(len(path.read_text().splitlines()) for path in EXAMPLE.rglob("*.py")) < 80
 
 
-def test_it_is_listed_with_its_package_and_passes_the_checks(installed: Path, tmp_path: Path) -> None:
-    rows = json.loads(run(installed, "plugins", "--json", folder=tmp_path).stdout)["plugins"]
+def test_it_is_listed_with_its_package_and_passes_the_checks(
+    installed: Path, here: Callable[..., Any], tmp_path: Path
+) -> None:
+    rows = run(installed, "plugins", folder=tmp_path)["plugins"]
+    assert here("plugins")["plugins"] == rows
     own = [row for row in rows if row["package"] == "foretouch-plugin-example"]
     assert [(row["kind"], row["name"], row["version"], row["status"]) for row in own] == [
         ("device", "swing", "0.1.0", "ok"),
         ("estimator", "windowed", "0.1.0", "ok"),
     ]
-    checked = run(installed, "plugins", "check", "windowed", "--json", folder=tmp_path)
-    assert json.loads(checked.stdout)["passed"]
+    assert here("plugins", "check", "windowed")["passed"]
+    assert Path(sys.modules["foretouch_plugin_example.windowed"].__file__ or "").is_relative_to(installed)
 
 
-def test_its_estimator_is_compared_identified_and_simulated(installed: Path, tmp_path: Path) -> None:
+def test_its_estimator_is_compared_identified_and_simulated(here: Callable[..., Any], tmp_path: Path) -> None:
     press(tmp_path / "press.csv")
     chosen = ("--models", "kelvin-voigt", "--estimators", "windowed", "--jobs", "1")
-    done = run(installed, "compare", "press.csv", *chosen, "--json", folder=tmp_path)
-    results = {row["estimator"]: row for row in json.loads(done.stdout)["results"]}
+    results = {row["estimator"]: row for row in here("compare", "press.csv", *chosen)["results"]}
     assert results["windowed"]["status"] == "ok"
     assert results["windowed"]["predictions"][0]["prediction_error_percent"] < 5.0
-    law = ("--model", "kelvin-voigt", "--estimator", "windowed")
-    found = json.loads(run(installed, "identify", "press.csv", *law, "--json", folder=tmp_path).stdout)
+    found = here("identify", "press.csv", "--model", "kelvin-voigt", "--estimator", "windowed")
     assert found["parameters"]["stiffness"] == pytest.approx(600.0, rel=0.03)
 
 
-def test_its_device_moves_a_simulated_session(installed: Path, tmp_path: Path) -> None:
-    words = ("simulate", "--operator", "swing", "--material", "hunt-crossley", "--duration", "4", "--json")
-    report = json.loads(run(installed, *words, "--recording", "s.mcap", folder=tmp_path).stdout)
+def test_its_device_moves_a_simulated_session(here: Callable[..., Any], installed: Path) -> None:
+    words = ("simulate", "--operator", "swing", "--material", "hunt-crossley", "--duration", "4")
+    report = here(*words, "--recording", "s.mcap")
     assert report["settings"]["operator"] == "swing"
     assert report["contact_force_rms_N"] > 1.0
-    # Who has the recording and not the package reads it all the same.
-    again = CliRunner().invoke(app, ["report", str(tmp_path / "s.mcap"), "--json"])
-    assert json.loads(again.stdout)["settings"]["operator"] == "swing"
-    refused = run(installed, "simulate", "--operator", "swin", "--duration", "1", folder=tmp_path, code=2)
+    refused = CliRunner().invoke(app, ["simulate", "--operator", "swin", "--duration", "1"]).exception
     choices = "browser, force-dimension, gamepad, recorded, scripted, swing"
-    assert refused.stderr == f"foretouch: unknown operator 'swin': choose one of {choices}\n"
+    assert isinstance(refused, ForetouchError)  # one line and exit code 2
+    assert str(refused) == f"unknown operator 'swin': choose one of {choices}"
+    # Who has the recording and not the package reads it all the same.
+    sys.path.remove(str(installed))
+    all_plugins.cache_clear()
+    assert "swing" not in {row["name"] for row in here("plugins")["plugins"]}
+    assert here("report", "s.mcap")["settings"]["operator"] == "swing"
 
 
 @pytest.mark.live
 def test_its_device_and_estimator_are_found_by_the_processes_of_a_session(installed: Path, tmp_path: Path) -> None:
     law = ("--model", "kelvin-voigt", "--estimator", "windowed", "--material", "kelvin-voigt")
-    words = ("teleop", "--headless", "--operator", "swing", *law, "--duration", "6", "--json")
-    done = run(installed, *words, "--recording", "s.mcap", folder=tmp_path)
-    report = json.loads(done.stdout)
+    words = ("teleop", "--headless", "--operator", "swing", *law, "--duration", "6")
+    report = run(installed, *words, "--recording", "s.mcap", folder=tmp_path)
     assert report["settings"]["operator"] == "swing"
     assert report["settings"]["estimator"] == "windowed"
     assert report["contact_force_rms_N"] > 0.5

@@ -147,6 +147,13 @@ def test_an_operator_is_told_that_the_device_gives_no_position(tmp_path: Path) -
     assert "The device gave no position in " in ran.out
 
 
+@pytest.fixture
+def not_drawn(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of each figure a page has its caption alone: a drawing takes longer than all else."""
+    monkeypatch.setattr("foretouch.report.page.embedded", lambda figure, caption: caption)
+
+
+@pytest.mark.usefixtures("not_drawn")
 def test_where_the_device_gives_no_position_nothing_is_scored(install: Callable[..., None], tmp_path: Path) -> None:
     install("made-up", {"device": {"blind": "made_up:blind"}}, odd_drivers.DEVICE)
     settings = SessionSettings(operator="blind", material="hunt-crossley")
@@ -164,6 +171,7 @@ def test_where_the_device_gives_no_position_nothing_is_scored(install: Callable[
     assert "The device gave no position" in write_page(tmp_path / "page", log, report).read_text()
 
 
+@pytest.mark.usefixtures("not_drawn")
 def test_a_robot_of_another_package_is_named_in_place_of_a_material(
     install: Callable[..., None], tmp_path: Path
 ) -> None:

@@ -213,7 +213,7 @@ def test_no_room_for_the_mended_file_leaves_the_cut_one(tmp_path):
 # --- the writer on a disk that fills up -------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("limit", [50_000, 100_001, 200_000])
+@pytest.mark.parametrize("limit", [50_000, 100_001, pytest.param(200_000, marks=pytest.mark.long)])
 def test_a_full_disk_leaves_a_whole_file(tmp_path, limit):
     code = (
         "import resource, sys\n"

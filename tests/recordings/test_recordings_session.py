@@ -163,7 +163,7 @@ def test_equal_sessions_give_equal_bytes(tmp_path):
     assert (tmp_path / "a.mcap").read_bytes() == (tmp_path / "b.mcap").read_bytes()
 
 
-@pytest.mark.parametrize("flushed", [1, 2500, 12_000])
+@pytest.mark.parametrize("flushed", [1, pytest.param(2500, marks=pytest.mark.long), 12_000])
 def test_a_killed_writer_leaves_what_was_flushed(tmp_path, flushed):
     path = tmp_path / "session.mcap"
     command = [sys.executable, made.__file__, str(path), str(flushed)]

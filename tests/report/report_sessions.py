@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 
 from foretouch.messages import VERSION, LeaderState, ModelUpdate, SessionLog, Telemetry
@@ -18,6 +20,7 @@ def hand(tick: int) -> float:
     return -0.005 + 0.010 * (1.0 - np.cos(2 * np.pi * 2.0 * tick * 1e-3))
 
 
+@cache
 def make_session(
     duration: float = 4.0,
     *,
@@ -32,7 +35,7 @@ def make_session(
     models: bool = True,
     seed: int = 0,
 ) -> SessionLog:
-    """A session on a Hunt-Crossley material whose models are right but for a factor.
+    """A session on a Hunt-Crossley material whose models are right but for a factor; made once, and not to be changed.
 
     Args:
         duration: [s].
@@ -132,4 +135,6 @@ def make_session(
         "position_delay": "0.08",
         "force_delay": "0.3",
     }
-    return SessionLog.from_messages(leader, follower, sent, settings, {"leader_lost": 2, "follower_lost": 3})
+    log = SessionLog.from_messages(leader, follower, sent, settings, {"leader_lost": 2, "follower_lost": 3})
+    log.leader.flags.writeable = log.follower.flags.writeable = False
+    return log

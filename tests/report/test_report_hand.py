@@ -13,7 +13,7 @@ import pytest
 from report_sessions import make_session
 
 from foretouch.messages import SessionLog
-from foretouch.report import free_hand, oscillation, pair, render_text, session_report, write_page
+from foretouch.report import free_hand, oscillation, page, pair, render_text, session_report, write_page
 from foretouch.report.hand import apart
 from foretouch.robot import make_robot
 from foretouch.session import SessionSettings, make_operator, simulate
@@ -89,7 +89,7 @@ def test_an_account_that_is_not_true_is_said(ours: SessionLog, delayed: SessionL
 def test_where_nothing_was_touched() -> None:
     """A heavy device without damping swings in the hand by itself: that is no oscillation of the coupling."""
     heavy = {"device_mass": 10.0, "device_damping": 0.1, "device_friction": 0.0, "grip": "soft"}
-    log = simulated(20.0, clutch="0.5:20", **heavy)
+    log = simulated(10.0, clutch="0.5:10", **heavy)
     report = session_report(log)
     swings = report["hand"]["oscillation"]
     assert report["stable"] is True
@@ -142,6 +142,13 @@ def test_a_force_where_the_robot_touched_nothing(ours: SessionLog) -> None:
         assert session_report(quiet)["hand"]["largest_phantom_N"] == 0.0
 
 
+@pytest.fixture
+def not_drawn(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of each figure the page has its caption alone: a drawing takes longer than all else."""
+    monkeypatch.setattr(page, "embedded", lambda figure, caption: caption)
+
+
+@pytest.mark.usefixtures("not_drawn")
 def test_a_delayed_force_is_unstable_and_is_said_first(delayed: SessionLog, tmp_path: Path) -> None:
     report = session_report(delayed)
     assert report["stable"] is False
@@ -154,8 +161,8 @@ def test_a_delayed_force_is_unstable_and_is_said_first(delayed: SessionLog, tmp_
     assert text.index("Unstable: ") < text.index("Forces at equal command")
     assert "than the delayed force" not in text  # it is the delayed force
     assert "An operator could feel the delayed force's error in " in text
-    page = write_page(tmp_path, delayed, report).read_text()
-    sentences = re.findall(r'<p class="bad">([^<]+)</p>', page)
+    written = write_page(tmp_path, delayed, report).read_text()
+    sentences = re.findall(r'<p class="bad">([^<]+)</p>', written)
     assert sentences[0].startswith("Baseline delayed")
     assert sentences[1].startswith("Unstable: ")
 
@@ -198,13 +205,18 @@ def test_a_delayed_force_in_an_open_loop_is_given_to_nobody() -> None:
 
 
 def test_the_page_shows_hand_and_energy(ours: SessionLog, tmp_path: Path) -> None:
-    page = write_page(tmp_path, ours, session_report(ours)).read_text()
-    assert "The hand: what it meant" in page
-    assert "Energy account of the session" in page
+    text = write_page(tmp_path, ours, session_report(ours)).read_text()
+    assert "The hand: what it meant" in text
+    assert "Energy account of the session" in text
+
+
+@pytest.mark.usefixtures("not_drawn")
+def test_the_page_of_an_open_loop_shows_neither(tmp_path: Path) -> None:
     open_loop = make_session(2.5)
-    other = write_page(tmp_path, open_loop, session_report(open_loop)).read_text()
-    assert "The hand: what it meant" not in other
-    assert "Energy account of the session" not in other
+    text = write_page(tmp_path, open_loop, session_report(open_loop)).read_text()
+    assert "True, predicted" in text
+    assert "The hand: what it meant" not in text
+    assert "Energy account of the session" not in text
 
 
 def test_the_rendered_force_is_scored_in_the_robots_newtons(ours: SessionLog) -> None:

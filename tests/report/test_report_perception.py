@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -180,14 +182,14 @@ def test_a_session_whose_first_model_comes_in_free_air() -> None:
 def switching_session(limit: float = 1e9) -> SessionLog:
     """Models twice too stiff in the first half: one jump by half of what was predicted."""
     log = make_session(4.0, limit=limit)
-    leader = log.leader
+    leader = log.leader.copy()
     came = np.flatnonzero(np.diff(leader["model_sequence"]) > 0) + 1
     half = int(came[(leader["predicted_force"][came] > 3.0) & (came > 2000)][0])
     leader["predicted_force"][:half] *= 2.0
     leader["rendered_force"][:] = np.minimum(leader["predicted_force"], limit)
     leader["model_jump"][:] = 0.0
     leader["model_jump"][half] = -leader["predicted_force"][half]
-    return log
+    return replace(log, leader=leader)
 
 
 def test_a_session_whose_model_is_halved() -> None:

@@ -256,7 +256,7 @@ def simulated() -> SessionLog:
     return simulate_scene(
         chosen,
         scene,
-        duration=8.6,
+        duration=7.0,
         operator=make_spatial_operator(chosen, scene, scene.nominal),
         robot=make_spatial_robot(chosen, scene),
         camera=None,

@@ -105,7 +105,11 @@ def test_the_command_writes_page_figures_data_and_claims(tmp_path: Path) -> None
     }
 
 
-def test_the_page_begins_with_its_summary_and_each_claim_is_a_folded_card_with_its_verdict(tmp_path: Path) -> None:
+def test_the_page_begins_with_its_summary_and_each_claim_is_a_folded_card_with_its_verdict(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("foretouch.reproduction.page.embedded", lambda figure, caption: caption)  # drawn above
+    monkeypatch.setattr("foretouch.reproduction.run._write_files", lambda *arguments: None)
     sections = [section(name) for name in ("fig2", "fig5")]
     claims = [claim for one in sections for claim in one.claims]
     page = write_report(tmp_path, sections, {"command": "foretouch reproduce"}).read_text()

@@ -93,11 +93,11 @@ def test_two_thirds_of_what_baselines_are_compared_on_are_plain() -> None:
 
 
 def test_the_command_is_the_session() -> None:
+    command = get_command(app).commands["simulate"]  # type: ignore[attr-defined]
     for case in CASES[:60:4]:
         for told in (case, case.rendering("delayed-tdpa")):
             words = shlex.split(told.command)
             assert words[:2] == ["foretouch", "simulate"]
-            command = get_command(app).commands["simulate"]  # type: ignore[attr-defined]
             parsed = command.make_context("simulate", words[2:]).params
             assert parsed.pop("duration") == told.duration
             names = {name for name in parsed if name in SessionSettings.__dataclass_fields__}

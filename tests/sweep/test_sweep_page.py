@@ -106,7 +106,7 @@ def test_totals_count_what_is_wrong() -> None:
     assert "delayed" not in content
 
 
-def test_the_page_says_what_came_out(tmp_path: Path) -> None:
+def test_the_page_says_what_came_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     rows = swept(60)
     text = write_sweep_page(tmp_path, rows).read_text()
     assert "No session of ours is unstable" in text
@@ -114,6 +114,7 @@ def test_the_page_says_what_came_out(tmp_path: Path) -> None:
     assert len(re.findall(r"https?://", text)) == 0
     assert "60 sessions" in text
     rows[0] = row(0, oscillating=True, stable=False)
+    monkeypatch.setattr("foretouch.sweep.page.embedded", lambda figure, caption: caption)  # drawn once is enough
     text = write_sweep_page(tmp_path, rows).read_text()
     assert "1 of our sessions are not as they should be" in text
     assert draw_case(0).command in text

@@ -44,7 +44,7 @@ def test_covariances_are_those_of_many_draws() -> None:
     a, b = Pose.exp([0.2, 0.1, -0.3, 0.5, -0.4, 1.0]), Pose.exp([-0.1, 0.3, 0.2, 1.2, 0.3, -0.2])
     first = np.diag([1e-3, 2e-3, 1e-3, 3e-3, 1e-3, 2e-3]) ** 2
     second = np.diag([2e-3, 1e-3, 1e-3, 1e-3, 2e-3, 1e-3]) ** 2
-    draws = 3000
+    draws = 1500
     one = random.multivariate_normal(np.zeros(6), first, draws)
     two = random.multivariate_normal(np.zeros(6), second, draws)
     back, inverse = (a @ b).inverse(), a.inverse().inverse()
