@@ -10,7 +10,7 @@ import shutil
 import signal
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -44,6 +44,7 @@ ARROW_SHARE = 0.7
 
 # --- the browser ------------------------------------------------------------------------------------------------------
 
+INSTRUCTION = "Drag the blue handle down to press"
 CHROMIUM_ARGUMENTS = [
     "--no-sandbox",
     "--use-angle=swiftshader",
@@ -68,26 +69,32 @@ def chromium() -> str | None:
 
 @contextlib.contextmanager
 def open_page(
-    url: str, width: int = 1000, height: int = 720, says: str = "Drag the blue handle down to press"
+    url: str, width: int = 1000, height: int = 720, says: str = INSTRUCTION, more_arguments: Sequence[str] = ()
 ) -> Iterator[tuple[Any, list[str]]]:
     """A page that shows the console, and the list of all addresses that it asked for."""
     from playwright.sync_api import sync_playwright
 
     with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=chromium(), args=CHROMIUM_ARGUMENTS)
+        arguments = [*CHROMIUM_ARGUMENTS, *more_arguments]
+        browser = playwright.chromium.launch(executable_path=chromium(), args=arguments)
         page = browser.new_page(viewport={"width": width, "height": height})
         requests: list[str] = []
         page.on("request", lambda request: requests.append(request.url))
         page.on("websocket", lambda socket: requests.append(socket.url))
         page.goto(url)
-        page.locator("canvas").first.wait_for(timeout=30_000)
-        page.get_by_text(says).wait_for(timeout=30_000)
-        for close in page.locator(".mantine-Notification-closeButton").all():  # the advice on software rendering
-            close.click()
+        wait_until_shown(page, says)
         try:
             yield page, requests
         finally:
             browser.close()
+
+
+def wait_until_shown(page: Any, says: str = INSTRUCTION) -> None:
+    """Wait until the scene is there and the panel says what it should; then nothing lies over them."""
+    page.locator("canvas").first.wait_for(timeout=30_000)
+    page.get_by_text(says).wait_for(timeout=30_000)
+    for close in page.locator(".mantine-Notification-closeButton").all():  # the advice on software rendering
+        close.click()
 
 
 def open_tab(page: Any, name: str) -> None:

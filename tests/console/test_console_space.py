@@ -51,11 +51,13 @@ from foretouch.session.spatial import (
 )
 
 pytest.importorskip("mujoco")
-SECONDS, FORCE_DELAY, CAMERA_DELAY = 7.5, 0.2, 0.05
+FORCE_DELAY, CAMERA_DELAY = 0.2, 0.05
+SHORT, LONG = 3.2, 7.5
+"""A hand that approaches [s], and one that has pressed, so that something was learnt [s]."""
 
 
 @functools.cache
-def recorded() -> SessionLog:
+def recorded(seconds: float) -> SessionLog:
     """A short session in simulated time, over the plane, with its camera where one can be had."""
     settings = SessionSettings(
         scene="plane", material="hunt-crossley", seed=4, force_delay=FORCE_DELAY, camera_delay=CAMERA_DELAY
@@ -64,7 +66,7 @@ def recorded() -> SessionLog:
     camera = make_camera(settings, scene, say=lambda line: None)
     operator = make_spatial_operator(settings, scene, scene.nominal)
     robot = make_spatial_robot(settings, scene)
-    return simulate_scene(settings, scene, duration=SECONDS, operator=operator, robot=robot, camera=camera).log
+    return simulate_scene(settings, scene, duration=seconds, operator=operator, robot=robot, camera=camera).log
 
 
 def messages_of(log: SessionLog) -> list[Any]:
@@ -110,7 +112,7 @@ def test_a_session_along_a_line_has_nothing_in_space() -> None:
 @pytest.mark.long
 @pytest.mark.parametrize("moment", [0.5, 2.0, 4.321, 5.9])
 def test_a_recording_shows_the_places_of_its_moment(moment: float) -> None:
-    log = recorded()
+    log = recorded(LONG)
     shown = RecordedWatch(log)
     shown.go_to(moment)
     row = log.leader_space[round(moment * 1000)]
@@ -132,7 +134,7 @@ def test_a_recording_shows_the_places_of_its_moment(moment: float) -> None:
 
 @pytest.mark.long
 def test_a_recording_shows_what_the_live_console_showed() -> None:
-    log, moment = recorded(), 7.2
+    log, moment = recorded(LONG), 7.2
     live, shown = heard_until(log, moment), RecordedWatch(log)
     shown.go_to(moment)
     assert live.in_space
@@ -177,7 +179,7 @@ def test_a_robot_that_begins_anew_is_not_mixed_with_the_one_before() -> None:
 
 @pytest.mark.long
 def test_what_ages_the_pose_is_said() -> None:
-    log = recorded()
+    log = recorded(LONG)
     watched = heard_until(log, 5.0)
     belief, leader = watched.space.belief, watched.space.leader
     assert belief is not None
@@ -280,7 +282,7 @@ def test_turns_are_those_of_scipy(vector: tuple[float, float, float]) -> None:
 def test_the_virtual_probe_is_drawn_where_the_camera_sees_the_real_one() -> None:
     """In a picture without delay both are at one place: the tip's red ball is painted over."""
     cv2 = pytest.importorskip("cv2")
-    log = recorded()
+    log = recorded(SHORT)
     image = next((one for one in log.images if one.tick > 3000 and one.markers == MARKERS), None)
     if image is None:
         pytest.skip("nothing here draws images")
@@ -303,7 +305,7 @@ def test_the_virtual_probe_is_drawn_where_the_camera_sees_the_real_one() -> None
 
 
 def held() -> tuple[SpaceHold, list[Handle], LeaderSpace]:
-    watched = heard_until(recorded(), 3.0)
+    watched = heard_until(recorded(SHORT), 3.0)
     said: list[Any] = []
     assert watched.space.leader is not None
     return SpaceHold(watched, Speech(said.append)), said, watched.space.leader
@@ -348,9 +350,9 @@ def test_strokes_move_the_hand_and_let_go() -> None:
 
 
 def test_beliefs_are_told_by_the_clock_of_the_robot() -> None:
-    log = recorded()
+    log = recorded(SHORT)
     shown = RecordedWatch(log)
-    shown.go_to(4.0)
+    shown.go_to(3.0)
     belief, robot = shown.space.belief, shown.space.follower
     assert isinstance(belief, FixtureBelief)
     assert robot is not None
@@ -358,7 +360,7 @@ def test_beliefs_are_told_by_the_clock_of_the_robot() -> None:
 
 
 def test_recordings_on_disk_hold_it_all(tmp_path: Path) -> None:
-    log, path = recorded(), tmp_path / "scene.mcap"
+    log, path = recorded(SHORT), tmp_path / "scene.mcap"
     with SessionWriter(path) as writer:
         for message in messages_of(log):
             writer.write(message, message.time_ns)
