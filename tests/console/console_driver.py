@@ -77,7 +77,7 @@ def open_page(
     with sync_playwright() as playwright:
         arguments = [*CHROMIUM_ARGUMENTS, *more_arguments]
         browser = playwright.chromium.launch(executable_path=chromium(), args=arguments)
-        page = browser.new_page(viewport={"width": width, "height": height})
+        page = browser.new_context(viewport={"width": width, "height": height}).new_page()
         requests: list[str] = []
         page.on("request", lambda request: requests.append(request.url))
         page.on("websocket", lambda socket: requests.append(socket.url))
@@ -94,7 +94,7 @@ def wait_until_shown(page: Any, says: str = INSTRUCTION) -> None:
     page.locator("canvas").first.wait_for(timeout=30_000)
     page.get_by_text(says).wait_for(timeout=30_000)
     for close in page.locator(".mantine-Notification-closeButton").all():  # the advice on software rendering
-        close.click()
+        close.evaluate("button => button.click()")  # a slow renderer takes seconds to give the mouse a still one
 
 
 def open_tab(page: Any, name: str) -> None:
