@@ -10,7 +10,7 @@ import shutil
 import signal
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -44,7 +44,6 @@ ARROW_SHARE = 0.7
 
 # --- the browser ------------------------------------------------------------------------------------------------------
 
-INSTRUCTION = "Drag the blue handle down to press"
 CHROMIUM_ARGUMENTS = [
     "--no-sandbox",
     "--use-angle=swiftshader",
@@ -69,32 +68,34 @@ def chromium() -> str | None:
 
 @contextlib.contextmanager
 def open_page(
-    url: str, width: int = 1000, height: int = 720, says: str = INSTRUCTION, more_arguments: Sequence[str] = ()
+    url: str, width: int = 1000, height: int = 720, says: str = "Drag the blue handle down to press"
 ) -> Iterator[tuple[Any, list[str]]]:
     """A page that shows the console, and the list of all addresses that it asked for."""
     from playwright.sync_api import sync_playwright
 
     with sync_playwright() as playwright:
-        arguments = [*CHROMIUM_ARGUMENTS, *more_arguments]
-        browser = playwright.chromium.launch(executable_path=chromium(), args=arguments)
-        page = browser.new_context(viewport={"width": width, "height": height}).new_page()
+        browser = playwright.chromium.launch(executable_path=chromium(), args=CHROMIUM_ARGUMENTS)
+        page = browser.new_page(viewport={"width": width, "height": height})
         requests: list[str] = []
         page.on("request", lambda request: requests.append(request.url))
         page.on("websocket", lambda socket: requests.append(socket.url))
         page.goto(url)
-        wait_until_shown(page, says)
+        page.locator("canvas").first.wait_for(timeout=30_000)
+        page.get_by_text(says).wait_for(timeout=30_000)
+        for close in page.locator(".mantine-Notification-closeButton").all():  # the advice on software rendering
+            close.click()
         try:
             yield page, requests
         finally:
             browser.close()
 
 
-def wait_until_shown(page: Any, says: str = INSTRUCTION) -> None:
-    """Wait until the scene is there and the panel says what it should; then nothing lies over them."""
+def wait_until_shown(page: Any) -> None:
+    """Wait until a page that was loaded without `open_page` shows the console and nothing over it."""
     page.locator("canvas").first.wait_for(timeout=30_000)
-    page.get_by_text(says).wait_for(timeout=30_000)
-    for close in page.locator(".mantine-Notification-closeButton").all():  # the advice on software rendering
-        close.evaluate("button => button.click()")  # a slow renderer takes seconds to give the mouse a still one
+    page.get_by_text("Drag the blue handle down to press").wait_for(timeout=30_000)
+    for close in page.locator(".mantine-Notification-closeButton").all():
+        close.evaluate("button => button.click()")  # a slow renderer takes seconds to hold it still for the mouse
 
 
 def open_tab(page: Any, name: str) -> None:

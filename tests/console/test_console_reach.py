@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import pytest
-from console_driver import Session, chromium, open_page
+from console_driver import CHROMIUM_ARGUMENTS, Session, chromium, open_page, wait_until_shown
 
 pytest.importorskip("viser")
 pytest.importorskip("playwright")
@@ -46,6 +46,8 @@ class Inside(NamedTuple):
 
 @pytest.fixture(scope="module")
 def inside() -> Iterator[Inside]:
+    from playwright.sync_api import sync_playwright
+
     sessions: list[Session] = []
     console = Console(0, lambda message: sessions[0].publish(message))
     sessions.append(Session(console.watch))
@@ -54,8 +56,13 @@ def inside() -> Iterator[Inside]:
     drawing.start()
     rules = "--host-resolver-rules=MAP evil.test 127.0.0.1"
     try:
-        with sessions[0], open_page(console.url, more_arguments=[rules]) as (page, _):
+        with sessions[0], sync_playwright() as playwright:
+            browser = playwright.chromium.launch(executable_path=chromium(), args=[*CHROMIUM_ARGUMENTS, rules])
+            page = browser.new_context().new_page()
+            page.goto(console.url)
+            wait_until_shown(page)
             yield Inside(console, sessions[0], page)
+            browser.close()
     finally:
         end.set()
         drawing.join()

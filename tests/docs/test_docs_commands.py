@@ -343,9 +343,9 @@ def test_a_session_runs_in_its_short_form(text: str, tmp_path: Path, running: li
 
 
 def doctors_now() -> list[Any]:
-    """Who answers, and the first that looks; the others differ in whom they ask, which tests of the doctor do too."""
+    """Who answers; who looks takes long, and tests of the doctor start one too."""
     looks, answers = ([text for text in of("doctor") if ("--listen" in text) is listens] for listens in (False, True))
-    return [*answers, *one_now(sorted(looks, key=len))]
+    return [*answers, *one_now(looks, slow=True)]
 
 
 @pytest.mark.network
