@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import html
 import shlex
+import shutil
 import sys
 from pathlib import Path
 
@@ -16,7 +17,6 @@ ROOT = Path(__file__).parents[2]
 SPRING = str(ROOT / "docs" / "examples" / "spring.csv")
 POSES = str(ROOT / "docs" / "examples" / "poses.csv")
 SHORT = ["--duration", "2", "--recording", "s.mcap", "--report"]
-WITH_A_SESSION = ("report", "replay")
 SAID = {
     "simulate": (["simulate", *SHORT, "page"], ["SHA-256"]),
     "report": (["report", "s.mcap", "--report", "page"], ["s.mcap (SHA-256 "]),
@@ -38,23 +38,32 @@ SAID = {
 }
 
 
-def run(words: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(sys, "argv", ["foretouch", *words])
-    with pytest.raises(SystemExit) as end:
-        app(words)
+def run(words: list[str], folder: Path) -> None:
+    with pytest.MonkeyPatch.context() as monkeypatch:
+        monkeypatch.chdir(folder)
+        monkeypatch.setattr(sys, "argv", ["foretouch", *words])
+        with pytest.raises(SystemExit) as end:
+            app(words)
     assert end.value.code == 0
 
 
+@pytest.fixture(scope="module")
+def simulated(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Where a session was simulated, with its page."""
+    folder = tmp_path_factory.mktemp("simulated")
+    run(SAID["simulate"][0], folder)
+    return folder
+
+
 @pytest.mark.parametrize("name", SAID)
-def test_it_says_version_date_command_and_what_it_is_of(
-    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_it_says_version_date_command_and_what_it_is_of(name: str, simulated: Path, tmp_path: Path) -> None:
     words, said = SAID[name]
-    monkeypatch.chdir(tmp_path)
-    if name in WITH_A_SESSION:
-        run(["simulate", *SHORT, "first"], monkeypatch)
-    run(words, monkeypatch)
-    page = (tmp_path / "page" / "index.html").read_text()
+    folder = simulated
+    if name != "simulate":
+        folder = tmp_path
+        shutil.copy(simulated / "s.mcap", folder)
+        run(words, folder)
+    page = (folder / "page" / "index.html").read_text()
     if name == "simulate":
         assert "yes; in an open loop no force moves the hand" in page
     made = html.unescape(page.partition('<footer class="made">')[2])

@@ -57,19 +57,16 @@ def release(*words: str, said: str) -> tuple[int, str]:
     return result.exit_code, result.output + error
 
 
-def test_who_says_so_twice_releases_it(robot: subprocess.Popen[str]) -> None:
+def test_who_does_not_say_so_twice_releases_nothing_and_who_does_releases_it(robot: subprocess.Popen[str]) -> None:
+    for answers in ("n\n", "y\nyes\n", "y\n\n", ""):
+        code, _ = release(said=answers)
+        assert code == 1, answers
+        assert followers()[robot.pid], answers
     code, said = release(said="y\nrelease\n")
     assert code == 0
     assert f"follower {robot.pid}: emergency stop (somebody): it is unloaded" in said
     assert said.endswith("the robot follows again, slowly at first\n")
     assert followers() == {robot.pid: ""}
-
-
-def test_who_does_not_releases_nothing(robot: subprocess.Popen[str]) -> None:
-    for answers in ("n\n", "y\nyes\n", "y\n\n", ""):
-        code, _ = release(said=answers)
-        assert code == 1, answers
-        assert followers()[robot.pid], answers
 
 
 def test_a_robot_that_stays_stopped_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -101,18 +98,20 @@ def test_where_none_waits_or_several_do_one_line_says_so(robot: subprocess.Popen
     assert said.endswith("wait to be released: none")
 
 
-def test_a_process_that_was_killed_leaves_nothing(robot: subprocess.Popen[str], runtime: Path) -> None:
-    robot.send_signal(signal.SIGKILL)
-    robot.wait()
-    assert [path.name for path in runtime.iterdir()] == [str(robot.pid)]
-    assert followers() == {}
-    assert not list(runtime.iterdir())
-
-
-def test_a_folder_that_others_can_write_is_not_believed(robot: subprocess.Popen[str], runtime: Path) -> None:
+def test_a_folder_that_others_can_write_is_not_believed_and_a_process_that_was_killed_leaves_nothing(
+    robot: subprocess.Popen[str], runtime: Path
+) -> None:
+    assert followers()[robot.pid]
+    mode = runtime.stat().st_mode
     runtime.chmod(0o777)
     assert followers() == {}
     note = WaitingNote()
     note.say("to release it: foretouch release 1")
     note.close()
     assert [path.name for path in runtime.iterdir()] == [str(robot.pid)]
+    robot.send_signal(signal.SIGKILL)
+    robot.wait()
+    assert [path.name for path in runtime.iterdir()] == [str(robot.pid)]
+    runtime.chmod(mode)
+    assert followers() == {}
+    assert not list(runtime.iterdir())

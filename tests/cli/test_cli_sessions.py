@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import pytest
 from typer.testing import CliRunner, Result
@@ -43,8 +43,24 @@ def report_of(*arguments: object) -> dict[str, Any]:
     return content
 
 
-def test_the_report_keeps_its_contract() -> None:
-    report = report_of("simulate", "--duration", 3, "--material", "hunt-crossley")
+class Simulated(NamedTuple):
+    """A session, its recording, and the folder of its page."""
+
+    report: dict[str, Any]
+    recording: Path
+    page: Path
+
+
+@pytest.fixture(scope="module")
+def simulated(tmp_path_factory: pytest.TempPathFactory) -> Simulated:
+    folder = tmp_path_factory.mktemp("simulated")
+    path, page = folder / "s.mcap", folder / "out"
+    options = ("--duration", 6, "--material", "hunt-crossley", "--recording", path, "--report", page)
+    return Simulated(report_of("simulate", *options), path, page)
+
+
+def test_the_report_keeps_its_contract(simulated: Simulated) -> None:
+    report = simulated.report
     assert report.keys() >= REPORT_KEYS
     assert report["messages"].keys() >= {"sent", "lost", "late"}
     for side in ("leader", "follower"):
@@ -66,9 +82,8 @@ def test_a_session_repeats_but_for_timing_and_paths(tmp_path: Path) -> None:
     assert once("a.mcap") == once("b.mcap")
 
 
-def test_predict_on_the_recording_gives_the_session_s_own_figures(tmp_path: Path) -> None:
-    path = tmp_path / "s.mcap"
-    report = report_of("simulate", "--duration", 6, "--material", "hunt-crossley", "--recording", path)
+def test_predict_on_the_recording_gives_the_session_s_own_figures(simulated: Simulated) -> None:
+    report, path = simulated.report, simulated.recording
     content = json.loads(run("predict", path, "--delay", 0.3, "--json").stdout)
     for figure in ("prediction_error_percent", "delayed_force_error_percent", "within_jnd_percent"):
         assert content[figure] == pytest.approx(report[figure], abs=0.1)
@@ -79,9 +94,8 @@ def test_predict_on_the_recording_gives_the_session_s_own_figures(tmp_path: Path
     assert json.loads(run("identify", path, "--json").stdout)["status"] == "ok"
 
 
-def test_the_page_is_written(tmp_path: Path) -> None:
-    report_of("simulate", "--duration", 3, "--report", tmp_path / "out")
-    page = (tmp_path / "out" / "index.html").read_text()
+def test_the_page_is_written(simulated: Simulated) -> None:
+    page = (simulated.page / "index.html").read_text()
     assert "http://" not in page.replace("http://www.w3.org", "")
     assert "https://" not in page
     assert page.rstrip().endswith("</html>")

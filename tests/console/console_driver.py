@@ -90,6 +90,14 @@ def open_page(
             browser.close()
 
 
+def wait_until_shown(page: Any) -> None:
+    """Wait until a page that was loaded without `open_page` shows the console and nothing over it."""
+    page.locator("canvas").first.wait_for(timeout=30_000)
+    page.get_by_text("Drag the blue handle down to press").wait_for(timeout=30_000)
+    for close in page.locator(".mantine-Notification-closeButton").all():
+        close.evaluate("button => button.click()")  # a slow renderer takes seconds to hold it still for the mouse
+
+
 def open_tab(page: Any, name: str) -> None:
     """Show one of the panel's tabs."""
     page.get_by_role("tab", name=name).click()

@@ -6,7 +6,8 @@ import re
 import threading
 import time
 from collections.abc import Iterator
-from typing import Any
+from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
@@ -41,11 +42,14 @@ pytestmark = [
 DEEPEST = SURFACE + 1.2 * PRESS_DEPTH
 
 
-class Bench:
+class Bench(NamedTuple):
     """One console, one session, one page."""
 
-    def __init__(self, page: Any, requests: list[str], session: Session, seconds_to_page: float) -> None:
-        self.page, self.requests, self.session, self.seconds_to_page = page, requests, session, seconds_to_page
+    page: Any
+    requests: list[str]
+    session: Session
+    recordings: Path
+    seconds_to_page: float
 
     def wait_for(self, condition: Any, seconds: float = 10.0) -> None:
         end = time.monotonic() + seconds
@@ -58,8 +62,6 @@ class Bench:
 def bench(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bench]:
     sessions: list[Session] = []
     folder = tmp_path_factory.mktemp("recordings")
-    simulated_session(folder / "pressed.mcap")
-    (folder / "broken.mcap").write_bytes(b"no recording")
     console = Console(0, lambda message: sessions[0].publish(message), recordings=folder)
     sessions.append(Session(console.watch))
     stop = threading.Event()
@@ -67,7 +69,7 @@ def bench(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bench]:
     drawing.start()
     try:
         with sessions[0], open_page(console.url) as (page, requests):
-            yield Bench(page, requests, sessions[0], page.evaluate("performance.now()") / 1000.0)
+            yield Bench(page, requests, sessions[0], folder, page.evaluate("performance.now()") / 1000.0)
     finally:
         stop.set()
         drawing.join()
@@ -251,6 +253,8 @@ def test_where_nobody_supervises_a_sentence_says_so(bench):
 @pytest.mark.long
 def test_a_recording_is_played_and_its_bar_is_dragged_while_the_stop_stays_the_robots(bench):
     page = bench.page
+    simulated_session(bench.recordings / "pressed.mcap")
+    (bench.recordings / "broken.mcap").write_bytes(b"no recording")
     open_tab(page, "Recordings")
     choose(page, "Recording", "broken.mcap")
     page.get_by_text("This recording cannot be looked at: ").wait_for()

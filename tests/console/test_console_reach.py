@@ -10,10 +10,10 @@ import sys
 import threading
 import time
 from collections.abc import Iterator
-from typing import Any
+from typing import Any, NamedTuple
 
 import pytest
-from console_driver import CHROMIUM_ARGUMENTS, Session, chromium, open_page
+from console_driver import CHROMIUM_ARGUMENTS, Session, chromium, open_page, wait_until_shown
 
 pytest.importorskip("viser")
 pytest.importorskip("playwright")
@@ -36,15 +36,33 @@ PROMISED, SLACK = 1.0, 5.0
 """A page says within so long that it reaches nobody [s]; and what a busy machine is granted."""
 
 
-@contextlib.contextmanager
-def drawn(session: Session, console: Console) -> Iterator[None]:
-    """The session speaks and the console draws."""
+class Inside(NamedTuple):
+    """A console that draws, its session, and the page of a browser that has come in."""
+
+    console: Console
+    session: Session
+    page: Any
+
+
+@pytest.fixture(scope="module")
+def inside() -> Iterator[Inside]:
+    from playwright.sync_api import sync_playwright
+
+    sessions: list[Session] = []
+    console = Console(0, lambda message: sessions[0].publish(message))
+    sessions.append(Session(console.watch))
     end = threading.Event()
     drawing = threading.Thread(target=console.run, args=(end.is_set,))
     drawing.start()
+    rules = "--host-resolver-rules=MAP evil.test 127.0.0.1"
     try:
-        with session:
-            yield
+        with sessions[0], sync_playwright() as playwright:
+            browser = playwright.chromium.launch(executable_path=chromium(), args=[*CHROMIUM_ARGUMENTS, rules])
+            page = browser.new_context().new_page()
+            page.goto(console.url)
+            wait_until_shown(page)
+            yield Inside(console, sessions[0], page)
+            browser.close()
     finally:
         end.set()
         drawing.join()
@@ -85,32 +103,6 @@ def test_a_page_says_by_itself_that_the_console_does_not_answer_or_is_gone() -> 
             console.kill()
 
 
-def test_after_an_attack_on_the_button_a_click_still_asks_and_a_robot_that_does_not_answer_is_told() -> None:
-    sessions: list[Session] = []
-    console = Console(0, lambda message: sessions[0].publish(message))
-    sessions.append(Session(console.watch))
-    muted = threading.Event()
-
-    def watch(message: Any) -> None:
-        if not muted.is_set():
-            console.watch(message)
-
-    sessions[0]._watch = watch
-    with drawn(sessions[0], console), open_page(console.url) as (page, _):
-        with page_of(console.url) as attacker:
-            button = attacker.control("GuiButtonMessage", "EMERGENCY")
-            for updates in ({"update_cb": []}, {"props": {}}, {"removed": True}, {"visible": False}):
-                attacker.update(button, **updates)
-            attacker.hear(0.5)
-        muted.set()
-        assert until(page.get_by_text("Neither side has been heard for"), PROMISED * SLACK) < PROMISED * SLACK
-        page.get_by_role("button", name=READY).click()
-        page.get_by_role("button", name="Stopping the robot").wait_for(timeout=10_000)
-        page.wait_for_timeout(300)
-        assert len(sessions[0].of(EmergencyStop)) > 2
-    assert console.trouble == ""
-
-
 class _Elsewhere(http.server.BaseHTTPRequestHandler):
     """A harmless page of another server."""
 
@@ -143,40 +135,52 @@ CONNECT = """async address => await new Promise(done => {
 })"""
 
 
-def test_pages_of_other_origins_are_refused_in_the_browser_that_has_come_in() -> None:
+def test_pages_of_other_origins_are_refused_in_the_browser_that_has_come_in(inside: Inside) -> None:
     import viser
-    from playwright.sync_api import Error, sync_playwright
+    from playwright.sync_api import Error
 
+    console, session, honest = inside
     attempt = CONNECT.replace("VERSION", viser.__version__)
-    sessions: list[Session] = []
-    console = Console(0, lambda message: sessions[0].publish(message))
-    sessions.append(Session(console.watch))
-    with drawn(sessions[0], console), elsewhere() as port, sync_playwright() as playwright:
-        rules = "--host-resolver-rules=MAP evil.test 127.0.0.1"
-        browser = playwright.chromium.launch(executable_path=chromium(), args=[*CHROMIUM_ARGUMENTS, rules])
-        context = browser.new_context()
-        honest = context.new_page()
-        honest.goto(console.url)
-        inside = honest.url.partition("?")[0].rstrip("/")
-        assert honest.evaluate("document.cookie") == ""  # no script reads it
-        address = inside.replace("http", "ws")
-        assert honest.evaluate(attempt, address) == "open"
-        other = context.new_page()
+    home = honest.url.partition("?")[0].rstrip("/")
+    assert honest.evaluate("document.cookie") == ""  # no script reads it
+    address = home.replace("http", "ws")
+    assert honest.evaluate(attempt, address) == "open"
+    with elsewhere() as port:
+        other = honest.context.new_page()
         for origin in (f"http://evil.test:{port}", f"http://127.0.0.1:{port}", f"http://localhost:{port}"):
             other.goto(origin)
             assert other.evaluate(attempt, address) == "refused", origin
             assert other.evaluate(attempt, address.rpartition("/")[0]) == "refused", origin
         own = console.base.rpartition(":")[2]
-        for rebound in (f"http://evil.test:{own}", f"http://evil.test:{own}{inside.removeprefix(console.base)}/"):
+        for rebound in (f"http://evil.test:{own}", f"http://evil.test:{own}{home.removeprefix(console.base)}/"):
             assert other.goto(rebound).status == 403
             assert other.evaluate(attempt, rebound.replace("http", "ws").rstrip("/")) == "refused"
-        frame = f"const one = document.createElement('iframe'); one.src = '{inside}/'; document.body.append(one)"
+        frame = f"const one = document.createElement('iframe'); one.src = '{home}/'; document.body.append(one)"
         other.goto(f"http://127.0.0.1:{port}")
         other.evaluate(frame)
         other.wait_for_timeout(500)
         with contextlib.suppress(Error):
             assert "foretouch" not in other.frames[-1].content()
-        stranger = browser.new_context().new_page()
-        assert stranger.goto(f"{inside}/").status == 403
-        browser.close()
-    assert sessions[0].of(EmergencyStop) == sessions[0].of(Handle) == []
+        other.close()
+    stranger = honest.context.browser.new_context()
+    assert stranger.new_page().goto(f"{home}/").status == 403
+    stranger.close()
+    assert session.of(EmergencyStop) == session.of(Handle) == []
+
+
+def test_after_an_attack_on_the_button_a_click_still_asks_and_a_robot_that_does_not_answer_is_told(
+    inside: Inside, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    console, session, page = inside
+    with page_of(console.url) as attacker:
+        button = attacker.control("GuiButtonMessage", "EMERGENCY")
+        for updates in ({"update_cb": []}, {"props": {}}, {"removed": True}, {"visible": False}):
+            attacker.update(button, **updates)
+        attacker.hear(0.5)
+    monkeypatch.setattr(session, "_watch", lambda message: None)  # neither side is heard any more
+    assert until(page.get_by_text("Neither side has been heard for"), PROMISED * SLACK) < PROMISED * SLACK
+    page.get_by_role("button", name=READY).click()
+    page.get_by_role("button", name="Stopping the robot").wait_for(timeout=10_000)
+    page.wait_for_timeout(300)
+    assert len(session.of(EmergencyStop)) > 2
+    assert console.trouble == ""

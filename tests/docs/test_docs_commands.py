@@ -41,8 +41,9 @@ def as_it_is(arguments: list[str]) -> list[str]:
 
 
 def here(words: list[str]) -> list[str]:
-    """On this machine: tests of the comparison have a cluster of their own."""
-    return without(words, "--cluster")
+    """In this process: tests of the comparison have a cluster and workers of their own, which take longer to start than
+    this work does. And workers that are kept would look for the files of later tests in the folder of this one."""
+    return [*without(without(words, "--cluster"), "--jobs"), "--jobs", "1"]
 
 
 def one_law_without_simulation(words: list[str]) -> list[str]:
@@ -226,9 +227,6 @@ def samples(tmp_path_factory: pytest.TempPathFactory) -> Path:
     run(["recordings", "convert", str(folder / "press.csv"), str(folder / "press.mcap")])
     run(["calibrate", "sensor", str(folder / "poses.csv"), "--output", str(folder / "sensor.toml")])
     run(["simulate", "--duration", "2.5", "--material", "hunt-crossley", "--recording", str(folder / "session.mcap")])
-    # In this process: workers that are kept would look for the files of later tests in the folder of this one.
-    (folder / "out").mkdir(exist_ok=True)
-    run(two_short_sessions(["sweep", "--jobs", "1", "--out", str(folder / "out" / "sweep")]))
     return folder
 
 
@@ -282,6 +280,8 @@ def test_a_command_runs_in_its_short_form(text: str, folder: Path, monkeypatch: 
     arguments = shlex.split(text)
     if key == ("datasets", "fetch"):
         publish(arguments[2], folder, monkeypatch)
+    if "--replay" in arguments:
+        run(two_short_sessions(["sweep", "--out", "out/sweep"]))
     if "--position-unit mm" in text:
         write_press(folder / arguments[1], -1e3 if "--flip" in arguments else 1e3)
     there = set(folder.rglob("*"))
@@ -343,9 +343,9 @@ def test_a_session_runs_in_its_short_form(text: str, tmp_path: Path, running: li
 
 
 def doctors_now() -> list[Any]:
-    """Who answers, and the first that looks; the others differ in whom they ask, which tests of the doctor do too."""
+    """Who answers; who looks takes long, and tests of the doctor start one too."""
     looks, answers = ([text for text in of("doctor") if ("--listen" in text) is listens] for listens in (False, True))
-    return [*answers, *one_now(sorted(looks, key=len))]
+    return [*answers, *one_now(looks, slow=True)]
 
 
 @pytest.mark.network
