@@ -57,10 +57,10 @@ def held(which: str, material: str, grip: str, round_trip: float) -> SessionLog:
     depth = 0.5 * robot.material.press_depth + 2.0 / GRIPS[grip].stiffness
     press = Press(robot.material.surface, depth)
     # What the robot's own ceiling does is not what is compared.
-    return run(press, made(which, material, grip, round_trip, force_ceiling=1000.0), 10.0)
+    return run(press, made(which, material, grip, round_trip, force_ceiling=1000.0), 7.0)
 
 
-def palpated(which: str, material: str, grip: str, round_trip: float, duration: float = 8.0) -> SessionLog:
+def palpated(which: str, material: str, grip: str, round_trip: float, duration: float = 6.0) -> SessionLog:
     robot = make_robot(material, seed=0)
     press = ScriptedOperator(robot.material.surface, robot.material.press_depth)
     return run(press, made(which, material, grip, round_trip), duration)

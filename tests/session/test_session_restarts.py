@@ -23,7 +23,7 @@ def statuses(said: list[Telemetry]) -> list[Status]:
     return [Status(status) for status, _ in itertools.groupby(one.status for one in said)]
 
 
-def pressing(lap: Lap, name: str = "anna", epoch: int = 11, *, seconds: float = 6.0) -> None:
+def pressing(lap: Lap, name: str = "anna", epoch: int = 11, *, seconds: float = 3.0) -> None:
     """A leader presses until the robot feels at least 1 N."""
     lap.start_leader(name, epoch)
     lap.run(seconds)
