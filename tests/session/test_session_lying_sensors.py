@@ -101,7 +101,7 @@ def test_nor_does_one_that_dies_on_the_way_in(material: str, felt: float, kind: 
     while pressing.forces[-1] < felt and pressing.tick < 6000:
         pressing.go(inside, 1)
     pressing.lie = LIES[kind]
-    pressing.go(inside, 1000)
+    pressing.go(inside, 1500)
     assert max(pressing.forces) <= CEILING
     assert pressing.forces[-1] < 1.0
 
