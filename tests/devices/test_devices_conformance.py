@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import cache
 
 import numpy as np
 import pytest
@@ -62,6 +63,12 @@ def run(device: Device, seconds: float, start_ns: int = 7_000_000_000) -> np.nda
     return np.array([device.read(start_ns + i * TICK_NS) for i in range(int(seconds * 1000))])
 
 
+@cache
+def a_minute(make: Callable[[], Device]) -> np.ndarray:
+    """What it does in a minute, for those who only look."""
+    return run(make(), 60.0)
+
+
 RARER = [name for name in HANDS if "normal" not in name and "scripted" not in name]
 
 
@@ -85,7 +92,7 @@ def test_it_passes_the_checks_of_every_device(make: Callable[[], Device]) -> Non
 
 
 def test_motion_is_finite_continuous_and_bounded(make: Callable[[], Device]) -> None:
-    position = run(make(), 60.0)
+    position = a_minute(make)
     assert np.isfinite(position).all()
     assert position[0] == pytest.approx(0.0, abs=1e-9)
     assert np.abs(np.diff(position)).max() / 1e-3 < LARGEST_SPEED
@@ -95,12 +102,11 @@ def test_motion_is_finite_continuous_and_bounded(make: Callable[[], Device]) -> 
 
 
 def test_motion_touches_by_itself_and_stays_within_the_press_depth(make: Callable[[], Device]) -> None:
-    device = make()
-    position = run(device, 60.0)
+    position = a_minute(make)
     touched = position > SURFACE
     assert not touched[:900].any()
     assert touched.any()
-    assert position.max() <= SURFACE + PRESS_DEPTH + slack(device)
+    assert position.max() <= SURFACE + PRESS_DEPTH + slack(make())
     assert position.max() > SURFACE + 0.8 * PRESS_DEPTH
     assert position.min() >= -1e-9
     # It comes and goes: many touches, and as many departures.

@@ -139,7 +139,7 @@ def test_memory_is_told_also_where_a_reader_takes_it_for_damage(file: Path) -> N
         within_budget(file, None, hungry.hungry_with_a_line_of_its_own, str(file), 10**10)
     with pytest.raises(RecordingError, match="takes more than 200 MB"):
         within_budget(file, 200 / 900, hungry.hungry, 3 * 10**8)
-    assert within_budget(file, 4.0, hungry.hungry, 2 * 10**9) == 0
+    assert within_budget(file, 800 / 900, hungry.hungry, 3 * 10**8) == 0
 
 
 def test_errors_come_back_as_they_were(file: Path) -> None:

@@ -79,7 +79,7 @@ def test_force_is_finite_never_negative_and_zero_outside(name: str, path: list[f
     assert (force[np.array(path) <= 0.0] == 0.0).all()
 
 
-@settings(max_examples=150)
+@settings(max_examples=75)
 @given(path=moves(5e-4, DEEPEST, FASTEST))
 def test_foam_never_gives_more_energy_than_it_took(path: list[float]) -> None:
     assert work(path, forces(FOAM, path, 5e-4)).min() >= -1e-12
@@ -120,7 +120,7 @@ def random_laws() -> st.SearchStrategy[HystereticContact]:
     )
 
 
-@settings(max_examples=60)
+@settings(max_examples=40)
 @given(law=random_laws(), path=moves(1e-3, 0.016, FASTEST))
 def test_any_hysteretic_law_is_passive(law: HystereticContact, path: list[float]) -> None:
     assert work(path, forces(law, path, 1e-3)).min() >= -1e-10

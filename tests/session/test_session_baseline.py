@@ -51,16 +51,16 @@ def made(which: str, material: str, grip: str, round_trip: float, **changes: Any
 
 
 @cache
-def held(which: str, material: str, grip: str, round_trip: float) -> SessionLog:
+def held(which: str, material: str, grip: str, round_trip: float, seconds: float = 7.0) -> SessionLog:
     """A press that wants 2 N, held to the end."""
     robot = make_robot(material, seed=0)
     depth = 0.5 * robot.material.press_depth + 2.0 / GRIPS[grip].stiffness
     press = Press(robot.material.surface, depth)
     # What the robot's own ceiling does is not what is compared.
-    return run(press, made(which, material, grip, round_trip, force_ceiling=1000.0), 10.0)
+    return run(press, made(which, material, grip, round_trip, force_ceiling=1000.0), seconds)
 
 
-def palpated(which: str, material: str, grip: str, round_trip: float, duration: float = 8.0) -> SessionLog:
+def palpated(which: str, material: str, grip: str, round_trip: float, duration: float = 6.0) -> SessionLog:
     robot = make_robot(material, seed=0)
     press = ScriptedOperator(robot.material.surface, robot.material.press_depth)
     return run(press, made(which, material, grip, round_trip), duration)
@@ -80,7 +80,7 @@ def surplus(log: SessionLog) -> float:
 @pytest.mark.parametrize("round_trip", [0.0, 0.02])
 @pytest.mark.long
 def test_soft_foam_in_a_normal_grip_is_stable_at_short_delays(which: str, round_trip: float) -> None:
-    log = held(which, "foam-measured", "normal", round_trip)
+    log = held(which, "foam-measured", "normal", round_trip, 10.0)
     assert swing(log) < 1e-5
     assert surplus(log) <= 0.0
     assert np.mean(log.leader["rendered_force"][-3000:]) > 1.5
@@ -111,7 +111,7 @@ def test_passivity_control_keeps_the_hand_still_there_and_takes_the_force_away(
 
 @pytest.mark.long
 def test_a_grip_that_is_stiffer_than_the_material_is_stable_at_any_delay() -> None:
-    assert swing(held("delayed", "hunt-crossley", "stiff", 0.4)) < 1e-5
+    assert swing(held("delayed", "hunt-crossley", "stiff", 0.4, 10.0)) < 1e-5
 
 
 def test_without_a_delay_the_force_is_nearly_right_and_with_one_it_is_not() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import nullcontext
 from typing import Any
 
 import pytest
@@ -58,7 +59,9 @@ class Session:
             scene = make_scene(settings.scene)
             self.robot = make_spatial_robot(settings, scene)
             x, y, z = self.robot.read().exact_place
-            self.place: Callable[[float], Any] = lambda now: (x, y, max(z - 0.03 * now, -0.006))
+            for tick in range(400):  # down to a centimetre over the surface
+                self.robot.exchange((x, y, z - 1e-4 * tick))
+            self.place: Callable[[float], Any] = lambda now: (x, y, max(0.01 - 0.03 * now, -0.006))
         else:
             line = make_robot(settings.material, seed=0)
             self.robot, surface = line, line.surface
@@ -81,6 +84,7 @@ class Session:
         self.ran: dict[str, Any] = {}
         monkeypatch.setattr(live, "LoopTimer", self.timer)
         monkeypatch.setattr(live, "link_counts", lambda *_: {})
+        monkeypatch.setattr(live, "steady", nullcontext)  # to look for garbage first is for loops in real time
 
     def timer(self, period: float) -> Ticks:
         """The loop begins, and the leader with it: before, compiled code was loaded for as long as that took."""
@@ -100,7 +104,7 @@ class Session:
             self.patch.setattr(owner, name, made)
         return made
 
-    def run(self, seconds: float = 4.0, stop: StopFlag | None = None) -> dict[str, str | int]:
+    def run(self, seconds: float = 2.0, stop: StopFlag | None = None) -> dict[str, str | int]:
         link: Any = self.link
         options: dict[str, Any] = {"stop": stop or StopFlag(), "say": self.said.append, "description": {}}
         return run_follower(link, self.robot, self.settings, **options, duration=seconds)
@@ -123,7 +127,7 @@ def test_an_exception_before_safety_is_counted_and_told_and_safety_goes_on(
 ) -> None:
     session = Session(monkeypatch, LINE)
     broken = session.broken(owner, name)
-    ran = session.run(2.0)
+    ran = session.run()
     assert broken.raised
     assert ran["step_failures"] == broken.raised
     assert ran["ended"] == "the duration is over"
@@ -148,14 +152,14 @@ def test_where_the_judge_of_the_sensors_raises_the_robot_goes_out_as_it_came(
 ) -> None:
     session = Session(monkeypatch, settings)
     broken = session.broken(owner, name)
-    session.run()
+    session.run(2.5)
     assert broken.raised > 500
     faulty = [telemetry for telemetry in session.link.telemetry if telemetry.status == Status.SENSOR_FAULT]
     assert faulty[0].exact_force > 1.9
     assert faulty[400].exact_force > 0.7  # for half a second it holds its place, and foam gives way
     assert all(telemetry.exact_force == 0.0 for telemetry in faulty[1000:])
     assert session.largest < 2.1
-    assert len(session.forces) < 4500  # and the session's end does not wait for a force that nobody can see
+    assert len(session.forces) < 3000  # and the session's end does not wait for a force that nobody can see
 
 
 @pytest.mark.parametrize("settings", [LINE, SCENE], ids=["line", "scene"])
@@ -200,7 +204,7 @@ def test_where_conditioning_raises_too_the_plain_force_is_felt(monkeypatch: pyte
 def test_a_robot_whose_exchange_raises_is_unloaded_if_it_takes_the_next(
     monkeypatch: pytest.MonkeyPatch, settings: SessionSettings, times: float
 ) -> None:
-    monkeypatch.setattr(live, "LEAVING", 1.0)
+    monkeypatch.setattr(live, "LEAVING", 1.0 if times < float("inf") else 0.2)
     session = Session(monkeypatch, settings)
     session.broken(session.robot, "exchange", times)
     with pytest.raises(SideError, match="the follower failed: ZeroDivisionError"):
@@ -267,7 +271,7 @@ def test_in_space_an_exception_before_safety_is_counted_and_told_too(
     broken = session.broken(owner, name)
     ran = session.run()
     assert ran["step_failures"] == broken.raised > 0
-    assert session.link.telemetry[-1].sequence > 3400
+    assert session.link.telemetry[-1].sequence > 1900
     assert session.largest < CEILING
     assert session.force < REST_FORCE + 0.1
 

@@ -73,12 +73,12 @@ def test_a_sensor_that_lies_about_a_press_is_found_and_the_robot_goes_out(materi
     pressing = Pressing(material)
     inside = pressing.robot.surface + 0.03
     pressing.go(0.0, 300)
-    pressing.go(inside, 3500)
+    pressing.go(inside, 2500)
     assert pressing.forces[-1] > 12.0
     pressing.lie = LIES[kind]
     pressing.go(inside, 200)
     assert pressing.statuses[-1] is Status.SENSOR_FAULT
-    pressing.go(inside, 1500)
+    pressing.go(inside, 1000)
     assert max(pressing.forces) <= CEILING
     assert pressing.forces[-1] == 0.0, "it was taken out by the way that it came"
 

@@ -113,7 +113,7 @@ def test_a_session_s_models_stay_within_fifty_kilobytes_a_second(session: Sessio
     ("law", "told"), [("contact-map", True), ("hunt-crossley", True), ("continuous-switching", False)]
 )
 def test_models_carry_the_standard_errors_that_their_estimator_tells(law: str, told: bool) -> None:
-    log = simulated(5.0, material="hunt-crossley", model=law)
+    log = simulated(4.0, material="hunt-crossley", model=law)
     valid = [model for model in log.models if model.valid]
     assert len(valid) > 50
     assert all(len(model.standard_errors) in (0, len(model.parameters)) for model in valid)
@@ -122,7 +122,7 @@ def test_models_carry_the_standard_errors_that_their_estimator_tells(law: str, t
     if told:
         assert (errors[np.isfinite(errors)] > 0.0).all()
         assert np.isfinite(errors[-1, 0])
-        assert errors[-1, 0] < abs(valid[-1].parameters[0])  # of the stiffness, which five seconds of presses show
+        assert errors[-1, 0] < abs(valid[-1].parameters[0])  # of the stiffness, which four seconds of presses show
 
 
 def test_a_model_that_flickers_floods_nobody() -> None:
@@ -201,7 +201,7 @@ def test_one_message_after_a_burst_of_losses_says_it_all(session: SessionLog) ->
 
 
 def test_the_delay_that_the_estimator_is_told_is_the_round_trip_and_replay_tells_the_same() -> None:
-    log = simulated(6.0, material="hunt-crossley", position_delay=0.03, force_delay=0.1)
+    log = simulated(4.0, material="hunt-crossley", position_delay=0.03, force_delay=0.1)
     estimator = ContactMapBank()
     again = replay(log, Learner(estimator), delay=0.1)
     assert estimator.horizon == pytest.approx(0.131, abs=0.002)

@@ -44,7 +44,7 @@ def test_after_a_leader_began_again_all_that_the_follower_learnt_counts() -> Non
     lap.leaders.clear()
     lap.run(1.5)
     lap.start_leader("anna", 12)
-    lap.run(7.0)
+    lap.run(6.0)
     assert lap.log().longest().leader["epoch"][0] == 12
     assert np.abs(own_error(lap)).max() == 0.0
 

@@ -23,7 +23,7 @@ def statuses(said: list[Telemetry]) -> list[Status]:
     return [Status(status) for status, _ in itertools.groupby(one.status for one in said)]
 
 
-def pressing(lap: Lap, name: str = "anna", epoch: int = 11, *, seconds: float = 6.0) -> None:
+def pressing(lap: Lap, name: str = "anna", epoch: int = 11, *, seconds: float = 3.0) -> None:
     """A leader presses until the robot feels at least 1 N."""
     lap.start_leader(name, epoch)
     lap.run(seconds)
@@ -38,7 +38,7 @@ def test_a_leader_that_dies_leaves_a_robot_that_holds_and_unloads(grip: str) -> 
     lap = Lap(grip=grip)
     pressing(lap)
     lap.leaders.clear()
-    said = lap.run(4.0)
+    said = lap.run(3.0)
     assert [one for one in statuses(said) if one is not Status.GUARDED] == [
         Status.FOLLOWING,
         Status.HOLDING,
@@ -62,7 +62,7 @@ def test_its_next_start_has_control_and_a_model_within_a_second(grip: str) -> No
     assert again.state.renderer.predictor.model is not None
     assert again.records[-1].engaged
     before = len(lap.forces)
-    lap.run(8.0)
+    lap.run(5.0)
     rendered = np.array([one.predicted_force for one in again.records[1000:]])
     assert rendered.max() == pytest.approx(max(lap.forces[before:]), rel=0.25)
     assert max(lap.forces) < 15.0
@@ -130,13 +130,13 @@ def test_a_second_leader_is_not_obeyed_and_feels_nothing_until_the_first_is_sile
     lap = Lap(grip=grip)
     pressing(lap)
     first, second = lap.leaders[0], lap.start_leader("bert", 7)
-    lap.run(3.0)
+    lap.run(2.0)
     assert lap.following.lease.holder == "anna"
     assert first.state.heard.in_control
     assert not second.state.heard.in_control
     assert not second.state.heard.had_control
     assert max(one.rendered_force for one in second.records) == 0.0
-    assert lap.following.lease.refused > 2000
+    assert lap.following.lease.refused > 1500
     lap.leaders.remove(first)
     lap.run(2.0)
     assert lap.following.lease.holder == "bert"
@@ -160,17 +160,17 @@ def test_an_emergency_stop_latches_unloads_and_lets_the_hand_go(grip: str, at: s
         one.stopping = True
         lap.run(0.02)
     lap.stop = "somebody shouted"
-    said = lap.run(3.0)
+    said = lap.run(2.0)
     one.stopping = False
     assert statuses(said)[-1] is Status.STOPPED
     assert lap.following.safety.stop_reason == "somebody shouted"
     assert max(lap.forces[-1000:]) < 1.0
-    assert all(record.rendered_force == 0.0 for record in one.records[-2000:])
+    assert all(record.rendered_force == 0.0 for record in one.records[-1000:])
     assert not one.records[-1].engaged
-    lap.run(2.0)
+    lap.run(0.5)
     assert lap.telemetry[-1].status == Status.STOPPED  # nobody released it
     lap.release = True
-    said = lap.run(6.0)
+    said = lap.run(4.0)
     assert lap.following.safety.stop_reason == ""
     assert Status.FOLLOWING in statuses(said) or Status.GUARDED in statuses(said)
     assert one.records[-1].engaged
@@ -222,9 +222,9 @@ def test_a_sensor_that_fails_freezes_learning_and_holds_the_robot(kind: str) -> 
 def test_after_a_silence_the_way_back_is_slow_to_its_end() -> None:
     """Also where the playout leads the way: nothing is followed quickly before it has been kept up with for a while."""
     lap = Lap()
-    pressing(lap, seconds=8.0)
+    pressing(lap)
     one = lap.leaders.pop()
-    lap.run(3.0)
+    lap.run(2.0)
     begun = len(lap.telemetry)
     lap.leaders.append(one)
     said = lap.run(1.5)

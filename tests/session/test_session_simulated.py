@@ -48,15 +48,26 @@ def without_timing(log: SessionLog) -> list[np.ndarray[Any, Any]]:
     return [table[name] for table in tables for name in table.dtype.names if name != "compute_ns"]
 
 
-def test_it_repeats_to_the_last_bit(tmp_path: Path) -> None:
-    faults = {"jitter": 0.01, "loss": 0.05, "outage": 0.3, "seed": 5}
-    first = run(3.0, record=tmp_path / "a.mcap", **faults)
-    second = run(3.0, record=tmp_path / "b.mcap", **faults)
+FAULTS = {"jitter": 0.01, "loss": 0.05, "outage": 0.3, "seed": 5}
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory: pytest.TempPathFactory) -> tuple[SimulatedSession, Path]:
+    """A session over a poor network, in which something is pressed, and its recording."""
+    path = tmp_path_factory.mktemp("recorded") / "a.mcap"
+    session = run(2.0, record=path, **FAULTS)
+    assert session.log.leader["predicted_force"].any()
+    return session, path
+
+
+def test_it_repeats_to_the_last_bit(recorded: tuple[SimulatedSession, Path], tmp_path: Path) -> None:
+    first, path = recorded
+    second = run(2.0, record=tmp_path / "b.mcap", **FAULTS)
     for one, other in zip(without_timing(first.log), without_timing(second.log), strict=True):
         np.testing.assert_array_equal(one, other)
     assert list(map(encode, first.log.models)) == list(map(encode, second.log.models))
     assert first.log.counts == second.log.counts
-    digests = {hashlib.sha256((tmp_path / name).read_bytes()).digest() for name in ("a.mcap", "b.mcap")}
+    digests = {hashlib.sha256(one.read_bytes()).digest() for one in (path, tmp_path / "b.mcap")}
     assert len(digests) == 1
 
 
@@ -64,9 +75,8 @@ def test_another_seed_is_another_session() -> None:
     assert run(1.0, seed=1).log.follower["sensor_force"][-1] != run(1.0, seed=2).log.follower["sensor_force"][-1]
 
 
-def test_the_recording_holds_the_session(tmp_path: Path) -> None:
-    path = tmp_path / "s.mcap"
-    log = run(2.0, record=path).log
+def test_the_recording_holds_the_session(recorded: tuple[SimulatedSession, Path]) -> None:
+    log, path = recorded[0].log, recorded[1]
     read = read_session(path)
     for one, other in zip(without_timing(log), without_timing(read), strict=True):
         np.testing.assert_array_equal(one, other)
@@ -119,7 +129,7 @@ def test_predicting_the_recording_gives_the_session_s_own_figure(session: Simula
     ],
 )
 def test_every_material_is_pressed_within_the_clamps(material: str) -> None:
-    log = run(5.0, material=material, seed=3).log
+    log = run(4.0, material=material, seed=3).log
     assert log.follower["in_contact"].any()
     assert np.isfinite(log.follower["force"]).all()
     assert np.isfinite(log.leader["predicted_force"]).all()
@@ -155,7 +165,7 @@ def test_faults_are_counted() -> None:
 
 @pytest.mark.parametrize("jitter", [0.005, *(pytest.param(jitter, marks=pytest.mark.long) for jitter in (0.0, 0.0005))])
 def test_the_network_s_jitter_does_not_shake_what_the_follower_feels(jitter: float) -> None:
-    log = run(6.0, material="hunt-crossley", jitter=jitter, seed=1).log
+    log = run(5.0, material="hunt-crossley", jitter=jitter, seed=1).log
     learnt = log.follower[log.follower["command_sequence"] > 0]
     air = learnt[learnt["exact_force"] == 0.0]
     assert air["sensor_force"].std() < 0.05
@@ -234,12 +244,12 @@ foretouch.warm_up(settings)
 event.register("numba:compile", Noted())
 if settings.scene:
     from foretouch.cli.scenes import scene_session
-    log = scene_session(settings, 6.0)(None).log
+    log = scene_session(settings, 5.0)(None).log
 else:
     robot = foretouch.make_robot(settings.material, seed=1)
     reach = robot.material
     operator = foretouch.make_operator(settings, surface=robot.surface, press_depth=reach.press_depth, say=print)
-    log = foretouch.simulate(settings, duration=4.0, operator=operator, robot=robot).log
+    log = foretouch.simulate(settings, duration=3.0, operator=operator, robot=robot).log
     foretouch.predict(_recording(), foretouch.Learner(settings.make_estimator()), delay=0.1)
 assert log.follower["force"].max() > 1.0, "nothing was touched"
 print(len(made), made)
