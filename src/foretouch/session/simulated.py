@@ -21,7 +21,7 @@ from foretouch.session.operator_clock import OperatorClock
 from foretouch.session.operators import felt_device, felt_texts
 from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
 from foretouch.session.sides import leading_side
-from foretouch.session.warm_up import warm_up
+from foretouch.session.warm_up import warm_up_once
 
 __all__ = ["SimulatedSession", "simulate"]
 
@@ -72,7 +72,7 @@ def simulate(
         record: Called with each message to keep and its simulated time [ns].
         progress: Called now and then with the simulated time [s].
     """
-    warm_up(settings)
+    warm_up_once(settings)
     operator, robot = framed_device(operator, settings.frames[0]), framed_robot(robot, settings.frames[1])
     commands: FaultStage[Command] = FaultStage(settings.command_faults)
     returned: FaultStage[ModelUpdate | Telemetry] = FaultStage(settings.return_faults)

@@ -19,7 +19,6 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import suppress
-from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -38,7 +37,7 @@ from foretouch.session.housekeeping import COMPILING, HELLO_PERIOD, ORPHANED, St
 from foretouch.session.operators import make_operator
 from foretouch.session.settings import SAMPLE_PERIOD, SIMULATED, SessionSettings
 
-__all__ = ["compile_all", "compiled_share", "is_compiled", "prepare", "warm_up"]
+__all__ = ["compile_all", "compiled_share", "is_compiled", "prepare", "warm_up", "warm_up_once"]
 
 TICKS = 700
 DEPTH, STIFFNESS, SURFACE, ABOVE = 2e-3, 500.0, 0.01, 1e-3
@@ -273,7 +272,15 @@ def _compile_in_processes(stop: Callable[[], bool]) -> Iterator[float]:
             part.communicate()
 
 
-_warm_up_once = cache(warm_up)
+_LOADED: set[tuple[str, ...]] = set()
+
+
+def warm_up_once(settings: SessionSettings) -> None:
+    """`warm_up` for the first session in this process that runs the same code."""
+    runs = (settings.model, settings.estimator, settings.grip, settings.scene, settings.robot)
+    if runs not in _LOADED:
+        warm_up(settings)
+        _LOADED.add(runs)
 
 
 def prepare(settings: SessionSettings, stop: StopFlag, say: Callable[[str], None], parent: int | None) -> str:
@@ -311,7 +318,7 @@ def prepare(settings: SessionSettings, stop: StopFlag, say: Callable[[str], None
     try:
         compile_all(progress, stop=stopped)
         if not stop.reason:
-            _warm_up_once(settings)
+            warm_up_once(settings)
     finally:
         done.set()
         beating.join()

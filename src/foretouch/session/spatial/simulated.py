@@ -31,7 +31,7 @@ from foretouch.session.simulated import SimulatedSession
 from foretouch.session.spatial import follower, leader, tracker
 from foretouch.session.spatial.camera import IMAGE_PERIOD, VIEW, SimulatedCamera
 from foretouch.session.spatial.scenes import KnownSurface, Scene
-from foretouch.session.warm_up import warm_up
+from foretouch.session.warm_up import warm_up_once
 
 __all__ = ["simulate_scene"]
 
@@ -65,7 +65,7 @@ def simulate_scene(
         record: Called with each message to keep and its simulated time [ns].
         progress: Called now and then with the simulated time [s].
     """
-    warm_up(settings)
+    warm_up_once(settings)
     commands: FaultStage[Command] = FaultStage(settings.command_faults)
     returned: FaultStage[Message] = FaultStage(settings.return_faults)
     leading = leader.start(settings, scene.surface, scene.nominal)
