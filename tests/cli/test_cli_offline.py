@@ -28,6 +28,7 @@ IDENTIFY_KEYS = {
     "parameters",
     "map",
     "standard_errors",
+    "standard_errors_with_surface",
     "surface_m",
     "surface_error_m",
     "force_offset_N",
@@ -38,6 +39,7 @@ IDENTIFY_KEYS = {
     "residual_rms_N",
     "residual_percent",
     "status",
+    "hint",
 }
 PARAMETERS = ["stiffness", "damping", "exponent", "switching"]
 PREDICT_KEYS = {
@@ -100,9 +102,29 @@ def test_identify_keeps_its_contract(press: Path) -> None:
     assert list(content["parameters"]) == PARAMETERS
     assert sum(content["map"]["shares"].values()) == pytest.approx(1.0, abs=1e-3)
     assert content["status"] == "ok"
+    assert content["hint"] is None
     assert content["samples"] == 6000
     assert content["force_offset_N"] == pytest.approx(0.3, abs=0.01)
     assert content["surface_m"] == pytest.approx(0.01, abs=1.5e-3)
+
+
+def test_a_law_that_does_not_describe_the_recording_is_said_to(press: Path) -> None:
+    """Its positions are turned round: the force falls where the probe seems to go in."""
+    arguments = ("identify", press, "--flip", "--model", "kelvin-voigt")
+    content = output_of(*arguments, "--json")
+    assert content["residual_percent"] > 50.0
+    said = f"its residual is {content['residual_percent']:.0f} % of the force in contact; check the signs of force"
+    assert said in content["hint"]
+    assert run(*arguments).stdout.splitlines()[-1].strip() == content["hint"]
+
+
+def test_a_law_says_whether_its_errors_hold_that_of_the_surface(press: Path) -> None:
+    arguments = ("identify", press, "--model", "kelvin-voigt", "--estimator")
+    alone, both = (output_of(*arguments, name, "--json") for name in ("rls", "offline"))
+    assert alone["standard_errors_with_surface"] is None
+    assert both["standard_errors_with_surface"]["stiffness"] > both["standard_errors"]["stiffness"]
+    assert "(each ± takes the surface for right: see surface_m)" in run(*arguments, "rls").stdout
+    assert "(each ± holds that of the surface too)" in run(*arguments, "offline").stdout
 
 
 def test_a_map_is_told_in_a_few_numbers(press: Path) -> None:

@@ -59,8 +59,10 @@ def release(*words: str, said: str) -> tuple[int, str]:
 
 def test_who_does_not_say_so_twice_releases_nothing_and_who_does_releases_it(robot: subprocess.Popen[str]) -> None:
     for answers in ("n\n", "y\nyes\n", "y\n\n", ""):
-        code, _ = release(said=answers)
+        code, said = release(said=answers)
         assert code == 1, answers
+        assert ("not released: nobody answered" in said) == (answers in ("y\n\n", "")), answers
+        assert "Abort" not in said, answers
         assert followers()[robot.pid], answers
     code, said = release(said="y\nrelease\n")
     assert code == 0

@@ -39,6 +39,25 @@ def test_a_surface_that_is_given_has_no_error() -> None:
     assert found.surface_error == 0.0
 
 
+@pytest.mark.parametrize("name", ["1.35", "1.5"])
+def test_an_offline_law_lies_within_two_errors_that_hold_those_of_the_surface(name: str) -> None:
+    """And not within five of those that take the surface, found too deep, for right."""
+    found = identify(press(LAWS[name], 0), Learner(make_estimator("hunt-crossley", "offline")))
+    given, alone, both = found.parameters, found.standard_errors, found.standard_errors_with_surface
+    assert alone is not None
+    assert both is not None
+    for (key, value), true in zip(given.items(), LAWS[name], strict=True):
+        assert value is not None
+        assert abs(value - true) <= 2.0 * both[key], key
+    assert abs(given["exponent"] - LAWS[name][2]) > 5.0 * alone["exponent"]
+
+
+def test_errors_at_a_surface_that_is_given_are_those_of_the_law() -> None:
+    found = identify(press(LAWS["1.35"], 0), Learner(make_estimator("hunt-crossley", "offline"), surface=0.0))
+    assert found.standard_errors_with_surface == found.standard_errors
+    assert found.parameters["exponent"] == pytest.approx(1.35, abs=0.01)
+
+
 @pytest.mark.parametrize(("exponent", "ratio"), [(1.0, 3.0), (1.5, 1.5), (2.0, 1.0)])
 def test_what_is_unnoticed_is_exact_at_the_exponent_two_and_more_than_enough_below(
     exponent: float, ratio: float

@@ -75,7 +75,7 @@ def test_velocity_is_read_where_it_is_there(table):
 
 
 @pytest.mark.parametrize(("unit", "factor"), [("m", 1.0), ("cm", 100.0), ("mm", 1000.0), ("um", 1e6)])
-@pytest.mark.parametrize(("force_unit", "force_factor"), [("N", 1.0), ("mN", 1000.0), ("kN", 1e-3)])
+@pytest.mark.parametrize(("force_unit", "force_factor"), [("N", 1.0), ("mN", 1000.0), ("cN", 100.0), ("kN", 1e-3)])
 @pytest.mark.parametrize("flip", [False, True])
 def test_units_and_flip(table, unit, factor, force_unit, force_factor, flip):
     content = "time_s,position_m,force_N,velocity_m_s\n0,0.5,0.25,3\n1,0.75,0.3,4\n"
@@ -178,7 +178,8 @@ def test_lines_on_the_sample_above_the_header_are_passed_over(table, above, head
     read = read_with_notes(table(content))
     assert_good(read.recording)
     row = above.count("\n") + 1
-    assert f"the columns are named in line {row}; {lines} lines above are passed over" in read.notes
+    passed_over = "1 line above is passed over" if lines == 1 else f"{lines} lines above are passed over"
+    assert f"the columns are named in line {row}; {passed_over}" in read.notes
     assert read.recording.first_row == row + header.count("\n")
     error = refused(table(content + "x,0,0\n"))
     assert error.row == content.count("\n") + 1

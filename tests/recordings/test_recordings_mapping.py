@@ -14,7 +14,7 @@ from foretouch.recordings.column_names import FORCE, POSITION, TIME, name_says, 
 from foretouch.recordings.mapping import FORCES, LENGTHS, NEEDS_SCALE, TIMES, mapping_text, parse_mapping
 
 FACTORS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "rad": 1.0, "deg": math.pi / 180, "raw": 1.0}
-FORCE_FACTORS = {"N": 1.0, "mN": 1e-3, "kN": 1e3, "Nm": 1.0, "raw": 1.0}
+FORCE_FACTORS = {"N": 1.0, "mN": 1e-3, "cN": 1e-2, "kN": 1e3, "Nm": 1.0, "raw": 1.0}
 scales = st.floats(1e-3, 1e3).filter(lambda scale: scale != 1.0)
 texts = st.text(st.characters(exclude_categories=("Cs",)), min_size=1, max_size=12)
 
@@ -82,7 +82,7 @@ GOOD = '[time]\ncolumn="t"\n[position]\ncolumn="x"\nunit="mm"\n[force]\ncolumn="
     [
         ('unit="mm"', "", r"\[position\] unit is not said: give one of m, cm, mm, um, rad, deg, raw"),
         ('unit="mm"', 'unit="inch"', r"\[position\] unit 'inch' is not known"),
-        ('unit="N"', 'unit="kg"', r"\[force\] unit 'kg' is not known: give one of N, mN, kN, Nm, raw"),
+        ('unit="N"', 'unit="kg"', r"\[force\] unit 'kg' is not known: give one of N, mN, cN, kN, Nm, raw"),
         ('unit="mm"', 'unit="rad"', r"\[position\] is in rad and needs scale = metres for a radian"),
         ('unit="N"', 'unit="Nm"', r"\[force\] is in Nm and needs scale = newtons for a newton metre"),
         ('unit="mm"', 'unit="mm"\nsign=2', r"is no map:.*sign"),
@@ -128,8 +128,8 @@ def test_every_unit_that_is_no_length_or_force_asks_for_its_scale():
         ("position_m", POSITION, "m"), ("Weg [mm]", POSITION, "mm"), ("Déplacement (mm)", POSITION, "mm"),
         ("profundidad en mm", POSITION, "mm"), ("Posição [µm]", POSITION, "um"), ("位置[mm]", POSITION, "mm"),
         ("toolPosition", POSITION, ""), ("x", POSITION, ""), ("lever position_rad", POSITION, "rad"),
-        ("force_N", FORCE, "N"), ("Kraft [mN]", FORCE, "mN"), ("Kraft in N", FORCE, "N"), ("fuerza", FORCE, ""),
-        ("сила", FORCE, ""), ("run1/force_kN", FORCE, "kN"), ("Fz", FORCE, ""),
+        ("force_N", FORCE, "N"), ("Kraft [mN]", FORCE, "mN"), ("Zugkraft [cN]", FORCE, "cN"), ("fuerza", FORCE, ""),
+        ("Kraft in N", FORCE, "N"), ("сила", FORCE, ""), ("run1/force_kN", FORCE, "kN"), ("Fz", FORCE, ""),
         ("Extension (mm)", POSITION, "mm"), ("Compressive extension", POSITION, ""), ("Crosshead", POSITION, ""),
         ("Stroke", POSITION, ""), ("Disp.", POSITION, ""), ("Deflection [mm]", POSITION, "mm"),
         ("Elongation [mm]", POSITION, "mm"), ("Traverse [mm]", POSITION, "mm"), ("Hub", POSITION, ""),

@@ -42,7 +42,7 @@ def test_parameters_have_their_units() -> None:
     quadratic = ("stiffness", "stiffening", "damping")
     assert [parameter_unit(name, quadratic) for name in quadratic] == ["N/m", "N/m^2", "N s/m^2"]
     both = ("kelvin_voigt_stiffness", "hunt_crossley_stiffness", "hunt_crossley_exponent", "threshold")
-    assert [parameter_unit(name, both) for name in both] == ["N/m", "N/m^s", "", "N/m"]
+    assert [parameter_unit(name, both) for name in both] == ["N/m", "N/m^n", "", "N/m"]
     assert parameter_unit("anything", power) == ""
     said = parameter_text({"stiffness": 4500.4, "damping": None}, {"stiffness": 38.0, "damping": None})
     assert said == "stiffness 4,500 ± 38 N/m, damping undetermined"
@@ -56,7 +56,7 @@ def test_what_a_session_could_not_determine_is_undetermined() -> None:
     assert report["parameters"] == {"stiffness": 3000.0, "damping": None, "exponent": 1.4}
     assert report["standard_errors"] == {"stiffness": 38.0, "damping": None, "exponent": 0.003}
     text = render_text(report)
-    assert "law        stiffness 3,000 ± 38 N/m^s, damping undetermined, exponent 1.4000 ± 0.0030" in text
+    assert "law        stiffness 3,000 ± 38 N/m^n, damping undetermined, exponent 1.4000 ± 0.0030" in text
     assert "None" not in text
     plain = session_report(log)  # a session of old tells no errors
     assert plain["standard_errors"] is None

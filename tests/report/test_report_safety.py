@@ -187,6 +187,14 @@ def twice(first: SessionLog, second: SessionLog) -> SessionLog:
     return SessionLog(leader, follower, (), first.settings, first.counts)
 
 
+def test_a_stop_is_said_with_the_stretch_in_which_it_was_pressed(quiet: SessionLog) -> None:
+    """It lasts into the next one, of which the figures are, until somebody releases it."""
+    short = make_session(2.0)
+    log = twice(with_status(short, (1500, 2000, Status.STOPPED)), with_status(quiet, (0, 300, Status.STOPPED)))
+    text = render_text(session_report(replace(log, news={"stopped": ("pressed in the console",)})))
+    assert "Emergency stop in stretch 1: pressed in the console." in text
+
+
 def test_figures_are_of_the_longest_stretch_and_it_is_said(quiet: SessionLog) -> None:
     short = make_session(2.0, stiffness=20.0)
     log = twice(short, quiet)

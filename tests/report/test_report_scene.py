@@ -142,8 +142,13 @@ def test_friction_and_forces_in_space() -> None:
 LATE = {"device_delay": "0.0", "device_watchdog": "0.0"}
 
 
-def with_account(log: SessionLog, seed: int, *, scale: float = 1.0, resolution: float = 0.0) -> SessionLog:
-    """A hand that wanders, and forces of no law that the account itself holds in bounds."""
+def with_account(
+    log: SessionLog, seed: int, *, scale: float = 1.0, resolution: float = 0.0, rubs_on: bool = False
+) -> SessionLog:
+    """A hand that wanders, and forces of no law that the account itself holds in bounds.
+
+    Where it rubs on, friction is held where nothing is pressed any more.
+    """
     random = np.random.default_rng(seed)
     account = SpatialEnergyAccount(resolution)
     place, hand, leader = np.zeros(3), log.leader_space, log.leader
@@ -155,8 +160,8 @@ def with_account(log: SessionLog, seed: int, *, scale: float = 1.0, resolution: 
         pressed = 2.0 if touching[row] else 0.0
         if not touching[row]:
             account.close()
-        x, y, z = random.normal(0.0, 0.5, 3).tolist() if touching[row] else (0.0, 0.0, 0.0)
-        force = account.hold((x, y, z + pressed))
+        x, y, z = random.normal(0.0, 0.5, 3).tolist() if touching[row] or rubs_on else (0.0, 0.0, 0.0)
+        force = account.hold((x, y, z + pressed if touching[row] else 0.0))
         put(hand[row : row + 1], "hand", place)
         put(hand[row : row + 1], "force", force)
         leader["rendered_force"][row] = pressed
@@ -173,6 +178,13 @@ def test_the_account_is_that_of_who_keeps_it(seed: int, scale: float, resolution
     assert energy["certificate_holds"]
     assert energy["energy_margin_J"] >= 0.0
     assert energy["net_energy_J"] == pytest.approx(min(log.leader_space["energy"].min(), 0.0), abs=1e-12)
+
+
+def test_friction_that_outlasts_the_contact_is_no_other_account() -> None:
+    """The leader forgives a surplus where nothing presses, whatever rubs."""
+    report = session_report(with_account(make_scene_session(600, **LATE), 4, rubs_on=True))
+    assert report["scene"]["energy"]["energy_agrees"]
+    assert report["stable"] is True
 
 
 def test_a_broken_bound_is_said_and_so_is_an_account_that_does_not_agree() -> None:

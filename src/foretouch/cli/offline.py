@@ -39,6 +39,9 @@ if TYPE_CHECKING:
 
 __all__ = ["COMMANDS", "identify", "predict", "report"]
 
+WORTHLESS = 50.0
+"""Residual from which on a law is said not to describe a recording [% of the force in contact]."""
+
 RecordingPath = Annotated[Path | None, typer.Argument(help=RECORDING_HELP)]
 
 
@@ -93,12 +96,14 @@ def identify(
         keep_history=out is not None,
     )
     residual, contact = result.residual_rms, result.contact_force_rms
+    percent = _finite(100.0 * residual / contact) if contact > 0.0 else None
     content = {
         "model": model,
         "estimator": estimator,
         "parameters": result.parameters,
         "map": _map_of(result),
         "standard_errors": result.standard_errors,
+        "standard_errors_with_surface": result.standard_errors_with_surface,
         "surface_m": result.surface,
         "surface_error_m": _finite(result.surface_error),
         "force_offset_N": result.force_offset,
@@ -107,8 +112,9 @@ def identify(
         "samples": len(data),
         "contact_samples": int(result.in_contact.sum()),
         "residual_rms_N": _finite(residual),
-        "residual_percent": _finite(100.0 * residual / contact) if contact > 0.0 else None,
+        "residual_percent": percent,
         "status": _identified(data) if math.isfinite(residual) else "no_residual",
+        "hint": _hint(percent),
     }
     if out is not None:
         write_columns(out, {"time_s": data.time, "in_contact": result.in_contact, **result.history})
@@ -314,6 +320,16 @@ def _identified(data: Recording) -> str:
     return "offset_unobservable" if is_zero_unobservable(data) else "ok"
 
 
+def _hint(residual_percent: float | None) -> str | None:
+    """What to try where the law describes next to nothing of a recording, None where it does."""
+    if residual_percent is None or residual_percent <= WORTHLESS:
+        return None
+    return (
+        f"the law does not describe this recording: its residual is {residual_percent:.0f} % of the force in contact; "
+        "check the signs of force and position (--flip), or try another law (--model)"
+    )
+
+
 def _refuse_to_replace(recording: Path, out: Path | None) -> None:
     """Results never take the place of what they come from."""
     if out is not None and out.resolve() == recording.resolve():
@@ -344,8 +360,12 @@ def _print_lines(title: str, content: dict[str, Any]) -> None:
     for name, value in content.items():
         partner = name.rpartition("_")  # surface_m and surface_error_m, say
         error = f"{partner[0]}_error_{partner[2]}"
-        if name == "standard_errors" or ("_error_" in name and name.replace("_error_", "_") in content):
+        if name.startswith("standard_errors") or ("_error_" in name and name.replace("_error_", "_") in content):
             continue  # stands behind what it is of
+        if name == "hint":
+            if value is not None:
+                show(f"  {value}")
+            continue
         if name == "remarks":
             show("".join(f"  {remark}\n" for remark in value), end=False)
             continue
@@ -353,9 +373,11 @@ def _print_lines(title: str, content: dict[str, Any]) -> None:
             _print_map(value)
             continue
         if name == "parameters":
-            text = parameter_text(value, content["standard_errors"])
-            if content["standard_errors"] and content["surface_error_m"]:
-                text += f"\n  {'':<28} (each ± takes the surface for right: see surface_m)"
+            errors, alone = content["standard_errors_with_surface"], content["standard_errors"]
+            text = parameter_text(value, errors or alone)
+            if alone and content["surface_error_m"]:
+                holds = "holds that of the surface too" if errors else "takes the surface for right: see surface_m"
+                text += f"\n  {'':<28} (each ± {holds})"
         elif error in content:
             text = measured(value, content[error])
         elif isinstance(value, float):

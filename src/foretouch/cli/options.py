@@ -81,7 +81,7 @@ PositionUnit = Annotated[
     str | None, typer.Option(help="Unit of positions, where the file states none: m, cm, mm or um; position_m: m.")
 ]
 ForceUnit = Annotated[
-    str | None, typer.Option(help="Unit of forces, where the file states none: N, mN or kN; force_N: N.")
+    str | None, typer.Option(help="Unit of forces, where the file states none: N, mN, cN or kN; force_N: N.")
 ]
 Flip = Annotated[bool, typer.Option("--flip", help="Positions in the file shrink with depth.")]
 ForceChannel = Annotated[str, typer.Option(help="Force of a TU/e file: raw bridge or logged torque.")]

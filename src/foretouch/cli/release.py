@@ -39,8 +39,13 @@ def release(
 
     chosen, why = _the_one(process)
     say(f"follower {chosen}: {one_line(why)}")
-    near = typer.confirm("Is the reason for the stop mended, and everybody out of the robot's reach?", err=True)
-    if not near or typer.prompt('Type "release" to let it follow commands again', err=True).strip() != "release":
+    try:
+        near = typer.confirm("Is the reason for the stop mended, and everybody out of the robot's reach?", err=True)
+        sure = near and typer.prompt('Type "release" to let it follow commands again', err=True).strip() == "release"
+    except typer.Abort:  # the end of what is typed, or Ctrl-C
+        say("\nforetouch: not released: nobody answered")
+        raise typer.Exit(1) from None
+    if not sure:
         say("foretouch: not released")
         raise typer.Exit(1)
     os.kill(chosen, signal.SIGUSR2)

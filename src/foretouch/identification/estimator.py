@@ -98,3 +98,10 @@ class Estimator(ABC):
     @abstractmethod
     def standard_errors(self) -> dict[str, float | None] | None:
         """Standard error of each of `parameters`, None of one that is undetermined; None where it has none to give."""
+
+    def surface_shifts(self, surface_error: float) -> dict[str, float] | None:
+        """How far each of `parameters` moves where the surface lies further out or in by this [m], the larger of both.
+
+        None where the estimator cannot tell, as most.
+        """
+        return None

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from foretouch.errors import RecordingError, plural
 from foretouch.identification.conditioning_layout import SURFACE_THRESHOLD
+from foretouch.identification.estimator import Estimator
 from foretouch.identification.learner import Learner
 from foretouch.identification.learner_run import RawSamples, run_by_sample
 from foretouch.models import ContactModel
@@ -32,6 +33,8 @@ class Identification(Columns):
         parameters: The law's numbers by name, after the last sample; None for one that is undetermined.
         standard_errors: By name, None where the estimator has none; those of the law alone, given `surface` and
             `force_offset`: where the surface is not known well, the parameters are less sure than they say.
+        standard_errors_with_surface: The same, with how far each parameter moves where the surface lies one
+            `surface_error` further out or in added in quadrature; None where the estimator cannot tell.
         surface: Position of the surface found [m], as the model counts from it.
         force_offset: Force in free air found [N].
         in_contact: The conditioner's judgement at every sample, shape (n,).
@@ -52,6 +55,7 @@ class Identification(Columns):
 
     parameters: dict[str, float | None]
     standard_errors: dict[str, float | None] | None
+    standard_errors_with_surface: dict[str, float | None] | None
     surface: float
     force_offset: float
     in_contact: NDArray[np.bool_]
@@ -105,9 +109,11 @@ def identify(recording: Recording, learner: Learner, *, keep_history: bool = Fal
         )
     if model is None:
         raise RecordingError(recording.name, f"{estimator.name} found no model: {learner.learnt().reason}")
+    surface_error = _surface_error(recording, learner, surface)
     return Identification(
         estimator.parameters,
         estimator.standard_errors,
+        _errors_with_surface(estimator, surface_error),
         surface,
         learner.conditioner.force_offset,
         found.in_contact,
@@ -115,7 +121,7 @@ def identify(recording: Recording, learner: Learner, *, keep_history: bool = Fal
         found.contact_force_rms,
         {} if history is None else history.columns,
         model,
-        _surface_error(recording, learner, surface),
+        surface_error,
         learner.lag.lag,
         learner.lag.standard_error,
         found.standard_deviation,
@@ -158,6 +164,17 @@ def _surface_error(recording: Recording, learner: Learner, surface: float) -> fl
     threshold = float(conditioner.memory[SURFACE_THRESHOLD])
     unnoticed = unnoticed_depth(recording.position - surface, force, threshold)
     return float(np.hypot(scatter, 0.5 * unnoticed))
+
+
+def _errors_with_surface(estimator: Estimator, surface_error: float) -> dict[str, float | None] | None:
+    """A surface is no parameter of these laws: what it does to them is found by moving it."""
+    errors = estimator.standard_errors
+    if errors is None or surface_error == 0.0:
+        return errors
+    shifts = estimator.surface_shifts(surface_error)
+    if shifts is None:
+        return None
+    return {name: None if error is None else float(np.hypot(error, shifts[name])) for name, error in errors.items()}
 
 
 class _History:

@@ -286,6 +286,22 @@ class _Offline(Estimator):
         fit = self.fit
         return None if fit is None else {**fit.standard_errors}
 
+    def surface_shifts(self, surface_error: float) -> dict[str, float] | None:
+        """By two more fits; see `Estimator.surface_shifts`."""
+        fit = self.fit
+        if fit is None:
+            return None
+        depth, velocity, force = np.array(self._buffer).T
+        try:
+            moved = [
+                fit_offline(depth + shift, velocity, force, self.model_name).model.parameters
+                for shift in (-surface_error, surface_error)
+            ]
+        except InputError:  # too little is left inside the surface
+            return None
+        shifts = np.abs(np.subtract(moved, fit.model.parameters)).max(axis=0)
+        return dict(zip(fit.standard_errors, shifts.tolist(), strict=True))
+
 
 class OfflineContinuousSwitching(_Offline):
     """Equation (4) by offline least squares within the bounds of (5)."""

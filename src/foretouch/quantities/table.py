@@ -66,4 +66,6 @@ def parameter_unit(name: str, names: Iterable[str]) -> str:
         if short in plain:
             return plain[short]
     unit = next((quantity.unit for quantity in QUANTITIES if quantity.name == short), "")
+    if not names & {"switching", "s"}:
+        unit = unit.replace("^s", "^n")  # one exponent is all there is
     return "" if unit == "1" else unit

@@ -44,7 +44,9 @@ UNITS: Final = {
         "m": "m", "cm": "cm", "mm": "mm", "um": "um", "µm": "um", "rad": "rad", "deg": "deg", "°": "deg", "grad": "deg",
         "meter": "m", "metre": "m", "meters": "m", "metres": "m", "millimeter": "mm",
     },
-    FORCE: {"N": "N", "mN": "mN", "kN": "kN", "Nm": "Nm", "N·m": "Nm", "newton": "N", "newtons": "N"},
+    FORCE: {
+        "N": "N", "mN": "mN", "cN": "cN", "kN": "kN", "Nm": "Nm", "N·m": "Nm", "newton": "N", "newtons": "N",
+    },
 }  # fmt: skip
 """Units as files write them, to those of a map."""
 

@@ -94,7 +94,8 @@ class CsvTable(Table):
         self._separator, self.header, self._skipped = top.separator, top.names, top.lines
         self._header_row, self.first_row = top.row, top.lines + 1
         if top.passed_over:
-            self.notes = (f"the columns are named in line {top.row}; {top.passed_over} lines above are passed over",)
+            above = "1 line above is" if top.passed_over == 1 else f"{top.passed_over} lines above are"
+            self.notes = (f"the columns are named in line {top.row}; {above} passed over",)
         rows: list[list[str]] = []
         with contextlib.suppress(RecordingError):  # whoever reads the whole says what is wrong
             rows = [row for _, row in islice(self._rows(), LOOKED_AT)]

@@ -75,7 +75,7 @@ def read_recording(
         path: The file.
         position_unit: What positions are in, where columns are named as above or the file does not say: ``"m"``,
             ``"cm"``, ``"mm"`` or ``"um"``; velocities are in the same a second.
-        force_unit: What its forces are in: ``"N"``, ``"mN"`` or ``"kN"``.
+        force_unit: What its forces are in: ``"N"``, ``"mN"``, ``"cN"`` or ``"kN"``.
         flip: Whether positions grow out of the material; position and velocity then change sign.
         force_channel: For TU/e recordings ``"raw"`` (the force bridge) or ``"logged"`` (the low-pass filtered torque).
         map_file: TOML file of a `Mapping`: which column or message field is what, in which unit.

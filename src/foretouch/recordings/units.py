@@ -12,7 +12,7 @@ __all__ = ["FORCE_UNITS", "POSITION_UNITS", "REQUIRED", "VELOCITY", "Units"]
 POSITION_UNITS: Final = {"m": 1.0, "cm": 1e2, "mm": 1e3, "um": 1e6}
 """How many of a unit make a metre."""
 
-FORCE_UNITS: Final = {"N": 1.0, "mN": 1e3, "kN": 1e-3}
+FORCE_UNITS: Final = {"N": 1.0, "mN": 1e3, "cN": 1e2, "kN": 1e-3}
 """How many of a unit make a newton."""
 
 REQUIRED: Final = ("time_s", "position_m", "force_N")

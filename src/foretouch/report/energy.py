@@ -74,26 +74,28 @@ def energy_account(leader: Rows, device: BookedDevice | None = NO_DEVICE) -> Acc
     force, place = -leader["rendered_force"][:, None], leader["hand_position"][:, None]
     place = np.where(np.abs(place) <= FARTHEST, place, np.nan)
     booked = book(force, place, 1e-9 * leader["period_ns"], device)
-    return summed_account(leader, booked, leader["rendered_force"], lost_rows(leader, np.isfinite(place[:, 0])), device)
+    pressing = leader["rendered_force"]
+    return summed_account(leader, booked, pressing, pressing, lost_rows(leader, np.isfinite(place[:, 0])), device)
 
 
-def summed_account(told: Rows, booked: Booked, force: Array, lost: Flags, device: BookedDevice) -> Account:
+def summed_account(
+    told: Rows, booked: Booked, force: Array, pressing: Array, lost: Flags, device: BookedDevice
+) -> Account:
     """The account of what was booked.
 
     Args:
         told: Rows of the leader that say what it kept: ``energy``, ``energy_bound``, ``late_energy``.
         booked: What was booked in each.
         force: Size of the force that is held from each row on [N].
+        pressing: What of it lies along the normal, without friction [N]: no surplus is forgiven above 0.05 N of that.
         lost: Whether the row before is missing, or of no use.
         device: The hand's.
     """
-    held = np.concatenate((np.zeros(min(1, force.size)), force[:-1]))
-    pressed = held > 0.0
-    largest = np.maximum.accumulate(held)
+    largest = np.maximum.accumulate(_held(force))
     farthest = np.maximum.accumulate(booked.reach)
     bound = (1.0 + 2.0 * device.delay / SAMPLE_PERIOD) * largest * farthest
     bound = np.where(np.logical_or.accumulate(lost), told["energy_bound"], bound)
-    begins = _begins(told["energy"], booked.work, pressed & (held > PHANTOM), lost)
+    begins = _begins(told["energy"], booked.work, _held(pressing) > PHANTOM, lost)
     late = _owed(np.where(lost, 0.0, booked.late), told["late_energy"], lost)
     return Account(_summed(told["energy"], booked.work, begins, lost), bound, late)
 
@@ -168,8 +170,7 @@ def exact_energy(leader: Rows, device: BookedDevice | None = NO_DEVICE) -> Array
         return np.full(force.size, np.nan)
     period, lost = 1e-9 * leader["period_ns"], lost_rows(leader, np.isfinite(leader["hand_position"]))
     shown, exact = (book(-force[:, None], x, period, device) for x in (leader["hand_position"][:, None], place))
-    held = np.concatenate((np.zeros(min(1, force.size)), force[:-1]))
-    begins = _begins(leader["energy"], shown.work, held > PHANTOM, lost)
+    begins = _begins(leader["energy"], shown.work, _held(force) > PHANTOM, lost)
     return np.where(np.isfinite(place[:, 0]), _summed(leader["energy"], exact.work, begins, lost), np.nan)
 
 
@@ -188,6 +189,11 @@ def lost_rows(told: Rows, there: Flags) -> Flags:
         found = np.flatnonzero(there[row:])
         lost[row : row + int(found[0]) + 2 if found.size else None] = True
     return np.asarray(lost)
+
+
+def _held(force: Array) -> Array:
+    """What acted until each row: the force of the row before."""
+    return np.concatenate((np.zeros(min(1, force.size)), force[:-1]))
 
 
 def _begins(told: Array, work: Array, firm: Flags, lost: Flags) -> Flags:

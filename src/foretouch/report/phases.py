@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from foretouch.errors import plural
-from foretouch.messages import SessionLog
+from foretouch.messages import SessionLog, Status
 from foretouch.report.hand import hand_figures, largest, number_of
 from foretouch.report.numbers import number
 from foretouch.report.pairs import not_scored, pair
@@ -46,8 +46,9 @@ def phase_figures(whole: SessionLog, chosen: SessionLog, **window: Any) -> list[
 
     Returns:
         Of each: ``begin_s`` since the leader was first heard, ``duration_s``, ``reported`` (whether it is the chosen
-        one), ``settings``: those that are not the same in all phases, and what was pressed; ``rendered_error_percent``,
-        ``prediction_error_percent``, ``delayed_force_error_percent``, ``rendered_within_jnd_percent``, ``stable`` and
+        one), ``emergency_stop`` (whether the robot was stopped in it, and not before), ``settings``: those that are not
+        the same in all phases, and what was pressed; ``rendered_error_percent``, ``prediction_error_percent``,
+        ``delayed_force_error_percent``, ``rendered_within_jnd_percent``, ``stable`` and
         ``max_rendered_force_N``.
     """
     phases = whole.phases()
@@ -58,8 +59,10 @@ def phase_figures(whole: SessionLog, chosen: SessionLog, **window: Any) -> list[
     # Every start of a leader takes a name and a place of its own.
     telling = [name for name in telling if name not in ("leader", "settings_since_ns")]
     began = int(whole.leader["time_ns"][0]) if whole.leader.size else 0
-    found = []
+    found, was_stopped = [], False
     for phase in phases:
+        stopped = np.append(was_stopped, phase.follower["status"] == Status.STOPPED)
+        was_stopped = bool(stopped[-1])
         scores = contact_scores(phase, **window)
         rendered, predicted = scores["rendered"], scores["predicted"]
         table = phase.leader if phase.leader.size else phase.follower
@@ -69,6 +72,7 @@ def phase_figures(whole: SessionLog, chosen: SessionLog, **window: Any) -> list[
                 "begin_s": float(phase.leader["time_ns"][0] - began) * 1e-9 if phase.leader.size else None,
                 "duration_s": float(np.ptp(table["time_ns"])) * 1e-9 if table.size else 0.0,
                 "reported": _same(phase, chosen),
+                "emergency_stop": bool((stopped[1:] & ~stopped[:-1]).any()),
                 "settings": shown,
                 "rendered_error_percent": rendered.prediction_error_percent,
                 "prediction_error_percent": predicted.prediction_error_percent,

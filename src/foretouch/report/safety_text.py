@@ -56,9 +56,11 @@ def left_out(samples: FollowerSamples) -> list[str]:
 
 
 def safety_sentences(report: Mapping[str, Any]) -> list[str]:
-    """Emergency stops and faults of the sensors, one sentence each."""
+    """Emergency stops, with the stretches in which they began, and faults of the sensors, one sentence each."""
     safety = report["safety"]
-    said = [f"Emergency stop: {reason.rstrip('.')}." for reason in safety["emergency_stops"]]
+    stopped = [str(place) for place, one in enumerate(report["stretches"]["each"], 1) if one["emergency_stop"]]
+    where = f" in {'stretch' if len(stopped) == 1 else 'stretches'} {' and '.join(stopped)}" if stopped else ""
+    said = [f"Emergency stop{where}: {reason.rstrip('.')}." for reason in safety["emergency_stops"]]
     for fault in safety["sensor_faults"].values():
         said.append(f"Faulty sensors for {number(fault['seconds'], 's')}: {fault['sentence']}.")
     return said

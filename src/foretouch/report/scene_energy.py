@@ -36,7 +36,7 @@ def spatial_account(rows: SceneRows, *, position_scale: float, device: BookedDev
     lost = lost_rows(told, np.asarray(np.isfinite(place).all(axis=1)))
     lost |= ~coupled | ~np.concatenate((coupled[:1], coupled[:-1]))
     booked = book(force, place, 1e-9 * rows.leader["period_ns"], device)
-    return summed_account(told, booked, np.linalg.norm(force, axis=1), lost, device)
+    return summed_account(told, booked, np.linalg.norm(force, axis=1), rows.leader["rendered_force"], lost, device)
 
 
 def spatial_energy_figures(rows: SceneRows, account: Account) -> dict[str, Any]:
