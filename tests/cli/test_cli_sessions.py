@@ -9,9 +9,12 @@ from typing import Any, NamedTuple
 import pytest
 from typer.testing import CliRunner, Result
 
+from foretouch.cli import sessions
 from foretouch.cli.app import app
 from foretouch.cli.options import SESSION_PANELS, make_folder
 from foretouch.errors import ForetouchError
+from foretouch.messages import Hello
+from foretouch.recordings import SessionWriter
 
 REPORT_KEYS = {
     "contact_force_rms_N",
@@ -252,3 +255,14 @@ def test_folders_for_results_are_made_below_the_one_that_one_stands_in(
     assert (tmp_path / "out/of/three").is_dir()
     with pytest.raises(ForetouchError, match=r"there is no .*nowhere that it could be made in"):
         make_folder(Path(f"../{tmp_path.name}-nowhere/out"))
+
+
+@pytest.mark.parametrize(("failed", "why"), [(True, "failed for what stands above"), (False, "never began")])
+def test_a_session_without_a_tick_of_its_leader_has_no_report_and_says_why(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], failed: bool, why: str
+) -> None:
+    path = tmp_path / "s.mcap"
+    with SessionWriter(path) as writer:
+        writer.write(Hello.of("follower", 1, 1, {"material": "sponge"}), 1)
+    sessions._report_recorded(path, None, False, all_of_it=True, failed=failed)
+    assert capsys.readouterr().err == f"no report: the session {why}, and {path} holds no tick of a leader\n"

@@ -139,6 +139,18 @@ def test_what_cannot_be_seen_is_not_called_broken() -> None:
     assert summary(check_robot(Real, move=True))["sign of force"] is None
 
 
+def test_what_was_not_seen_is_not_told_as_kept(install: Callable[..., None]) -> None:
+    source = "from dataclasses import replace\nfrom wrong_robots import Rail\n"
+    source += "def make(settings):\n    rail = Rail()\n"
+    source += "    rail.specification = replace(rail.specification, simulated=False)\n    return rail\n"
+    install("real", {"robot": {"arm": "real:make"}}, source)
+    said = CliRunner().invoke(app, ["plugins", "check", "arm"]).output
+    assert "  not seen  workspace                    it is a real one, which no check drives into anything" in said
+    assert said.endswith("\n6 rules are kept, 5 were not seen; --move shows 2 of them\n")
+    said = CliRunner().invoke(app, ["plugins", "check", "arm", "--move"]).output
+    assert said.endswith("\n8 rules are kept, 3 were not seen\n")
+
+
 @pytest.mark.parametrize("make", [lambda: 3, dict])
 @pytest.mark.parametrize("check", [check_device, check_robot, check_material, check_estimator])
 def test_something_else_altogether_is_caught(check: Callable[..., list[Finding]], make: Callable[[], object]) -> None:
@@ -162,4 +174,4 @@ def test_the_command_prints_what_was_found_and_ends_with_1_where_a_rule_is_broke
     assert result.exit_code == 1
     assert "BROKEN    sign of position" in result.output
     assert "the rule: positions grow into the material" in result.output
-    assert result.output.endswith("1 rules are not kept\n")
+    assert result.output.endswith("1 rule is not kept\n")

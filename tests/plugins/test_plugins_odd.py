@@ -77,7 +77,7 @@ def test_a_call_that_does_not_come_back_is_told_after_some_seconds(install: Call
     assert "BROKEN    answers                      a call has not come back for 5 s, in read (made_up.py, line" in (
         result.output
     )
-    assert result.output.endswith("1 rules are not kept\n")
+    assert result.output.endswith("1 rule is not kept\n")
     result = CliRunner().invoke(app, ["plugins", "check", "hung", "--json"])
     assert [row["check"] for row in json.loads(result.output)["checks"] if row["passed"] is False] == ["answers"]
 

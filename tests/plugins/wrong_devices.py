@@ -139,7 +139,7 @@ class Still(Held):
 
 WRONG: dict[str, tuple[Callable[[], Device], str]] = {
     "name": (WrongName, ""),
-    "specification": (NoSpecification, "specification = NoneType"),
+    "specification": (NoSpecification, "specification = none"),
     "units": (Millimetres, "20 m from 0"),
     "units / no number": (Unready, "positions are no numbers"),
     "units / raising": (Raising, "raises OSError: unplugged"),

@@ -98,6 +98,8 @@ def test_the_whole_lap_runs(session: tuple[dict[str, Any], Path, str]) -> None:
     assert report["messages"]["lost"] == 0
     assert report["messages"]["undecodable"] == 0
     assert "Traceback" not in err
+    assert "connected" not in err  # where one process tells of both sides, neither does so itself
+    assert "the session has ended" not in err
 
 
 def test_ticks_keep_their_period_and_commands_their_delay(session: tuple[dict[str, Any], Path, str]) -> None:
@@ -193,8 +195,11 @@ def test_leaders_take_turns_and_anybody_stops_the_robot(follower_endpoint: tuple
                 second.process.send_signal(signal.SIGINT)
                 code, _, err = second.wait(20)
                 assert code == 0, err
+                assert err.splitlines()[-1] == "leader: the session has ended: interrupted"
     code, _, err = follower.wait(20)
     assert code == 0, err
+    assert "follower: connected: the leader is anna" in err
+    assert err.splitlines()[-1] == "follower: the session has ended: interrupted"
 
 
 def _texts(hello: Hello) -> dict[str, str]:

@@ -149,3 +149,35 @@ def test_what_is_too_large_is_said_once_and_counted(stranger: tuple[ZenohLink, A
         "it is counted as unsent, and others like it"
     ]
     assert link.unsent == 3
+
+
+class Saying:
+    """A link on which the other side says hello."""
+
+    def __init__(self, **texts: str) -> None:
+        self.hello = Hello.of("leader", 1, 1, texts)
+
+    def take(self, channel: str) -> list[tuple[int, Hello]]:
+        return [(1, self.hello)]
+
+
+@pytest.mark.parametrize("parent", [None, os.getppid()])
+def test_a_side_without_a_parent_says_who_is_there_that_a_stop_is_over_and_why_it_ends(parent: int | None) -> None:
+    said: list[str] = []
+    trouble = ["", "emergency stop (asked)", ""]
+    house = Housekeeper(
+        Saying(leader="anna"),  # type: ignore[arg-type]
+        "follower",
+        dict,
+        StopFlag(),
+        said.append,
+        parent,
+        lambda heard: trouble.pop(0),
+        over=lambda: "the robot follows",
+    )
+    while trouble:
+        house._tell_news()
+    house.say_end("interrupted")
+    alone = ["connected: the leader is anna", "", "the robot follows", "the session has ended: interrupted"]
+    lines = alone if parent is None else [""]
+    assert said == [f"follower: {line or 'emergency stop (asked)'}" for line in lines]

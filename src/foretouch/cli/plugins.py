@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import Annotated
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from foretouch.cli.options import Json, print_json, show
+from foretouch.errors import plural, was_or_were
+
+if TYPE_CHECKING:
+    from foretouch.session.conformance import Finding
 
 __all__ = ["plugins"]
 
@@ -52,7 +57,7 @@ def check(
 
     Example: foretouch plugins check hunt-crossley --group material
     """
-    from foretouch.session.conformance import Finding, check_named, failed
+    from foretouch.session.conformance import check_named, failed
 
     kind = group.removeprefix("foretouch.").removesuffix("s")
     headed: set[str] = set()
@@ -67,11 +72,25 @@ def check(
             show(f"  {'':<9} {'':<28} the rule: {finding.rule}")
 
     titled = check_named(name, kind=kind, move=move, tell=(lambda of, finding: None) if json_output else tell)
-    broken = [finding for findings in titled.values() for finding in failed(findings)]
+    found = [finding for findings in titled.values() for finding in findings]
+    broken = failed(found)
     if json_output:
         rows = [dataclasses.asdict(finding) | {"of": of} for of, findings in titled.items() for finding in findings]
         print_json({"name": name, "passed": not broken, "checks": rows})
     else:
-        show("every rule is kept" if not broken else f"{len(broken)} rules are not kept")
+        show(_summary(found))
     if broken:
         raise typer.Exit(1)
+
+
+def _summary(found: Sequence[Finding]) -> str:
+    """How many rules are kept or broken, how many nobody could see, and what would show those."""
+    kept, broken, unseen = ([one for one in found if one.passed is passed] for passed in (True, False, None))
+    if not (broken or unseen):
+        return "every rule is kept"
+    told, kind = (broken, "not kept") if broken else (kept, "kept")
+    said = f"{plural(len(told), 'rule')} {'is' if len(told) == 1 else 'are'} {kind}"
+    if unseen:
+        said += f", {len(unseen)} {was_or_were(len(unseen))} not seen"
+    movable = sum("--move" in finding.found for finding in unseen)
+    return said + (f"; --move shows {movable} of them" if movable else "")

@@ -78,7 +78,7 @@ def teleop(
         stop=StopFlag().on_signals(),
         say=say,
     )
-    _report_recorded(path, report, json_output, all_of_it=code != RECORDING_INCOMPLETE)
+    _report_recorded(path, report, json_output, all_of_it=code != RECORDING_INCOMPLETE, failed=code == 1)
     if code:
         raise typer.Exit(code)
 
@@ -166,7 +166,7 @@ def _default_recording(report: Path | None) -> Path:
     return Path(time.strftime("foretouch-%Y%m%d-%H%M%S.mcap"))
 
 
-def _report_recorded(path: Path, directory: Path | None, json_output: bool, *, all_of_it: bool) -> None:
+def _report_recorded(path: Path, directory: Path | None, json_output: bool, *, all_of_it: bool, failed: bool) -> None:
     """Print the report of a session that was recorded, as far as it was, and say what was kept where it was not."""
     from foretouch.recordings import read_session
 
@@ -176,7 +176,8 @@ def _report_recorded(path: Path, directory: Path | None, json_output: bool, *, a
         say(f"no report: {error}")
         return
     if not log.leader.size and not json_output:  # who reads JSON is given the object that there always is
-        say(f"no report: the session never began, and {path} holds no tick of a leader")
+        why = "the session failed for what stands above" if failed else "the session never began"
+        say(f"no report: {why}, and {path} holds no tick of a leader")
         return
     if not all_of_it:
         ticks = [table["time_ns"] for table in (log.leader, log.follower) if table.size]

@@ -15,6 +15,7 @@ from foretouch.errors import one_line, plural, was_or_were
 from foretouch.link import ZenohLink
 from foretouch.messages import SIDES, VERSION, Hello, Stop
 from foretouch.session.hanging import HANGS_AFTER, LoopWatch
+from foretouch.session.news import connected
 from foretouch.session.waiting import WaitingNote
 
 __all__ = [
@@ -117,6 +118,7 @@ class Housekeeper(threading.Thread):
         parent: Process id of the parent whose end ends this process too.
         news: Gives what people have to know now, "" for nothing, from what others said last (name: value, by role);
             called on this thread. It is said where it changes.
+        over: Gives what is said when there are no more such news, to people whom no parent process tells; likewise.
         epoch: Of a leader, for its `Stop`.
         release: Closes the driver of the robot or device; called only where the loop hangs, on a third thread.
 
@@ -137,6 +139,7 @@ class Housekeeper(threading.Thread):
         *,
         epoch: int = 0,
         release: Callable[[], None] | None = None,
+        over: Callable[[], str] = lambda: "that is over",
     ) -> None:
         super().__init__(name="housekeeping", daemon=True)
         self._link = link
@@ -148,6 +151,8 @@ class Housekeeper(threading.Thread):
         self._news = news
         self._epoch = epoch
         self._release = release
+        self._over = over
+        self._met = parent is not None  # a parent process tells people by itself
         self.loop = LoopWatch(HELLO_PERIOD)
         self._told = ""
         self._note: WaitingNote | None = None
@@ -177,6 +182,11 @@ class Housekeeper(threading.Thread):
         texts = self._describe()
         self._hellos += 1
         self._link.publish(Hello.of(self.role, self._hellos, time.monotonic_ns(), texts))
+
+    def say_end(self, reason: str) -> None:
+        """Say why the session ended, to people whom no parent process tells."""
+        if self._parent is None:
+            self._say(f"{self.role}: the session has ended: {reason}")
 
     def close(self, reason: str) -> None:
         """Publish the last `Hello` and, unless it ends quietly, a `Stop`, a leader's with its epoch; end the thread."""
@@ -219,9 +229,14 @@ class Housekeeper(threading.Thread):
         """Hear what others say of themselves, and say what is new."""
         for _, hello in self._link.take("hello"):
             self._heard[hello.role] = hello.texts
+        if not self._met and (sentence := connected(self.role, self._heard)):
+            self._met = True
+            self._say(f"{self.role}: {sentence}")
         news = "" if self._news is None else self._news(self._heard)
         if news and news != self._told:
             self._say(f"{self.role}: {news}")
+        elif self._told and not news and self._parent is None:
+            self._say(f"{self.role}: {self._over()}")
         if self._note is not None and news != self._told:
             self._note.say(news)
         self._told = news

@@ -20,7 +20,7 @@ from foretouch.session.hanging import LoopWatch
 from foretouch.session.housekeeping import LEAVING, ORPHANED, Housekeeper, StopFlag, orphaned
 from foretouch.session.lease import own_epoch
 from foretouch.session.loop_timer import LoopTimer, let_pass, steady
-from foretouch.session.news import all_of, follower_news, follower_says, leader_news
+from foretouch.session.news import all_of, follower_news, follower_says, leader_news, over
 from foretouch.session.operator_clock import OperatorClock
 from foretouch.session.operators import close_operator
 from foretouch.session.safety import LEFT
@@ -133,7 +133,9 @@ def run_follower(
     def news(_: Mapping[str, Mapping[str, str]]) -> str:
         return all_of(contest.sentence(time.monotonic_ns()), follower_news(state))
 
-    house = Housekeeper(link, "follower", describe, stop, say, parent, news, release=robot.close)
+    house = Housekeeper(
+        link, "follower", describe, stop, say, parent, news, release=robot.close, over=lambda: over(state)
+    )
     house.start()
     loop = house.loop
     timer = LoopTimer(SAMPLE_PERIOD)
@@ -297,7 +299,18 @@ def run_leader(
         if isinstance(operator, Device):
             close_operator(operator)
 
-    house = Housekeeper(link, "leader", describe, stop, say, parent, news, epoch=state.epoch, release=release)
+    house = Housekeeper(
+        link,
+        "leader",
+        describe,
+        stop,
+        say,
+        parent,
+        news,
+        epoch=state.epoch,
+        release=release,
+        over=lambda: "that is over: the robot follows this leader",
+    )
     house.start()
     loop = house.loop
     if wait_for_recorder and not wait_for_hello(link, {"recorder"}, stop, timeout=RECORDER_PATIENCE, parent=parent):
@@ -345,7 +358,7 @@ def run_leader(
 
 @contextmanager
 def ended_in_order(house: Housekeeper, stop: StopFlag) -> Iterator[None]:
-    """Say the last word of a side, also where its loop raises, as the driver of a device or robot may.
+    """Say why a side ends, and its last word, also where its loop raises, as the driver of a device or robot may.
 
     Args:
         house: Of that side.
@@ -360,5 +373,7 @@ def ended_in_order(house: Housekeeper, stop: StopFlag) -> Iterator[None]:
         failed = SideError(f"the {house.role} failed: {type(error).__name__}: {error}")
         stop.set(str(failed))
         raise failed from error
+    else:
+        house.say_end(stop.reason)
     finally:
         house.close(stop.reason)

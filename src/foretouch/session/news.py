@@ -11,7 +11,16 @@ from foretouch.session.heard import Heard
 from foretouch.session.lease import LEASE
 from foretouch.session.waiting import release_command
 
-__all__ = ["all_of", "failure_news", "follower_news", "follower_says", "leader_news", "shadow_news"]
+__all__ = [
+    "all_of",
+    "connected",
+    "failure_news",
+    "follower_news",
+    "follower_says",
+    "leader_news",
+    "over",
+    "shadow_news",
+]
 
 LONGEST_SILENCE = 0.5
 """An operator is told that nothing comes of the follower after so long [s]."""
@@ -36,6 +45,24 @@ def follower_says(state: follower.State, contest: str) -> dict[str, str]:
 def all_of(*sentences: str) -> str:
     """Those that say something, as one."""
     return "; ".join(filter(None, sentences))
+
+
+def connected(role: str, heard: Mapping[str, Mapping[str, str]]) -> str:
+    """One sentence once the other side of a session has said hello; else ""."""
+    other = "follower" if role == "leader" else "leader"
+    if other not in heard:
+        return ""
+    texts = heard[other]
+    if other == "leader":
+        return f"connected: the leader is {texts.get('leader', 'without a name')}"
+    robot, material = texts.get("robot", "without a name"), texts.get("material")
+    pressed = f", it presses {material}" if robot == "simulated" and material else ""
+    return f"connected: the follower's robot is {robot}{pressed}"
+
+
+def over(state: follower.State) -> str:
+    """One sentence about the robot once there is nothing more to say of it by `follower_news`."""
+    return f"that is over: the robot {STATUS_SENTENCES[state.safety.status]}"
 
 
 def follower_news(state: follower.State) -> str:

@@ -142,7 +142,8 @@ def _specification(device: Device) -> Finding:
     own, felt = device.specification, device.closed_loop
     kept = isinstance(own, DeviceSpecification) if felt else own is None
     rule = "a DeviceSpecification where the force moves the hand (closed_loop), else None"
-    return Finding("specification", kept, f"closed_loop = {felt}, specification = {type(own).__name__}", rule)
+    said = "none" if own is None else type(own).__name__
+    return Finding("specification", kept, f"closed_loop = {felt}, specification = {said}", rule)
 
 
 def _units(motion: NDArray[np.float64]) -> Finding:
@@ -248,8 +249,11 @@ def _closed(device: Device) -> Finding:
     device.close()
     position, given = device.read(round(7300e9)), device.render(PUSH)
     held = device.real_time or (device.closed_loop and _holds(device))
-    kept = math.isfinite(position) and (given == 0.0 or not held)
-    return Finding("closed, no force", kept, f"{given:.4g} N of {PUSH:g} N after close", rule)
+    if not held and math.isfinite(position):
+        return Finding("closed, no force", True, "it is in nobody's hand: no force has to end", rule)
+    kept = math.isfinite(position) and given == 0.0
+    found = f"{given:.4g} N of {PUSH:g} N after close, at {position:.4g} m"
+    return Finding("closed, no force", kept, found, rule)
 
 
 def _holds(device: Device) -> bool:
