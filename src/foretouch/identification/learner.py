@@ -15,8 +15,10 @@ from foretouch.identification.estimator import Estimator, Status
 from foretouch.identification.learner_run import LearnerRun, RawSamples, run_by_sample, run_compiled
 from foretouch.identification.sensor_lag import SensorLag
 from foretouch.models import ContactModel, ContactState
+from foretouch.models.checks import NUMBER, require_type
+from foretouch.quantities import Recording
 
-__all__ = ["Learner", "LearntModel"]
+__all__ = ["Learner", "LearntModel", "require_learning"]
 
 Array = NDArray[np.float64]
 
@@ -55,6 +57,10 @@ class Learner:
         sample: The newest conditioned sample.
         status: What the estimator did with it.
         lag: Estimates how late forces are, as far as `sensor_lag` has not mended it.
+
+    Raises:
+        ArgumentTypeError: An estimator that is none.
+        SettingError: A number out of range.
     """
 
     def __init__(
@@ -66,6 +72,9 @@ class Learner:
         contact_floor: float = CONTACT_FLOOR,
         sensor_lag: float = 0.0,
     ) -> None:
+        require_type("estimator", estimator, Estimator, "an Estimator: make_estimator gives one")
+        require_type("surface", surface, (*NUMBER, type(None)), "a number of metres, or None to find it")
+        require_type("force_offset", force_offset, (*NUMBER, type(None)), "a number of newtons, or None to find it")
         self.estimator = estimator
         self.estimator.trust_surface(surface is not None)
         self.conditioner = Conditioner(
@@ -140,3 +149,13 @@ class Learner:
             return LearntModel(None, surface, (), "too few samples in contact")
         surface -= self.estimator.surface_correction
         return LearntModel(model, surface, self.estimator.state, self.status.value)
+
+
+def require_learning(recording: Recording, learner: Learner) -> None:
+    """Refuse what is no recording, or no learner, before one learns from the other.
+
+    Raises:
+        ArgumentTypeError: One of them is something else.
+    """
+    require_type("recording", recording, Recording, "a Recording: read_recording gives one")
+    require_type("learner", learner, Learner, "a Learner: Learner(make_estimator(model, estimator)) makes one")
