@@ -23,9 +23,7 @@ TIME = np.arange(900) * 1e-3
 def results() -> dict[str, object]:
     settings = foretouch.SessionSettings(material="hunt-crossley", seed=1, position_delay=0.02, force_delay=0.05)
     robot = foretouch.make_robot("hunt-crossley", seed=1)
-    operator = foretouch.make_operator(
-        settings, surface=robot.surface, press_depth=robot.material.press_depth, say=lambda _: None
-    )
+    operator = foretouch.make_operator(settings, robot=robot)
     session = foretouch.simulate(settings, duration=1.5, operator=operator, robot=robot)
     depth = 0.01 * np.sin(2 * np.pi * 2.0 * TIME)
     recording = Recording(TIME, depth, 800.0 * np.maximum(depth, 0.0))
