@@ -16,7 +16,7 @@ from foretouch.identification.learner_run import LearnerRun, RawSamples, run_by_
 from foretouch.identification.sensor_lag import SensorLag
 from foretouch.models import ContactModel, ContactState
 from foretouch.models.checks import NUMBER, require_type
-from foretouch.quantities import Recording
+from foretouch.quantities import Recording, brief_number, brief_text
 
 __all__ = ["Learner", "LearntModel", "require_learning"]
 
@@ -33,7 +33,8 @@ class LearntModel:
         model: The law, or None while no force may be rendered.
         surface: Position of the surface [m]; 0 while unknown.
         state: What the material remembers now.
-        reason: One sentence: why there is no model, or what the last update did.
+        reason: One sentence: why there is no model; beside a model, what was done with the newest sample, which says
+            nothing against the model: it stays good while nothing is touched.
     """
 
     model: ContactModel | None
@@ -83,6 +84,11 @@ class Learner:
         self.lag = SensorLag()
         self.sample = ContactSample(math.nan, math.nan, 0.0, 0.0, False)
         self.status = Status.FREE_AIR
+
+    def __repr__(self) -> str:
+        """What learns, and what it has found."""
+        found = {name: brief_number(getattr(self.conditioner, name)) for name in ("surface", "force_offset")}
+        return brief_text("Learner", {"estimator": self.estimator, **found, "status": self.status.value}.items())
 
     def require_fresh(self) -> None:
         """Refuse to go on where samples of something else have been learnt from.
