@@ -10,12 +10,12 @@ from numbers import Integral
 
 from foretouch.devices import GRIPS, HARDWARE_OPERATORS, OPERATORS, DeviceSpecification
 from foretouch.devices.specification import COUNT_FORCE, LEAST_DAMPING
-from foretouch.errors import SettingError, UnknownNameError
+from foretouch.errors import ArgumentTypeError, SettingError, UnknownNameError
 from foretouch.identification import DEFAULT_ESTIMATORS, ESTIMATORS, Estimator, make_estimator
 from foretouch.identification.conditioning import CONTACT_FLOOR
 from foretouch.link import Faults
 from foretouch.link.faults import LONGEST_DELAY
-from foretouch.models.checks import NUMBER, require, require_type
+from foretouch.models.checks import NUMBER, require
 from foretouch.plugins import load_plugin, plugin_names
 from foretouch.quantities import Brief, Frame
 from foretouch.robot import SensorFault
@@ -267,9 +267,9 @@ class SessionSettings(Brief):
     def _check_types(self) -> None:
         """Each setting is of the type that it is annotated with."""
         for one in dataclasses.fields(self):
-            if one.init:
-                types, wanted = TYPES[str(one.type)]
-                require_type(one.name, getattr(self, one.name), types, f"{wanted}; the default is {one.default!r}")
+            types, wanted = TYPES.get(str(one.type), ((), ""))
+            if one.init and not isinstance(value := getattr(self, one.name), types):
+                raise ArgumentTypeError(one.name, value, f"{wanted}; the default is {one.default!r}")
 
     def _check_machines(self) -> None:
         """Operator and robot exist; other packages are looked through only where a name is not built in."""
