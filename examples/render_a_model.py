@@ -5,7 +5,7 @@ python examples/render_a_model.py
 
 import math
 
-from foretouch.models import Predictor, make_model
+from foretouch import Predictor, make_model
 
 predictor = Predictor()
 for tick in range(2000):

@@ -9,7 +9,7 @@ settings = foretouch.SessionSettings(
     material="hunt-crossley", grip="normal", position_delay=0.08, force_delay=0.3, loss=0.02, seed=1
 )
 robot = foretouch.make_robot(settings.material, seed=settings.seed)
-operator = foretouch.make_operator(settings, surface=robot.surface, press_depth=robot.material.press_depth, say=print)
+operator = foretouch.make_operator(settings, robot=robot)
 log = foretouch.simulate(settings, duration=8.0, operator=operator, robot=robot).log
 
 report = foretouch.session_report(log)

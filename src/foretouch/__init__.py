@@ -5,10 +5,10 @@ The public interface; what is not here may change without notice. Names are impo
 
 - Recordings: `Recording`, `read_recording`, `read_with_notes`, `read_session`, `excerpt`, `fetch`
 - Contact models: `ContactModel`, `advance`, `make_model`
+- In a loop of your own: `Predictor`, `Renderer`, and `warm_up` before it
 - Identification: `make_estimator`, `Learner`, `identify`, `predict`
 - Scoring: `score`, `delayed`; `compare`, `file_case`
 - Sessions: `SessionSettings`, `simulate`, `make_robot`, `make_operator`, `session_report`, `SessionLog`
-- Before a loop of your own: `warm_up`
 - Errors: `ForetouchError`
 """
 
@@ -22,9 +22,10 @@ if TYPE_CHECKING:
     from foretouch.errors import ForetouchError
     from foretouch.identification import Learner, identify, make_estimator, predict
     from foretouch.messages import SessionLog
-    from foretouch.models import ContactModel, advance, make_model
+    from foretouch.models import ContactModel, Predictor, advance, make_model
     from foretouch.quantities import Recording
     from foretouch.recordings import excerpt, fetch, read_recording, read_session, read_with_notes
+    from foretouch.rendering import Renderer
     from foretouch.report import delayed, score, session_report
     from foretouch.robot import make_robot
     from foretouch.session import SessionSettings, make_operator, simulate, warm_up
@@ -44,6 +45,8 @@ _HOME = {
     "ContactModel": "models",
     "advance": "models",
     "make_model": "models",
+    "Predictor": "models",
+    "Renderer": "rendering",
     "make_estimator": "identification",
     "Learner": "identification",
     "identify": "identification",
@@ -63,7 +66,9 @@ __all__ = [
     "ContactModel",
     "ForetouchError",
     "Learner",
+    "Predictor",
     "Recording",
+    "Renderer",
     "SessionLog",
     "SessionSettings",
     "__version__",

@@ -23,9 +23,7 @@ TIME = np.arange(900) * 1e-3
 def results() -> dict[str, object]:
     settings = foretouch.SessionSettings(material="hunt-crossley", seed=1, position_delay=0.02, force_delay=0.05)
     robot = foretouch.make_robot("hunt-crossley", seed=1)
-    operator = foretouch.make_operator(
-        settings, surface=robot.surface, press_depth=robot.material.press_depth, say=lambda _: None
-    )
+    operator = foretouch.make_operator(settings, robot=robot)
     session = foretouch.simulate(settings, duration=1.5, operator=operator, robot=robot)
     depth = 0.01 * np.sin(2 * np.pi * 2.0 * TIME)
     recording = Recording(TIME, depth, 800.0 * np.maximum(depth, 0.0))
@@ -49,6 +47,8 @@ def results() -> dict[str, object]:
         "robot": robot,
         "learner": learner,
         "estimator": learner.estimator,
+        "predictor": foretouch.Predictor(),
+        "renderer": foretouch.Renderer(),
     }
 
 
@@ -62,6 +62,34 @@ def test_whatever_is_public_shows_itself_in_ten_lines(results: dict[str, object]
     assert repr(foretouch.SessionSettings()) == "SessionSettings(estimator='bank')"
     assert "material='hunt-crossley'" in repr(results["settings"])
     assert eval(repr(results["settings"]), {"SessionSettings": foretouch.SessionSettings}) == results["settings"]
+
+
+def test_what_learns_and_what_predicts_say_what_they_know() -> None:
+    learner = foretouch.Learner(foretouch.make_estimator("kelvin-voigt", "rls"), surface=0.0, force_offset=0.0)
+    assert repr(learner.estimator) == "KelvinVoigtRLS(name='rls', law='kelvin-voigt', updates=0)"
+    predictor, renderer = foretouch.Predictor(), foretouch.Renderer()
+    assert repr(predictor) == "Predictor(law=None, ticks=0, surface=0.0, position=0.0, force=0.0)"
+    for tick, depth in enumerate(0.01 * np.sin(2 * np.pi * 2.0 * TIME[:400])):
+        learner.update(1e-3 * tick, depth, 800.0 * max(depth, 0.0))
+    learnt = learner.learnt()
+    predictor.adopt(learnt.model, learnt.surface)
+    predictor.update(0.0, 0.0)
+    predictor.update(0.001, 0.005)
+    renderer.adopt(learnt.model, learnt.surface)
+    assert "stiffness=800.0, damping=" in repr(learner.estimator)
+    assert repr(learner).startswith("Learner(estimator=KelvinVoigtRLS(name='rls', law='kelvin-voigt', updates=")
+    assert "surface=0.0, force_offset=0.0" in " ".join(repr(learner).split())
+    assert repr(predictor).startswith("Predictor(law='kelvin-voigt', ticks=2, surface=0.0, position=0.005, force=")
+    assert "closed_loop=False, share=1.0, force=0.0" in " ".join(repr(renderer).split())
+
+
+def test_the_reason_beside_a_good_model_is_of_the_newest_sample_alone() -> None:
+    learner = foretouch.Learner(foretouch.make_estimator("kelvin-voigt", "rls"), surface=0.0, force_offset=0.0)
+    for tick, depth in enumerate(0.01 * np.sin(2 * np.pi * 2.0 * TIME[:400])):
+        learner.update(1e-3 * tick, depth, 800.0 * max(depth, 0.0))
+    learnt = learner.learnt()
+    assert learnt.model is not None
+    assert learnt.reason == "newest sample was not in contact"
 
 
 @pytest.mark.parametrize("name", ["log", "session", "rows", "recording", "identification", "prediction", "scores"])

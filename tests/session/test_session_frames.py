@@ -9,12 +9,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from foretouch.devices import GRIPS, BrowserOperator, Device, DeviceSpecification, Hand, ScriptedOperator
+from foretouch.devices import GRIPS, UNKNOWN_REACH, BrowserOperator, Device, DeviceSpecification, Hand, ScriptedOperator
 from foretouch.errors import SettingError
 from foretouch.quantities import Frame
-from foretouch.robot import RcmArm, Robot, RobotSample, make_robot
+from foretouch.robot import FaultySensor, RcmArm, Robot, RobotSample, SensorFault, make_robot
 from foretouch.session import SessionSettings, framed_device, framed_robot, inverse, make_operator, simulate
 from foretouch.session.frames import browser_operator
+from foretouch.session.operators import reach_of
 
 
 class MirroredArm(Robot):
@@ -180,3 +181,34 @@ def test_the_mouse_is_found_behind_hand_and_frame() -> None:
 def test_a_frame_that_is_none_is_refused(text: str) -> None:
     with pytest.raises(SettingError, match=r"^leader_frame = .*: must be ORIGIN,DIRECTION: metres within 1, "):
         SessionSettings(leader_frame=text)
+
+
+def test_an_operator_learns_surface_and_depth_from_the_robot_whatever_stands_about_it() -> None:
+    settings = SessionSettings(material="hunt-crossley", follower_frame="-0.117,-1")
+    arm = make_robot("hunt-crossley", surface=0.013)
+    built_to = framed_robot(FaultySensor(arm, SensorFault("nan", 9.0), seed=0), inverse(settings.frames[1]))
+    known = reach_of(built_to, settings)
+    assert known.surface == pytest.approx(0.013, abs=1e-15)
+    assert known.press_depth == arm.material.press_depth
+    assert reach_of(arm, settings).surface == settings.frames[1].inside(0.013)  # it counts as it does by itself
+    assert reach_of(None, settings).surface == arm.material.surface
+    assert reach_of(framed_robot(MirroredArm(arm), settings.frames[1]), settings) is UNKNOWN_REACH
+
+
+def test_an_operator_needs_no_more_than_settings_and_speaks_on_the_error_stream(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    settings = SessionSettings(material="hunt-crossley", seed=3)
+    arm = make_robot("hunt-crossley")
+    told = {"surface": arm.surface, "press_depth": arm.material.press_depth}
+    places = [
+        [operator.read(tick * 10_000_000) for tick in range(200)]
+        for operator in (make_operator(settings), make_operator(settings, robot=arm), make_operator(settings, **told))
+    ]
+    assert places[0] == places[1] == places[2]
+    assert max(places[0]) > arm.surface
+    assert capsys.readouterr() == ("", "")
+    make_operator(dataclasses.replace(settings, operator="browser"), robot=MirroredArm(arm))
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert err.startswith("operator: the robot does not say where its surface is")

@@ -247,8 +247,7 @@ if settings.scene:
     log = scene_session(settings, 5.0)(None).log
 else:
     robot = foretouch.make_robot(settings.material, seed=1)
-    reach = robot.material
-    operator = foretouch.make_operator(settings, surface=robot.surface, press_depth=reach.press_depth, say=print)
+    operator = foretouch.make_operator(settings, robot=robot)
     log = foretouch.simulate(settings, duration=3.0, operator=operator, robot=robot).log
     foretouch.predict(_recording(), foretouch.Learner(settings.make_estimator()), delay=0.1)
 assert log.follower["force"].max() > 1.0, "nothing was touched"

@@ -5,6 +5,7 @@
     │   ├── RecordingError    a recording: file, row, rule
     │   ├── UnknownNameError  no such model, estimator, material ...: the valid names
     │   ├── SettingError      an option or a constructor argument out of range
+    │   │   └── ArgumentTypeError  of another type than is wanted; a TypeError too
     │   └── DatasetError      a measured file is not here and cannot be fetched
     ├── LinkError             the network: a port in use, no peer: exit code 2
     │   └── PeerVersionError  the peer speaks another version of the messages
@@ -20,6 +21,7 @@ loop nothing raises: a step returns a status with a sentence instead.
 
 from __future__ import annotations
 
+import reprlib
 from collections.abc import Iterable
 from typing import Any
 
@@ -27,6 +29,7 @@ from foretouch.errors.installing import install_command
 from foretouch.errors.printing import one_line, plural, printable, was_or_were
 
 __all__ = [
+    "ArgumentTypeError",
     "DatasetError",
     "DecodeError",
     "ForetouchError",
@@ -112,6 +115,20 @@ class SettingError(InputError):
 
     def __init__(self, name: str, value: object, rule: str) -> None:
         super().__init__(f"{name} = {value!r}: {rule}")
+
+
+class ArgumentTypeError(SettingError, TypeError):
+    """An argument is of another type than is wanted.
+
+    Args:
+        name: Of the argument.
+        value: That was given.
+        wanted: What is wanted, and how one gets it.
+    """
+
+    def __init__(self, name: str, value: object, wanted: str) -> None:
+        given = "None" if value is None else f"{one_line(reprlib.repr(value))} ({type(value).__name__})"
+        InputError.__init__(self, f"{name} is {given}: must be {wanted}")
 
 
 class DatasetError(InputError):

@@ -8,6 +8,7 @@ from typing import ClassVar
 
 from foretouch.identification.conditioning import ContactSample
 from foretouch.models import NO_STATE, ContactModel, ContactState
+from foretouch.quantities import brief_number, brief_text
 
 __all__ = ["Estimator", "Status"]
 
@@ -16,7 +17,7 @@ class Status(Enum):
     """What an update did; the value is the sentence for people."""
 
     LEARNT = "learnt from this sample"
-    FREE_AIR = "not in contact: nothing to learn"
+    FREE_AIR = "newest sample was not in contact"
     UNUSABLE = "depth, velocity or force is not a number this estimator can take: sample left out"
     GATED = "depth or force below the contact gate: sample left out"
     WAITING = "between two samples that are learnt from"
@@ -46,6 +47,14 @@ class Estimator(ABC):
     horizon: float | None = None
     updates: int
     changes: int = 0
+
+    def __repr__(self) -> str:
+        """Name, law, updates, and what is known; what fits whole recordings is not asked, for it would fit one."""
+        known = {} if self.offline else self.parameters
+        told = {"name": self.name, "law": self.model_name, "updates": getattr(self, "updates", 0)}
+        return brief_text(
+            type(self).__name__, [*told.items(), *((name, brief_number(value)) for name, value in known.items())]
+        )
 
     @abstractmethod
     def update(self, sample: ContactSample) -> Status:

@@ -226,7 +226,7 @@ class _ExactFilter(Estimator):
 
     @property
     def covariance(self) -> Array:
-        """A copy of P, shape (5, 5)."""
+        """A copy of P, that of `unknowns`, shape (5, 5)."""
         return self._covariance.copy()
 
     @property

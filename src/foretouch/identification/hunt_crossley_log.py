@@ -114,6 +114,16 @@ class HuntCrossleyLogRLS(Estimator):
         return self._recursion.covariance.copy()
 
     @property
+    def covariance(self) -> NDArray[np.float64] | None:
+        """Of ln k, lambda / k [s/m] and n, depth in metres, shape (3, 3); None before it is known."""
+        covariance = self._recursion.error_covariance
+        if covariance is None:
+            return None
+        to_metres = np.diag([1.0, 1.0 / self._velocity_scale, 1.0])
+        to_metres[0, 2] = -math.log(self._depth_scale)
+        return np.asarray(to_metres @ covariance @ to_metres.T)
+
+    @property
     def model(self) -> HuntCrossley | None:
         """The law (2), None before 20 samples or while its stiffness or exponent is out of range."""
         if self.updates < FEWEST_UPDATES:
@@ -128,17 +138,12 @@ class HuntCrossleyLogRLS(Estimator):
     @property
     def standard_errors(self) -> dict[str, float | None] | None:
         """Of stiffness, damping and exponent, None before there is a model."""
-        model, covariance = self.model, self._recursion.error_covariance
+        model, covariance = self.model, self.covariance
         if model is None or covariance is None:
             return None
         _, rate, _ = self._unknowns()
-        ln_k = np.array([1.0, 0.0, -math.log(self._depth_scale)])
-        per_rate = np.array([0.0, 1.0 / self._velocity_scale, 0.0])
-        slopes = (
-            model.stiffness * ln_k,
-            model.stiffness * (max(0.0, rate) * ln_k + per_rate),
-            np.array([0.0, 0.0, 1.0]),
-        )
+        ln_k, per_rate, exponent = np.eye(3)
+        slopes = (model.stiffness * ln_k, model.stiffness * (max(0.0, rate) * ln_k + per_rate), exponent)
         errors = (error_along(slope, covariance) for slope in slopes)
         return dict(zip(model.parameter_names, errors, strict=True))
 

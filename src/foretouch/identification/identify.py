@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from foretouch.errors import RecordingError, plural
 from foretouch.identification.conditioning_layout import SURFACE_THRESHOLD
 from foretouch.identification.estimator import Estimator
-from foretouch.identification.learner import Learner
+from foretouch.identification.learner import Learner, require_learning
 from foretouch.identification.learner_run import RawSamples, run_by_sample
 from foretouch.models import ContactModel
 from foretouch.quantities import Columns, Recording
@@ -90,7 +90,9 @@ def identify(recording: Recording, learner: Learner, *, keep_history: bool = Fal
     Raises:
         RecordingError: Fewer than 50 samples in contact, or never enough for a model.
         InputError: A learner that has learnt before.
+        ArgumentTypeError: No recording, or no learner.
     """
+    require_learning(recording, learner)
     learner.require_fresh()
     estimator = learner.estimator
     history = _History(len(recording)) if keep_history else None

@@ -102,6 +102,12 @@ class KelvinVoigtRLS(Estimator):
         return self._recursion.covariance.copy()
 
     @property
+    def covariance(self) -> NDArray[np.float64] | None:
+        """Of stiffness [N/m] and damping [N s/m], shape (2, 2); None before it is known."""
+        covariance = self._recursion.error_covariance
+        return None if covariance is None else covariance / np.outer(self._scales, self._scales)
+
+    @property
     def model(self) -> KelvinVoigt | None:
         """The law (1), None before 20 samples or while its stiffness is not positive."""
         if self.updates < FEWEST_UPDATES:
@@ -115,10 +121,10 @@ class KelvinVoigtRLS(Estimator):
     @property
     def standard_errors(self) -> dict[str, float | None] | None:
         """Of stiffness [N/m] and damping [N s/m], None before there is a model."""
-        covariance = self._recursion.error_covariance
+        covariance = self.covariance
         if self.model is None or covariance is None:
             return None
-        errors = np.sqrt(np.maximum(0.0, np.diag(covariance))) / self._scales
+        errors = np.sqrt(np.maximum(0.0, np.diag(covariance)))
         return dict(zip(KelvinVoigt.parameter_names, errors.tolist(), strict=True))
 
 

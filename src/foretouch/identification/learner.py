@@ -15,8 +15,10 @@ from foretouch.identification.estimator import Estimator, Status
 from foretouch.identification.learner_run import LearnerRun, RawSamples, run_by_sample, run_compiled
 from foretouch.identification.sensor_lag import SensorLag
 from foretouch.models import ContactModel, ContactState
+from foretouch.models.checks import NUMBER, require_type
+from foretouch.quantities import Recording, brief_number, brief_text
 
-__all__ = ["Learner", "LearntModel"]
+__all__ = ["Learner", "LearntModel", "require_learning"]
 
 Array = NDArray[np.float64]
 
@@ -31,7 +33,8 @@ class LearntModel:
         model: The law, or None while no force may be rendered.
         surface: Position of the surface [m]; 0 while unknown.
         state: What the material remembers now.
-        reason: One sentence: why there is no model, or what the last update did.
+        reason: One sentence: why there is no model; beside a model, what was done with the newest sample, which says
+            nothing against the model: it stays good while nothing is touched.
     """
 
     model: ContactModel | None
@@ -55,6 +58,10 @@ class Learner:
         sample: The newest conditioned sample.
         status: What the estimator did with it.
         lag: Estimates how late forces are, as far as `sensor_lag` has not mended it.
+
+    Raises:
+        ArgumentTypeError: An estimator that is none.
+        SettingError: A number out of range.
     """
 
     def __init__(
@@ -66,6 +73,9 @@ class Learner:
         contact_floor: float = CONTACT_FLOOR,
         sensor_lag: float = 0.0,
     ) -> None:
+        require_type("estimator", estimator, Estimator, "an Estimator: make_estimator gives one")
+        require_type("surface", surface, (*NUMBER, type(None)), "a number of metres, or None to find it")
+        require_type("force_offset", force_offset, (*NUMBER, type(None)), "a number of newtons, or None to find it")
         self.estimator = estimator
         self.estimator.trust_surface(surface is not None)
         self.conditioner = Conditioner(
@@ -74,6 +84,11 @@ class Learner:
         self.lag = SensorLag()
         self.sample = ContactSample(math.nan, math.nan, 0.0, 0.0, False)
         self.status = Status.FREE_AIR
+
+    def __repr__(self) -> str:
+        """What learns, and what it has found."""
+        found = {name: brief_number(getattr(self.conditioner, name)) for name in ("surface", "force_offset")}
+        return brief_text("Learner", {"estimator": self.estimator, **found, "status": self.status.value}.items())
 
     def require_fresh(self) -> None:
         """Refuse to go on where samples of something else have been learnt from.
@@ -140,3 +155,13 @@ class Learner:
             return LearntModel(None, surface, (), "too few samples in contact")
         surface -= self.estimator.surface_correction
         return LearntModel(model, surface, self.estimator.state, self.status.value)
+
+
+def require_learning(recording: Recording, learner: Learner) -> None:
+    """Refuse what is no recording, or no learner, before one learns from the other.
+
+    Raises:
+        ArgumentTypeError: One of them is something else.
+    """
+    require_type("recording", recording, Recording, "a Recording: read_recording gives one")
+    require_type("learner", learner, Learner, "a Learner: Learner(make_estimator(model, estimator)) makes one")

@@ -216,6 +216,11 @@ class LinearisedEstimator(Estimator):
         return full_covariance(self._state[4:14])
 
     @property
+    def covariance(self) -> Array | None:
+        """Of `linear_parameters`, shape (4, 4); None before it is known, and where standard errors mean nothing."""
+        return self._covariance() if self.errors_mean_something else None
+
+    @property
     def model(self) -> LinearisedContinuousSwitching | None:
         """The law (18), None before 20 samples or while a parameter is not finite."""
         values = self._linear()

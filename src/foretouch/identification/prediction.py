@@ -10,7 +10,7 @@ from itertools import repeat
 import numpy as np
 from numpy.typing import NDArray
 
-from foretouch.identification.learner import Learner, LearntModel
+from foretouch.identification.learner import Learner, LearntModel, require_learning
 from foretouch.models import Predictor
 from foretouch.models.checks import require
 from foretouch.quantities import ByValue, Columns, Recording
@@ -90,7 +90,9 @@ def predict(recording: Recording, learner: Learner, *, delay: float) -> Predicte
 
     Raises:
         SettingError: delay is negative or not finite.
+        ArgumentTypeError: No recording, no learner, or no number.
     """
+    require_learning(recording, learner)
     require("delay", delay, at_least=0.0)
     learner.estimator.expect_delay(delay)
     models = ((time + delay, index + 1, learner.learnt()) for index, time in enumerate(_learn(recording, learner)))

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import dataclasses
+import inspect
+from typing import Any
+
 from foretouch.errors import SettingError, UnknownNameError
 from foretouch.identification.contact_map import ContactMapBank
 from foretouch.identification.estimator import Estimator
@@ -77,27 +81,60 @@ BUILT_IN_ESTIMATORS = frozenset(kind.name for kind in _KINDS)
 """Names, whatever the law, that no other package may take."""
 
 
-def make_estimator(model: str, estimator: str) -> Estimator:
-    """A fresh estimator with its default options, of this package or of another.
+def make_estimator(model: str, estimator: str, **options: Any) -> Estimator:
+    """A fresh estimator, of this package or of another.
+
+    Args:
+        model: Name of the law.
+        estimator: Name of the estimator, one of those that `ESTIMATORS` has for this law.
+        **options: In place of its defaults, for estimators of this package: fields of its options class
+            (`FPRLSOptions` for ``"fprls"``, for example), or arguments of its own (``horizon`` of ``"bank"``).
 
     Raises:
-        UnknownNameError: No such law, or no such estimator for it.
-        SettingError: Another package's, which learns another law.
+        UnknownNameError: No such law, no such estimator for it, or no such option: the line lists those that there are.
+        SettingError: An option out of range, or one that this estimator has fixed; another package's, which learns
+            another law or is given options.
         PluginError: Another package's, which cannot be made.
     """
     if model in ESTIMATORS and estimator in ESTIMATORS[model]:
-        return ESTIMATORS[model][estimator]()
-    kind = None if estimator in BUILT_IN_ESTIMATORS else load_estimator(estimator)
-    if kind is None:
+        kind = ESTIMATORS[model][estimator]
+        return _with_options(kind, options) if options else kind()
+    other = None if estimator in BUILT_IN_ESTIMATORS else load_estimator(estimator)
+    if other is None:
         known = all_estimators()
         if model not in known:
             raise UnknownNameError("model", model, known)
         raise UnknownNameError(f"estimator for {model}", estimator, known[model])
-    if kind.model_name != model:
-        rule = f"learns the law {kind.model_name} and not {model}: give --model {kind.model_name} with it"
+    if other.model_name != model:
+        rule = f"learns the law {other.model_name} and not {model}: give --model {other.model_name} with it"
         raise SettingError("estimator", estimator, rule)
+    if options:
+        raise SettingError(
+            "options", ", ".join(options), f"{estimator} is of another package: call its class with them"
+        )
     made = make_plugin("estimator", estimator, Estimator)  # type: ignore[type-abstract]
     assert made is not None  # it was there a moment ago
+    return made
+
+
+def _with_options(kind: type[Estimator], options: dict[str, Any]) -> Estimator:
+    """One of ours with some options in place of its defaults."""
+    defaults: Any = getattr(kind(), "options", None)
+    fields = set() if defaults is None else {one.name for one in dataclasses.fields(defaults)}
+    own = set(inspect.signature(kind).parameters) - {"options"}
+    for name in options:
+        if not fields | own:
+            raise SettingError("options", name, f"{kind.name} of {kind.model_name} takes none")
+        if name not in fields | own:
+            raise UnknownNameError(f"option of {kind.name}", name, fields | own)
+    arguments: dict[str, Any] = {name: value for name, value in options.items() if name in own}
+    if chosen := {name: value for name, value in options.items() if name in fields - own}:
+        arguments["options"] = dataclasses.replace(defaults, **chosen)
+    made = kind(**arguments)
+    for name, value in chosen.items():
+        kept = getattr(getattr(made, "options"), name)  # noqa: B009 - not every estimator has them
+        if kept is not value and kept != value:
+            raise SettingError(name, value, f"{kind.name} always has {kept!r}")
     return made
 
 

@@ -1,12 +1,16 @@
-"""One check for numbers that are given to constructors."""
+"""Checks of what is given to constructors and other entries."""
 
 from __future__ import annotations
 
 import math
+from numbers import Real
 
-from foretouch.errors import SettingError
+from foretouch.errors import ArgumentTypeError, SettingError
 
-__all__ = ["require"]
+__all__ = ["NUMBER", "require", "require_type"]
+
+NUMBER = (float, int, Real)
+"""Every number, NumPy's among them; what is most likely is asked first."""
 
 
 def require(
@@ -19,7 +23,10 @@ def require(
 ) -> None:
     """Raise `SettingError` unless the value is finite and within the bounds that are given."""
     rules = []
-    good = math.isfinite(value)
+    try:
+        good = math.isfinite(value)
+    except TypeError:
+        raise ArgumentTypeError(name, value, "a number") from None
     if above is not None:
         rules.append(f"above {above:g}")
         good = good and value > above
@@ -31,3 +38,16 @@ def require(
         good = good and value <= at_most
     if not good:
         raise SettingError(name, value, " and ".join(["must be finite", *rules]))
+
+
+def require_type(name: str, value: object, kind: type | tuple[type, ...], wanted: str) -> None:
+    """Raise `ArgumentTypeError` unless the value is of this kind.
+
+    Args:
+        name: Of the argument.
+        value: That was given.
+        kind: One type, or several.
+        wanted: What is wanted, and how one gets it.
+    """
+    if not isinstance(value, kind):
+        raise ArgumentTypeError(name, value, wanted)

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
-from foretouch.errors import SettingError, UnknownNameError
+from foretouch.errors import ArgumentTypeError, SettingError, UnknownNameError
+from foretouch.models.checks import NUMBER, require_type
 from foretouch.models.contact_map import ContactMap
 from foretouch.models.contact_model import ContactModel
 from foretouch.models.continuous_switching import ContinuousSwitching
@@ -45,10 +46,14 @@ def make_model(law: str, parameters: Sequence[float], map: bytes = b"") -> Conta
     Raises:
         UnknownNameError: No such law.
         SettingError: The wrong number of parameters, one out of range or beyond 1e15, or a map that is none.
+        ArgumentTypeError: Parameters that are no numbers.
     """
+    require_type("law", law, str, "the name of a contact law, such as 'hunt-crossley'")
     if law not in LAWS:
         raise UnknownNameError("contact law", law, LAWS)
     kind = LAWS[law]
+    if not isinstance(parameters, Collection) or not all(isinstance(value, NUMBER) for value in parameters):
+        raise ArgumentTypeError("parameters", parameters, f"a sequence of numbers: {', '.join(kind.parameter_names)}")
     if len(parameters) != len(kind.parameter_names):
         raise SettingError("parameters", f"{len(parameters)} numbers", f"{law} takes {', '.join(kind.parameter_names)}")
     for name, value in zip(kind.parameter_names, parameters, strict=True):

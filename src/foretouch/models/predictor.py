@@ -9,6 +9,7 @@ import numpy as np
 
 from foretouch.models.contact_model import LARGEST_DEPTH, LARGEST_SPEED, NO_STATE, ContactModel, ContactState, advance
 from foretouch.models.motion import MotionFilter
+from foretouch.quantities import brief_number, brief_text
 
 __all__ = ["HISTORY", "STATE_TOLERANCE", "Predictor"]
 
@@ -95,6 +96,12 @@ class Predictor:
         self.jump = 0.0
         self.ticks = 0
         self.message = 0
+
+    def __repr__(self) -> str:
+        """Law, and what it says at the newest sample."""
+        law = None if self.model is None else self.model.law
+        now = {name: brief_number(getattr(self, name)) for name in ("surface", "position", "force")}
+        return brief_text("Predictor", {"law": law, "ticks": self.ticks, **now}.items())
 
     def adopt(
         self,

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-__all__ = ["Brief", "ByValue", "brief_text"]
+__all__ = ["Brief", "ByValue", "brief_number", "brief_text"]
 
 WIDTH, MOST_LINES = 100, 10
 """Of a representation: characters in a line, and lines."""
@@ -80,6 +80,11 @@ def brief_text(name: str, values: Iterable[tuple[str, object]]) -> str:
     if len(lines) > MOST_LINES:
         lines = [*lines[: MOST_LINES - 1], "    ...)"]
     return "\n".join(lines)
+
+
+def brief_number(value: float | None) -> float | None:
+    """A number to four digits, for people; None stays what it is."""
+    return None if value is None else float(f"{value:.4g}")
 
 
 def _part(value: object) -> str:

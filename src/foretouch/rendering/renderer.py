@@ -6,6 +6,7 @@ import math
 
 from foretouch.models import NO_STATE, ContactModel, ContactState, Predictor
 from foretouch.models.checks import require
+from foretouch.quantities import brief_number, brief_text
 from foretouch.rendering.energy import SAMPLE_PERIOD, EnergyAccount
 from foretouch.rendering.interfaces import RenderingAccount, RenderingDevice
 from foretouch.rendering.limits import LARGEST_FORCE, ForceLimiter
@@ -160,6 +161,11 @@ class Renderer:
         self._free = 0.0
         self._yielding = 1.0
         self.energy = self.energy_bound = self.late_energy = 0.0
+
+    def __repr__(self) -> str:
+        """What predicts, and what the hand is given."""
+        now = {"share": brief_number(self.share), "force": brief_number(self.limiter.force)}
+        return brief_text("Renderer", {"predictor": self.predictor, "closed_loop": self.closed_loop, **now}.items())
 
     def adopt(
         self,

@@ -11,6 +11,7 @@ from scipy.optimize import minimize_scalar
 
 from foretouch.messages import CHANNELS, SessionLog, encode
 from foretouch.models import ContactMap, summarise_map
+from foretouch.models.checks import require_type
 from foretouch.report.hand import (
     NO_BASELINE,
     contact_force,
@@ -73,7 +74,11 @@ def session_report(
 
     Raises:
         SettingError: A window that ends before it begins.
+        ArgumentTypeError: No log.
     """
+    require_type(
+        "log", log, SessionLog, "a SessionLog: read_session gives one, and what simulate returns has one as log"
+    )
     whole, log = log, log.longest_phase()
     pairs = pair(log)
     leader, follower = pairs.leader, pairs.follower

@@ -10,7 +10,7 @@ from foretouch.robot.rcm_arm import RcmArm
 __all__ = ["make_robot"]
 
 
-def make_robot(material: str | Material, *, seed: int, surface: float | None = None, **options: Any) -> RcmArm:
+def make_robot(material: str | Material, *, seed: int = 0, surface: float | None = None, **options: Any) -> RcmArm:
     """The simulated arm over a material.
 
     Args:

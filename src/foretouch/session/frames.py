@@ -116,7 +116,7 @@ class FramedRobot(Robot):
 
     def __init__(self, robot: Robot, frame: Frame) -> None:
         self.robot = robot
-        self._frame = frame
+        self.frame = frame
         own = robot.specification
         low, high = sorted(map(frame.inside, own.workspace))
         self.specification = replace(own, workspace=(low, high), gravity=frame.direction * own.gravity)
@@ -127,17 +127,17 @@ class FramedRobot(Robot):
 
     def exchange(self, desired_position: float) -> RobotSample:
         """Give a command [m], let one sample period pass, and return what the sensors show then."""
-        return self._inside(self.robot.exchange(self._frame.outside(desired_position)))
+        return self._inside(self.robot.exchange(self.frame.outside(desired_position)))
 
     def close(self) -> None:
         """Give back what the robot holds."""
         self.robot.close()
 
     def _inside(self, sample: RobotSample) -> RobotSample:
-        inside = self._frame.inside
+        inside = self.frame.inside
         return sample._replace(
             position=inside(sample.position),
-            acceleration=self._frame.direction * sample.acceleration,
+            acceleration=self.frame.direction * sample.acceleration,
             exact_position=inside(sample.exact_position),
             commanded_position=inside(sample.commanded_position),
         )

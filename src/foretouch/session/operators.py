@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Callable
 
 from foretouch.devices import (
@@ -10,6 +11,7 @@ from foretouch.devices import (
     HARDWARE_OPERATORS,
     INTENDED_FORCE,
     OPERATORS,
+    UNKNOWN_REACH,
     BrowserOperator,
     Device,
     DeviceSpecification,
@@ -19,13 +21,24 @@ from foretouch.devices import (
     RestingOperator,
     ScriptedOperator,
 )
-from foretouch.errors import SettingError, UnknownNameError
+from foretouch.errors import SettingError, UnknownNameError, printable
+from foretouch.models.checks import require_type
 from foretouch.plugins import make_plugin
 from foretouch.recordings import excerpt, read_leader_motion
-from foretouch.session.frames import device_inside, framed_device, inverse
+from foretouch.robot import FaultySensor, Material, MovedRobot, RcmArm, Robot, make_material
+from foretouch.session.frames import FramedRobot, device_inside, framed_device, inverse
 from foretouch.session.settings import NO_GRIP, SAMPLE_PERIOD, SIMULATED, SessionSettings
 
-__all__ = ["RECORDED_MOTION", "close_operator", "felt_device", "felt_texts", "make_operator", "require_simulated_time"]
+__all__ = [
+    "RECORDED_MOTION",
+    "close_operator",
+    "felt_device",
+    "felt_texts",
+    "make_operator",
+    "reach_of",
+    "require_simulated_time",
+    "say_on_stderr",
+]
 
 RECORDED_MOTION = "tue/b-foam"
 """Dataset whose leader lever moves the ``recorded`` operator."""
@@ -43,8 +56,18 @@ NEAREST_SURFACE, FARTHEST_SURFACE, SHALLOWEST, DEEPEST = 0.001, 0.2, 0.0005, 0.1
 """How near and far a surface can be for the operators, and how deep they press at least and at most [m]."""
 
 
+def say_on_stderr(line: str) -> None:
+    """One line for people, on the error stream, as the command line says it."""
+    sys.stderr.write(f"{printable(line, lines=True)}\n")
+
+
 def make_operator(
-    settings: SessionSettings, *, surface: float, press_depth: float, say: Callable[[str], None]
+    settings: SessionSettings,
+    *,
+    robot: Robot | None = None,
+    surface: float | None = None,
+    press_depth: float | None = None,
+    say: Callable[[str], None] = say_on_stderr,
 ) -> Device:
     """The operator of a session, fresh; with a grip, a hand that intends what that operator does.
 
@@ -53,8 +76,10 @@ def make_operator(
 
     Args:
         settings: Of the session.
-        surface: Where the material begins [m], for the follower; the operator sees it. NaN where nobody knows.
-        press_depth: How deep the deepest press goes [m], there; NaN where nobody knows.
+        robot: That is pressed with, for what it knows of surface and press depth; None for the settings' own.
+        surface: Where the material begins [m], for the follower; the operator sees it. NaN where nobody knows; None
+            for what the robot knows.
+        press_depth: How deep the deepest press goes [m], there; NaN where nobody knows; None for what the robot knows.
         say: Told in one line when the measured motion is not to be had and the script is used instead, and when the
             damping of a device that is felt had to be assumed.
 
@@ -63,7 +88,14 @@ def make_operator(
             know the surface where nobody does; a device that is felt, with a simulated grip or a baseline.
         PluginError: Another package's device, which cannot be made.
         MissingExtraError: What the device needs is not installed.
+        ArgumentTypeError: Settings or a robot that are none.
     """
+    require_type("settings", settings, SessionSettings, "SessionSettings: SessionSettings() are the defaults")
+    require_type("robot", robot, (Robot, type(None)), "a Robot, or None: make_robot gives one")
+    if surface is None or press_depth is None:
+        known = reach_of(robot, settings)
+        surface = known.surface if surface is None else surface
+        press_depth = known.press_depth if press_depth is None else press_depth
     if settings.operator not in OPERATORS:
         made = _with_grip(settings, _foreign(settings, _scaled(settings, surface, press_depth)))
         _say_assumed(made, settings, say)
@@ -76,6 +108,31 @@ def make_operator(
     deepest = min(reach.press_depth + INTENDED_FORCE / grip.stiffness, DEEPEST) if reach.known else math.nan
     intention = _intention(settings, reach.surface, deepest, say)
     return framed_device(Hand(intention, grip, settings.device, settings.clutch_times), mounted)
+
+
+def reach_of(robot: Robot | None, settings: SessionSettings) -> Material | Reach:
+    """Where the surface is in the session and how deep it is pressed, as far as the robot says.
+
+    Args:
+        robot: Of the session; None for the one that the settings name, which says nothing unless it is simulated.
+        settings: Of the session.
+    """
+    if robot is None:
+        return make_material(settings.material) if settings.robot == SIMULATED else UNKNOWN_REACH
+    frames = [settings.frames[1]]
+    while isinstance(robot, FramedRobot | FaultySensor | MovedRobot):
+        if isinstance(robot, FramedRobot):
+            frames.append(robot.frame)
+        robot = robot.robot
+    material = getattr(robot, "material", None)
+    if not isinstance(material, Material):
+        return UNKNOWN_REACH
+    if not isinstance(robot, RcmArm):
+        return material
+    surface = robot.surface
+    for frame in reversed(frames):
+        surface = frame.inside(surface)
+    return Reach(surface, material.press_depth)
 
 
 def felt_device(operator: Device, settings: SessionSettings) -> DeviceSpecification | None:

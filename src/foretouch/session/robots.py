@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
-from foretouch.devices import UNKNOWN_REACH, Reach
+from foretouch.devices import Reach
 from foretouch.errors import SettingError, UnknownNameError
 from foretouch.plugins import make_plugin
 from foretouch.robot import FaultySensor, Material, MovedRobot, Robot, SensorFault, make_robot
 from foretouch.session.frames import framed_robot, inverse
-from foretouch.session.operators import make_operator
+from foretouch.session.operators import make_operator, reach_of
 from foretouch.session.settings import ROBOTS, SAMPLE_PERIOD, SIMULATED, SessionSettings
 from foretouch.session.shadow import shadow_settings
 
@@ -87,5 +87,4 @@ def _foreign(settings: SessionSettings) -> tuple[Robot, Material | Reach]:
         raise SettingError(
             "robot", settings.robot, f"has a sample period of {period} s: a session exchanges every {SAMPLE_PERIOD:g} s"
         )
-    material = getattr(robot, "material", None)
-    return robot, material if isinstance(material, Material) else UNKNOWN_REACH
+    return robot, reach_of(robot, settings)

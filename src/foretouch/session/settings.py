@@ -6,15 +6,16 @@ import dataclasses
 import itertools
 import math
 from dataclasses import dataclass, field
+from numbers import Integral
 
 from foretouch.devices import GRIPS, HARDWARE_OPERATORS, OPERATORS, DeviceSpecification
 from foretouch.devices.specification import COUNT_FORCE, LEAST_DAMPING
-from foretouch.errors import SettingError, UnknownNameError
+from foretouch.errors import ArgumentTypeError, SettingError, UnknownNameError
 from foretouch.identification import DEFAULT_ESTIMATORS, ESTIMATORS, Estimator, make_estimator
 from foretouch.identification.conditioning import CONTACT_FLOOR
 from foretouch.link import Faults
 from foretouch.link.faults import LONGEST_DELAY
-from foretouch.models.checks import require
+from foretouch.models.checks import NUMBER, require
 from foretouch.plugins import load_plugin, plugin_names
 from foretouch.quantities import Brief, Frame
 from foretouch.robot import SensorFault
@@ -136,6 +137,7 @@ class SessionSettings(Brief):
 
     Raises:
         SettingError: A value out of range.
+        ArgumentTypeError: A value of another type.
         UnknownNameError: An operator, robot, law, estimator, grip, first touch or baseline that does not exist.
         PluginError: An operator, robot or estimator of another package, which cannot be imported.
     """
@@ -201,6 +203,7 @@ class SessionSettings(Brief):
     clutch_times: tuple[tuple[float, float], ...] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
+        self._check_types()
         for kind, choices in (
             ("grip", (NO_GRIP, *GRIPS)),
             ("first_touch", FIRST_TOUCHES),
@@ -260,6 +263,13 @@ class SessionSettings(Brief):
     def robots(self) -> tuple[str, ...]:
         """Names of all robots, those of other packages too."""
         return (*ROBOTS, *plugin_names("robot"))
+
+    def _check_types(self) -> None:
+        """Each setting is of the type that it is annotated with."""
+        for one in dataclasses.fields(self):
+            types, wanted = TYPES.get(str(one.type), ((), ""))
+            if one.init and not isinstance(value := getattr(self, one.name), types):
+                raise ArgumentTypeError(one.name, value, f"{wanted}; the default is {one.default!r}")
 
     def _check_machines(self) -> None:
         """Operator and robot exist; other packages are looked through only where a name is not built in."""
@@ -368,6 +378,14 @@ class SessionSettings(Brief):
             raise SettingError("largest_stiffness", self.largest_stiffness, rule)
         return device
 
+
+TYPES: dict[str, tuple[tuple[type, ...], str]] = {
+    "str": ((str,), "a text"),
+    "int": ((Integral,), "a whole number"),
+    "float": (NUMBER, "a number"),
+    "float | None": ((*NUMBER, type(None)), "a number, or None"),
+}
+"""What a setting that is annotated so may be, and how that is called."""
 
 SCENE_DEFAULTS = {"model": ("contact-map", "quadratic"), "material": ("foam-measured", "hunt-crossley")}
 """What stands for the default of a session along a line where there is a scene."""

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from foretouch.devices import Device
 from foretouch.link import FaultStage
 from foretouch.messages import Command, Hello, Message, ModelUpdate, SessionLog, Telemetry
+from foretouch.models.checks import require, require_type
 from foretouch.quantities import Columns
 from foretouch.robot import Robot
 from foretouch.session import follower, leader
@@ -71,7 +72,15 @@ def simulate(
         description: Further settings for the log, as the sides say in their `Hello`.
         record: Called with each message to keep and its simulated time [ns].
         progress: Called now and then with the simulated time [s].
+
+    Raises:
+        SettingError: A duration that is negative or not finite.
+        ArgumentTypeError: Settings, operator or robot that are none.
     """
+    require_type("settings", settings, SessionSettings, "SessionSettings: SessionSettings() are the defaults")
+    require_type("operator", operator, Device, "a Device: make_operator gives one")
+    require_type("robot", robot, Robot, "a Robot: make_robot gives one")
+    require("duration", duration, at_least=0.0)
     warm_up_once(settings)
     operator, robot = framed_device(operator, settings.frames[0]), framed_robot(robot, settings.frames[1])
     commands: FaultStage[Command] = FaultStage(settings.command_faults)

@@ -1,0 +1,83 @@
+"""What is given to an entry and is of another type is refused in one line, and not by what it meets further in."""
+
+from __future__ import annotations
+
+import pickle
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+import foretouch
+from foretouch.errors import ArgumentTypeError, SettingError
+
+TIME = np.arange(10) * 1e-3
+RECORDING = foretouch.Recording(TIME, TIME, TIME)
+LEARNER = foretouch.Learner(foretouch.make_estimator("kelvin-voigt", "rls"))
+SETTINGS = foretouch.SessionSettings()
+
+
+@pytest.mark.parametrize(
+    ("entry", "arguments", "options", "begins", "tells"),
+    [
+        (foretouch.predict, ("a.csv", LEARNER), {"delay": 0.3}, "recording is 'a.csv' (str)", "read_recording gives"),
+        (foretouch.predict, (RECORDING, LEARNER), {"delay": "0.3"}, "delay is '0.3' (str)", "must be a number"),
+        (foretouch.identify, (RECORDING, "rls"), {}, "learner is 'rls' (str)", "Learner(make_estimator("),
+        (foretouch.identify, (None, LEARNER), {}, "recording is None", "read_recording gives"),
+        (foretouch.Learner, ("rls",), {}, "estimator is 'rls' (str)", "make_estimator gives"),
+        (foretouch.Learner, (LEARNER.estimator,), {"surface": "0"}, "surface is '0' (str)", "None to find it"),
+        (foretouch.session_report, ("x.mcap",), {}, "log is 'x.mcap' (str)", "read_session gives"),
+        (
+            foretouch.simulate,
+            (None,),
+            {"operator": None, "robot": None, "duration": 1.0},
+            "settings is None",
+            "Settings",
+        ),
+        (
+            foretouch.simulate,
+            (SETTINGS,),
+            {"operator": None, "robot": None, "duration": 1.0},
+            "operator is None",
+            "make_op",
+        ),
+        (foretouch.SessionSettings, (), {"force_delay": "a"}, "force_delay is 'a' (str)", "the default is 0.3"),
+        (foretouch.SessionSettings, (), {"material": 3}, "material is 3 (int)", "must be a text"),
+        (foretouch.SessionSettings, (), {"seed": 1.5}, "seed is 1.5 (float)", "must be a whole number"),
+        (foretouch.SessionSettings, (), {"device_damping": "a"}, "device_damping is 'a' (str)", "a number, or None"),
+        (
+            foretouch.make_model,
+            ("hunt-crossley", "abc"),
+            {},
+            "parameters is 'abc' (str)",
+            "stiffness, damping, exponent",
+        ),
+        (foretouch.make_model, ("hunt-crossley", 3), {}, "parameters is 3 (int)", "stiffness, damping, exponent"),
+        (foretouch.make_model, (["a"], (1.0,)), {}, "law is ['a'] (list)", "the name of a contact law"),
+    ],
+)
+def test_what_is_of_another_type_is_refused_in_one_line_that_says_what_is_wanted(
+    entry: Callable[..., object], arguments: tuple[Any, ...], options: dict[str, Any], begins: str, tells: str
+) -> None:
+    with pytest.raises(ArgumentTypeError) as caught:
+        entry(*arguments, **options)
+    text = str(caught.value)
+    assert text.startswith(f"{begins}: must be ")
+    assert tells in text
+    assert "\n" not in text
+    assert len(text) < 200
+
+
+def test_such_an_error_is_a_type_error_and_crosses_processes() -> None:
+    error = pickle.loads(pickle.dumps(ArgumentTypeError("log", list(range(1000)), "a SessionLog")))
+    assert isinstance(error, SettingError)
+    assert isinstance(error, TypeError)
+    assert str(error) == "log is [0, 1, 2, 3, 4, 5, ...] (list): must be a SessionLog"
+
+
+def test_numbers_of_numpy_are_numbers() -> None:
+    settings = foretouch.SessionSettings(force_delay=np.float32(0.25), seed=np.int64(3))  # type: ignore[arg-type]
+    assert settings.force_delay == 0.25
+    model = foretouch.make_model("kelvin-voigt", np.array([500, 2]))  # type: ignore[arg-type]
+    assert model.parameters == (500, 2)
