@@ -114,7 +114,7 @@ def test_plot_shows_three_forces_that_rise_and_fall(bench):
     known = np.isfinite(true)
     # The law differs by some per cent, and the true force is known only up to the delay of the commands.
     assert 0.02 < np.sqrt(np.mean((predicted - true)[known] ** 2) / np.mean(true[known] ** 2)) < 0.1
-    assert not known[time_axis > -0.07].any()
+    assert not known[time_axis > -0.04].any()  # a picture may be some samples late
     assert known[time_axis < -0.2].all()
     assert np.nanmax(delayed) > 0.3
     scales = bench.page.evaluate(
