@@ -2,7 +2,7 @@
 
 Starts `foretouch teleop`, opens its console in Chromium, and writes to `docs/images`: `console.png`, the mouse
 pressing; `console-model.png`, what was learnt; `console-recording.png`, a recording beside a second run under a longer
-delay; `console-stopped.png`, after the emergency stop; and `console-unreached.png`, after the session's end. A second
+delay; `console-stopped.png`, after the emergency stop; and `console-unreached.png`, while the console hangs. A second
 session, over the phantom, gives
 `console-scene.png`, the script palpating with the virtual probe drawn over the image, and `console-scene-pressed.png`,
 the mouse pressing beside what is known of the fixture.
@@ -29,8 +29,8 @@ from foretouch.console.alarm import ALERTS, LATCHED, READY  # noqa: E402
 from foretouch.console.gate.page import LOST  # noqa: E402
 from foretouch.console.space import SPACE_INSTRUCTION  # noqa: E402
 
-Ending = Callable[[], None]
-"""Ends the session."""
+Hanging = Callable[[], None]
+"""Lets the console hang."""
 
 IMAGES = ROOT / "docs" / "images"
 PRESSED, MODEL, RECORDING, STOPPED, UNREACHED = (
@@ -61,7 +61,7 @@ def main(port: int, which: str = "") -> None:
 
 
 def _session(
-    port: int, options: tuple[str, ...], take: Callable[[str, Ending], None], images: tuple[Path, ...]
+    port: int, options: tuple[str, ...], take: Callable[[str, Hanging], None], images: tuple[Path, ...]
 ) -> None:
     """Run a session while its pictures are taken."""
     with tempfile.TemporaryDirectory() as folder:
@@ -81,8 +81,9 @@ def _session(
         quiet = subprocess.DEVNULL
         session = subprocess.Popen(command, cwd=folder, stdout=quiet, stderr=subprocess.PIPE, text=True)
         try:
-            take(Printed(session).address(), session.terminate)
+            take(Printed(session).address(), lambda: _signal_console(session, "STOP"))
         finally:
+            _signal_console(session, "CONT")
             session.terminate()
             session.wait(120)  # it writes its report
     for image in images:
@@ -91,8 +92,13 @@ def _session(
         print(f"{image.relative_to(ROOT)}: {image.stat().st_size / 1000:.0f} kB")
 
 
-def _take(url: str, end: Ending) -> None:
-    """Watch for a while, look at what was recorded, press while the robot is still behind; then stop it, and end."""
+def _signal_console(session: subprocess.Popen[str], signal: str) -> None:
+    """Let the console's own process hang, or go on."""
+    subprocess.run(["pkill", f"-{signal}", "-P", str(session.pid), "-f", "foretouch console"], check=False)
+
+
+def _take(url: str, hang: Hanging) -> None:
+    """Watch for a while, look at what was recorded, press while the robot is still behind; then stop it, and hang."""
     with open_page(url, 1280, 900) as (page, _):
         page.wait_for_timeout(1000 * WATCHED)
         _close_notices(page)
@@ -110,13 +116,13 @@ def _take(url: str, end: Ending) -> None:
             page.get_by_text("foretouch release").wait_for()
             page.wait_for_timeout(1000 * SETTLED)
             page.screenshot(path=STOPPED)
-            end()
+            hang()
             page.get_by_text(LOST).wait_for()
             page.wait_for_timeout(1000 * SETTLED)
             page.screenshot(path=UNREACHED)
 
 
-def _take_scene(url: str, _: Ending) -> None:
+def _take_scene(url: str, _: Hanging) -> None:
     """Watch the script palpate, then press with the mouse."""
     with open_page(url, 1440, 900, SPACE_INSTRUCTION) as (page, _):
         page.keyboard.press("o")
