@@ -54,7 +54,7 @@ class ModelPanel:
             rows.append(Row(f"Local stiffness at {depth * 1e3:.1f} mm, at rest", value, STIFFNESS))
             newest = zip(self._curves, trace.names, trace.parameters[-1], trace.errors[-1], strict=False)
             for curve, name, parameter, error in newest:
-                value = f"{parameter:.4g}" + (f" ± {float(f'{error:.2g}'):g}" if np.isfinite(error) else "")
+                value = _plain(parameter, 3) + (f" ± {_plain(error, 2)}" if np.isfinite(error) else "")
                 rows.append(Row(f"{SYMBOLS.get(name, '')} {name}".strip(), value, curve))
         text = "<br>".join(map(html.escape, lines))
         content = (
@@ -72,3 +72,8 @@ class ModelPanel:
             known = index < len(trace.names) and trace.parameters[-1, index] != 0.0
             ratios.append(columns[:, index] / trace.parameters[-1, index] if known else unknown)
         return ratios
+
+
+def _plain(value: float, digits: int) -> str:
+    """A number of so many significant digits, thousands marked, with an exponent only where it is tiny or huge."""
+    return f"{float(f'{value:.{digits}g}'):,.10g}"
