@@ -8,9 +8,9 @@ import pytest
 from report_sessions import make_session
 
 from foretouch.errors import plural
-from foretouch.quantities import parameter_unit
+from foretouch.quantities import measured, parameter_unit
 from foretouch.report import render_text, session_report
-from foretouch.report.numbers import measured, parameter_text
+from foretouch.report.numbers import parameter_text
 
 
 @pytest.mark.parametrize(

@@ -354,7 +354,8 @@ def _finite(value: float) -> float | None:
 
 def _print_lines(title: str, content: dict[str, Any]) -> None:
     """A result as aligned lines: what is known with an error has as many digits as that allows."""
-    from foretouch.report.numbers import measured, parameter_text
+    from foretouch.quantities import measured
+    from foretouch.report.numbers import parameter_text
 
     show(title)
     for name, value in content.items():

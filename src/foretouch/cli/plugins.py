@@ -84,7 +84,7 @@ def check(
 
 
 def _summary(found: Sequence[Finding]) -> str:
-    """How many rules are kept or broken, how many nobody could see, and what would show those."""
+    """How many rules are kept, or broken; how many were not seen, and how many of those ``--move`` shows."""
     kept, broken, unseen = ([one for one in found if one.passed is passed] for passed in (True, False, None))
     if not (broken or unseen):
         return "every rule is kept"

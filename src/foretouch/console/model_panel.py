@@ -11,6 +11,7 @@ from foretouch.console.description import SYMBOLS
 from foretouch.console.models_seen import ModelTrace
 from foretouch.console.plots import Curve, Row, TimePlot, table
 from foretouch.console.window import NAN
+from foretouch.quantities import measured, parameter_unit
 from foretouch.quantities.colours import BLUE, GREEN, INK, PURPLE, VERMILLION
 
 __all__ = ["ModelPanel"]
@@ -54,7 +55,7 @@ class ModelPanel:
             rows.append(Row(f"Local stiffness at {depth * 1e3:.1f} mm, at rest", value, STIFFNESS))
             newest = zip(self._curves, trace.names, trace.parameters[-1], trace.errors[-1], strict=False)
             for curve, name, parameter, error in newest:
-                value = _plain(parameter, 3) + (f" ± {_plain(error, 2)}" if np.isfinite(error) else "")
+                value = measured(parameter, error, parameter_unit(name, trace.names))
                 rows.append(Row(f"{SYMBOLS.get(name, '')} {name}".strip(), value, curve))
         text = "<br>".join(map(html.escape, lines))
         content = (
@@ -72,8 +73,3 @@ class ModelPanel:
             known = index < len(trace.names) and trace.parameters[-1, index] != 0.0
             ratios.append(columns[:, index] / trace.parameters[-1, index] if known else unknown)
         return ratios
-
-
-def _plain(value: float, digits: int) -> str:
-    """A number of so many significant digits, thousands marked, with an exponent only where it is tiny or huge."""
-    return f"{float(f'{value:.{digits}g}'):,.10g}"

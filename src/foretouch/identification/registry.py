@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import inspect
-from typing import Any
+from typing import Any, cast
 
 from foretouch.errors import SettingError, UnknownNameError
 from foretouch.identification.contact_map import ContactMapBank
@@ -130,12 +130,12 @@ def _with_options(kind: type[Estimator], options: dict[str, Any]) -> Estimator:
     arguments: dict[str, Any] = {name: value for name, value in options.items() if name in own}
     if chosen := {name: value for name, value in options.items() if name in fields - own}:
         arguments["options"] = dataclasses.replace(defaults, **chosen)
-    made = kind(**arguments)
+    made: Any = kind(**arguments)
     for name, value in chosen.items():
-        kept = getattr(getattr(made, "options"), name)  # noqa: B009 - not every estimator has them
+        kept = getattr(made.options, name)
         if kept is not value and kept != value:
             raise SettingError(name, value, f"{kind.name} always has {kept!r}")
-    return made
+    return cast(Estimator, made)
 
 
 def load_estimator(name: str) -> type[Estimator] | None:

@@ -1,6 +1,6 @@
 """What is measured: one table of names, units and signs, and the recording that holds the samples."""
 
-from foretouch.quantities.brief import Brief, ByValue, brief_number, brief_text
+from foretouch.quantities.brief import Brief, ByValue, brief_number, brief_text, measured
 from foretouch.quantities.columns import Columns, as_frame, new_figure
 from foretouch.quantities.frame import Frame
 from foretouch.quantities.pose import Pose, cross_matrix
@@ -24,6 +24,7 @@ __all__ = [
     "brief_number",
     "brief_text",
     "cross_matrix",
+    "measured",
     "new_figure",
     "parameter_unit",
 ]

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 import textwrap
 from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
 
-__all__ = ["Brief", "ByValue", "brief_number", "brief_text"]
+__all__ = ["Brief", "ByValue", "brief_number", "brief_text", "measured"]
 
 WIDTH, MOST_LINES = 100, 10
 """Of a representation: characters in a line, and lines."""
@@ -85,6 +86,29 @@ def brief_text(name: str, values: Iterable[tuple[str, object]]) -> str:
 def brief_number(value: float | None) -> float | None:
     """A number to four digits, for people; None stays what it is."""
     return None if value is None else float(f"{value:.4g}")
+
+
+def measured(value: float | None, error: float | None, unit: str = "") -> str:
+    """A number with as many digits as its standard error allows, which has two; three where there is no error.
+
+    Args:
+        value: None or NaN for one that is undetermined.
+        error: Its standard error, None or NaN where there is none.
+        unit: Of both.
+    """
+    if value is None or math.isnan(value):
+        return "undetermined"
+    unit = f" {unit}" if unit else ""
+    known = error is not None and 0.0 < error < math.inf
+    size, digits = (error, 2) if known and error is not None else (abs(value), 3)
+    if not 0.0 < size < math.inf:
+        return f"{value:g}{unit}"
+    places = digits - 1 - math.floor(math.log10(float(f"{size:.{digits - 1}e}")))
+
+    def shown(one: float) -> str:
+        return f"{round(one, places):,.{max(places, 0)}f}"
+
+    return f"{shown(value)} ± {shown(size)}{unit}" if known else f"{shown(value)}{unit}"
 
 
 def _part(value: object) -> str:

@@ -250,7 +250,7 @@ def _closed(device: Device) -> Finding:
     position, given = device.read(round(7300e9)), device.render(PUSH)
     held = device.real_time or (device.closed_loop and _holds(device))
     if not held and math.isfinite(position):
-        return Finding("closed, no force", True, "it is in nobody's hand: no force has to end", rule)
+        return Finding("closed, no force", True, "nobody holds it: there is no force to end", rule)
     kept = math.isfinite(position) and given == 0.0
     found = f"{given:.4g} N of {PUSH:g} N after close, at {position:.4g} m"
     return Finding("closed, no force", kept, found, rule)
