@@ -199,7 +199,7 @@ class Console:
             ended: Whether the session has ended, which the pages then say; else that they do not reach the console.
         """
         self._emergency.close()
-        if ended and self._server.get_clients():
+        if ended:
             self._panel.alarm.end(HAS_ENDED)
             time.sleep(LAST_WORD)
         with contextlib.redirect_stdout(io.StringIO()):
