@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import functools
 import gc
 import os
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+import typer.testing
 from hypothesis import settings
 
 # One thread for linear algebra, as the commands have it: more take longer over small matrices, beside others at least.
@@ -15,6 +17,9 @@ with pytest.MonkeyPatch.context() as alone:
     for pool in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         alone.setenv(pool, os.environ.get(pool, "1"))
     import scipy.linalg  # noqa: F401  # it has a library of its own, and NumPy another
+
+# Typer makes all commands anew for each call of its runner: 60 ms, hundreds of times.
+typer.testing._get_command = functools.cache(typer.testing._get_command)  # type: ignore[attr-defined]
 
 settings.register_profile("foretouch", derandomize=True, deadline=None, max_examples=30)
 settings.load_profile("foretouch")
