@@ -8,6 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from foretouch.quantities import Rows
+
 __all__ = ["CAUSES", "LATE_NS", "Ticks", "causes", "ticks_of"]
 
 LATE_NS = 500_000
@@ -37,7 +39,7 @@ class Ticks(NamedTuple):
     compute_ns: Integers
 
 
-def ticks_of(rows: NDArray[np.void]) -> Ticks:
+def ticks_of(rows: Rows) -> Ticks:
     """Ticks from the rows of a session's log, of either side.
 
     A row has its deadline and the time since the tick before began. So the beginnings follow by summing, up to one

@@ -14,7 +14,7 @@ from foretouch.messages.said import Said
 from foretouch.messages.schema import EmergencyStop, LeaderState, Message, ModelUpdate, Telemetry
 from foretouch.messages.spatial import CameraImage, FieldUpdate, FixtureBelief, FollowerSpace, LeaderSpace
 from foretouch.messages.stretches import side_seconds, split_by_settings, split_session
-from foretouch.quantities import ByValue, Columns
+from foretouch.quantities import ByValue, Columns, Rows
 
 __all__ = [
     "FOLLOWER_DTYPE",
@@ -88,8 +88,8 @@ class SessionRows(ByValue):
         never_applied: Commands that were sent and not applied by any tick; counted, not scored.
     """
 
-    leader: NDArray[np.void]
-    follower: NDArray[np.void]
+    leader: Rows
+    follower: Rows
     never_applied: int
 
 
@@ -114,15 +114,15 @@ class SessionLog(Columns):
         said: What each process said of the settings, and from when on.
     """
 
-    leader: NDArray[np.void]
-    follower: NDArray[np.void]
+    leader: Rows
+    follower: Rows
     models: tuple[ModelUpdate, ...]
     settings: dict[str, str] = field(default_factory=dict)
     counts: dict[str, int] = field(default_factory=dict)
     emergencies: tuple[EmergencyStop, ...] = ()
     news: dict[str, tuple[str, ...]] = field(default_factory=dict)
-    leader_space: NDArray[np.void] = field(default_factory=lambda: np.empty(0, LEADER_SPACE_DTYPE))
-    follower_space: NDArray[np.void] = field(default_factory=lambda: np.empty(0, FOLLOWER_SPACE_DTYPE))
+    leader_space: Rows = field(default_factory=lambda: np.empty(0, LEADER_SPACE_DTYPE))
+    follower_space: Rows = field(default_factory=lambda: np.empty(0, FOLLOWER_SPACE_DTYPE))
     fields: tuple[FieldUpdate, ...] = ()
     images: tuple[CameraImage, ...] = ()
     beliefs: tuple[FixtureBelief, ...] = ()
@@ -213,7 +213,7 @@ class SessionLog(Columns):
         return SessionRows(leader, follower, int(self.leader.size - leader.size))
 
 
-def believable(follower: NDArray[np.void]) -> NDArray[np.bool_]:
+def believable(follower: Rows) -> NDArray[np.bool_]:
     """Which of these rows of `SessionLog.follower` hold samples that sensors meant: valid, and finite."""
     finite = np.isfinite(follower["sensor_force"]) & np.isfinite(follower["position"])
     return np.asarray((follower["validity"] == 0) & finite)
@@ -230,7 +230,7 @@ def in_order(models: list[ModelUpdate]) -> tuple[ModelUpdate, ...]:
     return tuple(sorted(models, key=lambda model: (model.run, model.sequence)))
 
 
-def _paired(stretch: SessionLog) -> tuple[NDArray[np.void], NDArray[np.void]]:
+def _paired(stretch: SessionLog) -> tuple[Rows, Rows]:
     applied = stretch.follower[stretch.follower["command_sequence"] > 0]
     sequences, first = np.unique(applied["command_sequence"], return_index=True)
     _, in_leader, in_follower = np.intersect1d(

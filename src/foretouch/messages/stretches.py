@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foretouch.messages.said import settings_at
+from foretouch.quantities import Rows
 
 if TYPE_CHECKING:
     from foretouch.messages.session_log import SessionLog
@@ -23,7 +24,6 @@ ONE_CHANGE_NS = 1_000_000_000
 once in half a second."""
 
 Epochs = NDArray[np.int64]
-Rows = NDArray[np.void]
 
 
 def split_session(log: SessionLog) -> tuple[SessionLog, ...]:

@@ -1,7 +1,7 @@
 """What is measured: one table of names, units and signs, and the recording that holds the samples."""
 
 from foretouch.quantities.brief import Brief, ByValue, brief_number, brief_text, measured
-from foretouch.quantities.columns import Columns, as_frame, new_figure
+from foretouch.quantities.columns import Columns, Rows, as_frame, new_figure
 from foretouch.quantities.frame import Frame
 from foretouch.quantities.pose import Pose, cross_matrix
 from foretouch.quantities.recording import LARGEST_POSITION, Recording
@@ -19,6 +19,7 @@ __all__ = [
     "Pose",
     "Quantity",
     "Recording",
+    "Rows",
     "SensorCalibration",
     "as_frame",
     "brief_number",

@@ -18,7 +18,11 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
-__all__ = ["COLOURS", "Columns", "as_frame", "new_figure"]
+__all__ = ["COLOURS", "Columns", "Rows", "as_frame", "new_figure"]
+
+Rows = Any
+"""A structured array, shape (n,): ``rows["force"]`` is a column. To NumPy's types a column is an array of anything, for
+which every operator tries all of its overloads: more than half of all the time that the type checker took."""
 
 COLOURS = tuple(css(colour) for colour in (BLUE, VERMILLION, GREEN, ORANGE, PURPLE, SKY, INK))
 """Okabe and Ito's colours, which the colour-blind tell apart, for curves that stand in a row."""

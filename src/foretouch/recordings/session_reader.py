@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from foretouch.errors import RecordingError
 from foretouch.files import within_budget
@@ -36,6 +35,7 @@ from foretouch.messages import (
     as_printed,
 )
 from foretouch.messages.session_log import in_order
+from foretouch.quantities import Rows
 from foretouch.recordings._extra import optional
 from foretouch.recordings.cdr import Layout
 from foretouch.recordings.mcap_index import (
@@ -150,7 +150,7 @@ class _Scan:
         self._kinds: dict[int, type[Message]] = {}  # by channel
         self._layouts: dict[type[Message], Layout] = {}
         self._topics: set[str] = set()
-        self._parts: dict[type[Message], list[NDArray[np.void]]] = {kind: [] for kind in columns}
+        self._parts: dict[type[Message], list[Rows]] = {kind: [] for kind in columns}
         self._kept: dict[type[Message], list[Any]] = {kind: [] for kind in _KEPT}
         self._hellos = Hellos()
         self._counts: dict[str, int] = {}  # those of the end
@@ -264,9 +264,7 @@ class _Scan:
             raise RecordingError(self._path, f"{TOPICS[kind].name}: {_one_line(error)}") from None
 
 
-def _columns(
-    data: bytes | mmap.mmap, spans: list[tuple[int, int]], layout: Layout, wanted: np.dtype[np.void]
-) -> NDArray[np.void]:
+def _columns(data: bytes | mmap.mmap, spans: list[tuple[int, int]], layout: Layout, wanted: np.dtype[np.void]) -> Rows:
     """Messages of one fixed size, all at once."""
     stored, edges = layout.dtype, np.array(spans)
     assert stored is not None
@@ -284,7 +282,7 @@ def _columns(
     return table
 
 
-def _ends(rows: NDArray[np.void]) -> NDArray[np.void]:
+def _ends(rows: Rows) -> Rows:
     """The first and the last of those rows that follow one another and are of the same processes."""
     new = np.ones(rows.size, dtype=np.bool_)
     new[1:] = (np.diff(rows["epoch"]) != 0) | (np.diff(rows["run"]) != 0)

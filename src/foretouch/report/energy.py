@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from foretouch.quantities import brief_text
+from foretouch.quantities import Rows, brief_text
 from foretouch.rendering.energy import SAMPLE_PERIOD
 from foretouch.rendering.renderer import FARTHEST, PHANTOM
 from foretouch.report.booked import NO_DEVICE, Booked, BookedDevice, book
@@ -25,7 +25,6 @@ __all__ = [
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
-Rows = NDArray[np.void]
 
 ROUNDING = 1e-9
 """What sums of floating-point numbers may be wrong by [J]."""

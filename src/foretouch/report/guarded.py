@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foretouch.messages import SessionLog
+from foretouch.quantities import Rows
 
 __all__ = ["guarded_figures", "guarded_runs", "runs_of", "seconds_of", "usual_period"]
 
-Rows = NDArray[np.void]
 
 Flags = NDArray[np.bool_]
 

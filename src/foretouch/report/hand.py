@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foretouch.messages import SessionLog
+from foretouch.quantities import Rows
 from foretouch.report.booked import booked_device
 from foretouch.report.energy import energy_figures
 from foretouch.report.free_hand import free_hand
@@ -34,7 +35,6 @@ __all__ = [
 ]
 
 Array = NDArray[np.float64]
-Rows = NDArray[np.void]
 
 NO_GRIP = NO_BASELINE = "none"
 

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foretouch.messages import SessionLog
+from foretouch.quantities import Rows
 from foretouch.report.drawing import DELAYED, ERROR, PREDICTED, RENDERED, TRUE, finished, legend, new_figure, shade
 from foretouch.report.energy import ROUNDING, Account
 from foretouch.report.hand import FELT, apart, number_of
@@ -19,7 +20,6 @@ __all__ = ["energy_figure", "hand_figure"]
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
-Rows = NDArray[np.void]
 
 CLOSE_UP = 4.0
 """Length of the close-up [s]."""

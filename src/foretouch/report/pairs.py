@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from foretouch.errors import ForetouchError
 from foretouch.messages import ModelUpdate, SessionLog
 from foretouch.models import ContactModel, Predictor, make_model
-from foretouch.quantities import ByValue
+from foretouch.quantities import ByValue, Rows
 from foretouch.report.statuses import away, trusted
 
 __all__ = ["Pairs", "force_at_follower", "model_of", "not_scored", "nowhere", "pair"]
@@ -31,8 +31,8 @@ class Pairs(ByValue):
     """
 
     time: Array
-    leader: NDArray[np.void]
-    follower: NDArray[np.void]
+    leader: Rows
+    follower: Rows
     never_applied: int
 
 
@@ -63,7 +63,7 @@ def not_scored(pairs: Pairs) -> NDArray[np.bool_]:
     return np.asarray(pairs.follower["guarded"] | away(pairs.follower) | ~led)
 
 
-def nowhere(leader: NDArray[np.void]) -> NDArray[np.bool_]:
+def nowhere(leader: Rows) -> NDArray[np.bool_]:
     """Rows in which the operator's device gave no position.
 
     There are none in a recording of old, which has commands and no hand.

@@ -7,6 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from foretouch.quantities import Rows
+
 __all__ = [
     "ACCURATE_FOR",
     "ACCURATE_WITHIN",
@@ -103,7 +105,7 @@ def rendered_jump(sequence: NDArray[np.int64], wanted: Array, rendered: Array, j
     return part
 
 
-def update_jumps(leader: NDArray[np.void]) -> dict[str, float | None]:
+def update_jumps(leader: Rows) -> dict[str, float | None]:
     """The largest jumps that new models made in a session, over all ticks of the leader.
 
     Three forces are looked at: the predicted one, which a new model changes at once; the mediated one, into which the

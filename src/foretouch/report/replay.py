@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foretouch.messages import SessionLog
+from foretouch.quantities import Rows
 from foretouch.report.numbers import number
 from foretouch.report.pairs import Pairs, not_scored, pair
 from foretouch.report.scores import score
@@ -131,7 +132,7 @@ def contacts(log: SessionLog) -> list[Contact]:
     ]
 
 
-def hand_begins_ns(leader: NDArray[np.void]) -> int:
+def hand_begins_ns(leader: Rows) -> int:
     """When the time of the hand begins, by the leader's clock [ns]: one that feels something waits for the follower.
 
     Args:

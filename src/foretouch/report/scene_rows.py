@@ -9,14 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foretouch.messages import SessionLog
-from foretouch.quantities import ByValue
+from foretouch.quantities import ByValue, Rows
 from foretouch.report.hand import number_of, setting
 from foretouch.report.pairs import Pairs
 
 __all__ = ["SceneRows", "has_scene", "scene_rows", "vectors"]
 
 Array = NDArray[np.float64]
-Rows = NDArray[np.void]
 
 ONE_CLOCK_NS = 5_000_000
 """Two clocks that the fastest command shows no further apart than this, and the jitter, are one [ns]."""

@@ -12,6 +12,7 @@ from scipy.optimize import minimize_scalar
 from foretouch.messages import CHANNELS, SessionLog, encode
 from foretouch.models import ContactMap, summarise_map
 from foretouch.models.checks import require_type
+from foretouch.quantities import Rows
 from foretouch.report.hand import (
     NO_BASELINE,
     contact_force,
@@ -253,7 +254,7 @@ def _total(counts: dict[str, int], word: str) -> int | None:
     return sum(matching) if matching else None
 
 
-def _timing(table: NDArray[np.void], rate: float) -> dict[str, Any]:
+def _timing(table: Rows, rate: float) -> dict[str, Any]:
     """Loop period and compute time of one side; the first tick has no period."""
     period = table["period_ns"][table["period_ns"] > 0]
     return {
@@ -266,7 +267,7 @@ def _timing(table: NDArray[np.void], rate: float) -> dict[str, Any]:
     }
 
 
-def _ticks_per_s(table: NDArray[np.void]) -> float | None:
+def _ticks_per_s(table: Rows) -> float | None:
     """How often the loop really ran, pauses of a process that was stopped among it."""
     duration = float(np.ptp(table["time_ns"])) * 1e-9 if table.size else 0.0
     return (table.size - 1) / duration if duration > 0.0 else None

@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 from foretouch.identification import SENSOR_SENTENCES, SensorState
 from foretouch.messages import STATUS_SENTENCES, WITH_THE_COMMANDS, SessionLog, Status
 from foretouch.messages.session_log import believable
+from foretouch.quantities import Rows
 from foretouch.report.guarded import runs_of, seconds_of
 
 __all__ = ["Stretch", "away", "follower_away", "joining", "safety_figures", "stretch_figures", "trusted"]
 
 Flags = NDArray[np.bool_]
-Rows = NDArray[np.void]
 
 A_MOMENT_NS = 100_000_000
 """A robot that joins the first command within so long [ns] is not said to have returned."""

@@ -7,10 +7,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from foretouch.quantities import Rows
+
 __all__ = ["SWING", "oscillation", "swings", "turning_points"]
 
 Array = NDArray[np.float64]
-Rows = NDArray[np.void]
 
 SWING = 5e-4
 """Smallest swing that counts [m]: fifty encoder counts, and less than a hand means by a press."""

@@ -12,13 +12,12 @@ from foretouch.identification import TIME_TOLERANCE, Learner, Motion, PredictedF
 from foretouch.messages import SessionLog
 from foretouch.messages.session_log import believable
 from foretouch.models.checks import require
-from foretouch.quantities import ByValue, Recording
+from foretouch.quantities import ByValue, Recording, Rows
 from foretouch.session.round_trip import RoundTrip
 
 __all__ = ["Replay", "replay"]
 
 Array = NDArray[np.float64]
-Rows = NDArray[np.void]
 
 
 @dataclass(frozen=True)

@@ -9,14 +9,13 @@ from numpy.typing import NDArray
 
 from foretouch.devices import Device
 from foretouch.devices.device import limit_force
-from foretouch.quantities import LARGEST_POSITION
+from foretouch.quantities import LARGEST_POSITION, Rows
 from foretouch.robot import Robot, RobotSample, RobotSpecification
 from foretouch.session.settings import SAMPLE_PERIOD
 
 __all__ = ["PlayedOperator", "PlayedRobot"]
 
 Array = NDArray[np.float64]
-Rows = NDArray[np.void]
 
 
 class PlayedOperator(Device):

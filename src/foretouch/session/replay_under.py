@@ -13,6 +13,7 @@ from foretouch.devices import GRIPS, Device, Hand
 from foretouch.errors import RecordingError, SettingError
 from foretouch.link import FaultStage
 from foretouch.messages import SessionLog, Status
+from foretouch.quantities import Rows
 from foretouch.robot import MATERIALS, Robot
 from foretouch.session.playout import Playout
 from foretouch.session.replay_machines import PlayedOperator, PlayedRobot
@@ -24,7 +25,6 @@ from foretouch.session.spatial.replayed import replay_scene
 __all__ = ["CLOSED_LOOP", "FIXED_MOTION", "material_answers", "replay_notes", "replay_under"]
 
 Times = NDArray[np.int64]
-Rows = NDArray[np.void]
 
 FIXED_MOTION = "the operator's motion is fixed: who feels another force would have moved otherwise"
 """What is to be known of a replay in an open loop."""

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foretouch.messages import SessionLog, Status, encode
+from foretouch.quantities import Rows
 from foretouch.report import CONTACT_FLOOR, hand_figures, pair, update_jumps
 from foretouch.session import SAMPLE_PERIOD, SessionSettings
 
@@ -83,13 +84,13 @@ def _transparency(log: SessionLog, settings: SessionSettings) -> dict[str, float
     }
 
 
-def _faults(follower: NDArray[np.void]) -> dict[str, Any]:
+def _faults(follower: Rows) -> dict[str, Any]:
     """For how long the robot did not follow the commands that there were, and how often sensors were not believed."""
     held = ~np.isin(follower["status"], (Status.FOLLOWING, Status.GUARDED))
     return {"held_s": float(held.sum()) * SAMPLE_PERIOD, "disbelieved_ticks": int((follower["validity"] > 0).sum())}
 
 
-def _phantom(leader: NDArray[np.void], follower: NDArray[np.void], settings: SessionSettings) -> float | None:
+def _phantom(leader: Rows, follower: Rows, settings: SessionSettings) -> float | None:
     """The largest force that was felt where there was nothing, at equal command."""
     rows = (follower["exact_force"] <= 0.0) & leader["engaged"] & (follower["status"] == Status.FOLLOWING)
     felt = leader["rendered_force"][rows] / settings.force_scale
@@ -125,7 +126,7 @@ def _slope(position: Array, force: Array) -> float:
     return float(apart @ force) / square if square > 0.0 else 0.0
 
 
-def _age(log: SessionLog, leader: NDArray[np.void], delayed: bool) -> float | None:
+def _age(log: SessionLog, leader: Rows, delayed: bool) -> float | None:
     """Median age of what was rendered from: the models, or of a baseline the telemetry; leader ticks are commands."""
     if delayed:
         sources, newest = log.follower[["sequence", "command_sequence"]], leader["telemetry_sequence"]

@@ -6,11 +6,11 @@ import math
 from collections.abc import Callable, Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
 from foretouch.devices import SpatialDevice
 from foretouch.errors import RecordingError
 from foretouch.messages import SessionLog
+from foretouch.quantities import Rows
 from foretouch.quantities.rigid import Vector
 from foretouch.session.settings import NO_GRIP, SAMPLE_PERIOD, SessionSettings
 from foretouch.session.spatial.camera import SimulatedCamera
@@ -20,7 +20,6 @@ from foretouch.session.spatial.simulated import simulate_scene
 
 __all__ = ["PlayedSpatialOperator", "replay_scene"]
 
-Rows = NDArray[np.void]
 
 _REAL = "is of a real robot in three dimensions, which nobody can simulate again"
 _HELD = "is of a hand in three dimensions, which is run again with --closed-loop alone"
