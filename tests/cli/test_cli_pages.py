@@ -16,7 +16,7 @@ from foretouch.cli.app import app
 ROOT = Path(__file__).parents[2]
 SPRING = str(ROOT / "docs" / "examples" / "spring.csv")
 POSES = str(ROOT / "docs" / "examples" / "poses.csv")
-SHORT = ["--duration", "2", "--recording", "s.mcap", "--report"]
+SHORT = ["--duration", "1.3", "--recording", "s.mcap", "--report"]
 SAID = {
     "simulate": (["simulate", *SHORT, "page"], ["SHA-256"]),
     "report": (["report", "s.mcap", "--report", "page"], ["s.mcap (SHA-256 "]),

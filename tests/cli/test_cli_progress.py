@@ -57,7 +57,7 @@ def test_a_long_simulation_shows_how_far_it_is_and_keeps_its_output_clean() -> N
 
 
 def test_without_a_terminal_nothing_is_shown() -> None:
-    code = command("simulate", "--duration", 10, "--model", "kelvin-voigt", "--material", "kelvin-voigt", "--json")
+    code = command("simulate", "--duration", 4, "--model", "kelvin-voigt", "--material", "kelvin-voigt", "--json")
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stderr == ""
     assert json.loads(done.stdout)["timing"]

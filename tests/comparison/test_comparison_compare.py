@@ -29,7 +29,7 @@ from foretouch.quantities import Recording
 from foretouch.recordings import read_recording, write_columns
 from foretouch.report import Forces, delayed, forces_under_delay, score, time_to_accuracy
 
-PAIR = {"models": ("kelvin-voigt",), "estimators": ("rls",)}
+PAIR: dict[str, Any] = {"models": ("kelvin-voigt",), "estimators": ("rls",), "processes": 1}
 
 
 @pytest.fixture(scope="module")
@@ -142,7 +142,9 @@ def test_a_file_that_is_missing_or_is_none_fails_alone(folder: Path, tmp_path: P
     rows = json.loads(result.stdout)["results"]
     assert [row["status"] for row in rows] == ["failed"] * 6 + ["ok"] * 2
     assert [rows[0]["reason"], rows[2]["reason"]] == ["no such file", "is no file"]
-    results = comparison.compare([comparison.file_case(file) for file in files[:2]], models=("kelvin-voigt",))
+    results = comparison.compare(
+        [comparison.file_case(file) for file in files[:2]], models=("kelvin-voigt",), processes=1
+    )
     text = comparison.render_table(results)
     assert text.count("no such file") == text.count("is no file") == 1
     assert f"all {len(ESTIMATORS['kelvin-voigt'])} failed: no such file" in text
@@ -156,7 +158,7 @@ def test_an_estimator_that_breaks_is_a_result(folder: Path, monkeypatch: pytest.
         raise ZeroDivisionError("by nothing")
 
     monkeypatch.setattr(kind, "update", broken)
-    (result,) = comparison.compare(cases(folder, "press"), **PAIR, processes=1)
+    (result,) = comparison.compare(cases(folder, "press"), **PAIR)
     assert (result.status, result.reason) == ("failed", "ZeroDivisionError: by nothing")
 
 
@@ -309,11 +311,12 @@ def test_what_is_learnt_for_a_delay_is_learnt_anew_for_another_one() -> None:
 
 
 def run(*arguments: object) -> Any:
-    return CliRunner().invoke(app, ["compare", *map(str, arguments)])
+    """In this process: workers have tests of their own."""
+    return CliRunner().invoke(app, ["compare", *map(str, arguments), *(("--jobs", "1") if arguments else ())])
 
 
 def test_the_command_prints_a_table_and_writes_a_page(folder: Path, tmp_path: Path) -> None:
-    options = ("--models", "kelvin-voigt", "--report", tmp_path / "page", "--jobs", 1, "--delay", 0.1, "--delay", 0.3)
+    options = ("--models", "kelvin-voigt", "--report", tmp_path / "page", "--delay", 0.1, "--delay", 0.3)
     result = run(folder / "press.csv", folder / "air.csv", *options)
     assert result.exit_code == 0, result.exception
     assert "All 2 recordings: median and worst" in result.stdout

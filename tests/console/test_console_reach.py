@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import pytest
-from console_driver import CHROMIUM_ARGUMENTS, Session, chromium, open_page, wait_until_shown
+from console_driver import CHROMIUM_ARGUMENTS, Session, chromium, wait_until_shown
 
 pytest.importorskip("viser")
 pytest.importorskip("playwright")
@@ -80,12 +80,14 @@ def opacity(locator: Any) -> float:
     return float(locator.evaluate("element => getComputedStyle(element).opacity"))
 
 
-def test_a_page_says_by_itself_that_the_console_does_not_answer_or_is_gone() -> None:
+def test_a_page_says_by_itself_that_the_console_does_not_answer_or_is_gone(inside: Inside) -> None:
     """The console stands still (as when a tunnel stalls), goes on, and is killed."""
     command = [sys.executable, "-m", "foretouch", "console", "--listen", free_endpoint(), "--port", "0"]
     with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True) as console:
         try:
-            with open_page(Printed(console).address(), 1100, 720) as (page, _):
+            with contextlib.closing(inside.page.context.browser.new_context()) as another:
+                page = another.new_page()
+                page.goto(Printed(console).address())
                 page.get_by_text(NOBODY_YET).wait_for()
                 lost, button = page.get_by_text(LOST), page.get_by_role("button", name=READY)
                 lost.wait_for(state="hidden", timeout=30_000)

@@ -82,7 +82,7 @@ OFFLINE: dict[tuple[str, ...], Callable[[list[str]], list[str]]] = {
     ("--help",): as_it_is,
     ("--version",): as_it_is,
     ("warm-up",): as_it_is,
-    ("simulate",): lasting(2.0),
+    ("simulate",): lasting(0.3),
     ("identify",): as_it_is,
     ("predict",): as_it_is,
     ("report",): as_it_is,
