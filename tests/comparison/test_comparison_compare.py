@@ -162,24 +162,6 @@ def test_an_estimator_that_breaks_is_a_result(folder: Path, monkeypatch: pytest.
     assert (result.status, result.reason) == ("failed", "ZeroDivisionError: by nothing")
 
 
-def test_in_parallel_comes_out_what_comes_out_in_one_process(folder: Path) -> None:
-    chosen = {"models": ("kelvin-voigt", "hunt-crossley"), "estimators": ("rls", "log-rls")}
-    seen: list[tuple[int, int]] = []
-    alone = comparison.compare(cases(folder, "press", "air"), **chosen, processes=1)
-    beside = comparison.compare(
-        cases(folder, "press", "air"),
-        **chosen,
-        processes=2,
-        progress=lambda done, total, result: seen.append((done, total)),
-    )
-    assert [timeless(result) for result in alone] == [timeless(result) for result in beside]
-    assert seen == [(1, 4), (2, 4), (3, 4), (4, 4)]
-
-
-def timeless(result: comparison.Result) -> dict[str, Any]:
-    return replace(result, us_per_sample=None).as_row()
-
-
 def test_a_process_that_dies_takes_nothing_with_it_and_none_of_them_hears_ctrl_c_as_this_one_does() -> None:
     def deaf() -> bool:
         return signal.SIGINT in signal.pthread_sigmask(signal.SIG_BLOCK, ())
@@ -200,6 +182,24 @@ def shut_workers_down() -> None:
     from joblib.externals.loky import get_reusable_executor
 
     get_reusable_executor().shutdown(wait=True)
+
+
+def test_in_parallel_comes_out_what_comes_out_in_one_process(folder: Path) -> None:
+    chosen = {"models": ("kelvin-voigt", "hunt-crossley"), "estimators": ("rls", "log-rls")}
+    seen: list[tuple[int, int]] = []
+    alone = comparison.compare(cases(folder, "press", "air"), **chosen, processes=1)
+    beside = comparison.compare(
+        cases(folder, "press", "air"),
+        **chosen,
+        processes=2,
+        progress=lambda done, total, result: seen.append((done, total)),
+    )
+    assert [timeless(result) for result in alone] == [timeless(result) for result in beside]
+    assert seen == [(1, 4), (2, 4), (3, 4), (4, 4)]
+
+
+def timeless(result: comparison.Result) -> dict[str, Any]:
+    return replace(result, us_per_sample=None).as_row()
 
 
 def test_numbers_that_are_not_finite_are_none_in_json() -> None:

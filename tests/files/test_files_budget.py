@@ -123,7 +123,11 @@ REFUSED = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("name", REFUSED)
+SLOW = ("busy_in_the_library",)
+"""What no signal reaches is ended two seconds later."""
+
+
+@pytest.mark.parametrize("name", [pytest.param(one, marks=pytest.mark.long) if one in SLOW else one for one in REFUSED])
 def test_what_goes_wrong_is_one_line(name: str, file: Path) -> None:
     given, said = REFUSED[name]
     factor = 0.05 if "1 s" in said else None

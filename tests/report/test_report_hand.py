@@ -209,7 +209,7 @@ def test_a_controller_does_not_render_the_delayed_force_itself(delayed: SessionL
 
 def test_a_delayed_force_in_an_open_loop_is_given_to_nobody() -> None:
     """It would give out energy along this motion; but nobody holds what could be unstable."""
-    report = session_report(simulated(6.0, baseline="delayed"))
+    report = session_report(simulated(4.0, baseline="delayed"))
     assert report["hand"]["certificate_holds"] is False
     assert report["stable"] is None
     text = render_text(report)
