@@ -16,7 +16,7 @@ from foretouch.cli.app import app
 ROOT = Path(__file__).parents[2]
 SPRING = str(ROOT / "docs" / "examples" / "spring.csv")
 POSES = str(ROOT / "docs" / "examples" / "poses.csv")
-SHORT = ["--duration", "2", "--recording", "s.mcap", "--report"]
+SHORT = ["--duration", "1.3", "--recording", "s.mcap", "--report"]
 SAID = {
     "simulate": (["simulate", *SHORT, "page"], ["SHA-256"]),
     "report": (["report", "s.mcap", "--report", "page"], ["s.mcap (SHA-256 "]),
@@ -55,7 +55,11 @@ def simulated(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-@pytest.mark.parametrize("name", SAID)
+LONG = ("replay", "sweep", "reproduce")
+"""The others are made in the same way, and take less long."""
+
+
+@pytest.mark.parametrize("name", [pytest.param(one, marks=pytest.mark.long) if one in LONG else one for one in SAID])
 def test_it_says_version_date_command_and_what_it_is_of(name: str, simulated: Path, tmp_path: Path) -> None:
     words, said = SAID[name]
     folder = simulated

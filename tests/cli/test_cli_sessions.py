@@ -76,7 +76,7 @@ def test_the_report_keeps_its_contract(simulated: Simulated) -> None:
 def test_a_session_repeats_but_for_timing_and_paths(tmp_path: Path) -> None:
     def once(name: str) -> tuple[dict[str, Any], bytes]:
         path = tmp_path / name
-        options = ("--duration", 3, "--seed", 4, "--jitter", 0.01, "--loss", 0.05, "--outage", 0.2)
+        options = ("--duration", 2, "--seed", 4, "--jitter", 0.01, "--loss", 0.05, "--outage", 0.2)
         report = report_of("simulate", *options, "--recording", path)
         assert report.pop("recording") == str(path)
         del report["timing"]

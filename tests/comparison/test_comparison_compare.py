@@ -29,7 +29,7 @@ from foretouch.quantities import Recording
 from foretouch.recordings import read_recording, write_columns
 from foretouch.report import Forces, delayed, forces_under_delay, score, time_to_accuracy
 
-PAIR = {"models": ("kelvin-voigt",), "estimators": ("rls",)}
+PAIR: dict[str, Any] = {"models": ("kelvin-voigt",), "estimators": ("rls",), "processes": 1}
 
 
 @pytest.fixture(scope="module")
@@ -142,7 +142,9 @@ def test_a_file_that_is_missing_or_is_none_fails_alone(folder: Path, tmp_path: P
     rows = json.loads(result.stdout)["results"]
     assert [row["status"] for row in rows] == ["failed"] * 6 + ["ok"] * 2
     assert [rows[0]["reason"], rows[2]["reason"]] == ["no such file", "is no file"]
-    results = comparison.compare([comparison.file_case(file) for file in files[:2]], models=("kelvin-voigt",))
+    results = comparison.compare(
+        [comparison.file_case(file) for file in files[:2]], models=("kelvin-voigt",), processes=1
+    )
     text = comparison.render_table(results)
     assert text.count("no such file") == text.count("is no file") == 1
     assert f"all {len(ESTIMATORS['kelvin-voigt'])} failed: no such file" in text
@@ -156,26 +158,8 @@ def test_an_estimator_that_breaks_is_a_result(folder: Path, monkeypatch: pytest.
         raise ZeroDivisionError("by nothing")
 
     monkeypatch.setattr(kind, "update", broken)
-    (result,) = comparison.compare(cases(folder, "press"), **PAIR, processes=1)
+    (result,) = comparison.compare(cases(folder, "press"), **PAIR)
     assert (result.status, result.reason) == ("failed", "ZeroDivisionError: by nothing")
-
-
-def test_in_parallel_comes_out_what_comes_out_in_one_process(folder: Path) -> None:
-    chosen = {"models": ("kelvin-voigt", "hunt-crossley"), "estimators": ("rls", "log-rls")}
-    seen: list[tuple[int, int]] = []
-    alone = comparison.compare(cases(folder, "press", "air"), **chosen, processes=1)
-    beside = comparison.compare(
-        cases(folder, "press", "air"),
-        **chosen,
-        processes=2,
-        progress=lambda done, total, result: seen.append((done, total)),
-    )
-    assert [timeless(result) for result in alone] == [timeless(result) for result in beside]
-    assert seen == [(1, 4), (2, 4), (3, 4), (4, 4)]
-
-
-def timeless(result: comparison.Result) -> dict[str, Any]:
-    return replace(result, us_per_sample=None).as_row()
 
 
 def test_a_process_that_dies_takes_nothing_with_it_and_none_of_them_hears_ctrl_c_as_this_one_does() -> None:
@@ -198,6 +182,24 @@ def shut_workers_down() -> None:
     from joblib.externals.loky import get_reusable_executor
 
     get_reusable_executor().shutdown(wait=True)
+
+
+def test_in_parallel_comes_out_what_comes_out_in_one_process(folder: Path) -> None:
+    chosen = {"models": ("kelvin-voigt", "hunt-crossley"), "estimators": ("rls", "log-rls")}
+    seen: list[tuple[int, int]] = []
+    alone = comparison.compare(cases(folder, "press", "air"), **chosen, processes=1)
+    beside = comparison.compare(
+        cases(folder, "press", "air"),
+        **chosen,
+        processes=2,
+        progress=lambda done, total, result: seen.append((done, total)),
+    )
+    assert [timeless(result) for result in alone] == [timeless(result) for result in beside]
+    assert seen == [(1, 4), (2, 4), (3, 4), (4, 4)]
+
+
+def timeless(result: comparison.Result) -> dict[str, Any]:
+    return replace(result, us_per_sample=None).as_row()
 
 
 def test_numbers_that_are_not_finite_are_none_in_json() -> None:
@@ -309,11 +311,12 @@ def test_what_is_learnt_for_a_delay_is_learnt_anew_for_another_one() -> None:
 
 
 def run(*arguments: object) -> Any:
-    return CliRunner().invoke(app, ["compare", *map(str, arguments)])
+    """In this process: workers have tests of their own."""
+    return CliRunner().invoke(app, ["compare", *map(str, arguments), *(("--jobs", "1") if arguments else ())])
 
 
 def test_the_command_prints_a_table_and_writes_a_page(folder: Path, tmp_path: Path) -> None:
-    options = ("--models", "kelvin-voigt", "--report", tmp_path / "page", "--jobs", 1, "--delay", 0.1, "--delay", 0.3)
+    options = ("--models", "kelvin-voigt", "--report", tmp_path / "page", "--delay", 0.1, "--delay", 0.3)
     result = run(folder / "press.csv", folder / "air.csv", *options)
     assert result.exit_code == 0, result.exception
     assert "All 2 recordings: median and worst" in result.stdout

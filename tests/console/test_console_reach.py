@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import pytest
-from console_driver import CHROMIUM_ARGUMENTS, Session, chromium, open_page, wait_until_shown
+from console_driver import CHROMIUM_ARGUMENTS, Session, chromium, wait_until_shown
 
 pytest.importorskip("viser")
 pytest.importorskip("playwright")
@@ -78,29 +78,6 @@ def until(locator: Any, seconds: float, state: str = "visible") -> float:
 
 def opacity(locator: Any) -> float:
     return float(locator.evaluate("element => getComputedStyle(element).opacity"))
-
-
-def test_a_page_says_by_itself_that_the_console_does_not_answer_or_is_gone() -> None:
-    """The console stands still (as when a tunnel stalls), goes on, and is killed."""
-    command = [sys.executable, "-m", "foretouch", "console", "--listen", free_endpoint(), "--port", "0"]
-    with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True) as console:
-        try:
-            with open_page(Printed(console).address(), 1100, 720) as (page, _):
-                page.get_by_text(NOBODY_YET).wait_for()
-                lost, button = page.get_by_text(LOST), page.get_by_role("button", name=READY)
-                lost.wait_for(state="hidden", timeout=30_000)
-                assert opacity(button) == 1.0
-                console.send_signal(signal.SIGSTOP)
-                assert until(lost, PROMISED * SLACK) < PROMISED * SLACK
-                assert opacity(button) == 0.0  # what could not stop the robot does not look as if it could
-                console.send_signal(signal.SIGCONT)
-                lost.wait_for(state="hidden", timeout=30_000)
-                assert opacity(button) == 1.0
-                console.kill()
-                until(lost, PROMISED * SLACK)
-                assert page.locator("#foretouch-lost").get_by_text("stop the robot at its own machine").is_visible()
-        finally:
-            console.kill()
 
 
 class _Elsewhere(http.server.BaseHTTPRequestHandler):
@@ -184,3 +161,27 @@ def test_after_an_attack_on_the_button_a_click_still_asks_and_a_robot_that_does_
     page.wait_for_timeout(300)
     assert len(session.of(EmergencyStop)) > 2
     assert console.trouble == ""
+
+
+def test_a_page_says_by_itself_that_the_console_does_not_answer_or_is_gone(inside: Inside) -> None:
+    """The console stands still (as when a tunnel stalls), goes on, and is killed. The last: the page goes there."""
+    command = [sys.executable, "-m", "foretouch", "console", "--listen", free_endpoint(), "--port", "0"]
+    with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True) as console:
+        try:
+            page = inside.page
+            page.goto(Printed(console).address())
+            page.get_by_text(NOBODY_YET).wait_for()
+            lost, button = page.get_by_text(LOST), page.get_by_role("button", name=READY)
+            lost.wait_for(state="hidden", timeout=30_000)
+            assert opacity(button) == 1.0
+            console.send_signal(signal.SIGSTOP)
+            assert until(lost, PROMISED * SLACK) < PROMISED * SLACK
+            assert opacity(button) == 0.0  # what could not stop the robot does not look as if it could
+            console.send_signal(signal.SIGCONT)
+            lost.wait_for(state="hidden", timeout=30_000)
+            assert opacity(button) == 1.0
+            console.kill()
+            until(lost, PROMISED * SLACK)
+            assert page.locator("#foretouch-lost").get_by_text("stop the robot at its own machine").is_visible()
+        finally:
+            console.kill()

@@ -59,9 +59,10 @@ def only_the_quickest_section(words: list[str]) -> list[str]:
     return words if "--only" in words else [*words, "--only", "fig2"]
 
 
-def two_short_sessions(words: list[str]) -> list[str]:
-    """A sweep takes an hour; two sessions of it go the same way, and a replay needs them first."""
-    return words if "--replay" in words else [*here(words), "--sessions", "2", "--baselines", "0", "--duration", "2"]
+def short_sessions(words: list[str], count: int = 1) -> list[str]:
+    """A sweep takes an hour; one session of it goes the same way, and a replay needs some first."""
+    few = ["--sessions", str(count), "--baselines", "0", "--duration", "2"]
+    return words if "--replay" in words else [*here(words), *few]
 
 
 def only_the_quickest_benchmark(words: list[str]) -> list[str]:
@@ -82,7 +83,7 @@ OFFLINE: dict[tuple[str, ...], Callable[[list[str]], list[str]]] = {
     ("--help",): as_it_is,
     ("--version",): as_it_is,
     ("warm-up",): as_it_is,
-    ("simulate",): lasting(2.0),
+    ("simulate",): lasting(0.3),
     ("identify",): as_it_is,
     ("predict",): as_it_is,
     ("report",): as_it_is,
@@ -104,7 +105,7 @@ OFFLINE: dict[tuple[str, ...], Callable[[list[str]], list[str]]] = {
     ("keys", "show"): in_new_keys,
     ("compare",): one_law_without_simulation,
     ("reproduce",): only_the_quickest_section,
-    ("sweep",): two_short_sessions,
+    ("sweep",): short_sessions,
     ("bench",): only_the_quickest_benchmark,
 }
 """Commands that end by themselves, and their short forms."""
@@ -281,7 +282,7 @@ def test_a_command_runs_in_its_short_form(text: str, folder: Path, monkeypatch: 
     if key == ("datasets", "fetch"):
         publish(arguments[2], folder, monkeypatch)
     if "--replay" in arguments:
-        run(two_short_sessions(["sweep", "--out", "out/sweep"]))
+        run(short_sessions(["sweep", "--out", "out/sweep"], 2))
     if "--position-unit mm" in text:
         write_press(folder / arguments[1], -1e3 if "--flip" in arguments else 1e3)
     there = set(folder.rglob("*"))

@@ -123,7 +123,11 @@ REFUSED = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("name", REFUSED)
+SLOW = ("busy_in_the_library",)
+"""What no signal reaches is ended two seconds later."""
+
+
+@pytest.mark.parametrize("name", [pytest.param(one, marks=pytest.mark.long) if one in SLOW else one for one in REFUSED])
 def test_what_goes_wrong_is_one_line(name: str, file: Path) -> None:
     given, said = REFUSED[name]
     factor = 0.05 if "1 s" in said else None
@@ -167,14 +171,19 @@ def test_threads_read_at_once(file: Path) -> None:
     assert counts == [2] * 8
 
 
-def test_a_script_without_a_guard_reads(file: Path) -> None:
-    """And what lies in the working folder is not imported by the process that reads."""
+def test_a_script_without_a_guard_reads_and_so_does_a_copy_of_its_process(file: Path) -> None:
+    """As worker processes that are forked do; what lies in the working folder is not imported by who reads."""
     (file.parent / "numpy.py").write_text("raise SystemExit('taken for numpy')")
-    code = f"from foretouch import read_recording\nprint(len(read_recording({str(file)!r})))"
+    code = (
+        "import os\nfrom foretouch import read_recording\n"
+        f"print(len(read_recording({str(file)!r})), flush=True)\n"
+        "copy = os.fork()\n"
+        f"assert len(read_recording({str(file)!r})) == 2\n"
+        "if copy: assert os.waitpid(copy, 0)[1] == 0\n"
+    )
     command = [sys.executable, "-P", "-c", code]
-    done = subprocess.run(command, capture_output=True, text=True, cwd=file.parent, check=True)
-    assert done.stdout.strip() == "2"
-    assert done.stderr == ""
+    done = subprocess.run(command, capture_output=True, text=True, cwd=file.parent, timeout=60)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "2\n", "")
 
 
 def gone(process: int) -> bool:
@@ -223,19 +232,6 @@ def test_who_is_killed_leaves_nobody_behind(file: Path) -> None:
         reader = reading(note)
         process.kill()
     assert gone(reader)
-
-
-def test_a_copy_of_this_process_reads_by_itself(file: Path) -> None:
-    """As worker processes that are forked do."""
-    code = (
-        "import os\nfrom foretouch import read_recording\n"
-        f"assert len(read_recording({str(file)!r})) == 2\n"
-        "copy = os.fork()\n"
-        f"assert len(read_recording({str(file)!r})) == 2\n"
-        "if copy: assert os.waitpid(copy, 0)[1] == 0\n"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
-    assert (done.returncode, done.stderr) == (0, "")
 
 
 def test_a_server_that_has_gone_is_started_again(file: Path) -> None:

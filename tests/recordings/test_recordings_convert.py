@@ -39,9 +39,9 @@ def assert_same(recording, expected, *, floor=True):
     assert not floor or recording.contact_floor == expected.contact_floor
 
 
+@pytest.mark.usefixtures("read_apart")
 @pytest.mark.parametrize("suffix", OUTPUTS)
-@pytest.mark.parametrize("velocity", [False, True])
-@pytest.mark.parametrize("begin", [0.0, 12.5])
+@pytest.mark.parametrize(("velocity", "begin"), [(False, 12.5), (True, 0.0)])
 def test_a_recording_reads_back_bit_by_bit(tmp_path, suffix, velocity, begin):
     expected = made(velocity, begin, floor=0.05 if suffix == ".csv" else 0.3)
     path = tmp_path / f"press{suffix}"

@@ -102,7 +102,7 @@ def test_a_file_cut_at_every_so_many_bytes_becomes_whole(session, tmp_path):
     assert sizes[-1] == 60
 
 
-@settings(max_examples=25)
+@settings(max_examples=15)
 @given(st.integers(0, 10**6))
 def test_a_file_cut_anywhere_becomes_whole(session, tmp_path_factory, place):
     check_a_cut(session, place % len(session), tmp_path_factory.mktemp("cut"))
@@ -149,7 +149,7 @@ def test_a_damaged_block_is_left_out_and_the_others_stay(session, tmp_path):
         assert path.read_bytes() == changed
 
 
-@settings(max_examples=50)
+@settings(max_examples=25)
 @given(st.lists(st.tuples(st.integers(0, 10**6), st.integers(0, 255)), min_size=1, max_size=4))
 @example([(0, 0)])
 def test_bytes_that_changed_give_one_line_or_a_whole_file(session, tmp_path_factory, changes):

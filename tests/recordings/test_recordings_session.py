@@ -10,7 +10,7 @@ import msgspec
 import numpy as np
 import pytest
 import session_messages as made
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from mcap.reader import make_reader
 from mcap.writer import Writer
@@ -70,6 +70,7 @@ def assert_same(log, expected):
     ]
 
 
+@pytest.mark.usefixtures("read_apart")
 def test_a_session_reads_back_bit_by_bit(tmp_path):
     path = tmp_path / "session.mcap"
     made.write_session(path, 501, {"undecodable": 3, "late": 0})
@@ -163,7 +164,7 @@ def test_equal_sessions_give_equal_bytes(tmp_path):
     assert (tmp_path / "a.mcap").read_bytes() == (tmp_path / "b.mcap").read_bytes()
 
 
-@pytest.mark.parametrize("flushed", [1, pytest.param(2500, marks=pytest.mark.long), 12_000])
+@pytest.mark.parametrize("flushed", [1, 2500, pytest.param(12_000, marks=pytest.mark.long)])
 def test_a_killed_writer_leaves_what_was_flushed(tmp_path, flushed):
     path = tmp_path / "session.mcap"
     command = [sys.executable, made.__file__, str(path), str(flushed)]
@@ -224,12 +225,13 @@ def test_a_damaged_block_is_refused(tmp_path):
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.usefixtures("read_apart")
 def test_bytes_that_changed_give_one_line_or_a_session(tmp_path):
     path = tmp_path / "session.mcap"
     made.write_session(path, 60, {"late": 1})
     content, draw = path.read_bytes(), random.Random(1)
     refused = 0
-    for _ in range(120):
+    for _ in range(60):
         changed = bytearray(content)
         for _ in range(3):
             changed[draw.randrange(8, len(content))] = draw.randrange(256)
@@ -238,7 +240,7 @@ def test_bytes_that_changed_give_one_line_or_a_session(tmp_path):
             read_session(path)
         except RecordingError as error:
             refused += "\n" not in str(error)
-    assert refused > 30
+    assert refused > 15
 
 
 def foreign(path, topic, type_name, schema):
@@ -374,7 +376,6 @@ models = st.builds(
 )
 
 
-@settings(max_examples=60)
 @given(models)
 def test_text_and_sequences_pack_as_another_reader_expects(tmp_path_factory, message):
     layout = TOPICS[ModelUpdate].layout
@@ -429,8 +430,8 @@ def test_a_missing_package_is_named(tmp_path, monkeypatch):
 
 def test_a_minute_reads_in_seconds(tmp_path):
     path = tmp_path / "session.mcap"
-    made.write_session(path, 20_000)
+    made.write_session(path, 10_000)
     start = time.process_time()
     log = read_session(path)
-    assert time.process_time() - start < 1.5  # a third of a minute; 0.15 s on an idle machine
-    assert log.follower.size == 20_000
+    assert time.process_time() - start < 0.75  # a sixth of a minute; 0.08 s on an idle machine
+    assert log.follower.size == 10_000

@@ -32,9 +32,9 @@ def images(page: Path) -> list[ElementTree.Element]:
     ("chosen", "figures"),
     [
         ({"duration": 3.0, "noise": 0.02}, 5),
-        ({"duration": 3.0, "stiffness": 30.0, "limit": 10.0}, 5),
+        ({"duration": 2.5, "stiffness": 30.0, "limit": 10.0}, 5),
         ({"duration": 2.5, "touching": False}, 4),
-        ({"duration": 2.5, "models": False}, 4),
+        pytest.param({"duration": 2.5, "models": False}, 4, marks=pytest.mark.long),
         pytest.param({"duration": 2.5, "valid": False}, 5, marks=pytest.mark.long),
         pytest.param({"duration": 0.2}, 5, marks=pytest.mark.long),
         ({"duration": 0.05}, 2),
@@ -42,8 +42,11 @@ def images(page: Path) -> list[ElementTree.Element]:
     ],
     ids=["good", "diverged", "no contact", "no models", "no valid model", "short", "nothing applied", "empty"],
 )
-def test_every_session_has_a_page(tmp_path: Path, chosen: dict[str, Any] | None, figures: int) -> None:
+def test_every_session_has_a_page_that_asks_nobody_for_anything_and_escapes_its_texts(
+    tmp_path: Path, chosen: dict[str, Any] | None, figures: int
+) -> None:
     log = EMPTY if chosen is None else make_session(**chosen)
+    log = replace(log, settings=log.settings | {"material": "<script>alert(1)</script>"})
     report = session_report(log, recording="session.mcap")
     page = write_page(tmp_path / "new" / "folder", log, report)
     assert page == tmp_path / "new" / "folder" / "index.html"
@@ -53,14 +56,8 @@ def test_every_session_has_a_page(tmp_path: Path, chosen: dict[str, Any] | None,
     assert len(images(page)) == figures
     assert text.startswith("<!doctype html>")
     assert text.rstrip().endswith("</html>")
-
-
-def test_the_page_asks_nobody_for_anything_and_texts_from_the_session_are_escaped(tmp_path: Path) -> None:
-    log = make_session(2.0)
-    log = replace(log, settings=log.settings | {"material": "<script>alert(1)</script>"})
-    text = write_page(tmp_path, log, session_report(log)).read_text()
     sources = re.findall(r'(?:src|href|url)\s*[=(]\s*["\']?([^"\')\s>]+)', text)
-    assert sources
+    assert len(sources) >= figures
     assert all(source.startswith("data:") for source in sources)
     assert "<script" not in text
 

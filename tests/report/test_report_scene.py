@@ -6,6 +6,7 @@ import base64
 import dataclasses
 import re
 from pathlib import Path
+from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
@@ -275,8 +276,13 @@ def simulated() -> SessionLog:
     ).log
 
 
-def test_a_simulated_scene_is_reported_and_its_account_agrees(simulated: SessionLog) -> None:
-    report = session_report(simulated)
+@pytest.fixture(scope="module")
+def told(simulated: SessionLog) -> dict[str, Any]:
+    return session_report(simulated)
+
+
+def test_a_simulated_scene_is_reported_and_its_account_agrees(simulated: SessionLog, told: dict[str, Any]) -> None:
+    report = told
     scene = report["scene"]
     assert (scene["name"], scene["fusion"]) == ("plane", "contact")
     assert scene["energy"]["energy_agrees"]
@@ -293,8 +299,8 @@ def test_a_simulated_scene_is_reported_and_its_account_agrees(simulated: Session
     assert all(len(line) < 150 for line in text.splitlines())
 
 
-def test_the_page_of_a_scene_shows_its_figures(simulated: SessionLog, tmp_path: Path) -> None:
-    page = write_page(tmp_path, simulated, session_report(simulated)).read_text()
+def test_the_page_of_a_scene_shows_its_figures(simulated: SessionLog, told: dict[str, Any], tmp_path: Path) -> None:
+    page = write_page(tmp_path, simulated, told).read_text()
     images = re.findall(r'alt="([^"]+)" src="data:image/svg\+xml;base64,([^"]+)"', page)
     said = [text for text, _ in images]
     for text, data in images:
