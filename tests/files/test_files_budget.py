@@ -123,11 +123,7 @@ REFUSED = {
 }  # fmt: skip
 
 
-SLOW = ("busy_in_the_library",)
-"""What no signal reaches is ended two seconds later."""
-
-
-@pytest.mark.parametrize("name", [pytest.param(one, marks=pytest.mark.long) if one in SLOW else one for one in REFUSED])
+@pytest.mark.parametrize("name", REFUSED)
 def test_what_goes_wrong_is_one_line(name: str, file: Path) -> None:
     given, said = REFUSED[name]
     factor = 0.05 if "1 s" in said else None

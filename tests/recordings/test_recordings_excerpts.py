@@ -254,7 +254,6 @@ def test_columns_of_unequal_length_are_refused(tmp_path):
         read_recording(tmp_path / "other.npz")
 
 
-@pytest.mark.usefixtures("read_apart")
 def test_a_cut_one_is_refused_in_one_line(tmp_path):
     content = excerpt("tue/b-foam").read_bytes()
     path = tmp_path / "cut.npz"

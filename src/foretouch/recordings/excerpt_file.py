@@ -83,7 +83,7 @@ def read_excerpt(path: str | PathLike[str]) -> Excerpt:
         RecordingError: The file is none.
     """
     try:
-        with np.load(path, allow_pickle=False) as held:
+        with open(path, "rb") as file, np.load(file, allow_pickle=False) as held:
             about = msgspec.json.decode(str(held["about"]), type=About)
             columns = {
                 name: _quantity(held[name], counts, held.get(f"{name}{LAST}"))
