@@ -69,7 +69,7 @@ def a_minute(make: Callable[[], Device]) -> np.ndarray:
     return run(make(), 60.0)
 
 
-RARER = [name for name in HANDS if "normal" not in name and "scripted" not in name]
+RARER = [name for name in HANDS if "normal" not in name]
 
 
 @pytest.fixture(

@@ -145,8 +145,17 @@ def test_no_numbers_and_wild_ones(bad: list[tuple[int, int, float]]) -> None:
     assert_alike(one, whole)
 
 
-@pytest.mark.parametrize("options", [{}, {"sensor_lag": 0.003}])
-@pytest.mark.parametrize("name", ["tue/a-foam", "tue/a-rigid", "tue/a-free-motion", "aurora/600-mN"])
+@pytest.mark.parametrize(
+    ("name", "options"),
+    [
+        *((name, {}) for name in ("tue/a-foam", "tue/a-rigid", "tue/a-free-motion", "aurora/600-mN")),
+        ("tue/a-rigid", {"sensor_lag": 0.003}),
+        *(
+            pytest.param(name, {"sensor_lag": 0.003}, marks=pytest.mark.long)
+            for name in ("tue/a-foam", "tue/a-free-motion", "aurora/600-mN")
+        ),
+    ],
+)
 def test_measured_recordings(measured: Callable[[str], Path], name: str, options: dict[str, float]) -> None:
     recording = read_recording(measured(name))
     both(recording, contact_floor=recording.contact_floor, **options)

@@ -263,7 +263,13 @@ def wander(seed: int, size: float, steps: int = 4000) -> Array:
     return size * path / np.abs(path).max()
 
 
-@pytest.mark.parametrize("name", SURFACES)
+@pytest.mark.parametrize(
+    "name",
+    [
+        name if name in ("room", "hills", "two bodies") else pytest.param(name, marks=pytest.mark.long)
+        for name in SURFACES
+    ],
+)
 @pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.long) for seed in (1, 2))])
 def test_a_spring_makes_no_energy_over_edges(name: str, seed: int) -> None:
     """What the hand gets back of a linear spring is never more than it put in, but for the slices of the integral."""

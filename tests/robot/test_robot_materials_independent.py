@@ -60,7 +60,7 @@ def motions(draw: st.DrawFn, deepest: float) -> np.ndarray:
 
 
 @pytest.mark.parametrize("name", NAMES)
-@settings(max_examples=40, derandomize=True, deadline=None)
+@settings(max_examples=20, derandomize=True, deadline=None)
 @given(data=st.data())
 def test_material_never_gives_more_energy_than_it_took(name: str, data: st.DataObject) -> None:
     material = make_material(name)

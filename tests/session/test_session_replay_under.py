@@ -67,19 +67,23 @@ def on_a_real_robot(log: SessionLog) -> SessionLog:
 @pytest.fixture(scope="module")
 def pressed() -> SessionLog:
     """Presses that nobody feels."""
-    return recorded(4.5)
+    return recorded(4.0)
 
 
 @pytest.fixture(scope="module")
 def felt() -> SessionLog:
     """Presses by a hand that the force moves, and that presses its clutch."""
-    return recorded(4.5, grip="normal", clutch="3.2:3.6")
+    return recorded(4.0, grip="normal", clutch="3.2:3.6")
 
 
 FAULTS = {"jitter": 0.01, "loss": 0.05, "outage": 0.3, "burst": 3.0, "stall": 0.05, "seed": 4}
 
 
-@pytest.mark.parametrize("changes", [{}, FAULTS, {"leader_frame": "0.02,-1", "follower_frame": "0.1,-1"}], ids=str)
+@pytest.mark.parametrize(
+    "changes",
+    [pytest.param({}, marks=pytest.mark.long), FAULTS, {"leader_frame": "0.02,-1", "follower_frame": "0.1,-1"}],
+    ids=str,
+)
 def test_under_its_own_settings_a_session_comes_out_bit_by_bit(changes: dict[str, Any]) -> None:
     log = recorded(2.5, **changes)
     out = again(log)
