@@ -100,7 +100,7 @@ def test_each_tick_counts_in_its_middle_round() -> None:
 
 @pytest.fixture(scope="module")
 def session() -> TapedSession:
-    return TapedSession(1.2)
+    return TapedSession(2.0)
 
 
 def test_the_parts_add_up_and_each_is_there(session: TapedSession) -> None:

@@ -51,7 +51,7 @@ def test_it_knows_nothing_at_first(estimator: Estimator) -> None:
 def test_it_learns_a_clean_press_of_its_own_law(estimator: Estimator) -> None:
     """Given surface and offset, the law it found gives the force again, where the depth is not tiny."""
     true = OWN_LAW.get(estimator.model_name, SOFT)
-    recording = press(true, duration=3.5)
+    recording = press(true, duration=5.0)
     result = identify(recording, Learner(estimator, surface=0.01, force_offset=0.3))
     assert result.in_contact.sum() > 1000
     assert result.residual_rms < 0.1 * result.contact_force_rms

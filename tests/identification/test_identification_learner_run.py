@@ -100,7 +100,7 @@ def test_an_offset_that_falls_with_each_sample() -> None:
 
 
 def test_more_than_one_block_and_in_pieces() -> None:
-    recording = press(noise=0.02, duration=1.3 * BLOCK / 1000.0)
+    recording = press(noise=0.02, duration=1.1 * BLOCK / 1000.0)
     one, residual = both(recording)
     pieces = Learner(ContactMapBank())
     begin, found = 0, []
@@ -217,7 +217,7 @@ import numpy as np
 from presses import press
 from foretouch.identification import ContactMapBank, Learner
 from foretouch.identification.learner_run import RawSamples, run_by_sample
-recording = press(noise=0.02, duration=1.25, rate=400.0, deepest=0.003)
+recording = press(noise=0.02, duration=1.2, rate=300.0, deepest=0.003)
 given = recording.time, recording.position, recording.force, None
 one, whole = Learner(ContactMapBank(), sensor_lag=0.01), Learner(ContactMapBank(), sensor_lag=0.01)
 slow, fast = run_by_sample(one, RawSamples(*given)), whole.run(*given)

@@ -52,7 +52,7 @@ def test_a_plane_is_a_plane() -> None:
 
 
 @given(st.lists(places, min_size=2, max_size=30))
-@settings(max_examples=30)
+@settings(max_examples=20)
 @pytest.mark.parametrize("name", SURFACES)
 def test_the_proxy_is_on_the_surface_and_the_normal_has_length_1(name: str, path: list[tuple[float, ...]]) -> None:
     surface = SURFACES[name]
@@ -92,7 +92,7 @@ def test_without_history_it_is_the_signed_distance_that_trimesh_finds(name: str)
 
 
 @given(st.lists(places, min_size=2, max_size=20))
-@settings(max_examples=50)
+@settings(max_examples=30)
 @pytest.mark.parametrize("name", ["ball", "box"])
 def test_a_convex_body_is_felt_wherever_the_probe_is_inside(name: str, path: list[tuple[float, ...]]) -> None:
     surface = SURFACES[name]

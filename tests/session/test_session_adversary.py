@@ -128,7 +128,8 @@ def test_an_enemy_in_space_goes_on_after_a_stop() -> None:
     assert 10.0 < max(attack.forces[before + 300 :]) <= CEILING, "and after it the same enemy presses again"
 
 
-@pytest.mark.parametrize("scene", ["hill", pytest.param("phantom", marks=pytest.mark.long)])
+@pytest.mark.long  # a shorter way of the same kind is in test_session_last_limit.py
+@pytest.mark.parametrize("scene", ["hill", "phantom"])
 def test_a_hand_that_goes_under_the_surface_and_sideways_is_followed_softly(scene: str) -> None:
     """Where the nearest point of the surface is another from one tick to the next nothing jumps and strikes."""
     attack = SpaceAttack(scene, "kelvin-voigt", np.array((0.0, 0.0, 0.0, 0.002, 0.0)))

@@ -60,7 +60,7 @@ def streamed(parts: Any, seed: int) -> list[Vector]:
     return said
 
 
-@settings(max_examples=40)
+@settings(max_examples=25)
 @given(streams, st.integers(0, 1000), st.sampled_from((2e3, 1e4, 1e5)))
 def test_no_stream_of_places_breaks_a_limit(parts: Any, seed: int, jerk: float) -> None:
     limits = MotionLimits(SPEED, ACCELERATION, jerk, TICK)
@@ -69,7 +69,7 @@ def test_no_stream_of_places_breaks_a_limit(parts: Any, seed: int, jerk: float) 
     within(path, hardest=ACCELERATION, change=jerk * TICK) if len(path) > 1 else None
 
 
-@settings(max_examples=40)
+@settings(max_examples=25)
 @given(streams, st.integers(0, 1000))
 def test_nor_one_with_bounds_that_turn_and_tighten(parts: Any, seed: int) -> None:
     random = np.random.default_rng(seed)
@@ -100,7 +100,7 @@ def test_two_ticks_that_brake_almost_opposite_ways_come_near_to_ten_times() -> N
     assert 9.9 < np.linalg.norm(told[1] - told[0]) < 10.0
 
 
-@settings(max_examples=40)
+@settings(max_examples=25)
 @given(streams, st.integers(0, 1000))
 def test_on_a_line_it_changes_by_six_times_at_most(parts: Any, seed: int) -> None:
     random, limits = np.random.default_rng(seed), MotionLimits(SPEED, ACCELERATION, JERK, TICK)

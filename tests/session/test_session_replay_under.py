@@ -239,18 +239,14 @@ def test_a_session_in_real_time_is_replayed_on_an_even_clock(pressed: SessionLog
     assert "the session was in real time: its late ticks are not late again" in replay_notes(log, SessionSettings())
 
 
-def test_a_recording_that_was_cut_is_replayed_as_far_as_it_goes(pressed: SessionLog) -> None:
-    cut = replace(pressed, leader=pressed.leader[:3000], follower=pressed.follower[:3003])
-    out = again(cut)
+def test_a_recording_of_old_has_the_proxy_alone_and_one_that_was_cut_is_replayed_as_far_as_it_goes(
+    pressed: SessionLog,
+) -> None:
+    leader = pressed.leader[:3000].copy()
+    leader["hand_position"] = np.nan
+    out = again(replace(pressed, leader=leader, follower=pressed.follower[:3003]))
     assert out.leader.size == 3000
     np.testing.assert_array_equal(out.leader["predicted_force"], pressed.leader["predicted_force"][:3000])
-
-
-def test_recordings_of_old_have_the_proxy_alone(pressed: SessionLog) -> None:
-    leader = pressed.leader.copy()
-    leader["hand_position"] = np.nan
-    log = replace(pressed, leader=leader)
-    np.testing.assert_array_equal(again(log).leader["predicted_force"], pressed.leader["predicted_force"])
 
 
 def test_a_side_or_a_motion_that_is_missing_is_said(pressed: SessionLog) -> None:

@@ -142,7 +142,7 @@ def test_the_hand_s_settings_have_no_part_in_it() -> None:
         SETTINGS, grip="soft", position_scale=0.5, force_scale=2.0, clutch="1:2", leader_frame="0.01,-1", seed=3
     )
     plain = replace(SETTINGS, seed=3)
-    ours, theirs = watched(odd, 2.5)[0], watched(plain, 2.5)[0]
+    ours, theirs = watched(odd, 2.2)[0], watched(plain, 2.2)[0]
     for name in ("position", "predicted_force", "rendered_force"):
         np.testing.assert_array_equal(ours.leader[name], theirs.leader[name])
 
