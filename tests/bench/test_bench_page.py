@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import json
 import re
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 
-from foretouch.bench import BENCHMARKS, Row
+from foretouch.bench import BENCHMARKS
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 
@@ -24,22 +26,37 @@ def test_every_benchmark_has_its_block_and_figures() -> None:
         assert blocks[name].count("\n|") >= 3, f"{name} has no rows"
 
 
-def test_a_block_is_a_table_with_ratios_first(monkeypatch: pytest.MonkeyPatch) -> None:
-    pytest.importorskip("matplotlib")
-    monkeypatch.setattr(sys, "path", [str(DOCS), *sys.path])
-    monkeypatch.setenv("NUMBA_NUM_THREADS", "")  # what the script sets is of its own process, and taken back
-    import measure_speed
+ASKED = """
+import json
+import measure_speed
+import numba
+from foretouch.bench import Row
+rows = [Row("a time", 2.0, "us", 1.0), Row("a ratio", 3.0, "x", 2.0, True, (2.5, 3.5), 7)]
+print(json.dumps({
+    "block": measure_speed.block("call", rows, "2026-01-02, commit abc"),
+    "machine": measure_speed.machine(),
+    "circumstances": measure_speed.circumstances(),
+    "threads": numba.config.NUMBA_NUM_THREADS,
+}))
+"""
 
-    rows = [Row("a time", 2.0, "us", 1.0), Row("a ratio", 3.0, "x", 2.0, True, (2.5, 3.5), 7)]
-    lines = measure_speed.block("call", rows, "2026-01-02, commit abc").splitlines()
+
+@pytest.fixture(scope="module")
+def said() -> dict[str, Any]:
+    """What the script says in a process of its own."""
+    pytest.importorskip("matplotlib")
+    done = subprocess.run([sys.executable, "-c", ASKED], cwd=DOCS, capture_output=True, text=True, check=True)
+    answer: dict[str, Any] = json.loads(done.stdout)
+    return answer
+
+
+def test_a_block_is_a_table_with_ratios_first(said: dict[str, Any]) -> None:
+    lines = said["block"].splitlines()
     assert lines[0] == "`foretouch bench --only call`, 2026-01-02, commit abc:"
     assert lines[4:] == ["| a ratio | 3 | 2.5 to 3.5 | 7 | x | ≥ 2 | yes |", "| a time | 2 |  | 1 | us | ≤ 1 | no |"]
-    assert measure_speed.machine().startswith("Measured on ")
-    assert re.match(r"\d{4}-\d\d-\d\d(, commit [0-9a-f]+)?(, \d+\.\d processes |$)", measure_speed.circumstances())
+    assert said["machine"].startswith("Measured on ")
+    assert re.match(r"\d{4}-\d\d-\d\d(, commit [0-9a-f]+)?(, \d+\.\d processes |$)", said["circumstances"])
 
 
-def test_plots_are_measured_on_one_core() -> None:
-    pytest.importorskip("matplotlib")
-    asked = "import measure_speed, numba; print(numba.config.NUMBA_NUM_THREADS)"
-    done = subprocess.run([sys.executable, "-c", asked], cwd=DOCS, capture_output=True, text=True, check=True)
-    assert done.stdout == "1\n"
+def test_plots_are_measured_on_one_core(said: dict[str, Any]) -> None:
+    assert said["threads"] == 1

@@ -57,14 +57,14 @@ def changed(recording: Recording, *, force_from: float = math.inf, position_from
 
 @cache
 def predicted_whole(delay: float) -> PredictedForce:
-    recording = press(duration=4.0, noise=0.01)
+    recording = press(duration=3.0, noise=0.01)
     return predict(recording, learner(recording), delay=delay)
 
 
-@settings(max_examples=8)
-@given(st.sampled_from([0.0, 0.3, 1.0]), st.floats(1.2, 3.5))
+@settings(max_examples=6)
+@given(st.sampled_from([0.0, 0.3, 1.0]), st.floats(1.2, 2.8))
 def test_the_future_is_not_used(delay: float, now: float) -> None:
-    recording, whole = press(duration=4.0, noise=0.01), predicted_whole(delay)
+    recording, whole = press(duration=3.0, noise=0.01), predicted_whole(delay)
     other = changed(recording, force_from=now - delay + 1e-9, position_from=now)
     past = recording.time <= now
     cut = predict(other, learner(other), delay=delay)
@@ -290,7 +290,11 @@ def most(name: str) -> float:
     return 12.0 if name == "hand" else 6.0
 
 
-@pytest.mark.parametrize("name", missed(SIMULATED, {"foam": "6.1 %"}))
+LATER = ("continuous-switching", "foam", "kelvin-voigt", "sponge")
+"""Simulated recordings that `make test` leaves out: laws that are learnt as the others are."""
+
+
+@pytest.mark.parametrize("name", missed(SIMULATED, {"foam": "6.1 %"}, later=LATER))
 def test_simulated(simulated: Callable[[str, int], Reached], name: str) -> None:
     assert percent(simulated(name, 0)) < most(name)
 
@@ -311,7 +315,7 @@ def test_simulated_presses_held_out(simulated: Callable[[str, int], Reached], na
 
 
 @pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.long) for seed in HELD_OUT)])
-@pytest.mark.parametrize("name", SIMULATED)
+@pytest.mark.parametrize("name", missed(SIMULATED, {}, later=LATER))
 def test_simulated_is_sound(simulated: Callable[[str, int], Reached], name: str, seed: int) -> None:
     found = simulated(name, seed)
     assert better_than_late(found)

@@ -29,7 +29,7 @@ OWN_LAW: dict[str, ContactModel] = {
 """What an estimator can learn whole, by the name of its model; a soft Hunt-Crossley press for all others."""
 
 NAMES = [(model, estimator) for model, estimators in ESTIMATORS.items() for estimator in estimators]
-SHORT = 3.0
+SHORT = 2.0
 """Of a press [s], where it only has to teach something: those that fit all samples at once are slow."""
 
 

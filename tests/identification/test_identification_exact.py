@@ -139,7 +139,9 @@ SUDDEN = [
 
 
 @pytest.mark.parametrize(("before", "after", "tolerance"), SUDDEN)
-@pytest.mark.parametrize("when", [3.0, 3.1, 3.2, 3.3, 3.4, 3.5])
+@pytest.mark.parametrize(
+    "when", [3.0, 3.2, 3.4, *(pytest.param(when, marks=pytest.mark.long) for when in (3.1, 3.3, 3.5))]
+)
 @pytest.mark.parametrize("noise", [0.0, 0.02])
 def test_a_sudden_change_is_relearnt_within_a_tenth_of_a_second(
     before: Law, after: Law, tolerance: float, when: float, noise: float
@@ -383,10 +385,10 @@ def test_the_learner_sends_the_corrected_surface() -> None:
     ("name", "largest"),
     [
         ("tue/a-foam", 27.0),
-        ("tue/b-foam", 20.0),
+        pytest.param("tue/b-foam", 20.0, marks=pytest.mark.long),
         ("tue/b-foam3", 12.0),
-        ("tue/d-foam2", 17.0),
-        ("tue/e-foam2", 15.0),
+        pytest.param("tue/d-foam2", 17.0, marks=pytest.mark.long),
+        pytest.param("tue/e-foam2", 15.0, marks=pytest.mark.long),
         ("tue/d-spring", 8.0),
     ],
 )

@@ -278,7 +278,7 @@ def test_arrays_that_do_not_fit_are_refused(arrays: Any, name: str) -> None:
 def everything(names: list[str]) -> list[str]:
     """All paths over short recordings, in hexadecimal digits."""
     numbers: list[float] = []
-    recordings = [recorded(120, seed) for seed in (1, 2)]
+    recordings = [recorded(60, seed) for seed in (1, 2)]
     for name in names:
         single = FPRLS(OPTIONS[name])
         by_sample(single, recordings[0])

@@ -16,7 +16,7 @@ CHANGE = 9.0
 
 
 @cache
-def pressed(law, *, moves=0.0, scale=1.0, at=CHANGE, duration=15.0):
+def pressed(law, *, moves=0.0, scale=1.0, at=CHANGE, duration=13.0):
     """Presses of 1.25 s; from `at` on the surface is deeper by `moves` and the force `scale` times as large."""
     time = np.arange(0.0, duration, PERIOD)
     since = np.maximum(time - 1.0, 0.0)
@@ -56,9 +56,9 @@ RIGID_ENOUGH = HuntCrossley(3000.0, 1500.0, 1.4)
 @pytest.mark.parametrize(
     ("law", "change"),
     [
-        (RIGID_ENOUGH, {"moves": 0.004}),
+        pytest.param(RIGID_ENOUGH, {"moves": 0.004}, marks=pytest.mark.long),
         (RIGID_ENOUGH, {"moves": -0.003}),
-        ("foam-measured", {"moves": 0.004}),
+        pytest.param("foam-measured", {"moves": 0.004}, marks=pytest.mark.long),
         ("foam-measured", {"scale": 2.5}),
     ],
 )

@@ -221,7 +221,13 @@ def motions(seed: int) -> Iterator[tuple[str, Callable[[int, float], float]]]:
     yield "steps", lambda tick, time: float(steps[tick // 150])
 
 
-@pytest.mark.parametrize("material", MATERIALS)
+@pytest.mark.parametrize(
+    "material",
+    [
+        pytest.param(name, marks=[] if name in ("bone", "kelvin-voigt", "sponge") else pytest.mark.long)
+        for name in MATERIALS
+    ],
+)
 def test_a_simulated_sensor_is_good_whatever_it_hits(material: str) -> None:
     for seed, (name, motion) in enumerate(motions(7)):
         robot = make_robot(material, seed=seed)

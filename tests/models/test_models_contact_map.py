@@ -296,7 +296,7 @@ numbers = st.floats(-0.05, 0.05) | st.floats()
 states = st.just(()) | st.tuples(*[numbers] * MEMORY)
 
 
-@settings(max_examples=300)
+@settings(max_examples=120)
 @given(st.integers(0, 30), states, numbers, numbers, st.floats(0.0, 10.0) | st.floats())
 def test_any_motion_of_any_map_gives_a_finite_force_that_never_pulls(
     seed: int, state: tuple[float, ...], depth: float, velocity: float, period: float

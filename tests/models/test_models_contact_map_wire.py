@@ -106,7 +106,7 @@ def refused(content: bytes) -> None:
     assert str(caught.value) == f"map = '{len(content)} bytes': is no contact map"
 
 
-@settings(max_examples=100)
+@settings(max_examples=50)
 @given(st.sampled_from(GOOD), st.integers(0, 4 * SIZE))
 @example(GOOD[0], 0)
 @example(GOOD[1], 4)
@@ -115,19 +115,19 @@ def test_a_part_of_a_map_is_refused(content: bytes, length: int) -> None:
     refused(content[:length])
 
 
-@settings(max_examples=100)
+@settings(max_examples=50)
 @given(st.sampled_from(GOOD), st.binary(min_size=1, max_size=400) | st.integers(1, 400).map(lambda n: bytes(4 * n)))
 def test_more_than_a_map_is_refused(content: bytes, more: bytes) -> None:
     refused(content + more)
 
 
-@settings(max_examples=100)
+@settings(max_examples=50)
 @given(st.sampled_from(GOOD), st.integers(0, SIZE), BAD)
 def test_a_map_with_a_number_that_is_none_is_refused(content: bytes, index: int, bad: float) -> None:
     refused(with_number(content, index % (len(content) // 4), bad))
 
 
-@settings(max_examples=100)
+@settings(max_examples=50)
 @given(st.sampled_from(GOOD), st.integers(0, 2), st.floats(-2.0, 2.0, width=32))
 def test_shares_that_are_none_are_refused(content: bytes, expert: int, share: float) -> None:
     before = struct.unpack_from("<3f", content, 4 * SHARES)
@@ -145,7 +145,7 @@ def test_a_map_that_ends_before_it_begins_is_refused() -> None:
     refused(with_number(GOOD[0], REACHED, -9.5e-3))
 
 
-@settings(max_examples=100)
+@settings(max_examples=50)
 @given(st.binary(max_size=4 * SIZE + 8) | st.lists(st.floats(width=32), max_size=SIZE + 2).map(lambda n: as_bytes(n)))
 def test_arbitrary_bytes_are_refused(content: bytes) -> None:
     refused(content)
@@ -155,7 +155,7 @@ def as_bytes(numbers: list[float]) -> bytes:
     return struct.pack(f"<{len(numbers)}f", *numbers)
 
 
-@settings(max_examples=150)
+@settings(max_examples=75)
 @given(
     st.sampled_from(GOOD),
     st.lists(st.tuples(st.integers(0, SIZE), st.floats(width=32)), min_size=1, max_size=4),

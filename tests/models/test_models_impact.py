@@ -43,7 +43,7 @@ laws = st.tuples(st.floats(100.0, 1e5), st.floats(1.0, 1e3), st.floats(1.0, 1.99
 )
 masses = st.floats(0.01, 10.0)
 speeds = st.floats(0.001, 1.0)
-quickly = settings(derandomize=True, deadline=None, max_examples=25)
+quickly = settings(derandomize=True, deadline=None, max_examples=15)
 
 
 # Closed forms

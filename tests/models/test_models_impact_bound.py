@@ -48,7 +48,7 @@ def test_it_is_the_energy_of_a_mass_on_a_spring_where_nothing_is_late_or_damped(
     assert impact_impedance(1e5, 0.0, 0.4, 0.0) == pytest.approx(math.sqrt(0.4 * 1e5))
 
 
-@settings(max_examples=100)
+@settings(max_examples=50)
 @given(st.floats(1e2, 1e6), st.floats(0.0, 1e3), st.floats(0.05, 50.0), st.floats(0.0, 0.05), st.floats(0.0, 1.0))
 def test_it_bounds_every_speed_that_is_left(k: float, b: float, mass: float, reaction: float, left: float) -> None:
     """The largest of what may happen after the reaction is the closed form, wherever it lies."""
@@ -59,7 +59,7 @@ def test_it_bounds_every_speed_that_is_left(k: float, b: float, mass: float, rea
     assert reached >= bound * (1.0 - 1e-2)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=20, deadline=None)
 @given(
     st.lists(st.floats(-1.0, 1.0), min_size=1, max_size=12),
     st.floats(0.0, 500.0),

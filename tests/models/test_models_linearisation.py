@@ -44,7 +44,7 @@ laws = st.tuples(st.floats(100.0, 1e5), st.floats(1.0, 3e3), st.floats(1.0, 1.99
 )
 inside = st.floats(1e-3, 0.05)
 velocities = st.floats(-0.2, 0.2)
-quickly = settings(derandomize=True, deadline=None, max_examples=80)
+quickly = settings(derandomize=True, deadline=None, max_examples=40)
 
 Array = NDArray[np.float64]
 

@@ -90,7 +90,7 @@ def test_noise_is_no_field(content: bytes) -> None:
 
 
 @given(st.data())
-@settings(max_examples=500)
+@settings(max_examples=200)
 def test_a_field_that_was_tampered_with_is_refused_or_a_field(data: st.DataObject) -> None:
     content = bytearray(FIELD.to_bytes())
     for _ in range(data.draw(st.integers(1, 4))):

@@ -74,7 +74,7 @@ def test_a_robot_that_says_what_it_presses_is_pressed_by_script() -> None:
     settings = SessionSettings(robot="known", position_delay=0.01, force_delay=0.02, model="kelvin-voigt")
     robot, reach = make_session_robot(settings)
     assert reach_texts(reach) == {"surface": "0.01", "press_depth": "0.008"}
-    log = simulate(settings, duration=10.0, operator=operator_of(settings, reach), robot=robot).log
+    log = simulate(settings, duration=8.0, operator=operator_of(settings, reach), robot=robot).log
     assert log.settings["robot"] == "known"
     report = session_report(log, score_from=5.0)  # the first presses are slow, into what the robot does not know
     assert report["contact_force_rms_N"] > 1.0

@@ -14,7 +14,7 @@ from renderer_runs import NEVER, Latch, Part, Run, parts, renderers
 from foretouch.devices import DeviceSpecification
 from foretouch.models import HuntCrossley, KelvinVoigt
 
-quick = settings(derandomize=True, deadline=None, max_examples=40)
+quick = settings(derandomize=True, deadline=None, max_examples=25)
 SOFT, STIFF = KelvinVoigt(100.0, 0.0), KelvinVoigt(1e6, 5.0)
 DEVICE = DeviceSpecification(damping=2.0, delay=5e-4)
 
@@ -41,7 +41,7 @@ def test_no_stream_of_models_and_no_motion_breaks_a_promise(options, session):
 
 
 @pytest.mark.long
-@settings(derandomize=True, deadline=None, max_examples=600)
+@settings(derandomize=True, deadline=None, max_examples=250)
 @given(renderers, parts())
 def test_nor_does_any_of_hundreds(options, session):
     play(options, session)
@@ -72,7 +72,7 @@ def test_a_long_wild_run_comes_near_its_bounds_and_never_past_them(closed):
     assert 0.079 < run.largest_step <= 0.1
 
 
-@settings(quick, max_examples=25)
+@settings(quick, max_examples=15)
 @given(st.booleans(), st.lists(st.tuples(st.floats(1.0, 6.0), st.floats(0.0, 2.0), st.floats(-3e-3, 3e-3)), min_size=3))
 def test_a_hand_that_holds_still_is_not_jerked(guarded, models):
     """Nothing but models, and what is given back because of them, changes the force: by 0.1 N in a tick at most."""

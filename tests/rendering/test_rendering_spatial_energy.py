@@ -171,7 +171,7 @@ def test_over_a_whole_session_the_hand_is_given_no_more_than_the_bound(
 
 
 @pytest.mark.long
-@settings(max_examples=600)
+@settings(max_examples=250)
 @sessions
 def test_nor_in_hundreds_of_them(parts: list, delay: float, watchdog: float) -> None:
     held(parts, delay, watchdog)

@@ -97,7 +97,6 @@ def test_the_session_is_the_papers_experiment(sponge: Experiment) -> None:
     touched = sponge.log.follower["exact_force"][sponge.log.follower["time_ns"] > 2.3e9]
     assert touched.min() > 0.5  # never left
     assert run_experiment("sponge", 2) is sponge
-    assert run_experiment("hand").deepest == (3.2, 7.4, 11.5)
 
 
 def test_learning_again_gives_the_models_that_were_sent(sponge: Experiment) -> None:
@@ -253,6 +252,8 @@ def test_predicted_force_is_closer_than_delayed_force(material: str, delayed: fl
         assert prediction.delayed_error == pytest.approx(delayed, abs=1.0)
         assert prediction.error < 0.8 * prediction.delayed_error
         assert experiment.log.follower["exact_force"].max() < 15.0
+    if material == "hand":
+        assert experiment.deepest == (3.2, 7.4, 11.5)
     if material == "sponge":
         assert prediction.error_from(4.0) < 10.0
 

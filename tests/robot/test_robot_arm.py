@@ -40,7 +40,7 @@ def lag_after_the_command(desired: np.ndarray, exact: np.ndarray) -> float:
     return (float(shifts[int(np.argmin(errors))]) + 1.0) * PERIOD
 
 
-@pytest.mark.parametrize("frequency", [1.0, 2.0, 3.0])
+@pytest.mark.parametrize("frequency", [1.0, pytest.param(2.0, marks=pytest.mark.long), 3.0])
 @pytest.mark.parametrize(
     ("material", "high"), [("foam-measured", 0.005), ("foam-measured", 0.018), ("hunt-crossley", 0.020)]
 )
@@ -53,7 +53,7 @@ def test_arm_follows_a_hand_within_two_milliseconds(material: str, high: float, 
     assert not seen["clipped"].any()
 
 
-@pytest.mark.parametrize("speed", [0.01, 0.1, 0.3])
+@pytest.mark.parametrize("speed", [0.01, pytest.param(0.1, marks=pytest.mark.long), 0.3])
 @pytest.mark.parametrize("material", sorted(MATERIALS))
 def test_contact_force_ends_within_the_limit(material: str, speed: float) -> None:
     robot = make_robot(material, seed=3)

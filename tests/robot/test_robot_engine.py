@@ -20,7 +20,9 @@ print(os.environ.get("MUJOCO_GL"))
 """
 
 
-@pytest.mark.parametrize("chosen", ["nonsense", "osmesa", "egl", None])
+@pytest.mark.parametrize(
+    "chosen", ["nonsense", "egl", *(pytest.param(chosen, marks=pytest.mark.long) for chosen in ("osmesa", None))]
+)
 def test_a_robot_moves_whatever_is_said_of_drawing(chosen: str | None) -> None:
     environment = {name: value for name, value in os.environ.items() if name != "MUJOCO_GL"}
     environment |= {} if chosen is None else {"MUJOCO_GL": chosen}

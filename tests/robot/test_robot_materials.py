@@ -79,13 +79,13 @@ def test_force_is_finite_never_negative_and_zero_outside(name: str, path: list[f
     assert (force[np.array(path) <= 0.0] == 0.0).all()
 
 
-@settings(max_examples=75)
+@settings(max_examples=40)
 @given(path=moves(5e-4, DEEPEST, FASTEST))
 def test_foam_never_gives_more_energy_than_it_took(path: list[float]) -> None:
     assert work(path, forces(FOAM, path, 5e-4)).min() >= -1e-12
 
 
-@settings(max_examples=60)
+@settings(max_examples=30)
 @given(path=st.lists(st.floats(-0.005, DEEPEST), min_size=1, max_size=200), period=st.sampled_from([1e-4, 1e-3, 0.1]))
 def test_foam_is_passive_for_any_jumps_at_any_period(path: list[float], period: float) -> None:
     force = forces(FOAM, path, period)

@@ -60,7 +60,7 @@ def motions(draw: st.DrawFn, deepest: float) -> np.ndarray:
 
 
 @pytest.mark.parametrize("name", NAMES)
-@settings(max_examples=40, derandomize=True, deadline=None)
+@settings(max_examples=20, derandomize=True, deadline=None)
 @given(data=st.data())
 def test_material_never_gives_more_energy_than_it_took(name: str, data: st.DataObject) -> None:
     material = make_material(name)
@@ -73,7 +73,7 @@ def test_material_never_gives_more_energy_than_it_took(name: str, data: st.DataO
 
 
 @pytest.mark.parametrize("name", NAMES)
-@settings(max_examples=40, derandomize=True, deadline=None)
+@settings(max_examples=25, derandomize=True, deadline=None)
 @given(
     shares=st.lists(st.floats(-0.5, 1.2), min_size=1, max_size=150),
     period=st.sampled_from([1e-5, 5e-4, 1e-3, 0.1, 10.0]),
@@ -86,7 +86,7 @@ def test_material_is_passive_for_any_jumps_at_any_period(name: str, shares: list
     assert work(path, force).min() >= -1e-12
 
 
-@settings(max_examples=30, derandomize=True, deadline=None)
+@settings(max_examples=20, derandomize=True, deadline=None)
 @given(
     parts=st.lists(st.tuples(st.floats(0.01, 0.3), st.floats(1e-4, 5.0)), min_size=1, max_size=3),
     flow=st.one_of(st.just(math.inf), st.floats(1e-3, 10.0)),
@@ -109,7 +109,7 @@ def test_any_relaxing_law_is_passive(
 LAYER = st.tuples(st.floats(1e-3, 0.01), st.floats(0.1, 100.0), st.floats(0.0, 0.95), st.floats(1e-4, 5.0))
 
 
-@settings(max_examples=30, derandomize=True, deadline=None)
+@settings(max_examples=20, derandomize=True, deadline=None)
 @given(layers=st.tuples(LAYER, LAYER, LAYER), base=st.floats(1e3, 1e6), path=motions(0.016))
 def test_any_layered_law_is_passive(
     layers: tuple[tuple[float, float, float, float], ...], base: float, path: np.ndarray

@@ -134,7 +134,7 @@ def test_no_leader_gets_the_force_over_the_ceiling(
     assert max(hostile.path) <= highest + 1e-12
 
 
-@pytest.mark.parametrize("material", ALL)
+@pytest.mark.parametrize("material", QUICK)
 def test_who_is_told_to_be_three_centimetres_inside_presses_with_less_than_the_ceiling(material: str) -> None:
     """Twice: the first time nothing is known of the surface, the second time it is; then slowly, and then at once."""
     pressed = Pressed(material, force_limit=NO_LIMIT)
@@ -190,7 +190,7 @@ def test_who_holds_goes_back_where_the_force_passes_the_ceiling() -> None:
     assert pressed.forces[-1] == pytest.approx(0.88 * CEILING, abs=0.1)
 
 
-@pytest.mark.parametrize("material", ["bone", "hand", "hunt-crossley"])
+@pytest.mark.parametrize("material", ["bone", "hand", pytest.param("hunt-crossley", marks=pytest.mark.long)])
 def test_a_follower_that_begins_in_contact_does_not_take_the_force_for_an_offset(material: str) -> None:
     hostile = Hostile(material, Faults(0.0))
     for tick in range(4000):
@@ -208,7 +208,7 @@ def test_a_follower_that_begins_in_contact_does_not_take_the_force_for_an_offset
     assert hostile.forces[-1] < held - 0.3, "nobody speaks to it: it goes back"
 
 
-@pytest.mark.parametrize("material", ALL)
+@pytest.mark.parametrize("material", QUICK)
 def test_silence_holds_at_50_ms_and_unloads_within_two_seconds(material: str) -> None:
     pressed = Pressed(material, force_limit=NO_LIMIT)
     inside = pressed.robot.surface + 0.03

@@ -81,7 +81,7 @@ def test_energy_stays_within_its_bound_over_the_clutch(pressed_in_contact: Sessi
 
 def test_the_scales_scale() -> None:
     """The hand moves twice as far as the follower and feels twice its force."""
-    log = run(8.0, position_delay=0.02, force_delay=0.03, position_scale=0.5, force_scale=2.0)
+    log = run(6.0, position_delay=0.02, force_delay=0.03, position_scale=0.5, force_scale=2.0)
     leader = log.leader
     held = leader["engaged"] & (leader["rendered_share"] == 1.0)
     both = held[1:] & held[:-1]

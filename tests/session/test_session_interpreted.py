@@ -45,8 +45,8 @@ def session(duration: float, changes: dict[str, object]) -> SessionLog:
 
 
 def press() -> Recording:
-    """Two presses of a Hunt-Crossley material, 400 samples a second."""
-    time = np.arange(0.0, 2.0, 2.5e-3)
+    """A press and the half of another of a Hunt-Crossley material, 400 samples a second."""
+    time = np.arange(0.0, 1.5, 2.5e-3)
     position = 0.010 - 0.005 * np.cos(2.0 * np.pi * 1.0 * time)
     depth, velocity = np.maximum(position - 0.011, 0.0), np.gradient(position, time)
     force = np.maximum(depth**1.4 * (3000.0 + 1500.0 * velocity), 0.0)

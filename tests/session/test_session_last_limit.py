@@ -60,7 +60,7 @@ def streamed(parts: Any, seed: int) -> list[Vector]:
     return said
 
 
-@settings(max_examples=40)
+@settings(max_examples=25)
 @given(streams, st.integers(0, 1000), st.sampled_from((2e3, 1e4, 1e5)))
 def test_no_stream_of_places_breaks_a_limit(parts: Any, seed: int, jerk: float) -> None:
     limits = MotionLimits(SPEED, ACCELERATION, jerk, TICK)
@@ -69,7 +69,7 @@ def test_no_stream_of_places_breaks_a_limit(parts: Any, seed: int, jerk: float) 
     within(path, hardest=ACCELERATION, change=jerk * TICK) if len(path) > 1 else None
 
 
-@settings(max_examples=40)
+@settings(max_examples=25)
 @given(streams, st.integers(0, 1000))
 def test_nor_one_with_bounds_that_turn_and_tighten(parts: Any, seed: int) -> None:
     random = np.random.default_rng(seed)
@@ -100,7 +100,7 @@ def test_two_ticks_that_brake_almost_opposite_ways_come_near_to_ten_times() -> N
     assert 9.9 < np.linalg.norm(told[1] - told[0]) < 10.0
 
 
-@settings(max_examples=40)
+@settings(max_examples=25)
 @given(streams, st.integers(0, 1000))
 def test_on_a_line_it_changes_by_six_times_at_most(parts: Any, seed: int) -> None:
     random, limits = np.random.default_rng(seed), MotionLimits(SPEED, ACCELERATION, JERK, TICK)
@@ -349,7 +349,7 @@ def tried(name: str, examples: int) -> float:
     return float(np.mean(np.array(ticks) >= 30))
 
 
-@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize("name", ["hill", "cube", "groove"])
 def test_no_told_place_is_beyond_the_limits(name: str) -> None:
     assert tried(name, 8) > 0.2, "some press, or nothing was tried"
 
@@ -373,9 +373,9 @@ def test_a_hand_that_slides_off_the_edge_moves_the_robot_no_further_than_the_lim
     driven = Driven(SCENES[name], elsewhere=0.0, first_touch="follow")
     deep, aside = (0.0, 0.0, 0.004 - depth), (0.06, 0.0, 0.004 - depth)
     driven.press(deep, least)
-    driven.glide(deep, deep, 600)
+    driven.glide(deep, deep, 300)
     assert driven.path[-1][2] < deep[2] + 1e-3, "it is as deep as that before it slides"
-    driven.glide(deep, aside, 300, 1200)
+    driven.glide(deep, aside, 300, 900)
     within(driven.path)
     assert max(driven.forces) < 15.0
     assert driven.forces[-1] == 0.0, "it is over the edge"

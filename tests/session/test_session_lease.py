@@ -51,7 +51,7 @@ calls = st.lists(
 )
 
 
-@settings(derandomize=True, deadline=None, max_examples=400)
+@settings(derandomize=True, deadline=None, max_examples=150)
 @given(calls)
 def test_never_two_holders_and_no_tenure_comes_back(steps: list[tuple[str, int, int]]) -> None:
     lease, now = ControlLease(), 0

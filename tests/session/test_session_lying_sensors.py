@@ -87,8 +87,9 @@ def test_a_sensor_that_lies_about_a_press_is_found_and_the_robot_goes_out(materi
 @pytest.mark.parametrize(
     ("material", "felt"),
     [
-        *(("bone", felt) for felt in (2.0, 4.0, 8.0)),
+        ("bone", 8.0),
         ("foam", 4.0),
+        *(pytest.param("bone", felt, marks=pytest.mark.long) for felt in (2.0, 4.0)),
         *(pytest.param("foam", felt, marks=pytest.mark.long) for felt in (2.0, 8.0)),
         *(pytest.param("hunt-crossley", felt, marks=pytest.mark.long) for felt in (2.0, 4.0, 8.0)),
     ],
@@ -107,7 +108,7 @@ def test_nor_does_one_that_dies_on_the_way_in(material: str, felt: float, kind: 
 
 
 @pytest.mark.parametrize("kind", ["dead", "zero", "turned"])
-@pytest.mark.parametrize("material", ["bone", "kelvin-voigt", "foam"])
+@pytest.mark.parametrize("material", ["bone", "foam", pytest.param("kelvin-voigt", marks=pytest.mark.long)])
 def test_the_drive_bears_witness_against_one_that_was_dead_before_it_touched(material: str, kind: str) -> None:
     pressing = Pressing(material, tells=True)
     pressing.lie = LIES[kind]
@@ -138,7 +139,7 @@ def test_honest_sensors_are_believed_however_quickly_it_is_let_go(material: str)
     surface = pressing.robot.surface
     numbers = np.random.default_rng(5)
     pressing.go(0.0, 300)
-    for _ in range(12):
+    for _ in range(8):
         depth, back = numbers.uniform(0.0005, 0.02), numbers.choice((1e-4, 1e-3, 2e-2))
         pressing.go(surface + depth, int(numbers.integers(50, 500)))
         here = float(pressing.sample.position)

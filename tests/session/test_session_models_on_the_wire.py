@@ -99,18 +99,23 @@ class Counting(ContactMapBank):
 
 @pytest.fixture(scope="module")
 def session() -> SessionLog:
-    return simulated(8.0, material="foam-measured")
+    return simulated(6.0, material="foam-measured")
 
 
 def test_a_session_s_models_stay_within_fifty_kilobytes_a_second(session: SessionLog) -> None:
     assert bytes_in_worst_second(list(session.models)) <= 50_000
     sizes = [len(encode(model)) for model in session.models]
     said = session_report(session)["model_bytes"]
-    assert said == {"per_s": pytest.approx(sum(sizes) / 7.999), "p50": np.median(sizes), "max": max(sizes)}
+    assert said == {"per_s": pytest.approx(sum(sizes) / 5.999), "p50": np.median(sizes), "max": max(sizes)}
 
 
 @pytest.mark.parametrize(
-    ("law", "told"), [("contact-map", True), ("hunt-crossley", True), ("continuous-switching", False)]
+    ("law", "told"),
+    [
+        ("contact-map", True),
+        ("continuous-switching", False),
+        pytest.param("hunt-crossley", True, marks=pytest.mark.long),
+    ],
 )
 def test_models_carry_the_standard_errors_that_their_estimator_tells(law: str, told: bool) -> None:
     log = simulated(4.0, material="hunt-crossley", model=law)
@@ -169,7 +174,7 @@ def test_a_change_of_the_material_is_sent_at_once_and_told_for_two_seconds() -> 
 
 @pytest.mark.parametrize("faults", [{"loss": 0.2}, pytest.param({"outage": 0.15}, marks=pytest.mark.long)])
 def test_lost_models_are_made_good_within_200_ms(faults: dict[str, float], session: SessionLog) -> None:
-    log = simulated(8.0, material="foam-measured", **faults)
+    log = simulated(5.0, material="foam-measured", **faults)
     sent = {model.sequence: model.time_ns for model in log.models}
     rows = log.leader[log.leader["model_sequence"] > 0]
     # The age that a model may have: its delay, 20 ms to the next one, and 200 ms; the outage is on top.

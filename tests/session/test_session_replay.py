@@ -39,12 +39,12 @@ def own_error(lap: Heard) -> np.ndarray:
 def test_after_a_leader_began_again_all_that_the_follower_learnt_counts() -> None:
     lap = Heard()
     lap.start_leader("anna", 11)
-    lap.run(5.0)
+    lap.run(4.0)
     lap.keep()
     lap.leaders.clear()
-    lap.run(1.5)
+    lap.run(1.0)
     lap.start_leader("anna", 12)
-    lap.run(6.0)
+    lap.run(4.5)
     assert lap.log().longest().leader["epoch"][0] == 12
     assert np.abs(own_error(lap)).max() == 0.0
 
@@ -72,8 +72,8 @@ def test_what_a_failing_sensor_showed_is_not_learnt(kind: str) -> None:
     lap = Heard()
     lap.robot = FaultySensor(lap.robot, SensorFault(kind, 3.0, 4.0), seed=1)
     lap.start_leader("anna", 11)
-    lap.run(4.5)
+    lap.run(4.2)
     lap.release = True
-    lap.run(2.5)
+    lap.run(1.5)
     assert lap.log().follower["validity"].any()
     assert np.abs(own_error(lap)).max() == 0.0

@@ -34,10 +34,11 @@ def pressing(lap: Lap, name: str = "anna", epoch: int = 11, *, seconds: float = 
 
 
 @GRIP_OR_NONE
-def test_a_leader_that_dies_leaves_a_robot_that_holds_and_unloads(grip: str) -> None:
+def test_a_leader_that_dies_leaves_a_robot_that_holds_and_unloads_and_comes_back_slowly(grip: str) -> None:
+    """To its end also where the playout leads the way: nothing is followed quickly before it was kept up with."""
     lap = Lap(grip=grip)
     pressing(lap)
-    lap.leaders.clear()
+    one = lap.leaders.pop()
     said = lap.run(3.0)
     assert [one for one in statuses(said) if one is not Status.GUARDED] == [
         Status.FOLLOWING,
@@ -47,6 +48,12 @@ def test_a_leader_that_dies_leaves_a_robot_that_holds_and_unloads(grip: str) -> 
     silent = [one.status for one in said].index(Status.HOLDING)
     assert 50 <= silent <= 80  # what was on its way counts
     assert max(lap.forces[-1000:]) < 1.0
+    begun = len(lap.telemetry)
+    lap.leaders.append(one)
+    said = lap.run(1.5)
+    inwards = np.diff([telemetry.desired_position for telemetry in lap.telemetry[begun - 1 : begun + 300]])
+    assert inwards.max() <= 0.05e-3 + 1e-9
+    assert Status.FOLLOWING in statuses(said)
 
 
 @GRIP_OR_NONE
@@ -62,7 +69,7 @@ def test_its_next_start_has_control_and_a_model_within_a_second(grip: str) -> No
     assert again.state.renderer.predictor.model is not None
     assert again.records[-1].engaged
     before = len(lap.forces)
-    lap.run(5.0)
+    lap.run(3.5)
     rendered = np.array([one.predicted_force for one in again.records[1000:]])
     assert rendered.max() == pytest.approx(max(lap.forces[before:]), rel=0.25)
     assert max(lap.forces) < 15.0
@@ -151,7 +158,7 @@ def test_a_second_leader_is_not_obeyed_and_feels_nothing_until_the_first_is_sile
 
 
 @GRIP_OR_NONE
-@pytest.mark.parametrize("at", ["leader", "follower"])
+@pytest.mark.parametrize("at", ["leader", pytest.param("follower", marks=pytest.mark.long)])
 def test_an_emergency_stop_latches_unloads_and_lets_the_hand_go(grip: str, at: str) -> None:
     lap = Lap(grip=grip)
     pressing(lap)
@@ -160,7 +167,11 @@ def test_an_emergency_stop_latches_unloads_and_lets_the_hand_go(grip: str, at: s
         one.stopping = True
         lap.run(0.02)
     lap.stop = "somebody shouted"
-    said = lap.run(2.0)
+    said = lap.run(0.01)
+    lap.release = True
+    said += lap.run(0.01)
+    assert lap.following.safety.stop_reason == "somebody shouted"  # a robot that moves is not released
+    said += lap.run(1.98)
     one.stopping = False
     assert statuses(said)[-1] is Status.STOPPED
     assert lap.following.safety.stop_reason == "somebody shouted"
@@ -178,16 +189,6 @@ def test_an_emergency_stop_latches_unloads_and_lets_the_hand_go(grip: str, at: s
     returning = [telemetry.status == Status.RETURNING for telemetry in said[1:]]
     assert inwards[returning].max(initial=0.0) <= 0.05e-3 + 1e-9
     assert np.abs(np.diff([record.rendered_force for record in one.records])).max() <= 0.2 + 1e-9
-
-
-def test_a_moving_robot_is_not_released() -> None:
-    lap = Lap()
-    pressing(lap)
-    lap.stop = "now"
-    lap.run(0.01)
-    lap.release = True
-    lap.run(0.01)
-    assert lap.following.safety.stop_reason == "now"
 
 
 @pytest.mark.parametrize("kind", ["nan", pytest.param("offset-step", marks=pytest.mark.long), *RARER])
@@ -217,20 +218,6 @@ def test_a_sensor_that_fails_freezes_learning_and_holds_the_robot(kind: str) -> 
     said = lap.run(3.0)
     assert said[-1].validity == 0
     assert said[-1].status in (Status.FOLLOWING, Status.RETURNING)
-
-
-def test_after_a_silence_the_way_back_is_slow_to_its_end() -> None:
-    """Also where the playout leads the way: nothing is followed quickly before it has been kept up with for a while."""
-    lap = Lap()
-    pressing(lap)
-    one = lap.leaders.pop()
-    lap.run(2.0)
-    begun = len(lap.telemetry)
-    lap.leaders.append(one)
-    said = lap.run(1.5)
-    inwards = np.diff([telemetry.desired_position for telemetry in lap.telemetry[begun - 1 : begun + 300]])
-    assert inwards.max() <= 0.05e-3 + 1e-9
-    assert Status.FOLLOWING in statuses(said)
 
 
 def test_this_side_s_own_guard_is_no_leader_s_to_lift() -> None:

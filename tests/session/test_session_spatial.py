@@ -150,7 +150,7 @@ def test_nor_where_a_hand_feels_it() -> None:
 
 
 def test_it_repeats_to_the_last_bit() -> None:
-    first, second = (run(1.2, camera=False, seed=4, loss=0.05, jitter=0.01) for _ in range(2))
+    first, second = (run(0.8, camera=False, seed=4, loss=0.05, jitter=0.01) for _ in range(2))
     for table in ("leader_space", "follower_space"):
         one, other = getattr(first, table), getattr(second, table)
         for name in one.dtype.names:
@@ -275,7 +275,7 @@ def test_walls_are_met_so_at_any_speed_and_in_any_phase_of_a_tick(stiffness: flo
 
 
 @pytest.mark.parametrize(
-    "angle", [10.0, 90.0, 135.0, *(pytest.param(angle, marks=pytest.mark.long) for angle in (60.0, 180.0))]
+    "angle", [10.0, 135.0, *(pytest.param(angle, marks=pytest.mark.long) for angle in (60.0, 90.0, 180.0))]
 )
 def test_whatever_is_believed_of_the_normal_the_force_stays_below_its_ceiling(angle: float) -> None:
     """A stiff half-space turned against the believed one, drives that could push with 100 N, a press and a slide."""
@@ -319,7 +319,7 @@ def test_silence_holds_in_all_directions_and_then_unloads() -> None:
     bench.go(np.repeat(NOTHING, 400, axis=0))
     assert bench.said[-1].status == Status.HOLDING
     assert math.dist(before[:2], bench.sample.exact_place[:2]) < 1e-3
-    bench.go(np.repeat(NOTHING, 1500, axis=0))
+    bench.go(np.repeat(NOTHING, 1000, axis=0))
     assert bench.said[-1].status == Status.UNLOADING
     assert bench.sample.exact_force[2] < 1.0
 
@@ -329,7 +329,7 @@ def test_an_emergency_stop_unloads_and_stays() -> None:
     bench.go(line((0.0, 0.0, 0.01), (0.0, 0.0, -0.006), 1500))
     assert bench.sample.exact_force[2] > 1.5
     bench.go(line((0.0, 0.0, -0.006), (0.0, 0.0, -0.006), 1), stop="pressed")
-    bench.go(line((0.0, 0.0, -0.006), (0.02, 0.0, -0.006), 1500))
+    bench.go(line((0.0, 0.0, -0.006), (0.02, 0.0, -0.006), 800))
     assert bench.said[-1].status == Status.STOPPED
     assert bench.sample.exact_force[2] < 1.0
     assert abs(bench.sample.exact_place[0]) < 2e-3

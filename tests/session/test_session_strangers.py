@@ -50,7 +50,7 @@ def stranger() -> Iterator[tuple[ZenohLink, Any]]:
 
 
 @pytest.mark.parametrize(
-    ("kind", "count"), [("other roles", 400), ("other names", 300), ("more than it may have", 300)]
+    ("kind", "count"), [("other roles", 200), ("other names", 200), ("more than it may have", 200)]
 )
 def test_memory_does_not_grow_with_hellos(stranger: tuple[ZenohLink, Any], kind: str, count: int) -> None:
     link, session = stranger
