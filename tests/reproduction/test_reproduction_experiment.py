@@ -243,7 +243,7 @@ def test_the_perturbations_are_counted() -> None:
 
 
 @pytest.mark.long
-@pytest.mark.parametrize(("material", "delayed"), [("sponge", 49.9), ("foam", 51.8), ("hand", 54.0)])
+@pytest.mark.parametrize(("material", "delayed"), [("sponge", 49.9), ("foam", 49.7), ("hand", 54.0)])
 def test_predicted_force_is_closer_than_delayed_force(material: str, delayed: float) -> None:
     """With robust-fprls; as printed it hangs on the noise."""
     for seed in (0, 3):
