@@ -305,28 +305,53 @@ def test_the_emergency_stop_asks_until_the_robot_has_stopped_and_shows_its_relea
     assert bench.session.of(Stop) == []
 
 
-@pytest.mark.parametrize("way", ["Escape", "Space", "Space on another button", "Tab and Enter"])
-def test_the_keyboard_reaches_the_emergency_stop(bench, way):
-    asked = len(bench.session.of(EmergencyStop))
-    bench.page.evaluate("document.body.tabIndex = -1; document.body.focus()")
-    handles = len(bench.session.of(Handle))
-    if way in ("Escape", "Space"):
-        bench.page.keyboard.press(way)
-    elif way == "Space on another button":
-        bench.page.get_by_role("button", name="Clutch").focus()
-        bench.page.keyboard.press("Space")
-    else:
-        for _ in range(4):  # the viewer's own buttons come before
-            bench.page.keyboard.press("Tab")
-            if READY in bench.page.evaluate("document.activeElement.textContent"):
-                break
-        bench.page.keyboard.press("Enter")
+def focus_on(page: Any, where: str) -> None:
+    """Put the focus as a person does who has just used something."""
+    page.evaluate("document.body.tabIndex = -1; document.body.focus()")
+    if where == "a button":
+        page.get_by_role("button", name="Clutch").focus()
+    elif where == "a tab":
+        open_tab(page, "Network")
+    elif where == "a slider":
+        open_tab(page, "Network")
+        page.get_by_role("slider").first.focus()
+    elif where == "a box of numbers":
+        open_tab(page, "Network")
+        page.locator("input[type=text]:visible").first.click()
+    elif where == "an open list":
+        open_tab(page, "Session")
+        page.get_by_label("Material", exact=True).and_(page.locator("input")).click()
+
+
+@pytest.mark.parametrize("key", ["Space", "Escape"])
+@pytest.mark.parametrize("where", ["the page", "a button", "a tab", "a slider", "a box of numbers", "an open list"])
+def test_space_and_escape_press_the_emergency_stop_wherever_the_focus_is(bench, where, key):
+    focus_on(bench.page, where)
+    asked, handles = len(bench.session.of(EmergencyStop)), len(bench.session.of(Handle))
+    bench.page.keyboard.press(key)
     bench.wait_for(lambda: len(bench.session.of(EmergencyStop)) > asked + 3)
+    released(bench)
+    assert len(bench.session.of(Handle)) == handles  # the other button was not pressed
+
+
+def test_tab_and_enter_reach_the_emergency_stop(bench):
+    focus_on(bench.page, "the page")
+    asked = len(bench.session.of(EmergencyStop))
+    for _ in range(4):  # the viewer's own buttons come before
+        bench.page.keyboard.press("Tab")
+        if READY in bench.page.evaluate("document.activeElement.textContent"):
+            break
+    bench.page.keyboard.press("Enter")
+    bench.wait_for(lambda: len(bench.session.of(EmergencyStop)) > asked + 3)
+    released(bench)
+
+
+def released(bench: Bench) -> None:
+    """The robot has stopped, and is released."""
     bench.session.status = Status.STOPPED
     bench.page.get_by_role("button", name=LATCHED).wait_for()
     bench.session.status = Status.FOLLOWING
     bench.page.get_by_role("button", name=READY).wait_for()
-    assert len(bench.session.of(Handle)) == handles  # the other button was not pressed
 
 
 def test_the_emergency_stop_is_the_largest_button_and_never_out_of_sight(bench):

@@ -7,10 +7,10 @@ import math
 from collections.abc import Callable
 from typing import Any
 
-from foretouch.console.gate.page import BEAT_PERIOD, beat_html
+from foretouch.console.gate.page import BEAT_PERIOD, STOP_BUTTON, beat_html
 from foretouch.quantities.colours import BLUE, GREY, INK, VERMILLION, css
 
-__all__ = ["ALERTS", "ASKING", "KEYS", "LATCHED", "READY", "UNABLE", "Alarm"]
+__all__ = ["ALERTS", "ASKING", "LATCHED", "READY", "UNABLE", "Alarm"]
 
 READY, ASKING, LATCHED = "EMERGENCY STOP (Space)", "Stopping the robot …", "Emergency stop is latched"
 """What stands on the button: before it is pressed, until the robot has stopped, and until it is released there."""
@@ -20,21 +20,18 @@ COLOURS = {READY: VERMILLION, UNABLE: GREY}
 """Of the button; else it is black."""
 ALERTS = ".foretouch-alerts"
 """Where the sentences are in the page, as a style sheet names it; nothing is there while nothing is urgent."""
-KEYS = ("space", "escape")
-"""Each presses the button wherever the focus is, but in a field for text or numbers."""
 
 _PLACE = "position:fixed;left:12px;z-index:100;"
-_BUTTON = "div:has(> .foretouch-alarm) + div > button"
 _STYLE = (
     '<div class="foretouch-alarm"><style>'
-    f"{_BUTTON}{{{_PLACE}bottom:12px;width:360px;height:64px !important;padding:0;font-size:20px;"
+    f"{STOP_BUTTON}{{{_PLACE}bottom:12px;width:360px;height:64px !important;padding:0;font-size:20px;"
     "border:3px solid #fff;border-radius:10px;box-shadow:0 0 0 3px #000}"
-    f"{_BUTTON} .mantine-Button-label{{font-weight:700 !important;overflow:visible}}"
-    f"{_BUTTON}:focus-visible{{outline:4px solid {css(BLUE)};outline-offset:5px}}"
+    f"{STOP_BUTTON} .mantine-Button-label{{font-weight:700 !important;overflow:visible}}"
+    f"{STOP_BUTTON}:focus-visible{{outline:4px solid {css(BLUE)};outline-offset:5px}}"
     "[data-dock-region-collapse],[data-dock-minimize]{display:none !important}"
     f".foretouch-alerts{{{_PLACE}bottom:92px;width:max(366px, min(560px, calc(100vw - 492px)))}}"
     "@media (max-width:36em){.foretouch-alerts{bottom:auto;top:8px;width:calc(100vw - 24px)}"  # not over numbers
-    f"{_BUTTON}{{width:calc(100vw - 24px)}}}}"
+    f"{STOP_BUTTON}{{width:calc(100vw - 24px)}}}}"
     "</style></div>"
 )
 """The style of the button that comes next: it stays in its corner of the window while the panel scrolls, and
@@ -48,7 +45,7 @@ class Alarm:
 
     Args:
         gui: The viewer's user interface.
-        on_press: Called when the button, or one of `KEYS`, is pressed.
+        on_press: Called when the button is pressed, by the mouse, by touch, or by Space or Escape (`gate/page.js`).
     """
 
     def __init__(self, gui: Any, on_press: Callable[[], None]) -> None:
@@ -59,9 +56,7 @@ class Alarm:
         self._beats, self._next_beat = 0, 0.0
         self._beat = gui.add_html(beat_html(0))
         self._button.on_click(self._pressed)
-        for key in KEYS:
-            command = gui.add_command("Emergency stop", description="The robot unloads and stays so", hotkey=key)
-            command.on_trigger(self._pressed)
+        gui.add_command("Emergency stop", description="The robot unloads and stays so").on_trigger(self._pressed)
 
     def show(self, label: str, alerts: tuple[str, ...]) -> None:
         """Show how far the emergency stop is, and what is urgent.

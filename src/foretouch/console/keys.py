@@ -1,4 +1,4 @@
-"""What the keyboard does, wherever the focus is but in a field for text or numbers."""
+"""What letters do, wherever the focus is but in a field for text or numbers. The page has the emergency stop's keys."""
 
 from __future__ import annotations
 

@@ -67,6 +67,24 @@
   };
 })();
 
+// The keys of the emergency stop come first, wherever the focus is: tabs and lists keep keys to themselves.
+(() => {
+  const keys = ["Escape", "Space"];
+  const typing = (box) => box.matches?.("textarea, [contenteditable=true], input[type=text]") && // where a space is text
+    !box.matches("[readonly], [inputmode], [role=combobox], [aria-haspopup]");
+  const isStop = (event) => keys.includes(event.code) && !event.ctrlKey && !event.altKey && !event.metaKey &&
+    (event.code === "Escape" || !typing(event.target));
+  const heard = (event) => {
+    if (!isStop(event)) return;
+    if (event.type === "keydown" && !event.repeat) document.querySelector("STOP_BUTTON")?.click();
+    if (event.code === "Escape") return; // it closes lists, too
+    event.preventDefault();
+    event.stopImmediatePropagation();
+  };
+  window.addEventListener("keydown", heard, true);
+  window.addEventListener("keyup", heard, true); // with this a space presses the button that has the focus
+})();
+
 // What is typed into the box of a slider is within its range, or goes nowhere, and the box says so.
 (() => {
   const note = document.createElement("div");
@@ -125,7 +143,7 @@
     "border:4px solid URGENT_COLOUR;border-radius:10px;font:16px/1.35 sans-serif";
   const style = document.createElement("style");
   style.textContent =
-    "html.foretouch-lost :is(div:has(> .foretouch-alarm) + div > button, .foretouch-alerts)" +
+    "html.foretouch-lost :is(STOP_BUTTON, .foretouch-alerts)" +
     "{opacity:0 !important}" + // nobody takes it for one that works; it is still pressed, should the console come back
     "html.foretouch-lost::after{content:'';position:fixed;inset:0;z-index:99999;pointer-events:none;" +
     "background:rgba(255,255,255,0.6)}";

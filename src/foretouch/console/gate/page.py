@@ -1,8 +1,8 @@
 """What is added to the viewer's page: how it draws, and what it says by itself.
 
 Where the page is drawn in software it draws more cheaply, and never more often than the console asks; a curve has gaps
-where it is no number; a number out of a slider's range is not heard; and within a second the page says that it does not
-reach the console, or that the session has ended.
+where it is no number; Space and Escape press the emergency stop; a number out of a slider's range is not heard; and
+within a second the page says that it does not reach the console, or that the session has ended.
 """
 
 from __future__ import annotations
@@ -12,13 +12,24 @@ from pathlib import Path
 
 from foretouch.quantities.colours import URGENT, css
 
-__all__ = ["BEAT_ATTRIBUTE", "BEAT_PERIOD", "ENDED", "ENDED_ATTRIBUTE", "LOST", "beat_html", "with_watch"]
+__all__ = [
+    "BEAT_ATTRIBUTE",
+    "BEAT_PERIOD",
+    "ENDED",
+    "ENDED_ATTRIBUTE",
+    "LOST",
+    "STOP_BUTTON",
+    "beat_html",
+    "with_watch",
+]
 
 BEAT_PERIOD = 0.1
 """So often the console shows the page that it draws [s]."""
 BEAT_ATTRIBUTE, FRAMES_ATTRIBUTE, ENDED_ATTRIBUTE = (f"data-foretouch-{name}" for name in ("beat", "frames", "ended"))
 LOST, ENDED = "THIS PAGE DOES NOT REACH THE CONSOLE", "THE SESSION HAS ENDED"
 """How what the page then says begins."""
+STOP_BUTTON = "div:has(> .foretouch-alarm) + div > button"
+"""Where the emergency stop is in the page, as a style sheet names it: Space and Escape press it."""
 _SCRIPT = Path(__file__).with_name("page.js")
 _WORDS = {
     "LOST_TEXT": LOST,
@@ -26,6 +37,7 @@ _WORDS = {
     "BEAT_ATTRIBUTE": BEAT_ATTRIBUTE,
     "FRAMES_ATTRIBUTE": FRAMES_ATTRIBUTE,
     "ENDED_ATTRIBUTE": ENDED_ATTRIBUTE,
+    "STOP_BUTTON": STOP_BUTTON,
     "URGENT_COLOUR": css(URGENT),
 }
 
