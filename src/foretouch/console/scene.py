@@ -115,6 +115,7 @@ class Scene:
         self._material.draw(-z)
         self._draw_force(self._force, -1.15, z, force)
         self._draw_doubt(z, force, deviation)
+        self._force_label.visible = self._force.visible
         self._force_label.position = (-1.6, 0.0, z + 0.5)
         seen = math.isfinite(ghost_z)
         for node in (self._ghost, self._ghost_force, self._ghost_label):

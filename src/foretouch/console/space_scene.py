@@ -103,10 +103,9 @@ class SpaceScene:
         """
         here = _scene(place)
         known = here is not None
-        for node in (self._probe, self._label):
-            node.visible = known
+        self._probe.visible = known
         size = math.sqrt(sum(value * value for value in force))
-        self._force.visible = arrow = known and FORCE_SHOWN < size < math.inf
+        self._force.visible = self._label.visible = arrow = known and FORCE_SHOWN < size < math.inf
         self._doubt.visible = doubted = arrow and math.isfinite(deviation)
         if here is None:
             return
