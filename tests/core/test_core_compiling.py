@@ -75,6 +75,16 @@ def test_the_digest_follows_imports_through_other_modules() -> None:
     assert len({compiling.digest_of(source) for source in sources}) == 3
 
 
+def test_a_module_that_is_moved_has_another_digest(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Compiled code names the modules that it needs, and would not find them."""
+    monkeypatch.setattr(compiling, "PACKAGE", tmp_path)
+    for folder in ("before", "after"):
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / "kernel.py").write_text("STEP = 1.0\n")
+    before, after = (compiling.digest_of(tmp_path / folder / "kernel.py") for folder in ("before", "after"))
+    assert before != after
+
+
 def test_a_module_of_kernels_imports_at_its_margin_alone() -> None:
     """The digest sees no other imports."""
     for path in PACKAGE.rglob("*.py"):
@@ -93,7 +103,7 @@ def test_numba_keeps_what_is_compiled_of_us_where_we_say_and_of_others_where_it_
         pytest.skip("nothing is compiled")
     folder = compiling.compiled_folder(safety_kernel.__file__)
     assert folder is not None
-    assert folder.name == f"safety_kernel-{compiling.digest_of(Path(safety_kernel.__file__))}"
+    assert folder.name == f"session.safety_kernel-{compiling.digest_of(Path(safety_kernel.__file__))}"
     assert safety_kernel.keep_safe._cache.cache_path == str(folder)
     assert list(folder.glob("safety_kernel._keep_safe-*.nbi"))
     assert caching.CacheImpl._locator_classes[0].from_function(np.sum, np.__file__) is None
@@ -115,20 +125,20 @@ def test_where_nothing_can_be_kept_it_is_compiled_all_the_same(tmp_path: Path, m
 def test_versions_before_the_newest_are_removed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(config, "CACHE_DIR", str(tmp_path))
     for number in range(12):
-        folder = tmp_path / f"safety-{number:016x}"
+        folder = tmp_path / f"session.safety-{number:016x}"
         folder.mkdir()
         os.utime(folder, (number, number))
-    (tmp_path / "safety_kernel-0000000000000000").mkdir()
+    (tmp_path / "session.safety_kernel-0000000000000000").mkdir()
     compiling.compiled_folder.cache_clear()
     try:
         folder = compiling.compiled_folder(str(PACKAGE / "session" / "safety.py"))
     finally:
         compiling.compiled_folder.cache_clear()
     assert folder is not None
-    left = sorted(tmp_path.glob("safety-*"))
+    left = sorted(tmp_path.glob("session.safety-*"))
     assert folder in left
     assert len(left) == compiling.KEPT
-    assert (tmp_path / "safety_kernel-0000000000000000").is_dir()
+    assert (tmp_path / "session.safety_kernel-0000000000000000").is_dir()
 
 
 @pytest.mark.parametrize("within", [False, True])
@@ -138,7 +148,7 @@ def test_what_others_may_have_written_is_not_loaded(
 ) -> None:
     root = tmp_path / "kept"
     source = PACKAGE / "session" / "safety.py"
-    folder = root / f"safety-{compiling.digest_of(source)}"
+    folder = root / f"session.safety-{compiling.digest_of(source)}"
     folder.mkdir(parents=True)
     root.chmod(0o700)
     folder.chmod(0o700)

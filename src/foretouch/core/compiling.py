@@ -89,7 +89,7 @@ def complete_mark() -> Path | None:
     found = hashlib.sha256(repr((sys.version, cpu_target.target_context.codegen().magic_tuple())).encode())
     for source in sorted(PACKAGE.rglob("*.py")):
         if "import compiled\n" in _text(source) or "import entry_point\n" in _text(source):
-            found.update(f"{source.stem}-{digest_of(source)}".encode())
+            found.update(digest_of(source).encode())
     return root / f"complete-{found.hexdigest()[:16]}"
 
 
@@ -109,7 +109,7 @@ def compiled_folder(source: str) -> Path | None:
     is said once, and every process compiles for itself. It is below ``NUMBA_CACHE_DIR``, where that is set, or the
     user's cache folder.
     """
-    name, root = Path(source).stem, compiled_root()
+    name, root = _name(Path(source)), compiled_root()
     if root is None:
         return None
     folder = root / f"{name}-{digest_of(Path(source))}"
@@ -153,11 +153,20 @@ def _forget_old(root: Path, name: str) -> None:
 
 @cache
 def digest_of(source: Path) -> str:
-    """Of a module's source, of all modules of foretouch that it imports at its margin, and of Numba's version."""
+    """Of a module's source, of all modules of foretouch that it imports at its margin, and of Numba's version.
+
+    Compiled code names the modules that it needs: a module that is moved has another digest.
+    """
     found = hashlib.sha256(numba.__version__.encode())
     for path in sorted(_closure(source)):
-        found.update(path.name.encode() + _text(path).encode())
+        found.update(_name(path).encode() + _text(path).encode())
     return found.hexdigest()[:16]
+
+
+def _name(source: Path) -> str:
+    """The module's name below the package."""
+    inside = source.relative_to(PACKAGE) if source.is_relative_to(PACKAGE) else Path(source.name)
+    return ".".join(inside.with_suffix("").parts)
 
 
 def _closure(source: Path) -> set[Path]:
