@@ -214,8 +214,8 @@ class Sources:
 
 
 def digest_of(reached: Mapping[Definition, str]) -> str:
-    """Ten letters for everything that is reached."""
-    text = "\n".join(f"{module}:{name} {digest}" for (module, name), digest in sorted(reached.items()))
+    """Ten letters for everything that is reached, whichever module it stands in: what is moved computes the same."""
+    text = "\n".join(sorted({f"{name} {digest}" for (_, name), digest in reached.items()}))
     return hashlib.sha256(text.encode()).hexdigest()[:10]
 
 
@@ -239,7 +239,7 @@ def syntax(node: object, leading: list[ast.AST] | None = None) -> str:
     parts = []
     for name in node._fields:
         value = getattr(node, name, None)
-        if value is None or value == [] or name in ("ctx", "kind"):
+        if value is None or value == [] or name in ("ctx", "kind", "module"):  # an import is followed to its module
             continue
         unread = name == "returns" or (name == "annotation" and kind is ast.arg)
         parts.append(f"{name}={syntax(value, None if unread else inner)}")

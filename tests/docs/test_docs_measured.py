@@ -132,6 +132,24 @@ def test_only_what_can_move_a_figure_changes_the_digest(
     assert (digest() != before) == changes
 
 
+def test_what_is_moved_to_another_module_has_the_same_digest(docs: SimpleNamespace, small: Path) -> None:
+    def digest() -> str:
+        return str(docs.sources.digest_of(docs.sources.Sources([small]).reached(["pack:Law"])))
+
+    before = digest()
+    (small / "pack" / "room").mkdir()
+    (small / "pack" / "room" / "__init__.py").touch()
+    for name in ("late", "numbers"):
+        (small / "pack" / f"{name}.py").rename(small / "pack" / "room" / f"{name}.py")
+    for path in small.rglob("*.py"):
+        path.write_text(re.sub(r"from pack import (late|numbers)", r"from pack.room import \1", path.read_text()))
+    laws = small / "pack" / "laws.py"
+    laws.write_text(
+        laws.read_text().replace("pack import numbers, shown", "pack import shown\nfrom pack.room import numbers")
+    )
+    assert digest() == before
+
+
 def test_data_beside_a_module_counts(docs: SimpleNamespace, small: Path) -> None:
     def digest(root: str) -> str:
         return str(docs.sources.digest_of(docs.sources.Sources([small]).reached([root])))
