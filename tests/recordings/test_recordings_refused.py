@@ -97,6 +97,19 @@ def test_a_saved_map_replaces_nothing(tmp_path: Path, save: str) -> None:
     assert {file.name: file.read_bytes() for file in tmp_path.iterdir()} == before
 
 
+def test_a_saved_map_is_replaced_if_that_is_asked_for_and_the_same_one_is_no_mistake(tmp_path: Path) -> None:
+    path = written(tmp_path / "press.csv", "time_s,position_m,force_N", TIME, POSITION, FORCE)
+    save = tmp_path / "map.toml"
+    save.write_text("# completed by hand\n")
+    words = ["recordings", "inspect", str(path), "--save", str(save)]
+    assert "--overwrite" in str(CliRunner().invoke(app, words).exception)
+    for again in ([*words, "--overwrite"], words):
+        assert CliRunner().invoke(app, again).exit_code == 0
+        assert "position_m" in save.read_text()
+    (tmp_path / "folder.toml").mkdir()
+    assert "no regular file" in str(CliRunner().invoke(app, [*words[:-1], str(tmp_path / "folder.toml")]).exception)
+
+
 def test_nothing_is_written_into_a_bag_that_is_read(tmp_path: Path) -> None:
     bag = tmp_path / "bag"
     bag.mkdir()

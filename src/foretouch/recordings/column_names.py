@@ -11,12 +11,20 @@ __all__ = ["Named", "is_unit", "name_says", "rank"]
 
 TIME, POSITION, FORCE, VELOCITY = "time", "position", "force", "velocity"
 
+PRESSED: Final = (
+    "indentation indent penetration compression eindringung eindruck stauchung kompression enfoncement indentacion "
+    "penetracion compresion indentazione penetrazione compressione indrukking indringing compressie indentacao "
+    "penetracao compressao wglebienie penetracja kompresja vtisk komprese painuma puristuma benyomodas intryckning "
+    "压入 压缩 压痕 圧入 圧縮 押込み вдавливание сжатие"
+)
+"""Positions by themselves; beside a word of forces they say which force: ``Force de compression``."""
+
 WORDS: Final = {
     TIME: "time timestamp stamp seconds zeit temps tiempo tempo tijd tid czas cas aika idő 时间 時間 время",
-    POSITION: "position pos depth displacement disp travel indentation extension elongation deflection crosshead "
+    POSITION: "position pos depth displacement disp travel extension elongation deflection crosshead "
     "stroke weg tiefe eindringtiefe lage hub traverse verformung langenanderung deplacement profondeur "
     "posicion desplazamiento profundidad posizione spostamento profondita positie verplaatsing diepte posicao "
-    "deslocamento pozycja przemieszczenie poloha 位置 位移 変位 深さ положение перемещение",
+    f"deslocamento pozycja przemieszczenie poloha 位置 位移 変位 深さ положение перемещение {PRESSED}",
     FORCE: "force load kraft last effort fuerza carga forza carico kracht forca sila сила усилие 力 荷重",
     VELOCITY: "velocity vel speed geschwindigkeit vitesse velocidad velocita snelheid velocidade hastighet predkosc "
     "速度 скорость",
@@ -84,6 +92,8 @@ def rank(quantity: str, named: Named) -> tuple[float, str]:
     """How well a name fits a quantity, 0 where it does not, and its unit as a map writes it, or empty."""
     words = [word for word in named.words if not word.isdigit()]
     known = _words(quantity)
+    if quantity == POSITION and set(words) & _words(FORCE):
+        known -= frozenset(_plain(PRESSED).split())
     unit = _unit(quantity, named.unit)
     if named.unit == "%":
         return 0.0, ""  # of a length, and so a strain
