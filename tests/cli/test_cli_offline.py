@@ -19,7 +19,7 @@ from foretouch.cli.options import SESSION_OPTIONS, SESSION_PANELS
 from foretouch.errors import ForetouchError
 from foretouch.identification import ESTIMATORS
 from foretouch.models import HuntCrossley
-from foretouch.recordings import write_columns
+from foretouch.recordings import read_recording, write_columns
 from foretouch.session import SessionSettings
 
 IDENTIFY_KEYS = {
@@ -109,13 +109,34 @@ def test_identify_keeps_its_contract(press: Path) -> None:
 
 
 def test_a_law_that_does_not_describe_the_recording_is_said_to(press: Path) -> None:
-    """Its positions are turned round: the force falls where the probe seems to go in."""
-    arguments = ("identify", press, "--flip", "--model", "kelvin-voigt")
+    """Its surface is said to be where the probe is almost deepest."""
+    arguments = ("identify", press, "--surface", 0.018, "--model", "kelvin-voigt")
     content = output_of(*arguments, "--json")
     assert content["residual_percent"] > 50.0
     said = f"its residual is {content['residual_percent']:.0f} % of the force in contact; check the signs of force"
     assert said in content["hint"]
     assert run(*arguments).stdout.splitlines()[-1].strip() == content["hint"]
+
+
+def test_a_force_that_falls_with_depth_has_a_status_and_a_hint(press: Path) -> None:
+    content = output_of("identify", press, "--flip", "--json")
+    assert content["status"] == "falls_with_depth"
+    assert "give --flip-force if forces are negative under load, --flip if positions shrink" in content["hint"]
+    assert run("identify", press, "--flip").stdout.splitlines()[-1].strip() == content["hint"]
+
+
+def test_forces_that_are_negative_under_load_are_turned_round(press: Path, tmp_path: Path) -> None:
+    recording = read_recording(press)
+    turned = tmp_path / "turned.csv"
+    columns = {"time_s": recording.time, "position_m": recording.position}
+    write_columns(turned, columns | {"force_N": -recording.force})
+    arguments = ("--model", "kelvin-voigt", "--json")
+    assert output_of("identify", turned, "--flip-force", *arguments) == output_of("identify", press, *arguments)
+    results = []
+    for given in ((turned, "--flip-force"), (press,)):
+        row = output_of("compare", *given, "--models", "kelvin-voigt", "--estimators", "rls", "--json")["results"][0]
+        results.append([value for name, value in row.items() if name.endswith("percent")])
+    assert results[0] == results[1] != []
 
 
 def test_a_law_says_whether_its_errors_hold_that_of_the_surface(press: Path) -> None:

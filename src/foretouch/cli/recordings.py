@@ -12,6 +12,7 @@ import typer
 
 from foretouch.cli.options import (
     Flip,
+    FlipForce,
     ForceChannel,
     ForceUnit,
     Json,
@@ -115,6 +116,7 @@ def convert(
     position_unit: PositionUnit = None,
     force_unit: ForceUnit = None,
     flip: Flip = False,
+    flip_force: FlipForce = False,
     force_channel: ForceChannel = "raw",
     json_output: Json = False,
 ) -> None:
@@ -132,6 +134,7 @@ def convert(
         position_unit=position_unit,
         force_unit=force_unit,
         flip=flip,
+        flip_force=flip_force,
         force_channel=force_channel,
         map_file=map_file,
     )

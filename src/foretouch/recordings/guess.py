@@ -26,6 +26,7 @@ from foretouch.recordings.mapping import (
 from foretouch.recordings.robot_names import robot_column
 from foretouch.recordings.source import Bag, Column, Table, listed
 from foretouch.recordings.topic_choice import axis_note, choose_topic
+from foretouch.recordings.units import Units
 
 __all__ = ["Guess", "guess_mapping"]
 
@@ -92,27 +93,25 @@ class Guess:
         check_mapping(self.path, mapping)
         return mapping
 
-    def in_units(self, position_unit: str | None, force_unit: str | None, flip: bool) -> Guess:
-        """The same with units where the file states none, and with positions turned round.
+    def in_units(self, units: Units) -> Guess:
+        """The same with units where the file states none, and with positions or forces turned round.
 
         Args:
-            position_unit: None where nobody has said it.
-            force_unit: Likewise.
-            flip: Whether positions shrink with depth.
+            units: As they were given.
 
         Raises:
             RecordingError: The file states another unit.
         """
-        position = self._with(self.position, "position", position_unit)
-        force = self._with(self.force, "force", force_unit)
-        if flip and position is not None:
-            position = msgspec.structs.replace(position, sign=-1 if position.sign == 1 else 1)
+        position = self._with(self.position, "position", units.position, units.flip)
+        force = self._with(self.force, "force", units.force, units.flip_force)
         stated = self.stated
         if stated is not None and position is not None and force is not None:
             stated = msgspec.structs.replace(stated, position=position, force=force)
         return replace(self, position=position, force=force, stated=stated)
 
-    def _with(self, signal: Signal | None, name: str, unit: str | None) -> Signal | None:
+    def _with(self, signal: Signal | None, name: str, unit: str | None, flip: bool) -> Signal | None:
+        if signal is not None and flip:
+            signal = msgspec.structs.replace(signal, sign=-1 if signal.sign == 1 else 1)
         if signal is None or unit is None:
             return signal
         if signal.unit not in (UNKNOWN, unit):
