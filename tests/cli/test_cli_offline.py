@@ -289,6 +289,7 @@ def test_a_bad_recording_is_refused_by_file_row_and_rule(tmp_path: Path, text: s
     ("options", "message"),
     [
         (("--delay", -0.1), "delay = -0.1: must be finite and at least 0"),
+        (("--delay", 50), "delay = 50.0: the recording is 5 s long, and nothing would arrive before it ends"),
         (("--model", "jelly"), "unknown model 'jelly': choose one of contact-map"),
         (("--estimator", "guess"), "unknown estimator for contact-map 'guess': choose one of "),
         (("--surface", "deep"), "surface = 'deep': must be auto or a number"),

@@ -214,7 +214,7 @@ def predict(
         **{name: getattr(scores, name) for name in names},
         **found.perception(scores),
         "status": scores.status,
-        "remarks": remarks(found, scores, delay),
+        "remarks": remarks(found, scores, delay, score_from),
     }
     forces = {
         "time_s": found.time,

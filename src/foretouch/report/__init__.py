@@ -3,7 +3,7 @@
 from foretouch.report.calibration_page import write_calibration_page
 from foretouch.report.drawing import COLOURS, finished, legend, new_figure
 from foretouch.report.energy import energy_account, energy_figures, exact_energy
-from foretouch.report.forces import Forces, forces_under_delay
+from foretouch.report.forces import Forces, forces_under_delay, require_delay_within
 from foretouch.report.free_hand import free_hand
 from foretouch.report.guarded import guarded_runs
 from foretouch.report.hand import hand_figures
@@ -63,6 +63,7 @@ __all__ = [
     "render_text",
     "rendered_jump",
     "replay_figure",
+    "require_delay_within",
     "scene_figures",
     "score",
     "session_report",
