@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 from foretouch.cli.app import app
 from foretouch.errors import InputError, RecordingError, SettingError
 from foretouch.identification import Learner, identify, make_estimator
-from foretouch.recordings import read_recording, read_with_notes
+from foretouch.recordings import inspect_recording, read_recording, read_with_notes
 
 TIME = np.arange(2000) * 1e-3
 POSITION = 5e-3 * (1.0 - np.cos(2.0 * np.pi * TIME))
@@ -127,3 +127,21 @@ def test_a_learner_that_has_learnt_is_not_taken_for_another_recording(tmp_path: 
     identify(recording, learner)
     with pytest.raises(InputError, match="make a fresh one"):
         identify(recording, learner)
+
+
+def test_inspect_says_what_is_missing_and_where_time_goes_back(tmp_path: Path) -> None:
+    time, force = TIME.copy(), FORCE.copy()
+    force[[3, 7]] = np.nan
+    time[5] = time[4]
+    time[9] = time[2]
+    path = written(tmp_path / "bad.csv", "time_s,position_m,force_N", time, POSITION, force)
+    notes = inspect_recording(path).notes
+    assert f"{path}, row 5: force_N is nan; 2 of 2,000 values are no finite number" in notes
+    again = "the first of 2 rows in which it does not increase"
+    assert f"{path}, row 7: time_s stands still at 0.004, {again}" in notes
+    path.write_text("time_s,position_m,force_N\n0,0,0\n1,,0\n0.5,0,nan\n")
+    notes = inspect_recording(path).notes
+    assert f"{path}, row 3: position_m is '', which is no number (nothing there)" in notes
+    assert f"{path}, row 4: force_N is nan; 1 of 3 values is no finite number" in notes
+    assert f"{path}, row 4: time_s goes back from 1 to 0.5" in notes
+    assert CliRunner().invoke(app, ["recordings", "inspect", str(path)]).stdout.count("row 4") == 2

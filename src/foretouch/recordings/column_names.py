@@ -7,7 +7,7 @@ import re
 import unicodedata
 from typing import Final, NamedTuple
 
-__all__ = ["Named", "is_unit", "name_says", "rank"]
+__all__ = ["BY_WORD", "Named", "is_unit", "name_says", "rank"]
 
 TIME, POSITION, FORCE, VELOCITY = "time", "position", "force", "velocity"
 
@@ -42,6 +42,9 @@ ASKED_FOR: Final = "setpoint desired target commanded command cmd reference ref 
 
 LETTERS: Final = {TIME: "t", POSITION: "x z s d", FORCE: "f fz fn"}
 """Symbols of each quantity, which count where nothing better is there."""
+
+BY_WORD: Final = 2.0
+"""Least rank of a name that has a word of its quantity, and not a symbol alone."""
 
 UNITS: Final = {
     TIME: {
@@ -111,7 +114,7 @@ def rank(quantity: str, named: Named) -> tuple[float, str]:
     elif words and words[-1] in known:
         score = 3.0
     elif set(words) & known:
-        score = 2.0
+        score = BY_WORD
     elif words and words[-1] in LETTERS.get(quantity, "").split():
         score = 1.0
     return (score + 0.5 * bool(unit), unit) if score else (0.0, unit)
