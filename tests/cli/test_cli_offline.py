@@ -15,7 +15,7 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from foretouch.cli.app import app
-from foretouch.cli.options import SESSION_OPTIONS, SESSION_PANELS
+from foretouch.cli.options import LAWS_HELP, SESSION_OPTIONS, SESSION_PANELS
 from foretouch.errors import ForetouchError
 from foretouch.identification import ESTIMATORS
 from foretouch.models import HuntCrossley
@@ -146,6 +146,19 @@ def test_a_law_says_whether_its_errors_hold_that_of_the_surface(press: Path) -> 
     assert both["standard_errors_with_surface"]["stiffness"] > both["standard_errors"]["stiffness"]
     assert "(each ± takes the surface for right: see surface_m)" in run(*arguments, "rls").stdout
     assert "(each ± holds that of the surface too)" in run(*arguments, "offline").stdout
+
+
+def test_a_law_that_plays_no_part_in_the_force_is_said_to(press: Path) -> None:
+    """Whose share of the contact map's force is 0 % as it is printed; a law alone is the force."""
+    said = "(the law's share of the force is 0 %: these numbers play no part in it)"
+    text = run("identify", press).stdout
+    assert "law 0 %" in text
+    assert said in text
+    assert said not in run("identify", press, "--model", "kelvin-voigt").stdout
+
+
+def test_the_help_names_every_law() -> None:
+    assert [law for law in ESTIMATORS if law not in LAWS_HELP] == []
 
 
 def test_a_map_is_told_in_a_few_numbers(press: Path) -> None:

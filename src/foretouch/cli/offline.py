@@ -371,6 +371,7 @@ def _finite(value: float) -> float | None:
 def _print_lines(title: str, content: dict[str, Any]) -> None:
     """A result as aligned lines: what is known with an error has as many digits as that allows."""
     from foretouch.quantities import measured
+    from foretouch.report import IDLE_LAW, law_is_idle
     from foretouch.report.numbers import parameter_text
 
     show(title)
@@ -395,6 +396,8 @@ def _print_lines(title: str, content: dict[str, Any]) -> None:
             if alone and content["surface_error_m"]:
                 holds = "holds that of the surface too" if errors else "takes the surface for right: see surface_m"
                 text += f"\n  {'':<28} (each ± {holds})"
+            if content["map"] is not None and law_is_idle(content["map"]):
+                text += f"\n  {'':<28} ({IDLE_LAW})"
         elif error in content:
             text = measured(value, content[error])
         elif isinstance(value, float):

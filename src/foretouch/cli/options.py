@@ -51,7 +51,8 @@ __all__ = [
 ]
 
 LAWS_HELP = (
-    "Contact law: contact-map, or continuous-switching (the paper's), hunt-crossley, kelvin-voigt, threshold-switching."
+    "Contact law: contact-map, or continuous-switching (the paper's), hunt-crossley, kelvin-voigt, "
+    "threshold-switching, quadratic (that of scenes)."
 )
 ModelName = Annotated[str, typer.Option("--model", help=LAWS_HELP)]
 EstimatorName = Annotated[
