@@ -15,11 +15,11 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from foretouch.cli.app import app
-from foretouch.cli.options import SESSION_OPTIONS, SESSION_PANELS
+from foretouch.cli.options import LAWS_HELP, SESSION_OPTIONS, SESSION_PANELS
 from foretouch.errors import ForetouchError
 from foretouch.identification import ESTIMATORS
 from foretouch.models import HuntCrossley
-from foretouch.recordings import write_columns
+from foretouch.recordings import read_recording, write_columns
 from foretouch.session import SessionSettings
 
 IDENTIFY_KEYS = {
@@ -109,13 +109,34 @@ def test_identify_keeps_its_contract(press: Path) -> None:
 
 
 def test_a_law_that_does_not_describe_the_recording_is_said_to(press: Path) -> None:
-    """Its positions are turned round: the force falls where the probe seems to go in."""
-    arguments = ("identify", press, "--flip", "--model", "kelvin-voigt")
+    """Its surface is said to be where the probe is almost deepest."""
+    arguments = ("identify", press, "--surface", 0.018, "--model", "kelvin-voigt")
     content = output_of(*arguments, "--json")
     assert content["residual_percent"] > 50.0
     said = f"its residual is {content['residual_percent']:.0f} % of the force in contact; check the signs of force"
     assert said in content["hint"]
     assert run(*arguments).stdout.splitlines()[-1].strip() == content["hint"]
+
+
+def test_a_force_that_falls_with_depth_has_a_status_and_a_hint(press: Path) -> None:
+    content = output_of("identify", press, "--flip", "--json")
+    assert content["status"] == "falls_with_depth"
+    assert "give --flip-force if forces are negative under load, --flip if positions shrink" in content["hint"]
+    assert run("identify", press, "--flip").stdout.splitlines()[-1].strip() == content["hint"]
+
+
+def test_forces_that_are_negative_under_load_are_turned_round(press: Path, tmp_path: Path) -> None:
+    recording = read_recording(press)
+    turned = tmp_path / "turned.csv"
+    columns = {"time_s": recording.time, "position_m": recording.position}
+    write_columns(turned, columns | {"force_N": -recording.force})
+    arguments = ("--model", "kelvin-voigt", "--json")
+    assert output_of("identify", turned, "--flip-force", *arguments) == output_of("identify", press, *arguments)
+    results = []
+    for given in ((turned, "--flip-force"), (press,)):
+        row = output_of("compare", *given, "--models", "kelvin-voigt", "--estimators", "rls", "--json")["results"][0]
+        results.append([value for name, value in row.items() if name.endswith("percent")])
+    assert results[0] == results[1] != []
 
 
 def test_a_law_says_whether_its_errors_hold_that_of_the_surface(press: Path) -> None:
@@ -125,6 +146,19 @@ def test_a_law_says_whether_its_errors_hold_that_of_the_surface(press: Path) -> 
     assert both["standard_errors_with_surface"]["stiffness"] > both["standard_errors"]["stiffness"]
     assert "(each ± takes the surface for right: see surface_m)" in run(*arguments, "rls").stdout
     assert "(each ± holds that of the surface too)" in run(*arguments, "offline").stdout
+
+
+def test_a_law_that_plays_no_part_in_the_force_is_said_to(press: Path) -> None:
+    """Whose share of the contact map's force is 0 % as it is printed; a law alone is the force."""
+    said = "(the law's share of the force is 0 %: these numbers play no part in it)"
+    text = run("identify", press).stdout
+    assert "law 0 %" in text
+    assert said in text
+    assert said not in run("identify", press, "--model", "kelvin-voigt").stdout
+
+
+def test_the_help_names_every_law() -> None:
+    assert [law for law in ESTIMATORS if law not in LAWS_HELP] == []
 
 
 def test_a_map_is_told_in_a_few_numbers(press: Path) -> None:
@@ -268,6 +302,7 @@ def test_a_bad_recording_is_refused_by_file_row_and_rule(tmp_path: Path, text: s
     ("options", "message"),
     [
         (("--delay", -0.1), "delay = -0.1: must be finite and at least 0"),
+        (("--delay", 50), "delay = 50.0: the recording is 5 s long, and nothing would arrive before it ends"),
         (("--model", "jelly"), "unknown model 'jelly': choose one of contact-map"),
         (("--estimator", "guess"), "unknown estimator for contact-map 'guess': choose one of "),
         (("--surface", "deep"), "surface = 'deep': must be auto or a number"),

@@ -87,8 +87,11 @@ def test_where_none_waits_or_several_do_one_line_says_so(robot: subprocess.Popen
     other = stopped()
     try:
         first, second = sorted((robot.pid, other.pid))
-        assert f"{first}, {second}" in release(said="")[1] or f"{second}, {first}" in release(said="")[1]
-        assert release(str(os.getpid()), said="")[0] != 0
+        several = f"followers {first}, {second} of yours wait to be released: say which, such as `foretouch"
+        assert f"{several} release {first}`" in release(said="")[1]
+        code, said = release(str(os.getpid()), said="")
+        assert code != 0
+        assert said.endswith(f"is no follower of yours that waits to be released; these are: {first}, {second}")
         assert release(str(other.pid), said="y\nrelease\n")[0] == 0
     finally:
         other.kill()
@@ -97,7 +100,7 @@ def test_where_none_waits_or_several_do_one_line_says_so(robot: subprocess.Popen
     robot.wait()
     code, said = release(said="")
     assert code != 0
-    assert said.endswith("wait to be released: none")
+    assert said.endswith("no follower of yours on this machine waits to be released")
 
 
 def test_a_folder_that_others_can_write_is_not_believed_and_a_process_that_was_killed_leaves_nothing(

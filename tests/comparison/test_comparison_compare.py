@@ -343,6 +343,12 @@ def test_the_command_fails_where_everything_failed(folder: Path) -> None:
     assert "failed" in result.stdout
 
 
+def test_a_delay_as_long_as_the_recording_is_refused_once_for_all(folder: Path) -> None:
+    result = run(folder / "press.csv", "--models", "kelvin-voigt", "--delay", 50)
+    assert result.exit_code == 1
+    assert f"all {len(ESTIMATORS['kelvin-voigt'])} failed: delay = 50.0: the recording is " in result.stdout
+
+
 def test_the_command_without_recordings_is_refused() -> None:
     assert isinstance(run().exception, ForetouchError)
 

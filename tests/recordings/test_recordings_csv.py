@@ -96,8 +96,22 @@ def test_unknown_units_are_refused_with_those_there_are(table, option):
 @pytest.mark.parametrize(
     ("content", "row", "problem"),
     [
-        ("time_s,position_m,force\n0,0,0\n", None, "the unit of the force force is not known.*--map"),
-        ("time_s,position,force_N\n0,0,0\n1,0,0\n", None, "the unit of the position position is not known.*mm.*--map"),
+        (
+            "time,depth,force\n0,0,0\n",
+            None,
+            r"the unit of depth is not known \(m, .*\); the unit of force is not known \(N, .*\): "
+            "give --position-unit mm and --force-unit N, say; or .*--map",
+        ),
+        (
+            "time_s,position_m,force\n0,0,0\n",
+            None,
+            "the unit of force is not known.*: give --force-unit N, say; or ",
+        ),
+        (
+            "time_s,position,force_N\n0,0,0\n1,0,0\n",
+            None,
+            "the unit of position is not known.*--position-unit mm, say",
+        ),
         ("time_s;position_m;force_N\n0;0;0\n", None, "1 sample: at least 2"),
         ("time_s;position_m;force_N\n0;0;0\n1;0\n", 3, "2 values, the header names 3 columns"),
         ("0,0.001,0.5\n0.001,0.002,0.75\n", None, r"columns have no names but numbers \(0, 0.001, 0.5\): write"),
@@ -138,7 +152,7 @@ def test_a_row_of_units_below_the_header(table):
         assert read.recording.first_row == 3
         assert "columns guessed" in read.notes[0]
     assert refused(table(f"Time,Travel,Load\ns,mm,N\n{numbers}0.002,3,1\n")).row == 6
-    assert "the unit of the force Load is not known" in str(refused(table(f"Time,Travel,Load\ns,mm,\n{numbers}")))
+    assert "the unit of Load is not known" in str(refused(table(f"Time,Travel,Load\ns,mm,\n{numbers}")))
 
 
 def test_a_row_of_units_that_are_not_those_of_the_names(table):

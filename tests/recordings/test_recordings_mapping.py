@@ -136,7 +136,11 @@ def test_every_unit_that_is_no_length_or_force_asks_for_its_scale():
         ("Prüfzeit [s]", TIME, "s"), ("Standardweg [mm]", POSITION, "mm"), ("Standardkraft [kN]", FORCE, "kN"),
         ("Traversenweg", POSITION, ""), ("Prüfkraft", FORCE, ""), ("Prüflast", FORCE, ""), ("Kolbenhub", POSITION, ""),
         ("Längenänderung", POSITION, ""), ("Running Time", TIME, ""), ("Axial Force (kN)", FORCE, "kN"),
-        ("travel", POSITION, ""),
+        ("travel", POSITION, ""), ("indent_mm", POSITION, "mm"), ("Indentation depth [um]", POSITION, "um"),
+        ("penetration (mm)", POSITION, "mm"), ("Compression [mm]", POSITION, "mm"), ("Pénétration", POSITION, ""),
+        ("Stauchung [mm]", POSITION, "mm"), ("Eindringweg", POSITION, ""), ("indentación", POSITION, ""),
+        ("Compressione [mm]", POSITION, "mm"), ("indentação", POSITION, ""), ("压缩[mm]", POSITION, "mm"),
+        ("Compression force [N]", FORCE, "N"), ("Indentation load (mN)", FORCE, "mN"), ("сжатие", POSITION, ""),
     ],
 )  # fmt: skip
 def test_names_in_several_languages_are_understood(name, quantity, unit):
@@ -165,6 +169,14 @@ def test_names_in_several_languages_are_understood(name, quantity, unit):
 def test_names_that_contradict_their_unit_are_not_taken(name):
     quantity = {"p": POSITION}.get(name[0], FORCE)
     assert rank(quantity, name_says(name))[0] == 0.0
+
+
+@pytest.mark.parametrize(
+    "name", ["Indentation force", "Force de compression", "fuerza de indentación", "Load, penetration"]
+)
+def test_a_force_that_presses_is_no_position(name):
+    assert rank(POSITION, name_says(name))[0] == 0.0
+    assert rank(FORCE, name_says(name))[0] > 0.0
 
 
 @pytest.mark.parametrize("name", ["Elongation (%)", "Sollweg [mm]", "Prüfgeschwindigkeit [mm/s]", "Crosshead speed"])

@@ -42,6 +42,9 @@ def test_flip_turns_the_positions(tue, aurora):
         straight, flipped = read_recording(path), read_recording(path, flip=True)
         assert (straight.position == -flipped.position).all()
         assert (straight.force == flipped.force).all()
+        turned = read_recording(path, flip_force=True)
+        assert (straight.force == -turned.force).all()
+        assert (straight.position == turned.position).all()
 
 
 def test_leader_motion_counts_from_its_first_sample(tue):

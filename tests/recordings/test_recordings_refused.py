@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 from foretouch.cli.app import app
 from foretouch.errors import InputError, RecordingError, SettingError
 from foretouch.identification import Learner, identify, make_estimator
-from foretouch.recordings import read_recording, read_with_notes
+from foretouch.recordings import inspect_recording, read_recording, read_with_notes
 
 TIME = np.arange(2000) * 1e-3
 POSITION = 5e-3 * (1.0 - np.cos(2.0 * np.pi * TIME))
@@ -97,6 +97,19 @@ def test_a_saved_map_replaces_nothing(tmp_path: Path, save: str) -> None:
     assert {file.name: file.read_bytes() for file in tmp_path.iterdir()} == before
 
 
+def test_a_saved_map_is_replaced_if_that_is_asked_for_and_the_same_one_is_no_mistake(tmp_path: Path) -> None:
+    path = written(tmp_path / "press.csv", "time_s,position_m,force_N", TIME, POSITION, FORCE)
+    save = tmp_path / "map.toml"
+    save.write_text("# completed by hand\n")
+    words = ["recordings", "inspect", str(path), "--save", str(save)]
+    assert "--overwrite" in str(CliRunner().invoke(app, words).exception)
+    for again in ([*words, "--overwrite"], words):
+        assert CliRunner().invoke(app, again).exit_code == 0
+        assert "position_m" in save.read_text()
+    (tmp_path / "folder.toml").mkdir()
+    assert "no regular file" in str(CliRunner().invoke(app, [*words[:-1], str(tmp_path / "folder.toml")]).exception)
+
+
 def test_nothing_is_written_into_a_bag_that_is_read(tmp_path: Path) -> None:
     bag = tmp_path / "bag"
     bag.mkdir()
@@ -114,3 +127,21 @@ def test_a_learner_that_has_learnt_is_not_taken_for_another_recording(tmp_path: 
     identify(recording, learner)
     with pytest.raises(InputError, match="make a fresh one"):
         identify(recording, learner)
+
+
+def test_inspect_says_what_is_missing_and_where_time_goes_back(tmp_path: Path) -> None:
+    time, force = TIME.copy(), FORCE.copy()
+    force[[3, 7]] = np.nan
+    time[5] = time[4]
+    time[9] = time[2]
+    path = written(tmp_path / "bad.csv", "time_s,position_m,force_N", time, POSITION, force)
+    notes = inspect_recording(path).notes
+    assert f"{path}, row 5: force_N is nan; 2 of 2,000 values are no finite number" in notes
+    again = "the first of 2 rows in which it does not increase"
+    assert f"{path}, row 7: time_s stands still at 0.004, {again}" in notes
+    path.write_text("time_s,position_m,force_N\n0,0,0\n1,,0\n0.5,0,nan\n")
+    notes = inspect_recording(path).notes
+    assert f"{path}, row 3: position_m is '', which is no number (nothing there)" in notes
+    assert f"{path}, row 4: force_N is nan; 1 of 3 values is no finite number" in notes
+    assert f"{path}, row 4: time_s goes back from 1 to 0.5" in notes
+    assert CliRunner().invoke(app, ["recordings", "inspect", str(path)]).stdout.count("row 4") == 2

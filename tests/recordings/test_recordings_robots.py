@@ -72,7 +72,7 @@ def test_a_unit_that_is_given_is_heard_whichever_it_is(tmp_path: Path) -> None:
         with pytest.warns(UserWarning, match="columns guessed"):
             found = read_recording(path, force_unit=unit)
         np.testing.assert_allclose(found.force, FORCE * size, atol=1e-8 * size)
-    with pytest.raises(RecordingError, match="position z_mm is in mm: leave --position-unit out"):
+    with pytest.raises(RecordingError, match="the position z_mm is in mm: leave --position-unit out"):
         read_recording(path, position_unit="m", force_unit="N")
     result = CliRunner().invoke(
         app, ["recordings", "convert", str(path), str(tmp_path / "out.csv"), "--force-unit", "N"]

@@ -69,7 +69,7 @@ def test_what_the_names_leave_open_is_asked_for(tmp_path):
     path = tmp_path / "press.csv"
     pandas.DataFrame({"t": TIME, "x": 1e3 * POSITION, "force": FORCE}).to_csv(path, index=False)
     assert "the unit of the position x is not known" in refused(path)
-    assert "the unit of the force force is not known" in refused(path, position_unit="mm")
+    assert "the unit of force is not known" in refused(path, position_unit="mm")
     path.write_text(path.read_text().replace("force", "force_N", 1))
     assert_press(read_recording(path, position_unit="mm"))
     np.testing.assert_array_equal(

@@ -9,7 +9,7 @@ from report_sessions import make_session
 
 from foretouch.errors import plural
 from foretouch.quantities import measured, parameter_unit
-from foretouch.report import render_text, session_report
+from foretouch.report import IDLE_LAW, render_text, session_report
 from foretouch.report.numbers import parameter_text
 
 
@@ -58,6 +58,11 @@ def test_what_a_session_could_not_determine_is_undetermined() -> None:
     text = render_text(report)
     assert "law        stiffness 3,000 ± 38 N/m^n, damping undetermined, exponent 1.4000 ± 0.0030" in text
     assert "None" not in text
+    for share, idle in ((0.004, True), (0.006, False)):
+        shares = {"law": share, "coarse": 1.0 - share, "fine": 0.0}
+        places = dict.fromkeys(("depths_m", "local_stiffness_N_per_m", "forces_N"), ())
+        figures = {"depth_visited_m": 0.0, "speed_visited_m_per_s": 0.0, "standard_deviation_N": None}
+        assert (IDLE_LAW in render_text({**report, "map": {"shares": shares, **places, **figures}})) == idle
     plain = session_report(log)  # a session of old tells no errors
     assert plain["standard_errors"] is None
     assert plain["parameters"]["damping"] == 1500.0

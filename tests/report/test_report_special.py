@@ -57,7 +57,7 @@ RECORDINGS: dict[str, tuple[Array, Callable[[Array], Array], float]] = {
     "drifts-up": (even(6.0, 1000.0), presses, 0.1),
     "drifts-down": (even(6.0, 1000.0), presses, -0.1),
     "short": (1.0 + even(0.4, 1000.0), presses, 0.0),
-    "two": (np.array([0.0, 0.001]), presses, 0.0),
+    "two": (np.array([0.0, 0.4]), presses, 0.0),
 }
 """Time [s], depth from the time [m], and drift of the force sensor [N/s]."""
 
@@ -73,8 +73,8 @@ EXPECTED: dict[str, tuple[str, tuple[str, ...]]] = {
     "fast": ("ok", ()),
     "drifts-up": ("ok", ("The force in free air drifts by +0.1 N/s",)),
     "drifts-down": ("ok", ("The force in free air drifts by -0.",)),
-    "short": ("nothing_to_score", ("nothing_to_score: no sample lies in the window",)),
-    "two": ("nothing_to_score", ("nothing_to_score: ",)),
+    "short": ("nothing_to_score", ("nothing_to_score: the recording ends after ",)),
+    "two": ("nothing_to_score", ("nothing_to_score: ", "It has 2 samples a second", "The probe never moves")),
 }
 """Status, and how the remarks begin."""
 
@@ -106,7 +106,7 @@ def test_it_is_handled_and_described(folder: Path, tmp_path: Path, name: str) ->
     status, beginnings = EXPECTED[name]
     assert content["status"] == status
     said = content["remarks"]
-    assert len(said) == len(beginnings) + (name == "two"), said  # two samples in one place do not move either
+    assert len(said) == len(beginnings), said
     for sentence, beginning in zip(said, beginnings, strict=False):
         assert sentence.startswith(beginning)
     with forces.open() as rows:
@@ -160,3 +160,13 @@ def test_measured_presses_are_nothing_special_but_for_what_is_known_of_them(meas
     skin = run(measured("aurora/600-mN"), "--json", "--delay", 0.02, "--score-from", 0.5, "--score-to", 1.6)
     (once,) = json.loads(skin.stdout)["remarks"]
     assert once.startswith("It touches once, from 0.9")
+
+
+@pytest.mark.parametrize("name", ["once", "two"])
+def test_a_recording_that_ends_before_scoring_begins_is_said_to(folder: Path, tmp_path: Path, name: str) -> None:
+    said = run(folder / f"{name}.csv", "--score-from", 100, "--report", tmp_path).stdout
+    page = (tmp_path / "index.html").read_text()
+    for text in (said, page):
+        assert "nothing_to_score: the recording ends after" in text
+        assert "before --score-from 100." in text
+        assert "guarded" not in text

@@ -10,6 +10,7 @@ import typer
 
 from foretouch.cli.options import (
     Flip,
+    FlipForce,
     ForceChannel,
     ForceUnit,
     Json,
@@ -53,6 +54,7 @@ def sensor(
     position_unit: PositionUnit = None,
     force_unit: ForceUnit = None,
     flip: Flip = False,
+    flip_force: FlipForce = False,
     force_channel: ForceChannel = "raw",
     map_file: MapFile = None,
     report_directory: ReportDirectory = None,
@@ -94,6 +96,7 @@ def sensor(
             position_unit=position_unit,
             force_unit=force_unit,
             flip=flip,
+            flip_force=flip_force,
             force_channel=force_channel,
             map_file=map_file,
         )
@@ -115,6 +118,7 @@ def compliance(
     position_unit: PositionUnit = None,
     force_unit: ForceUnit = None,
     flip: Flip = False,
+    flip_force: FlipForce = False,
     force_channel: ForceChannel = "raw",
     map_file: MapFile = None,
     report_directory: ReportDirectory = None,
@@ -138,6 +142,7 @@ def compliance(
         position_unit=position_unit,
         force_unit=force_unit,
         flip=flip,
+        flip_force=flip_force,
         force_channel=force_channel,
         map_file=map_file,
     )

@@ -11,6 +11,7 @@ import typer
 from foretouch.cli.options import (
     Cluster,
     Flip,
+    FlipForce,
     ForceChannel,
     ForceUnit,
     Json,
@@ -53,6 +54,7 @@ def compare(
     position_unit: PositionUnit = None,
     force_unit: ForceUnit = None,
     flip: Flip = False,
+    flip_force: FlipForce = False,
     force_channel: ForceChannel = "raw",
     map_file: MapFile = None,
     score_from: Annotated[
@@ -81,6 +83,7 @@ def compare(
         "position_unit": position_unit,
         "force_unit": force_unit,
         "flip": flip,
+        "flip_force": flip_force,
         "force_channel": force_channel,
         "map_file": map_file,
     }

@@ -13,6 +13,7 @@ import typer
 from foretouch.cli.options import (
     EstimatorName,
     Flip,
+    FlipForce,
     ForceChannel,
     ForceOffset,
     ForceUnit,
@@ -59,6 +60,7 @@ def identify(
     position_unit: PositionUnit = None,
     force_unit: ForceUnit = None,
     flip: Flip = False,
+    flip_force: FlipForce = False,
     force_channel: ForceChannel = "raw",
     map_file: MapFile = None,
     out: Annotated[Path | None, typer.Option(help="CSV or Parquet file for the parameters at every sample.")] = None,
@@ -79,6 +81,7 @@ def identify(
         position_unit=position_unit,
         force_unit=force_unit,
         flip=flip,
+        flip_force=flip_force,
         force_channel=force_channel,
         map_file=map_file,
     )
@@ -114,7 +117,7 @@ def identify(
         "residual_rms_N": _finite(residual),
         "residual_percent": percent,
         "status": _identified(data) if math.isfinite(residual) else "no_residual",
-        "hint": _hint(percent),
+        "hint": _hint(data, percent),
     }
     if out is not None:
         write_columns(out, {"time_s": data.time, "in_contact": result.in_contact, **result.history})
@@ -136,6 +139,7 @@ def predict(
     position_unit: PositionUnit = None,
     force_unit: ForceUnit = None,
     flip: Flip = False,
+    flip_force: FlipForce = False,
     force_channel: ForceChannel = "raw",
     map_file: MapFile = None,
     score_from: Annotated[float, typer.Option(help="Scoring begins [s after the first sample].")] = 1.5,
@@ -174,6 +178,7 @@ def predict(
             position_unit=position_unit,
             force_unit=force_unit,
             flip=flip,
+            flip_force=flip_force,
             force_channel=force_channel,
             map_file=map_file,
         )
@@ -209,7 +214,7 @@ def predict(
         **{name: getattr(scores, name) for name in names},
         **found.perception(scores),
         "status": scores.status,
-        "remarks": remarks(found, scores, delay),
+        "remarks": remarks(found, scores, delay, score_from),
     }
     forces = {
         "time_s": found.time,
@@ -235,6 +240,7 @@ def predict(
             position_unit=position_unit,
             force_unit=force_unit,
             flipped=flip or None,
+            force_flipped=flip_force or None,
             map=map_file,
             scored=f"from {score_from:g} s" + (f" to {score_to:g} s" if score_to is not None else ""),
             contact_floor=f"{floor:g} N",
@@ -314,19 +320,29 @@ def _map_of(result: Identification) -> dict[str, object] | None:
 
 
 def _identified(data: Recording) -> str:
-    """Status of an identification: whether the recording's force has a zero that can be known."""
+    """Status of an identification: whether the recording's signs can be right, and its force has a zero to be known."""
     from foretouch.identification.force_zero import is_zero_unobservable
+    from foretouch.recordings import falls_with_depth
 
+    if falls_with_depth(data):
+        return "falls_with_depth"
     return "offset_unobservable" if is_zero_unobservable(data) else "ok"
 
 
-def _hint(residual_percent: float | None) -> str | None:
-    """What to try where the law describes next to nothing of a recording, None where it does."""
+def _hint(data: Recording, residual_percent: float | None) -> str | None:
+    """What to try where a sign is wrong, or the law describes next to nothing of a recording; None elsewhere."""
+    from foretouch.recordings import falls_with_depth
+
+    if falls_with_depth(data):
+        return (
+            "the force falls where it is pressed deeper, and what was learnt is no material: give --flip-force if "
+            "forces are negative under load, --flip if positions shrink with depth; in a map, sign = -1"
+        )
     if residual_percent is None or residual_percent <= WORTHLESS:
         return None
     return (
         f"the law does not describe this recording: its residual is {residual_percent:.0f} % of the force in contact; "
-        "check the signs of force and position (--flip), or try another law (--model)"
+        "check the signs of force and position (--flip-force, --flip), or try another law (--model)"
     )
 
 
@@ -355,6 +371,7 @@ def _finite(value: float) -> float | None:
 def _print_lines(title: str, content: dict[str, Any]) -> None:
     """A result as aligned lines: what is known with an error has as many digits as that allows."""
     from foretouch.quantities import measured
+    from foretouch.report import IDLE_LAW, law_is_idle
     from foretouch.report.numbers import parameter_text
 
     show(title)
@@ -379,6 +396,8 @@ def _print_lines(title: str, content: dict[str, Any]) -> None:
             if alone and content["surface_error_m"]:
                 holds = "holds that of the surface too" if errors else "takes the surface for right: see surface_m"
                 text += f"\n  {'':<28} (each ± {holds})"
+            if content["map"] is not None and law_is_idle(content["map"]):
+                text += f"\n  {'':<28} ({IDLE_LAW})"
         elif error in content:
             text = measured(value, content[error])
         elif isinstance(value, float):

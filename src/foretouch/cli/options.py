@@ -27,6 +27,7 @@ __all__ = [
     "Duration",
     "EstimatorName",
     "Flip",
+    "FlipForce",
     "ForceChannel",
     "ForceOffset",
     "ForceUnit",
@@ -50,7 +51,8 @@ __all__ = [
 ]
 
 LAWS_HELP = (
-    "Contact law: contact-map, or continuous-switching (the paper's), hunt-crossley, kelvin-voigt, threshold-switching."
+    "Contact law: contact-map, or continuous-switching (the paper's), hunt-crossley, kelvin-voigt, "
+    "threshold-switching, quadratic (that of scenes)."
 )
 ModelName = Annotated[str, typer.Option("--model", help=LAWS_HELP)]
 EstimatorName = Annotated[
@@ -84,6 +86,7 @@ ForceUnit = Annotated[
     str | None, typer.Option(help="Unit of forces, where the file states none: N, mN, cN or kN; force_N: N.")
 ]
 Flip = Annotated[bool, typer.Option("--flip", help="Positions in the file shrink with depth.")]
+FlipForce = Annotated[bool, typer.Option("--flip-force", help="Forces in the file are negative under load.")]
 ForceChannel = Annotated[str, typer.Option(help="Force of a TU/e file: raw bridge or logged torque.")]
 Surface = Annotated[str, typer.Option(help="Position of the surface [m], or auto.")]
 ForceOffset = Annotated[str, typer.Option(help="Force in free air [N], or auto.")]

@@ -55,6 +55,7 @@ def read_and_say(
     position_unit: str | None = None,
     force_unit: str | None = None,
     flip: bool = False,
+    flip_force: bool = False,
     force_channel: str = "raw",
     map_file: Path | None = None,
 ) -> Recording:
@@ -68,6 +69,7 @@ def read_and_say(
         position_unit=position_unit,
         force_unit=force_unit,
         flip=flip,
+        flip_force=flip_force,
         force_channel=force_channel,
         map_file=map_file,
     )
@@ -82,6 +84,7 @@ def say_how_it_is_read(
     position_unit: str | None,
     force_unit: str | None,
     flip: bool,
+    flip_force: bool,
     force_channel: str,
     map_file: Path | None,
 ) -> None:
@@ -97,6 +100,7 @@ def say_how_it_is_read(
             position_unit=position_unit,
             force_unit=force_unit,
             flip=flip,
+            flip_force=flip_force,
             force_channel=force_channel,
             map_file=map_file,
         )

@@ -12,6 +12,7 @@ import typer
 
 from foretouch.cli.options import (
     Flip,
+    FlipForce,
     ForceChannel,
     ForceUnit,
     Json,
@@ -77,6 +78,9 @@ def inspect(
     save: Annotated[
         Path | None, typer.Option("--save", help="TOML file for the guessed map, to be completed and given with --map.")
     ] = None,
+    overwrite: Annotated[
+        bool, typer.Option("--overwrite", help="Let --save replace a file that says something else.")
+    ] = False,
     topic: Annotated[str | None, typer.Option("--topic", help="Show the fields of this topic's messages.")] = None,
     show_all: Annotated[bool, typer.Option("--all", help=f"Show all topics, not the first {MOST_SHOWN}.")] = False,
     json_output: Json = False,
@@ -85,7 +89,7 @@ def inspect(
 
     Example: foretouch recordings inspect press.csv --save map.toml
     """
-    from foretouch.recordings import atomic_path, inspect_recording
+    from foretouch.recordings import inspect_recording
 
     if save is not None:
         _require_elsewhere("save", save, path)
@@ -95,10 +99,7 @@ def inspect(
     if save is not None:
         if found.guess is None:
             raise SettingError("save", str(save), f"{path} is {found.stated}")
-        if save.exists() and save.read_text(encoding="utf-8", errors="replace") != found.guess.text():
-            raise SettingError("save", str(save), "says something else already: remove it, or name another file")
-        with atomic_path(save) as part:
-            part.write_text(found.guess.text(), encoding="utf-8")
+        _save_map(save, found.guess.text(), overwrite)
     if json_output:
         print_json(found.as_json())
     else:
@@ -115,6 +116,7 @@ def convert(
     position_unit: PositionUnit = None,
     force_unit: ForceUnit = None,
     flip: Flip = False,
+    flip_force: FlipForce = False,
     force_channel: ForceChannel = "raw",
     json_output: Json = False,
 ) -> None:
@@ -132,6 +134,7 @@ def convert(
         position_unit=position_unit,
         force_unit=force_unit,
         flip=flip,
+        flip_force=flip_force,
         force_channel=force_channel,
         map_file=map_file,
     )
@@ -143,6 +146,16 @@ def convert(
         print_json({"path": str(output), "samples": len(recording), "duration_s": seconds, "velocity": velocity})
     else:
         show(f"{output}: {plural(len(recording), 'sample')} in {seconds:.3f} s")
+
+
+def _save_map(path: Path, text: str, overwrite: bool) -> None:
+    """Write a map; one that says something else may have been completed by hand, and is replaced only if asked for."""
+    from foretouch.recordings import atomic_path
+
+    if path.is_file() and not overwrite and path.read_text(encoding="utf-8", errors="replace") != text:
+        raise SettingError("save", str(path), "says something else already: name another file, or give --overwrite")
+    with atomic_path(path) as part:
+        part.write_text(text, encoding="utf-8")
 
 
 def _require_elsewhere(name: str, output: Path, path: Path) -> None:

@@ -10,7 +10,7 @@ from typing import Annotated
 import typer
 
 from foretouch.cli.options import Json, print_json, say, show
-from foretouch.errors import SettingError, one_line
+from foretouch.errors import InputError, one_line
 
 __all__ = ["COMMANDS", "release"]
 
@@ -84,6 +84,14 @@ def _the_one(process: int | None) -> tuple[int, str]:
         if time.monotonic() > end:
             break
         time.sleep(LOOK)
-    numbers = ", ".join(map(str, stopped)) or "none"
-    rule = f"must be one of this user's followers on this machine that wait to be released: {numbers}"
-    raise SettingError("process", "not given" if process is None else process, rule)
+    raise InputError(_none_or_several(process, sorted(stopped)))
+
+
+def _none_or_several(process: int | None, stopped: list[int]) -> str:
+    """Why none is released: nobody waits, another does, or several do and it is not said which."""
+    if not stopped:
+        return "no follower of yours on this machine waits to be released"
+    numbers = ", ".join(map(str, stopped))
+    if process is None:
+        return f"followers {numbers} of yours wait to be released: say which, such as `foretouch release {stopped[0]}`"
+    return f"process {process} is no follower of yours that waits to be released; these are: {numbers}"

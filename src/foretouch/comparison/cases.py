@@ -31,6 +31,7 @@ class Case:
         position_unit: Of the file, as `read_recording`.
         force_unit: Of the file.
         flip: Of the file.
+        flip_force: Of the file.
         force_channel: Of the file.
         map_file: Map of its columns or topics, absolute, empty for none.
         changed_ns: When the file was changed last, so that a worker does not take an old one for it.
@@ -43,6 +44,7 @@ class Case:
     position_unit: str | None = None
     force_unit: str | None = None
     flip: bool = False
+    flip_force: bool = False
     force_channel: str = "raw"
     map_file: str = ""
     changed_ns: int = 0
@@ -119,6 +121,7 @@ def load(case: Case) -> Loaded:
         position_unit=case.position_unit,
         force_unit=case.force_unit,
         flip=case.flip,
+        flip_force=case.flip_force,
         force_channel=case.force_channel,
         map_file=case.map_file or None,
     )

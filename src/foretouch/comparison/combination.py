@@ -19,7 +19,7 @@ from foretouch.comparison.truth import Truth, convergence, local_stiffness, para
 from foretouch.errors import ForetouchError, SettingError
 from foretouch.identification import Learner, identify, make_estimator
 from foretouch.models.checks import require
-from foretouch.report import Forces, forces_under_delay
+from foretouch.report import Forces, forces_under_delay, require_delay_within
 
 __all__ = ["SWEEP", "Combination", "Scoring", "failed", "inseparable", "measure", "try_combination"]
 
@@ -104,9 +104,11 @@ def measure(job: Combination) -> Result:
     """Measure one combination.
 
     Raises:
-        ForetouchError: The recording cannot be read, or nothing can be identified from it.
+        ForetouchError: The recording cannot be read, is no longer than a delay, or nothing can be identified from it.
     """
     loaded = load(job.case)
+    for delay in job.scoring.delays:
+        require_delay_within(loaded.recording if loaded.log is None else loaded.log, delay)
     floor = loaded.recording.contact_floor
     learner = Learner(make_estimator(job.model, job.estimator), contact_floor=floor)
     begin = perf_counter()

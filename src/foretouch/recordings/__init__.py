@@ -10,6 +10,7 @@ from foretouch.recordings.convert import OUTPUTS, write_recording
 from foretouch.recordings.datasets import DATA_DIR, DATASETS, Dataset, Origin, excerpt, fetch, fetch_all, list_datasets
 from foretouch.recordings.follower_samples import FollowerSamples, follower_samples, read_follower_samples
 from foretouch.recordings.inspection import Contents, inspect_recording
+from foretouch.recordings.mapped import falls_with_depth
 from foretouch.recordings.mapping import Mapping, Signal, TimeSource, Velocity, read_mapping, write_mapping
 from foretouch.recordings.opening import SUFFIXES, open_source
 from foretouch.recordings.output import atomic_path, write_columns
@@ -44,6 +45,7 @@ __all__ = [
     "Velocity",
     "atomic_path",
     "excerpt",
+    "falls_with_depth",
     "fetch",
     "fetch_all",
     "follower_samples",

@@ -7,16 +7,24 @@ import re
 import unicodedata
 from typing import Final, NamedTuple
 
-__all__ = ["Named", "is_unit", "name_says", "rank"]
+__all__ = ["BY_WORD", "Named", "is_unit", "name_says", "rank"]
 
 TIME, POSITION, FORCE, VELOCITY = "time", "position", "force", "velocity"
 
+PRESSED: Final = (
+    "indentation indent penetration compression eindringung eindruck stauchung kompression enfoncement indentacion "
+    "penetracion compresion indentazione penetrazione compressione indrukking indringing compressie indentacao "
+    "penetracao compressao wglebienie penetracja kompresja vtisk komprese painuma puristuma benyomodas intryckning "
+    "压入 压缩 压痕 圧入 圧縮 押込み вдавливание сжатие"
+)
+"""Positions by themselves; beside a word of forces they say which force: ``Force de compression``."""
+
 WORDS: Final = {
     TIME: "time timestamp stamp seconds zeit temps tiempo tempo tijd tid czas cas aika idő 时间 時間 время",
-    POSITION: "position pos depth displacement disp travel indentation extension elongation deflection crosshead "
+    POSITION: "position pos depth displacement disp travel extension elongation deflection crosshead "
     "stroke weg tiefe eindringtiefe lage hub traverse verformung langenanderung deplacement profondeur "
     "posicion desplazamiento profundidad posizione spostamento profondita positie verplaatsing diepte posicao "
-    "deslocamento pozycja przemieszczenie poloha 位置 位移 変位 深さ положение перемещение",
+    f"deslocamento pozycja przemieszczenie poloha 位置 位移 変位 深さ положение перемещение {PRESSED}",
     FORCE: "force load kraft last effort fuerza carga forza carico kracht forca sila сила усилие 力 荷重",
     VELOCITY: "velocity vel speed geschwindigkeit vitesse velocidad velocita snelheid velocidade hastighet predkosc "
     "速度 скорость",
@@ -34,6 +42,9 @@ ASKED_FOR: Final = "setpoint desired target commanded command cmd reference ref 
 
 LETTERS: Final = {TIME: "t", POSITION: "x z s d", FORCE: "f fz fn"}
 """Symbols of each quantity, which count where nothing better is there."""
+
+BY_WORD: Final = 2.0
+"""Least rank of a name that has a word of its quantity, and not a symbol alone."""
 
 UNITS: Final = {
     TIME: {
@@ -84,6 +95,8 @@ def rank(quantity: str, named: Named) -> tuple[float, str]:
     """How well a name fits a quantity, 0 where it does not, and its unit as a map writes it, or empty."""
     words = [word for word in named.words if not word.isdigit()]
     known = _words(quantity)
+    if quantity == POSITION and set(words) & _words(FORCE):
+        known -= frozenset(_plain(PRESSED).split())
     unit = _unit(quantity, named.unit)
     if named.unit == "%":
         return 0.0, ""  # of a length, and so a strain
@@ -101,7 +114,7 @@ def rank(quantity: str, named: Named) -> tuple[float, str]:
     elif words and words[-1] in known:
         score = 3.0
     elif set(words) & known:
-        score = 2.0
+        score = BY_WORD
     elif words and words[-1] in LETTERS.get(quantity, "").split():
         score = 1.0
     return (score + 0.5 * bool(unit), unit) if score else (0.0, unit)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import msgspec
 
 from foretouch.errors import RecordingError
-from foretouch.recordings.column_names import FORCE, POSITION, TIME, VELOCITY, Named, name_says, rank
+from foretouch.recordings.column_names import BY_WORD, FORCE, POSITION, TIME, VELOCITY, Named, name_says, rank
 from foretouch.recordings.mapping import (
     FORCES,
     LENGTHS,
@@ -26,10 +26,14 @@ from foretouch.recordings.mapping import (
 from foretouch.recordings.robot_names import robot_column
 from foretouch.recordings.source import Bag, Column, Table, listed
 from foretouch.recordings.topic_choice import axis_note, choose_topic
+from foretouch.recordings.units import Units
 
 __all__ = ["Guess", "guess_mapping"]
 
 HELP = "`foretouch recordings inspect` writes what is known with --save FILE.toml: complete it, and give it with --map"
+
+UNIT_OPTIONS = {"position": "--position-unit mm", "force": "--force-unit N"}
+"""What says a unit that is not known, by example."""
 
 _NUMBER = re.compile(r"[-+]?[\d.,]+(e[-+]?\d+)?\s*\Z", re.IGNORECASE)
 
@@ -73,9 +77,10 @@ class Guess:
             if self.stated is not None or signal is None:
                 continue
             if signal.unit == UNKNOWN:
-                said.append(f"the unit of the {name} {signal.place} is not known ({', '.join(units)})")
+                said.append(f"the unit of {_called(name, signal)} is not known ({', '.join(units)})")
             elif signal.unit in NEEDS_SCALE:
-                said.append(f"{name} {signal.place} is in {signal.unit} and needs a scale, {NEEDS_SCALE[signal.unit]}")
+                needed = NEEDS_SCALE[signal.unit]
+                said.append(f"{_called(name, signal)} is in {signal.unit} and needs a scale, {needed}")
         return tuple(said)
 
     def mapping(self) -> Mapping:
@@ -87,36 +92,43 @@ class Guess:
         if self.stated is not None:
             return self.stated
         if self.open or self.position is None or self.force is None:
-            raise RecordingError(self.path, f"{self.open[0]}; {HELP}")
+            raise RecordingError(self.path, self._what_to_do())
         mapping = Mapping(self.position, self.force, self.time, self.velocity, contact_floor=self.contact_floor)
         check_mapping(self.path, mapping)
         return mapping
 
-    def in_units(self, position_unit: str | None, force_unit: str | None, flip: bool) -> Guess:
-        """The same with units where the file states none, and with positions turned round.
+    def _what_to_do(self) -> str:
+        """What is open, and what says it: options where it is units alone."""
+        signals = {"position": self.position, "force": self.force}
+        unknown = [name for name, signal in signals.items() if signal is not None and signal.unit == UNKNOWN]
+        if None in signals.values() or self.problems or len(unknown) < len(self.open):
+            return f"{self.open[0]}; {HELP}"
+        options = " and ".join(UNIT_OPTIONS[name] for name in unknown)
+        return f"{'; '.join(self.open)}: give {options}, say; or {HELP}"
+
+    def in_units(self, units: Units) -> Guess:
+        """The same with units where the file states none, and with positions or forces turned round.
 
         Args:
-            position_unit: None where nobody has said it.
-            force_unit: Likewise.
-            flip: Whether positions shrink with depth.
+            units: As they were given.
 
         Raises:
             RecordingError: The file states another unit.
         """
-        position = self._with(self.position, "position", position_unit)
-        force = self._with(self.force, "force", force_unit)
-        if flip and position is not None:
-            position = msgspec.structs.replace(position, sign=-1 if position.sign == 1 else 1)
+        position = self._with(self.position, "position", units.position, units.flip)
+        force = self._with(self.force, "force", units.force, units.flip_force)
         stated = self.stated
         if stated is not None and position is not None and force is not None:
             stated = msgspec.structs.replace(stated, position=position, force=force)
         return replace(self, position=position, force=force, stated=stated)
 
-    def _with(self, signal: Signal | None, name: str, unit: str | None) -> Signal | None:
+    def _with(self, signal: Signal | None, name: str, unit: str | None, flip: bool) -> Signal | None:
+        if signal is not None and flip:
+            signal = msgspec.structs.replace(signal, sign=-1 if signal.sign == 1 else 1)
         if signal is None or unit is None:
             return signal
         if signal.unit not in (UNKNOWN, unit):
-            problem = f"{name} {signal.place} is in {signal.unit}: leave --{name}-unit out, or give a --map"
+            problem = f"{_called(name, signal)} is in {signal.unit}: leave --{name}-unit out, or give a --map"
             raise RecordingError(self.path, problem)
         return msgspec.structs.replace(signal, unit=unit)
 
@@ -135,6 +147,12 @@ class Guess:
         blank = Signal(column=UNKNOWN) if self.time.column or self.time.rate else Signal(topic=UNKNOWN, field=UNKNOWN)
         mapping = Mapping(self.position or blank, self.force or blank, self.time, self.velocity)
         return "\n".join([*comments, mapping_text(mapping)])
+
+
+def _called(quantity: str, signal: Signal) -> str:
+    """A signal for people: its column alone where that is named like its quantity."""
+    named = rank(quantity, name_says(signal.column))[0] >= BY_WORD
+    return signal.place if named else f"the {quantity} {signal.place}"
 
 
 def guess_mapping(source: Table | Bag) -> Guess:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from dataclasses import dataclass, field, replace
 from os import PathLike
 from typing import Any
@@ -9,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from foretouch.errors import RecordingError
+from foretouch.errors import RecordingError, plural
 from foretouch.files import within_budget
 from foretouch.quantities import Brief, Recording
 from foretouch.recordings.aurora_ddf import CONTACT_FLOOR as AURORA_FLOOR
@@ -147,27 +148,66 @@ def _of_table(table: Table, suffix: str) -> Contents:
         guess, stated = guess_mapping(table), ""
     columns = tuple(replace(one, unit=name_says(one.name, one.unit).unit) for one in table.columns)
     duration, rate = None, None
-    notes = list(table.notes)
     time = guess.time if guess.stated is None else guess.stated.time
-    if time.column in {column.name for column in columns}:
-        try:
-            seconds = table.read([time.column])[time.column] / TIMES[time.unit]
-        except RecordingError as error:
-            notes.append(str(error))
-        else:
-            columns = tuple(
-                column if column.count is not None else replace(column, count=seconds.size) for column in columns
-            )
-            if seconds.size > 1 and np.isfinite(seconds).all():
-                duration = float(seconds[-1] - seconds[0])
-                step = float(np.median(np.diff(seconds)))
-                rate = 1.0 / step if step > 0.0 else None
+    values, notes = _taken(table, guess, time.column)
+    notes = [*table.notes, *notes, *_missing(table, values)]
+    if time.column in values:
+        notes += _backwards(table, time.column, values[time.column])
+        seconds = values[time.column] / TIMES[time.unit]
+        columns = tuple(
+            column if column.count is not None else replace(column, count=seconds.size) for column in columns
+        )
+        if seconds.size > 1 and np.isfinite(seconds).all():
+            duration = float(seconds[-1] - seconds[0])
+            step = float(np.median(np.diff(seconds)))
+            rate = 1.0 / step if step > 0.0 else None
     if rate is not None and not 1.0 <= rate <= 1e5 and not stated:
         notes.append(f"{rate:.4g} samples a second: is the unit of time {time.unit}?")
     return Contents(
         str(table.path), table.format, columns, duration_s=duration, rate=rate, stated=stated, guess=guess,
         notes=tuple(notes),
     )  # fmt: skip
+
+
+def _taken(table: Table, guess: Guess, time: str) -> tuple[dict[str, NDArray[np.float64]], list[str]]:
+    """The columns that the guess takes, as far as they can be read, and why others cannot."""
+    signals = (guess.position, guess.force, guess.velocity)
+    there = {column.name for column in table.columns}
+    wanted = dict.fromkeys([time, *(signal.column for signal in signals if signal is not None)])
+    names = [name for name in wanted if name in there]
+    with contextlib.suppress(RecordingError):
+        return (table.read(names) if names else {}), []
+    values: dict[str, NDArray[np.float64]] = {}
+    notes = []
+    for name in names:
+        try:
+            values |= table.read([name])
+        except RecordingError as error:
+            notes.append(str(error))
+    return values, notes
+
+
+def _missing(table: Table, columns: dict[str, NDArray[np.float64]]) -> list[str]:
+    """A sentence for each column in which numbers are missing, with their count."""
+    notes = []
+    for name, values in columns.items():
+        bad = np.flatnonzero(~np.isfinite(values))
+        if bad.size:
+            row = table.row_of(int(bad[0]))
+            count = f"{bad.size:,} of {plural(values.size, 'value')} {'is' if bad.size == 1 else 'are'}"
+            notes.append(f"{table.path}, row {row}: {name} is {values[bad[0]]:g}; {count} no finite number")
+    return notes
+
+
+def _backwards(table: Table, name: str, time: NDArray[np.float64]) -> list[str]:
+    """A sentence where time does not go on from a row to the next."""
+    late = np.flatnonzero(np.diff(time) <= 0.0) + 1
+    if not late.size:
+        return []
+    row, before, now = table.row_of(int(late[0])), time[late[0] - 1], time[late[0]]
+    said = f"stands still at {now:.9g}" if now == before else f"goes back from {before:.9g} to {now:.9g}"
+    more = f", the first of {late.size:,} rows in which it does not increase" if late.size > 1 else ""
+    return [f"{table.path}, row {row}: {name} {said}{more}"]
 
 
 def _tue_guess(table: Table) -> Guess:

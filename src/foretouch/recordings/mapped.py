@@ -12,7 +12,7 @@ from foretouch.recordings.mapping import FORCES, LENGTHS, TIMES, Mapping, to_si
 from foretouch.recordings.source import Bag, Series, Table
 from foretouch.recordings.topic_choice import LEAST_RATE
 
-__all__ = ["read_mapped"]
+__all__ = ["falls_with_depth", "read_mapped"]
 
 Array = NDArray[np.float64]
 
@@ -150,16 +150,35 @@ def _of_size_one(values: Array) -> Array:
     return values / largest if largest > 0.0 else values
 
 
+def falls_with_depth(recording: Recording) -> bool:
+    """Whether the force falls where the probe is deeper: the sign of one of them is wrong, as it seems."""
+    position, force = _seen(recording)
+    return _together(position, force) < DEEPER_WITH_LESS_FORCE
+
+
 def _doubts(recording: Recording) -> list[str]:
     """A sentence where signs look wrong: what presses is deeper, and its force positive."""
-    few = slice(None, None, 1 + len(recording) // LOOKED_AT)  # an hour's samples need not all be looked at
-    force, position = _of_size_one(recording.force[few]), _of_size_one(recording.position[few])
-    if np.ptp(force) < LEAST_CHANGE or np.ptp(position) < LEAST_CHANGE:
+    position, force = _seen(recording)
+    if _still(position) or _still(force):
         return []
     notes, turned = [], force.min() < 0.0 and -force.min() > 2.0 * force.max()
     if turned:
-        notes.append("forces are mostly negative: if that is under load, [force] sign = -1 turns them")
-    together = float(np.corrcoef(position, -force if turned else force)[0, 1])
-    if together < DEEPER_WITH_LESS_FORCE:
+        notes.append("forces are mostly negative: under load, [force] sign = -1, or --flip-force, turns them")
+    if _together(position, -force if turned else force) < DEEPER_WITH_LESS_FORCE:
         notes.append("positions shrink as the force grows: [position] sign = -1, or --flip, turns them")
     return notes
+
+
+def _seen(recording: Recording) -> tuple[Array, Array]:
+    """Positions and forces over their largest: of an hour's samples, not all need be looked at."""
+    few = slice(None, None, 1 + len(recording) // LOOKED_AT)
+    return _of_size_one(recording.position[few]), _of_size_one(recording.force[few])
+
+
+def _still(values: Array) -> bool:
+    return float(np.ptp(values)) < LEAST_CHANGE
+
+
+def _together(position: Array, force: Array) -> float:
+    """Correlation of position and force, 0 where one of them does not change."""
+    return 0.0 if _still(position) or _still(force) else float(np.corrcoef(position, force)[0, 1])

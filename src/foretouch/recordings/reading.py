@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 import warnings
+from dataclasses import replace
 from os import PathLike
 from pathlib import Path
 from typing import NamedTuple
@@ -54,6 +55,7 @@ def read_recording(
     position_unit: str | None = None,
     force_unit: str | None = None,
     flip: bool = False,
+    flip_force: bool = False,
     force_channel: str = "raw",
     map_file: str | PathLike[str] | None = None,
     budget: float | None = None,
@@ -77,6 +79,7 @@ def read_recording(
             ``"cm"``, ``"mm"`` or ``"um"``; velocities are in the same a second.
         force_unit: What its forces are in: ``"N"``, ``"mN"``, ``"cN"`` or ``"kN"``.
         flip: Whether positions grow out of the material; position and velocity then change sign.
+        flip_force: Whether forces are negative under load; they then change sign.
         force_channel: For TU/e recordings ``"raw"`` (the force bridge) or ``"logged"`` (the low-pass filtered torque).
         map_file: TOML file of a `Mapping`: which column or message field is what, in which unit.
         budget: How many times the usual memory and time its reading may take, which is done in a process of its own
@@ -92,6 +95,7 @@ def read_recording(
         position_unit=position_unit,
         force_unit=force_unit,
         flip=flip,
+        flip_force=flip_force,
         force_channel=force_channel,
         map_file=map_file,
         budget=budget,
@@ -107,6 +111,7 @@ def read_with_notes(
     position_unit: str | None = None,
     force_unit: str | None = None,
     flip: bool = False,
+    flip_force: bool = False,
     force_channel: str = "raw",
     map_file: str | PathLike[str] | None = None,
     budget: float | None = None,
@@ -118,7 +123,7 @@ def read_with_notes(
         UnknownNameError: As there.
         MissingExtraError: As there.
     """
-    units = Units(position_unit, force_unit, flip)
+    units = Units(position_unit, force_unit, flip, flip_force)
     if force_channel not in FORCE_CHANNELS:
         raise UnknownNameError("force channel", force_channel, FORCE_CHANNELS)
     suffix = require_readable(path)
@@ -127,7 +132,8 @@ def read_with_notes(
     if map_file is None:
         return within_budget(path, budget, _by_itself, path, suffix, units, force_channel)
     if units != Units() or force_channel != "raw":
-        raise RecordingError(map_file, "a map states units and signs: leave --position-unit, --force-unit, --flip out")
+        given = "--position-unit, --force-unit, --flip, --flip-force"
+        raise RecordingError(map_file, f"a map states units and signs: leave {given} out")
     return within_budget(path, budget, _by_given_map, path, read_mapping(map_file))
 
 
@@ -161,13 +167,13 @@ def _by_itself(path: str | PathLike[str], suffix: str, units: Units, force_chann
     if (stated or tue) and (units.position or units.force):
         raise RecordingError(path, f"a {suffix} file states its own units: leave --position-unit and --force-unit out")
     if suffix == ".npz":
-        return Read(recording_of(path, force_channel, flip=units.flip), (), None)
+        return _stated(recording_of(path, force_channel, flip=units.flip), units)
     if suffix == ".ddf":
-        return Read(read_aurora(path, flip=units.flip), (), None)
+        return _stated(read_aurora(path, flip=units.flip), units)
     if tue:
-        return Read(read_tue(path, force_channel, flip=units.flip), (), None)
+        return _stated(read_tue(path, force_channel, flip=units.flip), units)
     if stated:
-        return Read(read_follower(path, flip=units.flip), (), None)
+        return _stated(read_follower(path, flip=units.flip), units)
     source = open_source(path)
     if force_channel != "raw":
         raise RecordingError(path, "only a TU/e recording has another --force-channel: leave it out")
@@ -181,16 +187,21 @@ def _by_itself(path: str | PathLike[str], suffix: str, units: Units, force_chann
         names = [column.name for column in source.columns]
         if set(REQUIRED) & set(names):  # whoever named one column so meant the others too
             require_names(path, names, REQUIRED, row=1)
-    mapping = guess.in_units(units.position, units.force, units.flip).mapping()
+    mapping = guess.in_units(units).mapping()
     read = _by_map(source, mapping, guessed=not source.stated_map)
     return read._replace(notes=(*read.notes, *guess.notes))
+
+
+def _stated(recording: Recording, units: Units) -> Read:
+    """A recording in a format that states what it holds, its forces turned round if that is asked for."""
+    return Read(replace(recording, force=-recording.force) if units.flip_force else recording, (), None)
 
 
 def _by_names(names: list[str], units: Units) -> Mapping:
     """The map of a table whose columns are named as the contract has them."""
     return Mapping(
         Signal(column="position_m", unit=units.position or "m", sign=-1 if units.flip else 1),
-        Signal(column="force_N", unit=units.force or "N"),
+        Signal(column="force_N", unit=units.force or "N", sign=-1 if units.flip_force else 1),
         TimeSource(column="time_s"),
         Velocity(column=VELOCITY) if VELOCITY in names else None,
     )

@@ -27,6 +27,7 @@ class Units:
         position: Unit of positions; velocities are in that unit a second. None where nobody has said it.
         force: Unit of forces, likewise.
         flip: Whether positions grow out of the material, so that they change sign.
+        flip_force: Whether forces are negative under load, so that they change sign.
 
     Raises:
         UnknownNameError: A unit that is not known.
@@ -35,6 +36,7 @@ class Units:
     position: str | None = None
     force: str | None = None
     flip: bool = False
+    flip_force: bool = False
 
     def __post_init__(self) -> None:
         for kind, name, known in (

@@ -3,7 +3,7 @@
 from foretouch.report.calibration_page import write_calibration_page
 from foretouch.report.drawing import COLOURS, finished, legend, new_figure
 from foretouch.report.energy import energy_account, energy_figures, exact_energy
-from foretouch.report.forces import Forces, forces_under_delay
+from foretouch.report.forces import Forces, forces_under_delay, require_delay_within
 from foretouch.report.free_hand import free_hand
 from foretouch.report.guarded import guarded_runs
 from foretouch.report.hand import hand_figures
@@ -20,11 +20,12 @@ from foretouch.report.scene_drawing import map_figure, pose_figure
 from foretouch.report.scores import STATUSES, Scores, delayed, lowest_mean, score
 from foretouch.report.session import CONTACT_FLOOR, session_report
 from foretouch.report.swings import oscillation, swings, turning_points
-from foretouch.report.text import findings, map_lines, render_text
+from foretouch.report.text import IDLE_LAW, findings, law_is_idle, map_lines, render_text
 
 __all__ = [
     "COLOURS",
     "CONTACT_FLOOR",
+    "IDLE_LAW",
     "STATUSES",
     "Contact",
     "Forces",
@@ -47,6 +48,7 @@ __all__ = [
     "guarded_runs",
     "hand_figures",
     "largest_jump",
+    "law_is_idle",
     "left_out",
     "legend",
     "look_at_scene",
@@ -63,6 +65,7 @@ __all__ = [
     "render_text",
     "rendered_jump",
     "replay_figure",
+    "require_delay_within",
     "scene_figures",
     "score",
     "session_report",

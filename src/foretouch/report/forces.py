@@ -7,8 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from foretouch.errors import SettingError
 from foretouch.identification import Learner, predict
 from foretouch.messages import SessionLog
+from foretouch.models.checks import require
 from foretouch.quantities import ByValue, Recording
 from foretouch.report.pairs import not_scored, pair
 from foretouch.report.perception import LargestJump, largest_jump, time_to_accuracy
@@ -16,7 +18,7 @@ from foretouch.report.scores import Scores, delayed, lowest_mean
 from foretouch.report.session import CONTACT_FLOOR
 from foretouch.session import replay
 
-__all__ = ["Forces", "forces_under_delay"]
+__all__ = ["Forces", "forces_under_delay", "require_delay_within"]
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -65,6 +67,24 @@ class Forces(ByValue):
         return {**jump.figures("largest_update_jump"), "time_to_ten_percent_s": accurate}
 
 
+def require_delay_within(source: Recording | SessionLog, delay: float) -> None:
+    """Refuse a delay under which nothing of a recording arrives before it ends.
+
+    Args:
+        source: The recording, or the session, whose longest stretch is taken.
+        delay: Of the forces [s].
+
+    Raises:
+        SettingError: It is below 0, not finite, or as long as the recording or longer.
+    """
+    require("delay", delay, at_least=0.0)
+    time = source.time if isinstance(source, Recording) else source.longest().leader["time_ns"] * 1e-9
+    length = float(time[-1] - time[0]) if time.size else 0.0
+    if time.size and delay >= length:
+        rule = f"the recording is {length:.3g} s long, and nothing would arrive before it ends: give a shorter delay"
+        raise SettingError("delay", delay, rule)
+
+
 def forces_under_delay(source: Recording | SessionLog, learner: Learner, delay: float) -> Forces:
     """Predict a recording's force, or a session's at the leader's own motion, whose forces are known late.
 
@@ -75,8 +95,9 @@ def forces_under_delay(source: Recording | SessionLog, learner: Learner, delay: 
 
     Raises:
         RecordingError: A session with a side missing.
-        SettingError: A delay below 0.
+        SettingError: As `require_delay_within`.
     """
+    require_delay_within(source, delay)
     if isinstance(source, Recording):
         felt = source.force - lowest_mean(source.time, source.force)
         predicted = predict(source, learner, delay=delay)

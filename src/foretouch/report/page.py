@@ -102,13 +102,14 @@ def write_prediction_page(
     """
     status, remarks = figures["status"], figures.get("remarks", ())
     figures = {key: value for key, value in figures.items() if key != "remarks"}
+    told = {status} if any(remark.startswith(f"{status}: ") for remark in remarks) else set()
     by = "".join(f"{what.capitalize()}: {made[what]}. " for what in ("law", "estimator") if made and what in made)
     said = f"{by}Forces known {figures['delay_s']:g} s late. Status: {status}."
     body = [
         f"<h1>Prediction on {escape(name)}</h1>",
         f'<p class="quiet">{escape(said)}</p>',
         *_sentences([Finding(remark, False) for remark in remarks]),
-        *_sentences([finding for finding in scoring_findings(figures) if finding.text not in remarks]),
+        *_sentences([finding for finding in scoring_findings(figures) if finding.text.partition(":")[0] not in told]),
         _tiles(figures),
     ]
     columns = {key: np.asarray(column) for key, column in forces.items()}

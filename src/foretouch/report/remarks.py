@@ -40,7 +40,7 @@ CLEAR = 3.0
 """Drift over the recording is told where it is so many times what remains beside it."""
 
 
-def remarks(forces: Forces, scores: Scores, delay: float) -> tuple[str, ...]:
+def remarks(forces: Forces, scores: Scores, delay: float, score_from: float | None = None) -> tuple[str, ...]:
     """Sentences on what is special about a recording: none for most.
 
     Among them: what the status means where it is not ``ok``; a recording that begins in contact, touches only once,
@@ -50,14 +50,15 @@ def remarks(forces: Forces, scores: Scores, delay: float) -> tuple[str, ...]:
         forces: Of the recording.
         scores: What `score` gave of them, all samples among them.
         delay: Of the forces [s].
+        score_from: Where scoring was to begin [s after the first sample], where that is known.
     """
-    return tuple(_said(forces, scores, delay))
+    return tuple(_said(forces, scores, delay, score_from))
 
 
-def _said(forces: Forces, scores: Scores, delay: float) -> Iterator[str]:
+def _said(forces: Forces, scores: Scores, delay: float, score_from: float | None) -> Iterator[str]:
     time = forces.time - (forces.time[0] if forces.time.size else 0.0)
     if scores.status != "ok":
-        yield f"{scores.status}: {STATUSES[scores.status]}."
+        yield f"{scores.status}: {_meaning(scores.status, time, forces.skipped is None, score_from)}."
     if time.size > 1:
         yield from _of_time(time)
         if not np.ptp(forces.position) > 0.0:
@@ -67,6 +68,15 @@ def _said(forces: Forces, scores: Scores, delay: float) -> Iterator[str]:
     if scores.status in ("ok", "prediction_not_finite") and scores.in_contact.any():
         drift = list(_of_drift(time, forces.position, scores))
         yield from drift or _of_touches(time, scores.in_contact, delay)  # what drifts cannot tell when it touches
+
+
+def _meaning(status: str, time: Array, all_count: bool, score_from: float | None) -> str:
+    """What a status means for this recording."""
+    if status == "nothing_to_score" and score_from is not None and time.size and time[-1] < score_from:
+        return f"the recording ends after {time[-1]:.3g} s, before --score-from {score_from:g}"
+    if status == "nothing_to_score" and all_count:
+        return "no sample lies in the window"
+    return STATUSES[status]
 
 
 def _of_time(time: Array) -> Iterator[str]:

@@ -23,7 +23,10 @@ from foretouch.report.safety_text import safety_lines, safety_sentences, stretch
 from foretouch.report.scene_text import scene_lines, scene_sentences
 from foretouch.report.scores import STATUSES
 
-__all__ = ["Finding", "findings", "map_lines", "number", "render_text", "scoring_findings"]
+__all__ = ["IDLE_LAW", "Finding", "findings", "law_is_idle", "map_lines", "number", "render_text", "scoring_findings"]
+
+IDLE_LAW = "the law's share of the force is 0 %: these numbers play no part in it"
+"""What is said beside the numbers of a contact map's law where that holds."""
 
 INSECURE = "INSECURE: nothing was encrypted and nobody was checked; anybody on the network could command."
 
@@ -253,8 +256,18 @@ def _learnt(report: Mapping[str, Any]) -> list[str]:
     numbers = parameter_text(report["parameters"], report["standard_errors"])
     lines = ["What was learnt, at the end", f"  law        {numbers}"]
     if report["map"] is not None:
+        lines += [f"{'':<13}({IDLE_LAW})"] if law_is_idle(report["map"]) else []
         lines += [f"  map        {line}" for line in map_lines(report["map"])]
     return [*lines, ""]
+
+
+def law_is_idle(figures: Mapping[str, Any]) -> bool:
+    """Whether the law's share of a contact map's force is 0 % as it is printed.
+
+    Args:
+        figures: By name, as `foretouch.models.MapSummary.figures` gives them.
+    """
+    return f"{100.0 * figures['shares'].get('law', 1.0):.0f}" == "0"
 
 
 def map_lines(figures: Mapping[str, Any]) -> list[str]:

@@ -118,6 +118,9 @@ def replay_notes(log: SessionLog, settings: SessionSettings, closed_loop: bool =
     if closed_loop and not np.isfinite(leader["intended_position"]).any():
         notes.append("what the hand meant was not recorded: where it was is taken for that")
     if not closed_loop and settings.grip != NO_GRIP:
+        if stretch.settings.get("replay") != "open loop":
+            lets = ": --closed-loop lets it" if material_answers(log) else ""
+            notes.append(f"recorded in a closed loop, and the hand does not answer here{lets}")
         notes.append("the hand is where it was; how far the robot is from it comes of the replay's own models")
     if material_answers(log):
         beside = ", its fixture, camera and tracker" if settings.scene else ""
