@@ -172,6 +172,11 @@ class RcmArm(Robot):
         self._arm[kernel.SENSOR] = self._contact_force + tool  # the low-pass, settled
         self._sample = self._measure()
 
+    @property
+    def fresh(self) -> bool:
+        """Whether no exchange has been yet."""
+        return bool(self.mj_data.time == 0.0)
+
     def read(self) -> RobotSample:
         """What the sensors show now; no time passes and nothing moves."""
         return self._sample
