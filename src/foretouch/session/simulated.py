@@ -15,9 +15,8 @@ from foretouch.errors import InputError, SettingError
 from foretouch.link import FaultStage
 from foretouch.messages import Command, Hello, Message, ModelUpdate, SessionLog, Telemetry
 from foretouch.models.checks import require, require_type
-from foretouch.plugins import plugin_names
 from foretouch.quantities import Columns
-from foretouch.robot import MATERIALS, Robot
+from foretouch.robot import Robot, material_names
 from foretouch.session import follower, leader
 from foretouch.session.counting import follower_counts, leader_counts
 from foretouch.session.frames import framed_device, framed_robot
@@ -176,7 +175,7 @@ def _own_material(robot: Robot, settings: SessionSettings) -> dict[str, str]:
     material = pressed_material(robot)
     if settings.robot != SIMULATED or material is None or material.name == settings.material:
         return {}
-    if material.name in (*MATERIALS, *plugin_names("material")):
+    if material.name in material_names():
         rule = f"the robot presses {material.name}; make it with make_robot(settings.material), or leave it out"
         raise SettingError("material", settings.material, rule)
     return {"material": material.name}
