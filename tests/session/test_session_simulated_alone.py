@@ -15,7 +15,7 @@ from foretouch.errors import InputError, SettingError
 from foretouch.messages import SessionLog
 from foretouch.quantities import Frame
 from foretouch.recordings import read_session
-from foretouch.robot import FaultySensor, MovedRobot, Robot, RobotSample, SensorFault, make_material, make_robot
+from foretouch.robot import FaultySensor, MovedRobot, RcmArm, Robot, RobotSample, SensorFault, make_material, make_robot
 from foretouch.session import FramedDevice, FramedRobot, SessionSettings, inverse, make_operator, simulate
 
 SETTINGS = SessionSettings(material="hunt-crossley", seed=3)
@@ -175,3 +175,15 @@ def test_the_log_names_a_material_of_the_callers_own() -> None:
     log = simulate(SETTINGS, duration=SECONDS, robot=make_robot(material)).log
     assert log.settings["material"] == "my gel"
     assert foretouch.session_report(log)["settings"]["material"] == "my gel"
+
+
+def test_what_is_made_for_a_session_is_closed_after_it_and_what_is_brought_is_not(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    closed: list[Robot] = []
+    monkeypatch.setattr(RcmArm, "close", lambda robot: closed.append(robot))
+    brought = make_robot("hunt-crossley")
+    simulate(SETTINGS, duration=0.01, robot=brought)
+    assert closed == []
+    simulate(SETTINGS, duration=0.01)
+    assert len(closed) == 1

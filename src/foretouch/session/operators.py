@@ -22,7 +22,7 @@ from foretouch.devices import (
     ScriptedOperator,
 )
 from foretouch.errors import SettingError, UnknownNameError, printable
-from foretouch.models.checks import require_type
+from foretouch.models.checks import NUMBER, require_type
 from foretouch.plugins import make_plugin
 from foretouch.quantities import Frame
 from foretouch.recordings import excerpt, read_leader_motion
@@ -91,10 +91,12 @@ def make_operator(
             know the surface where nobody does; a device that is felt, with a simulated grip or a baseline.
         PluginError: Another package's device, which cannot be made.
         MissingExtraError: What the device needs is not installed.
-        ArgumentTypeError: Settings or a robot that are none.
+        ArgumentTypeError: Settings, a robot or lengths that are none.
     """
     require_type("settings", settings, SessionSettings, "SessionSettings: SessionSettings() are the defaults")
     require_type("robot", robot, (Robot, type(None)), "a Robot, or None: make_robot gives one")
+    for name, length in (("surface", surface), ("press_depth", press_depth)):
+        require_type(name, length, (*NUMBER, type(None)), "a length [m], or None for what the robot knows")
     if surface is None or press_depth is None:
         known = reach_of(robot, settings)
         surface = known.surface if surface is None else surface

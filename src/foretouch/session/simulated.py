@@ -99,7 +99,7 @@ def simulate(
         SettingError: A duration that is negative or not finite; a robot of another material than the settings'; an
             operator or a robot beside a scene, which has its own; settings whose operator or robot needs real time.
         InputError: An operator or a robot that was used before, as far as it says (`Device.fresh`, `Robot.fresh`).
-        ArgumentTypeError: Settings, operator or robot that are none.
+        ArgumentTypeError: Settings, operator, robot or description that are none.
         MissingExtraError: What the robot needs is not installed.
     """
     return prepare_simulation(
@@ -133,6 +133,7 @@ def prepare_simulation(
     require_type("settings", settings, SessionSettings, "SessionSettings: SessionSettings() are the defaults")
     require_type("operator", operator, (Device, type(None)), "a Device, or None: make_operator gives one")
     require_type("robot", robot, (Robot, type(None)), "a Robot, or None: make_robot gives one")
+    require_type("description", description, (Mapping, type(None)), "texts by name, or None")
     require("duration", duration, at_least=0.0)
     for name, given in (("operator", operator), ("robot", robot)):
         if given is not None and not given.fresh:
