@@ -8,9 +8,7 @@ import foretouch
 settings = foretouch.SessionSettings(
     material="hunt-crossley", grip="normal", position_delay=0.08, force_delay=0.3, loss=0.02, seed=1
 )
-robot = foretouch.make_robot(settings.material, seed=settings.seed)
-operator = foretouch.make_operator(settings, robot=robot)
-log = foretouch.simulate(settings, duration=8.0, operator=operator, robot=robot).log
+log = foretouch.simulate(settings, duration=8.0).log
 
 report = foretouch.session_report(log)
 print(f"stable: {report['stable']}")

@@ -56,9 +56,7 @@ predicted.plot("force", "standard_deviation").savefig("walk-through-predicted.pn
 
 # %%
 settings = foretouch.SessionSettings(material="foam-measured", grip="normal", force_delay=DELAY, loss=0.02, seed=1)
-robot = foretouch.make_robot(settings.material, seed=settings.seed)
-operator = foretouch.make_operator(settings, robot=robot)
-log = foretouch.simulate(settings, duration=8.0, operator=operator, robot=robot).log
+log = foretouch.simulate(settings, duration=8.0).log
 report = foretouch.session_report(log)
 print(f"stable: {report['stable']}; rendered force wrong by {report['rendered_error_percent']:.1f} %")
 

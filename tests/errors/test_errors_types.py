@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import foretouch
-from foretouch.errors import ArgumentTypeError, SettingError
+from foretouch.errors import ArgumentTypeError, RecordingError, SettingError
 
 TIME = np.arange(10) * 1e-3
 RECORDING = foretouch.Recording(TIME, TIME, TIME)
@@ -28,20 +28,35 @@ SETTINGS = foretouch.SessionSettings()
         (foretouch.Learner, ("rls",), {}, "estimator is 'rls' (str)", "make_estimator gives"),
         (foretouch.Learner, (LEARNER.estimator,), {"surface": "0"}, "surface is '0' (str)", "None to find it"),
         (foretouch.session_report, ("x.mcap",), {}, "log is 'x.mcap' (str)", "read_session gives"),
-        (
-            foretouch.simulate,
-            (None,),
-            {"operator": None, "robot": None, "duration": 1.0},
-            "settings is None",
-            "Settings",
-        ),
-        (
-            foretouch.simulate,
-            (SETTINGS,),
-            {"operator": None, "robot": None, "duration": 1.0},
-            "operator is None",
-            "make_op",
-        ),
+        (foretouch.simulate, (None,), {"duration": 1.0}, "settings is None", "SessionSettings()"),
+        (foretouch.simulate, (SETTINGS,), {"duration": 1.0, "operator": 3}, "operator is 3 (int)", "make_operator"),
+        (foretouch.simulate, (SETTINGS,), {"duration": 1.0, "robot": "arm"}, "robot is 'arm' (str)", "make_robot"),
+        (foretouch.simulate, (SETTINGS,), {"duration": 1.0, "description": 3}, "description is 3 (int)", "by name"),
+        (foretouch.warm_up, (3,), {}, "settings is 3 (int)", "None for the defaults"),
+        (foretouch.read_recording, (3,), {}, "path is 3 (int)", "a Path"),
+        (foretouch.read_recording, ("a.csv",), {"map_file": 3}, "map_file is 3 (int)", "a Path"),
+        (foretouch.read_recording, ("a.csv",), {"force_unit": ["N"]}, "force_unit is ['N'] (list)", "of a unit"),
+        (foretouch.read_with_notes, (None,), {}, "path is None", "a Path"),
+        (foretouch.read_session, (3,), {}, "path is 3 (int)", "a Path"),
+        (foretouch.file_case, (3,), {}, "path is 3 (int)", "a Path"),
+        (foretouch.file_case, ("a.csv",), {"map_file": 3}, "map_file is 3 (int)", "a Path"),
+        (foretouch.compare, (3,), {}, "cases is 3 (int)", "file_case makes one"),
+        (foretouch.compare, (["a.csv"],), {}, "case is 'a.csv' (str)", "file_case makes one"),
+        (foretouch.compare, ([],), {"models": 3}, "models is 3 (int)", "a list of names"),
+        (foretouch.compare, ([],), {"processes": "2"}, "processes is '2' (str)", "a number"),
+        (foretouch.excerpt, (["a"],), {}, "name is ['a'] (list)", "tue/b-foam"),
+        (foretouch.fetch, (["a"],), {}, "name is ['a'] (list)", "tue/b-foam"),
+        (foretouch.make_estimator, (["a"],), {}, "model is ['a'] (list)", "the name of a law"),
+        (foretouch.make_estimator, ("kelvin-voigt", 3), {}, "estimator is 3 (int)", "leave it out"),
+        (foretouch.make_operator, (SETTINGS,), {"surface": "1"}, "surface is '1' (str)", "a length [m]"),
+        (foretouch.make_robot, (3,), {}, "material is 3 (int)", "a Material, or the name of one"),
+        (foretouch.make_robot, ("foam",), {"workspace": 3}, "workspace is 3 (int)", "two numbers [m]"),
+        (foretouch.Renderer, (3,), {}, "device is 3 (int)", "SessionSettings(...).device"),
+        (foretouch.Recording, (TIME, "x", TIME), {}, "position is 'x' (str)", "a column of numbers"),
+        (foretouch.delayed, (TIME, object, 0.1), {}, "a column is <class 'object'> (type)", "a column of numbers"),
+        (foretouch.delayed, (TIME, TIME, "0.1"), {}, "delay is '0.1' (str)", "a number"),
+        (foretouch.score, (TIME,) * 4, {"contact_floor": None}, "contact_floor is None", "a number"),
+        (foretouch.score, (TIME,) * 4, {"contact_floor": 1, "offset": "0"}, "offset is '0' (str)", "a number, or None"),
         (foretouch.SessionSettings, (), {"force_delay": "a"}, "force_delay is 'a' (str)", "the default is 0.3"),
         (foretouch.SessionSettings, (), {"material": 3}, "material is 3 (int)", "must be a text"),
         (foretouch.SessionSettings, (), {"seed": 1.5}, "seed is 1.5 (float)", "must be a whole number"),
@@ -81,3 +96,13 @@ def test_numbers_of_numpy_are_numbers() -> None:
     assert settings.force_delay == 0.25
     model = foretouch.make_model("kelvin-voigt", np.array([500, 2]))  # type: ignore[arg-type]
     assert model.parameters == (500, 2)
+
+
+def test_a_recording_without_a_position_is_refused() -> None:
+    with pytest.raises(RecordingError, match=r"position has shape \(\), time has 10 samples"):
+        foretouch.Recording(TIME, None, TIME)  # type: ignore[arg-type]
+
+
+def test_a_budget_of_another_type_is_no_number() -> None:
+    with pytest.raises(SettingError, match=r"budget = \[1\]: must be a number above 0"):
+        foretouch.read_recording(foretouch.excerpt("tue/b-foam"), budget=[1])  # type: ignore[arg-type]

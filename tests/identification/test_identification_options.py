@@ -9,7 +9,14 @@ import pytest
 from presses import press
 
 from foretouch.errors import SettingError, UnknownNameError
-from foretouch.identification import ContactMapBank, FPRLSOptions, Learner, identify, make_estimator
+from foretouch.identification import (
+    DEFAULT_ESTIMATORS,
+    ContactMapBank,
+    FPRLSOptions,
+    Learner,
+    identify,
+    make_estimator,
+)
 from foretouch.identification.robust import RobustOptions
 
 
@@ -85,3 +92,12 @@ def test_what_enlarges_p_on_purpose_has_no_covariance() -> None:
     identify(press(noise=0.02, duration=3.0), Learner(learnt, surface=0.01, force_offset=0.3))
     assert learnt.covariance is None
     assert learnt.unscaled_covariance.shape == (4, 4)
+
+
+def test_a_law_without_an_estimator_has_its_own() -> None:
+    for model, name in DEFAULT_ESTIMATORS.items():
+        assert make_estimator(model).name == name
+    with_option: Any = make_estimator("kelvin-voigt", forgetting_factor=0.99)
+    assert with_option.options.forgetting_factor == 0.99
+    with pytest.raises(UnknownNameError, match="unknown model 'jelly': choose one of contact-map"):
+        make_estimator("jelly")

@@ -76,6 +76,7 @@ def test_all_four_kinds_are_taken_by_name(install: Install) -> None:
     foam = make_material("foam")  # the robot says that it presses it
     assert (reach.surface, reach.press_depth) == (foam.surface, foam.press_depth)
     assert make_material("jelly").description == "soft"
+    assert SessionSettings(material="jelly").material == "jelly"
     assert robot.specification.simulated
     assert ("kelvin-voigt", "own") in combinations(estimators=["own"])
     assert ("kelvin-voigt", "own") in combinations()
@@ -92,6 +93,7 @@ def test_names_that_are_built_in_look_through_no_package(monkeypatch: pytest.Mon
     for model, estimators in ESTIMATORS.items():
         make_estimator(model, next(iter(estimators)))
     make_material("foam")
+    SessionSettings(material="foam")
     with pytest.raises(AssertionError, match="looked through"):
         make_material("jelly")
 

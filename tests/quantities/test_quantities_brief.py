@@ -22,9 +22,7 @@ TIME = np.arange(900) * 1e-3
 @pytest.fixture(scope="module")
 def results() -> dict[str, object]:
     settings = foretouch.SessionSettings(material="hunt-crossley", seed=1, position_delay=0.02, force_delay=0.05)
-    robot = foretouch.make_robot("hunt-crossley", seed=1)
-    operator = foretouch.make_operator(settings, robot=robot)
-    session = foretouch.simulate(settings, duration=1.5, operator=operator, robot=robot)
+    session = foretouch.simulate(settings, duration=1.5)
     depth = 0.01 * np.sin(2 * np.pi * 2.0 * TIME)
     recording = Recording(TIME, depth, 800.0 * np.maximum(depth, 0.0))
     learner = foretouch.Learner(foretouch.make_estimator("contact-map", "bank"))
@@ -44,7 +42,7 @@ def results() -> dict[str, object]:
         "prediction": predicted,
         "scores": foretouch.score(TIME, recording.force, predicted.force, known, contact_floor=0.05, score_from=0.0),
         "results": Results([Result(f"{n}.csv", "hunt-crossley", "rls", "ok") for n in range(50)]),
-        "robot": robot,
+        "robot": foretouch.make_robot("hunt-crossley", seed=1),
         "learner": learner,
         "estimator": learner.estimator,
         "predictor": foretouch.Predictor(),
@@ -112,6 +110,12 @@ CHANGED = {
     "residual": lambda residual: residual[::-1],
     "measured_force": lambda force: force + 1.0,
 }
+
+
+def test_results_are_equal_whatever_the_computer_took() -> None:
+    one = Result("a.csv", "hunt-crossley", "rls", "ok", us_per_sample=1.0)
+    assert one == dataclasses.replace(one, us_per_sample=2.0)
+    assert one != dataclasses.replace(one, status="no_contact")
 
 
 def test_a_part_of_a_session_is_another_session(results: dict[str, object]) -> None:

@@ -312,6 +312,23 @@ def test_changes_take_the_place_of_what_was_recorded() -> None:
     assert recorded_settings(texts, {"model": "kelvin-voigt"})[0].estimator == "rls"
 
 
+def test_what_a_material_answered_is_played_where_its_package_is_not_installed(pressed: SessionLog) -> None:
+    log = replace(pressed, settings=pressed.settings | {"material": "a gel"})
+    settings, notes = recorded_settings(log.settings)
+    assert notes == ()
+    again = replay_under(log, settings)
+    assert again.settings["material"] == "a gel"
+    assert "the robot's motion is fixed too" in " / ".join(replay_notes(log, settings))
+    assert session_report(log)["settings"]["material"] == "a gel"
+
+
+def test_a_scene_of_a_material_whose_package_is_not_installed_is_not_run_again() -> None:
+    log = simulate(SessionSettings(scene="plane", fusion="contact"), duration=0.1).log
+    log = replace(log, settings=log.settings | {"material": "a gel"})
+    with pytest.raises(RecordingError, match="was of the material 'a gel', which is not here to be simulated again"):
+        replay_under(log, recorded_settings(log.settings)[0])
+
+
 def test_what_is_missing_or_not_known_has_its_default_and_is_said() -> None:
     texts = SessionSettings(clutch="1:2", grip="soft").as_text() | {
         "model": "a-law-of-old",

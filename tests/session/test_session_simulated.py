@@ -239,13 +239,8 @@ class Noted(event.Listener):
 settings = foretouch.SessionSettings(material="hunt-crossley", operator="scripted", **eval(sys.argv[1]))
 foretouch.warm_up(settings)
 event.register("numba:compile", Noted())
-if settings.scene:
-    from foretouch.cli.scenes import scene_session
-    log = scene_session(settings, 4.6)(None).log
-else:
-    robot = foretouch.make_robot(settings.material, seed=1)
-    operator = foretouch.make_operator(settings, robot=robot)
-    log = foretouch.simulate(settings, duration=2.5, operator=operator, robot=robot).log
+log = foretouch.simulate(settings, duration=4.6 if settings.scene else 2.5).log
+if not settings.scene:
     foretouch.predict(_recording(), foretouch.Learner(settings.make_estimator()), delay=0.1)
 assert log.follower["force"].max() > 1.0, "nothing was touched"
 print(len(made), made)

@@ -272,10 +272,10 @@ COMMANDS = (identify, predict, report)
 
 
 def _estimator_for(model: str, estimator: str | None) -> str:
-    """The estimator that was named, or the law's default; an unknown law is refused later, with the choices."""
-    from foretouch.identification import DEFAULT_ESTIMATORS
+    """The estimator that was named, or the law's own."""
+    from foretouch.identification import default_estimator
 
-    return DEFAULT_ESTIMATORS.get(model, "fprls") if estimator is None else estimator
+    return default_estimator(model) if estimator is None else estimator
 
 
 def _learner(model: str, estimator: str, surface: str, force_offset: str, sensor_lag: float) -> Callable[..., Learner]:

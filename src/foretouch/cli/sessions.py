@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import functools
 import time
-from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -26,12 +24,10 @@ from foretouch.cli.options import (
 )
 from foretouch.cli.progress import compile_first, progress_bar
 from foretouch.cli.recordings import say_if_cut
-from foretouch.cli.scenes import scene_session
-from foretouch.errors import RecordingError, SettingError
+from foretouch.errors import RecordingError
 
 if TYPE_CHECKING:
-    from foretouch.messages import Message, SessionLog
-    from foretouch.session import SessionSettings, SimulatedSession
+    from foretouch.messages import SessionLog
 
 __all__ = ["COMMANDS", "print_report", "simulate", "teleop"]
 
@@ -99,20 +95,17 @@ def simulate(
     Example: foretouch simulate --duration 20 --material hunt-crossley --report out
     """
     from foretouch.recordings import SessionWriter
+    from foretouch.session import prepare_simulation, require_simulated_operator
 
     require_duration(duration)
-    if settings.operator == "browser":
-        raise SettingError(
-            "operator", settings.operator, "needs real time: use `foretouch teleop`, or scripted or recorded"
-        )
+    require_simulated_operator(settings)
     if recording is not None:
         require_recording(recording)
     if report is not None:
         make_folder(report)
     compile_first()
     with progress_bar("simulating") as bar:
-        make = scene_session if settings.scene else _line_session
-        start = make(settings, duration, lambda now: bar.update(now, duration))
+        start = prepare_simulation(settings, duration=duration, progress=lambda now: bar.update(now, duration), say=say)
         if recording is None:
             session = start(None)
         else:
@@ -123,35 +116,6 @@ def simulate(
 
 
 COMMANDS = (teleop, simulate)
-
-
-def _line_session(
-    settings: SessionSettings, duration: float, progress: Callable[[float], None]
-) -> Callable[[Callable[[Message, int], None] | None], SimulatedSession]:
-    """Make what a simulated session along a line needs; what is returned runs it, and takes what records."""
-    from foretouch.session import (
-        make_operator,
-        make_session_robot,
-        reach_texts,
-        require_simulated_robot,
-        require_simulated_time,
-        simulate,
-    )
-
-    robot, reach = make_session_robot(settings)
-    require_simulated_robot(robot, settings)
-    operator = make_operator(settings, surface=reach.surface, press_depth=reach.press_depth, say=say)
-    require_simulated_time(operator)
-    run = functools.partial(
-        simulate,
-        settings,
-        duration=duration,
-        operator=operator,
-        robot=robot,
-        description=reach_texts(reach),
-        progress=progress,
-    )
-    return lambda record: run(record=record)
 
 
 def _check_material(name: str) -> None:

@@ -13,6 +13,7 @@ from foretouch.comparison.simulated import SIMULATED, simulate
 from foretouch.comparison.truth import Truth
 from foretouch.errors import UnknownNameError
 from foretouch.messages import SessionLog
+from foretouch.models.checks import require_path
 from foretouch.quantities import Recording
 from foretouch.recordings import is_session, read_session, read_with_notes
 
@@ -78,8 +79,14 @@ def file_case(path: str | PathLike[str], **units: Any) -> Case:
 
     Returns:
         A case, also where the file is missing or cannot be read: its combinations fail with that reason.
+
+    Raises:
+        ArgumentTypeError: A path that is none.
     """
+    require_path("path", path)
     given = units.pop("map_file", None)
+    if given is not None:
+        require_path("map_file", given)
     files = [Path(path), *([Path(given)] if given else [])]
     changed = max(file.stat().st_mtime_ns if file.exists() else 0 for file in files)
     map_file = os.path.abspath(given) if given else ""

@@ -10,6 +10,7 @@ from foretouch.comparison.parallel import run_all
 from foretouch.comparison.result import Result, Results
 from foretouch.errors import InputError, UnknownNameError
 from foretouch.identification import all_estimators, load_estimator
+from foretouch.models.checks import require, require_type
 
 __all__ = ["combinations", "compare"]
 
@@ -67,10 +68,18 @@ def compare(
 
     Raises:
         InputError: No recordings.
+        ArgumentTypeError: Cases or names that are none.
         UnknownNameError: As `combinations`.
         LinkError: No scheduler answers there, or it has no workers.
         MissingExtraError: The package ``distributed`` is not installed.
     """
+    require_type("cases", cases, Sequence, "a list of cases: file_case makes one of a path")
+    for case in cases:
+        require_type("case", case, Case, "a case: file_case makes one of a path")
+    for name, names in (("models", models), ("estimators", estimators)):
+        require_type(name, names, Sequence, "a list of names; leave it out for all")
+    if processes is not None:
+        require("processes", processes, at_least=1)
     if not cases:
         raise InputError("nothing to compare: name recordings, or ask for the simulated ones with --simulated")
     scoring = Scoring() if scoring is None else scoring

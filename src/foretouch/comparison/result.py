@@ -92,7 +92,8 @@ class Result(Brief):
         samples: Of the recording.
         contact_samples: As the estimator's conditioning judges it.
         residual_percent: One-step error: RMS residual as a share of the RMS force over the same samples [%].
-        us_per_sample: Time of `identify` [us], which keeps every parameter at every sample; beside other jobs.
+        us_per_sample: Time of `identify` [us], which keeps every parameter at every sample; beside other jobs. ``==``
+            leaves it out.
         parameters: The law's numbers after the last sample; None where undetermined.
         standard_errors: By name, None where there are none.
         warnings: One sentence for each parameter that cannot be told from the others.
@@ -110,7 +111,7 @@ class Result(Brief):
     samples: int | None = None
     contact_samples: int | None = None
     residual_percent: float | None = None
-    us_per_sample: float | None = None
+    us_per_sample: float | None = field(default=None, compare=False)
     parameters: Mapping[str, float | None] = field(default_factory=dict)
     standard_errors: Mapping[str, float | None] | None = None
     warnings: tuple[str, ...] = ()

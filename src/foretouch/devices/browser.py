@@ -95,6 +95,11 @@ class BrowserOperator(Device):
         self._mode = "held" if held else "resting"
         self._since_ns = now_ns
 
+    @property
+    def fresh(self) -> bool:
+        """Whether nothing was read yet."""
+        return self._now_ns is None
+
     def read(self, now_ns: int) -> float:
         """Position of the hand [m]."""
         now_ns = now_ns if self._now_ns is None else max(now_ns, self._now_ns)

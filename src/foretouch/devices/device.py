@@ -31,6 +31,11 @@ class Device(ABC):
     closed_loop: ClassVar[bool]
     real_time: ClassVar[bool] = False
 
+    @property
+    def fresh(self) -> bool:
+        """Whether nothing was read yet, so that a simulated session can begin; True where a device does not say."""
+        return True
+
     @abstractmethod
     def read(self, now_ns: int) -> float:
         """Position of the hand [m] in the probe's frame: 0 = start in free air, growing into the material."""

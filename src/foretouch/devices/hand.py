@@ -128,6 +128,11 @@ class Hand(Device):
                 return True
         return self._intention.clutched
 
+    @property
+    def fresh(self) -> bool:
+        """Whether nothing was read yet."""
+        return self._start_ns is None and self._intention.fresh
+
     def read(self, now_ns: int) -> float:
         """Position of the hand [m] as the encoder shows it, in whole counts."""
         aim = self._intention.read(now_ns)

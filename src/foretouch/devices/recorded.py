@@ -79,6 +79,11 @@ class RecordedOperator(Device):
         """Time after which the motion repeats [s]."""
         return self._count * KNOT_PERIOD
 
+    @property
+    def fresh(self) -> bool:
+        """Whether nothing was read yet."""
+        return self._start_ns is None
+
     def read(self, now_ns: int) -> float:
         """Position of the hand [m]."""
         if self._start_ns is None:

@@ -63,6 +63,11 @@ class ScriptedOperator(Device):
         self._moves = _moves(surface, press_depth - self._drift, random)
         self._move = next(self._moves)
 
+    @property
+    def fresh(self) -> bool:
+        """Whether nothing was read yet."""
+        return self._start_ns is None
+
     def read(self, now_ns: int) -> float:
         """Position of the hand [m]."""
         if self._start_ns is None:

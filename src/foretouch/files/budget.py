@@ -92,7 +92,7 @@ def budget_for(path: str | PathLike[str], factor: float | None = None) -> Budget
     name, given = ("budget", factor) if factor is not None else (VARIABLE, os.environ.get(VARIABLE, "") or 1.0)
     try:
         times = float(given)
-    except ValueError:
+    except (TypeError, ValueError):
         times = math.nan
     if not times > 0.0:
         raise SettingError(name, given, "must be a number above 0: how many times the usual budget files get")

@@ -34,6 +34,7 @@ from foretouch.identification.registry import (
     DEFAULT_ESTIMATORS,
     ESTIMATORS,
     all_estimators,
+    default_estimator,
     load_estimator,
     make_estimator,
 )
@@ -113,6 +114,7 @@ __all__ = [
     "TwoStageOptions",
     "all_estimators",
     "correct_recording",
+    "default_estimator",
     "find_sensor_lag",
     "fit_offline",
     "fit_series_compliance",

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from foretouch.errors import InputError
-from foretouch.quantities import Recording
+from foretouch.quantities import Recording, numbers_of
 
 __all__ = [
     "OFFSET_WINDOW",
@@ -122,8 +122,8 @@ def _slope(position: Array, force: Array, chosen: Flags) -> float:
 
 
 def columns_of(*columns: ArrayLike) -> tuple[Array, ...]:
-    """Columns as arrays of one shape (n,); `InputError` where they have others."""
-    arrays = tuple(np.asarray(column, dtype=np.float64) for column in columns)
+    """Columns as arrays of one shape (n,); `InputError` where they have others or are no numbers."""
+    arrays = tuple(numbers_of("a column", column) for column in columns)
     shapes = {array.shape for array in arrays}
     if len(shapes) > 1 or arrays[0].ndim != 1:
         raise InputError(f"columns of shapes {', '.join(str(array.shape) for array in arrays)}: all must be (n,)")

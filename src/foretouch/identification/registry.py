@@ -25,6 +25,7 @@ from foretouch.identification.steepest_descent import (
     SteepestDescentKelvinVoigt,
 )
 from foretouch.identification.threshold_switching import ThresholdSwitching
+from foretouch.models.checks import require_type
 from foretouch.plugins import PluginError, load_plugin, make_plugin, plugin_names
 
 __all__ = [
@@ -32,6 +33,7 @@ __all__ = [
     "DEFAULT_ESTIMATORS",
     "ESTIMATORS",
     "all_estimators",
+    "default_estimator",
     "load_estimator",
     "make_estimator",
 ]
@@ -81,12 +83,27 @@ BUILT_IN_ESTIMATORS = frozenset(kind.name for kind in _KINDS)
 """Names, whatever the law, that no other package may take."""
 
 
-def make_estimator(model: str, estimator: str, **options: Any) -> Estimator:
+def default_estimator(model: str) -> str:
+    """The estimator of a law where none is named; of another package's law the first by name.
+
+    Raises:
+        UnknownNameError: No such law.
+    """
+    if model in DEFAULT_ESTIMATORS:
+        return DEFAULT_ESTIMATORS[model]
+    known = all_estimators()
+    if model not in known:
+        raise UnknownNameError("model", model, known)
+    return min(known[model])
+
+
+def make_estimator(model: str, estimator: str = "", **options: Any) -> Estimator:
     """A fresh estimator, of this package or of another.
 
     Args:
         model: Name of the law.
-        estimator: Name of the estimator, one of those that `ESTIMATORS` has for this law.
+        estimator: Name of the estimator, one of those that `ESTIMATORS` has for this law; empty for the law's own
+            (`DEFAULT_ESTIMATORS`).
         **options: In place of its defaults, for estimators of this package: fields of its options class
             (`FPRLSOptions` for ``"fprls"``, for example), or arguments of its own (``horizon`` of ``"bank"``).
 
@@ -95,7 +112,11 @@ def make_estimator(model: str, estimator: str, **options: Any) -> Estimator:
         SettingError: An option out of range, or one that this estimator has fixed; another package's, which learns
             another law or is given options.
         PluginError: Another package's, which cannot be made.
+        ArgumentTypeError: A name that is no text.
     """
+    require_type("model", model, str, "the name of a law, such as 'contact-map'")
+    require_type("estimator", estimator, str, "the name of an estimator; leave it out for the law's own")
+    estimator = estimator or default_estimator(model)
     if model in ESTIMATORS and estimator in ESTIMATORS[model]:
         kind = ESTIMATORS[model][estimator]
         return _with_options(kind, options) if options else kind()

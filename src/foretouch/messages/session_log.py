@@ -71,6 +71,10 @@ FOLLOWER_SPACE_DTYPE = _dtype(FollowerSpace, "f8")
 """Columns of `SessionLog.follower_space`: the fields of `FollowerSpace`."""
 
 
+_TIMING = frozenset({"compute_ns"})
+"""Columns that say how long the computer took."""
+
+
 def as_row(message: Message) -> tuple[object, ...]:
     """The fields of a message as a row of its table."""
     return msgspec.structs.astuple(message)[1:]
@@ -81,6 +85,7 @@ class SessionRows(ByValue):
     """One row per command sequence number that the follower applied: the first tick that applied it.
 
     All arrays have the same length and are ordered by command sequence, stretch by stretch (`SessionLog.stretches`).
+    Two are equal as logs are.
 
     Attributes:
         leader: Rows of `SessionLog.leader`.
@@ -88,6 +93,7 @@ class SessionRows(ByValue):
         never_applied: Commands that were sent and not applied by any tick; counted, not scored.
     """
 
+    _timing = _TIMING
     leader: Rows
     follower: Rows
     never_applied: int
@@ -96,6 +102,9 @@ class SessionRows(ByValue):
 @dataclass(frozen=True)
 class SessionLog(Columns):
     """What was said in a session.
+
+    Two are equal if all was said alike; ``==`` leaves out how long the computer took (``compute_ns``), so that a
+    simulated session equals its repetition.
 
     Attributes:
         leader: One row per `LeaderState`, structured as `LEADER_DTYPE`.
@@ -114,6 +123,7 @@ class SessionLog(Columns):
         said: What each process said of the settings, and from when on.
     """
 
+    _timing = _TIMING
     leader: Rows
     follower: Rows
     models: tuple[ModelUpdate, ...]

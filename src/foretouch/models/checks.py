@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
+import os
 from numbers import Real
 
 from foretouch.errors import ArgumentTypeError, SettingError
 
-__all__ = ["NUMBER", "require", "require_type"]
+__all__ = ["NUMBER", "require", "require_path", "require_type"]
 
 NUMBER = (float, int, Real)
 """Every number, NumPy's among them; what is most likely is asked first."""
@@ -51,3 +52,13 @@ def require_type(name: str, value: object, kind: type | tuple[type, ...], wanted
     """
     if not isinstance(value, kind):
         raise ArgumentTypeError(name, value, wanted)
+
+
+def require_path(name: str, value: object) -> None:
+    """Raise `ArgumentTypeError` unless the value is one that names a file.
+
+    Args:
+        name: Of the argument.
+        value: That was given.
+    """
+    require_type(name, value, (str, os.PathLike), "a path, as a text or a Path")

@@ -4,7 +4,7 @@ from foretouch.quantities.brief import Brief, ByValue, brief_number, brief_text,
 from foretouch.quantities.columns import Columns, Rows, as_frame, new_figure
 from foretouch.quantities.frame import Frame
 from foretouch.quantities.pose import Pose, cross_matrix
-from foretouch.quantities.recording import LARGEST_POSITION, Recording
+from foretouch.quantities.recording import LARGEST_POSITION, Recording, numbers_of
 from foretouch.quantities.sensor_calibration import STANDARD_GRAVITY, SensorCalibration
 from foretouch.quantities.table import QUANTITIES, Quantity, parameter_unit
 
@@ -27,5 +27,6 @@ __all__ = [
     "cross_matrix",
     "measured",
     "new_figure",
+    "numbers_of",
     "parameter_unit",
 ]

@@ -5,8 +5,8 @@ from __future__ import annotations
 import dataclasses
 import math
 import textwrap
-from collections.abc import Iterable, Mapping
-from typing import Any
+from collections.abc import Collection, Iterable, Mapping
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -43,9 +43,14 @@ class Brief:
 
 
 class ByValue(Brief):
-    """A dataclass that equals another of its kind if all values do, arrays among them; NaN equals NaN."""
+    """A dataclass that equals another of its kind if all values do, arrays among them; NaN equals NaN.
+
+    What says how long the computer took is no part of a result: such fields have ``compare=False``, and such columns of
+    its tables are named in `_timing`.
+    """
 
     __slots__ = ()
+    _timing: ClassVar[frozenset[str]] = frozenset()
 
     def __init_subclass__(cls, **options: Any) -> None:
         super().__init_subclass__(**options)
@@ -58,7 +63,7 @@ class ByValue(Brief):
         if type(self) is not type(other):
             return NotImplemented
         return all(
-            _same(getattr(self, one.name), getattr(other, one.name))
+            _same(getattr(self, one.name), getattr(other, one.name), self._timing)
             for one in dataclasses.fields(self)  # type: ignore[arg-type]
             if one.compare
         )
@@ -131,15 +136,15 @@ _PLAIN = (tuple.__repr__, list.__repr__, dict.__repr__)
 """What has a representation of its own, as a named tuple, shows itself."""
 
 
-def _same(one: Any, other: Any) -> bool:
-    """Whether two values are equal, arrays and NaN among them."""
+def _same(one: Any, other: Any, but: Collection[str] = ()) -> bool:
+    """Whether two values are equal, arrays and NaN among them; of a table, all but these columns."""
     if one is other:
         return True
     if isinstance(one, np.ndarray) and isinstance(other, np.ndarray):
         if one.shape != other.shape or one.dtype != other.dtype:
             return False
         if one.dtype.names:
-            return all(_same(one[name], other[name]) for name in one.dtype.names)
+            return all(_same(one[name], other[name]) for name in one.dtype.names if name not in but)
         return bool(np.array_equal(one, other, equal_nan=one.dtype.kind in "fc"))
     if isinstance(one, np.ndarray) or isinstance(other, np.ndarray):
         return False

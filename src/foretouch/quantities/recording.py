@@ -3,19 +3,36 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from foretouch.errors import RecordingError, plural
+from foretouch.errors import ArgumentTypeError, RecordingError, plural
 from foretouch.quantities.columns import Columns
 
-__all__ = ["LARGEST_POSITION", "Recording"]
+__all__ = ["LARGEST_POSITION", "Recording", "numbers_of"]
 
 Array = NDArray[np.float64]
 
 LARGEST_POSITION = 1.0
 """Positions beyond this [m] are refused: they are in other units, or not of a press."""
+
+
+def numbers_of(name: str, values: ArrayLike) -> Array:
+    """What is given as an array of numbers.
+
+    Args:
+        name: For the error.
+        values: That were given.
+
+    Raises:
+        ArgumentTypeError: They are no numbers.
+    """
+    try:
+        return np.asarray(values, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise ArgumentTypeError(name, values, "a column of numbers, shape (n,)") from None
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,6 +52,7 @@ class Recording(Columns):
     Raises:
         RecordingError: A column of another length, fewer than 2 samples, a value that is not finite, time that
             does not increase, or a position beyond 1 m. The message names row and rule.
+        ArgumentTypeError: A column that holds no numbers.
     """
 
     time: Array
@@ -46,7 +64,7 @@ class Recording(Columns):
     first_row: int | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
-        columns: dict[str, ArrayLike | None] = {
+        columns: dict[str, Any] = {
             "time": self.time,
             "position": self.position,
             "force": self.force,
@@ -54,9 +72,9 @@ class Recording(Columns):
         }
         length = np.size(self.time)
         for label, column in columns.items():
-            if column is None:
+            if column is None and label == "velocity":
                 continue
-            array = np.array(column, dtype=np.float64)  # a copy: the caller's array stays the caller's
+            array = np.array(numbers_of(label, column))  # a copy: the caller's array stays the caller's
             if array.ndim != 1 or array.size != length:
                 raise RecordingError(self.name, f"{label} has shape {array.shape}, time has {length} samples")
             if length < 2:

@@ -23,6 +23,7 @@ from typing import Any, Final
 from urllib.parse import quote
 
 from foretouch.errors import DatasetError, UnknownNameError
+from foretouch.models.checks import require_type
 from foretouch.recordings._extra import optional
 from foretouch.recordings.excerpt_file import SUFFIX
 
@@ -236,6 +237,7 @@ def fetch_all(kind: str | None = None) -> list[Path]:
 
 
 def _named(name: str) -> Dataset:
+    require_type("name", name, str, "the name of a measured recording, such as 'tue/b-foam'")
     if name not in DATASETS:
         raise UnknownNameError("dataset", name, DATASETS)
     return DATASETS[name]

@@ -13,6 +13,7 @@ import numpy as np
 
 from foretouch.errors import RecordingError, RecordingWarning, UnknownNameError
 from foretouch.files import within_budget
+from foretouch.models.checks import require_path, require_type
 from foretouch.quantities import Recording
 from foretouch.recordings.aurora_ddf import read_aurora
 from foretouch.recordings.column_names import name_says
@@ -88,6 +89,7 @@ def read_recording(
     Raises:
         RecordingError: The file cannot be used, or is over the budget; the message names file, row and rule.
         UnknownNameError: A unit or force channel that is not known.
+        ArgumentTypeError: A path or a unit that is none.
         MissingExtraError: The format needs a package of the extra ``recordings``.
     """
     read = read_with_notes(
@@ -121,8 +123,14 @@ def read_with_notes(
     Raises:
         RecordingError: As there.
         UnknownNameError: As there.
+        ArgumentTypeError: As there.
         MissingExtraError: As there.
     """
+    require_path("path", path)
+    if map_file is not None:
+        require_path("map_file", map_file)
+    for name, text in (("position_unit", position_unit), ("force_unit", force_unit)):
+        require_type(name, text, (str, type(None)), "the name of a unit, or None for what the file says")
     units = Units(position_unit, force_unit, flip, flip_force)
     if force_channel not in FORCE_CHANNELS:
         raise UnknownNameError("force channel", force_channel, FORCE_CHANNELS)

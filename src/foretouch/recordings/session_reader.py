@@ -35,6 +35,7 @@ from foretouch.messages import (
     as_printed,
 )
 from foretouch.messages.session_log import in_order
+from foretouch.models.checks import require_path
 from foretouch.quantities import Rows
 from foretouch.recordings._extra import optional
 from foretouch.recordings.cdr import Layout
@@ -93,8 +94,10 @@ def read_session(path: str | PathLike[str], *, budget: float | None = None) -> S
     Raises:
         RecordingError: No such file, no MCAP, no foretouch session in it, another version's, damaged, or over the
             budget.
+        ArgumentTypeError: A path that is none.
         MissingExtraError: The package ``mcap`` is not installed.
     """
+    require_path("path", path)
     return within_budget(path, budget, _read_all, path)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 __all__ = ["AccountedDevice", "RenderingAccount", "RenderingDevice"]
 
@@ -23,6 +23,7 @@ class AccountedDevice(Protocol):
         """Time after which the device takes a force away by itself that nobody has renewed [s]; 0 for never."""
 
 
+@runtime_checkable
 class RenderingDevice(AccountedDevice, Protocol):
     """What rendering has to know of a device that the hand feels."""
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from foretouch.models import NO_STATE, ContactModel, ContactState, Predictor
-from foretouch.models.checks import require
+from foretouch.models.checks import require, require_type
 from foretouch.quantities import brief_number, brief_text
 from foretouch.rendering.energy import SAMPLE_PERIOD, EnergyAccount
 from foretouch.rendering.interfaces import RenderingAccount, RenderingDevice
@@ -87,6 +87,7 @@ class Renderer:
 
     Raises:
         SettingError: A scale or stiffness out of range.
+        ArgumentTypeError: A device that is none.
     """
 
     __slots__ = (
@@ -131,6 +132,8 @@ class Renderer:
         sample_period: float = SAMPLE_PERIOD,
         account: RenderingAccount | None = None,
     ) -> None:
+        wanted = "a DeviceSpecification, as SessionSettings(...).device is, or None where nobody feels it"
+        require_type("device", device, (RenderingDevice, type(None)), wanted)
         require("force_scale", force_scale, above=0.0)
         require("largest_stiffness", largest_stiffness, at_least=0.0)
         require("sample_period", sample_period, above=0.0)

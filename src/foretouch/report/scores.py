@@ -17,6 +17,7 @@ from foretouch.identification.force_zero import (
     median_period,
     never_leaves_contact,
 )
+from foretouch.models.checks import NUMBER, require_type
 from foretouch.quantities import ByValue
 
 __all__ = ["JND_FORCE", "JND_SHARE", "OFFSET_WINDOW", "STATUSES", "Scores", "delayed", "lowest_mean", "score"]
@@ -131,7 +132,12 @@ def score(
     Raises:
         InputError: Arrays of other lengths, time that does not increase, a measured force that is not finite.
         SettingError: A floor that is not positive, or a window that ends before it begins.
+        ArgumentTypeError: Columns or numbers that are none.
     """
+    for name, value in {"contact_floor": contact_floor, "score_from": score_from}.items():
+        require_type(name, value, NUMBER, "a number")
+    for name, given in {"score_to": score_to, "offset": offset, "delayed_offset": delayed_offset}.items():
+        require_type(name, given, (*NUMBER, type(None)), "a number, or None")
     clock, measured, predicted, known = columns_of(time, measured_force, predicted_force, delayed_force)
     _check(clock, measured, contact_floor, score_from, score_to)
     if clock.size:
@@ -212,8 +218,10 @@ def delayed(time: ArrayLike, force: ArrayLike, delay: float) -> Array:
     Raises:
         InputError: Arrays of other lengths, or time that does not increase.
         SettingError: A delay below 0 or not finite.
+        ArgumentTypeError: Columns or a delay that are no numbers.
     """
     clock, values = columns_of(time, force)
+    require_type("delay", delay, NUMBER, "a number, in s")
     if not (np.isfinite(delay) and delay >= 0.0):
         raise SettingError("delay", delay, "must be 0 s or more")
     _increasing(clock)

@@ -12,6 +12,7 @@ from foretouch.robot.materials import (
     fit_foam,
     foam_fit_json,
     make_material,
+    material_names,
 )
 from foretouch.robot.moved_robot import MovedRobot
 from foretouch.robot.rcm_arm import RcmArm
@@ -50,4 +51,5 @@ __all__ = [
     "graphics_library",
     "make_material",
     "make_robot",
+    "material_names",
 ]

@@ -28,6 +28,11 @@ class MovedRobot(Robot):
         self._position_at = position_at
         self._exchanges = 0
 
+    @property
+    def fresh(self) -> bool:
+        """Whether no exchange has been yet."""
+        return self.robot.fresh
+
     def read(self) -> RobotSample:
         """What the sensors show now; no time passes and nothing moves."""
         return self.robot.read()

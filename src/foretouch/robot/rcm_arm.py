@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from foretouch.errors import SettingError
+from foretouch.errors import ArgumentTypeError, SettingError
 from foretouch.models import ContactState
-from foretouch.models.checks import require
+from foretouch.models.checks import NUMBER, require
 from foretouch.robot.arm_scene import CARRIAGE_MASS, GRAVITY, TOOL_MASS, arm_scene
 from foretouch.robot.engine import load_mujoco
 from foretouch.robot.insertion_servo import InsertionServo
@@ -97,6 +97,8 @@ class RcmArm(Robot):
         require("sensor_bandwidth", sensor_bandwidth, above=0.0)
         require("sensor_offset", sensor_offset)
         require("sensor_range", sensor_range, above=0.0)
+        if not (isinstance(workspace, tuple | list) and [isinstance(end, NUMBER) for end in workspace] == [True, True]):
+            raise ArgumentTypeError("workspace", workspace, "two numbers [m]: smallest and largest position of the tip")
         if not -math.inf < workspace[0] < 0.0 < workspace[1] < math.inf:
             raise SettingError("workspace", workspace, "must be finite and reach from below 0 to above 0")
         self.material = material
@@ -171,6 +173,11 @@ class RcmArm(Robot):
         self._arm[kernel.TOOL] = tool
         self._arm[kernel.SENSOR] = self._contact_force + tool  # the low-pass, settled
         self._sample = self._measure()
+
+    @property
+    def fresh(self) -> bool:
+        """Whether no exchange has been yet."""
+        return bool(self.mj_data.time == 0.0)
 
     def read(self) -> RobotSample:
         """What the sensors show now; no time passes and nothing moves."""

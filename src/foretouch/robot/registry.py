@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from foretouch.models.checks import require_type
 from foretouch.robot.materials import Material, make_material
 from foretouch.robot.rcm_arm import RcmArm
 
@@ -22,8 +23,10 @@ def make_robot(material: str | Material, *, seed: int = 0, surface: float | None
     Raises:
         UnknownNameError: No such material.
         SettingError: A setting out of range.
+        ArgumentTypeError: A material or a setting of another type.
         MissingExtraError: MuJoCo is not installed.
     """
     if isinstance(material, str):
         material = make_material(material)
+    require_type("material", material, Material, "a Material, or the name of one")
     return RcmArm(material, seed=seed, surface=surface, **options)

@@ -99,6 +99,11 @@ class Robot(ABC):
 
     specification: RobotSpecification
 
+    @property
+    def fresh(self) -> bool:
+        """Whether no exchange has been yet, so that a simulated session can begin; True where a class does not say."""
+        return True
+
     @abstractmethod
     def read(self) -> RobotSample:
         """What the sensors show now; no time passes and nothing moves."""

@@ -116,6 +116,11 @@ class FaultySensor(Robot):
         self._next_spike = 0
         self._sample = self._last_good = robot.read()
 
+    @property
+    def fresh(self) -> bool:
+        """Whether no exchange has been yet."""
+        return self.robot.fresh
+
     def read(self) -> RobotSample:
         """What the sensors show now; no time passes and nothing moves."""
         return self._sample

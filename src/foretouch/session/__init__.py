@@ -16,7 +16,13 @@ from foretouch.session.live import (
     wait_for_hello,
 )
 from foretouch.session.mediated import MediatedForce, mediate
-from foretouch.session.operators import close_operator, felt_texts, make_operator, require_simulated_time
+from foretouch.session.operators import (
+    close_operator,
+    felt_texts,
+    make_operator,
+    require_simulated_operator,
+    require_simulated_time,
+)
 from foretouch.session.processes import run_processes
 from foretouch.session.recorder import RECORDER_CHANNELS, RECORDING_INCOMPLETE, Recorder, run_recorder
 from foretouch.session.replay import Replay, replay
@@ -26,7 +32,7 @@ from foretouch.session.robots import make_moved_robot, make_session_robot, reach
 from foretouch.session.scheduling import be_prompt, give_way
 from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
 from foretouch.session.shadow import SHADOW_CHANNELS, run_shadow
-from foretouch.session.simulated import SimulatedSession, simulate
+from foretouch.session.simulated import SimulatedSession, prepare_simulation, simulate
 from foretouch.session.warm_up import prepare, warm_up
 
 __all__ = [
@@ -63,11 +69,13 @@ __all__ = [
     "mediate",
     "orphaned",
     "prepare",
+    "prepare_simulation",
     "reach_texts",
     "recorded_settings",
     "replay",
     "replay_notes",
     "replay_under",
+    "require_simulated_operator",
     "require_simulated_robot",
     "require_simulated_time",
     "run_follower",

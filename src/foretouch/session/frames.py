@@ -95,6 +95,11 @@ class FramedDevice(Device):
         """Whether the operator holds the clutch."""
         return self.device.clutched
 
+    @property
+    def fresh(self) -> bool:
+        """Whether nothing was read yet."""
+        return self.device.fresh
+
     def read(self, now_ns: int) -> float:
         """Position of the hand [m]."""
         return self._frame.inside(self.device.read(now_ns))
@@ -120,6 +125,11 @@ class FramedRobot(Robot):
         own = robot.specification
         low, high = sorted(map(frame.inside, own.workspace))
         self.specification = replace(own, workspace=(low, high), gravity=frame.direction * own.gravity)
+
+    @property
+    def fresh(self) -> bool:
+        """Whether no exchange has been yet."""
+        return self.robot.fresh
 
     def read(self) -> RobotSample:
         """What the robot's sensors show now."""

@@ -22,8 +22,9 @@ from foretouch.devices import (
     ScriptedOperator,
 )
 from foretouch.errors import SettingError, UnknownNameError, printable
-from foretouch.models.checks import require_type
+from foretouch.models.checks import NUMBER, require_type
 from foretouch.plugins import make_plugin
+from foretouch.quantities import Frame
 from foretouch.recordings import excerpt, read_leader_motion
 from foretouch.robot import FaultySensor, Material, MovedRobot, RcmArm, Robot, make_material
 from foretouch.session.frames import FramedRobot, device_inside, framed_device, inverse
@@ -35,7 +36,9 @@ __all__ = [
     "felt_device",
     "felt_texts",
     "make_operator",
+    "pressed_material",
     "reach_of",
+    "require_simulated_operator",
     "require_simulated_time",
     "say_on_stderr",
 ]
@@ -88,10 +91,12 @@ def make_operator(
             know the surface where nobody does; a device that is felt, with a simulated grip or a baseline.
         PluginError: Another package's device, which cannot be made.
         MissingExtraError: What the device needs is not installed.
-        ArgumentTypeError: Settings or a robot that are none.
+        ArgumentTypeError: Settings, a robot or lengths that are none.
     """
     require_type("settings", settings, SessionSettings, "SessionSettings: SessionSettings() are the defaults")
     require_type("robot", robot, (Robot, type(None)), "a Robot, or None: make_robot gives one")
+    for name, length in (("surface", surface), ("press_depth", press_depth)):
+        require_type(name, length, (*NUMBER, type(None)), "a length [m], or None for what the robot knows")
     if surface is None or press_depth is None:
         known = reach_of(robot, settings)
         surface = known.surface if surface is None else surface
@@ -119,20 +124,32 @@ def reach_of(robot: Robot | None, settings: SessionSettings) -> Material | Reach
     """
     if robot is None:
         return make_material(settings.material) if settings.robot == SIMULATED else UNKNOWN_REACH
-    frames = [settings.frames[1]]
+    material = pressed_material(robot)
+    if material is None:
+        return UNKNOWN_REACH
+    inner, frames = _robot_inside(robot)
+    if not isinstance(inner, RcmArm):
+        return material
+    surface = inner.surface
+    for frame in reversed((settings.frames[1], *frames)):
+        surface = frame.inside(surface)
+    return Reach(surface, material.press_depth)
+
+
+def pressed_material(robot: Robot) -> Material | None:
+    """What a robot presses, where it is simulated and says so."""
+    material = getattr(_robot_inside(robot)[0], "material", None)
+    return material if isinstance(material, Material) else None
+
+
+def _robot_inside(robot: Robot) -> tuple[Robot, list[Frame]]:
+    """A robot without what is about it, and the frames that were, the outermost first."""
+    frames = []
     while isinstance(robot, FramedRobot | FaultySensor | MovedRobot):
         if isinstance(robot, FramedRobot):
             frames.append(robot.frame)
         robot = robot.robot
-    material = getattr(robot, "material", None)
-    if not isinstance(material, Material):
-        return UNKNOWN_REACH
-    if not isinstance(robot, RcmArm):
-        return material
-    surface = robot.surface
-    for frame in reversed(frames):
-        surface = frame.inside(surface)
-    return Reach(surface, material.press_depth)
+    return robot, frames
 
 
 def felt_device(operator: Device, settings: SessionSettings) -> DeviceSpecification | None:
@@ -175,6 +192,17 @@ def _say_assumed(operator: Device, settings: SessionSettings, say: Callable[[str
 def close_operator(operator: Device) -> None:
     """Close the device that moves the hand, so that it gives no force any more."""
     device_inside(operator).close()
+
+
+def require_simulated_operator(settings: SessionSettings) -> None:
+    """Refuse settings whose operator sits at a console.
+
+    Raises:
+        SettingError: They name ``"browser"``.
+    """
+    if settings.operator == "browser":
+        rule = "needs real time: use `foretouch teleop`, or scripted or recorded"
+        raise SettingError("operator", settings.operator, rule)
 
 
 def require_simulated_time(operator: Device) -> None:

@@ -8,6 +8,7 @@ from typing import Any
 
 from foretouch.devices import OPERATORS
 from foretouch.errors import InputError
+from foretouch.robot import material_names
 from foretouch.session.settings import SessionSettings
 
 __all__ = ["recorded_settings"]
@@ -57,6 +58,8 @@ def _parsed(texts: Mapping[str, str]) -> tuple[dict[str, Any], list[str]]:
             missing.append(name)
         elif name == "operator" and texts[name] not in OPERATORS:
             continue  # a shadow, or a device of somebody's own: it is played, whoever it was
+        elif name == "material" and texts[name] not in material_names():
+            continue  # of a package that is not here: what it answered is played
         else:
             try:
                 values[name] = (float if default is None else type(default))(texts[name])  # None: a number not stated

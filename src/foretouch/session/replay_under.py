@@ -182,9 +182,10 @@ def _run(
     chosen = settings.as_text()
     # Who is played counts as the session does.
     framed = dataclasses.replace(settings, leader_frame=SessionSettings.leader_frame)
+    told = {name: chosen[name] for name in ("leader_frame", "follower_frame")}
     if isinstance(robot, PlayedRobot):
         framed = dataclasses.replace(framed, follower_frame=SessionSettings.follower_frame)
-    told = {name: chosen[name] for name in ("leader_frame", "follower_frame")}
+        told["material"] = log.settings.get("material", settings.material)
     session = simulate(
         framed,
         duration=ticks * SAMPLE_PERIOD,

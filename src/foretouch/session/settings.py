@@ -18,7 +18,7 @@ from foretouch.link.faults import LONGEST_DELAY
 from foretouch.models.checks import NUMBER, require
 from foretouch.plugins import load_plugin, plugin_names
 from foretouch.quantities import Brief, Frame
-from foretouch.robot import SensorFault
+from foretouch.robot import MATERIALS, SensorFault, material_names
 from foretouch.vision import ImageFault
 
 __all__ = ["BASELINES", "FIRST_TOUCHES", "NO_GRIP", "ROBOTS", "SAMPLE_PERIOD", "SIMULATED", "SessionSettings"]
@@ -138,7 +138,8 @@ class SessionSettings(Brief):
     Raises:
         SettingError: A value out of range.
         ArgumentTypeError: A value of another type.
-        UnknownNameError: An operator, robot, law, estimator, grip, first touch or baseline that does not exist.
+        UnknownNameError: A material, operator, robot, scene, law, estimator, grip, first touch or baseline that does
+            not exist.
         PluginError: An operator, robot or estimator of another package, which cannot be imported.
     """
 
@@ -272,7 +273,9 @@ class SessionSettings(Brief):
                 raise ArgumentTypeError(one.name, value, f"{wanted}; the default is {one.default!r}")
 
     def _check_machines(self) -> None:
-        """Operator and robot exist; other packages are looked through only where a name is not built in."""
+        """Material, operator and robot exist; other packages are looked through only for what is not built in."""
+        if self.material not in MATERIALS and self.material not in material_names():
+            raise UnknownNameError("material", self.material, material_names())
         built_in = (*OPERATORS, *HARDWARE_OPERATORS)
         if self.operator not in built_in and load_plugin("device", self.operator) is None:
             raise UnknownNameError("operator", self.operator, self.operators())

@@ -30,6 +30,7 @@ from foretouch.errors import ForetouchError
 from foretouch.identification import ESTIMATORS, ContactSample, Learner, identify, make_estimator, predict
 from foretouch.messages import VERSION, Command, ModelUpdate, Telemetry
 from foretouch.models import ContactMap, Predictor, make_model
+from foretouch.models.checks import require_type
 from foretouch.quantities import Recording
 from foretouch.robot import RobotSample, RobotSpecification
 from foretouch.session import follower, leader
@@ -61,8 +62,12 @@ def warm_up(settings: SessionSettings | None = None) -> None:
 
     Args:
         settings: Of the session that is to begin; law and estimator are taken from them. None for the defaults.
+
+    Raises:
+        ArgumentTypeError: Settings that are none.
     """
     settings = SessionSettings() if settings is None else settings
+    require_type("settings", settings, SessionSettings, "SessionSettings, or None for the defaults")
     if settings.scene:
         from foretouch.session.spatial.warm_up import warm_up_scene
 

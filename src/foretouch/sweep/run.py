@@ -5,8 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from foretouch.messages import SessionLog
-from foretouch.robot import make_robot
-from foretouch.session import make_operator, simulate
+from foretouch.session import simulate
 from foretouch.sweep.cases import Case
 from foretouch.sweep.measure import measure
 from foretouch.sweep.outcome import Outcome
@@ -17,11 +16,7 @@ __all__ = ["failed", "log_of", "run_case"]
 def log_of(case: Case) -> tuple[SessionLog, float]:
     """Run the session: what was said in it, and the real time that it took [s]."""
     settings = case.settings()
-    robot = make_robot(settings.material, seed=settings.seed)
-    material = robot.material
-    operator = make_operator(settings, surface=material.surface, press_depth=material.press_depth, say=lambda _: None)
-    reach = {"surface": str(material.surface), "press_depth": str(material.press_depth)}
-    session = simulate(settings, duration=case.duration, operator=operator, robot=robot, description=reach)
+    session = simulate(settings, duration=case.duration, say=lambda _: None)
     return session.log, session.elapsed
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from foretouch.bench.cores import one_core
 from foretouch.bench.rows import Row, Scope
 from foretouch.bench.timing import spread
-from foretouch.session import SessionSettings, SimulatedSession, make_operator, make_session_robot, simulate
+from foretouch.session import SessionSettings, SimulatedSession, simulate
 
 __all__ = ["measure", "run_session"]
 
@@ -20,11 +20,7 @@ def run_session(duration: float, settings: SessionSettings | None = None) -> Sim
         settings: The defaults where none are given.
     """
     settings = SessionSettings() if settings is None else settings
-    robot, material = make_session_robot(settings)
-    operator = make_operator(
-        settings, surface=material.surface, press_depth=material.press_depth, say=lambda text: None
-    )
-    return simulate(settings, duration=duration, operator=operator, robot=robot)
+    return simulate(settings, duration=duration, say=lambda text: None)
 
 
 def measure(scope: Scope) -> list[Row]:

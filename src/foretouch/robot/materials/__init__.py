@@ -5,7 +5,7 @@ from foretouch.robot.materials.foam_measured import shipped_foam_fit
 from foretouch.robot.materials.hysteretic_contact import HystereticContact
 from foretouch.robot.materials.layered_contact import Layer, LayeredContact
 from foretouch.robot.materials.material import DEFAULT_SURFACE, Material
-from foretouch.robot.materials.registry import DEFAULT_MATERIAL, MATERIALS, make_material
+from foretouch.robot.materials.registry import DEFAULT_MATERIAL, MATERIALS, make_material, material_names
 from foretouch.robot.materials.relaxing_contact import ElasticResponse, Relaxation, RelaxingContact
 
 __all__ = [
@@ -24,5 +24,6 @@ __all__ = [
     "fit_foam",
     "foam_fit_json",
     "make_material",
+    "material_names",
     "shipped_foam_fit",
 ]

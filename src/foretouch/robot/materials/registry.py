@@ -15,7 +15,7 @@ from foretouch.robot.materials.kelvin_voigt import kelvin_voigt
 from foretouch.robot.materials.material import Material
 from foretouch.robot.materials.sponge import sponge
 
-__all__ = ["DEFAULT_MATERIAL", "MATERIALS", "make_material"]
+__all__ = ["DEFAULT_MATERIAL", "MATERIALS", "make_material", "material_names"]
 
 DEFAULT_MATERIAL = "foam-measured"
 """What is pressed where nothing else is asked for."""
@@ -32,6 +32,11 @@ MATERIALS: dict[str, Callable[[], Material]] = {
 """Every material of the package; others come from `foretouch.plugins`."""
 
 
+def material_names() -> tuple[str, ...]:
+    """Names of all materials, those of other packages too; nothing of theirs is imported."""
+    return (*MATERIALS, *plugin_names("material"))
+
+
 def make_material(name: str) -> Material:
     """Material from its name, of this package or of another.
 
@@ -43,5 +48,5 @@ def make_material(name: str) -> Material:
         return MATERIALS[name]()
     made = make_plugin("material", name, Material)
     if made is None:
-        raise UnknownNameError("material", name, (*MATERIALS, *plugin_names("material")))
+        raise UnknownNameError("material", name, material_names())
     return made

@@ -12,6 +12,7 @@ from foretouch.errors import RecordingError
 from foretouch.messages import SessionLog
 from foretouch.quantities import Rows
 from foretouch.quantities.rigid import Vector
+from foretouch.robot import material_names
 from foretouch.session.settings import NO_GRIP, SAMPLE_PERIOD, SessionSettings
 from foretouch.session.spatial.camera import SimulatedCamera
 from foretouch.session.spatial.making import make_camera, make_spatial_operator, make_spatial_robot
@@ -80,13 +81,15 @@ def replay_scene(
         progress: Called now and then with the time that has been run again [s].
 
     Raises:
-        RecordingError: A real robot; a hand that felt something, in an open loop; a closed loop whose hand was led by
-            nobody's script; no camera where there was one.
+        RecordingError: A real robot; a material of a package that is not installed; a hand that felt something, in an
+            open loop; a closed loop whose hand was led by nobody's script; no camera where there was one.
     """
     if not np.isfinite(log.follower_space["exact_x"]).any():
         raise RecordingError("session", _REAL)
     if not np.isfinite(log.leader_space["hand_x"]).any():
         raise RecordingError("session", _STILL)
+    if (material := log.settings.get("material", settings.material)) not in material_names():
+        raise RecordingError("session", f"was of the material {material!r}, which is not here to be simulated again")
     scene = make_scene(settings.scene)
     operator = _operator(log, settings, scene, closed_loop)
     robot = make_spatial_robot(settings, scene)

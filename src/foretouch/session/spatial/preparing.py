@@ -1,40 +1,39 @@
-"""Sessions in three dimensions, for the commands that run them in simulated time."""
+"""All that a session in three dimensions in simulated time needs, made as its settings say."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Mapping
 
-from foretouch.cli.options import say
+from foretouch.messages import Message
+from foretouch.session.settings import SessionSettings
+from foretouch.session.simulated import SimulatedSession
+from foretouch.session.spatial.making import make_camera, make_spatial_operator, make_spatial_robot
+from foretouch.session.spatial.scenes import make_scene
+from foretouch.session.spatial.simulated import simulate_scene
 
-if TYPE_CHECKING:
-    from foretouch.messages import Message
-    from foretouch.session import SessionSettings, SimulatedSession
-
-__all__ = ["scene_session"]
+__all__ = ["prepare_scene"]
 
 
-def scene_session(
-    settings: SessionSettings, duration: float, progress: Callable[[float], None] | None = None
+def prepare_scene(
+    settings: SessionSettings,
+    duration: float,
+    *,
+    description: Mapping[str, str] | None,
+    progress: Callable[[float], None] | None,
+    say: Callable[[str], None],
 ) -> Callable[[Callable[[Message, int], None] | None], SimulatedSession]:
-    """Make what a simulated session in three dimensions needs; bad input is refused here, before anything is written.
+    """Make scene, robot, operator and camera; see `foretouch.session.prepare_simulation`.
 
     Args:
         settings: With a scene.
         duration: Simulated [s].
+        description: Further settings for the log.
         progress: Called now and then with the simulated time [s].
+        say: Told in one line where there is no camera.
 
     Returns:
         What runs the session: it takes what records, or None.
     """
-    from foretouch.session.spatial import (
-        make_camera,
-        make_scene,
-        make_spatial_operator,
-        make_spatial_robot,
-        simulate_scene,
-    )
-
     scene = make_scene(settings.scene)
     robot = make_spatial_robot(settings, scene)
     operator = make_spatial_operator(settings, scene, scene.nominal)
@@ -49,6 +48,7 @@ def scene_session(
                 operator=operator,
                 robot=robot,
                 camera=camera,
+                description=description,
                 record=record,
                 progress=progress,
             )
