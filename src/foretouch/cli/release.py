@@ -88,7 +88,7 @@ def _the_one(process: int | None) -> tuple[int, str]:
 
 
 def _none_or_several(process: int | None, stopped: list[int]) -> str:
-    """Why none is released: nobody waits, another does, or several do and it is not said which."""
+    """Why nothing is released: no follower waits, a different one waits, or several wait and none of them was named."""
     if not stopped:
         return "no follower of yours on this machine waits to be released"
     numbers = ", ".join(map(str, stopped))

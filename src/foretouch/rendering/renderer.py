@@ -132,7 +132,7 @@ class Renderer:
         sample_period: float = SAMPLE_PERIOD,
         account: RenderingAccount | None = None,
     ) -> None:
-        wanted = "a DeviceSpecification, as SessionSettings(...).device is, or None where nobody feels it"
+        wanted = "a DeviceSpecification, such as SessionSettings(...).device, or None for a force that no hand feels"
         require_type("device", device, (RenderingDevice, type(None)), wanted)
         require("force_scale", force_scale, above=0.0)
         require("largest_stiffness", largest_stiffness, at_least=0.0)

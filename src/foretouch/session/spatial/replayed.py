@@ -81,8 +81,9 @@ def replay_scene(
         progress: Called now and then with the time that has been run again [s].
 
     Raises:
-        RecordingError: A real robot; a material of a package that is not installed; a hand that felt something, in an
-            open loop; a closed loop whose hand was led by nobody's script; no camera where there was one.
+        RecordingError: The robot was a real one, the material is of a package that is not installed, or there was a
+            camera and there is none here. In an open loop: the hand felt something. In a closed loop: the hand did not
+            follow a script.
     """
     if not np.isfinite(log.follower_space["exact_x"]).any():
         raise RecordingError("session", _REAL)
