@@ -64,6 +64,7 @@ def interrupted(folder: Path, arguments: list[str], begun: Callable[[int], bool]
             stdout=stream,
             stderr=stream,
             start_new_session=True,
+            preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # tests in the background ignore it
         )
     started: set[int] = set()
     try:
