@@ -42,7 +42,7 @@ def test_a_map_is_described_beside_the_law() -> None:
 
 
 def test_a_law_without_a_map_has_its_numbers() -> None:
-    assert describe(update("kelvin-voigt", (500.0, 2.0))) == ("law: k 500, λ 2", "why it is so")
+    assert describe(update("kelvin-voigt", (500.0, 2.0))) == ("law: k 500, λ 2.00", "why it is so")
 
 
 @pytest.mark.parametrize(

@@ -129,6 +129,16 @@ def test_a_curve_has_a_gap_where_it_is_no_number(bench: Bench) -> None:
     assert bench.page.evaluate(drawn) == [True, True, False, False, True]
 
 
+@pytest.mark.parametrize("tab", ["Network", "Model", "Energy", "Session", "Recordings"])
+def test_nothing_of_a_tab_is_wider_than_the_panel(bench: Bench, tab: str) -> None:
+    page = bench.shown(LAPTOP)
+    open_tab(page, tab)
+    page.wait_for_timeout(500)
+    wider = """() => [...document.querySelectorAll(".mantine-ScrollArea-viewport")]
+        .map(area => area.scrollWidth - area.clientWidth).filter(more => more > 1)"""
+    assert page.evaluate(wider) == []
+
+
 def test_every_number_of_a_picture_is_of_one_moment(bench: Bench) -> None:
     """The panel's own, and the newest points of its plot; in the scene no number stands that could be older."""
     both = """() => {

@@ -5,6 +5,7 @@ from __future__ import annotations
 from foretouch.errors import InputError
 from foretouch.messages import ModelUpdate
 from foretouch.models import ContactMap, make_model, summarise_map
+from foretouch.quantities import measured
 
 __all__ = ["describe"]
 
@@ -25,7 +26,7 @@ def describe(update: ModelUpdate) -> tuple[str, ...]:
     except InputError:
         return reason
     named = zip(model.parameter_names, model.parameters, strict=True)
-    numbers = "law: " + ", ".join(f"{SYMBOLS.get(name, name)} {value:.3g}" for name, value in named)
+    numbers = "law: " + ", ".join(f"{SYMBOLS.get(name, name)} {measured(value, None)}" for name, value in named)
     return (numbers, *(_map_lines(model) if isinstance(model, ContactMap) else ()), *reason)
 
 

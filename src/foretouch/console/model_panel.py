@@ -30,7 +30,7 @@ class ModelPanel:
     """
 
     def __init__(self, gui: Any) -> None:
-        self._stiffness = TimePlot(gui, "Local stiffness dF/dx [N/mm] and one deviation", (STIFFNESS,), height=130)
+        self._stiffness = TimePlot(gui, "Stiffness dF/dx at rest [N/mm] and one deviation", (STIFFNESS,), height=130)
         curves = [Curve(f"parameter {n}", colour, 2.0, dash, band=True) for n, (colour, dash) in enumerate(LOOKS, 1)]
         self._curves = curves
         self._parameters = TimePlot(gui, "The law's numbers over their newest, and one deviation", curves, height=130)
@@ -49,14 +49,13 @@ class ModelPanel:
             self._stiffness.draw(trace.time, (trace.stiffness * 1e-3,), (trace.deviation * 1e-3,))
             ratios, spreads = self._ratios(trace, trace.parameters), self._ratios(trace, trace.errors)
             self._parameters.draw(trace.time, ratios, [np.abs(spread) for spread in spreads], most=LARGEST_RATIO)
-            deviation = trace.deviation[-1] * 1e-3
-            doubt = f" ± {deviation:.2f}" if np.isfinite(deviation) else ", no doubt is told"
-            value = f"{trace.stiffness[-1] * 1e-3:.2f}{doubt} N/mm"
-            rows.append(Row(f"Local stiffness at {depth * 1e3:.1f} mm, at rest", value, STIFFNESS))
+            value = measured(trace.stiffness[-1] * 1e-3, trace.deviation[-1] * 1e-3)
+            rows.append(Row(f"Stiffness at {depth * 1e3:.1f} mm [N/mm]", value, STIFFNESS))
             newest = zip(self._curves, trace.names, trace.parameters[-1], trace.errors[-1], strict=False)
             for curve, name, parameter, error in newest:
-                value = measured(parameter, error, parameter_unit(name, trace.names))
-                rows.append(Row(f"{SYMBOLS.get(name, '')} {name}".strip(), value, curve))
+                unit = parameter_unit(name, trace.names)
+                label = f"{SYMBOLS.get(name, '')} {name}{f' [{unit}]' if unit else ''}".strip()
+                rows.append(Row(label, measured(parameter, error), curve))
         text = "<br>".join(map(html.escape, lines))
         content = (
             f'<div style="padding:0 12px">{table(rows)}<div style="font-size:0.85em;line-height:1.4;color:#555">{text}'
