@@ -43,17 +43,17 @@ INTERPRETED := $(addprefix tests/models/test_models_,$(addsuffix .py,catching_up
 # raises; and what compiled code returns is of Python's own types.
 COMPILED_ONLY := test_any_motion_of_any_map or test_a_call_of_the_map_is_the_kernel
 
-# What starts processes in real time uses little more than one core; what only computes has what is left beside it, at the
-# lowest priority. The rest shares the cores, three at a time, for a third of them waits.
-test: setup system  ## everything that a change must pass, in some 10 minutes on 2 cores
+# What runs in real time uses little more than one core; what only computes has what is left, at the lowest priority.
+test: setup system  ## everything that a change must pass, in some 6 minutes on 2 cores
 	@$(MAKE) --no-print-directory --jobs 2 --output-sync test-live test-beside
-	@$(BIN)/pytest -m "not long and not live and not soak" --numprocesses 3 --dist loadfile $(ARGS)
 
-.PHONY: test-live test-beside
+.PHONY: test-live test-beside test-quick
 test-live: setup
 	@$(BIN)/pytest -m "live and not long" $(ARGS) $$(grep -rl 'mark\.live' tests)
 test-beside: setup
-	@nice -n 19 $(MAKE) --no-print-directory check docs test-interpreted WORKERS=1
+	@nice -n 19 $(MAKE) --no-print-directory check docs test-interpreted test-quick WORKERS=2
+test-quick: setup
+	@$(BIN)/pytest -m "not long and not live and not soak" --numprocesses 3 --dist loadfile $(ARGS)
 
 WORKERS := 2
 test-interpreted: setup  ## laws, estimators, rendering and steps with nothing compiled (NUMBA_DISABLE_JIT=1): the same answers

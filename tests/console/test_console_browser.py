@@ -102,6 +102,7 @@ def test_within_ten_seconds_the_predicted_and_the_delayed_force_are_seen_to_diff
     bench.wait_for(lambda: len({row.locator("b").inner_text().split()[0] for row in rows}) == 2)
 
 
+@pytest.mark.live  # how old the newest sample of a picture is, a busy machine decides
 def test_plot_shows_three_forces_that_rise_and_fall(bench):
     def pressed() -> bool:
         data = plot_data(bench.page)

@@ -41,7 +41,12 @@ def summary(findings: list[Finding]) -> dict[str, bool | None]:
 
 
 @pytest.mark.parametrize(
-    ("kind", "name"), [(kind, name) for kind in ("robot", "device", "material") for name in BUILT_IN[kind]]
+    ("kind", "name"),
+    [
+        pytest.param(kind, name, marks=[pytest.mark.live] if kind == "robot" else [])  # its exchanges are timed
+        for kind in ("robot", "device", "material")
+        for name in BUILT_IN[kind]
+    ],
 )
 def test_what_the_package_brings_passes(kind: str, name: str) -> None:
     if name in HARDWARE:
