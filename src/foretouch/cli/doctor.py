@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from foretouch.link import ZenohLink
     from foretouch.messages import Message
 
-__all__ = ["COMMANDS", "doctor", "warm_up"]
+__all__ = ["DOCTOR", "doctor", "warm_up"]
 
 WIDE = 120
 """Columns of the table where no terminal says how wide it is."""
@@ -82,7 +82,7 @@ def warm_up() -> None:
     say("everything is compiled")
 
 
-COMMANDS = (doctor, warm_up)
+DOCTOR = (doctor, warm_up)
 
 
 def _print(findings: list[Finding]) -> None:

@@ -13,7 +13,7 @@ from foretouch.cli.options import made_by, make_folder, say, show
 from foretouch.cli.progress import compile_first, progress_bar
 from foretouch.errors import plural
 
-__all__ = ["COMMANDS", "reproduce"]
+__all__ = ["PAPER", "reproduce"]
 
 
 def reproduce(
@@ -75,7 +75,7 @@ def reproduce(
     )
 
 
-COMMANDS = (reproduce,)
+PAPER = (reproduce,)
 
 WORDS = {"holds": "holds", "holds under stated choice": "by choice", "does not hold": "does not"}
 """Verdicts in a narrow column."""

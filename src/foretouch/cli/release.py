@@ -12,7 +12,7 @@ import typer
 from foretouch.cli.options import Json, print_json, say, show
 from foretouch.errors import InputError, one_line
 
-__all__ = ["COMMANDS", "release"]
+__all__ = ["RELEASE", "release"]
 
 PATIENCE, LOOK = 5.0, 0.1
 """For so long [s] it is looked whether the robot follows again, and each time after so long."""
@@ -63,7 +63,7 @@ def release(
     raise typer.Exit(1)
 
 
-COMMANDS = (release,)
+RELEASE = (release,)
 
 
 def _waits(sentence: str) -> bool:

@@ -25,7 +25,7 @@ from foretouch.errors import RecordingError, SettingError
 if TYPE_CHECKING:
     from foretouch.messages import SessionLog
 
-__all__ = ["COMMANDS", "replay"]
+__all__ = ["REPLAY", "replay"]
 
 PANEL = "Otherwise than recorded"
 
@@ -112,7 +112,7 @@ def replay(
         say(f"report: {page}")
 
 
-COMMANDS = (replay,)
+REPLAY = (replay,)
 
 
 def _session(path: Path) -> SessionLog:

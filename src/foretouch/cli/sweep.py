@@ -18,7 +18,7 @@ from foretouch.errors import SettingError
 if TYPE_CHECKING:
     from foretouch.sweep import Outcome
 
-__all__ = ["COMMANDS", "sweep"]
+__all__ = ["SWEEP", "sweep"]
 
 LINES = 20
 """Where nobody watches a terminal, progress is said so often."""
@@ -74,7 +74,7 @@ def sweep(
         raise typer.Exit(1)
 
 
-COMMANDS = (sweep,)
+SWEEP = (sweep,)
 
 
 def _replay(folder: Path, number: int, baseline: str, json_output: bool) -> None:

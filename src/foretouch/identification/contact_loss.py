@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from foretouch.core.compiling import compiled
 
-__all__ = ["AGREES", "DISAGREES", "EFFORT", "LOST", "SIZE", "begin_loss", "find_loss", "is_falling"]
+__all__ = ["AGREES", "DISAGREES", "EFFORT", "LOST", "LOSS_SIZE", "begin_loss", "find_loss", "is_falling"]
 
 Array = NDArray[np.float64]
 
@@ -53,7 +53,7 @@ DAMPED, STIFF = 500.0, 2e5
 SLACK = 5e-6
 """The probe may have gone out by so much more than an encoder shows [m]."""
 
-CONFIRMED = 3
+LOSS_CONFIRMED = 3
 """Samples in a row that show it: a spike is one."""
 
 EFFORT_TIME, EFFORT_WAIT = 0.004, 0.03
@@ -62,14 +62,14 @@ EFFORT_TIME, EFFORT_WAIT = 0.004, 0.03
 EFFORT_LEAST, EFFORT_SHARE = 2.0, 0.2
 """By how much they differ [N], and as a share of the larger: friction of the drive is in it."""
 
-COUNT, AT, LOW, EFFORT, FELT, DIFFERS = 0, 1, 2, 3, 4, 5
+COUNT, AT, LOSS_LOW, EFFORT, FELT, DIFFERS = 0, 1, 2, 3, 4, 5
 """Places in the array: samples in the rings; where the next goes; samples in a row with a force that is too low; effort
 and force, low-passed [N]; and for how long they differ [s]."""
 
 TIMES, POSITIONS, FORCES = 6, 6 + PLACES, 6 + 2 * PLACES
 """Rings of the newest samples [s, m, N]."""
 
-SIZE = 6 + 3 * PLACES
+LOSS_SIZE = 6 + 3 * PLACES
 
 
 @compiled
@@ -81,7 +81,7 @@ def begin_loss(loss: Array) -> None:
 @compiled
 def is_falling(loss: Array) -> bool:
     """Whether a contact is perhaps lost: it is not certain yet."""
-    return bool(loss[LOW] > 0.0)
+    return bool(loss[LOSS_LOW] > 0.0)
 
 
 @compiled
@@ -137,7 +137,7 @@ def find_loss(loss: Array, time: float, position: float, force: float, zero: flo
     """Take one finite sample.
 
     Args:
-        loss: Written, shape (SIZE,).
+        loss: Written, shape (LOSS_SIZE,).
         time: [s].
         position: [m].
         force: Of the sensor, less what tool weight and inertia make of it [N].
@@ -161,7 +161,7 @@ def find_loss(loss: Array, time: float, position: float, force: float, zero: flo
     loss[COUNT] = min(loss[COUNT] + 1.0, float(PLACES))
     if loss[COUNT] < PLACES:
         return AGREES
-    loss[LOW] = loss[LOW] + 1.0 if _is_low(loss, newest, zero) else 0.0
-    if loss[LOW] >= CONFIRMED:
+    loss[LOSS_LOW] = loss[LOSS_LOW] + 1.0 if _is_low(loss, newest, zero) else 0.0
+    if loss[LOSS_LOW] >= LOSS_CONFIRMED:
         return LOST
     return DISAGREES if _disagrees(loss, force - zero, effort, period) else AGREES

@@ -26,7 +26,7 @@ from foretouch.identification.exact_layout import (
     LOG_REFERENCE,
     POWER,
     REFERENCE,
-    REFERENCE_TIME,
+    REFERENCE_TIME_AT,
     S_LOWER,
     SHARE_NOISE,
     UNKNOWNS,
@@ -207,7 +207,7 @@ def _law_numbers(theta: Array, memory: Array, settings: Array, numbers: Array) -
     if not (memory[LEARNT_FROM] >= FEWEST_UPDATES and depth > 0.0):
         return False
     n = s - alpha
-    stiffness, damping = theta[0] * depth**-s, theta[1] * depth ** -(n + 1.0) * settings[REFERENCE_TIME]
+    stiffness, damping = theta[0] * depth**-s, theta[1] * depth ** -(n + 1.0) * settings[REFERENCE_TIME_AT]
     good = 0.0 < stiffness < math.inf and 0.0 <= damping < math.inf and n >= 0.0 and alpha >= 0.0
     if not (good and n + alpha > 0.0):
         return False

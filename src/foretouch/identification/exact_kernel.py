@@ -43,7 +43,7 @@ from foretouch.identification.exact_layout import (
     PRODUCT,
     PROJECTED,
     REFERENCE,
-    REFERENCE_TIME,
+    REFERENCE_TIME_AT,
     SHARE_NOISE,
     SLOPE,
     SQUARE,
@@ -122,7 +122,7 @@ def _expect(
     log_u = math.log(u)
     n = theta[2] - theta[3]
     slope[0] = math.exp(theta[2] * log_u)
-    slope[1] = math.exp(n * log_u) * velocity * settings[REFERENCE_TIME] / memory[REFERENCE]
+    slope[1] = math.exp(n * log_u) * velocity * settings[REFERENCE_TIME_AT] / memory[REFERENCE]
     elastic, viscous = theta[0] * slope[0], theta[1] * slope[1]
     slope[2] = (elastic + viscous) * log_u
     slope[3] = -viscous * log_u

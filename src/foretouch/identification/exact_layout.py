@@ -43,7 +43,7 @@ __all__ = [
     "PRODUCT",
     "PROJECTED",
     "REFERENCE",
-    "REFERENCE_TIME",
+    "REFERENCE_TIME_AT",
     "SETTINGS",
     "SHARE_NOISE",
     "SLOPE",
@@ -119,4 +119,4 @@ CORRELATION_TIME, FIRST_CORRELATION_TIME = (
 )
 CLIP, GATE = SETTINGS.index("clip"), SETTINGS.index("gate")
 HOLD_TIME, HOLD_SHARE = SETTINGS.index("hold_time"), SETTINGS.index("hold_share")
-SURFACE_NOISE, REFERENCE_TIME = SETTINGS.index("surface_noise"), SETTINGS.index("reference_time")
+SURFACE_NOISE, REFERENCE_TIME_AT = SETTINGS.index("surface_noise"), SETTINGS.index("reference_time")

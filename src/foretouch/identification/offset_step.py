@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from foretouch.core.compiling import compiled
 
-__all__ = ["SIZE", "begin_steps", "find_step", "has_fallen", "restart_steps"]
+__all__ = ["OFFSET_SIZE", "begin_steps", "find_step", "has_fallen", "restart_steps"]
 
 Array = NDArray[np.float64]
 
@@ -76,7 +76,7 @@ NEWEST, NEWEST_FORCE, SECOND, SECOND_FORCE = 3, 4, 5, 6
 QUIET, LEVEL, VARIANCE = 7, 8, 9
 """For how long there was nothing unusual [s]; level and variance of the force up to two samples ago [N, N^2]."""
 
-AGE, BEFORE, RISE, CONFIRMED, LEVEL_AFTER, LOW, HIGH = 10, 11, 12, 13, 14, 15, 16
+AGE, BEFORE, RISE, OFFSET_CONFIRMED, LEVEL_AFTER, OFFSET_LOW, HIGH = 10, 11, 12, 13, 14, 15, 16
 """Of the step that is being judged: its age [s], infinite for none; the level before it, and by how much it rose [N];
 samples that have confirmed it and their level [N]; the innermost and the outermost position since [m]."""
 
@@ -84,7 +84,7 @@ FREE_FROM, OUTERMOST, FREE_LOW, FREE_HIGH, FREE_AGE, GOES_ON = 17, 18, 19, 20, 2
 """Of a way that may be free: where it began and the outermost place [m], the lowest and the highest force [N], its age
 [s], and whether it is the rest of one that was free so far."""
 
-SIZE = 23
+OFFSET_SIZE = 23
 
 
 def _set_out(step: Array, position: float, force: float, goes_on: bool) -> None:
@@ -153,9 +153,9 @@ def has_fallen(step: Array) -> bool:
 def _judge(step: Array, force: float) -> None:
     """Judge from now on a force that has stepped since the sample before last."""
     step[BEFORE], step[RISE] = step[LEVEL], force - step[SECOND_FORCE]
-    step[AGE], step[CONFIRMED], step[LEVEL_AFTER] = 0.0, 0.0, force
+    step[AGE], step[OFFSET_CONFIRMED], step[LEVEL_AFTER] = 0.0, 0.0, force
     _sets_out(step, -math.inf, 0.0, False)
-    step[LOW] = step[HIGH] = step[SECOND]
+    step[OFFSET_LOW] = step[HIGH] = step[SECOND]
     step[QUIET] = 0.0
 
 
@@ -165,21 +165,21 @@ _judged = compiled(_judge)
 def _stays(step: Array, position: float, force: float, period: float) -> bool:
     """Whether a step has stayed without a reason."""
     step[AGE] += period
-    step[LOW], step[HIGH] = min(step[LOW], position), max(step[HIGH], position)
+    step[OFFSET_LOW], step[HIGH] = min(step[OFFSET_LOW], position), max(step[HIGH], position)
     size = abs(step[LEVEL_AFTER] - step[BEFORE])
-    if step[CONFIRMED] > 0.0 and abs(force - step[LEVEL_AFTER]) > LEVEL_SHARE * size:
+    if step[OFFSET_CONFIRMED] > 0.0 and abs(force - step[LEVEL_AFTER]) > LEVEL_SHARE * size:
         step[AGE] = math.inf
         return False
-    if step[CONFIRMED] < CONFIRMING:
-        step[CONFIRMED] += 1.0
-        step[LEVEL_AFTER] += (force - step[LEVEL_AFTER]) / step[CONFIRMED]
+    if step[OFFSET_CONFIRMED] < CONFIRMING:
+        step[OFFSET_CONFIRMED] += 1.0
+        step[LEVEL_AFTER] += (force - step[LEVEL_AFTER]) / step[OFFSET_CONFIRMED]
         return False
     if size < step[LEAST_STEP] or abs(step[RISE]) < 0.8 * size:
         step[AGE] = math.inf
     if not HOLD <= step[AGE] < math.inf:
         return False
     step[AGE] = math.inf
-    return bool(step[HIGH] - step[LOW] <= STILL or step[LEVEL_AFTER] < step[ZERO] - step[LEAST_STEP])
+    return bool(step[HIGH] - step[OFFSET_LOW] <= STILL or step[LEVEL_AFTER] < step[ZERO] - step[LEAST_STEP])
 
 
 _has_stayed = compiled(_stays)
@@ -221,7 +221,7 @@ def _find(step: Array, position: float, force: float, period: float) -> bool:
     """Take one finite sample; whether a step of the offset is found now.
 
     Args:
-        step: Written, shape (SIZE,).
+        step: Written, shape (OFFSET_SIZE,).
         position: [m].
         force: Less what tool weight and inertia make of it [N].
         period: Since the sample before [s], positive.

@@ -32,7 +32,7 @@ from foretouch.identification.contact_map_step import (
     take,
 )
 from foretouch.identification.sensor_lag_kernel import clear
-from foretouch.identification.sensor_lag_kernel import take as take_lag
+from foretouch.identification.sensor_lag_kernel import take_lagged
 from foretouch.models.contact_map_kernel import step
 from foretouch.models.contact_map_layout import LAW, MEMORY, SIZE
 from foretouch.models.contact_map_wire import sensible, transfer
@@ -50,7 +50,7 @@ DEVIATION = 7  # standard deviation of the force at the last sample that has a r
 SCRATCH = 8  # what the material remembers
 MODEL = SCRATCH + MEMORY  # the map as it crosses the network: rounded to 32 bits, and the law's numbers
 SHORT = MODEL + SIZE  # and packed
-NOTES = SHORT + SIZE
+RAW_SIZE = SHORT + SIZE
 
 
 def make_notes(before: float) -> Array:
@@ -59,7 +59,7 @@ def make_notes(before: float) -> Array:
     Args:
         before: Time of the newest sample that was learnt from already [s], NaN where there is none.
     """
-    notes = np.zeros(NOTES)
+    notes = np.zeros(RAW_SIZE)
     notes[BEFORE], notes[STALE], notes[DEVIATION] = before, 1.0, math.nan
     return notes
 
@@ -120,7 +120,7 @@ def _expect(notes: Array, state: Array, depth: float, velocity: float, period: f
 expect = compiled(error_model="numpy")(_expect)
 
 
-def _run(
+def _run_raw(
     state: Array,
     conditioner: Array,
     lag: Array,
@@ -155,7 +155,7 @@ def _run(
                 lose_surface(conditioner)
             clear(lag)
         if touching:
-            take_lag(lag, depth + conditioner[SURFACE], velocity, raw, time - before)
+            take_lagged(lag, depth + conditioner[SURFACE], velocity, raw, time - before)
         notes[BEFORE], notes[BEFORE + 1], notes[BEFORE + 2], notes[BEFORE + 3] = time, depth, velocity, force
         notes[BEFORE + 4] = 1.0 if touching else 0.0
         if is_full(conditioner):
@@ -164,5 +164,5 @@ def _run(
 
 
 run_raw: Callable[[Array, Array, Array, Array, Array, bool, NDArray[np.bool_], Array, Array], tuple[int, int]] = (
-    compiled(error_model="numpy")(_run)
+    compiled(error_model="numpy")(_run_raw)
 )

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from foretouch.identification.sensor_lag_kernel import PRODUCTS, SIZE, TIME, WEIGHT, clear, take
+from foretouch.identification.sensor_lag_kernel import PRODUCTS, SIZE, TIME, WEIGHT, clear, take_lagged
 
 __all__ = ["LONGEST_LAG", "SensorLag"]
 
@@ -38,7 +38,7 @@ class SensorLag:
     def __init__(self) -> None:
         self.memory = np.empty(SIZE)
         self.reset()
-        take(self.memory, 0.0, 0.0, 0.0, 0.0)  # compiled here, before any loop
+        take_lagged(self.memory, 0.0, 0.0, 0.0, 0.0)  # compiled here, before any loop
 
     def reset(self) -> None:
         """Forget all samples."""
@@ -53,7 +53,7 @@ class SensorLag:
             force: [N].
             period: Since the sample before [s].
         """
-        take(self.memory, position, velocity, force, period)
+        take_lagged(self.memory, position, velocity, force, period)
 
     @property
     def time(self) -> float:

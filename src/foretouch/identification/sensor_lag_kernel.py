@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from foretouch.core.compiling import compiled
 
-__all__ = ["MEANS", "ORIGIN", "PRODUCTS", "SIZE", "TIME", "WEIGHT", "clear", "take"]
+__all__ = ["MEANS", "ORIGIN", "PRODUCTS", "SIZE", "TIME", "WEIGHT", "clear", "take_lagged"]
 
 Array = NDArray[np.float64]
 
@@ -35,7 +35,7 @@ def _clear(state: Array) -> None:
 clear = compiled(_clear)
 
 
-def _take(state: Array, position: float, velocity: float, force: float, period: float) -> None:
+def _take_lagged(state: Array, position: float, velocity: float, force: float, period: float) -> None:
     """`SensorLag.update` on its numbers, shape (SIZE,), in place."""
     if abs(velocity) < SLOWEST or not 0.0 < period < 1.0:
         return
@@ -60,4 +60,4 @@ def _take(state: Array, position: float, velocity: float, force: float, period: 
     state[PRODUCTS + 5] = kept * (state[PRODUCTS + 5] + share * (f * f))
 
 
-take = compiled(error_model="numpy")(_take)
+take_lagged = compiled(error_model="numpy")(_take_lagged)

@@ -23,7 +23,7 @@ Array = NDArray[np.float64]
 UNTOUCHED: ContactState = (math.nan,) * MEMORY
 """What a material remembers before the first sample."""
 
-_slopes, _exit_work = work.slopes, work.exit_work
+_slopes, _exit_work = work.slopes_of, work.work_of
 
 
 def _memory_of(state: ContactState) -> Memory:

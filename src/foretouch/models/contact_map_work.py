@@ -10,12 +10,12 @@ from foretouch.models.contact_map_kernel import Memory, force_at, moved, rate_of
 from foretouch.models.contact_map_layout import ORIGIN
 from foretouch.models.contact_model import EXIT_SPEED, SLICE_BEYOND, SLICES, SLICES_BEYOND, SPEED_STEP
 
-__all__ = ["exit_work", "slopes"]
+__all__ = ["work_of", "slopes_of"]
 
 Array = NDArray[np.float64]
 
 
-def _slopes(flat: Array, memory: Memory, depth: float, velocity: float, reach: float) -> tuple[float, float]:
+def _slopes_of(flat: Array, memory: Memory, depth: float, velocity: float, reach: float) -> tuple[float, float]:
     """Local stiffness [N/m], the steeper side's size, and damping [N s/m]."""
     place = depth - flat[ORIGIN]
     here = force_at(flat, memory, place, velocity)
@@ -26,10 +26,10 @@ def _slopes(flat: Array, memory: Memory, depth: float, velocity: float, reach: f
     return max(abs(deeper - here), abs(here - shallower)) / reach, (faster - slower) / (2.0 * SPEED_STEP)
 
 
-slopes = compiled(_slopes)
+slopes_of = compiled(_slopes_of)
 
 
-def _exit_work(flat: Array, memory: Memory, depth: float, offset: float, largest: float) -> tuple[float, float]:
+def _work_of(flat: Array, memory: Memory, depth: float, offset: float, largest: float) -> tuple[float, float]:
     """Work of the force and a constant beside it, never below zero together, on the way out, without damping.
 
     Args:
@@ -63,4 +63,4 @@ def _exit_work(flat: Array, memory: Memory, depth: float, offset: float, largest
     return energy, way
 
 
-exit_work = compiled(_exit_work)
+work_of = compiled(_work_of)

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from foretouch.errors import RecordingError
 from foretouch.quantities import Recording
 
-__all__ = ["CONTACT_FLOOR", "read_aurora"]
+__all__ = ["AURORA_CONTACT_FLOOR", "read_aurora"]
 
-CONTACT_FLOOR = 0.005
+AURORA_CONTACT_FLOOR = 0.005
 """Smallest force [N] that counts as contact."""
 
 
@@ -39,7 +39,7 @@ def read_aurora(path: str | PathLike[str], *, flip: bool = False) -> Recording:
     length = (volts[:, 1] - offset[0]) * scale[0] / (-1e3 if flip else 1e3)
     force = (volts[:, 2] - offset[1]) * scale[1] / 1e3
     return Recording(
-        volts[:, 0] / rate, length, force, name=str(path), contact_floor=CONTACT_FLOOR, first_row=header + 2
+        volts[:, 0] / rate, length, force, name=str(path), contact_floor=AURORA_CONTACT_FLOOR, first_row=header + 2
     )
 
 

@@ -17,7 +17,7 @@ from foretouch.recordings.source import MAP_NAME, Column, Table, one_line, requi
 
 __all__ = ["Hdf5Table"]
 
-DEEPEST: Final = 32
+DEEPEST_GROUP: Final = 32
 """Groups within groups: hostile ones, thousands deep, take minutes to go through."""
 
 MOST_DATASETS: Final = 10_000
@@ -74,8 +74,8 @@ class Hdf5Table(Table):
         found: list[tuple[str, Any]] = []
 
         def look(name: str, item: Any) -> None:
-            if name.count("/") > DEEPEST or len(found) > MOST_DATASETS:
-                what = f"groups within groups deeper than {DEEPEST}, or more than {MOST_DATASETS} datasets"
+            if name.count("/") > DEEPEST_GROUP or len(found) > MOST_DATASETS:
+                what = f"groups within groups deeper than {DEEPEST_GROUP}, or more than {MOST_DATASETS} datasets"
                 raise RecordingError(self.path, f"has {what}: no recording has")
             hidden = name.startswith("#")  # where MATLAB keeps what its cells refer to
             text = _text(item.attrs.get("MATLAB_class", "")) in ("char", "cell", "function_handle")

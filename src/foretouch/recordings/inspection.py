@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from foretouch.errors import RecordingError, plural
 from foretouch.files import within_budget
 from foretouch.quantities import Brief, Recording
-from foretouch.recordings.aurora_ddf import CONTACT_FLOOR as AURORA_FLOOR
+from foretouch.recordings.aurora_ddf import AURORA_CONTACT_FLOOR as AURORA_FLOOR
 from foretouch.recordings.aurora_ddf import read_aurora
 from foretouch.recordings.column_names import name_says
 from foretouch.recordings.excerpt_file import read_excerpt, recording_of
@@ -24,7 +24,7 @@ from foretouch.recordings.opening import open_source, require_readable
 from foretouch.recordings.reading import is_session
 from foretouch.recordings.source import Bag, Column, Table, Topic
 from foretouch.recordings.topics import TOPICS
-from foretouch.recordings.tue_mat import CONTACT_FLOOR as TUE_FLOOR
+from foretouch.recordings.tue_mat import TUE_CONTACT_FLOOR as TUE_FLOOR
 from foretouch.recordings.tue_mat import LEVER, TORQUE_PER_VOLT, is_tue
 
 __all__ = ["Contents", "inspect_recording"]

@@ -17,7 +17,7 @@ from foretouch.recordings.source import Column, Table, one_line, require_names
 
 __all__ = ["MatTable", "open_mat"]
 
-DEEPEST: Final = 8
+DEEPEST_STRUCT: Final = 8
 """Structures within structures beyond this are not looked into."""
 
 
@@ -74,7 +74,7 @@ class MatTable(Table):
 
 def _arrays(value: Any, name: str, depth: int) -> Iterator[tuple[str, NDArray[np.generic]]]:
     """Every array of numbers within a value, with its name."""
-    if depth > DEEPEST:
+    if depth > DEEPEST_STRUCT:
         return
     if isinstance(value, np.ndarray) and value.dtype.kind in "fiu":
         yield name, value

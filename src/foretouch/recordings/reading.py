@@ -27,7 +27,7 @@ from foretouch.recordings.opening import open_source, require_readable
 from foretouch.recordings.source import Bag, Table, require_names
 from foretouch.recordings.topics import TOPICS
 from foretouch.recordings.tue_mat import FORCE_CHANNELS, is_tue, read_tue
-from foretouch.recordings.units import REQUIRED, VELOCITY, Units
+from foretouch.recordings.units import REQUIRED, VELOCITY_KEY, Units
 
 __all__ = ["Read", "is_session", "read_recording", "read_with_notes"]
 
@@ -211,7 +211,7 @@ def _by_names(names: list[str], units: Units) -> Mapping:
         Signal(column="position_m", unit=units.position or "m", sign=-1 if units.flip else 1),
         Signal(column="force_N", unit=units.force or "N", sign=-1 if units.flip_force else 1),
         TimeSource(column="time_s"),
-        Velocity(column=VELOCITY) if VELOCITY in names else None,
+        Velocity(column=VELOCITY_KEY) if VELOCITY_KEY in names else None,
     )
 
 

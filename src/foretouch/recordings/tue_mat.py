@@ -18,7 +18,7 @@ from foretouch.files import within_budget
 from foretouch.quantities import Recording
 from foretouch.recordings.excerpt_file import FORCES, LEADER, SUFFIX, read_excerpt
 
-__all__ = ["CONTACT_FLOOR", "FORCE_CHANNELS", "is_tue", "read_leader_motion", "read_tue"]
+__all__ = ["TUE_CONTACT_FLOOR", "FORCE_CHANNELS", "is_tue", "read_leader_motion", "read_tue"]
 
 LEVER = 0.075
 """Length of the levers [m]."""
@@ -26,7 +26,7 @@ LEVER = 0.075
 TORQUE_PER_VOLT = 0.2361
 """Torque on the follower lever for one volt of its force bridge [N m/V]."""
 
-CONTACT_FLOOR = 0.3
+TUE_CONTACT_FLOOR = 0.3
 """Smallest force [N] that counts as contact: lever friction and inertia stay below it."""
 
 FORCE_CHANNELS: Final = tuple(FORCES)
@@ -57,7 +57,7 @@ def read_tue(path: str | PathLike[str], force_channel: str = "raw", *, flip: boo
     time, angles, torques, bridge = _signals(path)
     torque = bridge * TORQUE_PER_VOLT if force_channel == "raw" else torques[:, 1]
     lever = -LEVER if flip else LEVER
-    return Recording(time, lever * angles[:, 1], torque / LEVER, name=str(path), contact_floor=CONTACT_FLOOR)
+    return Recording(time, lever * angles[:, 1], torque / LEVER, name=str(path), contact_floor=TUE_CONTACT_FLOOR)
 
 
 def read_leader_motion(path: str | PathLike[str]) -> tuple[Array, Array]:

@@ -7,7 +7,7 @@ from typing import Final
 
 from foretouch.errors import UnknownNameError
 
-__all__ = ["FORCE_UNITS", "POSITION_UNITS", "REQUIRED", "VELOCITY", "Units"]
+__all__ = ["FORCE_UNITS", "POSITION_UNITS", "REQUIRED", "VELOCITY_KEY", "Units"]
 
 POSITION_UNITS: Final = {"m": 1.0, "cm": 1e2, "mm": 1e3, "um": 1e6}
 """How many of a unit make a metre."""
@@ -16,7 +16,7 @@ FORCE_UNITS: Final = {"N": 1.0, "mN": 1e3, "cN": 1e2, "kN": 1e-3}
 """How many of a unit make a newton."""
 
 REQUIRED: Final = ("time_s", "position_m", "force_N")
-VELOCITY: Final = "velocity_m_s"
+VELOCITY_KEY: Final = "velocity_m_s"
 
 
 @dataclass(frozen=True)

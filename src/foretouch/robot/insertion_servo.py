@@ -43,7 +43,7 @@ class InsertionServo:
         sample_period: Of the commands [s].
         position: Where the tip is [m].
         state: Where its numbers are kept, in an array that somebody else holds too, shape
-            (`foretouch.robot.insertion_servo_kernel.SIZE`,); None for one of its own.
+            (`foretouch.robot.insertion_servo_kernel.SERVO_SIZE`,); None for one of its own.
     """
 
     __slots__ = ("_kernel", "_state")
@@ -61,7 +61,7 @@ class InsertionServo:
         from foretouch.robot import insertion_servo_kernel as kernel  # Numba is slow to import: only when used
 
         self._kernel = kernel
-        self._state = np.empty(kernel.SIZE) if state is None else state
+        self._state = np.empty(kernel.SERVO_SIZE) if state is None else state
         self._state[:] = 0.0
         self._state[[kernel.COMMAND, kernel.REFERENCE, kernel.NEWEST]] = position
         velocity_gain = 1.0 - math.exp(-2.0 * math.pi * VELOCITY_CUTOFF * sample_period)

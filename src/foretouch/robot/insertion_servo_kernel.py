@@ -18,7 +18,7 @@ __all__ = [
     "NEWEST",
     "RAIL",
     "REFERENCE",
-    "SIZE",
+    "SERVO_SIZE",
     "VELOCITY",
     "drive",
     "take",
@@ -30,7 +30,7 @@ MASS, DAMPING, FORCE_LIMIT, PERIOD, VELOCITY_GAIN = range(8, 13)
 RAIL = slice(MASS, VELOCITY_GAIN + 1)
 """What stays, as `InsertionServo` is given it."""
 
-SIZE = 13
+SERVO_SIZE = 13
 
 REFERENCE_RATE = 400.0  # how fast the reference closes in on the command [rad/s]
 LARGEST_VELOCITY = 0.5  # of the reference [m/s]

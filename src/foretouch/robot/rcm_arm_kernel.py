@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from foretouch.core.compiling import compiled
 from foretouch.robot.insertion_servo_kernel import CLIPPED, REFERENCE, drive, take
-from foretouch.robot.insertion_servo_kernel import SIZE as SERVO_SIZE
+from foretouch.robot.insertion_servo_kernel import SERVO_SIZE
 
 __all__ = ["BUILT", "DESIRED", "SENSOR", "SERVO", "SHOWN", "SIZE", "TOOL", "begin", "effort", "sense", "show"]
 

@@ -10,6 +10,7 @@ from foretouch.errors import SettingError
 from foretouch.link import ZenohLink
 from foretouch.messages import Choice, EmergencyStop, Hello, Settings
 from foretouch.robot import make_material
+from foretouch.session.housekeeping import HELLO_PERIOD
 from foretouch.session.settings import SessionSettings
 
 __all__ = ["CHOICE_CHANNELS", "SUPERVISOR", "Desk", "choose", "with_faults"]
@@ -19,9 +20,6 @@ CHOICE_CHANNELS = ("choice", "settings", "stop", "emergency", "hello")
 
 SUPERVISOR = "supervisor"
 """Its role in `Hello` messages."""
-
-HELLO_PERIOD = 0.5
-"""Between two `Hello` of the supervisor [s]."""
 
 LATCHING = 2.0
 """For so long [s] after an emergency stop was asked for it counts as latched, whatever the follower has said so far."""

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from foretouch.core.compiling import compiled
 from foretouch.quantities import rigid
+from foretouch.quantities.rigid import Vector
 from foretouch.session.motion_limits import (
     ACCELERATION,
     BRAKING,
@@ -27,7 +28,6 @@ from foretouch.session.motion_limits import (
 __all__ = ["SIZE", "SPEED", "WANTED", "begin", "limited", "moved"]
 
 Array = NDArray[np.float64]
-Vector = rigid.Vector
 
 BEFORE, STREAM, CAUGHT = 9, 12, 15
 """Places in the array, behind those of the path, of what is known of the stream: its newest place [m] and its

@@ -14,7 +14,7 @@ __all__ = ["PlateauResponse", "foam"]
 SOLID_MODULUS = 45e6  # of the polyurethane of the cell edges [Pa]; Gibson and Ashby
 RELATIVE_DENSITY = 0.10  # of foam to solid
 PROBE_AREA = math.pi * 0.006**2  # of the arm's tip [m^2]: only what lies under it is compressed
-THICKNESS = 0.025  # [m]
+FOAM_THICKNESS = 0.025  # [m]
 
 CLOSED = 0.03  # rest of the densification strain at which the tangent begins
 
@@ -88,7 +88,7 @@ def foam() -> Material:
                 buckling_strain=0.05,
                 densification_strain=1.0 - 1.4 * RELATIVE_DENSITY,
                 densification=2.3,
-                thickness=THICKNESS,
+                thickness=FOAM_THICKNESS,
             ),
             relaxation=((0.35, 2.0),),
             flow_force=0.4,

@@ -96,16 +96,16 @@ class HystereticContact(ContactModel):
 
     @cached_property
     def _compiled(self) -> tuple[Callable[..., Array], Array, int]:
-        from foretouch.robot.materials.hysteretic_kernel import step  # Numba is slow to import: only when used
+        from foretouch.robot.materials.hysteretic_kernel import hysteretic_step  # Numba is slow to import: only when used
 
         rows = [(*spring, math.inf, math.inf) for spring in self.springs]
-        return step, np.array([*rows, *self.branches], dtype=np.float64).reshape(-1, 5), len(rows)
+        return hysteretic_step, np.array([*rows, *self.branches], dtype=np.float64).reshape(-1, 5), len(rows)
 
     def advance(
         self, state: ContactState, depth: float, velocity: float, sample_period: float
     ) -> tuple[ContactState, float, float]:
         """One step: see `foretouch.models.advance`. A depth that is not finite gives no force and moves nothing."""
-        step, table, springs = self._compiled
-        values = step(state, depth, sample_period, table, springs).tolist()
+        hysteretic_step, table, springs = self._compiled
+        values = hysteretic_step(state, depth, sample_period, table, springs).tolist()
         force = values.pop()
         return tuple(values), force, math.nan

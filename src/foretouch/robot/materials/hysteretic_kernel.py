@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 
 from foretouch.core.compiling import compiled
 
-__all__ = ["branch_response", "step"]
+__all__ = ["branch_response", "hysteretic_step"]
 
 Array = NDArray[np.float64]
 
-BISECTIONS = 10  # the free surface is found to a thousandth of its way in one step
+BISECTIONS = 10  # the free surface is found to a thousandth of its way in one hysteretic_step
 
 
 def _ramp(y: float, start: float, end: float) -> float:
@@ -71,7 +71,7 @@ def _total_force(loads: Array, before: float, after: float, h: float, table: Arr
 total_force = compiled(_total_force)
 
 
-def _step(state: tuple[float, ...], depth: float, h: float, table: Array, springs: int) -> Array:
+def _hysteretic_step(state: tuple[float, ...], depth: float, h: float, table: Array, springs: int) -> Array:
     """New deflection, branch loads and, last, the force on the probe [N].
 
     The first `springs` rows of the table are springs, the others branches.
@@ -115,5 +115,5 @@ def _branch_response(deflection: Array, h: float, start: float, end: float, slip
     return response
 
 
-step = compiled(_step)
+hysteretic_step = compiled(_hysteretic_step)
 branch_response = compiled(_branch_response)

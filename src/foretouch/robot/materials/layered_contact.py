@@ -76,12 +76,12 @@ class LayeredContact(ContactModel):
         self, state: ContactState, depth: float, velocity: float, sample_period: float
     ) -> tuple[ContactState, float, float]:
         """One step: see `foretouch.models.advance`. A depth that is no number counts as free air."""
-        step, table = self._compiled
-        after = step(state, min(depth, LARGEST_DEPTH), sample_period, 1.0 / self.base_stiffness, table)
+        layered_step, table = self._compiled
+        after = layered_step(state, min(depth, LARGEST_DEPTH), sample_period, 1.0 / self.base_stiffness, table)
         return after, after[0], math.nan
 
     @cached_property
     def _compiled(self) -> tuple[Callable[..., ContactState], NDArray[np.float64]]:
-        from foretouch.robot.materials.layered_kernel import step  # Numba is slow to import: only when used
+        from foretouch.robot.materials.layered_kernel import layered_step  # Numba is slow to import: only when used
 
-        return step, np.array(self.layers, dtype=np.float64)
+        return layered_step, np.array(self.layers, dtype=np.float64)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from foretouch.core.compiling import compiled
 
-__all__ = ["step"]
+__all__ = ["layered_step"]
 
 Array = NDArray[np.float64]
 State = tuple[float, float, float, float]
@@ -46,7 +46,7 @@ def _solve_force(depth: float, force: float, shifts: State, table: Array) -> flo
 solve_force = compiled(_solve_force)
 
 
-def _step(state: State, depth: float, h: float, compliance: float, table: Array) -> State:
+def _layered_step(state: State, depth: float, h: float, compliance: float, table: Array) -> State:
     """New force [N] and new g o of the three layers [N]; a row of the table is a layer: h, p, g, tau."""
     force = state[0]
     first = state[1] - math.expm1(-h / table[0, 3]) * (table[0, 2] * (force + state[1]) - state[1])
@@ -58,4 +58,4 @@ def _step(state: State, depth: float, h: float, compliance: float, table: Array)
     return 0.0, first, second, third
 
 
-step = compiled(_step)
+layered_step = compiled(_layered_step)

@@ -11,7 +11,7 @@ from foretouch.robot.materials.relaxing_contact import ElasticResponse, Relaxing
 
 __all__ = ["ExponentialResponse", "sponge"]
 
-THICKNESS = 0.040  # of the sponge [m]
+SPONGE_THICKNESS = 0.040  # of the sponge [m]
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,7 +61,7 @@ def sponge() -> Material:
         provenance="form: Fung (1993) chapter 7 and Deng, Davies and Bajaj (2003), J. Sound Vib. 262, 391-417; "
         "numbers: chosen, of the order of magnitude of a household sponge",
         model=RelaxingContact(
-            elastic=ExponentialResponse(scale=1.6, growth=120.0, end=0.75 * THICKNESS),
+            elastic=ExponentialResponse(scale=1.6, growth=120.0, end=0.75 * SPONGE_THICKNESS),
             relaxation=((0.20, 0.08), (0.15, 0.8), (0.10, 6.0)),
         ),
         press_depth=0.015,
