@@ -15,7 +15,7 @@ import numpy as np
 from measured_blocks import chosen, fill
 
 from foretouch.devices import GRIPS, Device, Hand, ScriptedOperator
-from foretouch.devices.motion import minimum_jerk
+from foretouch.devices.device import minimum_jerk
 from foretouch.messages import SessionLog
 from foretouch.report import session_report
 from foretouch.robot import make_robot

@@ -11,10 +11,10 @@ from pathlib import Path
 
 from measured_blocks import fill
 
-from foretouch.sweep import figures, summary
-from foretouch.sweep.curves import AXES, said_of_crossovers
+from foretouch.sweep import page as figures
+from foretouch.sweep import summary
+from foretouch.sweep.curves import AXES, TOTALS, said, said_of_crossovers
 from foretouch.sweep.store import FILE_NAME, code_digest, read_store
-from foretouch.sweep.summary import TOTALS, said
 
 PAGE = Path(__file__).parent / "sweep.md"
 IMAGES = Path(__file__).parent / "images"

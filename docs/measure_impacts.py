@@ -28,9 +28,8 @@ from foretouch.models import KelvinVoigt
 from foretouch.models.impact import integrate_impact
 from foretouch.report import COLOURS, finished, new_figure
 from foretouch.robot import MATERIALS, RcmArm, make_robot
-from foretouch.robot.materials.bone import LinearResponse
-from foretouch.robot.materials.material import Material
-from foretouch.robot.materials.relaxing_contact import RelaxingContact
+from foretouch.robot.materials.catalogue import LinearResponse, Material
+from foretouch.robot.materials.contacts import RelaxingContact
 from foretouch.session import SessionSettings, simulate
 from foretouch.session.safety import Safety, SafetyLimits
 

@@ -30,7 +30,7 @@ from measured_blocks import chosen, fill
 
 from foretouch.bench import BENCHMARKS, Row, run_benchmarks
 from foretouch.bench.benchmarks import batch, growth, map, mesh, profile, steps
-from foretouch.bench.table import HEADS, cells
+from foretouch.bench.rows import HEADS, cells
 from foretouch.bench.timing import interleave
 
 DOCS = Path(__file__).parent

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from foretouch.comparison import Truth, simulated_case, unforeseeable
 from foretouch.comparison.cases import Case, file_case, load
-from foretouch.comparison.forces import score_outside
+from foretouch.comparison.combination import score_outside
 from foretouch.identification import Conditioner
 from foretouch.models import MotionFilter
 from foretouch.quantities import Recording

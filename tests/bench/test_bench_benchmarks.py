@@ -20,12 +20,11 @@ from foretouch.bench.benchmarks.identify import HOUR, LONG, SHORT, foretold
 from foretouch.bench.benchmarks.mesh import SIDES, sheet, slide
 from foretouch.bench.benchmarks.steps import TapedSession
 from foretouch.bench.children import measure_process
-from foretouch.bench.lateness import CAUSES, LATE_NS, PERIOD_NS, causes, ticks_of
 from foretouch.bench.press import press, samples
 from foretouch.bench.recorded import OFFSET, SURFACE, recorded_press, write_recording
 from foretouch.bench.rows import Scope
+from foretouch.bench.side import CAUSES, LATE_NS, PERIOD_NS, causes, read_notes, ticks_of
 from foretouch.bench.side import main as side
-from foretouch.bench.side import read_notes
 from foretouch.errors import ForetouchError
 from foretouch.identification import ContactSample, Estimator, Status
 from foretouch.messages.session_log import FOLLOWER_DTYPE

@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 from foretouch.bench.benchmarks.batch import Streams
 from foretouch.bench.benchmarks.fprls import theta_of
 from foretouch.bench.peers import PEERS, RIVER_WITHOUT_FORGETTING, peer
-from foretouch.bench.press import FORGETTING_FACTOR, INITIAL_COVARIANCE, Press, Problem, press
-from foretouch.bench.reference import recursion_over
+from foretouch.bench.press import FORGETTING_FACTOR, INITIAL_COVARIANCE, Press, Problem, press, recursion_over
 
 SIZE = 3_000
 

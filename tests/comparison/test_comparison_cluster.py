@@ -92,7 +92,7 @@ def test_a_worker_that_dies_takes_one_job_with_it() -> None:
 
 
 def test_where_no_scheduler_is_one_line_says_so(press: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("foretouch.comparison.cluster.PATIENCE", 0.5)
+    monkeypatch.setattr("foretouch.comparison.parallel.PATIENCE", 0.5)
     nowhere = f"tcp://127.0.0.1:{free_endpoint().rpartition(':')[2]}"
     with pytest.raises(LinkError, match="no Dask scheduler at"):
         comparison.compare([comparison.file_case(press)], **CHOSEN, cluster=nowhere)
@@ -121,7 +121,7 @@ def test_what_is_no_address_is_refused_before_anything_is_tried(given: str) -> N
 
 PROGRAM = """
 import sys, time
-from foretouch.comparison import cluster
+from foretouch.comparison import parallel as cluster
 from foretouch.errors import LinkError
 cluster.PATIENCE, cluster.ABSENCE = float(sys.argv[1]), 1.0
 def slow(job):

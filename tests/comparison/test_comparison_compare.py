@@ -17,11 +17,9 @@ from typer.testing import CliRunner
 
 from foretouch import comparison
 from foretouch.cli.app import app
-from foretouch.comparison.cases import Case, load
-from foretouch.comparison.combination import Combination, inseparable, measure
-from foretouch.comparison.forces import OnceLearnt, score_outside
+from foretouch.comparison.cases import Case, load, simulate
+from foretouch.comparison.combination import Combination, OnceLearnt, inseparable, measure, score_outside
 from foretouch.comparison.parallel import run_all
-from foretouch.comparison.simulated import simulate
 from foretouch.errors import ForetouchError, InputError, SettingError, UnknownNameError
 from foretouch.identification import ESTIMATORS, Estimator, Learner, identify, make_estimator, predict
 from foretouch.models import HuntCrossley

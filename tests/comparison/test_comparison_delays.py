@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 
 from foretouch import comparison
 from foretouch.cli.app import app
-from foretouch.comparison.forces import whole_file_force
+from foretouch.comparison.combination import whole_file_force
 from foretouch.comparison.page import MOST_MATRICES
 from foretouch.identification import ESTIMATORS, Learner, make_estimator
 from foretouch.models import HuntCrossley

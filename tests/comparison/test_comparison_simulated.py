@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from foretouch.comparison import SIMULATED, simulate
-from foretouch.comparison.simulated import CHANGES, ENCODER_STEP, FORCE_NOISE
+from foretouch.comparison.cases import CHANGES, ENCODER_STEP, FORCE_NOISE
 from foretouch.errors import UnknownNameError
 from foretouch.models import KelvinVoigt
 

@@ -11,8 +11,8 @@ from collections.abc import Iterator
 import pytest
 
 from foretouch.devices import DeviceSpecification
+from foretouch.devices.device import LEAST_DAMPING
 from foretouch.devices.force_dimension import FAILURES, PATIENCE, WATCHDOG_TICKS, ForceDimension
-from foretouch.devices.specification import LEAST_DAMPING
 from foretouch.errors import SettingError
 from foretouch.session import SAMPLE_PERIOD, SessionSettings
 from foretouch.session.conformance.device_checks import check_device

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from foretouch.devices import BrowserOperator, RecordedOperator, ScriptedOperator
-from foretouch.devices.motion import minimum_jerk, quintic_move
+from foretouch.devices.device import minimum_jerk, quintic_move
 from foretouch.errors import SettingError
 from foretouch.recordings import DATASETS, read_leader_motion
 

@@ -18,11 +18,20 @@ from numba import config
 
 from foretouch.core import compiling
 from foretouch.doctor import Finding, Verdict, examine, worst
-from foretouch.doctor.graphics import check_graphics
+from foretouch.doctor.hardware import check_cores, check_governor, check_graphics, check_real_time
 from foretouch.doctor.loops import check_loops, run_loops
-from foretouch.doctor.packages import check_extras, check_packages, check_python, parts_of, satisfies
-from foretouch.doctor.processors import check_cores, check_governor, check_real_time
-from foretouch.doctor.surroundings import check_compiled, check_disk, check_keys, check_port, check_text
+from foretouch.doctor.surroundings import (
+    check_compiled,
+    check_disk,
+    check_extras,
+    check_keys,
+    check_packages,
+    check_port,
+    check_python,
+    check_text,
+    parts_of,
+    satisfies,
+)
 from foretouch.errors import install_command
 from foretouch.link import KeyFolder
 

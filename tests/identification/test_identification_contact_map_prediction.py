@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from presses import press
 
 from foretouch.comparison import SIMULATED, simulate, unforeseeable
-from foretouch.comparison.forces import score_outside
+from foretouch.comparison.combination import score_outside
 from foretouch.identification import (
     Learner,
     LearntModel,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from numba import config
 
-from foretouch.identification.fprls_bound import CHAINS, LINKS, Latencies, measure_latencies
+from foretouch.bench.peers import CHAINS, LINKS, Latencies, measure_latencies
 
 
 def test_the_bound_counts_the_operations_of_the_chain() -> None:

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from foretouch.models import KelvinVoigt
 from foretouch.models.impact_bound import impact_impedance
 from foretouch.robot import RcmArm, make_robot
-from foretouch.robot.materials.material import Material
+from foretouch.robot.materials.catalogue import Material
 from foretouch.session.safety import REACTION, SafetyLimits
 
 SURFACE, TICK = 0.01, 1e-3

@@ -20,7 +20,7 @@ from foretouch.recordings import read_session
 from foretouch.report import render_text, session_report, write_page
 from foretouch.session import SessionSettings, make_operator, make_session_robot, simulate
 from foretouch.session.conformance import Finding, check_named
-from foretouch.session.conformance.answering import watched
+from foretouch.session.conformance.catalogue import watched
 from foretouch.session.conformance.finding import too_slow
 
 TELEOP = ("teleop", "--headless", "--duration", 4, "--recording", "s.mcap")

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from foretouch.quantities import Pose
-from foretouch.quantities.rigid import RigidMotion, add, dot, norm, scaled, subtract, unit
+from foretouch.quantities.pose import RigidMotion, add, dot, norm, scaled, subtract, unit
 
 number = st.floats(-1.0, 1.0)
 vector = st.tuples(number, number, number)

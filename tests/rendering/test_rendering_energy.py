@@ -10,7 +10,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from foretouch.devices.held_force import HeldForce
+from foretouch.devices.hand import HeldForce
 from foretouch.errors import SettingError
 from foretouch.rendering import EnergyAccount
 

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from foretouch.devices.held_force import HeldForce
+from foretouch.devices.hand import HeldForce
 from foretouch.errors import SettingError
 from foretouch.rendering import EnergyAccount, SpatialEnergyAccount
 from foretouch.report.booked import BookedDevice, book

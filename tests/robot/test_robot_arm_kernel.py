@@ -9,7 +9,9 @@ import sys
 
 import numpy as np
 
-from foretouch.robot import insertion_servo_kernel, make_robot, rcm_arm_kernel
+from foretouch.robot import make_robot
+from foretouch.robot import servo_kernel as insertion_servo_kernel
+from foretouch.robot import servo_kernel as rcm_arm_kernel
 
 KERNELS = (
     insertion_servo_kernel.take,

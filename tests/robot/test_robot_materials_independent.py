@@ -16,9 +16,7 @@ from foretouch.errors import SettingError
 from foretouch.models import ContactModel, advance
 from foretouch.robot import make_material, make_robot
 from foretouch.robot.materials import LayeredContact, RelaxingContact
-from foretouch.robot.materials.bone import LinearResponse
-from foretouch.robot.materials.foam import PlateauResponse
-from foretouch.robot.materials.sponge import ExponentialResponse
+from foretouch.robot.materials.catalogue import ExponentialResponse, LinearResponse, PlateauResponse
 
 NAMES = ("bone", "foam", "hand", "sponge")
 FASTEST = 0.3

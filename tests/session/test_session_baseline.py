@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from foretouch.devices import GRIPS, Device, Hand, ScriptedOperator
-from foretouch.devices.motion import minimum_jerk
+from foretouch.devices.device import minimum_jerk
 from foretouch.messages import SessionLog, Telemetry
 from foretouch.report import session_report
 from foretouch.robot import make_robot

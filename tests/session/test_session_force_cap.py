@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from foretouch.quantities.rigid import Vector
+from foretouch.quantities.pose import Vector
 from foretouch.session.force_guard import PATIENCE, STEEPER
 from foretouch.session.safety import AIMED, SafetyLimits
 from foretouch.session.spatial.force_cap import ForceCap

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from foretouch.messages import VERSION, Command, FixtureBelief
 from foretouch.quantities import Pose
-from foretouch.quantities.rigid import Vector
+from foretouch.quantities.pose import Vector
 from foretouch.rendering.surfaces import TriangleMesh
 from foretouch.robot import GantryArm, RobotSample, RobotSpecification, make_material
 from foretouch.session import SessionSettings

@@ -7,7 +7,7 @@ import pytest
 
 from foretouch.sweep import Outcome, crossover, crossovers, curve, draw_case, render_table, summary, write_sweep_page
 from foretouch.sweep.curves import AXES, Curve, error_of, said_of_crossovers
-from foretouch.sweep.figures import error_figure
+from foretouch.sweep.page import error_figure
 
 GOOD: dict[str, Any] = {
     "stable": True,

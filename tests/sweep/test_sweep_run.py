@@ -16,8 +16,7 @@ from foretouch.errors import InputError
 from foretouch.messages import SessionLog
 from foretouch.recordings import read_session
 from foretouch.sweep import Outcome, Plan, draw_case, replay_session, run_case, run_sweep
-from foretouch.sweep.measure import digest, measure
-from foretouch.sweep.run import log_of
+from foretouch.sweep.run import digest, log_of, measure
 from foretouch.sweep.store import FILE_NAME, SHOWING, Store, read_store
 
 PLAN = Plan(12, 2, 4.0)

@@ -2,9 +2,8 @@
 
 from foretouch.bench.benchmarks import BENCHMARKS, benchmark
 from foretouch.bench.check import Checked, check, read_baseline
-from foretouch.bench.rows import Row, Scope
+from foretouch.bench.rows import Row, Scope, render_table
 from foretouch.bench.run import run_benchmarks
-from foretouch.bench.table import render_table
 
 __all__ = [
     "BENCHMARKS",

@@ -20,8 +20,7 @@ from foretouch.bench.benchmarks.call import CALLED, bare, update_all
 from foretouch.bench.benchmarks.fprls import theta_of
 from foretouch.bench.benchmarks.map import contestant as map_over_recording
 from foretouch.bench.benchmarks.steps import TapedSession
-from foretouch.bench.press import Problem, press, samples
-from foretouch.bench.reference import rank_one_updates, recursion_over
+from foretouch.bench.press import Problem, press, rank_one_updates, recursion_over, samples
 from foretouch.bench.timing import Contestant, once
 from foretouch.errors import RecordingError
 

@@ -1,14 +1,17 @@
-"""What a benchmark says: rows of one figure each, what is asked of it, and whether it is reached."""
+"""What a benchmark says: rows of one figure each, what is asked of it, and whether it is reached.
+
+The rows as a table for people.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from foretouch.bench.timing import Spread
+from rich.table import Table
 
-__all__ = ["Row", "Scope"]
+from foretouch.bench.timing import Spread
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,3 +79,39 @@ class Scope:
 
     full: bool
     say: Callable[[str], None]
+
+
+HEADS = ("What", "Median", "Quartiles", "Rounds", "Unit", "Asked", "Reached")
+
+
+def cells(row: Row) -> tuple[str, ...]:
+    """What stands in a row, under `HEADS`."""
+    quartiles = "" if row.quartiles is None else f"{_said(row.quartiles[0])} to {_said(row.quartiles[1])}"
+    asked = "" if row.reach is None else f"{'≥' if row.at_least else '≤'} {_said(row.reach)}"
+    reached = {True: "yes", False: "no", None: ""}[row.reached]
+    return row.what, _said(row.figure), quartiles, str(row.rounds), row.unit, asked, reached
+
+
+def render_table(done: Mapping[str, Sequence[Row]]) -> Table:
+    """One table of some benchmarks, ratios first in each, as wide as there is room.
+
+    Args:
+        done: Rows by benchmark.
+    """
+    table = Table(*HEADS, header_style="bold", expand=True)
+    table.columns[0].ratio = 1
+    for column in (1, 2, 3):
+        table.columns[column].justify = "right"
+    for name, rows in done.items():
+        table.add_section()
+        table.add_row(f"[bold]{name}[/bold]")
+        for row in sorted(rows, key=lambda one: one.unit != "x"):
+            style = {True: "green", False: "red", None: ""}[row.reached]
+            *most, last = cells(row)
+            table.add_row(*most, f"[{style}]{last}[/]" if style else last)
+    return table
+
+
+def _said(value: float) -> str:
+    """Three figures that count, without an exponent where it can be."""
+    return f"{value:,.0f}" if abs(value) >= 1000 else f"{value:.3g}"

@@ -3,19 +3,54 @@
 Contestants take turns, in another order each round, so that what slows the machine slows all of them. The garbage
 collector is off while one runs. All run once before the first round, so that nothing is compiled or loaded in it.
 What is compared is compared within its round: the ratio of two contestants is the median of the rounds' ratios.
+
+Holding this process to one core, where the system can.
+
+How much memory this process holds.
 """
 
 from __future__ import annotations
 
 import gc
+import os
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["Contestant", "Spread", "interleave", "once", "ratio", "spread"]
+
+@contextmanager
+def one_core() -> Iterator[None]:
+    """Keep this process and what it starts to one of the cores that it has."""
+    if not hasattr(os, "sched_setaffinity"):
+        yield
+        return
+    allowed = os.sched_getaffinity(0)
+    os.sched_setaffinity(0, {max(allowed)})
+    try:
+        yield
+    finally:
+        os.sched_setaffinity(0, allowed)
+
+
+_STATM = Path("/proc/self/statm")
+
+
+def resident_bytes() -> int:
+    """Bytes of this process that are in memory now, in whole pages; 0 where the system does not say.
+
+    All that it holds is in it, whoever asked for it: Python, NumPy, compiled code.
+    """
+    if not _STATM.exists():
+        return 0
+    import resource
+
+    return int(_STATM.read_text().split()[1]) * resource.getpagesize()
+
 
 Array = NDArray[np.float64]
 

@@ -156,7 +156,7 @@ def predict(
 
     Example: foretouch predict press.csv --delay 0.3 --json
     """
-    from foretouch.models.checks import require
+    from foretouch.errors.checks import require
     from foretouch.recordings import is_session, read_session, write_columns
     from foretouch.report import forces_under_delay, remarks, score
 
@@ -281,8 +281,8 @@ def _estimator_for(model: str, estimator: str | None) -> str:
 def _learner(model: str, estimator: str, surface: str, force_offset: str, sensor_lag: float) -> Callable[..., Learner]:
     """Makes the learner that the options ask for, once the recording's contact floor is known."""
     from foretouch import identification
+    from foretouch.errors.checks import require
     from foretouch.identification.sensor_lag import LONGEST_LAG
-    from foretouch.models.checks import require
 
     require("sensor_lag", sensor_lag, at_least=0.0, at_most=LONGEST_LAG)
     return functools.partial(

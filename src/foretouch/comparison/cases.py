@@ -1,23 +1,207 @@
-"""What is compared on: a file, or a simulated recording; both are small names that a worker process loads itself."""
+"""What is compared on: a file, or a simulated recording; both are small names that a worker process loads itself.
+
+Simulated recordings whose truth is known: each law alone, laws that change, taps, and materials that are no law.
+"""
 
 from __future__ import annotations
 
 import os
+import zlib
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 from os import PathLike
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, Final, NamedTuple
 
-from foretouch.comparison.simulated import SIMULATED, simulate
+import numpy as np
+from numpy.typing import NDArray
+
 from foretouch.comparison.truth import Truth
+from foretouch.devices import ScriptedOperator
+from foretouch.devices.device import minimum_jerk
 from foretouch.errors import UnknownNameError
+from foretouch.errors.checks import require_path
 from foretouch.messages import SessionLog
-from foretouch.models.checks import require_path
-from foretouch.quantities import Recording
+from foretouch.models import ContactModel, ContinuousSwitching, HuntCrossley, KelvinVoigt, MemorylessLaw, advance
+from foretouch.quantities import ByValue, Recording
 from foretouch.recordings import is_session, read_session, read_with_notes
+from foretouch.robot import make_material
 
-__all__ = ["Case", "Loaded", "file_case", "load", "simulated_case", "simulated_cases"]
+Array = NDArray[np.float64]
+
+SAMPLE_PERIOD: Final = 1e-3
+"""[s]"""
+FORCE_NOISE: Final = 0.02
+"""Standard deviation of the force sensor [N], white."""
+ENCODER_STEP: Final = 5e-6
+"""Resolution of the positions [m]."""
+FREE_AIR: Final = 1.0
+"""Time in free air before the first touch [s]."""
+GRADUAL_DURATION: Final = 25.0
+"""Length of the gradual change, as in Fig. 8 of the paper [s]."""
+CHANGES: Final = (7.0, 15.0)
+"""The sudden changes of Fig. 7c of the paper, counted from the end of the free air [s]."""
+
+KELVIN_VOIGT: Final = KelvinVoigt(6000.0, 500.0)
+HUNT_CROSSLEY: Final = HuntCrossley(3000.0, 1500.0, 1.4)
+BETWEEN: Final = ContinuousSwitching(4500.0, 1000.0, 0.7, 0.5)
+"""Parameters of the paper's simulations, depth in metres."""
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """What is pressed and how.
+
+    Attributes:
+        duration: [s].
+        motion: Position of the probe [m] from the time [s], the surface [m] and a seed.
+        law: The law at a time [s], or the one that holds throughout.
+        changes: When it changes suddenly [s].
+    """
+
+    duration: float
+    motion: Callable[[Array, float, int], Array]
+    law: ContactModel | Callable[[float], ContactModel]
+    changes: tuple[float, ...] = ()
+
+    def law_at(self, time: float) -> ContactModel:
+        """The law that holds at a time [s]."""
+        return self.law if isinstance(self.law, ContactModel) else self.law(time)
+
+
+@dataclass(frozen=True, eq=False)
+class Simulated(ByValue):
+    """A simulated recording and what nobody who reads it knows.
+
+    Attributes:
+        recording: Noisy, without velocity, with an offset; nothing in it says where the surface is.
+        truth: What is behind it.
+    """
+
+    recording: Recording
+    truth: Truth
+
+
+def simulate(name: str, *, seed: int = 0) -> Simulated:
+    """A simulated recording: 1 kHz, force noise 0.02 N, positions in steps of 5 um, a second in free air first.
+
+    Surface (8 to 15 mm) and force offset (-0.5 to 0.5 N) are drawn; there is no velocity. The same name and seed give
+    the same samples.
+
+    Args:
+        name: One of `SIMULATED`.
+        seed: Of surface, offset, noise and of the presses, not negative.
+
+    Raises:
+        UnknownNameError: No such recording.
+    """
+    if name not in SIMULATED:
+        raise UnknownNameError("simulated recording", name, SIMULATED)
+    scenario = SIMULATED[name]()
+    random = np.random.default_rng([seed, zlib.crc32(name.encode())])
+    surface, offset = random.uniform(0.008, 0.015), random.uniform(-0.5, 0.5)
+    time = np.arange(0.0, scenario.duration, SAMPLE_PERIOD)
+    position = scenario.motion(time, surface, seed)
+    depth = position - surface
+    force = _force(scenario, time, depth)
+    last = scenario.law_at(float(time[-1]))
+    recording = Recording(
+        time,
+        np.round(position / ENCODER_STEP) * ENCODER_STEP,
+        force + offset + random.normal(0.0, FORCE_NOISE, time.size),
+        name=name,
+    )
+    return Simulated(
+        recording, Truth(depth, force, last if isinstance(last, MemorylessLaw) else None, scenario.changes)
+    )
+
+
+def _force(scenario: Scenario, time: Array, depth: Array) -> Array:
+    """True force [N], the law advanced along the true motion."""
+    force = np.empty(time.size)
+    state = scenario.law_at(0.0).initial_state()
+    samples = zip(time.tolist(), depth.tolist(), np.gradient(depth, time).tolist(), strict=True)
+    for index, (now, place, speed) in enumerate(samples):
+        state, force[index], _ = advance(scenario.law_at(now), state, place, speed, SAMPLE_PERIOD)
+    return force
+
+
+# --- motions ----------------------------------------------------------------------------------------------------------
+
+
+def _presses(press_depth: float) -> Callable[[Array, float, int], Array]:
+    """Presses of a palpating hand, out of contact in between: see `ScriptedOperator`."""
+
+    def motion(time: Array, surface: float, seed: int) -> Array:
+        operator = ScriptedOperator(surface, press_depth, seed)
+        return np.array([operator.read(round(1e9 * now)) for now in time.tolist()])
+
+    return motion
+
+
+def _approach(time: Array, surface: float, clearance: float) -> Array:
+    """From 0 to a place above the surface, smoothly and well within the second of free air."""
+    return (surface - clearance) * _ramp(time / 0.6)
+
+
+def _taps(time: Array, surface: float, seed: int) -> Array:
+    """Two and a half taps a second of 3 to 5 mm, out of contact for half of the time."""
+    clearance = 0.0005
+    since = np.maximum(time - FREE_AIR, 0.0)
+    size = 0.004 * (1.0 + 0.25 * np.sin(2.0 * np.pi * 0.3 * since)) * _ramp(since / 0.4)
+    return _approach(time, surface, clearance) + size * np.sin(2.0 * np.pi * 2.5 * since)
+
+
+def _palpation(time: Array, surface: float, seed: int) -> Array:
+    """Once in contact, always in contact, 2 to 14 mm deep: changes of the law are then felt at once."""
+    clearance = 0.002
+    since = np.maximum(time - FREE_AIR, 0.0)
+    waves = 0.0035 * np.sin(2.0 * np.pi * 0.9 * since) + 0.0025 * np.sin(2.0 * np.pi * 0.37 * since)
+    return _approach(time, surface, clearance) + (0.008 + clearance) * _ramp(since / 0.6) + waves * _ramp(since / 0.6)
+
+
+def _ramp(fraction: Array) -> Array:
+    return np.array([minimum_jerk(value) for value in fraction.tolist()])
+
+
+# --- laws that change -------------------------------------------------------------------------------------------------
+
+
+def _gradual(time: float) -> ContactModel:
+    """From Hunt-Crossley to Kelvin-Voigt in 25 s, as in Fig. 8 of the paper."""
+    t = min(max(time - FREE_AIR, 0.0), GRADUAL_DURATION)
+    share = t / GRADUAL_DURATION
+    return ContinuousSwitching(3000.0 + 120.0 * t, 1500.0 - 40.0 * t, 1.4 * (1.0 - share), share)
+
+
+def _sudden(time: float) -> ContactModel:
+    """From Hunt-Crossley to Kelvin-Voigt in two steps, as in Fig. 7c of the paper."""
+    return (HUNT_CROSSLEY, BETWEEN, KELVIN_VOIGT)[sum(time >= FREE_AIR + change for change in CHANGES)]
+
+
+def _material(name: str) -> Callable[[], Scenario]:
+    def scenario() -> Scenario:
+        material = make_material(name)
+        return Scenario(15.0, _presses(material.press_depth), material.model)
+
+    return scenario
+
+
+SIMULATED: Final[dict[str, Callable[[], Scenario]]] = {
+    "kelvin-voigt": lambda: Scenario(12.0, _presses(0.010), KELVIN_VOIGT),
+    "hunt-crossley": lambda: Scenario(12.0, _presses(0.015), HUNT_CROSSLEY),
+    "continuous-switching": lambda: Scenario(12.0, _presses(0.012), BETWEEN),
+    "gradual-change": lambda: Scenario(FREE_AIR + GRADUAL_DURATION, _palpation, _gradual),
+    "sudden-change": lambda: Scenario(
+        FREE_AIR + 22.0, _palpation, _sudden, tuple(FREE_AIR + change for change in CHANGES)
+    ),
+    "tapping": lambda: Scenario(10.0, _taps, HUNT_CROSSLEY),
+    "sponge": _material("sponge"),
+    "foam": _material("foam"),
+    "hand": _material("hand"),
+}
+"""The simulated recordings by name."""
 
 
 @dataclass(frozen=True)

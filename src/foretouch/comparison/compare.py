@@ -9,8 +9,8 @@ from foretouch.comparison.combination import Combination, Scoring, failed, try_c
 from foretouch.comparison.parallel import run_all
 from foretouch.comparison.result import Result, Results
 from foretouch.errors import InputError, UnknownNameError
+from foretouch.errors.checks import require, require_type
 from foretouch.identification import all_estimators, load_estimator
-from foretouch.models.checks import require, require_type
 
 __all__ = ["combinations", "compare"]
 

@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foretouch.comparison.figures import short_names
-from foretouch.comparison.result import Prediction, Result
-from foretouch.comparison.table import middle
+from foretouch.comparison.result import Prediction, Result, middle
 from foretouch.identification import DEFAULT_ESTIMATORS
 from foretouch.report import finished, new_figure
 from foretouch.report.drawing import COLOURS, PREDICTED, RENDERED, TRUE

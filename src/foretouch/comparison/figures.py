@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from foretouch.comparison.result import Result
-from foretouch.comparison.table import NEVER, middle
+from foretouch.comparison.result import NEVER, Result, middle
 from foretouch.report import finished, new_figure
 
 __all__ = ["matrix_figure", "short_names"]

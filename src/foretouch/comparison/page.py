@@ -12,8 +12,7 @@ from typing import Any
 
 from foretouch.comparison.delays import delay_figure
 from foretouch.comparison.figures import matrix_figure
-from foretouch.comparison.result import Prediction, Result
-from foretouch.comparison.table import convergence_text, note, parameter_text, same_reason
+from foretouch.comparison.result import Prediction, Result, convergence_text, note, parameter_text, same_reason
 from foretouch.errors import plural
 from foretouch.report import embedded, table, write_html
 

@@ -1,20 +1,221 @@
-"""Many jobs on all cores; a worker process that dies takes no result with it."""
+"""Many jobs on all cores; a worker process that dies takes no result with it.
+
+The same jobs on other machines: a Dask cluster that somebody has started.
+"""
 
 from __future__ import annotations
 
+import logging
 import os
+import queue
 import signal
+import threading
+import time
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from typing import TypeVar
+from typing import Any, TypeVar
 
-from foretouch.comparison.cluster import run_on_cluster
-
-__all__ = ["run_all"]
+from foretouch.errors import LinkError, MissingExtraError
 
 Job = TypeVar("Job")
 Outcome = TypeVar("Outcome")
+
+PATIENCE = 5.0
+"""A scheduler answers within so long [s], or there is none; connecting, with all its questions, takes twice that."""
+
+ABSENCE = 60.0
+"""Without any worker for so long [s], nobody waits for one any more."""
+
+NOTICE = 1.0
+"""How often the scheduler is asked for its workers while no outcome comes [s]."""
+
+POLL = 0.02
+"""Between two looks for outcomes [s]."""
+
+
+def run_on_cluster(
+    work: Callable[[Job], Outcome],
+    jobs: Sequence[Job],
+    address: str,
+    *,
+    lost: Callable[[Job, str], Outcome],
+    say: Callable[[str], None] = lambda line: None,
+) -> Iterator[tuple[int, Outcome]]:
+    """Do all jobs on the workers of a Dask scheduler.
+
+    Workers need the same foretouch, and files under the same paths: what is sent is a path, not its samples. Each
+    should have one thread, for a job does not let go of the interpreter (`dask worker ADDRESS --nworkers 8 --nthreads
+    1`). A job whose worker dies is tried on others; by Dask's own setting (`distributed.scheduler.allowed-failures`,
+    3) the fourth death ends it, and it alone is lost. Where all workers are gone, new ones are waited for, `ABSENCE`
+    long; then what is left is lost, and at once where the scheduler itself goes.
+
+    Args:
+        work: Does one job; it does not raise.
+        jobs: In the order in which they are begun.
+        address: Of the scheduler, as it prints it: `tcp://HOST:8786`.
+        lost: Outcome of a job that no worker could do, from the job and the reason.
+        say: Told, in a line for people, that workers are waited for.
+
+    Yields:
+        Place of the job in `jobs` and its outcome, as they are done.
+
+    Raises:
+        LinkError: The address is none, no scheduler answers there, or it has no worker.
+        MissingExtraError: The package ``distributed`` is not installed.
+    """
+    try:
+        from distributed import as_completed
+    except ModuleNotFoundError:
+        raise MissingExtraError("distributed", "cluster") from None
+    _check(address)
+    with _without_its_log(), _connected(address) as client:
+        if not client.scheduler_info()["workers"]:
+            raise LinkError(f"the Dask scheduler at {address} has no workers: start some with `dask worker {address}`")
+        places = {client.submit(work, job, pure=False): place for place, job in enumerate(jobs)}
+        done = as_completed(list(places), loop=client.loop)
+        watch = _Watch(client, say)
+        while places:
+            if not done.has_ready():
+                if reason := watch.gives_up():
+                    break
+                time.sleep(POLL)
+                continue
+            future = next(done)
+            job = jobs[places[future]]
+            if future.status == "error":
+                outcome = lost(job, f"no worker of the cluster could do it: {_reason(future.exception())}")
+            elif future.status == "cancelled":
+                outcome = lost(job, watch.gives_up() or "the scheduler of the cluster dropped it")
+            else:
+                try:
+                    outcome = future.result(timeout=PATIENCE)
+                except TimeoutError:  # its worker died with it: it is done once more
+                    done.add(future)
+                    if reason := watch.gives_up():
+                        break
+                    continue
+                except Exception as error:
+                    outcome = lost(job, watch.gives_up() or f"its result could not be fetched: {_reason(error)}")
+            yield places.pop(future), outcome
+        for place in places.values():
+            yield place, lost(jobs[place], reason)
+
+
+class _Watch:
+    """Whether outcomes can still be expected.
+
+    Args:
+        client: Of the scheduler.
+        say: Told when there are no workers any more.
+    """
+
+    def __init__(self, client: Any, say: Callable[[str], None]) -> None:
+        self._client = client
+        self._say = say
+        self._next = time.monotonic() + NOTICE
+        self._alone_since: float | None = None
+
+    def gives_up(self) -> str:
+        """Why nothing can be expected any more; empty as long as it can."""
+        if self._client.status != "running":
+            return "the scheduler of the cluster is gone"
+        now = time.monotonic()
+        if now < self._next:
+            return ""
+        self._next = now + NOTICE
+        if self._has_workers():
+            self._alone_since = None
+            return ""
+        if self._alone_since is None:
+            self._alone_since = now
+            self._say(f"no workers: waiting up to {ABSENCE:g} s for one")
+        if now - self._alone_since < ABSENCE:
+            return ""
+        return f"the cluster showed no workers for {ABSENCE:g} s"
+
+    def _has_workers(self) -> bool:
+        try:
+            return bool(self._client.sync(self._client.scheduler.ncores, callback_timeout=PATIENCE))
+        except Exception:  # silence, or the end of the scheduler, which the client's status tells soon
+            return False
+
+
+def _check(address: str) -> None:
+    """Refuse what is no address, before a client is made that would not know how to end.
+
+    Raises:
+        LinkError: It has no host, no port, or a way of talking that is not Dask's.
+    """
+    from distributed.comm.addressing import get_address_host_port
+
+    try:
+        host, port = get_address_host_port(address)
+        if not host or not 0 < port < 65536:
+            raise ValueError("no host" if not host else f"no port {port}")
+    except (ValueError, TypeError) as error:
+        raise LinkError(
+            f"no Dask scheduler at {address!r} ({_said(error)}): write its address as tcp://HOST:8786"
+        ) from None
+
+
+def _connected(address: str) -> Any:
+    """A client of the scheduler, or a word why there is none, in a thread of its own: what says nothing holds it up.
+
+    Raises:
+        LinkError: No scheduler answers there.
+    """
+    from distributed import Client
+
+    class Attempt(Client):  # type: ignore[misc]
+        def __del__(self) -> None:  # one that never was connected would wait for what it cannot close
+            if self.status == "running":
+                super().__del__()
+
+    answers: queue.SimpleQueue[Any] = queue.SimpleQueue()
+
+    def connect() -> None:
+        try:
+            answers.put(Attempt(address, timeout=PATIENCE, set_as_default=False))
+        except (OSError, TypeError, ValueError) as error:  # silence, or a way of talking that lacks its keys
+            answers.put(f"no Dask scheduler at {address!r} ({_said(error)})")
+        except Exception as error:  # whatever foreign bytes mean where Dask's are expected
+            answers.put(f"what answers at {address!r} is no Dask scheduler ({_said(error)})")
+
+    threading.Thread(target=connect, daemon=True).start()
+    try:
+        answer = answers.get(timeout=2.0 * PATIENCE)
+    except queue.Empty:
+        answer = f"what listens at {address!r} is no Dask scheduler (it said nothing for {2.0 * PATIENCE:g} s)"
+    if isinstance(answer, str):
+        raise LinkError(f"{answer}: start one with `dask scheduler`")
+    return answer
+
+
+@contextmanager
+def _without_its_log() -> Iterator[None]:
+    """What the client logs on the error stream is said here in outcomes and errors."""
+    loggers = [logging.getLogger(name) for name in ("distributed", "distributed.client", "tornado", "asyncio")]
+    levels = [logger.level for logger in loggers]
+    for logger in loggers:
+        logger.setLevel(logging.CRITICAL + 1)
+    try:
+        yield
+    finally:
+        for logger, level in zip(loggers, levels, strict=True):
+            logger.setLevel(level)
+
+
+def _said(error: BaseException) -> str:
+    """One line of an error."""
+    return " ".join(str(error).split()) or type(error).__name__
+
+
+def _reason(error: BaseException | None) -> str:
+    """One line of what a worker died of."""
+    if type(error).__name__ == "KilledWorker":
+        return "its workers died, one after another"
+    return type(error).__name__ if error is None else f"{type(error).__name__}: {_said(error)}"
 
 
 def run_all(

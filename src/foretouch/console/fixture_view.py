@@ -21,7 +21,7 @@ from foretouch.console.stiffness_colours import (
 from foretouch.console.turning import wxyz_of
 from foretouch.models import MaterialField
 from foretouch.quantities.colours import CUT, GREY, INK, VERMILLION
-from foretouch.quantities.rigid import RigidMotion
+from foretouch.quantities.pose import RigidMotion
 from foretouch.rendering import Surface
 
 __all__ = ["FixtureView", "footprint"]

@@ -15,8 +15,8 @@ from foretouch.console.window import Array
 from foretouch.errors import MissingExtraError, SettingError
 from foretouch.quantities import Pose
 from foretouch.quantities.colours import BLUE, GREEN, Colour
-from foretouch.quantities.rigid import Vector
-from foretouch.vision.board import opencv
+from foretouch.quantities.pose import Vector
+from foretouch.vision.camera import opencv
 
 __all__ = ["can_draw", "draw_over"]
 

@@ -22,7 +22,7 @@ from foretouch.errors import ForetouchError
 from foretouch.messages import FieldUpdate, FollowerSpace, LeaderSpace
 from foretouch.models import MaterialField
 from foretouch.quantities.colours import BLUE, GREEN, GREY, VERMILLION, css
-from foretouch.quantities.rigid import Vector
+from foretouch.quantities.pose import Vector
 from foretouch.rendering import Surface
 
 __all__ = ["SPACE_INSTRUCTION", "SpaceView"]

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from foretouch.console.hold import STROKE, Hold
 from foretouch.console.speech import Speech
 from foretouch.console.watched import Watched
-from foretouch.quantities.rigid import Vector, add, scaled, subtract
+from foretouch.quantities.pose import Vector, add, scaled, subtract
 
 __all__ = ["HOME", "REACH", "SpaceHold"]
 

@@ -13,7 +13,7 @@ from foretouch.console.fixture_view import FixtureView
 from foretouch.console.material_view import add_body
 from foretouch.console.turning import along
 from foretouch.quantities.colours import BLUE, GREEN, GREY, VERMILLION
-from foretouch.quantities.rigid import Vector
+from foretouch.quantities.pose import Vector
 from foretouch.rendering import Surface
 
 __all__ = ["HANDLE_SIZE", "SPACE_CAMERA", "SPACE_UNITS", "SpaceScene"]

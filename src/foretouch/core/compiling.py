@@ -5,6 +5,8 @@ see what a kernel takes from other files: a function that is inlined, a constant
 that is named by a digest of the kernel's module and of every module of foretouch that it imports, straight or through
 others: with one changed character in any of them, nothing that was compiled before is found. The folder is the user's,
 so that another copy of the same sources finds it, too.
+
+Compiling what Python calls into.
 """
 
 from __future__ import annotations
@@ -23,10 +25,10 @@ from pathlib import Path
 from typing import Any, TypeVar, overload
 
 import numba
+import numpy as np
+from numba import config
 from numba.core import caching
 from numba.core.registry import cpu_target
-
-__all__ = ["compiled", "compiled_folder", "compiled_root", "complete_mark", "digest_of", "imported", "mark_complete"]
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -223,3 +225,18 @@ class _KeptByDigest(caching._CacheLocator):  # type: ignore[misc]  # Numba is no
 
 
 caching.CacheImpl._locator_classes.insert(0, _KeptByDigest)
+
+
+def entry_point(function: Function, *, parallel: bool = False) -> Function:
+    """A compiled function whose arithmetic is that of IEEE 754: infinities and NaN are numbers, and nothing warns.
+
+    With ``NUMBA_DISABLE_JIT=1`` the function itself, in which NumPy would else warn of both.
+
+    Args:
+        function: To be compiled at its first call, or loaded where it was compiled before.
+        parallel: Whether its `prange` loops run on all cores.
+    """
+    if config.DISABLE_JIT:
+        quiet: Function = np.errstate(all="ignore")(function)
+        return quiet
+    return compiled(error_model="numpy", parallel=parallel)(function)

@@ -6,15 +6,12 @@ moved by the force (closed loop).
 """
 
 from foretouch.devices.browser import BrowserOperator
-from foretouch.devices.device import Device
-from foretouch.devices.grips import GRIPS, INTENDED_FORCE, Grip
-from foretouch.devices.hand import Hand
-from foretouch.devices.reach import UNKNOWN_REACH, Reach
+from foretouch.devices.device import Device, DeviceSpecification
+from foretouch.devices.gamepad import UNKNOWN_REACH, Reach
+from foretouch.devices.hand import GRIPS, INTENDED_FORCE, Grip, Hand
 from foretouch.devices.recorded import RecordedOperator
-from foretouch.devices.resting import RestingOperator
-from foretouch.devices.scripted import ScriptedOperator
+from foretouch.devices.scripted import RestingOperator, ScriptedOperator
 from foretouch.devices.spatial import Keyframe, PalpatingOperator, SpatialBrowserOperator, SpatialDevice, SpatialHand
-from foretouch.devices.specification import DeviceSpecification
 
 __all__ = [
     "GRIPS",

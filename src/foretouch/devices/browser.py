@@ -5,9 +5,8 @@ from __future__ import annotations
 import math
 from typing import ClassVar, Literal
 
-from foretouch.devices.device import Device, limit_force
-from foretouch.devices.motion import PEAK_SPEED_RATIO, minimum_jerk
-from foretouch.models.checks import require
+from foretouch.devices.device import PEAK_SPEED_RATIO, Device, limit_force, minimum_jerk
+from foretouch.errors.checks import require
 
 __all__ = ["BrowserOperator"]
 

@@ -15,10 +15,9 @@ import threading
 from types import ModuleType
 from typing import Any, ClassVar, Protocol
 
-from foretouch.devices.device import Device, limit_force
-from foretouch.devices.specification import LEAST_DAMPING, DeviceSpecification
+from foretouch.devices.device import LEAST_DAMPING, Device, DeviceSpecification, limit_force
 from foretouch.errors import MissingExtraError, SettingError
-from foretouch.models.checks import require
+from foretouch.errors.checks import require
 
 __all__ = ["ForceDimension", "ForceDimensionBinding", "open_force_dimension"]
 

@@ -1,15 +1,115 @@
-"""A gamepad as the operator's handle: a stick and a trigger move it, rumble is a cue. It gives no force."""
+"""A gamepad as the operator's handle: a stick and a trigger move it, rumble is a cue. It gives no force.
+
+Where what is pressed begins and how far in it is pressed, for whoever moves the hand.
+
+The first gamepad of this machine, by pygame (SDL): the one place that imports it.
+"""
 
 from __future__ import annotations
 
 import math
-from typing import ClassVar, NamedTuple, Protocol
+import os
+from typing import Any, ClassVar, NamedTuple, Protocol
 
 from foretouch.devices.device import Device, limit_force
-from foretouch.devices.reach import UNKNOWN_REACH, Reach
-from foretouch.models.checks import require
+from foretouch.errors import MissingExtraError, SettingError
+from foretouch.errors.checks import require
 
-__all__ = ["NO_FORCE", "Gamepad", "Pad", "PadState", "open_gamepad"]
+
+class Reach(NamedTuple):
+    """What an operator may know of the material, at the hand.
+
+    Attributes:
+        surface: Where it begins [m]; NaN where nobody knows.
+        press_depth: How deep the deepest press goes [m]; NaN where nobody knows.
+    """
+
+    surface: float
+    press_depth: float
+
+    @property
+    def known(self) -> bool:
+        """Whether both are known."""
+        return math.isfinite(self.surface) and math.isfinite(self.press_depth)
+
+
+UNKNOWN_REACH = Reach(math.nan, math.nan)
+"""Of a robot that does not say what it presses: the surface is found by touching."""
+
+
+FULL = 32767.0
+"""A controller's axis at its end."""
+RUMBLE_MS = 1000
+"""A rumble ends by itself after so long: a process that is gone leaves no pad shaking."""
+
+
+class PygamePad:
+    """Left stick, right trigger, and the left shoulder button as clutch; both motors rumble.
+
+    A pad that SDL knows is read as a game controller, whatever its maker; any other as a joystick, whose second axis is
+    the stick, and which has no trigger.
+
+    Raises:
+        MissingExtraError: pygame is not installed.
+        SettingError: No gamepad is connected.
+    """
+
+    def __init__(self) -> None:
+        # SDL reads joysticks with its events, and those only with a display: none is needed.
+        os.environ.setdefault("SDL_VIDEODRIVER", "dummy")
+        os.environ.setdefault("SDL_JOYSTICK_ALLOW_BACKGROUND_EVENTS", "1")
+        os.environ.setdefault("SDL_NO_SIGNAL_HANDLERS", "1")  # Ctrl-C is the session's
+        os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
+        try:
+            import pygame
+            from pygame._sdl2 import controller
+        except ImportError:
+            raise MissingExtraError("pygame", "gamepad") from None
+        self._pygame: Any = pygame
+        pygame.display.init()
+        pygame.joystick.init()
+        controller.init()
+        if pygame.joystick.get_count() == 0:
+            self._quit()
+            rule = "no gamepad is connected: plug one in (it must be readable under /dev/input), or take browser"
+            raise SettingError("operator", "gamepad", rule)
+        self._controller: Any = controller.Controller(0) if controller.is_controller(0) else None
+        self._joystick: Any = pygame.joystick.Joystick(0)
+
+    def state(self) -> PadState | None:
+        """What the pad shows now; None where it is gone."""
+        pygame = self._pygame
+        pygame.event.pump()
+        pad = self._controller
+        if pad is None:
+            if pygame.joystick.get_count() == 0 or self._joystick.get_numaxes() < 2:
+                return None
+            return PadState(float(self._joystick.get_axis(1)), 0.0, bool(self._joystick.get_button(0)))
+        if not pad.attached():
+            return None
+        return PadState(
+            pad.get_axis(pygame.CONTROLLER_AXIS_LEFTY) / FULL,
+            pad.get_axis(pygame.CONTROLLER_AXIS_TRIGGERRIGHT) / FULL,
+            bool(pad.get_button(pygame.CONTROLLER_BUTTON_LEFTSHOULDER)),
+        )
+
+    def rumble(self, strength: float) -> None:
+        """Rumble from now on for a second, 0 to 1; a pad without motors does nothing."""
+        pad = self._joystick if self._controller is None else self._controller
+        if strength > 0.0:
+            pad.rumble(strength, strength, RUMBLE_MS)
+        else:
+            pad.stop_rumble()
+
+    def close(self) -> None:
+        """Give the pad back."""
+        self._joystick.quit()
+        self._quit()
+
+    def _quit(self) -> None:
+        self._pygame.joystick.quit()
+        self._pygame.display.quit()
+
 
 NO_FORCE = "a gamepad gives no force feedback: its rumble is a cue of how hard is pressed, and moves nobody's hand"
 """What a user is to know of it."""
@@ -47,7 +147,7 @@ class PadState(NamedTuple):
 
 
 class Pad(Protocol):
-    """A pad: `foretouch.devices.pygame_pad.PygamePad`."""
+    """A pad: `foretouch.devices.gamepad.PygamePad`."""
 
     def state(self) -> PadState | None:
         """What it shows now; None where it is gone."""
@@ -168,6 +268,4 @@ def open_gamepad(reach: Reach = UNKNOWN_REACH) -> Gamepad:
         MissingExtraError: pygame is not installed.
         SettingError: No gamepad is connected.
     """
-    from foretouch.devices.pygame_pad import PygamePad
-
     return Gamepad(PygamePad(), reach)

@@ -7,10 +7,9 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from foretouch.devices.device import Device, limit_force
-from foretouch.devices.motion import PEAK_SPEED_RATIO, minimum_jerk, quintic_move
+from foretouch.devices.device import PEAK_SPEED_RATIO, Device, limit_force, minimum_jerk, quintic_move
 from foretouch.errors import SettingError
-from foretouch.models.checks import require
+from foretouch.errors.checks import require
 
 if TYPE_CHECKING:
     from scipy.interpolate import CubicSpline

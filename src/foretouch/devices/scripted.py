@@ -1,4 +1,7 @@
-"""An operator that presses by script."""
+"""An operator that presses by script.
+
+An operator that waits where it is.
+"""
 
 from __future__ import annotations
 
@@ -8,11 +11,25 @@ from typing import ClassVar
 
 import numpy as np
 
-from foretouch.devices.device import Device, limit_force
-from foretouch.devices.motion import PEAK_SPEED_RATIO, minimum_jerk
-from foretouch.models.checks import require
+from foretouch.devices.device import PEAK_SPEED_RATIO, Device, limit_force, minimum_jerk
+from foretouch.errors.checks import require
 
-__all__ = ["ScriptedOperator"]
+
+class RestingOperator(Device):
+    """A hand at 0 that never moves: what stands in for a script where nobody knows where the surface is."""
+
+    __slots__ = ()
+    name: ClassVar[str] = "resting"
+    closed_loop: ClassVar[bool] = False
+
+    def read(self, now_ns: int) -> float:
+        """Position of the hand: 0 [m]."""
+        return 0.0
+
+    def render(self, force: float) -> float:
+        """Nobody feels it: the force [N] within the limit that every device has."""
+        return limit_force(force)
+
 
 APPROACH_SPEED = 0.05
 """Peak speed [m/s] of the first approach through free air."""

@@ -11,13 +11,10 @@ from typing import ClassVar
 import numpy as np
 
 from foretouch.devices.browser import BrowserOperator
-from foretouch.devices.device import Device
-from foretouch.devices.grips import Grip
-from foretouch.devices.hand import LONGEST_GAP
-from foretouch.devices.held_force import HeldForce
-from foretouch.devices.specification import DeviceSpecification
+from foretouch.devices.device import Device, DeviceSpecification
+from foretouch.devices.hand import LONGEST_GAP, Grip, HeldForce
 from foretouch.errors import SettingError
-from foretouch.quantities.rigid import RigidMotion, Vector
+from foretouch.quantities.pose import RigidMotion, Vector
 
 __all__ = ["Keyframe", "PalpatingOperator", "SpatialBrowserOperator", "SpatialDevice", "SpatialHand"]
 

@@ -5,7 +5,6 @@ also crash there.
 """
 
 from foretouch.doctor.examine import examine
-from foretouch.doctor.finding import Finding, Verdict, worst
-from foretouch.doctor.table import render_findings
+from foretouch.doctor.finding import Finding, Verdict, render_findings, worst
 
 __all__ = ["Finding", "Verdict", "examine", "render_findings", "worst"]

@@ -8,11 +8,19 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from foretouch.doctor.finding import Finding, Verdict
-from foretouch.doctor.graphics import check_graphics
+from foretouch.doctor.hardware import check_cores, check_governor, check_graphics, check_real_time
 from foretouch.doctor.loops import LoopReport, check_loops, run_loops
-from foretouch.doctor.packages import check_extras, check_packages, check_python
-from foretouch.doctor.processors import check_cores, check_governor, check_real_time
-from foretouch.doctor.surroundings import PORTS, check_compiled, check_disk, check_keys, check_port, check_text
+from foretouch.doctor.surroundings import (
+    PORTS,
+    check_compiled,
+    check_disk,
+    check_extras,
+    check_keys,
+    check_packages,
+    check_port,
+    check_python,
+    check_text,
+)
 from foretouch.errors import install_command
 
 if TYPE_CHECKING:

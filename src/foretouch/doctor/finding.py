@@ -1,13 +1,17 @@
-"""What one check found."""
+"""What one check found.
+
+The findings as a table for people: the verdict is a word; colour only helps to find it.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-__all__ = ["Finding", "Verdict", "worst"]
+if TYPE_CHECKING:
+    from rich.table import Table
 
 
 class Verdict(StrEnum):
@@ -53,3 +57,30 @@ def worst(findings: Iterable[Finding]) -> Verdict:
     order = list(Verdict)
     found = max((order.index(finding.verdict) for finding in findings), default=0)
     return Verdict.GOOD if order[found] is Verdict.UNKNOWN else order[found]
+
+
+STYLES = {
+    Verdict.GOOD: "#56b4e9",
+    Verdict.UNKNOWN: "dim",
+    Verdict.WARNING: "bold #e69f00",
+    Verdict.BAD: "bold #d55e00",
+}
+"""Colours of Okabe and Ito, which those who do not tell red from green tell apart too."""
+
+
+def render_findings(findings: Iterable[Finding]) -> Table:
+    """A table of three columns; what mends a finding stands below it, behind an arrow."""
+    from rich.box import SIMPLE
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table(box=SIMPLE, pad_edge=False, title=None)
+    table.add_column("verdict", no_wrap=True)
+    table.add_column("what", no_wrap=False, min_width=8, max_width=22, overflow="fold")
+    table.add_column("found, and the command that helps", overflow="fold")
+    for finding in findings:
+        said = Text(finding.found)
+        if finding.mend:
+            said.append(f"\n→ {finding.mend}", style="bold")
+        table.add_row(Text(finding.verdict.value, style=STYLES[finding.verdict]), finding.name, said)
+    return table

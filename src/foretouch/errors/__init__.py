@@ -25,8 +25,7 @@ import reprlib
 from collections.abc import Iterable
 from typing import Any
 
-from foretouch.errors.installing import install_command
-from foretouch.errors.printing import one_line, plural, printable, was_or_were
+from foretouch.errors.printing import install_command, one_line, plural, printable, was_or_were
 
 __all__ = [
     "ArgumentTypeError",

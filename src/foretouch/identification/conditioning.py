@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+from foretouch.errors.checks import require
 from foretouch.identification.conditioning_kernel import CONTACT_FLOOR, OFFSET_WINDOW, lose_surface, take
 from foretouch.identification.conditioning_layout import (
     FREE_PLACE,
@@ -17,7 +18,6 @@ from foretouch.identification.conditioning_layout import (
     make_state,
 )
 from foretouch.identification.sensor_lag import LONGEST_LAG
-from foretouch.models.checks import require
 
 __all__ = ["CONTACT_FLOOR", "OFFSET_WINDOW", "Conditioner", "ContactSample"]
 

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from foretouch.core.compiling import compiled
 
-__all__ = ["AGREES", "DISAGREES", "EFFORT", "LOST", "LOSS_SIZE", "begin_loss", "find_loss", "is_falling"]
+__all__ = ["AGREES", "DISAGREES", "EFFORT", "LOSS_SIZE", "LOST", "begin_loss", "find_loss", "is_falling"]
 
 Array = NDArray[np.float64]
 

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foretouch.errors import SettingError
+from foretouch.errors.checks import require
 from foretouch.identification.conditioning import ContactSample
 from foretouch.identification.contact_map_notes import (
     ABSENT,
@@ -50,7 +51,6 @@ from foretouch.identification.map_regression import make_regression, whole_covar
 from foretouch.identification.raw_kernel import RawColumns, run_raw
 from foretouch.identification.sample_columns import sample_columns
 from foretouch.models import ContactMap, ContactModel, ContactState
-from foretouch.models.checks import require
 from foretouch.models.contact_map_layout import COARSE, FINE, LAW, SHARES
 from foretouch.models.contact_map_wire import pack
 

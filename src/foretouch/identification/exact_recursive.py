@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foretouch.errors import SettingError
+from foretouch.errors.checks import require
 from foretouch.identification.conditioning import ContactSample
 from foretouch.identification.estimator import Estimator, Status
 from foretouch.identification.exact_belief import FEWEST_UPDATES, move_surface
@@ -27,7 +28,6 @@ from foretouch.identification.exact_layout import (
 )
 from foretouch.identification.sample_columns import sample_columns
 from foretouch.models import ContactModel
-from foretouch.models.checks import require
 
 __all__ = [
     "LARGEST_EXPONENT_ERROR",

@@ -12,8 +12,7 @@ import numpy as np
 from numba import prange
 from numpy.typing import NDArray
 
-from foretouch.core.compiling import compiled
-from foretouch.identification.compiling import entry_point
+from foretouch.core.compiling import compiled, entry_point
 from foretouch.identification.fprls_lanes import (
     BUFFER,
     LANES,

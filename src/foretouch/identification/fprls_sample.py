@@ -9,8 +9,7 @@ import numpy as np
 from numba import config
 from numpy.typing import NDArray
 
-from foretouch.core.compiling import compiled
-from foretouch.identification.compiling import entry_point
+from foretouch.core.compiling import compiled, entry_point
 from foretouch.identification.elementary import logarithm
 from foretouch.identification.fprls_features import bounded_rate, forgetting, refusal, weight_of
 from foretouch.identification.fprls_kernel import learn, rules_of

@@ -10,13 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foretouch.errors import SettingError
+from foretouch.errors.checks import require
 from foretouch.identification.conditioning import ContactSample
 from foretouch.identification.estimator import Estimator, Status
 from foretouch.identification.kelvin_voigt_rls import at_least_zero
 from foretouch.identification.recursion import BROKEN, Recursion, error_along
 from foretouch.identification.robust import REFERENCE_DEPTH, REFERENCE_VELOCITY, RobustOptions
 from foretouch.models import HuntCrossley
-from foretouch.models.checks import require
 
 __all__ = ["HuntCrossleyLogOptions", "HuntCrossleyLogRLS"]
 

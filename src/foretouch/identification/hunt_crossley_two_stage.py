@@ -9,13 +9,13 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from foretouch.errors.checks import require
 from foretouch.identification.conditioning import ContactSample
 from foretouch.identification.estimator import Estimator, Status
 from foretouch.identification.kelvin_voigt_rls import at_least_zero
 from foretouch.identification.recursion import BROKEN, LARGEST_LOG, Recursion
 from foretouch.identification.robust import REFERENCE_DEPTH, REFERENCE_VELOCITY, RobustOptions
 from foretouch.models import HuntCrossley
-from foretouch.models.checks import require
 
 __all__ = ["HuntCrossleyTwoStage", "TwoStageOptions"]
 

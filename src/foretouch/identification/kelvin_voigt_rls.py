@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foretouch.errors import SettingError
+from foretouch.errors.checks import require
 from foretouch.identification.conditioning import ContactSample
 from foretouch.identification.estimator import Estimator, Status
 from foretouch.identification.recursion import BROKEN, Recursion
 from foretouch.identification.robust import REFERENCE_DEPTH, REFERENCE_VELOCITY, RobustOptions
 from foretouch.models import KelvinVoigt
-from foretouch.models.checks import require
 
 __all__ = ["KelvinVoigtOptions", "KelvinVoigtRLS", "at_least_zero"]
 

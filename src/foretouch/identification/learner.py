@@ -9,13 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foretouch.errors import InputError
+from foretouch.errors.checks import NUMBER, require_type
 from foretouch.identification.conditioning import CONTACT_FLOOR, Conditioner, ContactSample
 from foretouch.identification.contact_map import ContactMapBank
 from foretouch.identification.estimator import Estimator, Status
 from foretouch.identification.learner_run import LearnerRun, RawSamples, run_by_sample, run_compiled
 from foretouch.identification.sensor_lag import SensorLag
 from foretouch.models import ContactModel, ContactState
-from foretouch.models.checks import NUMBER, require_type
 from foretouch.quantities import Recording, brief_number, brief_text
 
 __all__ = ["Learner", "LearntModel", "require_learning"]

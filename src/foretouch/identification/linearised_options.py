@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foretouch.errors import SettingError
+from foretouch.errors.checks import require
 from foretouch.identification.fprls_layout import OPTIONS_SIZE
 from foretouch.identification.recursion import ErrorUnit, PerturbationForm, PerturbationMoment
 from foretouch.identification.robust import REFERENCE_DEPTH, REFERENCE_VELOCITY, RobustOptions, require_choice
-from foretouch.models.checks import require
 
 __all__ = ["NOTHING_FORGOTTEN", "DepthUnit", "FPRLSOptions", "Forgetting", "pack"]
 

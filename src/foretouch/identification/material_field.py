@@ -9,11 +9,11 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from foretouch.errors.checks import require
 from foretouch.identification.conditioning import ContactSample
 from foretouch.identification.estimator import Estimator, Status
 from foretouch.identification.material_field_kernel import UNKNOWNS, carry_over, laws_of, learn
 from foretouch.models import FIELD_DEPTH, MOST_NODES, NODE_SPACING, MaterialField, QuadraticContact
-from foretouch.models.checks import require
 from foretouch.models.material_field import LARGEST_DEVIATION, LARGEST_LAW
 from foretouch.models.material_field_kernel import CORNERS, HALF, NUMBERS, cell_of
 

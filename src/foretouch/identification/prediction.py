@@ -10,9 +10,9 @@ from itertools import repeat
 import numpy as np
 from numpy.typing import NDArray
 
+from foretouch.errors.checks import require
 from foretouch.identification.learner import Learner, LearntModel, require_learning
 from foretouch.models import Predictor
-from foretouch.models.checks import require
 from foretouch.quantities import ByValue, Columns, Recording
 
 __all__ = ["TIME_TOLERANCE", "Motion", "PredictedForce", "predict", "predict_motion"]

@@ -31,8 +31,7 @@ from foretouch.identification.contact_map_step import (
     move_surface,
     take,
 )
-from foretouch.identification.sensor_lag_kernel import clear
-from foretouch.identification.sensor_lag_kernel import take_lagged
+from foretouch.identification.sensor_lag_kernel import clear, take_lagged
 from foretouch.models.contact_map_kernel import step
 from foretouch.models.contact_map_layout import LAW, MEMORY, SIZE
 from foretouch.models.contact_map_wire import sensible, transfer

@@ -7,6 +7,7 @@ import inspect
 from typing import Any, cast
 
 from foretouch.errors import SettingError, UnknownNameError
+from foretouch.errors.checks import require_type
 from foretouch.identification.contact_map import ContactMapBank
 from foretouch.identification.estimator import Estimator
 from foretouch.identification.exact_recursive import ExactHuntCrossley, ExactKelvinVoigt, ExactRecursive
@@ -25,7 +26,6 @@ from foretouch.identification.steepest_descent import (
     SteepestDescentKelvinVoigt,
 )
 from foretouch.identification.threshold_switching import ThresholdSwitching
-from foretouch.models.checks import require_type
 from foretouch.plugins import PluginError, load_plugin, make_plugin, plugin_names
 
 __all__ = [

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import ClassVar
 
+from foretouch.errors.checks import require
 from foretouch.identification.linearised import Forgetting, FPRLSOptions, LinearisedEstimator
-from foretouch.models.checks import require
 
 __all__ = ["RLS", "ForgettingRLS", "SelfPerturbingRLS"]
 

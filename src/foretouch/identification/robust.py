@@ -6,9 +6,9 @@ import math
 from dataclasses import dataclass
 
 from foretouch.errors import SettingError
+from foretouch.errors.checks import require
 from foretouch.identification.conditioning import ContactSample
 from foretouch.identification.estimator import Status
-from foretouch.models.checks import require
 
 __all__ = [
     "REFERENCE_DEPTH",

@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 
 from foretouch.errors import SettingError
-from foretouch.models.checks import require
+from foretouch.errors.checks import require
 
 __all__ = ["QUIET_TIME", "SENSOR_SENTENCES", "TRANSIENT_STATES", "SensorState", "SensorWatch"]
 

@@ -12,8 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foretouch.core.compiling import compiled
-from foretouch.identification.contact_loss import AGREES, EFFORT, LOST, begin_loss, find_loss, is_falling
-from foretouch.identification.contact_loss import LOSS_SIZE
+from foretouch.identification.contact_loss import AGREES, EFFORT, LOSS_SIZE, LOST, begin_loss, find_loss, is_falling
 from foretouch.identification.offset_step import LEAST_STEP as STEP_LEAST
 from foretouch.identification.offset_step import OFFSET_SIZE as STEP_SIZE
 from foretouch.identification.offset_step import begin_steps, find_step, has_fallen, restart_steps

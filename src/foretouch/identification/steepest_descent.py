@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 
 from foretouch.core.compiling import compiled
 from foretouch.errors import SettingError
+from foretouch.errors.checks import require
 from foretouch.identification.conditioning import ContactSample
 from foretouch.identification.estimator import Estimator, Status
 from foretouch.identification.exact_law import EXACT_LAWS, REFERENCE_TIME
 from foretouch.models import ContactModel
-from foretouch.models.checks import require
 
 __all__ = [
     "SteepestDescent",

@@ -8,6 +8,7 @@ from typing import ClassVar, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from foretouch.errors.checks import require
 from foretouch.identification.conditioning import ContactSample
 from foretouch.identification.estimator import Estimator, Status
 from foretouch.identification.hunt_crossley_log import HuntCrossleyLogOptions, HuntCrossleyLogRLS
@@ -15,7 +16,6 @@ from foretouch.identification.hunt_crossley_two_stage import HuntCrossleyTwoStag
 from foretouch.identification.kelvin_voigt_rls import KelvinVoigtOptions, KelvinVoigtRLS
 from foretouch.identification.robust import require_choice
 from foretouch.models import HuntCrossley, KelvinVoigt
-from foretouch.models.checks import require
 
 __all__ = ["SwitchingOptions", "ThresholdSwitching"]
 

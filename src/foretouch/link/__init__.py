@@ -3,16 +3,22 @@
 It never sees a law; what it carries is the table `foretouch.messages.CHANNELS`.
 """
 
-from foretouch.link.access import access_list, may_publish
+from foretouch.link.access import (
+    Credentials,
+    access_list,
+    check_endpoint,
+    check_port_free,
+    free_endpoint,
+    is_encrypted,
+    is_exposed,
+    load_credentials,
+    may_publish,
+)
 from foretouch.link.certificates import CERTIFICATE_DAYS, WARNING_DAYS, Identity
-from foretouch.link.credentials import Credentials, load_credentials
-from foretouch.link.endpoints import check_endpoint, check_port_free, free_endpoint, is_encrypted, is_exposed
-from foretouch.link.fault_stage import FaultStage
-from foretouch.link.faults import Faults
+from foretouch.link.faults import Faults, FaultStage
 from foretouch.link.key_folder import ROLES, KeyFolder, default_key_folder
 from foretouch.link.sequence import SequenceCounter
-from foretouch.link.stopping import ASKING_PERIOD_NS, STOPPING_CHANNELS, ask_to_stop, new_press
-from foretouch.link.zenoh_link import ZenohLink
+from foretouch.link.zenoh_link import ASKING_PERIOD_NS, STOPPING_CHANNELS, ZenohLink, ask_to_stop, new_press
 
 __all__ = [
     "ASKING_PERIOD_NS",

@@ -8,16 +8,168 @@ somebody typed ``--insecure``.
 A `Hello` says itself who speaks, and a `Command` who leads. Between machines a hello goes out under a key of the
 speaker's role and a command under one of the common name, which the access list checks, so that no peer can speak in
 another's name: control is held by a certificate, and what others read of it is of no use to them.
+
+Endpoints, ``tcp/HOST:PORT`` or ``tls/HOST:PORT``: their form, and which of them are allowed.
+
+What one process shows to its peers, and whom it lets in.
 """
 
 from __future__ import annotations
 
+import errno
+import ipaddress
+import os
+import re
+import socket
 from collections.abc import Iterable
+from dataclasses import dataclass, field
+from datetime import datetime
 
-from foretouch.link.key_folder import ROLES, role_of
+from foretouch.errors import LinkError, SettingError
+from foretouch.link.certificates import WARNING_DAYS, Identity, utc_now
+from foretouch.link.key_folder import ROLES, KeyFolder, role_of
 from foretouch.messages import CHANNELS, Command, Hello, Message
 
-__all__ = ["access_list", "key_to_send", "keys_to_receive", "may_claim", "may_publish", "may_say"]
+_FORM = re.compile(r"(?P<kind>tcp|tls)/(?:\[(?P<six>[0-9a-fA-F:.]+)\]|(?P<host>[A-Za-z0-9.-]+)):(?P<port>\d{1,5})")
+
+
+def _parse(endpoint: str) -> tuple[str, str, int]:
+    match = _FORM.fullmatch(endpoint)
+    port = int(match["port"]) if match else 0
+    if match is None or not 0 < port < 65536:
+        raise LinkError(
+            f"endpoint {endpoint!r}: write it as tcp/HOST:PORT, for example tcp/127.0.0.1:7447, "
+            "or as tls/HOST:PORT between machines"
+        )
+    return match["kind"], match["six"] or match["host"], port
+
+
+def is_encrypted(endpoint: str) -> bool:
+    """Whether what goes there is encrypted and both ends are checked.
+
+    Raises:
+        LinkError: The endpoint is malformed.
+    """
+    return _parse(endpoint)[0] == "tls"
+
+
+def is_exposed(endpoint: str) -> bool:
+    """Whether it is off this machine and neither encrypted nor checked.
+
+    Raises:
+        LinkError: The endpoint is malformed.
+    """
+    kind, host, _ = _parse(endpoint)
+    if kind == "tls" or host == "localhost":
+        return False
+    try:
+        return not ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return True  # a name may resolve to anything
+
+
+def check_endpoint(endpoint: str, *, insecure: bool = False) -> None:
+    """Refuse an endpoint that is malformed, or off this machine and not encrypted without `insecure`.
+
+    Raises:
+        LinkError: What is wrong and what to do.
+    """
+    if is_exposed(endpoint) and not insecure:
+        raise LinkError(
+            f"endpoint {endpoint!r} is off this machine and nothing there is encrypted or checked: "
+            "write tls/HOST:PORT (its keys: foretouch keys init), or add --insecure on a network that you trust"
+        )
+
+
+def check_port_free(endpoint: str) -> None:
+    """Refuse to listen where somebody already does.
+
+    Raises:
+        LinkError: The port is in use, or the address is not this machine's.
+    """
+    _, host, port = _parse(endpoint)
+    try:
+        family, _, _, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
+        with socket.socket(family, socket.SOCK_STREAM) as probe:
+            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            probe.bind(address)
+    except OSError as error:
+        if error.errno == errno.EADDRINUSE:
+            raise LinkError(f"port {port} on {host} is in use: choose another one, or end what uses it") from None
+        raise LinkError(f"cannot listen on {endpoint}: {error.strerror or error}") from None
+
+
+def free_endpoint(kind: str = "tcp") -> str:
+    """A loopback endpoint whose port nobody uses at this moment.
+
+    Args:
+        kind: ``"tcp"`` or ``"tls"``.
+    """
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return f"{kind}/127.0.0.1:{probe.getsockname()[1]}"
+
+
+@dataclass(frozen=True, slots=True)
+class Credentials:
+    """Read once and handed on as read, so that what was checked is what is used.
+
+    Attributes:
+        identity: Key and certificate of this process.
+        authority: Certificate that all peers' are checked against.
+        allowed: Common names that are let in.
+        warning: One line where a certificate ends soon, "" otherwise.
+    """
+
+    identity: Identity
+    authority: Identity = field(repr=False)
+    allowed: tuple[str, ...]
+    warning: str
+
+
+def load_credentials(
+    role: str, folder: str | os.PathLike[str] | None = None, *, now: datetime | None = None
+) -> Credentials:
+    """Credentials of this machine for a role.
+
+    Args:
+        role: ``"leader"``, ``"follower"`` or ``"watcher"``; of several certificates the one without a name is taken.
+        folder: Of keys; the default one where none is given.
+        now: UTC; this machine's clock where none is given.
+
+    Raises:
+        SettingError: A file is missing, can be read by others, has expired, or does not belong to the rest.
+        MissingExtraError: cryptography is not installed.
+    """
+    now = utc_now() if now is None else now
+    keys = KeyFolder(folder)
+    authority, here, allowed = keys.read()
+    fitting = [name for name in here if role_of(name) == role]
+    if not fitting:
+        raise SettingError("keys", str(keys.path), f"has no certificate for the {role}: foretouch keys issue {role}")
+    if role not in fitting and len(fitting) > 1:
+        rule = f"has several certificates for the {role} ({', '.join(fitting)}): keep the one of this machine"
+        raise SettingError("keys", str(keys.path), rule)
+    identity = here[role if role in fitting else fitting[0]]
+    if not identity.issued_by(authority):
+        rule = f"is from another authority than {keys.path / 'authority.crt'}: copy both from where they were made"
+        raise SettingError("keys", str(keys.path / f"{identity.common_name}.pem"), rule)
+    for each, remedy in ((authority, "rotate --authority"), (identity, f"rotate {identity.common_name}")):
+        if each.days_left(now) <= 0.0:
+            rule = f"expired on {each.expires:%Y-%m-%d}: foretouch keys {remedy}, and copy the new files"
+            raise SettingError("keys", each.common_name, rule)
+    return Credentials(identity, authority, allowed, _warning(identity, now))
+
+
+def _warning(identity: Identity, now: datetime) -> str:
+    left = identity.days_left(now)
+    if left > WARNING_DAYS:
+        return ""
+    return (
+        f"the certificate of {identity.common_name} ends in {left:.0f} days, on {identity.expires:%Y-%m-%d}: "
+        "foretouch keys rotate"
+    )
+
 
 PREFIX = "foretouch/"
 """What every network key begins with."""

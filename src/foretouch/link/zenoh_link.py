@@ -1,12 +1,17 @@
 """Messages over Eclipse Zenoh: explicit endpoints, no scouting, nothing in the loop that can wait.
 
 Between machines both ends show a certificate of the private authority, and an access list says who may send what.
+
+Asking for an emergency stop, until it is known that the robot has stopped.
+
+It stands here because it needs no more than a link: who types it does not wait until laws and robots are imported.
 """
 
 from __future__ import annotations
 
 import base64
 import json
+import secrets
 import time
 from collections import deque
 from collections.abc import Callable, Iterable, Sequence
@@ -14,16 +19,28 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
 from foretouch.errors import DecodeError, LinkError, MissingExtraError, PeerVersionError
-from foretouch.link.access import access_list, key_to_send, keys_to_receive, may_claim, may_say
-from foretouch.link.credentials import Credentials
-from foretouch.link.endpoints import check_endpoint, check_port_free, is_encrypted, is_exposed
+from foretouch.link.access import (
+    Credentials,
+    access_list,
+    check_endpoint,
+    check_port_free,
+    is_encrypted,
+    is_exposed,
+    key_to_send,
+    keys_to_receive,
+    may_claim,
+    may_say,
+)
 from foretouch.messages import (
     CHANNELS,
     LARGEST_MESSAGE,
     SIDES,
+    VERSION,
     Channel,
+    EmergencyStop,
     Hello,
     Message,
+    Status,
     decode,
     encode,
     foreign_speaker,
@@ -32,7 +49,6 @@ from foretouch.messages import (
 if TYPE_CHECKING:
     import zenoh
 
-__all__ = ["ZenohLink"]
 
 KEPT = 20.0
 """An inbox holds what comes in so long [s] at its channel's rate; beyond it the oldest are dropped, so that a reader
@@ -262,3 +278,42 @@ def _secured(credentials: Credentials, receive: Iterable[str]) -> dict[str, obje
         },
         "access_control": access_list(credentials.allowed, receive),
     }
+
+
+STOPPING_CHANNELS = ("telemetry", "hello")
+"""What the link of who asks receives."""
+
+ASKING_PERIOD_NS = 50_000_000
+"""An emergency stop is asked for this often [ns], until the follower says that it has stopped."""
+
+
+def new_press() -> int:
+    """A number for one press of an emergency stop."""
+    return 1 + secrets.randbits(62)
+
+
+def ask_to_stop(link: ZenohLink, reason: str, *, patience: float = 5.0) -> int | None:
+    """Ask every follower on the link for an emergency stop, again and again until one says that it has stopped.
+
+    Args:
+        link: With `STOPPING_CHANNELS`.
+        reason: One sentence, for the people at the robot.
+        patience: For so long [s] it is asked at most.
+
+    Returns:
+        `Status.STOPPED`; or where nobody has said so, the status that was heard last, None for none.
+
+    Raises:
+        PeerVersionError: Nobody has said so, and the follower speaks another version: it does not understand.
+    """
+    heard: int | None = None
+    asked, end, press = 0, time.monotonic() + patience, new_press()
+    while heard != Status.STOPPED and time.monotonic() < end:
+        asked += 1
+        link.publish(EmergencyStop(VERSION, asked, time.monotonic_ns(), reason, press))
+        time.sleep(ASKING_PERIOD_NS * 1e-9)
+        for _, telemetry in link.take("telemetry"):
+            heard = telemetry.status
+    if heard is None and (error := link.other_version({"follower"})) is not None:
+        raise error
+    return heard

@@ -4,10 +4,8 @@
 msgpack bytes and back, strictly.
 """
 
-from foretouch.messages.channels import CHANNELS, Channel
-from foretouch.messages.codec import LARGEST_MESSAGE, as_printed, decode, encode, foreign_speaker
-from foretouch.messages.hellos import COUNT_PREFIX, NEWS, PROCESS, SINCE, Hellos, split_texts
-from foretouch.messages.said import Said, settings_at
+from foretouch.messages.codec import CHANNELS, LARGEST_MESSAGE, Channel, as_printed, decode, encode, foreign_speaker
+from foretouch.messages.hellos import COUNT_PREFIX, NEWS, PROCESS, SINCE, Hellos, Said, settings_at, split_texts
 from foretouch.messages.schema import (
     SIDES,
     SPEAKERS,

@@ -10,7 +10,7 @@ from foretouch.models.contact_map_kernel import Memory, force_at, moved, rate_of
 from foretouch.models.contact_map_layout import ORIGIN
 from foretouch.models.contact_model import EXIT_SPEED, SLICE_BEYOND, SLICES, SLICES_BEYOND, SPEED_STEP
 
-__all__ = ["work_of", "slopes_of"]
+__all__ = ["slopes_of", "work_of"]
 
 Array = NDArray[np.float64]
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from foretouch.errors import SettingError
-from foretouch.models.checks import require
+from foretouch.errors.checks import require
 from foretouch.models.memoryless_law import MemorylessLaw
 
 __all__ = ["ContinuousSwitching"]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from foretouch.models.checks import require
+from foretouch.errors.checks import require
 from foretouch.models.memoryless_law import MemorylessLaw
 
 __all__ = ["HuntCrossley"]

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foretouch.errors import SettingError
-from foretouch.models.checks import require
+from foretouch.errors.checks import require
 from foretouch.models.contact_model import NO_STATE, ContactModel
 from foretouch.models.memoryless_law import MemorylessLaw
 from foretouch.quantities import Brief

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 
 from foretouch.errors import ArgumentTypeError, SettingError, UnknownNameError
-from foretouch.models.checks import NUMBER, require_type
+from foretouch.errors.checks import NUMBER, require_type
 from foretouch.models.contact_map import ContactMap
 from foretouch.models.contact_model import ContactModel
 from foretouch.models.continuous_switching import ContinuousSwitching

@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from foretouch.errors import SettingError
-from foretouch.models.checks import require
+from foretouch.errors.checks import require
 from foretouch.models.linearised import LinearisedContinuousSwitching
 from foretouch.models.memoryless_law import MemorylessLaw
 from foretouch.quantities import Brief

@@ -16,7 +16,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from foretouch.models.checks import require
+from foretouch.errors.checks import require
 from foretouch.models.continuous_switching import ContinuousSwitching
 from foretouch.models.energy_loss import energy_loss
 from foretouch.models.impact import integrate_impact

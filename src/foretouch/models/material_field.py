@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from foretouch.errors import DecodeError, SettingError
-from foretouch.models.checks import require
+from foretouch.errors.checks import require
 from foretouch.models.quadratic_contact import QuadraticContact
 
 if TYPE_CHECKING:

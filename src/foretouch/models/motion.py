@@ -8,7 +8,7 @@ from collections.abc import Iterable
 import numpy as np
 from numpy.typing import NDArray
 
-from foretouch.models.checks import require
+from foretouch.errors.checks import require
 
 __all__ = ["ACCELERATION_CUTOFF", "VELOCITY_CUTOFF", "MotionFilter"]
 

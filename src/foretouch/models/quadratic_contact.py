@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import ClassVar
 
-from foretouch.models.checks import require
+from foretouch.errors.checks import require
 from foretouch.models.contact_model import NO_STATE, SPEED_STEP, ContactModel, ContactState
 from foretouch.models.way_out import way_out
 

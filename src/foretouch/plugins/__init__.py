@@ -4,8 +4,18 @@ A package names what it brings in its own ``pyproject.toml``; nothing is importe
 a name is asked for that is not built in.
 """
 
-from foretouch.plugins.entry_points import GROUPS, Plugin, all_plugins, find_plugin, plugin_names, plugins_named
-from foretouch.plugins.loading import PluginError, load_plugin, make_plugin, problem_of
+from foretouch.plugins.loading import (
+    GROUPS,
+    Plugin,
+    PluginError,
+    all_plugins,
+    find_plugin,
+    load_plugin,
+    make_plugin,
+    plugin_names,
+    plugins_named,
+    problem_of,
+)
 
 __all__ = [
     "GROUPS",

@@ -2,9 +2,8 @@
 
 from foretouch.quantities.brief import Brief, ByValue, brief_number, brief_text, measured
 from foretouch.quantities.columns import Columns, Rows, as_frame, new_figure
-from foretouch.quantities.frame import Frame
 from foretouch.quantities.pose import Pose, cross_matrix
-from foretouch.quantities.recording import LARGEST_POSITION, Recording, numbers_of
+from foretouch.quantities.recording import LARGEST_POSITION, Frame, Recording, numbers_of
 from foretouch.quantities.sensor_calibration import STANDARD_GRAVITY, SensorCalibration
 from foretouch.quantities.table import QUANTITIES, Quantity, parameter_unit
 

@@ -1,4 +1,7 @@
-"""A recording of presses in memory: time, position, force, and velocity where it was measured."""
+"""A recording of presses in memory: time, position, force, and velocity where it was measured.
+
+Where a device or a robot has its zero and which way it counts, against the session's own line of positions.
+"""
 
 from __future__ import annotations
 
@@ -8,10 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from foretouch.errors import ArgumentTypeError, RecordingError, plural
+from foretouch.errors import ArgumentTypeError, RecordingError, SettingError, plural
 from foretouch.quantities.columns import Columns
-
-__all__ = ["LARGEST_POSITION", "Recording", "numbers_of"]
 
 Array = NDArray[np.float64]
 
@@ -105,3 +106,51 @@ class Recording(Columns):
         """Time, position, force, and velocity where it was measured."""
         found = {"time_s": self.time, "position_m": self.position, "force_N": self.force}
         return found if self.velocity is None else found | {"velocity_m_s": self.velocity}
+
+
+@dataclass(frozen=True, slots=True)
+class Frame:
+    r"""One line of positions as seen from another.
+
+    .. math:: x = d\,(r - r_0)
+
+    x is the session's position, which grows into the material; r the machine's own.
+
+    Args:
+        origin: r_0, the machine's own position where the session has its zero [m], at most 1 m.
+        direction: d, 1, or -1 where the machine's own positions shrink into the material.
+
+    Raises:
+        SettingError: An origin beyond 1 m, or another direction.
+    """
+
+    origin: float = 0.0
+    direction: int = 1
+
+    def __post_init__(self) -> None:
+        if not abs(self.origin) <= LARGEST_POSITION:
+            raise SettingError("origin", self.origin, f"must lie within {LARGEST_POSITION:g} m")
+        if self.direction not in (1, -1):
+            raise SettingError("direction", self.direction, "must be 1 or -1")
+
+    @classmethod
+    def from_text(cls, name: str, text: str) -> Frame:
+        """The frame that a setting of this name gives as ``ORIGIN,DIRECTION``, for example ``0.02,-1``.
+
+        Raises:
+            SettingError: It is nothing of the kind.
+        """
+        try:
+            origin, direction = text.split(",")
+            return cls(float(origin), int(direction))
+        except (ValueError, SettingError):
+            rule = f"must be ORIGIN,DIRECTION: metres within {LARGEST_POSITION:g}, and 1 or -1; for example 0.02,-1"
+            raise SettingError(name, text, rule) from None
+
+    def inside(self, position: float) -> float:
+        """The session's position [m] of one of the machine's [m]."""
+        return self.direction * (position - self.origin)
+
+    def outside(self, position: float) -> float:
+        """The machine's position [m] of one of the session's [m]."""
+        return self.origin + self.direction * position

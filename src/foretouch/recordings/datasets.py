@@ -23,7 +23,7 @@ from typing import Any, Final
 from urllib.parse import quote
 
 from foretouch.errors import DatasetError, UnknownNameError
-from foretouch.models.checks import require_type
+from foretouch.errors.checks import require_type
 from foretouch.recordings._extra import optional
 from foretouch.recordings.excerpt_file import SUFFIX
 

@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 from foretouch.errors import RecordingError, plural
 from foretouch.files import within_budget
 from foretouch.messages import SessionLog
-from foretouch.messages.session_log import believable
-from foretouch.messages.stretches import side_seconds
+from foretouch.messages.session_log import believable, side_seconds
 from foretouch.quantities import ByValue, Recording
 from foretouch.recordings.output import atomic_path
 from foretouch.recordings.session_reader import read_samples

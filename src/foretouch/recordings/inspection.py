@@ -24,8 +24,8 @@ from foretouch.recordings.opening import open_source, require_readable
 from foretouch.recordings.reading import is_session
 from foretouch.recordings.source import Bag, Column, Table, Topic
 from foretouch.recordings.topics import TOPICS
-from foretouch.recordings.tue_mat import TUE_CONTACT_FLOOR as TUE_FLOOR
 from foretouch.recordings.tue_mat import LEVER, TORQUE_PER_VOLT, is_tue
+from foretouch.recordings.tue_mat import TUE_CONTACT_FLOOR as TUE_FLOOR
 
 __all__ = ["Contents", "inspect_recording"]
 

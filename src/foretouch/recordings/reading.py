@@ -12,8 +12,8 @@ from typing import NamedTuple
 import numpy as np
 
 from foretouch.errors import RecordingError, RecordingWarning, UnknownNameError
+from foretouch.errors.checks import require_path, require_type
 from foretouch.files import within_budget
-from foretouch.models.checks import require_path, require_type
 from foretouch.quantities import Recording
 from foretouch.recordings.aurora_ddf import read_aurora
 from foretouch.recordings.column_names import name_says

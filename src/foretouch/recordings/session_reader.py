@@ -13,6 +13,7 @@ from typing import Any, Final
 import numpy as np
 
 from foretouch.errors import RecordingError
+from foretouch.errors.checks import require_path
 from foretouch.files import within_budget
 from foretouch.messages import (
     FOLLOWER_DTYPE,
@@ -35,7 +36,6 @@ from foretouch.messages import (
     as_printed,
 )
 from foretouch.messages.session_log import in_order
-from foretouch.models.checks import require_path
 from foretouch.quantities import Rows
 from foretouch.recordings._extra import optional
 from foretouch.recordings.cdr import Layout

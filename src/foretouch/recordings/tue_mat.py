@@ -18,7 +18,7 @@ from foretouch.files import within_budget
 from foretouch.quantities import Recording
 from foretouch.recordings.excerpt_file import FORCES, LEADER, SUFFIX, read_excerpt
 
-__all__ = ["TUE_CONTACT_FLOOR", "FORCE_CHANNELS", "is_tue", "read_leader_motion", "read_tue"]
+__all__ = ["FORCE_CHANNELS", "TUE_CONTACT_FLOOR", "is_tue", "read_leader_motion", "read_tue"]
 
 LEVER = 0.075
 """Length of the levers [m]."""

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from typing import TypeAlias
 
-from foretouch.models.checks import require
+from foretouch.errors.checks import require
 
 __all__ = ["FrictionRenderer"]
 

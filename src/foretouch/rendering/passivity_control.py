@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from foretouch.models.checks import require
+from foretouch.errors.checks import require
 from foretouch.rendering.energy import EnergyAccount
 
 __all__ = ["RECOVERY_RATE", "PassivityController"]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from foretouch.models.checks import require
+from foretouch.errors.checks import require
 
 __all__ = ["RETURN_SPEED", "Proxy"]
 

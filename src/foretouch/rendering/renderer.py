@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import math
 
+from foretouch.errors.checks import require, require_type
 from foretouch.models import NO_STATE, ContactModel, ContactState, Predictor
-from foretouch.models.checks import require, require_type
 from foretouch.quantities import brief_number, brief_text
-from foretouch.rendering.energy import SAMPLE_PERIOD, EnergyAccount
-from foretouch.rendering.interfaces import RenderingAccount, RenderingDevice
-from foretouch.rendering.limits import LARGEST_FORCE, ForceLimiter
+from foretouch.rendering.energy import SAMPLE_PERIOD, EnergyAccount, RenderingAccount, RenderingDevice
+from foretouch.rendering.limits import LARGEST_FORCE, ForceLimiter, rendered_share
 from foretouch.rendering.mediation import Mediation
 from foretouch.rendering.proxy import RETURN_SPEED, Proxy
-from foretouch.rendering.share import rendered_share
 
 __all__ = ["Renderer"]
 

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foretouch.errors import SettingError
+from foretouch.errors.checks import require
 from foretouch.identification import Learner, predict
 from foretouch.messages import SessionLog
-from foretouch.models.checks import require
 from foretouch.quantities import ByValue, Recording
 from foretouch.report.pairs import not_scored, pair
 from foretouch.report.perception import LargestJump, largest_jump, time_to_accuracy

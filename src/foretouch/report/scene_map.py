@@ -13,7 +13,7 @@ from foretouch.errors import ForetouchError
 from foretouch.messages import SessionLog
 from foretouch.models import FIELD_DEPTH, MaterialField
 from foretouch.quantities import ByValue
-from foretouch.quantities.rigid import RigidMotion
+from foretouch.quantities.pose import RigidMotion
 from foretouch.report.scene_rows import SceneRows
 from foretouch.robot import make_material
 from foretouch.session.spatial import Scene

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from foretouch.errors import InputError, SettingError
+from foretouch.errors.checks import NUMBER, require_type
 from foretouch.identification.force_zero import (
     OFFSET_WINDOW,
     THRESHOLD_SHARE,
@@ -17,7 +18,6 @@ from foretouch.identification.force_zero import (
     median_period,
     never_leaves_contact,
 )
-from foretouch.models.checks import NUMBER, require_type
 from foretouch.quantities import ByValue
 
 __all__ = ["JND_FORCE", "JND_SHARE", "OFFSET_WINDOW", "STATUSES", "Scores", "delayed", "lowest_mean", "score"]

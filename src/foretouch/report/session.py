@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
+from foretouch.errors.checks import require_type
 from foretouch.messages import CHANNELS, SessionLog, encode
 from foretouch.models import ContactMap, summarise_map
-from foretouch.models.checks import require_type
 from foretouch.quantities import Rows
 from foretouch.report.hand import (
     NO_BASELINE,

@@ -10,8 +10,7 @@ from functools import cache
 from typing import ClassVar
 
 from foretouch.devices import Device
-from foretouch.devices.device import limit_force
-from foretouch.devices.motion import minimum_jerk
+from foretouch.devices.device import limit_force, minimum_jerk
 from foretouch.errors import SettingError, UnknownNameError
 from foretouch.messages import SessionLog
 from foretouch.quantities import Brief

@@ -1,7 +1,7 @@
 """The follower robot and the materials it presses."""
 
-from foretouch.robot.arm_scene import REMOTE_CENTRE_HEIGHT, ROD_LENGTH, ROD_RADIUS, TIP_RADIUS
 from foretouch.robot.camera_scene import MESA_PACKAGES, CameraScene, MissingGraphicsError, graphics_library
+from foretouch.robot.engine import REMOTE_CENTRE_HEIGHT, ROD_LENGTH, ROD_RADIUS, TIP_RADIUS
 from foretouch.robot.gantry_arm import GantryArm, TouchedWorld
 from foretouch.robot.materials import (
     DEFAULT_MATERIAL,
@@ -14,12 +14,9 @@ from foretouch.robot.materials import (
     make_material,
     material_names,
 )
-from foretouch.robot.moved_robot import MovedRobot
-from foretouch.robot.rcm_arm import RcmArm
-from foretouch.robot.registry import make_robot
-from foretouch.robot.robot import Robot, RobotSample, RobotSpecification
+from foretouch.robot.rcm_arm import RcmArm, make_robot
+from foretouch.robot.robot import MovedRobot, Robot, RobotSample, RobotSpecification, SpatialRobot, SpatialSample
 from foretouch.robot.sensor_faults import SENSOR_FAULTS, FaultySensor, SensorFault
-from foretouch.robot.spatial_robot import SpatialRobot, SpatialSample
 
 __all__ = [
     "DEFAULT_MATERIAL",

@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 from foretouch.errors import MissingExtraError, SettingError
 from foretouch.quantities.pose import Pose
-from foretouch.robot.arm_scene import ROD_LENGTH, ROD_RADIUS, TIP_RADIUS
-from foretouch.robot.engine import load_mujoco
+from foretouch.robot.engine import ROD_LENGTH, ROD_RADIUS, TIP_RADIUS, load_mujoco
 
 __all__ = ["MESA_PACKAGES", "CameraScene", "MissingGraphicsError", "graphics_library"]
 

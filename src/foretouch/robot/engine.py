@@ -1,4 +1,7 @@
-"""MuJoCo, imported when it is first used and whatever the environment says of drawing."""
+"""MuJoCo, imported when it is first used and whatever the environment says of drawing.
+
+The simulated arm as an MJCF text, with its dimensions as plain numbers. Imports nothing that is slow.
+"""
 
 from __future__ import annotations
 
@@ -6,8 +9,6 @@ import os
 from typing import Any
 
 from foretouch.errors import MissingExtraError
-
-__all__ = ["load_mujoco"]
 
 CHOICE, NOTHING = "MUJOCO_GL", "disable"
 """The variable that names what draws, and its value for nothing."""
@@ -34,3 +35,83 @@ def load_mujoco() -> Any:
         else:
             os.environ[CHOICE] = chosen
     return mujoco
+
+
+ROD_LENGTH = 0.16
+"""From the force sensor to the tip [m]."""
+
+ROD_RADIUS = 0.004
+"""Of the probe's rod [m]."""
+
+TIP_RADIUS = 0.006
+"""Of the ball at the probe's tip [m]."""
+
+REMOTE_CENTRE_HEIGHT = 0.08
+"""Remote centre of motion above the tip at position 0 [m]; the two rotations turn about this point."""
+
+CARRIAGE_MASS = 0.3
+"""Mass that the insertion joint moves before the force sensor [kg]."""
+
+TOOL_MASS = 0.1
+"""Mass beyond the force sensor: rod and tip [kg]."""
+
+GRAVITY = 9.81
+"""Along the approach, which points straight down [m/s^2]."""
+
+
+def arm_scene(surface: float, timestep: float) -> str:
+    """MJCF of the arm above a block of material.
+
+    World frame: z up, the tip at position 0 is the origin, the approach points down. Two hinges cross in the remote
+    centre; a slide carries the tool along the rod. The tool is a body of its own, welded to the carriage, so that
+    the force sensor between them feels its weight and inertia. No geometry collides: the material's force comes from
+    its law and is applied to the tool from outside.
+
+    Args:
+        surface: Position of the undeformed surface [m].
+        timestep: Physics step [s].
+    """
+    hub = ROD_LENGTH - REMOTE_CENTRE_HEIGHT
+    return f"""
+<mujoco model="foretouch remote-centre-of-motion arm">
+  <compiler angle="radian" autolimits="true" inertiafromgeom="false"/>
+  <option timestep="{timestep}" gravity="0 0 {-GRAVITY}" integrator="implicitfast">
+    <flag contact="disable" constraint="disable"/>
+  </option>
+  <visual><headlight ambient="0.4 0.4 0.4"/></visual>
+  <default><geom contype="0" conaffinity="0"/></default>
+  <worldbody>
+    <light pos="0.3 -0.3 0.6" dir="-0.4 0.4 -0.8"/>
+    <geom name="block" type="box" size="0.05 0.05 0.02" pos="0 0 {-surface - 0.02}" rgba="0.95 0.75 0.45 1"/>
+    <geom name="post" type="capsule" size="0.012" fromto="-0.12 0 0 -0.12 0 0.30" rgba="0.35 0.37 0.40 1"/>
+    <body name="yaw_link" pos="0 0 {REMOTE_CENTRE_HEIGHT}">
+      <joint name="yaw" type="hinge" axis="1 0 0" damping="0.5"/>
+      <inertial pos="0 0 {hub + 0.05}" mass="0.6" diaginertia="0.004 0.004 0.001"/>
+      <geom type="capsule" size="0.008" fromto="-0.12 0 {hub + 0.10} 0 0 {hub + 0.10}" rgba="0.55 0.57 0.60 1"/>
+      <body name="pitch_link">
+        <joint name="pitch" type="hinge" axis="0 1 0" damping="0.5"/>
+        <inertial pos="0 0 {hub + 0.05}" mass="0.4" diaginertia="0.003 0.003 0.001"/>
+        <geom type="box" size="0.015 0.015 0.06" pos="-0.02 0 {hub + 0.05}" rgba="0.55 0.57 0.60 1"/>
+        <body name="carriage" pos="0 0 {hub}">
+          <joint name="insertion" type="slide" axis="0 0 -1" damping="1.0"/>
+          <inertial pos="0 0 0.01" mass="{CARRIAGE_MASS}" diaginertia="1e-4 1e-4 1e-4"/>
+          <geom type="box" size="0.012 0.012 0.012" pos="0 0 0.012" rgba="0.20 0.45 0.75 1"/>
+          <body name="tool">
+            <inertial pos="0 0 {-ROD_LENGTH / 2}" mass="{TOOL_MASS}" diaginertia="2e-4 2e-4 1e-6"/>
+            <geom type="capsule" size="{ROD_RADIUS}" fromto="0 0 0 0 0 {-ROD_LENGTH}" rgba="0.80 0.82 0.85 1"/>
+            <geom type="sphere" size="{TIP_RADIUS}" pos="0 0 {TIP_RADIUS - ROD_LENGTH}" rgba="0.85 0.25 0.20 1"/>
+            <site name="sensor" pos="0 0 0"/>
+            <site name="tip" pos="0 0 {-ROD_LENGTH}"/>
+          </body>
+        </body>
+      </body>
+    </body>
+  </worldbody>
+  <actuator>
+    <position name="yaw" joint="yaw" kp="200" kv="6"/>
+    <position name="pitch" joint="pitch" kp="200" kv="6"/>
+    <motor name="insertion" joint="insertion"/>
+  </actuator>
+  <sensor><force name="force" site="sensor"/></sensor>
+</mujoco>
+"""

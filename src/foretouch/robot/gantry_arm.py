@@ -8,12 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from foretouch.models.checks import require
-from foretouch.robot.arm_scene import CARRIAGE_MASS, GRAVITY, ROD_LENGTH, ROD_RADIUS, TIP_RADIUS, TOOL_MASS
-from foretouch.robot.engine import load_mujoco
+from foretouch.errors.checks import require
+from foretouch.robot.engine import CARRIAGE_MASS, GRAVITY, ROD_LENGTH, ROD_RADIUS, TIP_RADIUS, TOOL_MASS, load_mujoco
 from foretouch.robot.insertion_servo import InsertionServo
-from foretouch.robot.robot import RobotSpecification
-from foretouch.robot.spatial_robot import SpatialRobot, SpatialSample, Vector
+from foretouch.robot.robot import RobotSpecification, SpatialRobot, SpatialSample, Vector
 
 __all__ = ["LEAST_STEPS", "MOVED_MASS", "GantryArm", "TouchedWorld"]
 

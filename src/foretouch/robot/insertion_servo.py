@@ -43,7 +43,7 @@ class InsertionServo:
         sample_period: Of the commands [s].
         position: Where the tip is [m].
         state: Where its numbers are kept, in an array that somebody else holds too, shape
-            (`foretouch.robot.insertion_servo_kernel.SERVO_SIZE`,); None for one of its own.
+            (`foretouch.robot.servo_kernel.SERVO_SIZE`,); None for one of its own.
     """
 
     __slots__ = ("_kernel", "_state")
@@ -58,7 +58,7 @@ class InsertionServo:
         position: float,
         state: NDArray[np.float64] | None = None,
     ) -> None:
-        from foretouch.robot import insertion_servo_kernel as kernel  # Numba is slow to import: only when used
+        from foretouch.robot import servo_kernel as kernel  # Numba is slow to import: only when used
 
         self._kernel = kernel
         self._state = np.empty(kernel.SERVO_SIZE) if state is None else state

@@ -1,4 +1,7 @@
-"""The paper's slave in simulation: a remote-centre-of-motion arm with a linear probe, in MuJoCo."""
+"""The paper's slave in simulation: a remote-centre-of-motion arm with a linear probe, in MuJoCo.
+
+From names to robots.
+"""
 
 from __future__ import annotations
 
@@ -8,15 +11,12 @@ from typing import Any
 import numpy as np
 
 from foretouch.errors import ArgumentTypeError, SettingError
+from foretouch.errors.checks import NUMBER, require, require_type
 from foretouch.models import ContactState
-from foretouch.models.checks import NUMBER, require
-from foretouch.robot.arm_scene import CARRIAGE_MASS, GRAVITY, TOOL_MASS, arm_scene
-from foretouch.robot.engine import load_mujoco
+from foretouch.robot.engine import CARRIAGE_MASS, GRAVITY, TOOL_MASS, arm_scene, load_mujoco
 from foretouch.robot.insertion_servo import InsertionServo
-from foretouch.robot.materials import Material
+from foretouch.robot.materials import Material, make_material
 from foretouch.robot.robot import Robot, RobotSample, RobotSpecification
-
-__all__ = ["RcmArm"]
 
 MOVED_MASS = CARRIAGE_MASS + TOOL_MASS
 RAIL_DAMPING = 1.0  # of the insertion joint [N s/m], as in the scene
@@ -130,7 +130,7 @@ class RcmArm(Robot):
         self._build()
 
     def _build(self) -> None:
-        from foretouch.robot import rcm_arm_kernel as kernel  # Numba is slow to import: only when used
+        from foretouch.robot import servo_kernel as kernel  # Numba is slow to import: only when used
 
         mujoco = load_mujoco()
         self.mj_model = mujoco.MjModel.from_xml_string(arm_scene(self.surface, self._h))
@@ -213,3 +213,24 @@ class RcmArm(Robot):
         )
         effort = self._drive.item() + MOVED_MASS * GRAVITY
         return RobotSample(position, force, acceleration, self._contact_force, exact, reference, clipped, effort)
+
+
+def make_robot(material: str | Material, *, seed: int = 0, surface: float | None = None, **options: Any) -> RcmArm:
+    """The simulated arm over a material.
+
+    Args:
+        material: A material, or its name in `MATERIALS`.
+        seed: Of the sensor and encoder noise.
+        surface: Position of the undeformed surface [m]; None takes the material's own.
+        **options: Settings of `RcmArm`.
+
+    Raises:
+        UnknownNameError: No such material.
+        SettingError: A setting out of range.
+        ArgumentTypeError: A material or a setting of another type.
+        MissingExtraError: MuJoCo is not installed.
+    """
+    if isinstance(material, str):
+        material = make_material(material)
+    require_type("material", material, Material, "a Material, or the name of one")
+    return RcmArm(material, seed=seed, surface=surface, **options)

@@ -1,13 +1,17 @@
-"""What a follower robot is: one exchange a sample period, positions in, sensors out."""
+"""What a follower robot is: one exchange a sample period, positions in, sensors out.
+
+A robot that somebody else moves: with a pendant, by hand, by a program of its own.
+
+What a follower robot in three dimensions is: places in, sensors out, one exchange a sample period.
+"""
 
 from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple
-
-__all__ = ["Robot", "RobotSample", "RobotSpecification"]
+from typing import NamedTuple, TypeAlias
 
 
 class RobotSample(NamedTuple):
@@ -117,6 +121,107 @@ class Robot(ABC):
         Args:
             desired_position: Where the tip should be now [m]; limited to the workspace. One that is not finite is
                 left out: the one before holds.
+        """
+
+    def close(self) -> None:
+        """Give back what the robot holds; a second call does nothing."""
+        return None
+
+
+class MovedRobot(Robot):
+    """Any robot, moved by a motion of its own; what it is told otherwise it leaves out.
+
+    Its time is its own and begins at 0; an exchange is one sample period.
+
+    Args:
+        robot: That moves.
+        position_at: Where it is moved to [m] at a time [s]; asked once for each exchange, in order.
+
+    Attributes:
+        robot: The robot inside.
+    """
+
+    def __init__(self, robot: Robot, position_at: Callable[[float], float]) -> None:
+        self.robot = robot
+        self.specification = robot.specification
+        self._position_at = position_at
+        self._exchanges = 0
+
+    @property
+    def fresh(self) -> bool:
+        """Whether no exchange has been yet."""
+        return self.robot.fresh
+
+    def read(self) -> RobotSample:
+        """What the sensors show now; no time passes and nothing moves."""
+        return self.robot.read()
+
+    def exchange(self, desired_position: float) -> RobotSample:
+        """Let one sample period pass and return what the sensors show then.
+
+        Args:
+            desired_position: Left out, whatever it is.
+        """
+        time = self._exchanges * self.specification.sample_period
+        self._exchanges += 1
+        return self.robot.exchange(self._position_at(time))
+
+    def close(self) -> None:
+        """Give back what the robot holds; a second call does nothing."""
+        self.robot.close()
+
+
+Vector: TypeAlias = tuple[float, float, float]
+"""In the world's frame, z up."""
+
+
+class SpatialSample(NamedTuple):
+    """What the robot's sensors show after one sample period. Places are of the probe's tip.
+
+    Attributes:
+        place: From the encoders [m].
+        force: Contact force on the probe [N] as its sensor gives it, less the tool's weight and inertia; its offset is
+            in it.
+        exact_force: The simulator's own contact force on the probe [N]; NaN on hardware.
+        exact_place: The simulator's own place [m]; NaN on hardware.
+        fixture: The simulator's own pose of what is touched, a place [m] and a rotation vector [rad]; empty on
+            hardware.
+        clipped: Whether a force limit cut the command in this tick.
+    """
+
+    place: Vector
+    force: Vector
+    exact_force: Vector
+    exact_place: Vector
+    fixture: tuple[float, ...]
+    clipped: bool
+
+
+class SpatialRobot(ABC):
+    """A position-controlled follower that moves its probe in three dimensions, with a force sensor of three axes.
+
+    Attributes:
+        specification: What there is to know about it; of the workspace, the lowest and highest place along each axis is
+            `reach`, and the tool is weighed out already.
+        reach: Lowest and highest place [m].
+    """
+
+    specification: RobotSpecification
+    reach: tuple[Vector, Vector]
+
+    @abstractmethod
+    def read(self) -> SpatialSample:
+        """What the sensors show now; no time passes and nothing moves."""
+
+    @abstractmethod
+    def exchange(self, desired: Vector) -> SpatialSample:
+        """Give a command, let one sample period pass, and return what the sensors show then.
+
+        Never raises on bad data.
+
+        Args:
+            desired: Where the tip should be now [m]; limited to the reach. One that is not finite is left out: the one
+                before holds.
         """
 
     def close(self) -> None:

@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 
 from foretouch.errors import SettingError, UnknownNameError
-from foretouch.models.checks import require
+from foretouch.errors.checks import require
 from foretouch.robot.robot import Robot, RobotSample
 
 __all__ = ["SENSOR_FAULTS", "FaultySensor", "SensorFault"]

@@ -3,15 +3,11 @@
 `Bridge` passes on what a session says, through a `Graph`; `type_hash` tells message definitions apart as ROS 2 does.
 """
 
-from foretouch.ros2.attachment import attachment
-from foretouch.ros2.bridge import BRIDGE_CHANNELS, Bridge
-from foretouch.ros2.clock import SessionClock, wall_offset_ns
-from foretouch.ros2.gid import publisher_gid
+from foretouch.ros2.attachment import attachment, publisher_gid
+from foretouch.ros2.bridge import BRIDGE_CHANNELS, Bridge, Pace, SessionClock, wall_offset_ns
 from foretouch.ros2.graph import Graph
-from foretouch.ros2.keys import Node, TopicType, dds_type
-from foretouch.ros2.pace import Pace
-from foretouch.ros2.qos import DEFAULT, SENSOR_DATA, Qos
-from foretouch.ros2.type_hash import type_description, type_hash
+from foretouch.ros2.keys import DEFAULT, SENSOR_DATA, Node, Qos, TopicType, dds_type
+from foretouch.ros2.topics import type_description, type_hash
 
 __all__ = [
     "BRIDGE_CHANNELS",

@@ -1,20 +1,126 @@
-"""From a running session to a live ROS 2 graph, one way."""
+"""From a running session to a live ROS 2 graph, one way.
+
+When a message was made, by the clock that ROS 2 goes by, though its sender said only its own monotonic time.
+
+How many messages of a kind go out.
+"""
 
 from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Hashable
 from typing import Final
 
+from foretouch.errors import SettingError
 from foretouch.link import ZenohLink
 from foretouch.messages import Hello, LeaderState, Message, Telemetry
-from foretouch.ros2.clock import SessionClock, wall_offset_ns
 from foretouch.ros2.graph import Graph
-from foretouch.ros2.pace import Pace
 from foretouch.ros2.topics import as_ros, probe_on_a_line
 
-__all__ = ["BRIDGE_CHANNELS", "Bridge"]
+BLOCK_NS = 30_000_000_000
+"""The smallest transit is that of this block of time and of the one before [ns]: the last half to whole minute."""
+
+MOST_SENDERS = 64
+"""So many processes of a session are told apart; beyond it, the one that was met first is forgotten."""
+
+
+READS = 5
+"""Both clocks are read so often, and the closest reading counts: a process may be put aside between the two."""
+
+
+def wall_offset_ns() -> int:
+    """What to add to this machine's monotonic clock for nanoseconds since 1970."""
+    return min(_offset() for _ in range(READS))[1]
+
+
+def _offset() -> tuple[int, int]:
+    """How long the reading took, and the offset [ns]."""
+    before, wall, after = time.monotonic_ns(), time.time_ns(), time.monotonic_ns()
+    return after - before, wall - (before + after) // 2
+
+
+class _Transit:
+    """The smallest transit of one sender: this block's, and that of the block before."""
+
+    __slots__ = ("_before", "_begun", "_now")
+
+    def __init__(self, now_ns: int, transit_ns: int) -> None:
+        self._begun = now_ns
+        self._before = self._now = transit_ns
+
+    def smallest(self, now_ns: int, transit_ns: int) -> int:
+        if now_ns - self._begun >= BLOCK_NS:
+            self._begun, self._before, self._now = now_ns, self._now, transit_ns
+        self._now = min(self._now, transit_ns)
+        return min(self._now, self._before)
+
+
+class SessionClock:
+    r"""Puts the times of all senders of a session on this machine's monotonic clock.
+
+    A message carries its sender's monotonic clock t_s, and comes here at t_r. The transit :math:`t_r - t_s` holds the
+    unknown difference of both clocks, always the same, and how long the message travelled. Its smallest value of the
+    last minute is the difference and the shortest way, so that
+
+    .. math:: t = t_s + \min (t_r - t_s)
+
+    is when the message was made, late by that shortest way alone (some 0.1 ms on one machine), with the sender's own
+    even spacing and without jitter of the network. Clocks that drift are followed, two blocks behind at most: at 50
+    parts in a million, within 3 ms.
+    """
+
+    def __init__(self) -> None:
+        self._transits: dict[Hashable, _Transit] = {}
+
+    def local_ns(self, sender: Hashable, sent_ns: int, arrival_ns: int) -> int:
+        """When a message was made, by this machine's monotonic clock [ns].
+
+        Args:
+            sender: Tells processes apart, each with a clock of its own.
+            sent_ns: The sender's clock in the message [ns].
+            arrival_ns: When it came [ns].
+        """
+        transit = self._transits.get(sender)
+        if transit is None:
+            if len(self._transits) >= MOST_SENDERS:
+                self._transits.pop(next(iter(self._transits)))
+            transit = self._transits[sender] = _Transit(arrival_ns, arrival_ns - sent_ns)
+        return sent_ns + transit.smallest(arrival_ns, arrival_ns - sent_ns)
+
+
+EARLY, EARLY_NS = 0.25, 250_000
+"""A message may be earlier than its turn by so much of a period, and at most so much [ns]: ticks are not quite even."""
+
+
+class Pace:
+    """Lets through at most so many messages a second, evenly, and none that is older than one before.
+
+    Args:
+        rate: Messages a second, above 0 and finite.
+
+    Raises:
+        SettingError: The rate is none.
+    """
+
+    __slots__ = ("_early_ns", "_newest_ns", "_period_ns", "_turn_ns")
+
+    def __init__(self, rate: float) -> None:
+        if not 0.0 < rate < math.inf:
+            raise SettingError("rate", rate, "must be above 0 messages a second")
+        self._period_ns = 1e9 / rate
+        self._early_ns = min(EARLY * self._period_ns, EARLY_NS)
+        self._turn_ns = self._newest_ns = -math.inf
+
+    def is_due(self, now_ns: int) -> bool:
+        """Whether a message that was made now goes out; counts it if so."""
+        if now_ns <= self._newest_ns or now_ns < self._turn_ns - self._early_ns:
+            return False
+        self._newest_ns = now_ns
+        late = now_ns > self._turn_ns + self._period_ns
+        self._turn_ns = (now_ns if late else self._turn_ns) + self._period_ns
+        return True
+
 
 SENDERS: Final = {
     "telemetry": "follower",

@@ -1,6 +1,8 @@
 """Keys of topics and liveliness tokens, as `rmw_zenoh_cpp` writes them.
 
 Source: "Topic and Service name mapping" and "Graph Cache" in its ``docs/design.md``, and its ``liveliness_utils.cpp``.
+
+Quality of service as `rmw_zenoh_cpp` writes it into a liveliness token.
 """
 
 from __future__ import annotations
@@ -10,9 +12,45 @@ from dataclasses import dataclass
 from typing import Final
 
 from foretouch.errors import SettingError
-from foretouch.ros2.qos import Qos
 
-__all__ = ["Node", "TopicType", "dds_type"]
+BEST_EFFORT: Final = 2
+"""Number of that reliability in ``rmw/types.h``; reliable is what a token says by saying nothing."""
+
+USUAL_DEPTH: Final = 42
+"""Depth that a token says by saying nothing (``rmw_zenoh_cpp``, ``qos.cpp``)."""
+
+
+@dataclass(frozen=True)
+class Qos:
+    """A profile: volatile, the newest kept, without deadline or lifespan.
+
+    Attributes:
+        reliable: Whether it is reliable, and not best effort.
+        depth: So many messages are kept.
+    """
+
+    reliable: bool
+    depth: int
+
+    @property
+    def token(self) -> str:
+        """Its part of a liveliness token.
+
+        ``RELIABILITY:DURABILITY:HISTORY,DEPTH:DEADLINE_S,DEADLINE_NS:LIFESPAN_S,LIFESPAN_NS:LIVELINESS,LEASE_S,LEASE_NS``,
+        each empty where it is the default of ``rmw_zenoh_cpp`` (its ``docs/design.md``, and ``qos_to_keyexpr`` of its
+        ``liveliness_utils.cpp``).
+        """
+        reliability = "" if self.reliable else str(BEST_EFFORT)
+        depth = "" if self.depth == USUAL_DEPTH else str(self.depth)
+        return f"{reliability}::,{depth}:,:,:,,"
+
+
+SENSOR_DATA: Final = Qos(reliable=False, depth=5)
+"""``rmw_qos_profile_sensor_data``: best effort, 5 kept."""
+
+DEFAULT: Final = Qos(reliable=True, depth=10)
+"""``rmw_qos_profile_default``: reliable, 10 kept."""
+
 
 LARGEST_DOMAIN: Final = 232
 """Of ``ROS_DOMAIN_ID``, with any middleware."""
@@ -27,7 +65,7 @@ class TopicType:
 
     Attributes:
         name: Of the message type, such as ``"geometry_msgs/msg/WrenchStamped"``.
-        hash: `foretouch.ros2.type_hash` of its definition.
+        hash: `foretouch.ros2.topics` of its definition.
     """
 
     name: str

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from foretouch.models.checks import require
+from foretouch.errors.checks import require
 from foretouch.session.force_guard import ForceGuard
 
 __all__ = ["FirstTouch"]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import deque
 from enum import IntEnum
 
-from foretouch.models.checks import require
+from foretouch.errors.checks import require
 
 __all__ = ["Arrival", "Freshness"]
 

@@ -12,7 +12,7 @@ from foretouch.messages import VERSION, Command, LeaderState, ModelUpdate, Telem
 from foretouch.models import make_model
 from foretouch.quantities import LARGEST_POSITION
 from foretouch.rendering import Renderer
-from foretouch.rendering.interfaces import RenderingAccount
+from foretouch.rendering.energy import RenderingAccount
 from foretouch.session.coupling import meeting_place
 from foretouch.session.heard import Heard
 from foretouch.session.settings import NO_GRIP, SAMPLE_PERIOD, SessionSettings

@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-from foretouch.models.checks import require
+from foretouch.errors.checks import require
 from foretouch.session.scheduling import wakes_late_ns
 
 __all__ = ["LONGEST_CATCH_UP", "LoopTimer", "let_pass", "steady"]

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from foretouch.errors.checks import require
 from foretouch.identification import TIME_TOLERANCE, Learner
-from foretouch.models.checks import require
 from foretouch.quantities import ByValue, Recording
 from foretouch.rendering import Renderer
 

@@ -7,9 +7,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from foretouch.models.checks import require
+from foretouch.errors.checks import require
 from foretouch.models.motion import VELOCITY_CUTOFF
-from foretouch.quantities.rigid import Vector, norm
+from foretouch.quantities.pose import Vector, norm
 
 __all__ = ["UNBOUNDED", "Bound", "MotionLimits"]
 

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foretouch.core.compiling import compiled
-from foretouch.quantities import rigid
-from foretouch.quantities.rigid import Vector
+from foretouch.quantities import pose as rigid
+from foretouch.quantities.pose import Vector
 from foretouch.session.motion_limits import (
     ACCELERATION,
     BRAKING,

@@ -22,7 +22,7 @@ from foretouch.devices import (
     ScriptedOperator,
 )
 from foretouch.errors import SettingError, UnknownNameError, printable
-from foretouch.models.checks import NUMBER, require_type
+from foretouch.errors.checks import NUMBER, require_type
 from foretouch.plugins import make_plugin
 from foretouch.quantities import Frame
 from foretouch.recordings import excerpt, read_leader_motion

@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foretouch.errors import RecordingError
+from foretouch.errors.checks import require
 from foretouch.identification import TIME_TOLERANCE, Learner, Motion, PredictedForce, predict_motion
 from foretouch.messages import SessionLog
 from foretouch.messages.session_log import believable
-from foretouch.models.checks import require
 from foretouch.quantities import ByValue, Recording, Rows
 from foretouch.session.round_trip import RoundTrip
 

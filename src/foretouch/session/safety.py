@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from foretouch.errors.checks import require
 from foretouch.messages import Status
-from foretouch.models.checks import require
 from foretouch.models.impact_bound import impact_impedance
 from foretouch.session.force_guard import ForceGuard
 from foretouch.session.motion_limits import POSITION, VELOCITY, MotionLimits

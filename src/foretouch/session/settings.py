@@ -9,13 +9,13 @@ from dataclasses import dataclass, field
 from numbers import Integral
 
 from foretouch.devices import GRIPS, HARDWARE_OPERATORS, OPERATORS, DeviceSpecification
-from foretouch.devices.specification import COUNT_FORCE, LEAST_DAMPING
+from foretouch.devices.device import COUNT_FORCE, LEAST_DAMPING
 from foretouch.errors import ArgumentTypeError, SettingError, UnknownNameError
+from foretouch.errors.checks import NUMBER, require
 from foretouch.identification import DEFAULT_ESTIMATORS, ESTIMATORS, Estimator, make_estimator
 from foretouch.identification.conditioning import CONTACT_FLOOR
 from foretouch.link import Faults
 from foretouch.link.faults import LONGEST_DELAY
-from foretouch.models.checks import NUMBER, require
 from foretouch.plugins import load_plugin, plugin_names
 from foretouch.quantities import Brief, Frame
 from foretouch.robot import MATERIALS, SensorFault, material_names

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from foretouch.devices import Device
 from foretouch.errors import InputError, SettingError
+from foretouch.errors.checks import require, require_type
 from foretouch.link import FaultStage
 from foretouch.messages import Command, Hello, Message, ModelUpdate, SessionLog, Telemetry
-from foretouch.models.checks import require, require_type
 from foretouch.quantities import Columns
 from foretouch.robot import Robot, material_names
 from foretouch.session import follower, leader

@@ -27,10 +27,10 @@ from numba.core import event
 
 from foretouch.core.compiling import compiled_root, complete_mark, mark_complete
 from foretouch.errors import ForetouchError
+from foretouch.errors.checks import require_type
 from foretouch.identification import ESTIMATORS, ContactSample, Learner, identify, make_estimator, predict
 from foretouch.messages import VERSION, Command, ModelUpdate, Telemetry
 from foretouch.models import ContactMap, Predictor, make_model
-from foretouch.models.checks import require_type
 from foretouch.quantities import Recording
 from foretouch.robot import RobotSample, RobotSpecification
 from foretouch.session import follower, leader

@@ -1,13 +1,11 @@
 """Many simulated sessions over all that a network, a hand and a material may do, and what became of them."""
 
 from foretouch.sweep.cases import NETWORKS, Case, baseline_numbers, draw_case
-from foretouch.sweep.curves import Curve, crossover, crossovers, curve
-from foretouch.sweep.outcome import LARGEST_JUMP, Outcome
+from foretouch.sweep.curves import Curve, crossover, crossovers, curve, render_table, summary
+from foretouch.sweep.outcome import LARGEST_JUMP, Outcome, totals
 from foretouch.sweep.page import write_sweep_page
 from foretouch.sweep.run import run_case
-from foretouch.sweep.summary import render_table, summary
 from foretouch.sweep.sweep import Plan, Replayed, replay_session, run_sweep
-from foretouch.sweep.totals import totals
 
 __all__ = [
     "LARGEST_JUMP",

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from foretouch.devices import GRIPS
-from foretouch.models.checks import require
+from foretouch.errors.checks import require
 from foretouch.robot import MATERIALS, make_material
 from foretouch.session import SessionSettings
 from foretouch.session.operators import SHALLOWEST

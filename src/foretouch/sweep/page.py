@@ -1,20 +1,232 @@
-"""A sweep as one HTML page that needs nothing else."""
+"""A sweep as one HTML page that needs nothing else.
+
+The plots of a sweep.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from html import escape
 from os import PathLike
 from pathlib import Path
 from typing import Any
 
-from foretouch.report import embedded, table, tiles, write_html
-from foretouch.sweep.curves import AXES, said_of_crossovers
-from foretouch.sweep.figures import condition_figure, energy_figure, error_figure, jump_figure, stiffness_figure
-from foretouch.sweep.outcome import FORCE_CEILING, LARGEST_JUMP, Outcome
-from foretouch.sweep.summary import TOTALS, said, summary
+import numpy as np
+from numpy.typing import NDArray
 
-__all__ = ["write_sweep_page"]
+from foretouch.report import COLOURS, embedded, finished, legend, new_figure, table, tiles, write_html
+from foretouch.sweep.cases import NETWORKS, STIFF
+from foretouch.sweep.curves import (
+    AXES,
+    KINDS,
+    LABEL,
+    TOTALS,
+    Axis,
+    Curve,
+    curve,
+    error_of,
+    plain,
+    said,
+    said_of_crossovers,
+    stiff,
+    summary,
+)
+from foretouch.sweep.outcome import FORCE_CEILING, LARGEST_JUMP, Outcome, of
+
+COLOUR = {"none": COLOURS[0], "delayed": COLOURS[1], "delayed-tdpa": COLOURS[3]}
+MARKER = {"none": "o", "delayed": "s", "delayed-tdpa": "^"}
+"""By baseline; the markers tell them apart without colour too."""
+
+JND = (7.0, 10.0)
+"""People tell forces apart that differ by so much [%]."""
+
+
+def error_figure(rows: Sequence[Outcome], axis: Axis) -> Any:
+    """Error of the felt force against one axis."""
+    drawing, axes = _dots_and_curves(rows, error_of, axis)
+    axes.axhspan(*JND, color="0.88", linewidth=0.0, zorder=0)
+    axes.text(
+        0.99,
+        1.06 * JND[0],
+        "what a hand tells apart",
+        ha="right",
+        fontsize="x-small",
+        color="0.3",
+        transform=axes.get_yaxis_transform(),
+    )
+    axes.set_yscale("log")
+    axes.set_ylim(1.0, 300.0)
+    marks = (1, 2, 5, 10, 20, 50, 100, 200)
+    axes.set_yticks(marks, [f"{mark}" for mark in marks])
+    axes.minorticks_off()
+    axes.set_ylabel("error of the felt force [%]")
+    return _named(drawing, axes, f"Error of the felt force against {axis.name}")
+
+
+def stiffness_figure(rows: Sequence[Outcome], axis: Axis) -> Any:
+    """Felt stiffness against one axis; 100 % is that of the material."""
+    drawing, axes = _dots_and_curves(rows, lambda row: row.felt_stiffness_percent, axis)
+    axes.axhline(100.0, color="0.3", linewidth=0.8)
+    axes.set_ylim(-50.0, 200.0)
+    axes.set_ylabel("felt stiffness [% of the true one]")
+    return _named(drawing, axes, f"Felt stiffness against {axis.name}")
+
+
+def condition_figure(rows: Sequence[Outcome]) -> Any:
+    """Share of stable sessions by network, grip and round trip; pale what does not oscillate but gives out energy."""
+    kinds = [kind for kind in KINDS if of(rows, kind)]
+    every: list[tuple[str, Callable[[Outcome], bool]]] = [
+        *((name, lambda row, name=name: row.network == name) for name in NETWORKS),
+        *(
+            (f"grip: {grip}", lambda row, grip=grip: row.options["grip"] == grip)
+            for grip in ("soft", "normal", "stiff")
+        ),
+        ("round trip below 50 ms", lambda row: row.round_trip_s < 0.05),
+        ("round trip from 50 ms to 1 s", lambda row: 0.05 <= row.round_trip_s < 1.0),
+        ("round trip from 1 s on", lambda row: row.round_trip_s >= 1.0),
+    ]
+    groups = [(name, inside) for name, inside in every if any(inside(row) for row in rows)]
+    drawing = new_figure(1.3 + 0.42 * len(groups))
+    axes = drawing.subplots()
+    height = 0.8 / len(kinds)
+    for place, kind in enumerate(kinds):
+        axes.barh([0.0], [0.0], color=COLOUR[kind], label=LABEL[kind])
+        for line, (_, inside) in enumerate(groups):
+            found = [row for row in of(rows, kind) if inside(row) and not row.error]
+            if not found:
+                continue
+            stable, still = sum(bool(row.stable) for row in found), sum(not row.oscillating for row in found)
+            where = line + (place - 0.5 * (len(kinds) - 1)) * height
+            axes.barh(where, 100.0 * still / len(found), 0.9 * height, color=COLOUR[kind], alpha=0.35)
+            axes.barh(where, 100.0 * stable / len(found), 0.9 * height, color=COLOUR[kind])
+            told = f"{stable} of {len(found)}" + (f"; {still} do not oscillate" if still > stable else "")
+            axes.text(100.0 * still / len(found) + 0.7, where, told, va="center", fontsize=6.5)
+    axes.set_yticks(range(len(groups)), [name for name, _ in groups], fontsize="small")
+    axes.set_ylim(len(groups) - 0.5, -0.5)
+    axes.set_xlim(0.0, 120.0)
+    axes.set_xticks(range(0, 101, 20))
+    axes.set_xlabel("stable sessions [%]")
+    axes.set_title("Stable sessions by network, grip and round trip")
+    legend(axes, len(kinds))
+    finished(drawing, 1)
+    drawing.subplots_adjust(left=0.18)
+    axes.grid(axis="y", visible=False)
+    return drawing
+
+
+def energy_figure(rows: Sequence[Outcome]) -> Any:
+    """The largest share of its bound that the energy took in each session; beyond 100 % the bound is broken."""
+    edges = np.concatenate([np.linspace(0.0, 100.0, 21), [120.0]])
+
+    def value(row: Outcome) -> float | None:
+        if row.energy_used_percent is None or row.energy_margin_J is None:
+            return None
+        return min(row.energy_used_percent, 99.9) if row.energy_margin_J >= 0.0 else 110.0
+
+    kinds = [kind for kind in KINDS if of(rows, kind)]
+    title = "Energy that was given out, against the bound for one tick and one encoder count"
+    axes, drawing = _histograms(rows, value, edges, kinds, title)
+    axes.axvline(100.0, color="black", linewidth=1.2, linestyle=(0, (4, 2)))
+    axes.set_xticks([0.0, 20.0, 40.0, 60.0, 80.0, 100.0, 110.0], ["0", "20", "40", "60", "80", "bound", "beyond"])
+    axes.set_xlabel("largest share of its bound that the energy took in a session [%]")
+    return finished(drawing, 1)
+
+
+def jump_figure(rows: Sequence[Outcome]) -> Any:
+    """The largest change of force that a model made in one tick of each session."""
+    edges = np.linspace(0.0, 0.12, 25)
+
+    def value(row: Outcome) -> float | None:
+        return None if row.largest_jump_N is None else min(row.largest_jump_N, 0.1199)
+
+    axes, drawing = _histograms(rows, value, edges, ["none"], "What models change at once")
+    axes.axvline(LARGEST_JUMP, color="black", linewidth=1.2, linestyle=(0, (4, 2)))
+    axes.text(LARGEST_JUMP, 0.95, " not allowed", transform=axes.get_xaxis_transform(), fontsize="small", va="top")
+    axes.set_xlabel("largest change of force by a model in one tick [N]")
+    return finished(drawing, 1)
+
+
+def _dots_and_curves(rows: Sequence[Outcome], figure: Callable[[Outcome], float | None], axis: Axis) -> tuple[Any, Any]:
+    """All plain sessions: each a dot, medians and quartiles in bins; a baseline's have no model rate."""
+    drawing = new_figure(4.6)
+    axes = drawing.subplots()
+    for kind in KINDS:
+        sessions = plain(of(rows, kind))
+        if not sessions or (kind != "none" and axis is AXES[1]):
+            continue
+        points = [(axis.value(row), figure(row)) for row in sessions]
+        known = np.array([(x, y) for x, y in points if x is not None and y is not None]).reshape(-1, 2)
+        drawn = curve(sessions, axis.value, figure, axis.edges)
+        dots = {"markersize": 2.5, "alpha": 0.3} if drawn.x.size else {"markersize": 5.0, "label": LABEL[kind]}
+        if known.size:
+            axes.plot(known[:, 0], known[:, 1], MARKER[kind], color=COLOUR[kind], zorder=1, **dots)
+        if drawn.x.size:
+            _draw(axes, drawn, kind)
+    beside = curve(stiff(of(rows, "none")), axis.value, figure, axis.edges)
+    if beside.x.size > 1:
+        style = {"color": COLOUR["none"], "linewidth": 1.2, "linestyle": (0, (4, 2))}
+        axes.plot(beside.x, beside.middle, label=f"ours on {' and '.join(STIFF)}", **style)
+    _scale(axes, axis)
+    axes.set_xlabel(f"{axis.name} [{axis.unit}]")
+    return drawing, axes
+
+
+def _named(drawing: Any, axes: Any, title: str) -> Any:
+    axes.set_title(title)
+    _legend(axes)
+    return finished(drawing, 1)
+
+
+def _legend(axes: Any) -> None:
+    """Of all that is drawn, if anything is."""
+    drawn = len(axes.get_legend_handles_labels()[1])
+    if drawn:
+        legend(axes, drawn)
+
+
+def _draw(axes: Any, drawn: Curve, kind: str) -> None:
+    axes.fill_between(drawn.x, drawn.low, drawn.high, color=COLOUR[kind], alpha=0.18, linewidth=0.0, zorder=2)
+    axes.plot(
+        drawn.x, drawn.middle, marker=MARKER[kind], color=COLOUR[kind], linewidth=2.0, label=LABEL[kind], zorder=3
+    )
+
+
+def _scale(axes: Any, axis: Axis) -> None:
+    """Logarithmic, with 0 where there is one."""
+    if axis is AXES[1]:
+        axes.set_xscale("log")
+        axes.set_xlim(1.0, 220.0)
+        marks: Sequence[float] = (1, 2, 5, 10, 20, 50, 100, 200)
+    else:
+        axes.set_xscale("symlog", linthresh=0.01, linscale=0.4)
+        axes.set_xlim(-0.001, 6.0 if axis is AXES[0] else 12.0)
+        marks = (0, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5)
+    axes.set_xticks(marks, [f"{mark:g}" for mark in marks])
+
+
+def _histograms(
+    rows: Sequence[Outcome],
+    figure: Callable[[Outcome], float | None],
+    edges: NDArray[np.float64],
+    kinds: list[str],
+    title: str,
+) -> tuple[Any, Any]:
+    """Shares of the sessions of each kind, one over the other."""
+    drawing = new_figure(3.4)
+    axes = drawing.subplots()
+    for kind in kinds:
+        values = [value for value in map(figure, of(rows, kind)) if value is not None]
+        if not values:
+            continue
+        counts, _ = np.histogram(values, edges)
+        shares = 100.0 * counts / len(values)
+        axes.stairs(shares, edges, color=COLOUR[kind], fill=True, alpha=0.35)
+        axes.stairs(shares, edges, color=COLOUR[kind], linewidth=1.5, label=f"{LABEL[kind]}: {len(values)} sessions")
+    axes.set_ylabel("sessions [%]")
+    axes.set_title(title)
+    _legend(axes)
+    return axes, drawing
+
 
 MOST_SHOWN = 100
 """So many objections are listed."""

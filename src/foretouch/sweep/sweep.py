@@ -11,7 +11,7 @@ import msgspec
 
 from foretouch.comparison.parallel import run_all
 from foretouch.errors import InputError, UnknownNameError
-from foretouch.models.checks import require
+from foretouch.errors.checks import require
 from foretouch.session.settings import BASELINES
 from foretouch.sweep.cases import Case, baseline_numbers, draw_case
 from foretouch.sweep.outcome import Outcome

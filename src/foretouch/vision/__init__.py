@@ -1,13 +1,10 @@
 """The camera at the follower: where the fixture is, from images of its board and from touches."""
 
-from foretouch.vision.board import DICTIONARIES, Board, make_board_image
 from foretouch.vision.board_pose import BoardDetector, BoardPose, projection_derivative
-from foretouch.vision.camera import CameraModel
+from foretouch.vision.camera import DICTIONARIES, Board, CameraModel, Lens, make_board_image
 from foretouch.vision.fusion import FixtureFilter, FixtureState, FusionSettings, Verdict
 from foretouch.vision.image_faults import IMAGE_FAULTS, FaultyCamera, ImageFault
-from foretouch.vision.lens import Lens
-from foretouch.vision.seen import ContactSeen, ImageSeen
-from foretouch.vision.touched_surface import Fixture, TouchedSurface
+from foretouch.vision.seen import ContactSeen, Fixture, ImageSeen, TouchedSurface
 
 __all__ = [
     "DICTIONARIES",

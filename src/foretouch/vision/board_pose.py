@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 
 from foretouch.errors import SettingError
 from foretouch.quantities.pose import Pose, cross_matrix
-from foretouch.vision.board import DICTIONARIES, Board, opencv
-from foretouch.vision.camera import CameraModel
+from foretouch.vision.camera import DICTIONARIES, Board, CameraModel, opencv
 
 __all__ = ["BoardDetector", "BoardPose", "projection_derivative"]
 

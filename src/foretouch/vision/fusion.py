@@ -12,8 +12,16 @@ from numpy.typing import NDArray
 
 from foretouch.errors import SettingError
 from foretouch.quantities.pose import Pose
-from foretouch.vision.seen import ContactSeen, ImageSeen, Seen, is_finite
-from foretouch.vision.touched_surface import Fixture, TouchedSurface, bend, height_derivative
+from foretouch.vision.seen import (
+    ContactSeen,
+    Fixture,
+    ImageSeen,
+    Seen,
+    TouchedSurface,
+    bend,
+    height_derivative,
+    is_finite,
+)
 
 __all__ = [
     "ContactSeen",

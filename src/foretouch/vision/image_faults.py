@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foretouch.errors import SettingError, UnknownNameError
-from foretouch.vision.board import opencv
+from foretouch.vision.camera import opencv
 
 __all__ = ["IMAGE_FAULTS", "FaultyCamera", "ImageFault"]
 

@@ -1,18 +1,20 @@
-"""What tells of the fixture's pose: an image, and a touch of its surface."""
+"""What tells of the fixture's pose: an image, and a touch of its surface.
+
+The surface that is touched, as the fixture's filter asks for it, and what a touch of it says of the pose.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import Protocol, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from foretouch.quantities.pose import Pose
-
-__all__ = ["ContactSeen", "ImageSeen", "Seen", "is_finite"]
+from foretouch.errors import SettingError
+from foretouch.quantities.pose import Pose, cross_matrix
 
 Array: TypeAlias = NDArray[np.float64]
 
@@ -64,3 +66,92 @@ def is_finite(seen: Seen) -> bool:
 
 def _all_finite(values: Sequence[float]) -> bool:
     return len(values) == 3 and all(math.isfinite(value) for value in values)
+
+
+class TouchedSurface(Protocol):
+    """What the filter has to know of the surface that is touched, in the fixture's own frame."""
+
+    def height(self, point: Array) -> tuple[float, Array]:
+        """Height of a point above the surface [m], negative inside, and the outward normal there, (3,)."""
+
+    @property
+    def relief(self) -> float:
+        """How far the surface reaches along the normal that it has in the mean [m]; 0 for a flat one."""
+
+    def holds(self, point: Array) -> bool:
+        """Whether a touch there can be one of this surface."""
+
+
+@dataclass(frozen=True, slots=True)
+class Fixture:
+    """A flat surface that is touched, in the fixture's own frame.
+
+    Attributes:
+        normal: Outward, of length 1.
+        offset: Of the surface from the origin along the normal [m].
+        radius: Contacts farther from the origin, along the surface, are no contacts of it [m].
+    """
+
+    normal: tuple[float, float, float] = (0.0, 0.0, 1.0)
+    offset: float = 0.0
+    radius: float = 0.1
+
+    def __post_init__(self) -> None:
+        if not abs(math.hypot(*self.normal) - 1.0) < 1e-6:
+            raise SettingError("normal", self.normal, "must have length 1")
+        if not (math.isfinite(self.offset) and 0.0 < self.radius < math.inf):
+            raise SettingError("radius", self.radius, "must be finite and above 0, and the offset finite")
+
+    def height(self, point: Array) -> tuple[float, Array]:
+        """See `TouchedSurface`: n . q - offset, and n."""
+        normal = np.asarray(self.normal)
+        return float(normal @ point) - self.offset, normal
+
+    @property
+    def relief(self) -> float:
+        """See `TouchedSurface`: none."""
+        return 0.0
+
+    def holds(self, point: Array) -> bool:
+        """See `TouchedSurface`: within the radius, along the surface."""
+        normal = np.asarray(self.normal)
+        return float(np.linalg.norm(point - (normal @ point) * normal)) <= self.radius
+
+
+def height_derivative(normal: Array, point: Array) -> Array:
+    """Derivative of a point's height by the pose's error on the right, (-n, n x q), (6,).
+
+    Args:
+        normal: n, outward, in the fixture's frame.
+        point: q, in the same [m].
+    """
+    return np.concatenate([-normal, cross_matrix(normal) @ point])
+
+
+def bend(surface: TouchedSurface, point: Array, covariance: Array) -> float:
+    r"""Variance of a point's height that its derivative does not tell, for the surface is not flat [m^2].
+
+    .. math:: \frac{1}{18} \sum_i \left(h(q + \sqrt 3\, s_i) + h(q - \sqrt 3\, s_i) - 2 h(q)\right)^2
+
+    over the principal axes s_i of where q is in the fixture's frame, as the pose is doubted; each bracket is no more
+    than the surface's relief. Without it touches of a curved surface whose place along itself is not known would seem
+    to tell that place, and be believed.
+
+    Args:
+        surface: That is touched.
+        point: q [m].
+        covariance: Of the pose's error on the right, (6, 6).
+
+    References:
+        Norgaard, Poulsen and Ravn (2000), New developments in state estimation for nonlinear systems, Automatica 36.
+    """
+    if surface.relief == 0.0:
+        return 0.0
+    moves = np.hstack([-np.eye(3), cross_matrix(point)])
+    variances, axes = np.linalg.eigh(moves @ covariance @ moves.T)
+    height, total = surface.height(point)[0], 0.0
+    for variance, axis in zip(variances, axes.T, strict=True):
+        step = math.sqrt(3.0 * max(variance, 0.0)) * axis
+        bent = surface.height(point + step)[0] + surface.height(point - step)[0] - 2.0 * height
+        total += min(abs(bent), surface.relief) ** 2
+    return total / 18.0

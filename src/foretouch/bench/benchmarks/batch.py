@@ -7,10 +7,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from foretouch.bench.press import FORGETTING_FACTOR, OPTIONS, Press, Problem, press
+from foretouch.bench.press import FORGETTING_FACTOR, OPTIONS, Press, Problem, press, recursion_over_many
 from foretouch.bench.rows import Row, Scope
 from foretouch.bench.timing import Contestant, interleave, ratio, spread
-from foretouch.bench.vectorised import recursion_over_many
 from foretouch.identification import FPRLS
 
 __all__ = ["STREAMS", "Streams", "contestants", "measure"]

@@ -7,11 +7,9 @@ from collections.abc import Callable
 
 import numpy as np
 
-from foretouch.bench.memory import resident_bytes
-from foretouch.bench.press import OPTIONS, press, samples
-from foretouch.bench.reference import bare_call
+from foretouch.bench.press import OPTIONS, bare_call, press, samples
 from foretouch.bench.rows import Row, Scope
-from foretouch.bench.timing import Contestant, interleave, ratio, spread
+from foretouch.bench.timing import Contestant, interleave, ratio, resident_bytes, spread
 from foretouch.identification import FPRLS, ContactMapBank, ContactSample, Estimator, ExactRecursive
 
 __all__ = ["CALLED", "bare", "measure", "memory_growth", "update_all"]

@@ -5,13 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from foretouch.bench.peers import PEERS, RIVER_WITHOUT_FORGETTING, peer
-from foretouch.bench.press import OPTIONS, Press, Problem, press
-from foretouch.bench.reference import recursion_over
+from foretouch.bench.peers import PEERS, RIVER_WITHOUT_FORGETTING, measure_latencies, peer
+from foretouch.bench.press import OPTIONS, Press, Problem, press, recursion_over
 from foretouch.bench.rows import Row, Scope
 from foretouch.bench.timing import Contestant, interleave, ratio, spread
 from foretouch.identification import FPRLS
-from foretouch.identification.fprls_bound import measure_latencies
 
 __all__ = ["measure", "theta_of"]
 

@@ -8,9 +8,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from foretouch.bench.memory import resident_bytes
 from foretouch.bench.press import OPTIONS, press
 from foretouch.bench.rows import Row, Scope
+from foretouch.bench.timing import resident_bytes
 from foretouch.identification import FPRLS
 
 __all__ = ["BLOCK", "Streamed", "curve", "measure", "slope"]

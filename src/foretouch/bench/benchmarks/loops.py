@@ -16,9 +16,8 @@ from pathlib import Path
 import numpy as np
 
 from foretouch.bench.children import children, last_line, measure_process
-from foretouch.bench.lateness import CAUSES, LATE_NS, Ticks, causes, ticks_of
 from foretouch.bench.rows import Row, Scope
-from foretouch.bench.side import read_notes
+from foretouch.bench.side import CAUSES, LATE_NS, Ticks, causes, read_notes, ticks_of
 from foretouch.bench.timing import spread
 from foretouch.errors import ForetouchError
 from foretouch.link import free_endpoint

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from foretouch.bench.cores import one_core
 from foretouch.bench.rows import Row, Scope
-from foretouch.bench.timing import spread
+from foretouch.bench.timing import one_core, spread
 from foretouch.session import SessionSettings, SimulatedSession, simulate
 
 __all__ = ["measure", "run_session"]

@@ -1,4 +1,9 @@
-"""What a surface is: a place in, the proxy on the surface out."""
+"""What a surface is: a place in, the proxy on the surface out.
+
+A plane, in closed form.
+
+A surface of heights over a regular grid.
+"""
 
 from __future__ import annotations
 
@@ -8,9 +13,11 @@ from collections.abc import Sequence
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["NO_TRIANGLE", "Point", "Surface", "SurfaceContact", "SurfaceProxy"]
+from foretouch.errors import SettingError
+from foretouch.errors.checks import require
+from foretouch.rendering.surfaces.mesh import TriangleMesh
 
 Array: TypeAlias = NDArray[np.float64]
 Point: TypeAlias = tuple[float, float, float]
@@ -145,3 +152,114 @@ class SurfaceProxy:
         if -FARTHEST <= x <= FARTHEST and -FARTHEST <= y <= FARTHEST and -FARTHEST <= z <= FARTHEST:
             self.newest = self.surface.follow(self._memory, x, y, z)
         return self.newest
+
+
+_NO_MEMORY = np.zeros(0)
+
+
+class Plane(Surface):
+    r"""All that is below a plane is inside.
+
+    .. math:: d = (o - p) \cdot n, \quad q = p + d\, n
+
+    Args:
+        origin: o, a point of it [m].
+        normal: n, outwards, of any length but 0.
+        size: Side of the square about the origin that is drawn [m], positive.
+
+    Raises:
+        SettingError: Not three finite numbers, or a normal without direction.
+    """
+
+    def __init__(
+        self,
+        origin: Sequence[float] = (0.0, 0.0, 0.0),
+        normal: Sequence[float] = (0.0, 0.0, 1.0),
+        size: float = 0.1,
+    ) -> None:
+        require("size", size, above=0.0)
+        self.origin = _three("origin", origin)
+        direction = _three("normal", normal)
+        largest = max(map(abs, direction))
+        if not largest > 0.0:
+            raise SettingError("normal", tuple(normal), "has no direction: give one number at least that is not 0")
+        direction = (direction[0] / largest, direction[1] / largest, direction[2] / largest)
+        length = math.hypot(*direction)
+        self.normal: Point = (direction[0] / length, direction[1] / length, direction[2] / length)
+        self.size = size
+
+    def initial_memory(self) -> Array:
+        """Nothing: a plane has no other side to come from."""
+        return _NO_MEMORY
+
+    def follow(self, memory: Array, x: float, y: float, z: float) -> SurfaceContact:
+        """See `Surface.follow`."""
+        (ox, oy, oz), (nx, ny, nz) = self.origin, self.normal
+        depth = (ox - x) * nx + (oy - y) * ny + (oz - z) * nz
+        return SurfaceContact(depth, self.normal, (x + depth * nx, y + depth * ny, z + depth * nz), NO_TRIANGLE)
+
+    def outline(self) -> tuple[Array, NDArray[np.int64]]:
+        """A square about the origin; see `Surface.outline`."""
+        normal = np.array(self.normal)
+        along = np.cross(normal, np.eye(3)[np.argmin(np.abs(normal))])
+        along /= np.linalg.norm(along)
+        across = np.cross(normal, along)
+        corners = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)]) * (0.5 * self.size)
+        return np.array(self.origin) + corners @ np.array([along, across]), np.array([(0, 1, 2), (0, 2, 3)])
+
+    def relief(self) -> tuple[float, float]:
+        """None; see `Surface.relief`."""
+        return 0.0, 0.0
+
+
+def _three(name: str, values: Sequence[float]) -> Point:
+    numbers = tuple(float(value) for value in values)
+    if len(numbers) != 3 or not all(map(math.isfinite, numbers)):
+        raise SettingError(name, numbers, "must be three finite numbers")
+    return numbers
+
+
+class HeightField(Surface):
+    """Heights z(x, y) on a regular grid, felt from above: two triangles a cell, with the god object of `TriangleMesh`.
+
+    Between the nodes the surface is flat in each triangle: a bilinear one has no proxy in closed form, and its normal
+    jumps at the cells' edges as well.
+
+    Args:
+        heights: z [m], of shape (n, m): n along x, m along y, at least 2 by 2.
+        spacing: Between nodes [m], positive.
+        origin: x and y of the first node [m].
+
+    Attributes:
+        mesh: Its triangles.
+
+    Raises:
+        SettingError: A grid that is none, or heights that are not finite.
+    """
+
+    def __init__(self, heights: ArrayLike, spacing: float, origin: Sequence[float] = (0.0, 0.0)) -> None:
+        require("spacing", spacing, above=0.0)
+        z = np.array(heights, dtype=np.float64)
+        if z.ndim != 2 or min(z.shape) < 2:
+            raise SettingError("heights", z.shape, "must be of shape (n, m), 2 by 2 at least")
+        n, m = z.shape
+        x, y = np.meshgrid(origin[0] + spacing * np.arange(n), origin[1] + spacing * np.arange(m), indexing="ij")
+        node = np.arange(n * m).reshape(n, m)
+        a, b, c, d = (part.ravel() for part in (node[:-1, :-1], node[1:, :-1], node[1:, 1:], node[:-1, 1:]))
+        even = (np.add.outer(np.arange(n - 1), np.arange(m - 1)) % 2 == 0).ravel()
+        # the diagonals change direction from cell to cell: none is preferred
+        first = np.where(even[:, None], np.stack([a, b, c], axis=1), np.stack([a, b, d], axis=1))
+        second = np.where(even[:, None], np.stack([a, c, d], axis=1), np.stack([b, c, d], axis=1))
+        self.mesh = TriangleMesh(np.stack([x, y, z], axis=2).reshape(-1, 3), np.concatenate([first, second]))
+
+    def initial_memory(self) -> Array:
+        """See `Surface.initial_memory`."""
+        return self.mesh.initial_memory()
+
+    def follow(self, memory: Array, x: float, y: float, z: float) -> SurfaceContact:
+        """See `Surface.follow`."""
+        return self.mesh.follow(memory, x, y, z)
+
+    def outline(self) -> tuple[Array, NDArray[np.int64]]:
+        """See `Surface.outline`."""
+        return self.mesh.outline()

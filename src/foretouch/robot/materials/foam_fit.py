@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from foretouch.errors import RecordingError, SettingError
 from foretouch.quantities import Recording
-from foretouch.robot.materials.hysteretic_contact import Branch, HystereticContact, Spring
+from foretouch.robot.materials.contacts import Branch, HystereticContact, Spring
 
 __all__ = ["FOAM_DATASETS", "FOAM_PROVENANCE", "FittedFile", "FoamFit", "fit_foam", "foam_fit_json", "replay"]
 
@@ -191,7 +191,7 @@ def _parts() -> Iterator[tuple[str, tuple[float, ...]]]:
 
 def _columns(press: _Press, surface: float) -> Array:
     """Force of every candidate at unit strength along a press, shape (samples, candidates)."""
-    from foretouch.robot.materials.hysteretic_kernel import branch_response
+    from foretouch.robot.materials.kernels import branch_response
 
     path = np.maximum(_with_approach(press.position - surface), 0.0)
     columns = []

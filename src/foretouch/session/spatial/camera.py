@@ -9,7 +9,7 @@ import numpy as np
 from foretouch.messages import VERSION, CameraImage
 from foretouch.messages.spatial import LARGEST_JPEG
 from foretouch.quantities import Pose
-from foretouch.quantities.rigid import Vector
+from foretouch.quantities.pose import Vector
 from foretouch.robot import CameraScene
 from foretouch.session.spatial.scenes import Scene
 from foretouch.vision import Board, BoardDetector, CameraModel, FaultyCamera, ImageFault, Lens, make_board_image

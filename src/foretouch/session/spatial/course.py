@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from foretouch.quantities.rigid import Vector, add, dot, norm, scaled, subtract
+from foretouch.quantities.pose import Vector, add, dot, norm, scaled, subtract
 from foretouch.session.force_guard import ForceGuard
 from foretouch.session.spatial.line import Footing, SurfaceLine
 

@@ -17,7 +17,7 @@ from foretouch.messages import (
     ModelUpdate,
     Telemetry,
 )
-from foretouch.quantities.rigid import Vector, add, norm, scaled, subtract
+from foretouch.quantities.pose import Vector, add, norm, scaled, subtract
 from foretouch.robot import SpatialRobot
 from foretouch.session import follower as along_the_line
 from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings

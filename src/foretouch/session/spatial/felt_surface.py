@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from foretouch.quantities.rigid import Vector, add, scaled
+from foretouch.quantities.pose import Vector, add, scaled
 from foretouch.session.spatial.line import Footing
 
 __all__ = ["FeltSurface"]

@@ -23,7 +23,7 @@ from foretouch.messages import (
     Status,
     Telemetry,
 )
-from foretouch.quantities.rigid import Vector, add, dot, norm, scaled, subtract
+from foretouch.quantities.pose import Vector, add, dot, norm, scaled, subtract
 from foretouch.rendering.surfaces import Surface
 from foretouch.robot import RobotSample, RobotSpecification, SpatialSample
 from foretouch.session import follower

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from foretouch.quantities.rigid import Vector, add, dot, norm, scaled, subtract
+from foretouch.quantities.pose import Vector, add, dot, norm, scaled, subtract
 from foretouch.session.force_guard import PATIENCE, ForceGuard
 from foretouch.session.motion_limits import Bound
 from foretouch.session.safety import AIMED

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from foretouch.quantities.rigid import Vector, add, dot, norm, scaled, subtract
+from foretouch.quantities.pose import Vector, add, dot, norm, scaled, subtract
 from foretouch.session.motion_limits import Bound
 from foretouch.session.safety import Safety
 from foretouch.session.spatial.course import Course

@@ -23,7 +23,7 @@ from foretouch.messages import (
     Telemetry,
 )
 from foretouch.models import QuadraticContact
-from foretouch.quantities.rigid import Vector, add, dot, norm, scaled, subtract
+from foretouch.quantities.pose import Vector, add, dot, norm, scaled, subtract
 from foretouch.rendering import FrictionRenderer, NormalAccount, SpatialEnergyAccount
 from foretouch.rendering.surfaces import Surface
 from foretouch.session import leader

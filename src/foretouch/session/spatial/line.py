@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from typing import NamedTuple, TypeAlias
 
-from foretouch.quantities.rigid import RigidMotion, Vector, add, scaled, subtract, unit
+from foretouch.quantities.pose import RigidMotion, Vector, add, scaled, subtract, unit
 from foretouch.rendering.surfaces import Surface, SurfaceProxy
 
 __all__ = ["Footing", "Numbers6", "SurfaceLine"]

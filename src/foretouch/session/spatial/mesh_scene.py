@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foretouch.errors import InputError
-from foretouch.quantities.rigid import Vector
+from foretouch.quantities.pose import Vector
 from foretouch.rendering.surfaces import TriangleMesh, first_hit_from_above, read_mesh
 
 __all__ = ["LARGEST_SIDE", "SMALLEST_SIDE", "specimen_of"]

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from foretouch.quantities.rigid import Vector
+from foretouch.quantities.pose import Vector
 from foretouch.rendering.surfaces import Surface
 
 __all__ = ["LARGEST_DOUBT", "LARGEST_TURN", "LEAST_TURN", "PoseDoubt"]

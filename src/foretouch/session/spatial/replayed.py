@@ -11,7 +11,7 @@ from foretouch.devices import SpatialDevice
 from foretouch.errors import RecordingError
 from foretouch.messages import SessionLog
 from foretouch.quantities import Rows
-from foretouch.quantities.rigid import Vector
+from foretouch.quantities.pose import Vector
 from foretouch.robot import material_names
 from foretouch.session.settings import NO_GRIP, SAMPLE_PERIOD, SessionSettings
 from foretouch.session.spatial.camera import SimulatedCamera

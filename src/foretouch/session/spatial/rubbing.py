@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 
 from foretouch.quantities import Brief
-from foretouch.quantities.rigid import Vector, add, scaled, subtract
+from foretouch.quantities.pose import Vector, add, scaled, subtract
 from foretouch.session.settings import SAMPLE_PERIOD
 
 __all__ = ["Rubbed"]

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from foretouch.devices import Keyframe
 from foretouch.errors import UnknownNameError
-from foretouch.quantities.rigid import Vector
+from foretouch.quantities.pose import Vector
 from foretouch.rendering.surfaces import HeightField, Plane, Surface, SurfaceProxy
 from foretouch.session.spatial.mesh_scene import specimen_of
 

@@ -7,7 +7,7 @@ import math
 from foretouch.errors import DecodeError, InputError
 from foretouch.messages import FieldUpdate
 from foretouch.models import FIELD_DEPTH, MaterialField, QuadraticContact
-from foretouch.quantities.rigid import Vector, norm, subtract
+from foretouch.quantities.pose import Vector, norm, subtract
 
 __all__ = ["TouchedMaterial"]
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from foretouch.messages import VERSION, Command, FieldUpdate, ModelUpdate
-from foretouch.quantities.rigid import Vector
+from foretouch.quantities.pose import Vector
 from foretouch.robot import RobotSpecification, SpatialSample
 from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
 from foretouch.session.spatial import follower, leader

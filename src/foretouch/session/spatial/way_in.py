@@ -6,7 +6,7 @@ import math
 
 from foretouch.identification import SensorState
 from foretouch.messages import FixtureBelief
-from foretouch.quantities.rigid import Vector, norm, subtract
+from foretouch.quantities.pose import Vector, norm, subtract
 from foretouch.rendering.surfaces import Surface
 from foretouch.session import follower
 from foretouch.session.spatial.line import Footing, SurfaceLine

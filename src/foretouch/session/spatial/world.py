@@ -6,10 +6,10 @@ import math
 
 import numpy as np
 
-from foretouch.devices.motion import minimum_jerk
+from foretouch.devices.device import minimum_jerk
 from foretouch.errors import SettingError
 from foretouch.quantities import Pose
-from foretouch.quantities.rigid import RigidMotion, Vector, add, dot, norm, scaled, subtract
+from foretouch.quantities.pose import RigidMotion, Vector, add, dot, norm, scaled, subtract
 from foretouch.rendering.surfaces import SurfaceProxy
 from foretouch.robot import Material
 from foretouch.session.spatial.scenes import Scene
