@@ -24,8 +24,8 @@ from designs.presses import COLUMNS, NAMES, Array, Press, press  # noqa: E402
 from designs.shares import Shares, Shipped  # noqa: E402
 from measured_blocks import chosen, fill  # noqa: E402
 
-from foretouch.identification.contact_map_learning import PERIOD  # noqa: E402
-from foretouch.identification.contact_map_prior import NOISE  # noqa: E402
+from foretouch.identification.contact_map.learning import PERIOD  # noqa: E402
+from foretouch.identification.contact_map.prior import NOISE  # noqa: E402
 
 PAGE = HERE / "contact-map.md"
 

@@ -13,7 +13,7 @@ import numpy as np
 from designs.presses import Array, Press
 from numba import njit
 
-from foretouch.identification.contact_map_prior import CURVATURE, FEATURE_REACH, FEATURE_SIZE, LEVEL, SLOPE
+from foretouch.identification.contact_map.prior import CURVATURE, FEATURE_REACH, FEATURE_SIZE, LEVEL, SLOPE
 from foretouch.models.contact_map_layout import ABOVE, BELOW, LENGTHS, PLAYS, SPEED, TIMES
 
 LENGTH = LENGTHS[0]

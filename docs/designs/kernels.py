@@ -12,7 +12,7 @@ from designs.maps import alarmed, frame, ranges
 from designs.presses import Array, Press
 from numba import njit
 
-from foretouch.identification.contact_map_prior import CURVATURE, FEATURE_REACH, FEATURE_SIZE, LEVEL, NOISE, SLOPE
+from foretouch.identification.contact_map.prior import CURVATURE, FEATURE_REACH, FEATURE_SIZE, LEVEL, NOISE, SLOPE
 from foretouch.models.contact_map_layout import REACH, STEEPEST
 
 

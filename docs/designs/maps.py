@@ -10,8 +10,8 @@ from designs.basis import LENGTH, Features, alike, knots, smooth, splines
 from designs.presses import Array, Press
 from numba import njit
 
-from foretouch.identification.contact_map_learning import ALARM_FROM, ALARM_SHARE, ALARM_TIME, FADING, PERIOD
-from foretouch.identification.contact_map_prior import NOISE
+from foretouch.identification.contact_map.learning import ALARM_FROM, ALARM_SHARE, ALARM_TIME, FADING, PERIOD
+from foretouch.identification.contact_map.prior import NOISE
 from foretouch.models.contact_map_layout import COARSENESS, REACH, STEEPEST
 
 FADE_EVERY = 0.1

@@ -13,9 +13,9 @@ from designs.presses import Array, Press
 from scipy.optimize import nnls
 
 from foretouch.identification import ContactSample, Learner, predict
-from foretouch.identification.contact_map import EXPERT_NAMES, ContactMapBank
-from foretouch.identification.contact_map_learning import PERIOD, SCORED_FROM
-from foretouch.identification.contact_map_scores import (
+from foretouch.identification.contact_map.bank import EXPERT_NAMES, ContactMapBank
+from foretouch.identification.contact_map.learning import PERIOD, SCORED_FROM
+from foretouch.identification.contact_map.scores import (
     COARSE_DEPTH,
     CONTACT_SHARE,
     FINE_DEPTH,

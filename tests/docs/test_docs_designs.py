@@ -14,7 +14,7 @@ import pytest
 from docs_pages import ROOT
 
 from foretouch.comparison import simulate
-from foretouch.identification.contact_map_prior import NOISE, prior
+from foretouch.identification.contact_map.prior import NOISE, prior
 from foretouch.models.contact_map_kernel import features, rates, remember
 from foretouch.models.contact_map_layout import COARSE, MEMORY
 from foretouch.quantities import Recording

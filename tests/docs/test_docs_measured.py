@@ -14,7 +14,7 @@ from types import ModuleType, SimpleNamespace
 import pytest
 from docs_pages import ROOT
 
-KERNEL = "src/foretouch/identification/sensor_watch_kernel.py"
+KERNEL = "src/foretouch/identification/conditioning/watch_kernel.py"
 PAGE = "docs/rooms/identification.md"
 
 
@@ -194,7 +194,7 @@ def test_every_block_has_its_sources_and_the_other_way_round(
 
 def test_blocks_depend_on_what_moves_their_figures(depends: dict[tuple[str, str], set[str]]) -> None:
     reach, sessions = depends["docs/results.md", "reach"], depends["docs/results.md", "sessions"]
-    kernel = "foretouch.identification.contact_map_scores"
+    kernel = "foretouch.identification.contact_map.scores"
     assert kernel in reach & sessions & depends["docs/contact-map.md", "design-experts"]
     assert "foretouch.session.safety_kernel" in sessions & depends["docs/safety.md", "impacts"]
     assert "foretouch.session.safety_kernel" not in reach

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from foretouch.identification.contact_map_prior import NOISE, prior
+from foretouch.identification.contact_map.prior import NOISE, prior
 from foretouch.models.contact_map_kernel import locate
 from foretouch.models.contact_map_layout import ABOVE, BELOW, COARSE, COARSENESS, FINE, LENGTHS
 

@@ -15,9 +15,10 @@ from scipy.interpolate import BSpline
 
 from foretouch.errors import SettingError
 from foretouch.identification import ContactSample, Learner, Status, make_estimator, predict
-from foretouch.identification.contact_map import EXPERT_NAMES, ContactMapBank
-from foretouch.identification.contact_map_learning import PERIOD
-from foretouch.identification.contact_map_prior import (
+from foretouch.identification.contact_map.bank import EXPERT_NAMES, ContactMapBank
+from foretouch.identification.contact_map.kernel import LARGEST_SHIFT
+from foretouch.identification.contact_map.learning import PERIOD
+from foretouch.identification.contact_map.prior import (
     CURVATURE,
     FEATURE_REACH,
     FEATURE_SIZE,
@@ -26,8 +27,7 @@ from foretouch.identification.contact_map_prior import (
     SLOPE,
     prior,
 )
-from foretouch.identification.contact_map_step import LARGEST_SHIFT
-from foretouch.identification.map_regression import fit, make_regression, whole_covariance
+from foretouch.identification.contact_map.regression import fit, make_regression, whole_covariance
 from foretouch.models import ContactMap, HuntCrossley, advance
 from foretouch.models.contact_map_layout import (
     ABOVE,

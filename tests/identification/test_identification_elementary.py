@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from foretouch.identification import elementary
-from foretouch.identification.elementary import exponential, logarithm
+from foretouch.identification.linear import recursion as elementary
+from foretouch.identification.linear.recursion import exponential, logarithm
 
 POSITIVE = st.floats(2.2250738585072014e-308, 1.7976931348623157e308)
 

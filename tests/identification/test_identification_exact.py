@@ -25,7 +25,7 @@ from foretouch.identification import (
     fit_offline,
     predict,
 )
-from foretouch.identification.exact_kernel import update
+from foretouch.identification.exact.kernel import update
 from foretouch.models import ContinuousSwitching
 from foretouch.recordings import read_recording
 from foretouch.report import lowest_mean

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from presses import press
 
-from foretouch.identification import force_zero
-from foretouch.identification.force_zero import is_zero_unobservable
+from foretouch.identification import force_calibration as force_zero
+from foretouch.identification.force_calibration import is_zero_unobservable
 from foretouch.quantities import Recording
 from foretouch.recordings import DATASETS, read_recording
 

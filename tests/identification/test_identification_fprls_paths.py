@@ -33,9 +33,9 @@ from foretouch.identification import (
     fprls_many,
 )
 from foretouch.identification.fprls_numpy import fprls_many_numpy
-from foretouch.identification.fprls_sample import update
-from foretouch.identification.linear_runs import STATUSES
-from foretouch.identification.linearised import LinearisedEstimator
+from foretouch.identification.linear.linearised import LinearisedEstimator
+from foretouch.identification.linear.runs import STATUSES
+from foretouch.identification.linear.sample import update
 
 Array = NDArray[np.float64]
 HERE = Path(__file__).parent
@@ -245,7 +245,7 @@ def test_known_regressors_are_the_recursion_alone(parallel: bool) -> None:
 
 def test_the_histogram_of_depths_is_that_of_the_summary() -> None:
     """What was learnt at which depth, counted in the kernel and by the class that says what it means."""
-    from foretouch.identification.recovery import DepthSummary
+    from foretouch.identification.linear.recovery import DepthSummary
 
     depth = np.geomspace(2e-5, 0.9, 400)
     velocity, force = np.full(400, 0.1), np.full(400, 2.0)

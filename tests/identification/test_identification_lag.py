@@ -7,7 +7,7 @@ import pytest
 
 from foretouch.errors import SettingError
 from foretouch.identification import Conditioner, Learner, make_estimator
-from foretouch.identification.sensor_lag import SensorLag
+from foretouch.identification.conditioning.conditioner import SensorLag
 
 STIFFNESS = 600.0
 PERIOD = 1e-3

@@ -18,7 +18,7 @@ from presses import press
 
 from foretouch.errors import InputError, RecordingError
 from foretouch.identification import ContactMapBank, Learner, Status, identify, make_estimator
-from foretouch.identification.learner_run import BLOCK, RawSamples, run_by_sample
+from foretouch.identification.learner import BLOCK, RawSamples, run_by_sample
 from foretouch.models import MotionFilter
 from foretouch.quantities import Recording
 from foretouch.recordings import read_recording
@@ -216,7 +216,7 @@ import sys; sys.path.insert(0, {tests!r})
 import numpy as np
 from presses import press
 from foretouch.identification import ContactMapBank, Learner
-from foretouch.identification.learner_run import RawSamples, run_by_sample
+from foretouch.identification.learner import RawSamples, run_by_sample
 recording = press(noise=0.02, duration=1.2, rate=300.0, deepest=0.003)
 given = recording.time, recording.position, recording.force, None
 one, whole = Learner(ContactMapBank(), sensor_lag=0.01), Learner(ContactMapBank(), sensor_lag=0.01)

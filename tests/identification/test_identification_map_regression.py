@@ -18,9 +18,9 @@ from numpy.typing import NDArray
 
 from foretouch.errors import InputError, SettingError
 from foretouch.identification import ContactMapBank, ContactSample, Estimator, ExactRecursive, Status
-from foretouch.identification.contact_map_notes import BEGIN_LAW, BEGIN_SETTINGS
-from foretouch.identification.exact_belief import law_numbers
-from foretouch.identification.map_regression import fade, fit, make_regression, whole_covariance
+from foretouch.identification.contact_map.layout import BEGIN_LAW, BEGIN_SETTINGS
+from foretouch.identification.contact_map.regression import fade, fit, make_regression, whole_covariance
+from foretouch.identification.exact.belief import law_numbers
 from foretouch.models import ContactMap
 from foretouch.models.contact_map_layout import BELOW, COARSE, FINE, LARGEST_FEATURES, LENGTHS
 

@@ -17,7 +17,7 @@ from foretouch.identification import (
     identify,
     make_estimator,
 )
-from foretouch.identification.robust import RobustOptions
+from foretouch.identification.linear.options import RobustOptions
 
 
 def test_options_go_to_the_options_class_or_to_the_constructor() -> None:

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from foretouch.identification import RLS, ContactSample, FPRLSOptions, RobustOptions
-from foretouch.identification.recovery import DepthSummary, recover
+from foretouch.identification.linear.recovery import DepthSummary, recover
 
 SURE = 1e-12 * np.eye(4)
 

@@ -21,9 +21,9 @@ from foretouch.identification import (
     RobustOptions,
     SelfPerturbingRLS,
     Status,
-    recursion,
 )
-from foretouch.identification.recursion import PERTURBED, Recursion
+from foretouch.identification.linear import recursion
+from foretouch.identification.linear.recursion import PERTURBED, Recursion
 
 Array = NDArray[np.float64]
 TRUE = np.array([math.log(3000.0), 1.4, 0.5, 1e-3])

@@ -13,7 +13,7 @@ from scipy.optimize import least_squares
 
 from foretouch.errors import UnknownNameError
 from foretouch.identification import FPRLS, ContactSample, RobustFPRLS
-from foretouch.identification.recursion import PerturbationForm
+from foretouch.identification.linear.recursion import PerturbationForm
 from foretouch.models import HuntCrossley, KelvinVoigt, MotionFilter
 from foretouch.reproduction import Section, make_section
 from foretouch.reproduction.arguments import SETS, exponent_effects, stiff_fits, two_stage_errors

@@ -11,8 +11,8 @@ from step_links import Spoken, Ticks
 
 from foretouch.errors import SideError
 from foretouch.identification import Learner, SensorWatch
-from foretouch.identification.conditioning import Conditioner
-from foretouch.identification.contact_map import ContactMapBank
+from foretouch.identification.conditioning.conditioner import Conditioner
+from foretouch.identification.contact_map.bank import ContactMapBank
 from foretouch.identification.material_field import MaterialFieldLearner
 from foretouch.messages import Status
 from foretouch.robot import Robot, SpatialRobot, SpatialSample, make_robot

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from foretouch.devices import ScriptedOperator
 from foretouch.identification import ContactSample, Estimator, Learner, Status
-from foretouch.identification.contact_map import ContactMapBank
+from foretouch.identification.contact_map.bank import ContactMapBank
 from foretouch.messages import VERSION, Command, ModelUpdate, SessionLog, encode
 from foretouch.models import ContactModel, KelvinVoigt, make_model
 from foretouch.models.predictor import STATE_TOLERANCE

@@ -10,7 +10,8 @@ import sys
 
 import pytest
 
-from foretouch.identification import SensorWatch, sensor_watch_kernel
+from foretouch.identification import SensorWatch
+from foretouch.identification.conditioning import watch_kernel as sensor_watch_kernel
 from foretouch.session import (
     force_guard_kernel,
     motion_limits_kernel,

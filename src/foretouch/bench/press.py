@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from foretouch.core.compiling import compiled
 from foretouch.identification import ContactSample, FPRLSOptions
-from foretouch.identification.fprls import forgetting_by_distance
+from foretouch.identification.linear.estimators import forgetting_by_distance
 
 Array = NDArray[np.float64]
 

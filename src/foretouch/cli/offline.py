@@ -282,7 +282,7 @@ def _learner(model: str, estimator: str, surface: str, force_offset: str, sensor
     """Makes the learner that the options ask for, once the recording's contact floor is known."""
     from foretouch import identification
     from foretouch.errors.checks import require
-    from foretouch.identification.sensor_lag import LONGEST_LAG
+    from foretouch.identification.conditioning.conditioner import LONGEST_LAG
 
     require("sensor_lag", sensor_lag, at_least=0.0, at_most=LONGEST_LAG)
     return functools.partial(
@@ -321,7 +321,7 @@ def _map_of(result: Identification) -> dict[str, object] | None:
 
 def _identified(data: Recording) -> str:
     """Status of an identification: whether the recording's signs can be right, and its force has a zero to be known."""
-    from foretouch.identification.force_zero import is_zero_unobservable
+    from foretouch.identification.force_calibration import is_zero_unobservable
     from foretouch.recordings import falls_with_depth
 
     if falls_with_depth(data):

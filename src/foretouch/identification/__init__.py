@@ -3,22 +3,44 @@
 Nothing here sees a robot or a file: the same code runs on recordings, simulations and hardware.
 """
 
-from foretouch.identification.conditioning import Conditioner, ContactSample
-from foretouch.identification.contact_map import EXPERT_NAMES, ContactMapBank
+from foretouch.identification.classic.hunt_crossley import (
+    HuntCrossleyLogOptions,
+    HuntCrossleyLogRLS,
+    HuntCrossleyTwoStage,
+    TwoStageOptions,
+)
+from foretouch.identification.classic.kelvin_voigt import KelvinVoigtOptions, KelvinVoigtRLS
+from foretouch.identification.classic.steepest_descent import (
+    SteepestDescent,
+    SteepestDescentHuntCrossley,
+    SteepestDescentKelvinVoigt,
+    SteepestDescentOptions,
+)
+from foretouch.identification.classic.threshold_switching import SwitchingOptions, ThresholdSwitching
+from foretouch.identification.conditioning.conditioner import Conditioner, ContactSample, SensorLag
+from foretouch.identification.conditioning.watch import SENSOR_SENTENCES, TRANSIENT_STATES, SensorState, SensorWatch
+from foretouch.identification.contact_map.bank import EXPERT_NAMES, ContactMapBank
 from foretouch.identification.estimator import Estimator, Status
-from foretouch.identification.exact_recursive import (
+from foretouch.identification.exact.recursive import (
     ExactHuntCrossley,
     ExactKelvinVoigt,
     ExactRecursive,
     ExactRecursiveOptions,
 )
-from foretouch.identification.fprls import FPRLS, FPRLSOptions, fprls_many
+from foretouch.identification.force_calibration import ToolWeight, fit_tool_weight
 from foretouch.identification.friction import FrictionEstimator
-from foretouch.identification.hunt_crossley_log import HuntCrossleyLogOptions, HuntCrossleyLogRLS
-from foretouch.identification.hunt_crossley_two_stage import HuntCrossleyTwoStage, TwoStageOptions
 from foretouch.identification.identify import Identification, identify
-from foretouch.identification.kelvin_voigt_rls import KelvinVoigtOptions, KelvinVoigtRLS
 from foretouch.identification.learner import Learner, LearntModel
+from foretouch.identification.linear.estimators import (
+    FPRLS,
+    RLS,
+    ROBUST,
+    ForgettingRLS,
+    RobustFPRLS,
+    SelfPerturbingRLS,
+    fprls_many,
+)
+from foretouch.identification.linear.options import FPRLSOptions, RobustOptions
 from foretouch.identification.material_field import MaterialFieldLearner
 from foretouch.identification.offline import (
     OfflineContinuousSwitching,
@@ -38,25 +60,12 @@ from foretouch.identification.registry import (
     load_estimator,
     make_estimator,
 )
-from foretouch.identification.rls import RLS, ForgettingRLS, SelfPerturbingRLS
-from foretouch.identification.robust import RobustOptions
-from foretouch.identification.robust_fprls import ROBUST, RobustFPRLS
-from foretouch.identification.sensor_lag import SensorLag
-from foretouch.identification.sensor_watch import SENSOR_SENTENCES, TRANSIENT_STATES, SensorState, SensorWatch
 from foretouch.identification.series_compliance import (
     SeriesCompliance,
     correct_recording,
     find_sensor_lag,
     fit_series_compliance,
 )
-from foretouch.identification.steepest_descent import (
-    SteepestDescent,
-    SteepestDescentHuntCrossley,
-    SteepestDescentKelvinVoigt,
-    SteepestDescentOptions,
-)
-from foretouch.identification.threshold_switching import SwitchingOptions, ThresholdSwitching
-from foretouch.identification.tool_weight import ToolWeight, fit_tool_weight
 
 __all__ = [
     "BUILT_IN_ESTIMATORS",

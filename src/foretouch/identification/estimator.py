@@ -6,7 +6,7 @@ from abc import ABC, abstractmethod
 from enum import Enum
 from typing import ClassVar
 
-from foretouch.identification.conditioning import ContactSample
+from foretouch.identification.conditioning.conditioner import ContactSample
 from foretouch.models import NO_STATE, ContactModel, ContactState
 from foretouch.quantities import brief_number, brief_text
 

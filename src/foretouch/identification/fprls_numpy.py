@@ -6,9 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foretouch.errors import SettingError
-from foretouch.identification.linearised_options import FPRLSOptions
-from foretouch.identification.recursion import LARGEST_TRACE
-from foretouch.identification.robust import SMALLEST_DEPTH, SMALLEST_FORCE, RobustOptions
+from foretouch.identification.linear.options import SMALLEST_DEPTH, SMALLEST_FORCE, FPRLSOptions, RobustOptions
+from foretouch.identification.linear.recursion import LARGEST_TRACE
 
 __all__ = ["fprls_many_numpy"]
 

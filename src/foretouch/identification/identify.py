@@ -10,10 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foretouch.errors import RecordingError, plural
-from foretouch.identification.conditioning_layout import SURFACE_THRESHOLD
+from foretouch.identification.conditioning.layout import SURFACE_THRESHOLD
 from foretouch.identification.estimator import Estimator
-from foretouch.identification.learner import Learner, require_learning
-from foretouch.identification.learner_run import RawSamples, run_by_sample
+from foretouch.identification.learner import Learner, RawSamples, require_learning, run_by_sample
 from foretouch.models import ContactModel
 from foretouch.quantities import Columns, Recording
 

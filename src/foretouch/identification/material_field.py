@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foretouch.errors.checks import require
-from foretouch.identification.conditioning import ContactSample
+from foretouch.identification.conditioning.conditioner import ContactSample
 from foretouch.identification.estimator import Estimator, Status
 from foretouch.identification.material_field_kernel import UNKNOWNS, carry_over, laws_of, learn
 from foretouch.models import FIELD_DEPTH, MOST_NODES, NODE_SPACING, MaterialField, QuadraticContact

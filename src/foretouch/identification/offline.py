@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from foretouch.errors import InputError, plural
-from foretouch.identification.conditioning import ContactSample
+from foretouch.identification.conditioning.conditioner import ContactSample
 from foretouch.identification.estimator import Estimator, Status
-from foretouch.identification.exact_law import REFERENCE_TIME, ExactLaw, exact_law
+from foretouch.identification.exact.law import REFERENCE_TIME, ExactLaw, exact_law
 from foretouch.models import ContactModel
 from foretouch.quantities import ByValue
 

@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foretouch.errors import InputError, SettingError
-from foretouch.identification.conditioning import ContactSample
-from foretouch.identification.contact_map_learning import PERIOD
-from foretouch.identification.contact_map_prior import NOISE, prior
-from foretouch.identification.contact_map_scores import SHARPNESS
+from foretouch.identification.conditioning.conditioner import ContactSample
+from foretouch.identification.contact_map.learning import PERIOD
+from foretouch.identification.contact_map.prior import NOISE, prior
+from foretouch.identification.contact_map.scores import SHARPNESS
 from foretouch.identification.estimator import Estimator, Status
 from foretouch.identification.offline import FEWEST_SAMPLES, LARGEST_BUFFER, OfflineFit, fit_offline
 from foretouch.models import ContactMap, ContactModel, ContactState

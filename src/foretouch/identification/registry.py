@@ -8,24 +8,21 @@ from typing import Any, cast
 
 from foretouch.errors import SettingError, UnknownNameError
 from foretouch.errors.checks import require_type
-from foretouch.identification.contact_map import ContactMapBank
-from foretouch.identification.estimator import Estimator
-from foretouch.identification.exact_recursive import ExactHuntCrossley, ExactKelvinVoigt, ExactRecursive
-from foretouch.identification.fprls import FPRLS
-from foretouch.identification.hunt_crossley_log import HuntCrossleyLogRLS
-from foretouch.identification.hunt_crossley_two_stage import HuntCrossleyTwoStage
-from foretouch.identification.kelvin_voigt_rls import KelvinVoigtRLS
-from foretouch.identification.material_field import MaterialFieldLearner
-from foretouch.identification.offline import OfflineContinuousSwitching, OfflineHuntCrossley, OfflineKelvinVoigt
-from foretouch.identification.offline_contact_map import OfflineContactMap
-from foretouch.identification.rls import RLS, ForgettingRLS, SelfPerturbingRLS
-from foretouch.identification.robust_fprls import RobustFPRLS
-from foretouch.identification.steepest_descent import (
+from foretouch.identification.classic.hunt_crossley import HuntCrossleyLogRLS, HuntCrossleyTwoStage
+from foretouch.identification.classic.kelvin_voigt import KelvinVoigtRLS
+from foretouch.identification.classic.steepest_descent import (
     SteepestDescent,
     SteepestDescentHuntCrossley,
     SteepestDescentKelvinVoigt,
 )
-from foretouch.identification.threshold_switching import ThresholdSwitching
+from foretouch.identification.classic.threshold_switching import ThresholdSwitching
+from foretouch.identification.contact_map.bank import ContactMapBank
+from foretouch.identification.estimator import Estimator
+from foretouch.identification.exact.recursive import ExactHuntCrossley, ExactKelvinVoigt, ExactRecursive
+from foretouch.identification.linear.estimators import FPRLS, RLS, ForgettingRLS, RobustFPRLS, SelfPerturbingRLS
+from foretouch.identification.material_field import MaterialFieldLearner
+from foretouch.identification.offline import OfflineContinuousSwitching, OfflineHuntCrossley, OfflineKelvinVoigt
+from foretouch.identification.offline_contact_map import OfflineContactMap
 from foretouch.plugins import PluginError, load_plugin, make_plugin, plugin_names
 
 __all__ = [

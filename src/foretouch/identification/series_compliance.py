@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 
 from foretouch.errors import RecordingError, plural
 from foretouch.errors.checks import require
-from foretouch.identification.conditioning import Conditioner
-from foretouch.identification.sensor_lag import LONGEST_LAG, SensorLag
+from foretouch.identification.conditioning.conditioner import LONGEST_LAG, Conditioner, SensorLag
 from foretouch.quantities import ByValue, Recording, SensorCalibration
 
 __all__ = ["SeriesCompliance", "correct_recording", "find_sensor_lag", "fit_series_compliance"]

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from foretouch.identification.force_zero import TOUCH
+from foretouch.identification.force_calibration import TOUCH
 from foretouch.report.forces import Forces
 from foretouch.report.scores import STATUSES, Scores, lowest_mean
 

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from foretouch.errors import InputError, SettingError
 from foretouch.errors.checks import NUMBER, require_type
-from foretouch.identification.force_zero import (
+from foretouch.identification.force_calibration import (
     OFFSET_WINDOW,
     THRESHOLD_SHARE,
     TOUCH,

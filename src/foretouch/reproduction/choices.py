@@ -10,8 +10,8 @@ from functools import lru_cache
 from typing import Any
 
 from foretouch.identification import FPRLS, FPRLSOptions
-from foretouch.identification.linearised_options import DepthUnit
-from foretouch.identification.recursion import ErrorUnit, PerturbationForm, PerturbationMoment
+from foretouch.identification.linear.options import DepthUnit
+from foretouch.identification.linear.recursion import ErrorUnit, PerturbationForm, PerturbationMoment
 from foretouch.reproduction.claims import Claim, Verdict
 from foretouch.reproduction.presses import Press, follow, press
 from foretouch.reproduction.questions import QUESTIONS, Answer, Runs

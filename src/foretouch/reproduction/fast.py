@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from foretouch.identification import FPRLS, ROBUST, Estimator, FPRLSOptions, RobustFPRLS, RobustOptions
-from foretouch.identification.exact_recursive import ExactRecursive
+from foretouch.identification.exact.recursive import ExactRecursive
 from foretouch.report import COLOURS, finished, legend, new_figure
 from foretouch.reproduction.claims import Claim
 from foretouch.reproduction.fast_walk import (

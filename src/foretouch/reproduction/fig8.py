@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foretouch.identification import HuntCrossleyLogOptions, KelvinVoigtOptions, SwitchingOptions, TwoStageOptions
-from foretouch.identification.recursion import PerturbationForm
+from foretouch.identification.linear.recursion import PerturbationForm
 from foretouch.report import COLOURS, finished, legend, new_figure
 from foretouch.reproduction.choices import NEAREST, PRINTED, PRINTED_WORDS, claims_of, runs_of
 from foretouch.reproduction.claims import Claim

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from foretouch.errors import UnknownNameError
 from foretouch.identification import ContactSample
-from foretouch.identification.linearised import LinearisedEstimator
+from foretouch.identification.linear.linearised import LinearisedEstimator
 from foretouch.models import (
     ContactModel,
     ContinuousSwitching,

@@ -21,7 +21,7 @@ from foretouch.identification import (
     Status,
     make_estimator,
 )
-from foretouch.identification.recursion import ErrorUnit
+from foretouch.identification.linear.recursion import ErrorUnit
 from foretouch.messages import SessionLog
 from foretouch.models import ContactModel
 from foretouch.quantities import Brief

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foretouch.identification import SwitchingOptions, ThresholdSwitching
-from foretouch.identification.fprls import by_distance
-from foretouch.identification.recursion import PerturbationForm, Recursion
+from foretouch.identification.linear.estimators import by_distance
+from foretouch.identification.linear.recursion import PerturbationForm, Recursion
 from foretouch.models import ContactModel, KelvinVoigt
 from foretouch.reproduction.presses import Press, forces_of
 

@@ -7,8 +7,8 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from foretouch.errors import SettingError
-from foretouch.identification.conditioning import CONTACT_FLOOR
-from foretouch.identification.sensor_lag import LONGEST_LAG
+from foretouch.identification.conditioning.conditioner import LONGEST_LAG
+from foretouch.identification.conditioning.kernel import CONTACT_FLOOR
 from foretouch.quantities import SensorCalibration
 from foretouch.recordings import read_calibration
 from foretouch.robot import RobotSpecification

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from foretouch.identification import ContactSample, Estimator, Learner, SensorState, SensorWatch
-from foretouch.identification.conditioning import CONTACT_FLOOR
+from foretouch.identification.conditioning.kernel import CONTACT_FLOOR
 from foretouch.link import SequenceCounter
 from foretouch.messages import VERSION, Command, ModelUpdate, Status, Telemetry
 from foretouch.robot import RobotSample, RobotSpecification

@@ -13,7 +13,7 @@ from foretouch.devices.device import COUNT_FORCE, LEAST_DAMPING
 from foretouch.errors import ArgumentTypeError, SettingError, UnknownNameError
 from foretouch.errors.checks import NUMBER, require
 from foretouch.identification import DEFAULT_ESTIMATORS, ESTIMATORS, Estimator, make_estimator
-from foretouch.identification.conditioning import CONTACT_FLOOR
+from foretouch.identification.conditioning.kernel import CONTACT_FLOOR
 from foretouch.link import Faults
 from foretouch.link.faults import LONGEST_DELAY
 from foretouch.plugins import load_plugin, plugin_names

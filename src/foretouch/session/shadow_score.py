@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from foretouch.identification.conditioning import CONTACT_FLOOR
+from foretouch.identification.conditioning.kernel import CONTACT_FLOOR
 
 __all__ = ["SCORED_AFTER", "ShadowScore"]
 

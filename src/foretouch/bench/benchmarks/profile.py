@@ -19,8 +19,7 @@ from foretouch.bench.clocks import Clocks, Target, replaced, without_cost
 from foretouch.bench.rows import Row, Scope
 from foretouch.devices import ScriptedOperator
 from foretouch.identification import ContactMapBank, SensorWatch
-from foretouch.identification.conditioning import Conditioner
-from foretouch.identification.sensor_lag import SensorLag
+from foretouch.identification.conditioning.conditioner import Conditioner, SensorLag
 from foretouch.link import FaultStage
 from foretouch.models import Predictor
 from foretouch.rendering import EnergyAccount, ForceLimiter, Mediation, Proxy, Renderer

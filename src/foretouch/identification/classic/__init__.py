@@ -1,0 +1,1 @@
+"""The estimators that the paper compares with."""

@@ -1,0 +1,284 @@
+"""The Hunt-Crossley law in a single stage, by logarithm.
+
+The Hunt-Crossley law in two stages that feed each other.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from foretouch.errors import SettingError
+from foretouch.errors.checks import require
+from foretouch.identification.classic.kelvin_voigt import at_least_zero
+from foretouch.identification.conditioning.conditioner import ContactSample
+from foretouch.identification.estimator import Estimator, Status
+from foretouch.identification.linear.options import REFERENCE_DEPTH, REFERENCE_VELOCITY, RobustOptions
+from foretouch.identification.linear.recursion import BROKEN, LARGEST_LOG, Recursion, error_along
+from foretouch.models import HuntCrossley
+
+FEWEST_UPDATES = 20
+"""No force is rendered from fewer samples."""
+
+
+@dataclass(frozen=True, slots=True)
+class HuntCrossleyLogOptions:
+    """Choices of `HuntCrossleyLogRLS`.
+
+    Args:
+        initial_covariance: P_0 = this times I, of (ln k, lambda / k, n).
+        forgetting_factor: mu at each sample, above 0 and at most 1; 1 forgets nothing. The source forgets
+            exponentially where the material changes.
+        initial_parameters: theta_0 = (ln k, lambda / k [s/m], n), depth in metres.
+        robust: `largest_rate` does nothing here: nothing is divided by x.
+
+    Raises:
+        SettingError: A value out of range.
+    """
+
+    initial_covariance: float = 1e6
+    forgetting_factor: float = 1.0
+    initial_parameters: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    robust: RobustOptions = field(default_factory=RobustOptions)
+
+    def __post_init__(self) -> None:
+        require("initial_covariance", self.initial_covariance, above=0.0)
+        require("forgetting_factor", self.forgetting_factor, above=0.0, at_most=1.0)
+        if len(self.initial_parameters) != 3:
+            raise SettingError("initial_parameters", self.initial_parameters, "takes ln k, lambda / k, n")
+        for value in self.initial_parameters:
+            require("initial_parameters", value)
+
+
+class HuntCrossleyLogRLS(Estimator):
+    r"""Identifies (k, lambda, n) of equation (2) by linear least squares on the logarithm of the force.
+
+    .. math::
+        \ln F = \ln k + n \ln x + \ln\left(1 + \tfrac{\lambda}{k} \dot x\right)
+            \approx \ln k + \tfrac{\lambda}{k} \dot x + n \ln x
+
+    which holds to 5 % of the damping term while `|lambda v / k| < 0.1`. Faster, damping is found too small in
+    pressing and too large in releasing. Where it is found negative, the law gets 0 and what fits best with it.
+
+    `standard_errors` are those of independent errors of ln F, and of first order.
+
+    Args:
+        options: Its choices.
+
+    References:
+        Haddadi and Hashtrudi-Zaad (2012), Real-time identification of Hunt-Crossley dynamic models of contact
+        environments, IEEE Transactions on Robotics 28(3).
+    """
+
+    name: ClassVar[str] = "log-rls"
+    model_name: ClassVar[str] = "hunt-crossley"
+
+    def __init__(self, options: HuntCrossleyLogOptions | None = None) -> None:
+        self.options = HuntCrossleyLogOptions() if options is None else options
+        scaled = self.options.robust.scaled
+        self._depth_scale, self._velocity_scale = (REFERENCE_DEPTH, REFERENCE_VELOCITY) if scaled else (1.0, 1.0)
+        ln_k, rate, exponent = self.options.initial_parameters
+        self._recursion = Recursion(
+            np.array([ln_k + exponent * math.log(self._depth_scale), rate * self._velocity_scale, exponent]),
+            self.options.initial_covariance,
+            trace_limit=self.options.robust.trace_limit,
+        )
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget all samples."""
+        self._recursion.reset()
+        self.updates = 0
+
+    def update(self, sample: ContactSample) -> Status:
+        """One step; see `Estimator.update`."""
+        robust = self.options.robust
+        refusal = robust.refuse(sample, logarithms=True)
+        if refusal is not None:
+            return refusal
+        _, depth, velocity, force, _ = sample
+        regressor = (1.0, velocity / self._velocity_scale, math.log(depth / self._depth_scale))
+        factor = self.options.forgetting_factor
+        if self._recursion.learn(regressor, math.log(force), factor, robust.weight(force)) == BROKEN:
+            self.reset()
+            return Status.RESTARTED
+        self.updates += 1
+        return Status.LEARNT
+
+    @property
+    def unscaled_covariance(self) -> NDArray[np.float64]:
+        """A copy of P, shape (3, 3), of (ln k, lambda / k, n) in the units of the regressors."""
+        return self._recursion.covariance.copy()
+
+    @property
+    def covariance(self) -> NDArray[np.float64] | None:
+        """Of ln k, lambda / k [s/m] and n, depth in metres, shape (3, 3); None before it is known."""
+        covariance = self._recursion.error_covariance
+        if covariance is None:
+            return None
+        to_metres = np.diag([1.0, 1.0 / self._velocity_scale, 1.0])
+        to_metres[0, 2] = -math.log(self._depth_scale)
+        return np.asarray(to_metres @ covariance @ to_metres.T)
+
+    @property
+    def model(self) -> HuntCrossley | None:
+        """The law (2), None before 20 samples or while its stiffness or exponent is out of range."""
+        if self.updates < FEWEST_UPDATES:
+            return None
+        ln_k, rate, exponent = self._unknowns()
+        if not (abs(ln_k) < 700.0 and 0.0 < exponent < math.inf):
+            return None
+        stiffness = math.exp(ln_k)
+        damping = stiffness * max(0.0, rate)
+        return HuntCrossley(stiffness, damping, exponent) if math.isfinite(damping) else None
+
+    @property
+    def standard_errors(self) -> dict[str, float | None] | None:
+        """Of stiffness, damping and exponent, None before there is a model."""
+        model, covariance = self.model, self.covariance
+        if model is None or covariance is None:
+            return None
+        _, rate, _ = self._unknowns()
+        ln_k, per_rate, exponent = np.eye(3)
+        slopes = (model.stiffness * ln_k, model.stiffness * (max(0.0, rate) * ln_k + per_rate), exponent)
+        errors = (error_along(slope, covariance) for slope in slopes)
+        return dict(zip(model.parameter_names, errors, strict=True))
+
+    def _unknowns(self) -> tuple[float, float, float]:
+        """Ln k, lambda / k and n, depth in metres."""
+        values = at_least_zero(self._recursion.theta, self._recursion.covariance, 1)
+        level, rate, exponent = values.tolist()
+        return level - exponent * math.log(self._depth_scale), rate / self._velocity_scale, exponent
+
+
+LARGEST_EXPONENT = 10.0
+"""Exponents that stage 1 is computed with stay in -10 to 10: x^n neither overflows nor vanishes."""
+
+
+@dataclass(frozen=True, slots=True)
+class TwoStageOptions:
+    """Choices of `HuntCrossleyTwoStage`.
+
+    Args:
+        initial_exponent: n that stage 1 begins with; 1.5 is Hertz's sphere.
+        initial_covariance: P_0 of (k, lambda), a force noise of 1 N; 10^12 lets stiffnesses of 10^6 N/m^n be found.
+        initial_exponent_covariance: P_0 of n; 1 lets it move by about 1 for an error of ln F of 1.
+        forgetting_factor: mu of both stages at each sample, above 0 and at most 1. Below 1 by default: what stage 1
+            has learnt with an old n is wrong, and must be forgotten for n to converge.
+        robust: `weight_force` acts on stage 2; `largest_rate` does nothing, for nothing is divided by x.
+
+    Raises:
+        SettingError: A value out of range.
+    """
+
+    initial_exponent: float = 1.5
+    initial_covariance: float = 1e12
+    initial_exponent_covariance: float = 1.0
+    forgetting_factor: float = 0.999
+    robust: RobustOptions = field(default_factory=RobustOptions)
+
+    def __post_init__(self) -> None:
+        require("initial_exponent", self.initial_exponent, above=0.0, at_most=LARGEST_EXPONENT)
+        require("initial_covariance", self.initial_covariance, above=0.0)
+        require("initial_exponent_covariance", self.initial_exponent_covariance, above=0.0)
+        require("forgetting_factor", self.forgetting_factor, above=0.0, at_most=1.0)
+
+
+class HuntCrossleyTwoStage(Estimator):
+    r"""Identifies (k, lambda, n) of equation (2) by two recursive least squares, each with the other's newest result.
+
+    .. math::
+        \text{stage 1, given } \hat n: &\quad F = k\, x^{\hat n} + \lambda\, x^{\hat n} \dot x \\
+        \text{stage 2, given } \hat k, \hat\lambda: &\quad \ln\frac{F}{\hat k + \hat\lambda \dot x} = n \ln x
+
+    Nothing is approximated, but error feeds back: an error of n makes stage 1 find a k that is wrong by about
+    `x^(n - n_hat)` at the depths of the moment; stage 2 divides by it, and sees only what is left over the spread of
+    ln x. Both then move together, slowly, along the line on which `k x^n` is the same: the force is right long before
+    k and n are. It is worst where ln x is large against its own spread, as in metres (ln 0.01 = -4.6), or where the
+    depth hardly changes; with `robust.scaled` ln x is that of x / 10 mm, and both converge within seconds.
+
+    `standard_errors` is None: each stage's covariance takes the other's result as exact.
+
+    Args:
+        options: Its choices.
+
+    References:
+        Diolaiti, Melchiorri and Stramigioli (2005), Contact impedance estimation for robotic systems,
+        IEEE Transactions on Robotics 21(5).
+    """
+
+    name: ClassVar[str] = "two-stage"
+    model_name: ClassVar[str] = "hunt-crossley"
+
+    def __init__(self, options: TwoStageOptions | None = None) -> None:
+        self.options = TwoStageOptions() if options is None else options
+        robust = self.options.robust
+        self._depth_scale, self._velocity_scale = (REFERENCE_DEPTH, REFERENCE_VELOCITY) if robust.scaled else (1.0, 1.0)
+        self._forces = Recursion(np.zeros(2), self.options.initial_covariance, trace_limit=robust.trace_limit)
+        self._exponents = Recursion(
+            np.array([self.options.initial_exponent]),
+            self.options.initial_exponent_covariance,
+            trace_limit=robust.trace_limit,
+        )
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget all samples."""
+        self._forces.reset()
+        self._exponents.reset()
+        self.updates = 0
+
+    def update(self, sample: ContactSample) -> Status:
+        """Stage 1, then stage 2; see `Estimator.update`."""
+        robust = self.options.robust
+        refusal = robust.refuse(sample, logarithms=True)
+        if refusal is not None:
+            return refusal
+        _, depth, velocity, force, _ = sample
+        factor = self.options.forgetting_factor
+        log_depth, relative_velocity = math.log(depth / self._depth_scale), velocity / self._velocity_scale
+        exponent = min(max(self._exponents.theta.item(), -LARGEST_EXPONENT), LARGEST_EXPONENT)
+        spring = math.exp(min(exponent * log_depth, LARGEST_LOG))
+        done = self._forces.learn((spring, spring * relative_velocity), force, factor)
+        stiffness, damping = at_least_zero(self._forces.theta, self._forces.covariance, 1).tolist()
+        at_unit_depth = stiffness + damping * relative_velocity
+        if done != BROKEN and 0.0 < at_unit_depth < math.inf:  # else no logarithm: stage 2 waits
+            target = math.log(force) - math.log(at_unit_depth)
+            done = self._exponents.learn((log_depth,), target, factor, robust.weight(force))
+        if done == BROKEN:
+            self.reset()
+            return Status.RESTARTED
+        self.updates += 1
+        return Status.LEARNT
+
+    @property
+    def unscaled_covariance(self) -> NDArray[np.float64]:
+        """P of (k, lambda) and of n in one, in the units of the regressors, shape (3, 3); the stages share nothing."""
+        covariance = np.zeros((3, 3))
+        covariance[:2, :2] = self._forces.covariance
+        covariance[2:, 2:] = self._exponents.covariance
+        return covariance
+
+    @property
+    def model(self) -> HuntCrossley | None:
+        """The law (2), None before 20 samples or while its stiffness or exponent is out of range."""
+        if self.updates < FEWEST_UPDATES:
+            return None
+        exponent = self._exponents.theta.item()
+        if not 0.0 < exponent <= LARGEST_EXPONENT:
+            return None
+        level, damping = at_least_zero(self._forces.theta, self._forces.covariance, 1).tolist()
+        unit = self._depth_scale**exponent
+        stiffness, damping = level / unit, max(0.0, damping) / (unit * self._velocity_scale)
+        if not (0.0 < stiffness < math.inf and damping < math.inf):
+            return None
+        return HuntCrossley(stiffness, damping, exponent)
+
+    @property
+    def standard_errors(self) -> dict[str, float | None] | None:
+        """None: see the class."""
+        return None

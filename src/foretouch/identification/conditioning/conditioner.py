@@ -1,0 +1,250 @@
+"""How late a force sensor is against the encoders, as far as contact itself can tell.
+
+The columns of a conditioned recording, as compiled loops take them.
+
+From raw samples to depth, velocity and force in contact, causally.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from foretouch.errors import InputError
+from foretouch.errors.checks import require
+from foretouch.identification.conditioning.kernel import (
+    CONTACT_FLOOR,
+    PRODUCTS,
+    SIZE,
+    TIME,
+    WEIGHT,
+    clear,
+    lose_surface,
+    take,
+    take_lagged,
+)
+from foretouch.identification.conditioning.layout import (
+    FREE_PLACE,
+    IN_CONTACT,
+    LAST_ONSET,
+    OFFSET,
+    SURFACE,
+    SURFACE_THRESHOLD,
+    grow,
+    make_state,
+)
+
+LONGEST_LAG = 0.05
+"""No sensor is later than this [s]."""
+
+LEAST_TIME = 0.2
+"""Nothing is said from less moving contact [s]."""
+
+
+class SensorLag:
+    r"""The least lag that a passive material allows, from samples in moving contact.
+
+    To first order a force that is felt :math:`\delta` late is
+
+    .. math:: F = F_0 + K x + (B - K \delta) \dot x
+
+    so that lag and damping cannot be told apart: only :math:`\tau = B / K - \delta` is seen. A material does not push
+    itself along, B >= 0, hence :math:`\delta \ge -\tau`. On a spring that is the lag itself; where the material damps
+    more than the sensor lags, the estimate is 0. F_0, K and the slope over velocity come from least squares that fade
+    over 5 s of moving contact.
+
+    Attributes:
+        memory: All that is remembered, by `sensor_lag_kernel`.
+    """
+
+    __slots__ = ("memory",)
+
+    def __init__(self) -> None:
+        self.memory = np.empty(SIZE)
+        self.reset()
+        take_lagged(self.memory, 0.0, 0.0, 0.0, 0.0)  # compiled here, before any loop
+
+    def reset(self) -> None:
+        """Forget all samples."""
+        clear(self.memory)
+
+    def update(self, position: float, velocity: float, force: float, period: float) -> None:
+        """Take one sample in contact.
+
+        Args:
+            position: [m].
+            velocity: [m/s]; slower ones than 2 mm/s are left out.
+            force: [N].
+            period: Since the sample before [s].
+        """
+        take_lagged(self.memory, position, velocity, force, period)
+
+    @property
+    def time(self) -> float:
+        """In moving contact so far [s]."""
+        return float(self.memory[TIME])
+
+    @property
+    def lag(self) -> float | None:
+        """Least lag [s], 0 to 0.05; None while too little is known."""
+        found = self._slopes()
+        if found is None:
+            return None
+        stiffness, slope, _ = found
+        return min(max(-slope / stiffness, 0.0), LONGEST_LAG)
+
+    @property
+    def standard_error(self) -> float | None:
+        """Of the lag [s], as if residuals were alike for 20 ms; None while too little is known."""
+        found = self._slopes()
+        if found is None:
+            return None
+        stiffness, _, residual = found
+        xx, xv, vv = self.memory[PRODUCTS : PRODUCTS + 3].tolist()
+        independent = max(float(self.memory[WEIGHT]) / 0.02, 1.0)
+        return math.sqrt(residual * xx / (xx * vv - xv * xv) / independent) / stiffness
+
+    def _slopes(self) -> tuple[float, float, float] | None:
+        """K [N/m], B - K delta [N s/m] and the variance of what they leave [N^2]."""
+        xx, xv, vv, xf, vf, ff = self.memory[PRODUCTS:].tolist()
+        determinant = xx * vv - xv * xv
+        if self.time < LEAST_TIME or not determinant > 1e-6 * xx * vv:
+            return None
+        stiffness, slope = (xf * vv - vf * xv) / determinant, (vf * xx - xf * xv) / determinant
+        if not stiffness > 0.0:
+            return None
+        return stiffness, slope, max(ff - stiffness * xf - slope * vf, 0.0)
+
+
+Array = NDArray[np.float64]
+
+
+def sample_columns(
+    time: ArrayLike, depth: ArrayLike, velocity: ArrayLike, force: ArrayLike, in_contact: ArrayLike
+) -> tuple[Array, Array, Array, Array, NDArray[np.bool_]]:
+    """Contiguous columns of one length.
+
+    Args:
+        time: [s], shape (n,).
+        depth: Below the surface [m], shape (n,).
+        velocity: [m/s], shape (n,).
+        force: Less the offset [N], shape (n,).
+        in_contact: Whether the probe touches, shape (n,).
+
+    Raises:
+        InputError: Columns of unlike shape.
+    """
+    numbers = [np.ascontiguousarray(column, np.float64) for column in (time, depth, velocity, force)]
+    touching = np.ascontiguousarray(in_contact, np.bool_)
+    shapes = [column.shape for column in (*numbers, touching)]
+    if len(set(shapes)) > 1 or len(shapes[0]) != 1:
+        raise InputError(
+            f"time, depth, velocity, force, in_contact have the shapes {', '.join(map(str, shapes))}: "
+            "they must be columns of one length"
+        )
+    return numbers[0], numbers[1], numbers[2], numbers[3], touching
+
+
+class ContactSample(NamedTuple):
+    """One conditioned sample.
+
+    Attributes:
+        time: [s].
+        depth: Below the surface [m]; NaN before the surface is known.
+        velocity: [m/s], positive while deepening.
+        force: Less the offset [N].
+        in_contact: Whether the probe is judged to touch.
+    """
+
+    time: float
+    depth: float
+    velocity: float
+    force: float
+    in_contact: bool
+
+
+class Conditioner:
+    """Finds force offset, contact and surface as the samples come.
+
+    - **Offset**: the lowest mean force over 50 ms so far, of the windows that are not much noisier than the
+      quietest. Where a recording never leaves contact this is a convention; nothing in the data can tell.
+    - **Contact** begins when the force rises above a threshold, the largest of the contact floor, six standard
+      deviations of the force in the window that gave the offset (at most half as much again as in the quietest window
+      so far), and 5 % of the largest force so far; it ends at half of it.
+    - **Surface**: the last position, before the first contact, at which the force was below the threshold of ending.
+      It moves outwards when contact is felt further out, and is found anew when the threshold has at least doubled
+      since, for then the first contact was none.
+
+    - **Lag**: where the force sensor is known to be late, positions wait for it, so that the two belong together.
+
+    Args:
+        surface: Position of the surface [m], or None to find it.
+        force_offset: Force in free air [N], or None to find it.
+        contact_floor: Least force that counts as contact [N], by the noise of the origin; positive.
+        sensor_lag: How late forces are against positions [s], not negative.
+
+    Attributes:
+        surface: [m]; NaN before it is known.
+        surface_error: Standard error of the surface [m]: contact began somewhere between the last position surely
+            without and the first surely with it, and begins elsewhere at another press; 0 for one that was given.
+        force_offset: [N].
+        in_contact: The newest judgement.
+    """
+
+    def __init__(
+        self,
+        *,
+        surface: float | None = None,
+        force_offset: float | None = None,
+        contact_floor: float = CONTACT_FLOOR,
+        sensor_lag: float = 0.0,
+    ) -> None:
+        require("contact_floor", contact_floor, above=0.0)
+        require("sensor_lag", sensor_lag, at_least=0.0, at_most=LONGEST_LAG)
+        self._given = (surface, force_offset, contact_floor, sensor_lag)
+        self.reset()
+        take(self.memory, math.nan, math.nan, math.nan, 0.0, False)  # compiled here, before any loop
+        lose_surface(make_state(*self._given))
+
+    def reset(self) -> None:
+        """Forget all samples."""
+        self.memory = make_state(*self._given)
+        self.in_contact = False
+        self.recall()
+
+    def make_room(self) -> None:
+        """Let more samples fall into the 50 ms than ever so far, where they do."""
+        self.memory = grow(self.memory)
+
+    def recall(self) -> None:
+        """Show what stands in the memory, after compiled code has changed it."""
+        self.surface, self.surface_error, self.force_offset = self.memory[SURFACE : OFFSET + 1].tolist()
+        self.in_contact = bool(self.memory[IN_CONTACT])
+
+    def lose_surface(self) -> None:
+        """Look for the surface again: the material has gone. One that was given stays."""
+        lose_surface(self.memory)
+        self.recall()
+
+    def doubt_surface(self) -> None:
+        """Find the surface anew where the next contact begins: the probe goes elsewhere. One that was given stays."""
+        self.memory[SURFACE_THRESHOLD] = 0.0
+
+    def shift(self, change: float) -> None:
+        """What is pressed has moved by so much [m], deeper where positive: the surface goes with it, unless given."""
+        if self._given[0] is None and math.isfinite(change):
+            self.memory[[SURFACE, FREE_PLACE, LAST_ONSET]] += change
+            self.recall()
+
+    def update(self, time: float, position: float, force: float, velocity: float | None = None) -> ContactSample:
+        """Take one sample; a sample that is not finite is answered with "no contact" and changes nothing."""
+        known = velocity is not None
+        found = take(self.memory, time, position, force, 0.0 if velocity is None else velocity, known)
+        depth, velocity, force, touching, self.surface, self.surface_error, self.force_offset, full = found
+        self.in_contact = touching
+        if full:
+            self.make_room()
+        return ContactSample(time, depth, velocity, force, touching)

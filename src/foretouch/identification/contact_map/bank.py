@@ -1,0 +1,295 @@
+"""Our own learner of real materials: a contact map, with the paper's law as first guess and rival."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from foretouch.errors import SettingError
+from foretouch.errors.checks import require
+from foretouch.identification.conditioning.conditioner import ContactSample, sample_columns
+from foretouch.identification.contact_map.kernel import (
+    FEWEST_UPDATES,
+    FREE_AIR,
+    GONE,
+    LEARNT,
+    LEARNT_IN_AIR,
+    OTHER,
+    RESTARTED,
+    UNUSABLE,
+    WAITING,
+    RawColumns,
+    move_offset,
+    move_surface,
+    reset,
+    run,
+    run_raw,
+    take,
+)
+from foretouch.identification.contact_map.layout import (
+    ABSENT,
+    BEGIN_COARSE,
+    BEGIN_FINE,
+    BEGIN_FLAT,
+    BEGIN_LAW,
+    BEGIN_MEMORY,
+    BEGIN_NOTES,
+    BEGIN_RATES,
+    BEGIN_SETTINGS,
+    BEGIN_TIMES,
+    BEGUN,
+    CHANGES,
+    HORIZON,
+    TOTAL,
+    UPDATES,
+)
+from foretouch.identification.contact_map.regression import make_regression, whole_covariance
+from foretouch.identification.estimator import Estimator, Status
+from foretouch.identification.exact.recursive import ExactRecursive, ExactRecursiveOptions
+from foretouch.models import ContactMap, ContactModel, ContactState
+from foretouch.models.contact_map_layout import COARSE, FINE, LAW, SHARES
+from foretouch.models.contact_map_wire import pack
+
+__all__ = ["EXPERT_NAMES", "LONGEST_HORIZON", "ContactMapBank"]
+
+EXPERT_NAMES = ("law", "coarse", "fine")
+"""In the order of their shares."""
+
+LONGEST_HORIZON = 0.3
+"""Experts are scored on predictions at most this late [s]: on longer ones they are too much alike."""
+
+
+Array = NDArray[np.float64]
+
+_STATUS = {
+    FREE_AIR: Status.FREE_AIR,
+    UNUSABLE: Status.UNUSABLE,
+    WAITING: Status.WAITING,
+    LEARNT: Status.LEARNT,
+    LEARNT_IN_AIR: Status.FREE_AIR,
+    OTHER: Status.CHANGED,
+    GONE: Status.CHANGED,
+    RESTARTED: Status.RESTARTED,
+}
+_STATUSES = tuple(_STATUS[code] for code in range(len(_STATUS)))
+_PLACES = np.array([list(Status).index(status) for status in _STATUSES], np.int8)
+
+
+class ContactMapBank(Estimator):
+    r"""Learns a contact map (`foretouch.models.ContactMap`): two maps and the paper's law, scored on late predictions.
+
+    **Maps.** Their weights w are learnt by recursive least squares, 250 times a second, in contact and out of it,
+
+    .. math::
+        K = \frac{P h}{h^T P h + \sigma^2}, \quad w \leftarrow w + K (F - h^T w), \quad P \leftarrow P - K h^T P
+
+    where h holds the splines of the place and of the features. The prior is a cubic smoothing spline for the elastic
+    part, that is doubly integrated white noise, which goes on straight where nothing was learnt, and a smooth Gaussian
+    process for each feature. Only the ratio of prior and noise matters, so that nothing depends on the unit of force;
+    and depth counts from the first contact, so that a surface found better later moves nothing. There is no forgetting
+    towards the prior, but for a covariance that goes back to it in 50 minutes of contact.
+
+    **Law.** The exact law (4) by `ExactRecursive`: a first guess from twenty samples, right within 0.1 s after a
+    change, and the best where the material is of that kind.
+
+    **Shares.** Every 20 ms the whole is kept, and each expert's force from what was known a delay ago is compared with
+    what was felt since, where the place had been visited by then. With e_i the RMS error over about the last second of
+    contact and c_i penalties (1.2 for the law; for each map what its knots cannot resolve),
+
+    .. math:: \pi_i \propto (c_i e_i)^{-8}
+
+    **Change.** Where over 0.05 s no map explains a force at a visited place to a quarter of the peak, the material has
+    changed: the maps begin anew, and until they are scored again the law's share is largest. Where instead of a force
+    nothing at all is felt, the material has gone, and the surface is looked for again.
+
+    **Doubt.** The variance of a late prediction is a constant and shares of the squares of force and speed, none of
+    them negative, by least squares on its own squared errors, scaled until one standard deviation holds 75 % of them:
+    their tails are heavier than a Gaussian's.
+
+    Args:
+        horizon: How late a prediction is that the experts are scored on [s], 0 to 2.
+        experts: Those that are asked, of ``law``, ``coarse`` and ``fine``.
+
+    Attributes:
+        changes: Sudden changes found since the last reset.
+
+    Raises:
+        SettingError: A horizon out of range, or no or unknown experts.
+
+    References:
+        Wahba (1990), Spline Models for Observational Data; Rasmussen and Williams (2006), Gaussian Processes for
+        Machine Learning, section 6.3; Jacobs, Jordan, Nowlan and Hinton (1991), Adaptive mixtures of local experts,
+        Neural Computation 3(1), for experts in shares. The paper's law: its equation (4).
+    """
+
+    name: ClassVar[str] = "bank"
+    model_name: ClassVar[str] = "contact-map"
+
+    def __init__(self, horizon: float = LONGEST_HORIZON, experts: Sequence[str] = EXPERT_NAMES) -> None:
+        require("horizon", horizon, at_least=0.0, at_most=2.0)
+        if not experts or not set(experts) <= set(EXPERT_NAMES):
+            raise SettingError("experts", ", ".join(experts), f"must be some of {', '.join(EXPERT_NAMES)}")
+        # Residuals count as alike for 0.02 s, not 0.1: the law is asked where it holds, and there it may be quick.
+        self._law = ExactRecursive(ExactRecursiveOptions(correlation_time=0.02))
+        self._state = np.zeros(TOTAL)
+        self._flat = self._state[BEGIN_FLAT:BEGIN_MEMORY]
+        self._memory = self._state[BEGIN_MEMORY:BEGIN_NOTES]
+        self._notes = self._state[BEGIN_NOTES:BEGIN_RATES]
+        self._law.place_in(self._state[BEGIN_LAW:BEGIN_SETTINGS], self._state[BEGIN_SETTINGS:BEGIN_TIMES])
+        self._regressions = (
+            make_regression(0, self._state[BEGIN_COARSE:BEGIN_FINE]),
+            make_regression(1, self._state[BEGIN_FINE:]),
+        )
+        self._notes[ABSENT : ABSENT + len(EXPERT_NAMES)] = [name not in experts for name in EXPERT_NAMES]
+        self.horizon = horizon
+        self.reset()
+        take(self._state, 0.0, math.nan, 0.0, 0.0, False)  # compiled here, before any loop
+        move_surface(self._state, 0.0)
+        move_offset(self._state, 0.0)
+
+    @property
+    def horizon(self) -> float:
+        """How late a prediction is that the experts are scored on [s]."""
+        return float(self._notes[HORIZON])
+
+    @horizon.setter
+    def horizon(self, horizon: float) -> None:
+        self._notes[HORIZON] = horizon
+
+    def reset(self) -> None:
+        """Forget all samples."""
+        self._notes[CHANGES] = 0.0
+        reset(self._state)
+        self._model: ContactMap | None = None
+        self.updates = 0
+        self.changes = 0
+
+    def update(self, sample: ContactSample) -> Status:
+        """See `Estimator.update`."""
+        time, depth, velocity, force, in_contact = sample
+        code = take(self._state, time, depth, velocity, force, in_contact)
+        if code >= LEARNT:
+            self._told()
+        return _STATUSES[code]
+
+    def _told(self) -> None:
+        """The compiled part has learnt."""
+        self._model = None
+        self.updates = int(self._notes[UPDATES])
+        self.changes = int(self._notes[CHANGES])
+
+    def run(
+        self, time: Array, depth: Array, velocity: Array, force: Array, in_contact: NDArray[np.bool_]
+    ) -> NDArray[np.int8]:
+        """`update` with every sample of a recording, in one compiled loop: the same numbers, bit for bit.
+
+        Args:
+            time: [s], shape (n,).
+            depth: [m], NaN before the surface is known, shape (n,).
+            velocity: [m/s], shape (n,).
+            force: Less the offset [N], shape (n,).
+            in_contact: Shape (n,).
+
+        Returns:
+            What was done with each sample, as places in `Status`, shape (n,).
+
+        Raises:
+            InputError: Columns of unlike shape.
+        """
+        columns = sample_columns(time, depth, velocity, force, in_contact)
+        codes = np.empty(columns[0].size, np.int8)
+        run(self._state, *columns, codes)
+        self._told()
+        return _PLACES[codes]
+
+    def run_raw(
+        self, conditioner: Array, lag: Array, notes: Array, rows: Array, measured: bool, told: RawColumns
+    ) -> tuple[int, Status]:
+        """Condition and learn from raw samples, in one compiled loop: the same numbers as sample by sample.
+
+        Args:
+            conditioner: What a `Conditioner` remembers; it goes on in place.
+            lag: What a `SensorLag` remembers; it goes on in place.
+            notes: Of `raw_kernel.make_notes` before the first block; it goes on in place.
+            rows: Time [s], position [m], force [N] and velocity [m/s], shape (4, m).
+            measured: Whether velocities were measured; else they are found from the positions.
+            told: Whether there is contact, force less the offset [N] and residual [N], shape (m,) each, written.
+
+        Returns:
+            How many samples were taken, fewer than m where the conditioner needs room before the next; and what was
+            done with the last.
+        """
+        taken, code = run_raw(self._state, conditioner, lag, notes, rows, measured, *told)
+        self._told()
+        return taken, _STATUSES[code]
+
+    def covariance(self, expert: str) -> Array:
+        """Covariance P of the weights of the ``coarse`` or the ``fine`` map, those where nothing was felt too.
+
+        Returns:
+            Shape (n, n), in the unit in which the noise is 0.3.
+
+        Raises:
+            SettingError: An expert without weights.
+        """
+        if expert not in EXPERT_NAMES[1:]:
+            raise SettingError("expert", expert, "must be coarse or fine")
+        kind = EXPERT_NAMES[1:].index(expert)
+        _, first, *_, end = (COARSE, FINE)[kind]
+        return whole_covariance(self._flat[first:end], self._regressions[kind])[1]
+
+    def expect_delay(self, delay: float) -> None:
+        """See `Estimator.expect_delay`: experts are scored on predictions that late, if it is no more than 0.3 s."""
+        if math.isfinite(delay):
+            self.horizon = min(max(delay, 0.0), LONGEST_HORIZON)
+
+    @property
+    def shares(self) -> dict[str, float]:
+        """Shares of the experts in the force, by name."""
+        return dict(zip(EXPERT_NAMES, self._flat[SHARES : SHARES + len(EXPERT_NAMES)].tolist(), strict=True))
+
+    def trust_surface(self, trusted: bool) -> None:
+        """See `Estimator.trust_surface`."""
+        self._law.trust_surface(trusted)
+
+    def move_surface(self, change: float) -> None:
+        """See `Estimator.move_surface`: the map stays where it is."""
+        move_surface(self._state, change)
+        self._model = None
+
+    def move_offset(self, change: float) -> None:
+        """See `Estimator.move_offset`: the map keeps what the sensor said."""
+        move_offset(self._state, change)
+        self._model = None
+
+    @property
+    def model(self) -> ContactModel | None:
+        """See `Estimator.model`."""
+        if self.updates - self._notes[BEGUN] < FEWEST_UPDATES:
+            return None
+        if self._model is None:
+            try:
+                stiffness, damping, exponent, switching = self._flat[LAW : LAW + 4].tolist()
+                self._model = ContactMap(stiffness, damping, exponent, switching, pack(self._flat))
+            except SettingError:  # numbers that 32 bits do not hold
+                return None
+        return self._model
+
+    @property
+    def state(self) -> ContactState:
+        """See `Estimator.state`."""
+        return tuple(self._memory.tolist())
+
+    @property
+    def parameters(self) -> dict[str, float | None]:
+        """The law's numbers, as the law's own estimator gives them, of the newest sample; a model's are an update's."""
+        return self._law.parameters
+
+    @property
+    def standard_errors(self) -> dict[str, float | None] | None:
+        """Of the law's numbers."""
+        return self._law.standard_errors

@@ -1,0 +1,1 @@
+"""Laws that are not linear, by recursive Bayesian estimation."""

@@ -1,0 +1,329 @@
+"""Our own estimator: a recursive one on the exact law (4), with standard errors."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, fields
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from foretouch.errors import SettingError
+from foretouch.errors.checks import require
+from foretouch.identification.conditioning.conditioner import ContactSample, sample_columns
+from foretouch.identification.estimator import Estimator, Status
+from foretouch.identification.exact.belief import FEWEST_UPDATES, move_surface
+from foretouch.identification.exact.kernel import CHANGED, FAILED, FREE_AIR, HELD, LEARNT, UNUSABLE, run, take
+from foretouch.identification.exact.law import (
+    COVARIANCE,
+    EXACT_LAWS,
+    LEARNT_FROM,
+    NOTES,
+    REFERENCE,
+    REFERENCE_TIME,
+    SETTINGS,
+    STATE_SIZE,
+    THETA,
+    UNKNOWNS,
+)
+from foretouch.models import ContactModel
+
+__all__ = [
+    "LARGEST_EXPONENT_ERROR",
+    "ExactHuntCrossley",
+    "ExactKelvinVoigt",
+    "ExactRecursive",
+    "ExactRecursiveOptions",
+]
+
+Array = NDArray[np.float64]
+
+LARGEST_EXPONENT_ERROR = 0.25
+"""An exponent with a larger standard error is undetermined: its range has the length 1, and a number of which only
+that is known has the standard deviation 0.29."""
+
+
+@dataclass(frozen=True, slots=True)
+class ExactRecursiveOptions:
+    """One set of defaults for all materials; lengths are shares of the depths pressed, forces of the forces felt.
+
+    Args:
+        strength_prior: Standard deviation of F0 and of D at the beginning and after a change, in F0.
+        s_prior: Of s.
+        alpha_prior: Of alpha.
+        surface_prior: Of the surface, in the reference depth; 0 trusts the surface that is given.
+        drift: Random walk of the law in one second, in the priors.
+        least_noise: Least standard deviation of a force, in that force.
+        first_noise: The same before anything is known of it.
+        largest_noise: The largest that is believed.
+        ignorance_time: How long the first noise is remembered [s of motion in contact].
+        noise_memory: Samples over which the noise is learnt.
+        correlation_time: Longest time over which residuals are believed to resemble each other [s].
+        first_correlation_time: The same before anything is known of it.
+        clip: Normalised innovations beyond this count for little.
+        gate: Mean square of the last ten normalised innovations that is a change; at least 36 never calls one.
+        hold_time: After so long in one place nothing is learnt any more [s].
+        hold_share: What one place is, in the reference depth.
+        surface_noise: Standard deviation of each depth, in the reference depth.
+    """
+
+    strength_prior: float = 1.0
+    s_prior: float = 0.4
+    alpha_prior: float = 0.4
+    surface_prior: float = 0.2
+    drift: float = 0.03
+    least_noise: float = 1e-3
+    first_noise: float = 0.25
+    largest_noise: float = 0.25
+    ignorance_time: float = 0.5
+    noise_memory: float = 2000.0
+    correlation_time: float = 0.1
+    first_correlation_time: float = 0.05
+    clip: float = 3.0
+    gate: float = 16.0
+    hold_time: float = 0.2
+    hold_share: float = 0.005
+    surface_noise: float = 0.02
+
+    def __post_init__(self) -> None:
+        zero_allowed = {"surface_prior", "drift", "correlation_time", "first_correlation_time", "surface_noise"}
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if field.name in zero_allowed:
+                require(field.name, value, at_least=0.0)
+            else:
+                require(field.name, value, above=0.0)
+        if self.noise_memory < 1.0:
+            raise SettingError("noise_memory", self.noise_memory, "must be at least 1 sample")
+
+
+_STATUS = {
+    LEARNT: Status.LEARNT,
+    CHANGED: Status.CHANGED,
+    HELD: Status.HELD,
+    UNUSABLE: Status.UNUSABLE,
+    FAILED: Status.RESTARTED,
+    FREE_AIR: Status.FREE_AIR,
+}
+_PLACES = np.array([list(Status).index(_STATUS[code]) for code in range(len(_STATUS))], np.int8)
+
+
+class _ExactFilter(Estimator):
+    """The filter that `ExactRecursive` explains, for each law of the family (4).
+
+    Attributes:
+        changes: Sudden changes found since the last reset.
+    """
+
+    name: ClassVar[str] = "exact"
+
+    def __init__(self, options: ExactRecursiveOptions | None = None) -> None:
+        self.options = ExactRecursiveOptions() if options is None else options
+        self._law = EXACT_LAWS[self.model_name]
+        (s_lower, s_upper), (alpha_lower, alpha_upper) = self._law.s_bounds, self._law.alpha_bounds
+        bounds = {"s_lower": s_lower, "s_upper": s_upper, "alpha_lower": alpha_lower, "alpha_upper": alpha_upper}
+        known = {field.name: getattr(self.options, field.name) for field in fields(self.options)}
+        values = {**known, **bounds, "reference_time": REFERENCE_TIME}
+        self._settings = np.array([values[name] for name in SETTINGS])
+        for index, (lower, upper) in ((2, self._law.s_bounds), (3, self._law.alpha_bounds)):
+            if lower == upper:
+                self._settings[index] = 0.0
+        self.place_in(np.zeros(STATE_SIZE), self._settings)
+        self.reset()
+        # Compiled here, before any loop.
+        take(self._state, self._settings, 0.0, 0.0, 0.0, 0.0)
+        move_surface(self._theta, self._covariance, self._memory, self._settings, 0.0)
+
+    def place_in(self, state: Array, settings: Array) -> None:
+        """Keep what is remembered, and the settings, in these arrays from now on, as one part of something larger.
+
+        Args:
+            state: Shape (STATE_SIZE,), written.
+            settings: Shape (len(SETTINGS),), written.
+        """
+        settings[:] = self._settings
+        self._settings = settings
+        self._state = state
+        self._theta = state[THETA:COVARIANCE]
+        self._covariance = state[COVARIANCE:NOTES].reshape((UNKNOWNS, UNKNOWNS))
+        self._memory = state[NOTES:]
+
+    def reset(self) -> None:
+        """Forget all samples."""
+        self._state[:] = 0.0
+        self.updates = 0
+        self.changes = 0
+
+    def update(self, sample: ContactSample) -> Status:
+        """One step of the filter; see `Estimator.update`."""
+        time, depth, velocity, force, in_contact = sample
+        if not in_contact:
+            return Status.FREE_AIR
+        code = take(self._state, self._settings, time, depth, velocity, force)
+        if code <= CHANGED:
+            self.updates += 1
+            self.changes += code
+        elif code == FAILED:
+            self.updates = 0
+        return _STATUS[code]
+
+    def run(
+        self, time: Array, depth: Array, velocity: Array, force: Array, in_contact: NDArray[np.bool_]
+    ) -> NDArray[np.int8]:
+        """`update` with every sample of a recording, in one compiled loop: the same numbers, bit for bit.
+
+        Args:
+            time: [s], shape (n,).
+            depth: [m], shape (n,).
+            velocity: [m/s], shape (n,).
+            force: Less the offset [N], shape (n,).
+            in_contact: Shape (n,).
+
+        Returns:
+            What was done with each sample, as places in `Status`, shape (n,).
+
+        Raises:
+            InputError: Columns of unlike shape.
+        """
+        columns = sample_columns(time, depth, velocity, force, in_contact)
+        codes = np.empty(columns[0].size, np.int8)
+        run(self._state, self._settings, *columns, codes)
+        failed = np.flatnonzero(codes == FAILED)
+        learnt = codes <= CHANGED
+        self.changes += int((codes == CHANGED).sum())
+        self.updates = int(learnt[failed[-1] :].sum()) if failed.size else self.updates + int(learnt.sum())
+        return _PLACES[codes]
+
+    def trust_surface(self, trusted: bool) -> None:
+        """See `Estimator.trust_surface`: a surface that is known is not corrected."""
+        self._settings[SETTINGS.index("surface_prior")] = 0.0 if trusted else self.options.surface_prior
+
+    def move_surface(self, change: float) -> None:
+        """See `Estimator.move_surface`."""
+        if math.isfinite(change):
+            move_surface(self._theta, self._covariance, self._memory, self._settings, change)
+
+    @property
+    def surface_correction(self) -> float:
+        """See `Estimator.surface_correction`."""
+        return float(self._theta[4] * self._memory[REFERENCE])
+
+    @property
+    def surface_error(self) -> float:
+        """Standard error of `surface_correction` [m]."""
+        return math.sqrt(self._covariance[4, 4]) * float(self._memory[REFERENCE])
+
+    @property
+    def reference_depth(self) -> float:
+        """x0 [m], 0 before the first sample."""
+        return float(self._memory[REFERENCE])
+
+    @property
+    def unknowns(self) -> Array:
+        """A copy of (F0, D, s, alpha, zeta), shape (5,)."""
+        return self._theta.copy()
+
+    @property
+    def covariance(self) -> Array:
+        """A copy of P, that of `unknowns`, shape (5, 5)."""
+        return self._covariance.copy()
+
+    @property
+    def model(self) -> ContactModel | None:
+        """The law, None before 20 samples."""
+        if self._memory[LEARNT_FROM] < FEWEST_UPDATES or self._memory[REFERENCE] == 0.0:
+            return None
+        try:
+            elastic, viscous, s, alpha, _ = self._theta.tolist()
+            return self._law.model(elastic, viscous, s, alpha, float(self._memory[REFERENCE]))
+        except (SettingError, OverflowError):  # depths and forces so extreme that k leaves the floating point numbers
+            return None
+
+    @property
+    def parameters(self) -> dict[str, float | None]:
+        """The law's numbers by name; None where the samples do not determine them.
+
+        A strength is undetermined while its standard error is larger than itself, an exponent while its standard error
+        is above 0.25.
+        """
+        model = self.model
+        if model is None:
+            return {}
+        errors = self._errors()
+        found: dict[str, float | None] = {}
+        for name, value in zip(model.parameter_names, model.parameters, strict=True):
+            limit = LARGEST_EXPONENT_ERROR if name in ("exponent", "switching") else value
+            found[name] = value if errors[name] <= limit else None
+        return found
+
+    @property
+    def standard_errors(self) -> dict[str, float | None] | None:
+        """Of the law's numbers by name, by the delta method from P; None before there is a model.
+
+        What is undetermined has none: the delta method is of small errors.
+        """
+        if self.model is None:
+            return None
+        known, errors = self.parameters, self._errors()
+        return {name: None if value is None else errors[name] for name, value in known.items()}
+
+    def _errors(self) -> dict[str, float]:
+        """Of all the law's numbers."""
+        elastic, viscous, s, alpha, _ = self._theta.tolist()
+        sensitivities = np.array(self._law.sensitivities(elastic, viscous, s, alpha, float(self._memory[REFERENCE])))
+        variances = np.diag(sensitivities @ self._covariance[:4, :4] @ sensitivities.T)
+        return dict(zip(self._law.parameter_names, np.sqrt(np.maximum(variances, 0.0)).tolist(), strict=True))
+
+
+class ExactRecursive(_ExactFilter):
+    r"""Identifies the exact law (4) by an extended Kalman filter in unknowns of like size.
+
+    .. math::
+        F &= F_0 u^s + D u^{s-\alpha} \frac{\dot x T_0}{x_0} + \varepsilon, \quad u = x / x_0 + \zeta \\
+        \operatorname{var} \varepsilon &= \sigma^2 + c^2 F^2 + (0.02\, \partial F / \partial \zeta)^2 \\
+        S &= H P H^T + \kappa \operatorname{var} \varepsilon, \quad K = P H^T / S, \quad
+            H = \partial F / \partial (F_0, D, s, \alpha, \zeta) \\
+        \theta &\leftarrow \Pi\left(\theta + K e\right), \quad
+            P \leftarrow (I - K H) P (I - K H)^T + K \kappa \operatorname{var} \varepsilon K^T
+
+    F0 is the elastic force at the reference depth x0 and D the damping force at reference depth and speed x0 / T0,
+    T0 = 0.1 s; zeta is the height of the true surface above the given one, in x0, for a surface found by a threshold
+    is found late. x0 follows the mean depth, and the unknowns are expressed at the new one exactly. Nothing depends on
+    units of depth and force.
+
+    - **Noise**: sigma and c are learnt from the residuals (their squares regressed on 1 and F^2, each counted as far as
+      the unknowns cannot explain it). What the law cannot explain is not white: kappa = (1 + r) / (1 - r), r the
+      correlation of successive residuals, makes such samples count as fewer. Before a second of motion has been seen,
+      a rough material is assumed.
+    - **Bounds**: equation (5) with s < 2, D >= 0 and at most 20 F0, zeta within 0.5: the nearest point in the metric of
+      P.
+    - **Sudden change**: if the last ten squared normalised innovations have a mean above the gate, P is that of the
+      beginning again. One wild sample cannot do that; its gain is cut (as Huber does) beyond three deviations.
+    - **Gradual change**: a slow random walk; and where innovations stay larger than S allows, P grows.
+    - **Frozen** in free air and in a held position: no sample there changes anything.
+
+    Its sums are bounded: P never passes that of the beginning (F0 ten times that).
+
+    Args:
+        options: One set of defaults.
+
+    References:
+        Jazwinski (1970), Stochastic Processes and Filtering Theory, chapter 8; Simon (2010), Kalman filtering with
+        state constraints, IET Control Theory and Applications 4(8); Huber (1964), Robust estimation of a location
+        parameter, Annals of Mathematical Statistics 35(1).
+    """
+
+    model_name: ClassVar[str] = "continuous-switching"
+
+
+class ExactKelvinVoigt(_ExactFilter):
+    """The same filter with s = alpha = 1: the Kelvin-Voigt law (1)."""
+
+    model_name: ClassVar[str] = "kelvin-voigt"
+
+
+class ExactHuntCrossley(_ExactFilter):
+    """The same filter with alpha = 0: the Hunt-Crossley law (2)."""
+
+    model_name: ClassVar[str] = "hunt-crossley"

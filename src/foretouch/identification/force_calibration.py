@@ -1,0 +1,283 @@
+"""Where the force of a recording is zero, and whether the recording shows it at all.
+
+Bias of a force sensor, mass and centre of mass of the tool beyond it, from static poses.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from foretouch.errors import InputError, plural
+from foretouch.quantities import ByValue, Recording, numbers_of
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+OFFSET_WINDOW = 0.05
+"""Length of the window whose lowest mean is the zero of the measured force [s]."""
+
+THRESHOLD_SHARE = 0.05
+"""The contact threshold as a share of the 98th percentile of the measured force."""
+
+TOUCH = 0.01
+"""A force that is not above the threshold in the mean of any so long time [s] is noise, and no contact."""
+
+REST_SLOPE = 0.25
+"""Force slope below the contact threshold, as a share of the slope above it, from which on a recording counts as
+never out of contact. Measured files: foam and skin at most 0.1, preloaded springs at least 0.8."""
+
+FEWEST_SAMPLES = 10
+"""Samples that an offset window must hold, unless most windows of the file hold fewer."""
+
+BLOCK, OVERLAP = 1 << 18, 1 << 15
+"""Samples whose means are taken at once, and how many of them are those before again: more than a window holds at any
+rate below 600 kHz. Shorter recordings are one block."""
+
+
+def lowest_mean(time: ArrayLike, force: ArrayLike, window: float = OFFSET_WINDOW) -> float:
+    """The lowest mean of the force over a time window: where the sensor's zero is, seen from afterwards.
+
+    A window ends at each sample and reaches back by its length; it counts once the samples before it fill it, and
+    if it holds 10 samples, or as many as most windows of the file do, so that one sample after a gap is no mean. At
+    an even rate these are all runs of ``window / sample period`` samples. A file shorter than the window has one
+    mean, that of all its samples.
+
+    Args:
+        time: Sample times [s], increasing, shape (n,).
+        force: Measured force [N], shape (n,), n of at least 1.
+        window: Its length [s].
+    """
+    clock, values = columns_of(time, force)
+    period = median_period(clock)
+    first = np.searchsorted(clock, clock - window + 1e-3 * period, side="right")
+    last = np.arange(1, clock.size + 1)
+    held = last - first
+    full = clock - clock[0] >= window - 1.001 * period
+    if not full.any():
+        return float(values.mean())
+    full &= held >= min(FEWEST_SAMPLES, float(np.median(held[full])))
+    middle = values.mean()  # sums of small numbers lose fewer digits
+    sums = np.concatenate(([0.0], np.cumsum(values - middle)))
+    return float(((sums[last] - sums[first])[full] / held[full]).min() + middle)
+
+
+def is_zero_unobservable(recording: Recording) -> bool:
+    """Whether the probe never leaves contact: what `foretouch.report.score` calls ``offset_unobservable``.
+
+    However long the recording is, this takes little memory beside it.
+
+    Args:
+        recording: Of presses; its `contact_floor` is the least force that counts as contact.
+    """
+    time, force = recording.time, recording.force
+    # What is asked of the force less its zero is asked of the force itself: no copy of it is made.
+    zero = _lowest(time, force, 1.0, OFFSET_WINDOW)
+    threshold = max(THRESHOLD_SHARE * (float(np.percentile(force, 98.0)) - zero), recording.contact_floor)
+    in_contact = force > threshold + zero
+    if not in_contact.any() or -_lowest(time, force, -1.0, TOUCH) - zero <= threshold:
+        return False
+    return never_leaves_contact(recording.position, force, in_contact)
+
+
+def _lowest(time: Array, force: Array, sign: float, window: float) -> float:
+    """`lowest_mean` of the force times a sign, block by block."""
+    found, begin, end = np.inf, 0, 0
+    while end < time.size:
+        end = min(begin + BLOCK, time.size)
+        found = min(found, lowest_mean(time[begin:end], sign * force[begin:end], window))
+        begin = end - OVERLAP
+    return float(found)
+
+
+def never_leaves_contact(position: ArrayLike, force: Array, in_contact: Flags) -> bool:
+    """Whether the force still follows the position below the contact threshold, as it does nowhere in free air."""
+    (place, _) = columns_of(position, force)
+    above = _slope(place, force, in_contact)
+    below = _slope(place, force, ~in_contact)
+    return above > 0.0 and below > REST_SLOPE * above
+
+
+def _slope(position: Array, force: Array, chosen: Flags) -> float:
+    """Least-squares slope of force over position [N/m] at the chosen samples, 0 where their position does not vary."""
+    if np.count_nonzero(chosen) < 3:
+        return 0.0
+    middle, level = position.mean(where=chosen), force.mean(where=chosen)
+    products = squares = 0.0
+    for begin in range(0, position.size, BLOCK):
+        part = slice(begin, begin + BLOCK)
+        centred = position[part][chosen[part]] - middle
+        products += float((centred * (force[part][chosen[part]] - level)).sum())
+        squares += float((centred**2).sum())
+    varies = position.max(where=chosen, initial=-np.inf) > position.min(where=chosen, initial=np.inf)
+    return products / squares if varies else 0.0
+
+
+def columns_of(*columns: ArrayLike) -> tuple[Array, ...]:
+    """Columns as arrays of one shape (n,); `InputError` where they have others or are no numbers."""
+    arrays = tuple(numbers_of("a column", column) for column in columns)
+    shapes = {array.shape for array in arrays}
+    if len(shapes) > 1 or arrays[0].ndim != 1:
+        raise InputError(f"columns of shapes {', '.join(str(array.shape) for array in arrays)}: all must be (n,)")
+    return arrays
+
+
+def median_period(clock: Array) -> float:
+    """Median sample period [s], 0 for a single sample."""
+    return float(np.median(np.diff(clock))) if clock.size > 1 else 0.0
+
+
+FEWEST_POSES = 6
+"""At least so many orientations, which differ by more than `SAME_POSE`."""
+
+SAME_POSE = 0.1
+"""Gravity directions nearer to each other than this [rad] are of the same pose."""
+
+LEAST_SPREAD = 0.2
+"""Standard deviation of the gravity direction along the second of its principal axes, at least: a rotation about one
+axis by +-17 degrees has this spread along one axis only."""
+
+
+@dataclass(frozen=True, eq=False)
+class ToolWeight(ByValue):
+    """What static poses tell. Arrays of three are in the sensor's frame.
+
+    Attributes:
+        force_bias: [N], shape (3,).
+        force_bias_error: Standard error [N], shape (3,).
+        mass: [kg].
+        mass_error: [kg].
+        torque_bias: [N m], shape (3,); None without torques.
+        torque_bias_error: [N m], shape (3,), or None.
+        centre_of_mass: From the sensor's origin [m], shape (3,), or None.
+        centre_of_mass_error: [m], shape (3,), or None.
+        force_residual: [N], shape (n, 3).
+        torque_residual: [N m], shape (n, 3), or None.
+        spread: Standard deviations of the gravity direction along its principal axes, largest first, shape (3,).
+        poses: Orientations that differ.
+    """
+
+    force_bias: Array
+    force_bias_error: Array
+    mass: float
+    mass_error: float
+    torque_bias: Array | None
+    torque_bias_error: Array | None
+    centre_of_mass: Array | None
+    centre_of_mass_error: Array | None
+    force_residual: Array
+    torque_residual: Array | None
+    spread: Array
+    poses: int
+
+
+def fit_tool_weight(
+    gravity_direction: ArrayLike, force: ArrayLike, torque: ArrayLike | None = None, *, gravity: float = 9.80665
+) -> ToolWeight:
+    r"""Linear least squares over static poses, all of equal weight.
+
+    .. math:: F_i = b_F + m\, g\, d_i, \qquad T_i = b_T + h \times g\, d_i, \qquad h = m c
+
+    F and T are the load on the sensor and d gravity's direction, in the sensor's frame; b are the biases, m the mass
+    and c the centre of mass. Standard errors: residual variance over its degrees of freedom, 3 n - 4 and 3 n - 6, times
+    the inverse of the normal matrix; that of c from those of h and m, which come from independent noise. It is the
+    usual identification of a payload at rest (Atkeson, An and Hollerbach, 1986, Estimation of inertial parameters of
+    manipulator loads and links, International Journal of Robotics Research 5(3)), with biases.
+
+    Args:
+        gravity_direction: d, of length 1, shape (n, 3).
+        force: F [N], shape (n, 3).
+        torque: T [N m], shape (n, 3), or None.
+        gravity: g [m/s^2], positive.
+
+    Raises:
+        InputError: Arrays of other shapes or not finite, fewer than 6 poses that differ, gravity along too few
+            directions of the sensor's frame, or a mass that is not positive; the message says what to add.
+    """
+    d, forces = np.asarray(gravity_direction, dtype=np.float64), np.asarray(force, dtype=np.float64)
+    torques = None if torque is None else np.asarray(torque, dtype=np.float64)
+    for name, values in (("gravity_direction", d), ("force", forces), ("torque", torques)):
+        if values is not None and (values.ndim != 2 or values.shape != (d.shape[0], 3)):
+            raise InputError(f"{name} has shape {values.shape}: give (n, 3), the same n for all")
+        if values is not None and not np.isfinite(values).all():
+            raise InputError(f"{name} must be finite in every pose")
+    poses = _count_poses(d)
+    spread = _require_directions(d, poses)
+    weight = gravity * d
+    design = np.zeros((d.size, 4))
+    design[:, :3] = np.tile(np.eye(3), (len(d), 1))
+    design[:, 3] = weight.ravel()
+    found, errors, residual = _least_squares(design, forces.ravel())
+    mass, mass_error = float(found[3]), float(errors[3])
+    if not mass > 0.0:
+        raise InputError(
+            f"the tool's mass comes out as {mass:.4g} kg: forces must be the load on the sensor, positive along its "
+            "axes; if yours are the reaction, change the sign of forces and torques"
+        )
+    first = (found[:3], errors[:3], mass, mass_error)
+    if torques is None:
+        return ToolWeight(*first, None, None, None, None, residual.reshape(-1, 3), None, spread, poses)
+    design = np.zeros((d.size, 6))
+    design[:, :3] = np.tile(np.eye(3), (len(d), 1))
+    design[:, 3:] = -_cross_matrices(weight).reshape(-1, 3)
+    moment, moment_errors, torque_residual = _least_squares(design, torques.ravel())
+    centre = moment[3:] / mass
+    centre_error = np.hypot(moment_errors[3:], np.abs(centre) * mass_error) / mass
+    return ToolWeight(
+        *first,
+        moment[:3],
+        moment_errors[:3],
+        centre,
+        centre_error,
+        residual.reshape(-1, 3),
+        torque_residual.reshape(-1, 3),
+        spread,
+        poses,
+    )
+
+
+def _count_poses(directions: Array) -> int:
+    """Orientations that differ, each from all that were counted before it."""
+    kept = np.empty((0, 3))
+    for direction in directions:
+        if len(kept) == 0 or float(np.linalg.norm(kept - direction, axis=1).min()) > SAME_POSE:
+            kept = np.vstack((kept, direction))
+    return len(kept)
+
+
+def _require_directions(directions: Array, poses: int) -> Array:
+    """Spread of the gravity direction, refused where weight and bias could not be told apart."""
+    away = directions - directions.mean(axis=0)
+    variances, axes = np.linalg.eigh(away.T @ away / max(len(directions), 1))
+    spread = np.asarray(np.sqrt(np.maximum(variances[::-1], 0.0)), dtype=np.float64)
+    lacking = axes[:, ::-1].T[spread < LEAST_SPREAD]
+    missing = " and ".join(f"({', '.join(f'{value + 0.0:.2f}' for value in axis)})" for axis in lacking)
+    if spread[1] < LEAST_SPREAD:
+        raise InputError(
+            f"gravity hardly turns towards {missing} of the sensor's frame (spread {spread[1]:.2f} along the second "
+            f"axis, at least {LEAST_SPREAD:g} is needed): add poses with the sensor tilted so that gravity pulls both "
+            "ways along these"
+        )
+    if poses < FEWEST_POSES:
+        more = f"; so far gravity hardly turns towards {missing}" if missing else ""
+        there = f"{plural(poses, 'pose')} that differ by more than 6 degrees"
+        raise InputError(f"{there}: at least {FEWEST_POSES} are needed{more}")
+    return spread
+
+
+def _least_squares(design: Array, values: Array) -> tuple[Array, Array, Array]:
+    """Solution, standard errors, residual."""
+    solution = np.asarray(np.linalg.lstsq(design, values, rcond=None)[0], dtype=np.float64)
+    residual = np.asarray(values - design @ solution, dtype=np.float64)
+    variance = float(residual @ residual) / (values.size - design.shape[1])
+    errors = np.sqrt(variance * np.diag(np.linalg.inv(design.T @ design)))
+    return solution, np.asarray(errors, dtype=np.float64), residual
+
+
+def _cross_matrices(vectors: Array) -> Array:
+    """Matrices [v] with [v] h = v x h, shape (n, 3, 3)."""
+    x, y, z = vectors.T
+    nothing = np.zeros_like(x)
+    return np.stack([np.stack(row, axis=1) for row in ((nothing, -z, y), (z, nothing, -x), (-y, x, nothing))], axis=1)

@@ -1,0 +1,295 @@
+"""What all least squares on the linearised law (18) share: options, regressors, model, recovered law."""
+
+from __future__ import annotations
+
+import math
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from foretouch.identification.conditioning.conditioner import ContactSample
+from foretouch.identification.estimator import Estimator, Status
+from foretouch.identification.linear.options import (
+    BIN,
+    LEARNT,
+    NOTHING_FORGOTTEN,
+    PERTURBED,
+    RESIDUALS,
+    RESTARTED,
+    STATE_SIZE,
+    DepthUnit,
+    Forgetting,
+    FPRLSOptions,
+    full_covariance,
+    pack,
+)
+from foretouch.identification.linear.recording import run
+from foretouch.identification.linear.recovery import DepthSummary, Recovered, recover
+from foretouch.identification.linear.recursion import (
+    LARGEST_TRACE,
+    error_along,
+)
+from foretouch.identification.linear.runs import (
+    STATUSES,
+    LinearRun,
+    LinearRuns,
+    as_arrays,
+    as_recording,
+    residual_variance,
+    run_columns,
+    run_regressors,
+    to_metres,
+)
+from foretouch.identification.linear.sample import restart, update, warm
+from foretouch.models import LinearisedContinuousSwitching
+
+__all__ = ["DepthUnit", "FPRLSOptions", "Forgetting", "LinearisedEstimator"]
+
+Array = NDArray[np.float64]
+
+LEARNT_FROM = (LEARNT, PERTURBED)
+
+FEWEST_UPDATES = 20
+"""No force is rendered from fewer samples; the paper's simulations settle at the 20th."""
+
+
+class LinearisedEstimator(Estimator):
+    r"""Least squares on (18), `ln F = ln k + s ln x + b1 v + b2 v / x`; the leaves say how old samples are forgotten.
+
+    Samples with a depth or a force too small for a logarithm are left out (the paper does not say what it does with
+    them). A covariance that overflows or loses positive definiteness, which the printed equations allow, is set back
+    to P_0, and theta to theta_0, and the update says so.
+
+    `parameters` has ln_k, s, b1, b2 and the law (4) that they stand for: stiffness, damping, exponent, switching, where
+    they are determined (`foretouch.identification.linear.recovery`).
+
+    `update` takes one sample, `run` a recording, `run_many` many recordings at once; all three are compiled, take all
+    options, and give the same numbers to the last bit (`foretouch.identification.linear.kernel`).
+
+    Args:
+        options: The choices that the paper leaves open.
+        forgetting: How old samples are forgotten; by default not at all.
+    """
+
+    model_name: ClassVar[str] = "continuous-switching"
+    errors_mean_something: ClassVar[bool] = False
+
+    def __init__(self, options: FPRLSOptions, forgetting: Forgetting = NOTHING_FORGOTTEN) -> None:
+        self.options = options
+        self.forgetting = forgetting
+        depth, velocity = options.scales
+        # theta in metres is this matrix times theta of the regressors in use
+        self._to_metres = np.diag([1.0, 1.0, 1.0 / velocity, depth / velocity])
+        self._to_metres[0, 1] = -math.log(depth)
+        theta = np.asarray(np.linalg.solve(self._to_metres, options.initial_parameters), np.float64)
+        self._packed = pack(options, forgetting, theta)
+        self._state = np.empty(STATE_SIZE)
+        self._depths = DepthSummary(self._state[BIN:])
+        self.reset()
+        warm(self._state, self._packed)
+
+    def reset(self) -> None:
+        """Forget all samples."""
+        restart(self._state, self._packed)
+        self.updates = 0
+
+    def forgetting_factor(self, depth_change: float) -> float:
+        """Mu of a sample whose depth differs by so much [m] from that of the one before."""
+        return self.forgetting.factor(depth_change)
+
+    def update(self, sample: ContactSample) -> Status:
+        """One step; see `Estimator.update`."""
+        _, depth, velocity, force, in_contact = sample
+        done = update(self._state, self._packed, depth, velocity, force, in_contact)
+        if done in LEARNT_FROM:
+            self.updates += 1
+        elif done == RESTARTED:
+            self.updates = 0
+        return STATUSES[done]
+
+    def run(
+        self,
+        depth: ArrayLike,
+        velocity: ArrayLike,
+        force: ArrayLike,
+        in_contact: ArrayLike | None = None,
+        *,
+        every: bool = False,
+    ) -> LinearRun:
+        """All samples of a recording, one after the other, as `update` with each: the same bits, in one call.
+
+        Goes on from where the estimator is; `reset` before a recording that has nothing to do with the one before.
+
+        Args:
+            depth: Below the surface [m], shape (m,).
+            velocity: [m/s], positive while deepening, shape (m,).
+            force: On the probe [N], shape (m,).
+            in_contact: Whether the probe touches, shape (m,); by default everywhere: what has no usable depth or force
+                is left out anyway, but the path through free air then counts as moved.
+            every: Whether theta after each sample is wanted too.
+
+        Raises:
+            SettingError: Arrays that do not fit together.
+        """
+        samples = as_recording(1, depth, velocity, force, in_contact)
+        status = np.empty(samples[0].size, np.int8)
+        trace = np.empty((samples[0].size if every else 0, 4))
+        run(self._state, self._packed, *samples, status, trace)
+        restarts = np.flatnonzero(status == RESTARTED)
+        learnt = (status == LEARNT) | (status == PERTURBED)
+        if restarts.size:
+            self.updates = 0
+            learnt = learnt[restarts[-1] + 1 :]
+        self.updates += int(np.count_nonzero(learnt))
+        return LinearRun(
+            np.array(self._linear()), status, to_metres(trace, *self.options.scales) if every else None, self.updates
+        )
+
+    def run_many(
+        self,
+        depth: ArrayLike,
+        velocity: ArrayLike,
+        force: ArrayLike,
+        in_contact: ArrayLike | None = None,
+        *,
+        every: bool = False,
+        parallel: bool = False,
+    ) -> LinearRuns:
+        """Many recordings at once, each from theta_0 and P_0; the estimator itself learns nothing.
+
+        The same bits as `run` of a fresh estimator with each column.
+
+        Args:
+            depth: Below the surface [m], shape (m, n): m samples of n recordings. Shorter recordings are filled up
+                with NaN, which is left out.
+            velocity: [m/s], positive while deepening, shape (m, n).
+            force: On the probe [N], shape (m, n).
+            in_contact: Whether the probe touches, shape (m, n); by default everywhere, see `run`.
+            every: Whether theta after each sample is wanted too.
+            parallel: Whether all cores are used.
+
+        Raises:
+            SettingError: Arrays that do not fit together.
+        """
+        samples = as_recording(2, depth, velocity, force, in_contact)
+        return run_columns(samples, self._packed, self.options.scales, every=every, parallel=parallel)
+
+    def run_regressors(
+        self,
+        log_depth: ArrayLike,
+        velocity: ArrayLike,
+        rate: ArrayLike,
+        log_force: ArrayLike,
+        forgetting_factor: ArrayLike,
+        *,
+        parallel: bool = False,
+    ) -> LinearRuns:
+        """The recursion of `run_many` alone, on regressors that are known: no gate, bound, weight or own forgetting.
+
+        Args:
+            log_depth: ln x, x in units of the depth that `options` measures regressors by, shape (m, n).
+            velocity: v in units of the velocity that they are measured by, shape (m, n).
+            rate: v / x of these, shape (m, n).
+            log_force: ln F, F in newtons, shape (m, n).
+            forgetting_factor: mu, above 0 and at most 1, shape (m, n). A sample with another, or with a number that
+                is not finite, is left out.
+            parallel: Whether all cores are used.
+
+        Raises:
+            SettingError: Arrays that do not fit together.
+        """
+        arrays = as_arrays(
+            2,
+            log_depth=log_depth,
+            velocity=velocity,
+            rate=rate,
+            log_force=log_force,
+            forgetting_factor=forgetting_factor,
+        )
+        return run_regressors(arrays, self._packed, self.options.scales, parallel=parallel)
+
+    @property
+    def linear_parameters(self) -> tuple[float, float, float, float]:
+        """(ln k, s, b1, b2) as they are now, depth in metres; theta_0 before the first sample."""
+        return self._linear()
+
+    @property
+    def unscaled_covariance(self) -> Array:
+        """A copy of P, shape (4, 4), of the unknowns in the units of the regressors."""
+        return full_covariance(self._state[4:14])
+
+    @property
+    def covariance(self) -> Array | None:
+        """Of `linear_parameters`, shape (4, 4); None before it is known, and where standard errors mean nothing."""
+        return self._covariance() if self.errors_mean_something else None
+
+    @property
+    def model(self) -> LinearisedContinuousSwitching | None:
+        """The law (18), None before 20 samples or while a parameter is not finite."""
+        values = self._linear()
+        if self.updates < FEWEST_UPDATES or not all(map(math.isfinite, values)):
+            return None
+        return LinearisedContinuousSwitching(*values)
+
+    @property
+    def parameters(self) -> dict[str, float | None]:
+        """ln_k, s, b1, b2, then stiffness, damping, exponent, switching; see `Estimator.parameters`."""
+        model = self.model
+        if model is None:
+            return {}
+        linear = dict(zip(model.parameter_names, model.parameters, strict=True))
+        return {**linear, **recover(self._linear(), self._covariance(), self._depths)._asdict()}
+
+    @property
+    def standard_errors(self) -> dict[str, float | None] | None:
+        """By name, None where the estimator has none to give.
+
+        Those of the recovered law follow from the change of each by the four linear numbers.
+        """
+        model, covariance = self.model, self._covariance()
+        if not self.errors_mean_something or model is None or covariance is None:
+            return None
+        errors: dict[str, float | None] = dict(
+            zip(model.parameter_names, np.sqrt(np.maximum(0.0, np.diag(covariance))).tolist(), strict=True)
+        )
+        return errors | self._recovered_errors(covariance)
+
+    def _recovered_errors(self, covariance: Array) -> dict[str, float | None]:
+        centre = np.array(self._linear())
+        steps = 1e-3 * np.sqrt(np.maximum(0.0, np.diag(covariance)))
+        middle = recover(self._linear(), covariance, self._depths)
+        moved = [
+            [recover(_tuple(centre + sign * side), covariance, self._depths) for sign in (1.0, -1.0)]
+            for side in np.diag(steps)
+        ]
+        errors: dict[str, float | None] = {}
+        for name in Recovered._fields:
+            ends = [[getattr(one, name) for one in pair] for pair in moved]
+            if getattr(middle, name) is None or not steps.all() or any(None in pair for pair in ends):
+                errors[name] = None
+                continue
+            slope = np.array([pair[0] - pair[1] for pair in ends]) / (2.0 * steps)
+            errors[name] = error_along(slope, covariance)
+        return errors
+
+    def _linear(self) -> tuple[float, float, float, float]:
+        """Theta in metres."""
+        return _tuple(to_metres(self._state[:4], *self.options.scales))
+
+    @property
+    def _variance(self) -> float | None:
+        variance = float(residual_variance(*self._state[RESIDUALS : RESIDUALS + 2]))
+        return None if math.isnan(variance) else variance
+
+    def _covariance(self) -> Array | None:
+        """Covariance of theta in metres by the residuals; only an indication where forgetting or perturbation act."""
+        variance, covariance = self._variance, self.unscaled_covariance
+        if variance is None or not variance * float(np.trace(covariance)) < LARGEST_TRACE:
+            return None
+        return self._to_metres @ (variance * covariance) @ self._to_metres.T
+
+
+def _tuple(values: Array) -> tuple[float, float, float, float]:
+    ln_k, s, b1, b2 = values.tolist()
+    return ln_k, s, b1, b2
