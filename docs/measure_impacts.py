@@ -25,8 +25,8 @@ from measured_blocks import chosen, fill
 from foretouch.devices import GRIPS, Device, Hand, ScriptedOperator
 from foretouch.identification import Conditioner
 from foretouch.models import KelvinVoigt
-from foretouch.models.impact import integrate_impact
 from foretouch.report import COLOURS, finished, new_figure
+from foretouch.reproduction.theory.impact import integrate_impact
 from foretouch.robot import MATERIALS, RcmArm, make_robot
 from foretouch.robot.materials.catalogue import LinearResponse, Material
 from foretouch.robot.materials.contacts import RelaxingContact

@@ -1,6 +1,6 @@
 """What all designs of our own are made of: features of the motion, splines over depth, and what is believed of both.
 
-The same formulas as in `foretouch.models.contact_map_kernel`, for whole recordings and with every choice open.
+The same formulas as in `foretouch.models.contact_map.kernel`, for whole recordings and with every choice open.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from designs.presses import Array, Press
 from numba import njit
 
 from foretouch.identification.contact_map.prior import CURVATURE, FEATURE_REACH, FEATURE_SIZE, LEVEL, SLOPE
-from foretouch.models.contact_map_layout import ABOVE, BELOW, LENGTHS, PLAYS, SPEED, TIMES
+from foretouch.models.contact_map.layout import ABOVE, BELOW, LENGTHS, PLAYS, SPEED, TIMES
 
 LENGTH = LENGTHS[0]
 """Depths are measured in this [m]: what is 1 in the coarse map."""

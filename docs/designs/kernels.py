@@ -13,7 +13,7 @@ from designs.presses import Array, Press
 from numba import njit
 
 from foretouch.identification.contact_map.prior import CURVATURE, FEATURE_REACH, FEATURE_SIZE, LEVEL, NOISE, SLOPE
-from foretouch.models.contact_map_layout import REACH, STEEPEST
+from foretouch.models.contact_map.layout import REACH, STEEPEST
 
 
 @dataclass(frozen=True)

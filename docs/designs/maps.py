@@ -12,7 +12,7 @@ from numba import njit
 
 from foretouch.identification.contact_map.learning import ALARM_FROM, ALARM_SHARE, ALARM_TIME, FADING, PERIOD
 from foretouch.identification.contact_map.prior import NOISE
-from foretouch.models.contact_map_layout import COARSENESS, REACH, STEEPEST
+from foretouch.models.contact_map.layout import COARSENESS, REACH, STEEPEST
 
 FADE_EVERY = 0.1
 """Time in contact after which the covariance goes back towards the prior [s]."""

@@ -15,8 +15,8 @@ from docs_pages import ROOT
 
 from foretouch.comparison import simulate
 from foretouch.identification.contact_map.prior import NOISE, prior
-from foretouch.models.contact_map_kernel import features, rates, remember
-from foretouch.models.contact_map_layout import COARSE, MEMORY
+from foretouch.models.contact_map.kernel import features, rates, remember
+from foretouch.models.contact_map.layout import COARSE, MEMORY
 from foretouch.quantities import Recording
 
 PAGE = (ROOT / "docs" / "contact-map.md").read_text()

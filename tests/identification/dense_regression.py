@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foretouch.identification.contact_map.prior import NOISE, prior
-from foretouch.models.contact_map_kernel import locate
-from foretouch.models.contact_map_layout import ABOVE, BELOW, COARSE, COARSENESS, FINE, LENGTHS
+from foretouch.models.contact_map.kernel import locate
+from foretouch.models.contact_map.layout import ABOVE, BELOW, COARSE, COARSENESS, FINE, LENGTHS
 
 Array = NDArray[np.float64]
 

@@ -29,7 +29,7 @@ from foretouch.identification.contact_map.prior import (
 )
 from foretouch.identification.contact_map.regression import fit, make_regression, whole_covariance
 from foretouch.models import ContactMap, HuntCrossley, advance
-from foretouch.models.contact_map_layout import (
+from foretouch.models.contact_map.layout import (
     ABOVE,
     BELOW,
     COARSENESS,

@@ -22,7 +22,7 @@ from foretouch.identification.contact_map.layout import BEGIN_LAW, BEGIN_SETTING
 from foretouch.identification.contact_map.regression import fade, fit, make_regression, whole_covariance
 from foretouch.identification.exact.belief import law_numbers
 from foretouch.models import ContactMap
-from foretouch.models.contact_map_layout import BELOW, COARSE, FINE, LARGEST_FEATURES, LENGTHS
+from foretouch.models.contact_map.layout import BELOW, COARSE, FINE, LARGEST_FEATURES, LENGTHS
 
 Array = NDArray[np.float64]
 

@@ -16,8 +16,8 @@ from foretouch.errors import DecodeError, InputError, PeerVersionError
 from foretouch.identification import Learner, make_estimator
 from foretouch.messages import CHANNELS, VERSION, Message, ModelUpdate, decode, encode
 from foretouch.models import LAWS, ContactMap, ContactModel, advance, make_model
-from foretouch.models.contact_map_layout import SIZE
-from foretouch.models.contact_map_wire import unpack
+from foretouch.models.contact_map.layout import SIZE
+from foretouch.models.contact_map.wire import unpack
 
 KINDS = [channel.kind for channel in CHANNELS.values()]
 LONGEST = 1.0

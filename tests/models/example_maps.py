@@ -3,7 +3,7 @@
 import numpy as np
 
 from foretouch.models import ContactMap
-from foretouch.models.contact_map_layout import (
+from foretouch.models.contact_map.layout import (
     ABOVE,
     BELOW,
     COARSE,
@@ -22,7 +22,7 @@ from foretouch.models.contact_map_layout import (
     SIZE,
     ZERO,
 )
-from foretouch.models.contact_map_wire import pack
+from foretouch.models.contact_map.wire import pack
 
 PARAMETERS = (3000.0, 1500.0, 1.4, 0.0)
 

@@ -9,7 +9,7 @@ import pytest
 from example_maps import example_map
 
 from foretouch.models import ContactState, Predictor
-from foretouch.models.contact_map_layout import MEMORY
+from foretouch.models.contact_map.layout import MEMORY
 from foretouch.models.predictor import HISTORY, SLICE
 
 PERIOD = 1e-4

@@ -11,8 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from foretouch.models import ContactMap, ContinuousSwitching, HuntCrossley, KelvinVoigt, advance
-from foretouch.models.contact_map_kernel import judge, locate, run, step
-from foretouch.models.contact_map_layout import (
+from foretouch.models.contact_map.kernel import judge, locate, run, step
+from foretouch.models.contact_map.layout import (
     ABOVE,
     BELOW,
     COARSE,
@@ -38,7 +38,7 @@ from foretouch.models.contact_map_layout import (
     STEEPEST,
     TIMES,
 )
-from foretouch.models.contact_map_wire import pack
+from foretouch.models.contact_map.wire import pack
 
 places = st.lists(st.floats(-5e-3, 15e-3), min_size=1, max_size=30)
 periods = st.floats(1e-5, 0.5)

@@ -14,8 +14,8 @@ from hypothesis import strategies as st
 from foretouch.errors import SettingError
 from foretouch.messages import VERSION, ModelUpdate, decode, encode
 from foretouch.models import ContactMap, HuntCrossley, advance, make_model
-from foretouch.models.contact_map_kernel import step
-from foretouch.models.contact_map_layout import (
+from foretouch.models.contact_map.kernel import step
+from foretouch.models.contact_map.layout import (
     ABOVE,
     BELOW,
     DOUBT,
@@ -30,7 +30,7 @@ from foretouch.models.contact_map_layout import (
     SHARES,
     SIZE,
 )
-from foretouch.models.contact_map_wire import pack, unpack
+from foretouch.models.contact_map.wire import pack, unpack
 from foretouch.recordings.cdr import Layout
 
 

@@ -19,6 +19,8 @@ from foretouch.models import (
     KelvinVoigt,
     LinearisedContinuousSwitching,
     ThresholdSwitching,
+)
+from foretouch.reproduction.theory import (
     beta_of,
     damping_ratio,
     energy_loss,
@@ -285,7 +287,7 @@ def test_what_cannot_be_integrated_is_refused() -> None:
 
 
 def test_an_impact_without_end_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("foretouch.models.impact._MOST_EVALUATIONS", 1000)
+    monkeypatch.setattr("foretouch.reproduction.theory.impact._MOST_EVALUATIONS", 1000)
     with pytest.raises(SettingError, match=r"^law = .*: an impact of 0.1 kg at 0.1 m/s cannot be integrated"):
         integrate_impact(KelvinVoigt(6000.0, 1e5), 0.1, 0.1, allow_tension=True)
 

@@ -12,13 +12,9 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq, least_squares
 
 from foretouch.errors import SettingError
-from foretouch.models import (
-    NO_STATE,
+from foretouch.models import NO_STATE, ContinuousSwitching, HuntCrossley, KelvinVoigt, advance
+from foretouch.reproduction.theory import (
     TABLE_1,
-    ContinuousSwitching,
-    HuntCrossley,
-    KelvinVoigt,
-    advance,
     fit_polynomial,
     linearisation_error,
     linearise,

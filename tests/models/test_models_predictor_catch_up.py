@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from foretouch.models import ContactMap, HuntCrossley, Predictor
-from foretouch.models.contact_map_layout import MEMORY
+from foretouch.models.contact_map.layout import MEMORY
 from foretouch.models.predictor import HISTORY, SLICE, STATE_TOLERANCE
 
 SURFACE = 0.012

@@ -20,10 +20,10 @@ from foretouch.models import (
     QuadraticContact,
     ThresholdSwitching,
 )
-from foretouch.models.contact_map_calls import advance, exit_work, local_slopes
-from foretouch.models.contact_map_kernel import step
-from foretouch.models.contact_map_layout import LAW, MEMORY
-from foretouch.models.contact_map_wire import pack
+from foretouch.models.contact_map.calls import advance, exit_work, local_slopes
+from foretouch.models.contact_map.kernel import step
+from foretouch.models.contact_map.layout import LAW, MEMORY
+from foretouch.models.contact_map.wire import pack
 from foretouch.models.contact_model import EXIT_SPEED, SLICE_BEYOND, SLICES, SLICES_BEYOND
 
 LAWS = [

@@ -21,7 +21,7 @@ from foretouch.models import (
     LinearisedContinuousSwitching,
     ThresholdSwitching,
 )
-from foretouch.models.contact_map_wire import pack
+from foretouch.models.contact_map.wire import pack
 from foretouch.rendering import Renderer
 
 sys.path.append(str(Path(__file__).parents[1] / "models"))

@@ -17,7 +17,7 @@ from typer.testing import CliRunner
 
 from foretouch.cli.app import app
 from foretouch.errors import SettingError
-from foretouch.models import TABLE_1, ContinuousSwitching
+from foretouch.models import ContinuousSwitching
 from foretouch.reproduction import Claim, counted, make_section, write_report
 from foretouch.reproduction import fig2 as kelvin_voigt
 from foretouch.reproduction import fig3 as hunt_crossley
@@ -29,6 +29,7 @@ from foretouch.reproduction.linearisation_limits import phi_range, scaled_error
 from foretouch.reproduction.page import SHOWN
 from foretouch.reproduction.shock import STEPS, comparable_law, greatest_pull
 from foretouch.reproduction.table1 import Choice, choices, distance, recursive_fit
+from foretouch.reproduction.theory import TABLE_1
 from foretouch.reproduction.trajectories import WAVES, linearisation_press, two_presses
 
 THEORY = ("fig2", "fig3", "shock", "fig4", "fig5", "table1", "fig6")

@@ -17,8 +17,8 @@ from foretouch.identification.contact_map.scores import SHARPNESS
 from foretouch.identification.estimator import Estimator, Status
 from foretouch.identification.offline import FEWEST_SAMPLES, LARGEST_BUFFER, OfflineFit, fit_offline
 from foretouch.models import ContactMap, ContactModel, ContactState
-from foretouch.models.contact_map_kernel import features, judge, locate, rates, remember
-from foretouch.models.contact_map_layout import (
+from foretouch.models.contact_map.kernel import features, judge, locate, rates, remember
+from foretouch.models.contact_map.layout import (
     ABOVE,
     BELOW,
     COARSE,
@@ -39,7 +39,7 @@ from foretouch.models.contact_map_layout import (
     SIZE,
     ZERO,
 )
-from foretouch.models.contact_map_wire import pack
+from foretouch.models.contact_map.wire import pack
 
 __all__ = ["OfflineContactMap"]
 

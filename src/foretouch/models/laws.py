@@ -6,14 +6,10 @@ from collections.abc import Collection, Sequence
 
 from foretouch.errors import ArgumentTypeError, SettingError, UnknownNameError
 from foretouch.errors.checks import NUMBER, require_type
-from foretouch.models.contact_map import ContactMap
+from foretouch.models.classic import ContinuousSwitching, HuntCrossley, KelvinVoigt, ThresholdSwitching
+from foretouch.models.contact_map.model import ContactMap
 from foretouch.models.contact_model import ContactModel
-from foretouch.models.continuous_switching import ContinuousSwitching
-from foretouch.models.hunt_crossley import HuntCrossley
-from foretouch.models.kelvin_voigt import KelvinVoigt
-from foretouch.models.linearised import LinearisedContinuousSwitching
-from foretouch.models.quadratic_contact import QuadraticContact
-from foretouch.models.threshold_switching import ThresholdSwitching
+from foretouch.models.quadratic import LinearisedContinuousSwitching, QuadraticContact
 
 __all__ = ["LAWS", "make_model"]
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from foretouch.models import HuntCrossley, damping_ratio
+from foretouch.models import HuntCrossley
 from foretouch.reproduction.claims import Claim
 from foretouch.reproduction.impact_section import (
     MASS,
@@ -15,6 +15,7 @@ from foretouch.reproduction.impact_section import (
     slope,
 )
 from foretouch.reproduction.section import Section
+from foretouch.reproduction.theory import damping_ratio
 
 __all__ = ["LAW", "make"]
 

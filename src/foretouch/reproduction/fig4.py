@@ -8,9 +8,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from foretouch.models import (
-    ContinuousSwitching,
-    KelvinVoigt,
+from foretouch.models import ContinuousSwitching, KelvinVoigt
+from foretouch.report import COLOURS, finished, legend, new_figure
+from foretouch.reproduction.claims import Claim
+from foretouch.reproduction.section import Section, Table
+from foretouch.reproduction.theory import (
     LowDampingError,
     energy_loss,
     energy_loss_by_quadrature,
@@ -21,9 +23,6 @@ from foretouch.models import (
     low_damping_error,
     low_damping_limit,
 )
-from foretouch.report import COLOURS, finished, legend, new_figure
-from foretouch.reproduction.claims import Claim
-from foretouch.reproduction.section import Section, Table
 
 __all__ = ["LAWS", "area", "make", "measured_exponent"]
 

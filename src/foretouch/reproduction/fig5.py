@@ -7,12 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from foretouch.models import (
-    TABLE_1,
-    ContinuousSwitching,
-    LinearisationError,
-    linearisation_error,
-)
+from foretouch.models import ContinuousSwitching
 from foretouch.report import COLOURS, finished, legend, new_figure
 from foretouch.reproduction.claims import Claim
 from foretouch.reproduction.linearisation_limits import (
@@ -23,6 +18,7 @@ from foretouch.reproduction.linearisation_limits import (
     taylor_table,
 )
 from foretouch.reproduction.section import Section, Table
+from foretouch.reproduction.theory import TABLE_1, LinearisationError, linearisation_error
 from foretouch.reproduction.trajectories import linearisation_press
 
 __all__ = ["CASES", "DURATION", "SMALL", "breaking_depth", "make", "press_error", "share_small"]

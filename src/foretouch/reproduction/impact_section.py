@@ -8,9 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from foretouch.models import Impact, MemorylessLaw, integrate_impact
+from foretouch.models import MemorylessLaw
 from foretouch.report import COLOURS, finished, legend, new_figure
 from foretouch.reproduction.section import Table
+from foretouch.reproduction.theory import Impact, integrate_impact
 
 __all__ = ["MASS", "SPEED", "areas_of_loop", "areas_of_power", "impact_figure", "impact_of", "impact_table", "slope"]
 

@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from foretouch.models import TABLE_1, ContinuousSwitching, fit_polynomial, linearisation_error, taylor_error_depth
+from foretouch.models import ContinuousSwitching
 from foretouch.reproduction.claims import Claim
 from foretouch.reproduction.section import Table
+from foretouch.reproduction.theory import TABLE_1, fit_polynomial, linearisation_error, taylor_error_depth
 
 __all__ = [
     "CONDITION",

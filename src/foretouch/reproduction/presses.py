@@ -19,10 +19,9 @@ from foretouch.models import (
     LinearisedContinuousSwitching,
     MemorylessLaw,
     advance,
-    fit_polynomial,
-    linearise,
 )
 from foretouch.quantities import Brief
+from foretouch.reproduction.theory import fit_polynomial, linearise
 from foretouch.reproduction.trajectories import WAVES, two_presses
 
 __all__ = [

@@ -8,7 +8,7 @@ from foretouch.bench.press import press
 from foretouch.bench.rows import Row, Scope
 from foretouch.bench.timing import Contestant, interleave, ratio, spread
 from foretouch.identification import ContactMapBank
-from foretouch.models.contact_map_layout import LENGTHS
+from foretouch.models.contact_map.layout import LENGTHS
 
 __all__ = ["DEEPEST", "cells", "contestant", "measure"]
 

@@ -51,8 +51,8 @@ from foretouch.identification.contact_map.regression import make_regression, who
 from foretouch.identification.estimator import Estimator, Status
 from foretouch.identification.exact.recursive import ExactRecursive, ExactRecursiveOptions
 from foretouch.models import ContactMap, ContactModel, ContactState
-from foretouch.models.contact_map_layout import COARSE, FINE, LAW, SHARES
-from foretouch.models.contact_map_wire import pack
+from foretouch.models.contact_map.layout import COARSE, FINE, LAW, SHARES
+from foretouch.models.contact_map.wire import pack
 
 __all__ = ["EXPERT_NAMES", "LONGEST_HORIZON", "ContactMapBank"]
 

@@ -48,8 +48,8 @@ from foretouch.identification.exact.belief import law_numbers
 from foretouch.identification.exact.belief import move_surface as move_law
 from foretouch.identification.exact.kernel import take as take_law
 from foretouch.identification.exact.law import COVARIANCE, NOTES, REFERENCE, THETA, UNKNOWNS
-from foretouch.models.contact_map_kernel import rates, remember, step
-from foretouch.models.contact_map_layout import (
+from foretouch.models.contact_map.kernel import rates, remember, step
+from foretouch.models.contact_map.layout import (
     DOUBT,
     DOUBTS,
     EXPERTS,
@@ -62,7 +62,7 @@ from foretouch.models.contact_map_layout import (
     SIZE,
     ZERO,
 )
-from foretouch.models.contact_map_wire import sensible, transfer
+from foretouch.models.contact_map.wire import sensible, transfer
 from foretouch.models.contact_model import LARGEST_DEPTH, LARGEST_SPEED
 
 Array = NDArray[np.float64]

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from foretouch.identification.contact_map.regression import regression_size
 from foretouch.identification.exact.law import SETTINGS, STATE_SIZE
-from foretouch.models.contact_map_layout import LARGEST_FEATURES, MEMORY, SIZE
+from foretouch.models.contact_map.layout import LARGEST_FEATURES, MEMORY, SIZE
 
 __all__ = [
     "ABSENT",

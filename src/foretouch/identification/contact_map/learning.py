@@ -36,8 +36,8 @@ from foretouch.identification.contact_map.layout import (
 )
 from foretouch.identification.contact_map.regression import MapRegression, fade, fit, forget, in_fine_reach, regression
 from foretouch.identification.contact_map.scores import CONTACT_SHARE, allot, score
-from foretouch.models.contact_map_kernel import features
-from foretouch.models.contact_map_layout import (
+from foretouch.models.contact_map.kernel import features
+from foretouch.models.contact_map.layout import (
     COARSE,
     EXPERTS,
     FELT,

@@ -7,7 +7,7 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from foretouch.models.contact_map_layout import BELOW, COARSE, COARSENESS, FINE
+from foretouch.models.contact_map.layout import BELOW, COARSE, COARSENESS, FINE
 
 __all__ = [
     "CURVATURE",

@@ -25,8 +25,8 @@ from numpy.typing import NDArray
 
 from foretouch.core.compiling import compiled
 from foretouch.identification.contact_map.prior import NOISE, elastic_prior, feature_prior
-from foretouch.models.contact_map_kernel import cubic
-from foretouch.models.contact_map_layout import ABOVE, BELOW, COARSE, COARSENESS, FINE, LARGEST_FEATURES, LENGTHS
+from foretouch.models.contact_map.kernel import cubic
+from foretouch.models.contact_map.layout import ABOVE, BELOW, COARSE, COARSENESS, FINE, LARGEST_FEATURES, LENGTHS
 
 __all__ = ["MapRegression", "fade", "fit", "forget", "in_fine_reach", "make_regression", "regression"]
 __all__ += ["regression_size", "whole_covariance"]

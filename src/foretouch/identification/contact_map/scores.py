@@ -22,8 +22,8 @@ from foretouch.identification.contact_map.layout import (
     SPREAD,
     TARGETS,
 )
-from foretouch.models.contact_map_kernel import doubt, judge
-from foretouch.models.contact_map_layout import (
+from foretouch.models.contact_map.kernel import doubt, judge
+from foretouch.models.contact_map.layout import (
     DOUBT,
     DOUBTS,
     EXPERTS,

@@ -29,8 +29,7 @@ import msgspec
 from foretouch.errors import UnknownNameError
 from foretouch.errors.checks import require
 from foretouch.models import ContactModel
-from foretouch.models.hunt_crossley import HuntCrossley
-from foretouch.models.kelvin_voigt import KelvinVoigt
+from foretouch.models.classic import HuntCrossley, KelvinVoigt
 from foretouch.plugins import make_plugin, plugin_names
 from foretouch.robot.materials.contacts import ElasticResponse, LayeredContact, RelaxingContact
 from foretouch.robot.materials.foam_fit import FoamFit

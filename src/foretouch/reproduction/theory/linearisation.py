@@ -27,8 +27,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from foretouch.errors import SettingError
 from foretouch.errors.checks import require
-from foretouch.models.linearised import LinearisedContinuousSwitching
 from foretouch.models.memoryless_law import MemorylessLaw
+from foretouch.models.quadratic import LinearisedContinuousSwitching
 from foretouch.quantities import Brief
 
 __all__ = [

@@ -17,9 +17,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from foretouch.errors.checks import require
-from foretouch.models.continuous_switching import ContinuousSwitching
-from foretouch.models.energy_loss import energy_loss
-from foretouch.models.impact import integrate_impact
+from foretouch.models.classic import ContinuousSwitching
+from foretouch.reproduction.theory.energy_loss import energy_loss
+from foretouch.reproduction.theory.impact import integrate_impact
 
 __all__ = ["LowDampingError", "low_damping_error", "low_damping_limit", "low_damping_table"]
 

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foretouch.core.compiling import compiled
-from foretouch.models.contact_map_kernel import cubic, length
-from foretouch.models.contact_map_layout import (
+from foretouch.models.contact_map.kernel import cubic, length
+from foretouch.models.contact_map.layout import (
     BELOW,
     COARSENESS,
     DOUBT,
