@@ -19,8 +19,7 @@ from numpy.typing import NDArray
 
 from foretouch.quantities import Recording
 from foretouch.recordings import DATASETS, Dataset, excerpt, fetch, read_leader_motion, read_recording
-from foretouch.recordings.excerpt_file import About, read_excerpt, write_excerpt
-from foretouch.recordings.tue_mat import LEVER, TORQUE_PER_VOLT
+from foretouch.recordings.formats.published import LEVER, TORQUE_PER_VOLT, About, read_excerpt, write_excerpt
 
 Columns = dict[str, NDArray[np.float64]]
 

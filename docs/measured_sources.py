@@ -35,7 +35,7 @@ IGNORED = (
     *(f"foretouch.recordings.{name}" for name in ("session_writer", "standard_topics", "column_names", "guess")),
     *(f"foretouch.recordings.{name}" for name in ("bag_series", "cdr", "cdr_fields", "hdf5_table", "joining")),
     *(f"foretouch.recordings.{name}" for name in ("mapped", "mapping", "parquet_table", "ros_types", "rosbag")),
-    "foretouch.recordings.topic_choice",
+    "foretouch.recordings.meaning.topic_choice",
 )
 """Nothing in these moves a figure, so what is in them makes no block stale."""
 
@@ -85,7 +85,7 @@ _OF_PAGES: dict[str, dict[str, tuple[str, ...]]] = {
     | {"lying-sensors": ("measure_sensor_faults:lying_sensors",)}
     | {"blind-sensors": ("measure_sensor_faults:blind_sensors",)},
     "docs/scale.md": {
-        "costs": ("measure_scale:costs", "foretouch.recordings.session_writer", *LIVE),
+        "costs": ("measure_scale:costs", "foretouch.recordings.session.writer", *LIVE),
         "fleet": ("measure_scale:fleet", "measure_scale:costs"),
     },
     "docs/scenes.md": {name: (f"measure_scenes:{name}",) for name in ("fusion", "images", "palpation", "hand")},

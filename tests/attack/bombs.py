@@ -18,7 +18,7 @@ import pyarrow.parquet
 import zstandard
 from mcap.data_stream import RecordBuilder
 
-from foretouch.recordings.excerpt_file import About
+from foretouch.recordings.formats.published import About
 
 MAGIC = b"\x89MCAP0\r\n"
 BLOCK = bytes(2**24)

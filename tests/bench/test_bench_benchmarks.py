@@ -29,7 +29,7 @@ from foretouch.errors import ForetouchError
 from foretouch.identification import ContactSample, Estimator, Status
 from foretouch.messages.session_log import FOLLOWER_DTYPE
 from foretouch.recordings import read_recording
-from foretouch.recordings.follower_samples import LARGE
+from foretouch.recordings.session.follower_samples import LARGE
 
 
 def rows(late_ns: list[int], compute_ns: list[int] | None = None) -> np.ndarray:

@@ -31,7 +31,7 @@ from foretouch.models.contact_map.layout import (
     SIZE,
 )
 from foretouch.models.contact_map.wire import pack, unpack
-from foretouch.recordings.cdr import Layout
+from foretouch.recordings.formats.cdr import Layout
 
 
 def model_of(flat: np.ndarray) -> ContactMap:

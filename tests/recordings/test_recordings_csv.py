@@ -7,8 +7,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from foretouch.errors import RecordingError, RecordingWarning, UnknownNameError
-from foretouch.recordings import csv_table, read_recording, read_with_notes
-from foretouch.recordings.units import REQUIRED
+from foretouch.recordings import read_recording, read_with_notes
+from foretouch.recordings.formats import csv_table
+from foretouch.recordings.meaning.names import REQUIRED
 
 GOOD = "time_s,position_m,force_N\n0,0.001,0.5\n0.001,0.002,0.75\n0.002,0.003,1\n"
 

@@ -13,7 +13,7 @@ from hypothesis.extra.numpy import arrays
 from foretouch.errors import RecordingError, UnknownNameError
 from foretouch.identification import Learner, make_estimator
 from foretouch.recordings import DATASETS, excerpt, inspect_recording, list_datasets, read_leader_motion, read_recording
-from foretouch.recordings.excerpt_file import About, read_excerpt, write_excerpt
+from foretouch.recordings.formats.published import About, read_excerpt, write_excerpt
 from foretouch.report import forces_under_delay, score
 
 TUE = [name for name in DATASETS if name.startswith("tue/")]

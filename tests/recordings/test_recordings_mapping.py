@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 
 from foretouch.errors import RecordingError
 from foretouch.recordings import Mapping, Signal, TimeSource, Velocity, read_mapping, read_recording, write_mapping
-from foretouch.recordings.column_names import FORCE, POSITION, TIME, name_says, rank
-from foretouch.recordings.mapping import FORCES, LENGTHS, NEEDS_SCALE, TIMES, mapping_text, parse_mapping
+from foretouch.recordings.meaning.mapping import FORCES, LENGTHS, NEEDS_SCALE, TIMES, mapping_text, parse_mapping
+from foretouch.recordings.meaning.names import FORCE, POSITION, TIME, name_says, rank
 
 FACTORS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "rad": 1.0, "deg": math.pi / 180, "raw": 1.0}
 FORCE_FACTORS = {"N": 1.0, "mN": 1e-3, "cN": 1e-2, "kN": 1e3, "Nm": 1.0, "raw": 1.0}

@@ -19,8 +19,8 @@ from foretouch.cli.app import app
 from foretouch.errors import RecordingError
 from foretouch.messages import VERSION, LeaderState, Telemetry
 from foretouch.recordings import SessionWriter, is_whole, read_session, repair_session
-from foretouch.recordings.cdr import Layout
-from foretouch.recordings.topics import TOPICS
+from foretouch.recordings.formats.cdr import Layout
+from foretouch.recordings.formats.topics import TOPICS
 
 
 def small_session(folder):

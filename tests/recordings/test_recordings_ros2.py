@@ -15,9 +15,8 @@ from rosbags.typesys import Stores, get_typestore
 from foretouch.messages import VERSION, CameraImage, FixtureBelief, FollowerSpace, ModelUpdate, Telemetry
 from foretouch.models import LAWS
 from foretouch.recordings import SessionWriter, read_session
-from foretouch.recordings.contact_model_msg import CONTACT_MODEL_MSG, CONTACT_MODEL_TYPE
-from foretouch.recordings.session_writer import POSE_EVERY
-from foretouch.recordings.topics import TOPICS
+from foretouch.recordings.formats.topics import CONTACT_MODEL_MSG, CONTACT_MODEL_TYPE, TOPICS
+from foretouch.recordings.session.writer import POSE_EVERY
 
 MODEL = ModelUpdate(
     VERSION, 7, 1_234_567_890_123, 40, "continuous-switching", (4321.5, 0.1, 1.4, -1 / 3), (), 0.0123, True,

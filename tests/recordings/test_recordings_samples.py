@@ -18,9 +18,9 @@ from foretouch.recordings import (
     read_recording,
     read_session,
 )
-from foretouch.recordings.session_reader import read_samples
+from foretouch.recordings.session.reader import read_samples
 
-samples_file = importlib.import_module("foretouch.recordings.follower_samples")  # a function has its name too
+samples_file = importlib.import_module("foretouch.recordings.session.follower_samples")  # a function has its name too
 
 
 def write(path: Path, ticks: int = 900, force: float = 1.0) -> None:

@@ -32,8 +32,8 @@ from foretouch.messages import (
     Telemetry,
 )
 from foretouch.recordings import SessionWriter, read_recording, read_session
-from foretouch.recordings.cdr import HEADER, Layout
-from foretouch.recordings.topics import TOPICS
+from foretouch.recordings.formats.cdr import HEADER, Layout
+from foretouch.recordings.formats.topics import TOPICS
 
 
 def decoded(path):

@@ -25,8 +25,7 @@ from foretouch.messages import (
 )
 from foretouch.models import MaterialField
 from foretouch.recordings import SessionWriter, read_session, repair_session
-from foretouch.recordings.standard_topics import quaternion
-from foretouch.recordings.topics import TOPICS
+from foretouch.recordings.formats.topics import TOPICS, quaternion
 
 TICKS = 300
 KINDS = (FollowerSpace, LeaderSpace, FieldUpdate, FixtureBelief, CameraImage)

@@ -15,7 +15,7 @@ from typing import TextIO
 from zenoh_ros2_sdk import ROS2Subscriber
 from zenoh_ros2_sdk.utils import compute_type_hash_from_msg
 
-from foretouch.recordings.standard_topics import STANDARD
+from foretouch.recordings.formats.topics import STANDARD
 
 LOCK = threading.Lock()
 

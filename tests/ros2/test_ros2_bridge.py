@@ -29,7 +29,7 @@ from foretouch.messages import (
     ModelUpdate,
     Telemetry,
 )
-from foretouch.recordings.standard_topics import STANDARD
+from foretouch.recordings.formats.topics import STANDARD
 from foretouch.ros2 import Bridge, Graph, Node, publisher_gid, type_hash, wall_offset_ns
 from foretouch.session import SessionSettings, make_operator, make_session_robot, simulate
 

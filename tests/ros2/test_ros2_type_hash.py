@@ -7,8 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from foretouch.recordings.contact_model_msg import CONTACT_MODEL_MSG, CONTACT_MODEL_TYPE
-from foretouch.recordings.standard_topics import STANDARD, StandardTopic
+from foretouch.recordings.formats.topics import CONTACT_MODEL_MSG, CONTACT_MODEL_TYPE, STANDARD, StandardTopic
 from foretouch.ros2 import type_description, type_hash
 
 PUBLISHED = {

@@ -5,22 +5,20 @@
 `write_columns` writes results, `excerpt` gives the path of a measured recording, `fetch` that of its original.
 """
 
-from foretouch.recordings.calibration_file import read_calibration, write_calibration
 from foretouch.recordings.convert import OUTPUTS, write_recording
 from foretouch.recordings.datasets import DATA_DIR, DATASETS, Dataset, Origin, excerpt, fetch, fetch_all, list_datasets
-from foretouch.recordings.follower_samples import FollowerSamples, follower_samples, read_follower_samples
+from foretouch.recordings.formats.published import FORCE_CHANNELS, read_leader_motion
 from foretouch.recordings.inspection import Contents, inspect_recording
-from foretouch.recordings.mapped import falls_with_depth
-from foretouch.recordings.mapping import Mapping, Signal, TimeSource, Velocity, read_mapping, write_mapping
-from foretouch.recordings.opening import SUFFIXES, open_source
-from foretouch.recordings.output import atomic_path, write_columns
+from foretouch.recordings.meaning.mapped import falls_with_depth
+from foretouch.recordings.meaning.mapping import Mapping, Signal, TimeSource, Velocity, read_mapping, write_mapping
+from foretouch.recordings.meaning.names import FORCE_UNITS, POSITION_UNITS
+from foretouch.recordings.output import atomic_path, read_calibration, write_calibration, write_columns
 from foretouch.recordings.pose_table import POSE_COLUMNS, StaticPoses, read_poses
-from foretouch.recordings.reading import Read, is_session, read_recording, read_with_notes
-from foretouch.recordings.repair import Repair, is_whole, repair_session
-from foretouch.recordings.session_reader import read_session
-from foretouch.recordings.session_writer import SessionWriter
-from foretouch.recordings.tue_mat import FORCE_CHANNELS, read_leader_motion
-from foretouch.recordings.units import FORCE_UNITS, POSITION_UNITS
+from foretouch.recordings.reading import SUFFIXES, Read, is_session, open_source, read_recording, read_with_notes
+from foretouch.recordings.session.follower_samples import FollowerSamples, follower_samples, read_follower_samples
+from foretouch.recordings.session.reader import read_session
+from foretouch.recordings.session.repair import Repair, is_whole, repair_session
+from foretouch.recordings.session.writer import SessionWriter
 
 __all__ = [
     "DATASETS",

@@ -12,11 +12,7 @@ import numpy as np
 
 from foretouch.errors import RecordingError
 from foretouch.quantities import Recording
-from foretouch.recordings._extra import optional
-from foretouch.recordings.mapping import Mapping, Signal, TimeSource, Velocity, mapping_text
-from foretouch.recordings.output import atomic_path, write_columns
-from foretouch.recordings.source import MAP_NAME
-from foretouch.recordings.standard_topics import (
+from foretouch.recordings.formats.topics import (
     JOINT_STATE_SCHEMA,
     POSE_SCHEMA,
     WRENCH_SCHEMA,
@@ -24,6 +20,9 @@ from foretouch.recordings.standard_topics import (
     pose,
     wrench,
 )
+from foretouch.recordings.meaning.mapping import Mapping, Signal, TimeSource, Velocity, mapping_text
+from foretouch.recordings.output import atomic_path, optional, write_columns
+from foretouch.recordings.source import MAP_NAME
 
 __all__ = ["OUTPUTS", "write_recording"]
 

@@ -24,8 +24,8 @@ from urllib.parse import quote
 
 from foretouch.errors import DatasetError, UnknownNameError
 from foretouch.errors.checks import require_type
-from foretouch.recordings._extra import optional
-from foretouch.recordings.excerpt_file import SUFFIX
+from foretouch.recordings.formats.published import SUFFIX
+from foretouch.recordings.output import optional
 
 __all__ = ["DATASETS", "DATA_DIR", "Dataset", "Origin", "excerpt", "fetch", "fetch_all", "list_datasets"]
 

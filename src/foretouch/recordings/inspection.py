@@ -13,19 +13,23 @@ from numpy.typing import NDArray
 from foretouch.errors import RecordingError, plural
 from foretouch.files import within_budget
 from foretouch.quantities import Brief, Recording
-from foretouch.recordings.aurora_ddf import AURORA_CONTACT_FLOOR as AURORA_FLOOR
-from foretouch.recordings.aurora_ddf import read_aurora
-from foretouch.recordings.column_names import name_says
-from foretouch.recordings.excerpt_file import read_excerpt, recording_of
-from foretouch.recordings.guess import Guess, guess_mapping
-from foretouch.recordings.joining import clocks_of
-from foretouch.recordings.mapping import TIMES, Mapping, Signal, TimeSource
-from foretouch.recordings.opening import open_source, require_readable
-from foretouch.recordings.reading import is_session
+from foretouch.recordings.formats.published import AURORA_CONTACT_FLOOR as AURORA_FLOOR
+from foretouch.recordings.formats.published import (
+    LEVER,
+    TORQUE_PER_VOLT,
+    is_tue,
+    read_aurora,
+    read_excerpt,
+    recording_of,
+)
+from foretouch.recordings.formats.published import TUE_CONTACT_FLOOR as TUE_FLOOR
+from foretouch.recordings.formats.topics import TOPICS
+from foretouch.recordings.meaning.guess import Guess, guess_mapping
+from foretouch.recordings.meaning.joining import clocks_of
+from foretouch.recordings.meaning.mapping import TIMES, Mapping, Signal, TimeSource
+from foretouch.recordings.meaning.names import name_says
+from foretouch.recordings.reading import is_session, open_source, require_readable
 from foretouch.recordings.source import Bag, Column, Table, Topic
-from foretouch.recordings.topics import TOPICS
-from foretouch.recordings.tue_mat import LEVER, TORQUE_PER_VOLT, is_tue
-from foretouch.recordings.tue_mat import TUE_CONTACT_FLOOR as TUE_FLOOR
 
 __all__ = ["Contents", "inspect_recording"]
 

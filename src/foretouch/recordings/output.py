@@ -1,7 +1,13 @@
-"""Writes result files so that none is ever half there."""
+"""Writes result files so that none is ever half there.
+
+Optional packages of this room, imported when they are needed.
+
+Reads and writes the TOML file of a sensor's calibration.
+"""
 
 from __future__ import annotations
 
+import importlib
 import os
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -9,13 +15,25 @@ from os import PathLike
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 from numpy.typing import ArrayLike
 
-from foretouch.errors import RecordingError
-from foretouch.recordings._extra import optional
+from foretouch.errors import MissingExtraError, RecordingError
+from foretouch.files import read_toml
+from foretouch.quantities import SensorCalibration
 
-__all__ = ["atomic_path", "write_columns"]
+
+def optional(module: str) -> Any:
+    """A module of the extra ``recordings``.
+
+    Raises:
+        MissingExtraError: Its package is not installed.
+    """
+    try:
+        return importlib.import_module(module)
+    except ModuleNotFoundError:
+        raise MissingExtraError(module.partition(".")[0], "recordings") from None
 
 
 @contextmanager
@@ -79,3 +97,26 @@ def _write_csv(part: Path, pyarrow: Any, arrays: dict[str, Any]) -> None:
     with part.open("wb") as file:
         file.write((",".join(arrays) + "\n").encode())  # pyarrow would put the names in quotes
         csv.write_csv(pyarrow.table(numbers), file, csv.WriteOptions(include_header=False))
+
+
+def read_calibration(path: str | PathLike[str]) -> SensorCalibration:
+    """A calibration from its file; an unknown key is an error.
+
+    Raises:
+        RecordingError: The file cannot be read, or is no calibration.
+    """
+    return read_toml(path, SensorCalibration, "sensor calibration")
+
+
+def write_calibration(path: str | PathLike[str], calibration: SensorCalibration) -> None:
+    """Write a calibration: one line a number, SI units; what is not known is left out.
+
+    Raises:
+        RecordingError: The file cannot be written.
+    """
+    known = {name: value for name, value in msgspec.structs.asdict(calibration).items() if value is not None}
+    # repr gives the shortest decimals that read back as the same float, in a form that TOML has too
+    lines = [f"{name} = {list(value) if isinstance(value, tuple) else value!r}" for name, value in known.items()]
+    text = "\n".join(["# Sensor calibration, SI units, vectors in the sensor's frame: foretouch calibrate", *lines, ""])
+    with atomic_path(path) as part:
+        part.write_text(text, encoding="utf-8")

@@ -1,13 +1,17 @@
-"""Reads a recording, whatever its format."""
+"""Reads a recording, whatever its format.
+
+Opens a recording by the ending of its name; which format that is, and nothing of its meaning.
+"""
 
 from __future__ import annotations
 
 import sys
 import warnings
+from collections.abc import Callable
 from dataclasses import replace
 from os import PathLike
 from pathlib import Path
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -15,21 +19,67 @@ from foretouch.errors import RecordingError, RecordingWarning, UnknownNameError
 from foretouch.errors.checks import require_path, require_type
 from foretouch.files import within_budget
 from foretouch.quantities import Recording
-from foretouch.recordings.aurora_ddf import read_aurora
-from foretouch.recordings.column_names import name_says
-from foretouch.recordings.excerpt_file import recording_of
-from foretouch.recordings.follower_samples import read_follower
-from foretouch.recordings.guess import HELP, guess_mapping
-from foretouch.recordings.mapped import read_mapped
-from foretouch.recordings.mapping import Mapping, Signal, TimeSource, Velocity, mapping_text, read_mapping
-from foretouch.recordings.mcap_file import McapFile
-from foretouch.recordings.opening import open_source, require_readable
+from foretouch.recordings.formats.arrays import Hdf5Table, open_mat
+from foretouch.recordings.formats.bags import Rosbag2
+from foretouch.recordings.formats.csv_table import CsvTable
+from foretouch.recordings.formats.mcap_file import McapFile
+from foretouch.recordings.formats.parquet_table import ParquetTable
+from foretouch.recordings.formats.published import FORCE_CHANNELS, is_tue, read_aurora, read_tue, recording_of
+from foretouch.recordings.formats.topics import TOPICS
+from foretouch.recordings.meaning.guess import HELP, guess_mapping
+from foretouch.recordings.meaning.mapped import read_mapped
+from foretouch.recordings.meaning.mapping import Mapping, Signal, TimeSource, Velocity, mapping_text, read_mapping
+from foretouch.recordings.meaning.names import REQUIRED, VELOCITY_KEY, Units, name_says
+from foretouch.recordings.session.follower_samples import read_follower
 from foretouch.recordings.source import Bag, Table, require_names
-from foretouch.recordings.topics import TOPICS
-from foretouch.recordings.tue_mat import FORCE_CHANNELS, is_tue, read_tue
-from foretouch.recordings.units import REQUIRED, VELOCITY_KEY, Units
 
-__all__ = ["Read", "is_session", "read_recording", "read_with_notes"]
+OPENERS: Final[dict[str, Callable[[str | PathLike[str]], Table | Bag]]] = {
+    ".csv": CsvTable,
+    ".parquet": ParquetTable,
+    ".mat": open_mat,
+    ".h5": Hdf5Table,
+    ".hdf5": Hdf5Table,
+    ".mcap": McapFile,
+    ".db3": Rosbag2,
+}
+"""By ending; a folder is a rosbag2."""
+
+SUFFIXES: Final = (".csv", ".parquet", ".mat", ".ddf", ".npz", ".mcap", ".h5", ".hdf5", ".db3")
+"""Endings of the files that can be read; a folder is read as a rosbag2."""
+
+
+def require_readable(path: str | PathLike[str]) -> str:
+    """The ending of a recording that is there, empty for a folder.
+
+    Raises:
+        RecordingError: No such file, or an ending that is not known.
+    """
+    file, suffix = Path(path), Path(path).suffix.lower()
+    if file.is_dir() and (suffix not in SUFFIXES or (file / "metadata.yaml").is_file()):
+        return ""
+    if suffix not in SUFFIXES:
+        problem = f"cannot be read: its name must end with one of {', '.join(SUFFIXES)}"
+        raise RecordingError(path, f"{problem}, or be a rosbag2 folder")
+    if not file.is_file():
+        raise RecordingError(path, "is no file" if file.exists() else "no such file")
+    return suffix
+
+
+def open_source(path: str | PathLike[str]) -> Table | Bag:
+    """An opened table or bag.
+
+    Raises:
+        RecordingError: It cannot be read, or is no format with columns or topics.
+        MissingExtraError: The format needs a package of the extra ``recordings``.
+    """
+    suffix = require_readable(path)
+    if suffix in (".ddf", ".npz"):
+        what = "an Aurora .ddf file" if suffix == ".ddf" else "an excerpt of a measured recording"
+        raise RecordingError(path, f"{what} has no columns to map: leave --map out")
+    try:
+        return OPENERS[suffix](path) if suffix else Rosbag2(path)
+    except OSError as error:
+        raise RecordingError(path, f"cannot be read: {error.strerror or error}") from None
 
 
 SHORTEST_STEP, LONGEST_STEP = 2e-5, 0.2

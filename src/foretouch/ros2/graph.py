@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from foretouch.errors import LinkError, MissingExtraError
 from foretouch.link import check_endpoint, is_encrypted
-from foretouch.recordings.standard_topics import StandardTopic
+from foretouch.recordings.formats.topics import StandardTopic
 from foretouch.ros2.attachment import attachment, publisher_gid
 from foretouch.ros2.keys import Node
 from foretouch.ros2.topics import qos_of, type_of

@@ -17,7 +17,7 @@ from typing import Any, Final
 import msgspec
 
 from foretouch.messages import Message, Telemetry
-from foretouch.recordings.standard_topics import BESIDE, FIXTURE, MODEL, NUMBERS, PROBE, StandardTopic, pose_on_a_line
+from foretouch.recordings.formats.topics import BESIDE, FIXTURE, MODEL, NUMBERS, PROBE, StandardTopic, pose_on_a_line
 from foretouch.ros2.keys import DEFAULT, SENSOR_DATA, Qos, TopicType
 
 NESTED: Final = 1

@@ -1,13 +1,19 @@
-"""What the name of a column says: which quantity, and its unit. Words of several languages, as files have them."""
+"""What the name of a column says: which quantity, and its unit. Words of several languages, as files have them.
+
+Columns that common robots' own interfaces name always alike: which number is what, in which frame.
+
+Units that options may name, and the columns of a table that needs no map.
+"""
 
 from __future__ import annotations
 
 import functools
 import re
 import unicodedata
+from dataclasses import dataclass
 from typing import Final, NamedTuple
 
-__all__ = ["BY_WORD", "Named", "is_unit", "name_says", "rank"]
+from foretouch.errors import UnknownNameError
 
 TIME, POSITION, FORCE, VELOCITY = "time", "position", "force", "velocity"
 
@@ -156,3 +162,104 @@ def _is_rate(unit: str) -> bool:
 def _plain(text: str) -> str:
     """Lower case, without accents."""
     return "".join(letter for letter in unicodedata.normalize("NFD", text.lower()) if not unicodedata.combining(letter))
+
+
+class RobotColumn(NamedTuple):
+    """What a robot's interface says of one of its numbers.
+
+    Attributes:
+        quantity: That it is.
+        rank: How well it fits, on the scale of `foretouch.recordings.meaning.names.rank`: below a column that is named
+            as the quantity and nothing else, above one that has a word of it.
+        unit: As a map writes it.
+        said: What it is, and in which frame, for people.
+        axes: How the columns along x, y and z are numbered there.
+    """
+
+    quantity: str
+    rank: float
+    unit: str
+    said: str
+    axes: tuple[int, int, int]
+
+
+KNOWN: Final = {
+    "O_T_EE": RobotColumn(
+        POSITION,
+        3.8,
+        "m",
+        "Franka's end effector in the robot's base frame, of a 4 x 4 pose by columns",
+        (12, 13, 14),
+    ),
+    "O_F_ext_hat_K": RobotColumn(
+        FORCE, 3.8, "N", "Franka's estimated force on the stiffness frame, along the robot's base frame", (0, 1, 2)
+    ),
+    "K_F_ext_hat_K": RobotColumn(
+        FORCE,
+        3.7,
+        "N",
+        "Franka's estimated force on the stiffness frame, along that frame itself, which turns with the hand",
+        (0, 1, 2),
+    ),
+    "actual_TCP_pose": RobotColumn(POSITION, 3.8, "m", "UR's tool centre point in the robot's base frame", (0, 1, 2)),
+    "actual_TCP_force": RobotColumn(
+        FORCE, 3.8, "N", "UR's force at the tool centre point, along the robot's base frame", (0, 1, 2)
+    ),
+}
+"""The numbers of libfranka's `RobotState` and of UR's RTDE, by name without their index.
+
+References:
+    Franka Robotics, libfranka, franka/robot_state.h: struct RobotState.
+    Universal Robots, Real-Time Data Exchange (RTDE) guide, robot controller outputs.
+"""
+
+_indexed = re.compile(rf"(?:^|[^A-Za-z])({'|'.join(KNOWN)})[\[_. ]?(\d+)\]?\s*\Z")
+
+
+def robot_column(name: str) -> RobotColumn | None:
+    """What a column is, such as ``O_T_EE[14]`` or ``actual_TCP_force_2``, if it is along z; None for any other.
+
+    Args:
+        name: Of the column; what stands before the robot's name, as ``state/``, is passed over.
+    """
+    found = _indexed.search(name)
+    known = KNOWN[found[1]] if found else None
+    return known if found and known is not None and int(found[2]) == known.axes[2] else None
+
+
+POSITION_UNITS: Final = {"m": 1.0, "cm": 1e2, "mm": 1e3, "um": 1e6}
+"""How many of a unit make a metre."""
+
+FORCE_UNITS: Final = {"N": 1.0, "mN": 1e3, "cN": 1e2, "kN": 1e-3}
+"""How many of a unit make a newton."""
+
+REQUIRED: Final = ("time_s", "position_m", "force_N")
+VELOCITY_KEY: Final = "velocity_m_s"
+
+
+@dataclass(frozen=True)
+class Units:
+    """What the numbers of a table mean.
+
+    Attributes:
+        position: Unit of positions; velocities are in that unit a second. None where nobody has said it.
+        force: Unit of forces, likewise.
+        flip: Whether positions grow out of the material, so that they change sign.
+        flip_force: Whether forces are negative under load, so that they change sign.
+
+    Raises:
+        UnknownNameError: A unit that is not known.
+    """
+
+    position: str | None = None
+    force: str | None = None
+    flip: bool = False
+    flip_force: bool = False
+
+    def __post_init__(self) -> None:
+        for kind, name, known in (
+            ("position unit", self.position, POSITION_UNITS),
+            ("force unit", self.force, FORCE_UNITS),
+        ):
+            if name is not None and name not in known:
+                raise UnknownNameError(kind, name, known)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foretouch.errors import RecordingError
-from foretouch.recordings._extra import optional
+from foretouch.recordings.output import optional
 from foretouch.recordings.source import MAP_NAME, Column, Table, one_line, require_names
 
 __all__ = ["ParquetTable", "numbers_of"]

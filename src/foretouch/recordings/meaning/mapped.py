@@ -7,10 +7,10 @@ from numpy.typing import NDArray
 
 from foretouch.errors import RecordingError, plural, was_or_were
 from foretouch.quantities import Recording
-from foretouch.recordings.joining import at_force_times, clock_of, in_time
-from foretouch.recordings.mapping import FORCES, LENGTHS, TIMES, Mapping, to_si
+from foretouch.recordings.meaning.joining import at_force_times, clock_of, in_time
+from foretouch.recordings.meaning.mapping import FORCES, LENGTHS, TIMES, Mapping, to_si
+from foretouch.recordings.meaning.topic_choice import LEAST_RATE
 from foretouch.recordings.source import Bag, Series, Table
-from foretouch.recordings.topic_choice import LEAST_RATE
 
 __all__ = ["falls_with_depth", "read_mapped"]
 

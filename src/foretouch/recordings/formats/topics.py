@@ -1,4 +1,12 @@
-"""The standard ROS 2 types beside our own: the same motion, force and images, for tools that know only those."""
+"""What a session's MCAP file holds of our own: the topics and their types, which carry every field of the messages.
+
+The contact model as a ROS 2 message of its own, for tools and robots that know nothing of foretouch.
+
+`foretouch_msgs/msg/ContactModel` carries the law's numbers with their names; a receiver needs no table of laws to read
+them. `/follower/model` beside it carries every field of `ModelUpdate`, also those that only foretouch can use.
+
+The standard ROS 2 types beside our own: the same motion, force and images, for tools that know only those.
+"""
 
 from __future__ import annotations
 
@@ -10,17 +18,144 @@ from typing import Final, TypeAlias
 
 from foretouch.messages import (
     CameraImage,
+    Choice,
+    Command,
+    EmergencyStop,
+    FieldUpdate,
     FixtureBelief,
     FollowerSpace,
+    Handle,
+    Hello,
+    LeaderSpace,
     LeaderState,
     Message,
     ModelUpdate,
+    Settings,
+    Stop,
     Telemetry,
 )
-from foretouch.recordings.cdr import HEADER
-from foretouch.recordings.contact_model_msg import CONTACT_MODEL_MSG, CONTACT_MODEL_TYPE, contact_model, number_array
+from foretouch.models import LAWS
+from foretouch.recordings.formats.cdr import HEADER, Layout, pack_fields
 
-__all__ = ["BESIDE", "STANDARD", "StandardTopic"]
+COUNTS: Final = "foretouch_counts"
+"""Name of the metadata record that holds the counters of the session's end."""
+
+TRUNCATED: Final = {"truncated": 1}
+"""Counter of a recording that ends before its session did."""
+
+
+@dataclass(frozen=True)
+class Topic:
+    """One topic of our own messages.
+
+    Attributes:
+        name: Of the topic.
+        type_name: Of the ROS 2 type.
+        layout: Schema and bytes.
+        former: What the type was called in recordings that were made before; they are read too.
+    """
+
+    name: str
+    type_name: str
+    layout: Layout
+    former: str = ""
+
+
+FORMER: Final[dict[type[Message], str]] = {ModelUpdate: "foretouch_msgs/msg/ContactModel"}
+"""Type names of former recordings; that name now belongs to the message of the same topic with only standard parts."""
+
+TOPICS: Final[dict[type[Message], Topic]] = {
+    kind: Topic(name, f"foretouch_msgs/msg/{type_name}", Layout(kind), FORMER.get(kind, ""))
+    for kind, name, type_name in (
+        (Telemetry, "/follower/state", "FollowerState"),
+        (LeaderState, "/leader/state", "LeaderState"),
+        (ModelUpdate, "/follower/model", "ModelUpdate"),
+        (Hello, "/session/hello", "Hello"),
+        (Settings, "/session/settings", "Settings"),
+        (Choice, "/session/choice", "Choice"),
+        (Stop, "/session/stop", "Stop"),
+        (EmergencyStop, "/session/emergency", "EmergencyStop"),
+        (Handle, "/console/handle", "Handle"),
+        (Command, "/leader/command", "Command"),
+        (FollowerSpace, "/follower/space", "FollowerSpace"),
+        (LeaderSpace, "/leader/space", "LeaderSpace"),
+        (FieldUpdate, "/follower/field", "MaterialField"),
+        (FixtureBelief, "/camera/fixture", "FixtureBelief"),
+        (CameraImage, "/camera/image", "CameraImage"),
+    )
+}
+
+
+CONTACT_MODEL_TYPE: Final = "foretouch_msgs/msg/ContactModel"
+
+CONTACT_MODEL_MSG: Final = """\
+# A contact model as the follower learns it. All numbers are in SI units: metres, newtons, seconds.
+
+# When the follower had it. frame_id is "probe", whose z points out of the surface, as the force does.
+std_msgs/Header header
+
+# Name of the contact law, such as "contact-map" or "hunt-crossley".
+string law
+
+# The law's numbers by name, in the law's own order, for depths in metres: the stiffness of "hunt-crossley" is in
+# N/m^exponent, an exponent has no unit. No names where the sender does not know the law.
+string[] names
+float64[] values
+
+# Standard error of each value, in its unit: NaN for one that is undetermined; empty where the estimator tells none.
+float64[] standard_errors
+
+# Where the undeformed surface is [m], along the probe's axis, in the coordinate of the joint of /follower/joint_states,
+# which grows into the material: depth is that position less this one. In the frame "world" of a session along a line
+# it lies at z of minus this. In a scene: how much deeper than its known shape the surface was felt, along its normal.
+float64 surface
+
+# Whether a force may be computed from it.
+bool valid
+
+# One sentence: why it may not, or what there is to know.
+string reason
+
+# Running number of the model; it counts from 1 in each process of the follower, and a gap is one that did not arrive.
+uint64 sequence
+"""
+"""Definition in the ``.msg`` language, which says what each field is; ``ros2/foretouch_msgs`` has the same text."""
+
+_HEADER: Final = {"sec": "int32", "nanosec": "uint32", "frame_id": "string"}
+_FIELDS: Final = [line.split() for line in CONTACT_MODEL_MSG.splitlines() if line and not line.startswith("#")]
+_CONTACT_MODEL: Final = _HEADER | {name: ros_type for ros_type, name in _FIELDS[1:]}
+_NUMBER_ARRAY: Final = {"dimensions": "uint32", "label": "string", "size": "uint32", "stride": "uint32"} | {
+    "data_offset": "uint32",
+    "data": "float64[]",
+}
+
+
+def parameter_names(law: str, count: int) -> tuple[str, ...]:
+    """Names of a law's numbers in their order; empty where the law is not known, or has not so many."""
+    names = LAWS[law].parameter_names if law in LAWS else ()
+    return names if len(names) == count else ()
+
+
+def contact_model(update: ModelUpdate, stamp: tuple[int, int], frame: str) -> bytes:
+    """CDR bytes of a ContactModel.
+
+    Args:
+        update: The model as the follower sent it.
+        stamp: Seconds and nanoseconds of the header.
+        frame: Of the header.
+    """
+    names = parameter_names(update.law, len(update.parameters))
+    numbers = (names, update.parameters, update.standard_errors)
+    return pack_fields(
+        _CONTACT_MODEL,
+        (*stamp, frame, update.law, *numbers, update.surface, update.valid, update.reason, update.sequence),
+    )
+
+
+def number_array(update: ModelUpdate) -> bytes:
+    """CDR bytes of a Float64MultiArray of the law's numbers; its one dimension is labelled with their names."""
+    label, count = ",".join(parameter_names(update.law, len(update.parameters))), len(update.parameters)
+    return pack_fields(_NUMBER_ARRAY, (1, label, count, count, 0, update.parameters))
 
 
 @dataclass(frozen=True)

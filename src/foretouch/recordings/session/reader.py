@@ -37,9 +37,8 @@ from foretouch.messages import (
 )
 from foretouch.messages.session_log import in_order
 from foretouch.quantities import Rows
-from foretouch.recordings._extra import optional
-from foretouch.recordings.cdr import Layout
-from foretouch.recordings.mcap_index import (
+from foretouch.recordings.formats.cdr import Layout
+from foretouch.recordings.formats.mcap_index import (
     CHANNEL,
     CHUNK,
     FOOTER,
@@ -50,7 +49,8 @@ from foretouch.recordings.mcap_index import (
     SCHEMA,
     chunk_content,
 )
-from foretouch.recordings.topics import COUNTS, TOPICS, TRUNCATED
+from foretouch.recordings.formats.topics import COUNTS, TOPICS, TRUNCATED
+from foretouch.recordings.output import optional
 
 __all__ = ["read_samples", "read_session"]
 

@@ -10,11 +10,9 @@ from typing import Any
 
 from foretouch.errors import RecordingError
 from foretouch.messages import FollowerSpace, Message, Telemetry
-from foretouch.recordings._extra import optional
-from foretouch.recordings.block_file import BlockFile
-from foretouch.recordings.mcap_index import append_index, counts_record
-from foretouch.recordings.standard_topics import BESIDE, PROBE, STANDARD, pose_on_a_line
-from foretouch.recordings.topics import TOPICS, TRUNCATED
+from foretouch.recordings.formats.mcap_index import BlockFile, append_index, counts_record
+from foretouch.recordings.formats.topics import BESIDE, PROBE, STANDARD, TOPICS, TRUNCATED, pose_on_a_line
+from foretouch.recordings.output import optional
 
 __all__ = ["SessionWriter"]
 

@@ -14,9 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foretouch.errors import RecordingError
-from foretouch.recordings._extra import optional
-from foretouch.recordings.bag_series import RosBag
-from foretouch.recordings.mcap_index import (
+from foretouch.recordings.formats.bags import RosBag
+from foretouch.recordings.formats.mcap_index import (
     CHANNEL,
     CHUNK,
     CHUNK_INDEX,
@@ -31,6 +30,7 @@ from foretouch.recordings.mcap_index import (
     chunk_content,
     message_head,
 )
+from foretouch.recordings.output import optional
 from foretouch.recordings.source import MAP_NAME, Topic, gathered, one_line
 
 __all__ = ["McapFile"]

@@ -17,7 +17,7 @@ from foretouch.messages import SessionLog
 from foretouch.messages.session_log import believable, side_seconds
 from foretouch.quantities import ByValue, Recording
 from foretouch.recordings.output import atomic_path
-from foretouch.recordings.session_reader import read_samples
+from foretouch.recordings.session.reader import read_samples
 
 __all__ = ["FollowerSamples", "follower_samples", "read_follower", "read_follower_samples"]
 

@@ -16,9 +16,7 @@ from typing import Any
 
 from foretouch.errors import RecordingError
 from foretouch.files import within_budget
-from foretouch.recordings._extra import optional
-from foretouch.recordings.block_file import BlockFile, being_written
-from foretouch.recordings.mcap_index import (
+from foretouch.recordings.formats.mcap_index import (
     ATTACHMENT,
     CHANNEL,
     CHUNK,
@@ -30,15 +28,17 @@ from foretouch.recordings.mcap_index import (
     METADATA,
     RECORD,
     SCHEMA,
+    BlockFile,
     append_index,
+    being_written,
     chunk_content,
     counts_record,
     message_head,
     record_bytes,
     records_in,
 )
-from foretouch.recordings.output import atomic_path
-from foretouch.recordings.topics import TRUNCATED
+from foretouch.recordings.formats.topics import TRUNCATED
+from foretouch.recordings.output import atomic_path, optional
 
 __all__ = ["Repair", "is_whole", "repair_session"]
 

@@ -9,8 +9,8 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from foretouch.errors import RecordingError
-from foretouch.recordings.column_names import FORCE, POSITION, name_says, rank
-from foretouch.recordings.mapping import Signal
+from foretouch.recordings.meaning.mapping import Signal
+from foretouch.recordings.meaning.names import FORCE, POSITION, name_says, rank
 from foretouch.recordings.source import Bag, Topic, listed
 
 __all__ = ["LEAST_RATE", "Chosen", "axis_note", "choose_topic"]

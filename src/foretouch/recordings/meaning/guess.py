@@ -8,8 +8,7 @@ from dataclasses import dataclass, field, replace
 import msgspec
 
 from foretouch.errors import RecordingError
-from foretouch.recordings.column_names import BY_WORD, FORCE, POSITION, TIME, VELOCITY, Named, name_says, rank
-from foretouch.recordings.mapping import (
+from foretouch.recordings.meaning.mapping import (
     FORCES,
     LENGTHS,
     NEEDS_SCALE,
@@ -23,10 +22,20 @@ from foretouch.recordings.mapping import (
     mapping_text,
     parse_mapping,
 )
-from foretouch.recordings.robot_names import robot_column
+from foretouch.recordings.meaning.names import (
+    BY_WORD,
+    FORCE,
+    POSITION,
+    TIME,
+    VELOCITY,
+    Named,
+    Units,
+    name_says,
+    rank,
+    robot_column,
+)
+from foretouch.recordings.meaning.topic_choice import axis_note, choose_topic
 from foretouch.recordings.source import Bag, Column, Table, listed
-from foretouch.recordings.topic_choice import axis_note, choose_topic
-from foretouch.recordings.units import Units
 
 __all__ = ["Guess", "guess_mapping"]
 

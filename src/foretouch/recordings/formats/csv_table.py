@@ -27,8 +27,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foretouch.errors import RecordingError
-from foretouch.recordings.column_names import is_unit
-from foretouch.recordings.parquet_table import numbers_of
+from foretouch.recordings.formats.parquet_table import numbers_of
+from foretouch.recordings.meaning.names import is_unit
 from foretouch.recordings.source import Column, Table, require_names
 
 __all__ = ["CsvTable"]

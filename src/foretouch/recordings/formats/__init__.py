@@ -1,0 +1,1 @@
+"""From a file of each format to columns with names, and back."""

@@ -1,0 +1,208 @@
+"""Columns out of arrays, as HDF5 and MATLAB files hold them: samples along the longest dimension, whichever that is.
+
+Reads the datasets of an HDF5 file, MATLAB's version 7.3 among them.
+
+Reads the variables of a MATLAB file up to version 7 (SciPy); version 7.3 is HDF5, see `hdf5_table`.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import warnings
+from collections.abc import Iterator, Sequence
+from os import PathLike
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from foretouch.errors import RecordingError
+from foretouch.recordings.output import optional
+from foretouch.recordings.source import MAP_NAME, Column, Table, one_line, require_names
+
+MOST_COLUMNS = 64
+"""An array that is wider is no set of signals, but an image or a matrix."""
+
+
+def column_shapes(name: str, shape: tuple[int, ...]) -> Iterator[tuple[str, int]]:
+    """Name and length of each column of an array: itself where it is one line, else ``name[0]`` and so on.
+
+    Arrays of no or one value, of more than two dimensions or of more than 64 columns have none.
+    """
+    lengths = [length for length in shape if length != 1]
+    if 0 in lengths:
+        return
+    if len(lengths) == 1:
+        yield name, lengths[0]
+    elif len(lengths) == 2 and min(lengths) <= MOST_COLUMNS:
+        yield from ((f"{name}[{place}]", max(lengths)) for place in range(min(lengths)))
+
+
+def column_of(array: NDArray[np.generic], place: int | None) -> NDArray[np.float64]:
+    """One column as float64; `place` is the number in its name, None where it has none."""
+    squeezed = np.squeeze(array)
+    if place is None:
+        return np.asarray(squeezed, dtype=np.float64)
+    turned = squeezed if squeezed.shape[0] >= squeezed.shape[1] else squeezed.T
+    return np.asarray(turned[:, place], dtype=np.float64)
+
+
+DEEPEST_GROUP: Final = 32
+"""Groups within groups: hostile ones, thousands deep, take minutes to go through."""
+
+MOST_DATASETS: Final = 10_000
+"""In one file; each is looked at."""
+
+UNIT_ATTRIBUTES: Final = ("unit", "units", "Unit", "Units")
+
+
+class Hdf5Table(Table):
+    """An opened HDF5 file; a column is a dataset, ``group/force``, one line of it, ``group/wrench[2]``, or a field.
+
+    Raises:
+        RecordingError: The file is no HDF5, or damaged.
+        MissingExtraError: The package ``h5py`` is not installed.
+    """
+
+    def __init__(self, path: str | PathLike[str], format: str = "HDF5") -> None:
+        self.path, self.format = path, format
+        self._h5py = optional("h5py")
+        self._places: dict[str, tuple[str, str, int | None]] = {}
+        columns: list[Column] = []
+        with self._opened() as file:
+            self.stated_map = _text(file.attrs.get(MAP_NAME, ""))
+            for name, dataset in self._datasets(file):
+                columns += self._columns_of(name, dataset)
+        self.columns = tuple(columns)
+
+    def read(self, names: Sequence[str]) -> dict[str, NDArray[np.float64]]:
+        """Columns by name.
+
+        Raises:
+            RecordingError: A column is missing, or the file is damaged.
+        """
+        require_names(self.path, list(self._places), names)
+        with self._opened() as file:
+            found = {}
+            for name in names:
+                dataset, field, place = self._places[name]
+                content = file[dataset][field] if field else file[dataset][()]
+                found[name] = column_of(content, place)
+        return found
+
+    @contextlib.contextmanager
+    def _opened(self) -> Iterator[Any]:
+        try:
+            with self._h5py.File(self.path, "r") as file:
+                yield file
+        except RecordingError:
+            raise
+        except Exception as error:  # h5py raises many kinds on a damaged or foreign file
+            raise RecordingError(self.path, f"is no {self.format} file that can be read: {one_line(error)}") from None
+
+    def _datasets(self, file: Any) -> list[tuple[str, Any]]:
+        found: list[tuple[str, Any]] = []
+
+        def look(name: str, item: Any) -> None:
+            if name.count("/") > DEEPEST_GROUP or len(found) > MOST_DATASETS:
+                what = f"groups within groups deeper than {DEEPEST_GROUP}, or more than {MOST_DATASETS} datasets"
+                raise RecordingError(self.path, f"has {what}: no recording has")
+            hidden = name.startswith("#")  # where MATLAB keeps what its cells refer to
+            text = _text(item.attrs.get("MATLAB_class", "")) in ("char", "cell", "function_handle")
+            if isinstance(item, self._h5py.Dataset) and not hidden and not text:
+                found.append((name, item))
+
+        file.visititems(look)
+        return found
+
+    def _columns_of(self, name: str, dataset: Any) -> list[Column]:
+        unit = next((_text(dataset.attrs[key]) for key in UNIT_ATTRIBUTES if key in dataset.attrs), "")
+        fields = dataset.dtype.names
+        parts = [(f"{name}.{field}", field, dataset.dtype[field]) for field in fields] if fields else []
+        columns = []
+        for whole, field, kind in parts or [(name, "", dataset.dtype)]:
+            if kind.kind not in "fiu":
+                continue
+            for place, (column, length) in enumerate(column_shapes(whole, dataset.shape or ())):
+                self._places[column] = name, field, (None if column == whole else place)
+                columns.append(Column(column, str(kind), length, unit))
+        return columns
+
+
+def _text(value: Any) -> str:
+    """An attribute as text."""
+    if isinstance(value, np.ndarray):
+        value = value.reshape(-1)[0] if value.size else ""
+    return value.decode(errors="replace") if isinstance(value, bytes) else str(value)
+
+
+DEEPEST_STRUCT: Final = 8
+"""Structures within structures beyond this are not looked into."""
+
+
+def open_mat(path: str | PathLike[str]) -> Table:
+    """A MATLAB file of any version.
+
+    Raises:
+        RecordingError: It is none, or damaged.
+        MissingExtraError: It is of version 7.3 and ``h5py`` is not installed.
+    """
+    from scipy.io import loadmat
+
+    try:
+        with warnings.catch_warnings(action="ignore"):  # of what has no name, which nobody can ask for
+            return MatTable(path, loadmat(str(path), squeeze_me=True, struct_as_record=False))
+    except NotImplementedError:  # SciPy's word for version 7.3
+        return Hdf5Table(path, "MATLAB 7.3 (HDF5)")
+    except OSError as error:
+        raise RecordingError(path, f"cannot be read: {error.strerror or error}") from None
+    except RecordingError:
+        raise
+    except Exception as error:  # SciPy raises many kinds on a damaged or foreign file
+        raise RecordingError(path, f"is no MATLAB file that can be read: {one_line(error)}") from None
+
+
+class MatTable(Table):
+    """The numbers of a MATLAB file; structures are gone into, ``scope.signals[0].values[1]``.
+
+    Args:
+        path: Of the file.
+        content: Its variables, as SciPy reads them with structures as objects.
+    """
+
+    def __init__(self, path: str | PathLike[str], content: dict[str, Any]) -> None:
+        self.path, self.format = path, "MATLAB"
+        self.variables = {name: value for name, value in content.items() if not name.startswith("__")}
+        self._arrays: dict[str, tuple[NDArray[np.generic], int | None]] = {}
+        columns = []
+        for name, array in _arrays(self.variables, "", 0):
+            for place, (column, length) in enumerate(column_shapes(name, array.shape)):
+                self._arrays[column] = array, (None if column == name else place)
+                columns.append(Column(column, str(array.dtype), length))
+        self.columns = tuple(columns)
+
+    def read(self, names: Sequence[str]) -> dict[str, NDArray[np.float64]]:
+        """Columns by name.
+
+        Raises:
+            RecordingError: A column is missing.
+        """
+        require_names(self.path, list(self._arrays), names)
+        return {name: column_of(*self._arrays[name]) for name in names}
+
+
+def _arrays(value: Any, name: str, depth: int) -> Iterator[tuple[str, NDArray[np.generic]]]:
+    """Every array of numbers within a value, with its name."""
+    if depth > DEEPEST_STRUCT:
+        return
+    if isinstance(value, np.ndarray) and value.dtype.kind in "fiu":
+        yield name, value
+    elif isinstance(value, np.ndarray) and value.dtype == object and value.ndim == 1:
+        for place, part in enumerate(value[:1000]):
+            yield from _arrays(part, f"{name}[{place}]", depth + 1)
+    elif isinstance(value, dict):
+        for key, part in value.items():
+            yield from _arrays(part, f"{name}.{key}" if name else key, depth + 1)
+    elif hasattr(value, "_fieldnames"):
+        for key in value._fieldnames:
+            yield from _arrays(getattr(value, key), f"{name}.{key}", depth + 1)

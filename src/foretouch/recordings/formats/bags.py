@@ -1,0 +1,267 @@
+"""Definitions of ROS 2 message types: those that a file carries, else those of ROS 2's own packages (`rosbags`).
+
+What every bag does with the bytes of its messages, wherever it has them from.
+
+Reads rosbag2 folders and database files (sqlite3 or MCAP storage, compressed or not) by `rosbags`.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import weakref
+from abc import abstractmethod
+from collections.abc import Callable, Iterator, Sequence
+from functools import lru_cache
+from itertools import islice
+from os import PathLike
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from foretouch.errors import RecordingError
+from foretouch.recordings.formats.cdr_fields import STAMP, Definitions, Places, extract
+from foretouch.recordings.output import optional
+from foretouch.recordings.source import Bag, Column, Series, Topic, gathered, listed, one_line
+
+_SEPARATOR = "=" * 80 + "\n"
+
+
+def definitions_of(type_name: str, text: str, encoding: str) -> Definitions:
+    """Definitions of a type and of those within it.
+
+    Args:
+        type_name: As the file says, with ``/msg/``.
+        text: Definition in the file, or empty.
+        encoding: Of that text: ``ros2msg``, or ``ros2idl``.
+
+    Raises:
+        ValueError: The text cannot be parsed, or there is none and the type is none of ROS 2's own.
+        MissingExtraError: The package ``rosbags`` is not installed.
+    """
+    typesys = optional("rosbags.typesys")
+    if text:
+        try:
+            parsed = _parsed(typesys, type_name, text, encoding)
+        except Exception as error:  # the parser raises many kinds on a text that is none
+            raise ValueError(f"the definition of {type_name} cannot be parsed: {_one_line(error)}") from None
+        if type_name in parsed:
+            return parsed
+    known: Definitions = typesys.get_typestore(typesys.Stores.LATEST).fielddefs
+    if type_name not in known:
+        raise ValueError(f"the file holds no definition of {type_name}, which is no type of ROS 2's own packages")
+    return known
+
+
+def _parsed(typesys: Any, type_name: str, text: str, encoding: str) -> Definitions:
+    if encoding == "ros2msg":
+        found: Definitions = typesys.get_types_from_msg(text, type_name)
+        return found
+    types: dict[str, Any] = {}
+    parts = [part.split("\n", 1)[1] for part in text.split(_SEPARATOR) if part.startswith("IDL: ")]
+    for part in parts or [text]:
+        types.update(typesys.get_types_from_idl(part))
+    return types
+
+
+def _one_line(error: Exception) -> str:
+    return " ".join(str(error).split())[:200] or type(error).__name__
+
+
+class RosBag(Bag):
+    """A bag of ROS 2 messages in CDR."""
+
+    @abstractmethod
+    def messages(self, topic: Topic, most: int | None = None) -> tuple[list[bytes], NDArray[np.int64]]:
+        """Bytes and log times [ns] of a topic's messages, perhaps the first few only.
+
+        Raises:
+            RecordingError: The file is damaged.
+        """
+
+    @abstractmethod
+    def definition(self, topic: Topic) -> tuple[str, str]:
+        """Text of the definition of a topic's type, and its encoding; empty where the file has none.
+
+        Raises:
+            RecordingError: The topic's messages are no CDR.
+        """
+
+    def fields(self, topic: str) -> tuple[Column, ...]:
+        """As `Bag.fields`."""
+        found = self.topic(topic)
+        try:
+            raws, _ = self.messages(found, 1)
+            if not raws:
+                return ()
+            places = Places(raws[0], self._definitions(found), found.type_name)
+        except (ValueError, RecordingError):
+            return ()
+        shown = []
+        for name, code, offset in places.fields():
+            value = float(np.frombuffer(raws[0], code, 1, offset)[0])
+            shown.append(Column(name, np.dtype(code).name, found.count, example=value))
+        return tuple(shown)
+
+    def joint_names(self, topic: str) -> tuple[str, ...]:
+        """The names in the first JointState of a topic."""
+        found = self.topic(topic)
+        raws, _ = self.messages(found, 1)
+        if not raws:
+            return ()
+        places = Places(raws[0], self._definitions(found), found.type_name)
+        return tuple(text for _, text in places.texts.get("name", ()))
+
+    def first_rate(self, topic: str, most: int) -> float:
+        """As `Bag.first_rate`."""
+        _, log_ns = self.messages(self.topic(topic), most)
+        seconds = float(np.ptp(log_ns)) / 1e9 if log_ns.size else 0.0
+        return (log_ns.size - 1) / seconds if seconds > 0.0 else 0.0
+
+    def read(self, topic: str, fields: Sequence[str], within: int | None = None) -> Series:
+        """As `Bag.read`."""
+        found = self.topic(topic)
+        raws, log_ns = self.messages(found, None if within is None else self._fitting(found, within))
+        if not raws:
+            raise RecordingError(self.path, f"{topic} has no messages")
+        try:
+            definitions = self._definitions(found)
+            stamped = "header" in dict(definitions[found.type_name][1])
+            values, present = extract(raws, definitions, found.type_name, [*fields, *(STAMP if stamped else ())])
+        except ValueError as error:
+            raise RecordingError(self.path, f"{topic}: {error}") from None
+        if not present.any():
+            self._refuse(found, raws[0], fields)
+        kept = {name: values[name][present] for name in fields}
+        stamps = None
+        if stamped:
+            seconds, nanoseconds = (values[name][present].astype(np.int64) for name in STAMP)
+            stamps = seconds * 1_000_000_000 + nanoseconds
+            stamps = stamps if stamps.any() else None
+        return Series(topic, log_ns[present], stamps, kept, int((~present).sum()))
+
+    def _fitting(self, topic: Topic, size: int) -> int:
+        """How many messages of a topic are of so many bytes, by its first one; at least one."""
+        raws, _ = self.messages(topic, 1)
+        return max(1, size // max(1, len(raws[0]))) if raws else 1
+
+    def _definitions(self, topic: Topic) -> Definitions:
+        return _definitions(topic.type_name, *self.definition(topic))
+
+    def _refuse(self, topic: Topic, raw: bytes, fields: Sequence[str]) -> None:
+        """Say which field is missing, and what there is."""
+        places = Places(raw, self._definitions(topic), topic.type_name)
+        missing = [field for field in fields if places.find(field) is None]
+        there = listed(name for name, _, _ in places.fields(8))
+        why = f" ({places.problem})" if places.problem else ""
+        problem = f"{topic.name} ({topic.type_name}) has no number {', '.join(missing)}; it has {there}{why}"
+        raise RecordingError(self.path, problem)
+
+
+@lru_cache(maxsize=64)
+def _definitions(type_name: str, text: str, encoding: str) -> Definitions:
+    return definitions_of(type_name, text, encoding)
+
+
+_PARSE_QOS_USERS: Final = ("reader", "storage_sqlite3", "storage_mcap")
+"""Modules of `rosbags.rosbag2` that parse QoS profiles."""
+
+
+class Rosbag2(RosBag):
+    """An opened rosbag2.
+
+    It stays open until nobody has it any more: opening parses the metadata of all topics, seconds for thousands.
+
+    Args:
+        path: Its folder, with ``metadata.yaml``, or one ``.db3`` file.
+
+    Raises:
+        RecordingError: It is none, is damaged, or was not ended by its recorder.
+        MissingExtraError: The package ``rosbags`` is not installed.
+    """
+
+    def __init__(self, path: str | PathLike[str]) -> None:
+        super().__init__(path)
+        self._rosbag2 = optional("rosbags.rosbag2")
+        if Path(path).is_dir() and not (Path(path) / "metadata.yaml").is_file():
+            problem = "is a folder without metadata.yaml, so no whole rosbag2: `ros2 bag reindex` makes one"
+            raise RecordingError(path, problem)
+        with self._plain_errors():
+            self._reader = reader = self._opened()
+            self._definitions_by_type = {
+                found.msgtype: (found.msgdef.data, "ros2idl" if found.msgdef.format.name == "IDL" else "ros2msg")
+                for found in reader.connections
+            }
+            self.topics = gathered(Topic(found.topic, found.msgtype, found.msgcount) for found in reader.connections)
+            self.begin_ns = reader.start_time if reader.message_count else 0
+            self.end_ns = reader.end_time - 1 if reader.message_count else 0
+            storage = "one file" if Path(path).is_file() else _storage(reader)
+        self.format = f"rosbag2 ({storage})"
+
+    def definition(self, topic: Topic) -> tuple[str, str]:
+        """As `RosBag.definition`."""
+        return self._definitions_by_type[topic.type_name]
+
+    def messages(self, topic: Topic, most: int | None = None) -> tuple[list[bytes], NDArray[np.int64]]:
+        """As `RosBag.messages`."""
+        with self._plain_errors():
+            wanted = [found for found in self._reader.connections if found.topic == topic.name]
+            found = contextlib.closing(self._reader.messages(wanted)) if wanted else contextlib.nullcontext(())
+            with found as messages:
+                pairs = [(bytes(raw), at) for _, at, raw in islice(messages, most)]
+        raws, times = zip(*pairs, strict=True) if pairs else ((), ())
+        return list(raws), np.array(times, dtype=np.int64)
+
+    def _opened(self) -> Any:
+        reader = self._rosbag2.Reader(Path(self.path))
+        with _equal_profiles_parsed_once(self._rosbag2):
+            reader.open()
+        weakref.finalize(self, reader.close)
+        return reader
+
+    @contextlib.contextmanager
+    def _plain_errors(self) -> Iterator[None]:
+        try:
+            yield
+        except RecordingError:
+            raise
+        except Exception as error:  # YAML, sqlite, zstd and rosbags have their own errors
+            raise RecordingError(self.path, f"is no rosbag2 that can be read: {one_line(error)}") from None
+
+
+@contextlib.contextmanager
+def _equal_profiles_parsed_once(rosbag2: Any) -> Iterator[None]:
+    """Let `rosbags` parse each text of QoS profiles once.
+
+    It parses that of every topic twice, as YAML: 7 of 10 s for 2,000 topics, whose texts are mostly the same. Nothing
+    here asks for the profiles. Without the function of that name, nothing is changed.
+    """
+    modules: list[Any] = [getattr(rosbag2, name, None) for name in _PARSE_QOS_USERS]
+    users = [module for module in modules if hasattr(module, "parse_qos")]
+    parsers = [module.parse_qos for module in users]
+    for module, parser in zip(users, parsers, strict=True):
+        module.parse_qos = _remembering(parser)
+    try:
+        yield
+    finally:
+        for module, parser in zip(users, parsers, strict=True):
+            module.parse_qos = parser
+
+
+def _remembering(parser: Callable[[Any], Any]) -> Callable[[Any], Any]:
+    known: dict[str, Any] = {}
+
+    def parsed(profiles: Any) -> Any:
+        if not isinstance(profiles, str):
+            return parser(profiles)
+        if profiles not in known:
+            known[profiles] = parser(profiles)
+        return known[profiles]
+
+    return parsed
+
+
+def _storage(reader: Any) -> str:
+    kinds = {type(storage).__name__ for storage in reader.storage.storages}
+    return "MCAP" if kinds == {"McapReader"} else "sqlite3"

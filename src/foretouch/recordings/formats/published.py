@@ -1,0 +1,321 @@
+r"""Excerpts of measured recordings: time, position and force as integers, in a small part of the original's size.
+
+Sensors count: encoders in steps, converters in volts over a power of two. An excerpt keeps these counts :math:`c` and
+how many of them make one unit of SI, :math:`u`, and stores the first count and then differences, which are small:
+
+.. math:: q_i = \frac{1}{u} \sum_{j \le i} \Delta c_j
+
+Whoever made the original rounded in another order, to other last bits. Beside the counts stand by how many units in the
+last place that differs, so that the numbers are the original's bit by bit: on some recordings of something rigid an
+estimator makes several percent of a difference of :math:`10^{-15}` m. A column that is no sensor's count but a filtered
+one is rounded to the nearest count, and has no such second column.
+
+It is an ``.npz`` of NumPy, which every installation reads; of Parquet the reader, pyarrow, comes with an extra.
+
+Reads the measured presses of the TU/e one-degree-of-freedom teleoperation experiment (MATLAB ``.mat``).
+
+A person moves the leader lever, the follower lever presses a material; both are 0.075 m long, sampled at 2 kHz.
+
+Reads the skin indentations measured with an Aurora dual-mode motor (``.ddf``, text, volts at 2 kHz).
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping
+from os import PathLike
+from pathlib import Path
+from typing import Any, Final, NamedTuple
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from foretouch.errors import RecordingError, UnknownNameError
+from foretouch.files import within_budget
+from foretouch.quantities import Recording
+from foretouch.recordings.output import atomic_path
+
+Array = NDArray[np.float64]
+
+SUFFIX: Final = ".npz"
+
+FORCES: Final = {"raw": "force", "logged": "logged_force"}
+"""The column of each force channel."""
+
+LAST: Final = "_last"
+"""Behind a column's name that of its units in the last place."""
+
+LEADER: Final = "leader_position"
+"""The column of the motion of the leader's lever, where a recording has one."""
+
+
+class About(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """What an excerpt is made from.
+
+    Attributes:
+        name: Of the recording.
+        original: Address of the file.
+        sha256: Checksum of that file.
+        licence: Of it, and its copyright line.
+        contact_floor: Smallest force [N] that counts as contact.
+        counts_per_unit: Column to how many of its counts make a second, a metre or a newton.
+    """
+
+    name: str
+    original: str
+    sha256: str
+    licence: str
+    contact_floor: float
+    counts_per_unit: dict[str, float]
+
+
+class Excerpt(NamedTuple):
+    """An excerpt in memory.
+
+    Attributes:
+        about: What it is made from.
+        columns: ``time`` [s], ``position`` [m] and ``force`` [N], perhaps ``logged_force`` [N] and ``leader_position``
+            [m], each of shape (n,); signs are those of `Recording`.
+    """
+
+    about: About
+    columns: dict[str, Array]
+
+
+def read_excerpt(path: str | PathLike[str]) -> Excerpt:
+    """An excerpt from its file.
+
+    Raises:
+        RecordingError: The file is none.
+    """
+    try:
+        with open(path, "rb") as file, np.load(file, allow_pickle=False) as held:
+            about = msgspec.json.decode(str(held["about"]), type=About)
+            columns = {
+                name: _quantity(held[name], counts, held.get(f"{name}{LAST}"))
+                for name, counts in about.counts_per_unit.items()
+            }
+        if not {"time", "position", "force"} <= columns.keys():
+            raise KeyError("no time, position or force")
+    except OSError as error:
+        raise RecordingError(path, f"cannot be read: {error.strerror or error}") from None
+    except Exception:  # NumPy, zipfile and zlib raise many kinds on a damaged or foreign file
+        rule = "is no excerpt of a measured recording, the only .npz that is read: save columns as CSV or Parquet"
+        raise RecordingError(path, rule) from None
+    return Excerpt(about, columns)
+
+
+def write_excerpt(path: str | PathLike[str], about: About, columns: Mapping[str, Array]) -> None:
+    """Write columns as counts, and what is left in the last place where that is all.
+
+    Raises:
+        KeyError: A column without counts per unit.
+        RecordingError: The file cannot be written.
+    """
+    steps: dict[str, Any] = {}
+    for name, column in columns.items():
+        counts = np.rint(column * about.counts_per_unit[name]).astype(np.int64)
+        steps[name] = _smallest(np.diff(counts, prepend=0))
+        last = _smallest(column.view(np.int64) - (counts / about.counts_per_unit[name]).view(np.int64))
+        if last.dtype == np.int8 and last.any():
+            steps[f"{name}{LAST}"] = last
+    with atomic_path(path) as part, part.open("wb") as file:
+        np.savez_compressed(file, about=np.array(msgspec.json.encode(about).decode()), **steps)
+
+
+def recording_of(path: str | PathLike[str], force_channel: str = "raw", *, flip: bool = False) -> Recording:
+    """The recording that an excerpt holds.
+
+    Args:
+        path: Of the excerpt.
+        force_channel: ``"raw"``, or ``"logged"`` where it has one.
+        flip: Change the sign of the positions.
+
+    Raises:
+        RecordingError: The file is no excerpt, or has no such channel.
+        UnknownNameError: Another force channel.
+    """
+    if force_channel not in FORCES:
+        raise UnknownNameError("force channel", force_channel, FORCES)
+    about, columns = read_excerpt(path)
+    if FORCES[force_channel] not in columns:
+        raise RecordingError(path, f"{about.name} has one force alone: leave --force-channel out")
+    position = -columns["position"] if flip else columns["position"]
+    force = columns[FORCES[force_channel]]
+    return Recording(columns["time"], position, force, name=str(path), contact_floor=about.contact_floor)
+
+
+def _quantity(steps: NDArray[Any], counts_per_unit: float, last: NDArray[Any] | None) -> Array:
+    """A column in SI units."""
+    if steps.dtype.kind != "i" or steps.ndim != 1 or not (np.isfinite(counts_per_unit) and counts_per_unit > 0.0):
+        raise ValueError("no column of counts")
+    values: Array = np.cumsum(steps, dtype=np.int64) / counts_per_unit
+    if last is None:
+        return values
+    if last.dtype != np.int8 or last.shape != steps.shape:
+        raise ValueError("no units in the last place")
+    values.view(np.int64)[:] += last
+    return values
+
+
+def _smallest(steps: NDArray[np.int64]) -> NDArray[np.signedinteger]:
+    """The same in the narrowest integers that hold them."""
+    for kind in (np.int8, np.int16, np.int32):
+        if np.array_equal(steps.astype(kind), steps):
+            return steps.astype(kind)
+    return steps
+
+
+LEVER = 0.075
+"""Length of the levers [m]."""
+
+TORQUE_PER_VOLT = 0.2361
+"""Torque on the follower lever for one volt of its force bridge [N m/V]."""
+
+TUE_CONTACT_FLOOR = 0.3
+"""Smallest force [N] that counts as contact: lever friction and inertia stay below it."""
+
+FORCE_CHANNELS: Final = tuple(FORCES)
+"""Forces of a file: the raw bridge, and the torque that the experiment logged."""
+
+_VARIABLES = ["scope", "env_est3"]
+
+
+def read_tue(path: str | PathLike[str], force_channel: str = "raw", *, flip: bool = False) -> Recording:
+    """The follower's press: position = 0.075 m times its angle, force = torque / 0.075 m.
+
+    In these files the angle and both torques already grow while pressing.
+
+    Args:
+        path: The file.
+        force_channel: ``"raw"``, the force bridge with its offset of 7 to 8 N; or ``"logged"``, the environment
+            torque that the experiment logged, which lags by about 3 ms behind a first-order low-pass.
+        flip: Change the sign of the positions.
+
+    Raises:
+        RecordingError: The file is no such recording.
+        UnknownNameError: Another force channel.
+    """
+    if force_channel not in FORCE_CHANNELS:
+        raise UnknownNameError("force channel", force_channel, FORCE_CHANNELS)
+    time, angles, torques, bridge = _signals(path)
+    torque = bridge * TORQUE_PER_VOLT if force_channel == "raw" else torques[:, 1]
+    lever = -LEVER if flip else LEVER
+    return Recording(time, lever * angles[:, 1], torque / LEVER, name=str(path), contact_floor=TUE_CONTACT_FLOOR)
+
+
+def read_leader_motion(path: str | PathLike[str]) -> tuple[Array, Array]:
+    """Motion of the leader lever in a TU/e file or its excerpt: a real hand.
+
+    Returns:
+        Time since the first sample [s] and position [m], 0.075 m times the leader's angle, growing with depth.
+
+    Raises:
+        RecordingError: The file is no such recording.
+    """
+    time, position = within_budget(path, None, _leader_motion, path)
+    motion = Recording(time, position, np.zeros(time.size), name=str(path))  # checks time and position
+    return motion.time - motion.time[0], motion.position
+
+
+def _leader_motion(path: str | PathLike[str]) -> tuple[Array, Array]:
+    if Path(path).suffix.lower() != SUFFIX:
+        time, angles, _, _ = _signals(path)
+        return time, LEVER * angles[:, 0]
+    about, columns = read_excerpt(path)
+    if LEADER not in columns:
+        raise RecordingError(path, f"{about.name} has no motion of a leader: take one of tue/")
+    return columns["time"], columns[LEADER]
+
+
+def is_tue(path: str | PathLike[str]) -> bool:
+    """Whether a file is a MATLAB file with the variables of these recordings."""
+    from scipy.io import loadmat
+
+    try:
+        with warnings.catch_warnings(action="ignore"):  # of what has no name in these files
+            return loadmat(str(path), variable_names=_VARIABLES).keys() >= set(_VARIABLES)
+    except Exception:  # of another version, or none: who reads it says so
+        return False
+
+
+def _signals(path: str | PathLike[str]) -> tuple[Array, Array, Array, Array]:
+    """Time (n,), leader and follower angle (n, 2), minus operator and environment torque (n, 2), bridge (n,)."""
+    from scipy.io import loadmat
+
+    try:
+        content: dict[str, Any] = loadmat(str(path), squeeze_me=True, struct_as_record=False, variable_names=_VARIABLES)
+    except OSError as error:
+        raise RecordingError(path, f"cannot be read: {error.strerror or error}") from None
+    except Exception as error:  # SciPy raises many kinds on a damaged or foreign file
+        raise RecordingError(path, f"is no MATLAB file that can be read: {' '.join(str(error).split())}") from None
+    try:
+        scope = content["scope"]
+        time = np.asarray(scope.time, dtype=np.float64)
+        angles = np.asarray(scope.signals[0].values, dtype=np.float64)
+        torques = np.asarray(scope.signals[1].values, dtype=np.float64)
+        bridge = np.asarray(content["env_est3"].signals[2].values, dtype=np.float64)
+    except (KeyError, AttributeError, IndexError, TypeError, ValueError):
+        angles = torques = bridge = time = np.empty(0)
+    if time.ndim != 1 or angles.shape != (time.size, 2) or torques.shape != angles.shape or bridge.shape != time.shape:
+        raise RecordingError(
+            path, "is no TU/e teleoperation recording (no scope with angles, torques and force bridge): use CSV"
+        )
+    return time, angles, torques, bridge
+
+
+AURORA_CONTACT_FLOOR = 0.005
+"""Smallest force [N] that counts as contact."""
+
+
+def read_aurora(path: str | PathLike[str], *, flip: bool = False) -> Recording:
+    """A whole ``.ddf`` file: length (channel AI0) and force (AI1), scaled as the file's header says.
+
+    The length grows as the tip goes into the skin, and the force is positive under compression. The press is at 0.5 to
+    1.6 s; outside it the motor's force control chatters off contact, so score from 0.5 to 1.6.
+
+    Raises:
+        RecordingError: The file is no such recording, or a row of it holds no numbers.
+    """
+    lines = Path(path).read_text(encoding="latin-1").split("\n")
+    header = next((index for index, line in enumerate(lines) if line.startswith("Sample\tAI0\tAI1\t")), None)
+    if header is None or not lines[0].startswith("DMC"):
+        raise RecordingError(path, "is no Aurora recording (no line of columns 'Sample, AI0, AI1, ...')")
+    rate = _header_values(path, lines[:header], "Sample Frequency (Hz):", " ")[0]
+    scale = _header_values(path, lines[:header], "Scale (units/V)", "\t")
+    offset = _header_values(path, lines[:header], "Offset (volts)", "\t")
+    if not any(line.startswith("Units\tmm\tmN\t") for line in lines[:header]) or rate <= 0:
+        raise RecordingError(path, "channels AI0 and AI1 are not length in mm and force in mN")
+    volts = _rows(path, lines, header + 1)
+    length = (volts[:, 1] - offset[0]) * scale[0] / (-1e3 if flip else 1e3)
+    force = (volts[:, 2] - offset[1]) * scale[1] / 1e3
+    return Recording(
+        volts[:, 0] / rate, length, force, name=str(path), contact_floor=AURORA_CONTACT_FLOOR, first_row=header + 2
+    )
+
+
+def _header_values(path: object, header: list[str], label: str, separator: str) -> list[float]:
+    for line in header:
+        if line.startswith(label):
+            try:
+                return [float(value) for value in line[len(label) :].strip().split(separator)]
+            except ValueError:
+                break
+    raise RecordingError(path, f"has no numbers for {label!r} in its header")
+
+
+def _rows(path: object, lines: list[str], first: int) -> NDArray[np.float64]:
+    """Sample number, AI0 and AI1 of every line."""
+    rows = []
+    for number, line in enumerate(lines[first:], first + 1):
+        if not line.strip():
+            continue
+        cells = line.split("\t", 3)[:3]
+        try:
+            rows.append([float(cell) for cell in cells])
+        except ValueError:
+            rows.append([])
+        if len(rows[-1]) != 3:
+            raise RecordingError(path, "does not hold sample number, AI0 and AI1 as numbers", row=number)
+    return np.array(rows).reshape(-1, 3)

@@ -1,0 +1,1 @@
+"""From columns to a recording: which is time, position and force, and in which units."""
