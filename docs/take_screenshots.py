@@ -25,9 +25,9 @@ sys.path.insert(0, str(ROOT / "tests" / "console"))  # the mouse and the browser
 from console_driver import choose, held_handle, held_in_space, open_page, open_tab  # noqa: E402
 from visitors import Printed  # noqa: E402
 
-from foretouch.console.alarm import ALERTS, LATCHED, READY  # noqa: E402
 from foretouch.console.gate.page import LOST  # noqa: E402
-from foretouch.console.space import SPACE_INSTRUCTION  # noqa: E402
+from foretouch.console.panels.stop import ALERTS, LATCHED, READY  # noqa: E402
+from foretouch.console.views.space import SPACE_INSTRUCTION  # noqa: E402
 
 Hanging = Callable[[], None]
 """Lets the console hang."""

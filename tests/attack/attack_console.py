@@ -243,7 +243,7 @@ def browser(target: Target) -> Iterator[Tally]:
 
 def honest_stop(target: Target) -> Tally:
     """After all of it the click of an operator has to arrive."""
-    from foretouch.console.alarm import READY
+    from foretouch.console.panels.stop import READY
 
     target.heard()
     tally = Tally("the honest click on the emergency stop did not arrive", tried=1)

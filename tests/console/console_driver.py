@@ -16,10 +16,10 @@ from typing import Any
 
 import numpy as np
 
-from foretouch.console.scene import CAMERA, FIELD_OF_VIEW, UNITS
-from foretouch.console.shapes import HANDLE_HEIGHT
-from foretouch.console.space_hold import HOME
-from foretouch.console.space_scene import HANDLE_SIZE, SPACE_CAMERA, SPACE_UNITS
+from foretouch.console.views.scene import CAMERA, FIELD_OF_VIEW, UNITS
+from foretouch.console.views.shapes import HANDLE_HEIGHT
+from foretouch.console.views.space import HOME
+from foretouch.console.views.space_scene import HANDLE_SIZE, SPACE_CAMERA, SPACE_UNITS
 from foretouch.devices import BrowserOperator, ScriptedOperator
 from foretouch.messages import (
     VERSION,

@@ -27,9 +27,9 @@ from console_driver import (
 )
 
 from foretouch.console import Console
-from foretouch.console.alarm import ASKING, LATCHED, READY
-from foretouch.console.banner import NOT_LIVE
-from foretouch.console.session_panel import BY_HAND
+from foretouch.console.panels.panel import NOT_LIVE
+from foretouch.console.panels.session import BY_HAND
+from foretouch.console.panels.stop import ASKING, LATCHED, READY
 from foretouch.messages import Choice, EmergencyStop, Handle, Settings, Status, Stop
 
 pytest.importorskip("viser")

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from foretouch.console.description import describe
-from foretouch.console.force_panel import Numbers, numbers_html
+from foretouch.console.panels.forces import Numbers, numbers_html
+from foretouch.console.panels.model import describe
 from foretouch.console.sentences import INSECURE
 from foretouch.identification import Learner, make_estimator
 from foretouch.messages import VERSION, ModelUpdate

@@ -25,11 +25,11 @@ from visitors import CAMERA, Page, ask, come_in, open_socket, page_of
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from foretouch.console import Console
-from foretouch.console.alarm import LATCHED, READY
 from foretouch.console.gate import Entrance, make_gated_server
-from foretouch.console.gate.pace import BURST, MOST_BYTES, MOST_PAGES, RATE, Volume, Wait
 from foretouch.console.gate.page import ENDED_ATTRIBUTE
 from foretouch.console.gate.permitted import FARTHEST, permitted
+from foretouch.console.gate.serving import BURST, MOST_BYTES, MOST_PAGES, RATE, Volume, Wait
+from foretouch.console.panels.stop import LATCHED, READY
 from foretouch.errors import LinkError
 from foretouch.messages import VERSION, Choice, EmergencyStop, Hello, Settings, Status, Telemetry
 

@@ -10,11 +10,11 @@ import pytest
 from console_driver import PRESS_DEPTH, SURFACE
 
 from foretouch.console import Console
-from foretouch.console.force_panel import Numbers, numbers_html
-from foretouch.console.hold import STROKE
-from foretouch.console.panel import felt
-from foretouch.console.scene import UNITS
-from foretouch.console.shapes import HANDLE_HEIGHT
+from foretouch.console.panels.forces import Numbers, numbers_html
+from foretouch.console.panels.panel import felt
+from foretouch.console.views.line import STROKE
+from foretouch.console.views.scene import UNITS
+from foretouch.console.views.shapes import HANDLE_HEIGHT
 from foretouch.devices import GRIPS, INTENDED_FORCE
 from foretouch.messages import VERSION, Handle, Hello, LeaderState, Message, Status, Telemetry
 

@@ -21,8 +21,8 @@ pytest.importorskip("playwright")
 from visitors import Printed, page_of
 
 from foretouch.console import Console
-from foretouch.console.alarm import READY
 from foretouch.console.gate.page import LOST
+from foretouch.console.panels.stop import READY
 from foretouch.console.sentences import NOBODY_YET
 from foretouch.link import free_endpoint
 from foretouch.messages import EmergencyStop, Handle

@@ -15,14 +15,12 @@ import numpy as np
 import pytest
 
 from foretouch.console import Console
-from foretouch.console import surface_shape as shape
-from foretouch.console.force_panel import numbers_html
-from foretouch.console.image_panel import NO_IMAGE, missing_image
-from foretouch.console.numbers import numbers_of
-from foretouch.console.overlay import can_draw
+from foretouch.console.panels.forces import numbers_html, numbers_of
+from foretouch.console.panels.image import NO_IMAGE, can_draw, missing_image
 from foretouch.console.plots import number
-from foretouch.console.space_scene import ANCHORS
-from foretouch.console.stiffness_colours import StiffnessScale
+from foretouch.console.views import fixture as shape
+from foretouch.console.views.space_scene import ANCHORS
+from foretouch.console.views.stiffness_colours import StiffnessScale
 from foretouch.errors import install_command
 from foretouch.messages import VERSION, CameraImage, FollowerSpace, Hello, LeaderSpace, LeaderState
 from foretouch.session.spatial import make_scene
@@ -197,8 +195,8 @@ def test_small_scenes_are_drawn_as_they_are() -> None:
 
 def test_the_camera_goes_where_what_is_looked_at_is_seen(console: Console) -> None:
     """Sessions along a line and in space take turns where a recording of the other kind is looked at."""
-    from foretouch.console.scene import CAMERA
-    from foretouch.console.space_scene import SPACE_CAMERA
+    from foretouch.console.views.scene import CAMERA
+    from foretouch.console.views.space_scene import SPACE_CAMERA
     from foretouch.console.watched import Watched
 
     camera = console._server.initial_camera

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from foretouch.console import shapes
-from foretouch.console.scene import height_on_axis
+from foretouch.console.views import shapes
+from foretouch.console.views.scene import height_on_axis
 
 
 @pytest.mark.parametrize(

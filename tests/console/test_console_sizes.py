@@ -13,11 +13,11 @@ from console_driver import Session, chromium, on_screen, open_page, open_tab, wa
 pytest.importorskip("viser")
 
 from foretouch.console import Console
-from foretouch.console.alarm import READY
 from foretouch.console.gate.page import ENDED, LOST
-from foretouch.console.network_panel import SLIDERS
-from foretouch.console.panel import WIDTH
-from foretouch.console.shapes import HANDLE_HEIGHT
+from foretouch.console.panels.network import SLIDERS
+from foretouch.console.panels.panel import WIDTH
+from foretouch.console.panels.stop import READY
+from foretouch.console.views.shapes import HANDLE_HEIGHT
 from foretouch.messages import Settings
 
 pytestmark = [

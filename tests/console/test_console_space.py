@@ -16,16 +16,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from foretouch.console import surface_shape as shape
-from foretouch.console.image_panel import MARKERS
-from foretouch.console.overlay import draw_over
+from foretouch.console.panels.image import MARKERS, draw_over
+from foretouch.console.panels.network import Speech
+from foretouch.console.panels.space import pose_sentence
 from foretouch.console.playback import RecordedWatch
 from foretouch.console.space_heard import SpaceHeard, newest_image
-from foretouch.console.space_hold import HOME, REACH, SpaceHold
-from foretouch.console.space_panel import pose_sentence
-from foretouch.console.speech import Speech
-from foretouch.console.stiffness_colours import COLOURS, StiffnessScale, known_share, legend_html, levels_of
-from foretouch.console.turning import along, wxyz_of
+from foretouch.console.views import fixture as shape
+from foretouch.console.views.fixture import along, wxyz_of
+from foretouch.console.views.space import HOME, REACH, SpaceHold
+from foretouch.console.views.stiffness_colours import COLOURS, StiffnessScale, known_share, legend_html, levels_of
 from foretouch.console.watched import Watched
 from foretouch.messages import (
     VERSION,

@@ -29,9 +29,9 @@ from console_driver import (
 )
 from visitors import Printed
 
-from foretouch.console.alarm import LATCHED, READY
-from foretouch.console.image_panel import DRAW_PROBE
-from foretouch.console.space import SPACE_INSTRUCTION
+from foretouch.console.panels.image import DRAW_PROBE
+from foretouch.console.panels.stop import LATCHED, READY
+from foretouch.console.views.space import SPACE_INSTRUCTION
 from foretouch.devices.browser import HOLD_TIME
 from foretouch.link import free_endpoint
 from foretouch.messages import Status

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from foretouch.console.losses import Losses
+from foretouch.console.history import Losses
 from foretouch.console.models_seen import ModelsSeen, figures_of
 from foretouch.console.watched import Watched
 from foretouch.messages import COUNT_PREFIX, VERSION, Hello, ModelUpdate

@@ -11,8 +11,8 @@ from typing import Any
 import msgspec
 import pytest
 
-from foretouch.console.emergency import ASKING_PERIOD, LEAST_ASKED, EmergencyCall
-from foretouch.console.losses import FASTEST, SLOWEST
+from foretouch.console.history import FASTEST, SLOWEST
+from foretouch.console.panels.stop import ASKING_PERIOD, LEAST_ASKED, EmergencyCall
 from foretouch.console.sentences import INSECURE, NOBODY_YET, doing, robot_alerts, session_status, warnings
 from foretouch.console.watched import GONE, MOST_SPEAKERS, Watched
 from foretouch.identification import SENSOR_SENTENCES, SensorState

@@ -4,6 +4,6 @@ It never imports a step and moves no bytes: the caller gives it what arrives and
 """
 
 from foretouch.console.console import Console
-from foretouch.console.ports import require_free_port
+from foretouch.console.gate.entrance import require_free_port
 
 __all__ = ["Console", "require_free_port"]

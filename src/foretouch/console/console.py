@@ -10,22 +10,18 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from foretouch.console.alarm import ASKING, LATCHED, READY, UNABLE
-from foretouch.console.description import describe
-from foretouch.console.emergency import EmergencyCall
 from foretouch.console.gate import Entrance, make_gated_server
-from foretouch.console.hold import Hold
+from foretouch.console.gate.entrance import free_port, require_free_port
 from foretouch.console.library import Library
-from foretouch.console.line_view import LineView
-from foretouch.console.network_panel import NetworkFaults
-from foretouch.console.numbers import numbers_of
-from foretouch.console.panel import INSTRUCTION, WATCH_RECORDING, Actions, Panel, felt
+from foretouch.console.panels.forces import numbers_of
+from foretouch.console.panels.model import describe
+from foretouch.console.panels.network import NetworkFaults, Speech
+from foretouch.console.panels.panel import INSTRUCTION, WATCH_RECORDING, Actions, Panel, felt
+from foretouch.console.panels.stop import ASKING, LATCHED, READY, UNABLE, EmergencyCall
 from foretouch.console.plots import SECONDS
-from foretouch.console.ports import free_port, require_free_port
 from foretouch.console.sentences import HAS_ENDED, SILENT_INSTRUCTION, robot_alerts, session_status, warnings
-from foretouch.console.space import SPACE_INSTRUCTION, SpaceView
-from foretouch.console.space_hold import SpaceHold
-from foretouch.console.speech import Speech
+from foretouch.console.views.line import Hold, LineView
+from foretouch.console.views.space import SPACE_INSTRUCTION, SpaceHold, SpaceView
 from foretouch.console.watched import SUPERVISOR, Watched
 from foretouch.errors import MissingExtraError, one_line
 from foretouch.link import new_press

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from foretouch.console.losses import LATE
+from foretouch.console.history import LATE
 from foretouch.console.watched import GONE, SILENT, SUPERVISOR, Watched
 from foretouch.identification import SENSOR_SENTENCES, SensorState
 from foretouch.messages import STATUS_SENTENCES, Status, Telemetry

@@ -7,8 +7,7 @@ import math
 from collections.abc import Mapping
 from types import MappingProxyType
 
-from foretouch.console.history import History
-from foretouch.console.losses import Lateness, Losses, LossTrace
+from foretouch.console.history import History, Lateness, Losses, LossTrace
 from foretouch.console.models_seen import ModelsSeen, ModelTrace
 from foretouch.console.space_heard import SpaceHeard
 from foretouch.console.window import Window

@@ -1,18 +1,54 @@
-"""The plot of forces and the numbers beside it."""
+"""Energy that the hand has put into the force, and what it may have given out.
+
+The plot of forces and the numbers beside it.
+
+The numbers beside the plot of forces, from what is shown.
+"""
 
 from __future__ import annotations
 
 import html
 import math
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from foretouch.console.plots import SECONDS, Curve, Row, TimePlot, number, table
+from foretouch.console.watched import Watched
 from foretouch.console.window import NAN, Window
 from foretouch.quantities.colours import BLUE, GREEN, GREY, INK, ORANGE, SKY, VERMILLION, css
+from foretouch.session.settings import SIMULATED
 
-__all__ = ["ForcePanel", "Numbers"]
+PUT_IN = Curve("Put in by the hand, less what it owes", GREEN, 2.0)
+LEAST = Curve("Least that it may be: minus the bound", VERMILLION, 2.0, "dashed")
+
+
+class EnergyPanel:
+    """The account of energy over time: the curve never falls below the bound.
+
+    Args:
+        gui: The viewer's user interface.
+    """
+
+    def __init__(self, gui: Any) -> None:
+        self._plot = TimePlot(gui, "Energy of the session [mJ]", (PUT_IN, LEAST), lowest=None)
+        self._text = gui.add_html("")
+
+    def draw(self, window: Window) -> None:
+        """Draw and write the account."""
+        energy, least = window.energy * 1e3, -window.energy_bound * 1e3
+        self._plot.draw(window.time, (energy, least))
+        if not len(energy):
+            return
+        rows = (
+            Row(PUT_IN.name, number(float(energy[-1]), "mJ"), PUT_IN),
+            Row(LEAST.name, number(float(least[-1]), "mJ"), LEAST),
+            Row("Beside it, by late ticks and missing positions", number(float(window.late_energy[-1] * 1e3), "mJ")),
+            Row(f"Smallest margin, last {SECONDS:.0f} s", number(float((energy - least).min()), "mJ", 3)),
+        )
+        self._text.content = f'<div style="padding:0 12px">{table(rows)}</div>'
+
 
 LARGEST_DRAWN = 15.0
 """Forces beyond it [N], the robot's own limit, are drawn there: a model that has diverged would hide the others."""
@@ -134,3 +170,55 @@ def numbers_html(n: Numbers) -> str:
         f'<div style="min-height:3.9em">{html.escape(n.status)}</div>'
         f'<span style="font-size:0.9em">{html.escape(n.names)}</span></div></div>'
     )
+
+
+NAMES = ("material", "model", "estimator")
+"""Settings that stand in the panel."""
+
+
+def numbers_of(
+    shown: Watched, window: Window, other: Watched | None, *, status: str, warnings: tuple[str, ...]
+) -> Numbers:
+    """The numbers of a moment.
+
+    Args:
+        shown: The session, or a recording.
+        window: Of its last seconds.
+        other: A second run of that recording, None where there is none.
+        status: One line: what the session is doing.
+        warnings: What stands above all.
+    """
+    leader = shown.leader
+    known = np.flatnonzero(np.isfinite(window.true))
+    true, age = (window.true[known[-1]], -window.time[known[-1]]) if len(known) else (NAN, NAN)
+    away = float(np.mean(window.away) * np.ptp(window.time)) if len(window.time) else 0.0
+    again, errors = None, (NAN, NAN)
+    if other is not None and other.leader is not None:
+        again = (other.leader.predicted_force, other.leader.delayed_force)
+        second = other.window(SECONDS)
+        errors = (second.prediction_error, second.delayed_error)
+    return Numbers(
+        predicted=NAN if leader is None or math.isnan(leader.position) else leader.predicted_force,
+        delayed=NAN if leader is None else leader.delayed_force,
+        true=float(true),
+        true_age=float(age),
+        rendered=NAN if leader is None else leader.rendered_force,
+        depth=shown.depth,
+        prediction_error=window.prediction_error,
+        delayed_error=window.delayed_error,
+        status=status,
+        names=" · ".join(_names(shown.settings)),
+        deviation=NAN if leader is None else leader.standard_deviation,
+        hand_ahead=shown.hand_ahead,
+        warnings=warnings,
+        again=again,
+        again_errors=errors,
+        away=away,
+    )
+
+
+def _names(settings: Mapping[str, str]) -> list[str]:
+    """What is pressed, and by what it is learnt; a robot of another package has a material of its own."""
+    robot = settings.get("robot", SIMULATED)
+    own = [] if robot == SIMULATED else [f"robot {robot}"]
+    return own + [settings[name] for name in NAMES if name in settings and not (own and name == "material")]

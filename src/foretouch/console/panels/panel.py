@@ -1,4 +1,7 @@
-"""The panel beside the picture: what to do, the forces, and behind tabs all the rest."""
+"""The panel beside the picture: what to do, the forces, and behind tabs all the rest.
+
+What stands across the top of the picture while a recording is looked at.
+"""
 
 from __future__ import annotations
 
@@ -7,19 +10,48 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from foretouch.console.alarm import Alarm
-from foretouch.console.banner import Banner
-from foretouch.console.energy_panel import EnergyPanel
-from foretouch.console.force_panel import ForcePanel
-from foretouch.console.image_panel import ImagePanel
-from foretouch.console.keys import HELP, SPACE_HELP, add_keys
-from foretouch.console.model_panel import ModelPanel
-from foretouch.console.network_panel import NetworkFaults, NetworkPanel
-from foretouch.console.recordings_panel import RecordingsPanel
-from foretouch.console.session_panel import SessionPanel
-from foretouch.quantities.colours import BLUE, GREY, css
+from foretouch.console.panels.forces import EnergyPanel, ForcePanel
+from foretouch.console.panels.image import ImagePanel
+from foretouch.console.panels.keys import HELP, SPACE_HELP, add_keys
+from foretouch.console.panels.model import ModelPanel
+from foretouch.console.panels.network import NetworkFaults, NetworkPanel
+from foretouch.console.panels.session import RecordingsPanel, SessionPanel
+from foretouch.console.panels.stop import Alarm
+from foretouch.console.playback import Playback
+from foretouch.quantities.colours import BLUE, GREY, INK, ORANGE, css
 
-__all__ = ["INSTRUCTION", "WATCH_RECORDING", "Actions", "Panel", "felt"]
+NOT_LIVE = "RECORDING, NOT LIVE"
+
+
+class Banner:
+    """One line that nobody overlooks.
+
+    Args:
+        gui: The viewer's user interface.
+    """
+
+    def __init__(self, gui: Any) -> None:
+        self._box = gui.add_html("")
+
+    def show(self, playback: Playback | None) -> None:
+        """Say which recording is looked at, and which moment of it; nothing where none is."""
+        content = "" if playback is None else _html(playback)
+        if self._box.content != content:
+            self._box.content = content
+
+
+def _html(playback: Playback) -> str:
+    time = f"{playback.now:.1f} of {playback.duration:.1f} s"
+    what = f"{NOT_LIVE}: {html.escape(playback.name)}, {time}"
+    return (
+        '<div role="status" style="position:fixed;left:12px;top:12px;z-index:100;pointer-events:none;'
+        "max-width:max(calc(100vw - 500px), min(366px, calc(100vw - 24px)));overflow-wrap:anywhere;"
+        f"background:{css(ORANGE)};color:{css(INK)};"
+        f'border:3px solid {css(INK)};border-radius:8px;padding:6px 12px;font-weight:700;font-size:17px">{what}<br>'
+        '<span style="font-weight:400;font-size:14px">The robot goes on with the session; the emergency stop below is '
+        "the robot's.</span></div>"
+    )
+
 
 INSTRUCTION = "Drag the blue handle down to press."
 WATCH_RECORDING = "A recording: play it, or drag its time bar."

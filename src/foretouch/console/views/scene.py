@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from foretouch.console import shapes
-from foretouch.console.material_view import MaterialView, add_body
+from foretouch.console.views import shapes
+from foretouch.console.views.shapes import MaterialView, add_body
 from foretouch.quantities.colours import BLUE, VERMILLION
 
 __all__ = ["CAMERA", "FIELD_OF_VIEW", "UNITS", "Scene", "height_on_axis", "look"]

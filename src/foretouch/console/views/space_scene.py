@@ -8,10 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from foretouch.console import shapes
-from foretouch.console.fixture_view import FixtureView
-from foretouch.console.material_view import add_body
-from foretouch.console.turning import along
+from foretouch.console.views import shapes
+from foretouch.console.views.fixture import FixtureView, along
+from foretouch.console.views.shapes import add_body
 from foretouch.quantities.colours import BLUE, GREEN, GREY, VERMILLION
 from foretouch.quantities.pose import Vector
 from foretouch.rendering import Surface

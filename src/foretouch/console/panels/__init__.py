@@ -1,0 +1,1 @@
+"""What stands beside the scene: tabs, numbers, plots and buttons."""

@@ -1,0 +1,1 @@
+"""What is drawn in the scene, along a line and in space."""
