@@ -19,7 +19,7 @@ from foretouch.identification import Learner, make_estimator
 from foretouch.quantities import Recording
 from foretouch.recordings import DATASETS, excerpt, read_recording
 from foretouch.report import Forces, finished, forces_under_delay, new_figure, score
-from foretouch.report.drawing import DELAYED, PREDICTED, RENDERED, TRUE
+from foretouch.report.writing.drawing import DELAYED, PREDICTED, RENDERED, TRUE
 
 IMAGES = Path(__file__).parent / "images"
 SEEDS = (1, 2, 3)

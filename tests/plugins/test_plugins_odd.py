@@ -150,7 +150,7 @@ def test_an_operator_is_told_that_the_device_gives_no_position(tmp_path: Path) -
 @pytest.fixture
 def not_drawn(monkeypatch: pytest.MonkeyPatch) -> None:
     """Of each figure a page has its caption alone: a drawing takes longer than all else."""
-    monkeypatch.setattr("foretouch.report.page.embedded", lambda figure, caption: caption)
+    monkeypatch.setattr("foretouch.report.writing.page.embedded", lambda figure, caption: caption)
 
 
 @pytest.mark.usefixtures("not_drawn")

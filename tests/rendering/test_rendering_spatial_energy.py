@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from foretouch.devices.hand import HeldForce
 from foretouch.errors import SettingError
 from foretouch.rendering import EnergyAccount, SpatialEnergyAccount
-from foretouch.report.booked import BookedDevice, book
+from foretouch.report.energy import BookedDevice, book
 
 small = st.floats(-1e-3, 1e-3)
 force = st.floats(-10.0, 10.0)

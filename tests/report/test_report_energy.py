@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 from foretouch.messages import LEADER_DTYPE
 from foretouch.rendering import EnergyAccount
 from foretouch.report import energy_figures, exact_energy
-from foretouch.report.booked import BookedDevice
-from foretouch.report.energy import has_account
+from foretouch.report.energy import BookedDevice, has_account
 
 QUICK = settings(derandomize=True, deadline=None, max_examples=60)
 COUNT = 1e-5

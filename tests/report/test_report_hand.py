@@ -13,8 +13,9 @@ import pytest
 from report_sessions import make_session
 
 from foretouch.messages import SessionLog
-from foretouch.report import free_hand, oscillation, page, pair, render_text, session_report, write_page
+from foretouch.report import free_hand, oscillation, pair, render_text, session_report, write_page
 from foretouch.report.hand import apart
+from foretouch.report.writing import page
 from foretouch.robot import make_robot
 from foretouch.session import SessionSettings, make_operator, simulate
 

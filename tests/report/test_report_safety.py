@@ -17,9 +17,9 @@ from foretouch.messages import STATUS_SENTENCES, VERSION, EmergencyStop, Session
 from foretouch.recordings import follower_samples
 from foretouch.report import pair, render_text, session_report, write_page
 from foretouch.report.energy import energy_account
-from foretouch.report.safety_text import left_out
+from foretouch.report.pairs import thinned
 from foretouch.report.statuses import follower_away, trusted
-from foretouch.report.thinning import thinned
+from foretouch.report.writing.safety_text import left_out
 
 TITLE = "What the robot did beside following"
 
@@ -223,7 +223,7 @@ def test_a_process_keeps_an_account_of_energy_of_its_own(quiet: SessionLog) -> N
 
 def test_the_page_marks_what_was_not_following(quiet: SessionLog, tmp_path: Path, monkeypatch: Any) -> None:
     pytest.importorskip("matplotlib")
-    from foretouch.report import page
+    from foretouch.report.writing import page
 
     log = with_fault(with_status(quiet, (1000, 1400, Status.HOLDING)), 3000, 3400, SensorState.SATURATED, 50.0)
     drawn: dict[str, Any] = {}

@@ -21,7 +21,7 @@ from foretouch.models import MaterialField
 from foretouch.quantities import Pose
 from foretouch.rendering import SpatialEnergyAccount
 from foretouch.report import pair, render_text, session_report, write_page
-from foretouch.report.scene import look_at_scene
+from foretouch.report.scene.scene import look_at_scene
 from foretouch.session import SessionSettings
 from foretouch.session.spatial import make_scene, make_spatial_operator, make_spatial_robot, simulate_scene
 

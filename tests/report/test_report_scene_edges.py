@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from report_sessions import make_session
 
 from foretouch.models import MaterialField
-from foretouch.report.scene_map import StiffnessMap, map_figures
-from foretouch.report.scene_pose import NEAR_FOR, NEAR_MM, PoseError, pose_figures
+from foretouch.report.scene.map import StiffnessMap, map_figures
+from foretouch.report.scene.pose import NEAR_FOR, NEAR_MM, PoseError, pose_figures
 from foretouch.session.spatial import make_scene
 
 TICK = 0.1

@@ -13,7 +13,7 @@ from report_sessions import MATERIAL, make_session
 from foretouch.messages import FOLLOWER_DTYPE, LEADER_DTYPE, SessionLog
 from foretouch.report import STATUSES, force_at_follower, pair, render_text, session_report
 from foretouch.report.numbers import figure
-from foretouch.report.text import scoring_findings
+from foretouch.report.writing.text import scoring_findings
 
 KEYS = {
     "contact_force_rms_N",

@@ -14,7 +14,7 @@ from foretouch.comparison.figures import short_names
 from foretouch.comparison.result import Prediction, Result, middle
 from foretouch.identification import DEFAULT_ESTIMATORS
 from foretouch.report import finished, new_figure
-from foretouch.report.drawing import COLOURS, PREDICTED, RENDERED, TRUE
+from foretouch.report.writing.drawing import COLOURS, PREDICTED, RENDERED, TRUE
 
 __all__ = ["JND", "Curve", "delay_curves", "delay_figure", "delayed_force_curve", "floors"]
 

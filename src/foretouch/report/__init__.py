@@ -1,26 +1,23 @@
 """What a session or a recording shows: scores, the report of a session, figures and the page."""
 
-from foretouch.report.calibration_page import write_calibration_page
-from foretouch.report.drawing import COLOURS, finished, legend, new_figure
 from foretouch.report.energy import energy_account, energy_figures, exact_energy
-from foretouch.report.forces import Forces, forces_under_delay, require_delay_within
-from foretouch.report.free_hand import free_hand
-from foretouch.report.guarded import guarded_runs
-from foretouch.report.hand import hand_figures
-from foretouch.report.html import embedded, named_values, table, tiles, write_html
-from foretouch.report.page import write_page, write_prediction_page
+from foretouch.report.forces import Forces, forces_under_delay, remarks, require_delay_within
+from foretouch.report.hand import free_hand, hand_figures, oscillation, swings, turning_points
 from foretouch.report.pairs import Pairs, force_at_follower, pair
 from foretouch.report.perception import LargestJump, largest_jump, rendered_jump, time_to_accuracy, update_jumps
-from foretouch.report.remarks import remarks
 from foretouch.report.replay import Contact, compare_replay, contacts, render_replay
-from foretouch.report.replay_page import replay_figure, write_replay_page
-from foretouch.report.safety_text import left_out
-from foretouch.report.scene import SceneFindings, look_at_scene, scene_figures
-from foretouch.report.scene_drawing import map_figure, pose_figure
+from foretouch.report.scene.drawing import map_figure, pose_figure
+from foretouch.report.scene.scene import SceneFindings, look_at_scene, scene_figures
 from foretouch.report.scores import STATUSES, Scores, delayed, lowest_mean, score
 from foretouch.report.session import CONTACT_FLOOR, session_report
-from foretouch.report.swings import oscillation, swings, turning_points
-from foretouch.report.text import IDLE_LAW, findings, law_is_idle, map_lines, render_text
+from foretouch.report.statuses import guarded_runs
+from foretouch.report.writing.calibration_page import write_calibration_page
+from foretouch.report.writing.drawing import COLOURS, finished, legend, new_figure
+from foretouch.report.writing.html import embedded, named_values, table, tiles, write_html
+from foretouch.report.writing.page import write_page, write_prediction_page
+from foretouch.report.writing.replay_page import replay_figure, write_replay_page
+from foretouch.report.writing.safety_text import left_out
+from foretouch.report.writing.text import IDLE_LAW, findings, law_is_idle, map_lines, render_text
 
 __all__ = [
     "COLOURS",

@@ -25,8 +25,8 @@ from foretouch.report.hand import (
 from foretouch.report.pairs import Pairs, force_at_follower, model_of, not_scored, nowhere, pair
 from foretouch.report.perception import time_to_accuracy, update_jumps
 from foretouch.report.phases import contact_scores, phase_figures
-from foretouch.report.scene import in_scene, look_at_scene, scene_figures
-from foretouch.report.scene_rows import has_scene
+from foretouch.report.scene.pose import has_scene
+from foretouch.report.scene.scene import in_scene, look_at_scene, scene_figures
 from foretouch.report.scores import Scores, score
 from foretouch.report.statuses import away, joining, safety_figures, stretch_figures
 
@@ -65,7 +65,7 @@ def session_report(
     and ``counts``, which are of the whole session. ``stretches`` has the main figures of every part.
 
     A session in three dimensions has these figures along the normal of the surface, and ``scene`` beside them
-    (`foretouch.report.scene.scene_figures`).
+    (`foretouch.report.scene.scene.scene_figures`).
 
     Args:
         log: What was said in the session.

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from foretouch.identification.offline import fit_offline
 from foretouch.report import finished, new_figure, pair
-from foretouch.report.drawing import DELAYED, TRUE
+from foretouch.report.writing.drawing import DELAYED, TRUE
 from foretouch.reproduction.claims import Claim
 from foretouch.reproduction.experiment import (
     FIRST_PRESS,

@@ -7,7 +7,10 @@ from typing import Any, NamedTuple
 
 from foretouch.errors import plural
 from foretouch.report.hand import AS_IT_COMES, NO_BASELINE
-from foretouch.report.hand_text import (
+from foretouch.report.numbers import figure, number, parameter_text
+from foretouch.report.phases import late_sentences, nowhere_sentence, out_of_reach, phase_lines, pressed
+from foretouch.report.scores import STATUSES
+from foretouch.report.writing.hand_text import (
     baseline_sentence,
     device_sentence,
     guard_sentence,
@@ -16,12 +19,8 @@ from foretouch.report.hand_text import (
     phantom_sentence,
     stability,
 )
-from foretouch.report.numbers import figure, number, parameter_text
-from foretouch.report.phases import phase_lines
-from foretouch.report.pressed import late_sentences, nowhere_sentence, out_of_reach, pressed
-from foretouch.report.safety_text import safety_lines, safety_sentences, stretch_sentence
-from foretouch.report.scene_text import scene_lines, scene_sentences
-from foretouch.report.scores import STATUSES
+from foretouch.report.writing.safety_text import safety_lines, safety_sentences, stretch_sentence
+from foretouch.report.writing.scene_text import scene_lines, scene_sentences
 
 __all__ = ["IDLE_LAW", "Finding", "findings", "law_is_idle", "map_lines", "number", "render_text", "scoring_findings"]
 

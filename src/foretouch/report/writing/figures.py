@@ -11,7 +11,10 @@ from numpy.typing import NDArray
 from foretouch.messages import ModelUpdate, SessionLog
 from foretouch.models import LAWS
 from foretouch.quantities import QUANTITIES
-from foretouch.report.drawing import (
+from foretouch.report.pairs import Pairs, thinned
+from foretouch.report.scores import JND_FORCE, JND_SHARE
+from foretouch.report.statuses import Stretch
+from foretouch.report.writing.drawing import (
     DELAYED,
     ERROR,
     PREDICTED,
@@ -23,10 +26,6 @@ from foretouch.report.drawing import (
     new_figure,
     shade,
 )
-from foretouch.report.pairs import Pairs
-from foretouch.report.scores import JND_FORCE, JND_SHARE
-from foretouch.report.statuses import Stretch
-from foretouch.report.thinning import thinned
 
 __all__ = [
     "force_figure",

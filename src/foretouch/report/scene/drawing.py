@@ -9,12 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foretouch.messages import SessionLog
-from foretouch.report.drawing import ERROR, PREDICTED, TRUE, finished, legend, new_figure, shade
-from foretouch.report.pairs import Pairs
-from foretouch.report.scene_contacts import Wrong
-from foretouch.report.scene_map import StiffnessMap
-from foretouch.report.scene_pose import NEAR_DEGREES, NEAR_MM, PoseError
-from foretouch.report.thinning import thinned
+from foretouch.report.pairs import Pairs, thinned
+from foretouch.report.scene.map import StiffnessMap
+from foretouch.report.scene.pose import NEAR_DEGREES, NEAR_MM, PoseError
+from foretouch.report.scene.scene import Wrong
+from foretouch.report.writing.drawing import ERROR, PREDICTED, TRUE, finished, legend, new_figure, shade
 from foretouch.session.spatial import Inclusion
 
 __all__ = ["contact_figure", "map_figure", "pose_figure"]

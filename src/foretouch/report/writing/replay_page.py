@@ -13,12 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foretouch.messages import SessionLog
-from foretouch.report.drawing import DELAYED, ERROR, PREDICTED, TRUE, finished, legend, new_figure
-from foretouch.report.html import embedded, table, write_html
-from foretouch.report.pairs import pair
+from foretouch.report.pairs import pair, thinned
 from foretouch.report.replay import hand_begins_ns, table_rows
 from foretouch.report.scores import lowest_mean
-from foretouch.report.thinning import thinned
+from foretouch.report.writing.drawing import DELAYED, ERROR, PREDICTED, TRUE, finished, legend, new_figure
+from foretouch.report.writing.html import embedded, table, write_html
 
 __all__ = ["replay_figure", "write_replay_page"]
 

@@ -13,9 +13,18 @@ from numpy.typing import ArrayLike
 
 from foretouch.messages import SessionLog
 from foretouch.models import LAWS
-from foretouch.report.booked import booked_device
-from foretouch.report.energy import energy_account
-from foretouch.report.figures import (
+from foretouch.report.energy import booked_device, energy_account
+from foretouch.report.hand import NO_BASELINE, NO_GRIP
+from foretouch.report.numbers import number
+from foretouch.report.pairs import Pairs, not_scored, pair
+from foretouch.report.phases import pressed
+from foretouch.report.scene.drawing import contact_figure, map_figure, pose_figure
+from foretouch.report.scene.map import map_figures
+from foretouch.report.scene.pose import has_scene
+from foretouch.report.scene.scene import SceneFindings, look_at_scene
+from foretouch.report.scores import lowest_mean
+from foretouch.report.statuses import follower_away
+from foretouch.report.writing.figures import (
     force_figure,
     loop_figure,
     model_figure,
@@ -23,21 +32,11 @@ from foretouch.report.figures import (
     timing_figure,
     tracking_figure,
 )
-from foretouch.report.hand import NO_BASELINE, NO_GRIP
-from foretouch.report.hand_drawing import energy_figure, hand_figure
-from foretouch.report.hand_text import baseline_sentence, stability_word
-from foretouch.report.html import embedded, named_values, tiles, write_html
-from foretouch.report.numbers import number
-from foretouch.report.pairs import Pairs, not_scored, pair
-from foretouch.report.pressed import pressed
-from foretouch.report.safety_text import stretch_sentence
-from foretouch.report.scene import SceneFindings, look_at_scene
-from foretouch.report.scene_drawing import contact_figure, map_figure, pose_figure
-from foretouch.report.scene_map import map_figures
-from foretouch.report.scene_rows import has_scene
-from foretouch.report.scores import lowest_mean
-from foretouch.report.statuses import follower_away
-from foretouch.report.text import Finding, findings, render_text, scoring_findings
+from foretouch.report.writing.hand_drawing import energy_figure, hand_figure
+from foretouch.report.writing.hand_text import baseline_sentence, stability_word
+from foretouch.report.writing.html import embedded, named_values, tiles, write_html
+from foretouch.report.writing.safety_text import stretch_sentence
+from foretouch.report.writing.text import Finding, findings, render_text, scoring_findings
 
 __all__ = ["write_page", "write_prediction_page"]
 

@@ -9,12 +9,21 @@ from numpy.typing import NDArray
 
 from foretouch.messages import SessionLog
 from foretouch.quantities import Rows
-from foretouch.report.drawing import DELAYED, ERROR, PREDICTED, RENDERED, TRUE, finished, legend, new_figure, shade
 from foretouch.report.energy import ROUNDING, Account
 from foretouch.report.hand import FELT, apart, number_of
-from foretouch.report.pairs import Pairs
+from foretouch.report.pairs import Pairs, thinned
 from foretouch.report.statuses import away
-from foretouch.report.thinning import thinned
+from foretouch.report.writing.drawing import (
+    DELAYED,
+    ERROR,
+    PREDICTED,
+    RENDERED,
+    TRUE,
+    finished,
+    legend,
+    new_figure,
+    shade,
+)
 
 __all__ = ["energy_figure", "hand_figure"]
 

@@ -14,7 +14,7 @@ from foretouch.messages import SessionLog
 from foretouch.models import FIELD_DEPTH, MaterialField
 from foretouch.quantities import ByValue
 from foretouch.quantities.pose import RigidMotion
-from foretouch.report.scene_rows import SceneRows
+from foretouch.report.scene.pose import SceneRows
 from foretouch.robot import make_material
 from foretouch.session.spatial import Scene
 

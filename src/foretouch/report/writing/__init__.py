@@ -1,0 +1,1 @@
+"""A report as lines of text, as drawings and as a page."""
