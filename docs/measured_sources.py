@@ -39,25 +39,25 @@ IGNORED = (
 )
 """Nothing in these moves a figure, so what is in them makes no block stale."""
 
-COMPARE = "foretouch.cli.comparison:compare"
+COMPARE = "foretouch.cli.commands.studies:compare"
 EXCERPT = "foretouch.recordings.datasets:excerpt"
-IDENTIFY = "foretouch.cli.offline:identify"
-PREDICT = "foretouch.cli.offline:predict"
+IDENTIFY = "foretouch.cli.commands.offline:identify"
+PREDICT = "foretouch.cli.commands.offline:predict"
 LIVE = (
-    "foretouch.cli.sessions:teleop",
-    "foretouch.cli.sides:leader",
-    "foretouch.cli.sides:follower",
-    "foretouch.cli.watchers:record",
+    "foretouch.cli.commands.sessions:teleop",
+    "foretouch.cli.commands.sides:leader",
+    "foretouch.cli.commands.sides:follower",
+    "foretouch.cli.commands.watchers:record",
 )
 """The processes of a session in real time."""
 
-REPLAY = "foretouch.cli.replay:replay"
-SIMULATE = "foretouch.cli.sessions:simulate"
+REPLAY = "foretouch.cli.commands.sessions:replay"
+SIMULATE = "foretouch.cli.commands.sessions:simulate"
 
 _OF_PAGES: dict[str, dict[str, tuple[str, ...]]] = {
     "README.md": {"session": ("measure_results:session", SIMULATE)},
     "docs/baselines.md": {name: (f"compare_baselines:{name}",) for name in ("compared", "damped")},
-    "docs/console.md": {"console": ("measure_console:main", *LIVE, "foretouch.cli.watchers:console")},
+    "docs/console.md": {"console": ("measure_console:main", *LIVE, "foretouch.cli.commands.watchers:console")},
     "docs/contact-map.md": {
         "floors": ("measure_results:floors", IDENTIFY, EXCERPT),
         **dict.fromkeys(
@@ -112,7 +112,7 @@ _OF_PAGES: dict[str, dict[str, tuple[str, ...]]] = {
         "god-object": ("measure_surfaces:god_object",),
         "palpation": ("measure_surfaces:palpation",),
     },
-    "docs/sweep.md": {"totals": ("draw_sweep:main", "foretouch.cli.sweep:sweep")},
+    "docs/sweep.md": {"totals": ("draw_sweep:main", "foretouch.cli.commands.studies:sweep")},
 }
 
 BLOCKS: dict[Key, tuple[str, ...]] = {

@@ -22,8 +22,7 @@ from typer.testing import CliRunner
 
 import foretouch
 from foretouch.cli import INTERRUPTED, main
-from foretouch.cli.app import app
-from foretouch.cli.exit_codes import EXIT_CODES
+from foretouch.cli.app import EXIT_CODES, app
 
 DOCUMENTED = Path(__file__).resolve().parents[2] / "docs" / "command-line.md"
 

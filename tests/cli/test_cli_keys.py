@@ -13,7 +13,7 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from foretouch.cli.app import app
-from foretouch.cli.sides import _leader_name
+from foretouch.cli.commands.sides import _leader_name
 from foretouch.errors import ForetouchError, LinkError, SettingError
 from foretouch.link import KeyFolder
 

@@ -72,7 +72,7 @@ def test_who_does_not_say_so_twice_releases_nothing_and_who_does_releases_it(rob
 
 
 def test_a_robot_that_stays_stopped_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("foretouch.cli.release.PATIENCE", 0.3)
+    monkeypatch.setattr("foretouch.cli.commands.keys.PATIENCE", 0.3)
     process = stopped("moves")
     try:
         code, said = release(said="y\nrelease\n")

@@ -9,8 +9,8 @@ from typing import Any, NamedTuple
 import pytest
 from typer.testing import CliRunner, Result
 
-from foretouch.cli import sessions
 from foretouch.cli.app import app
+from foretouch.cli.commands import sessions
 from foretouch.cli.options import SESSION_PANELS, make_folder
 from foretouch.errors import ForetouchError
 from foretouch.messages import Hello

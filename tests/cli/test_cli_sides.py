@@ -64,7 +64,7 @@ def test_endpoints_are_given_as_they_were_typed() -> None:
 @pytest.fixture
 def quick(monkeypatch: pytest.MonkeyPatch) -> None:
     """Nobody waits for five seconds here."""
-    monkeypatch.setattr("foretouch.cli.sides.PATIENCE", 0.5)
+    monkeypatch.setattr("foretouch.cli.commands.sides.PATIENCE", 0.5)
 
 
 @pytest.mark.network

@@ -151,7 +151,7 @@ def test_a_session_without_changes_has_one_phase() -> None:
 
 def test_who_delays_what_says_how_long() -> None:
     """Of two processes that were started by hand, each knows the delay of what it receives."""
-    from foretouch.cli.sides import LEADER_SAYS
+    from foretouch.cli.commands.sides import LEADER_SAYS
     from foretouch.session import SessionSettings
 
     theirs, ours = SessionSettings(position_delay=0.05), SessionSettings(force_delay=0.0)

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-import foretouch.cli.sessions
+import foretouch.cli.commands.sessions
 from foretouch.cli.app import app
 from foretouch.errors import UnknownNameError
 from foretouch.session import SessionSettings
@@ -25,7 +25,7 @@ def test_an_unknown_name_is_refused_where_the_settings_are_made(name: str) -> No
 def test_an_unknown_name_is_told_before_anything_is_compiled_or_written(
     name: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    monkeypatch.setattr(foretouch.cli.sessions, "compile_first", lambda: pytest.fail("compiled"))
+    monkeypatch.setattr(foretouch.cli.commands.sessions, "compile_first", lambda: pytest.fail("compiled"))
     done = CliRunner().invoke(app, ["simulate", f"--{name}", "nobody", "--report", str(tmp_path / "out")])
     assert isinstance(done.exception, UnknownNameError)
     assert not (tmp_path / "out").exists()

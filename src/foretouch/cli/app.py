@@ -1,35 +1,74 @@
-"""All commands, gathered."""
+"""All commands, gathered.
+
+What a command's exit code says.
+
+Help of commands with many options, under headings.
+"""
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
+from typer.core import TyperCommand
 
 from foretouch import __version__
-from foretouch.cli import (
-    bench,
-    bridge,
+from foretouch.cli.commands import (
     calibrate,
-    comparison,
-    data,
-    doctor,
     keys,
+    machine,
     offline,
-    paper,
     plugins,
     recordings,
-    release,
-    replay,
     sessions,
     sides,
-    sweep,
+    studies,
     watchers,
 )
-from foretouch.cli.exit_codes import epilog
-from foretouch.cli.help import PanelledCommand
 
-__all__ = ["app"]
+EXIT_CODES: dict[int, tuple[str, str]] = {
+    0: ("done", "Done. `predict` on a recording that never touches is done too: null metrics and status `no_contact`"),
+    1: (
+        "done, and the answer is no",
+        "Done, and the answer is no: `doctor` found something bad, `stop` stopped nothing, a benchmark became slower, "
+        "a session of a sweep has objections, no comparison came off. Or a process of a session failed",
+    ),
+    2: (
+        "bad input, or something is missing",
+        "Bad input, or something is missing: one line that says what, where, which rule and what to do; no traceback",
+    ),
+    3: (
+        "the recording is not all there",
+        "The session went on to its end, but its recording is not all there, or not where it was asked for",
+    ),
+    130: (
+        "interrupted by Ctrl-C",
+        "Interrupted by Ctrl-C, with nothing left running. A session in real time ends so with code 0",
+    ),
+}
+"""By code, in a few words for the help, and in a sentence for the documentation."""
+
+
+def epilog() -> str:
+    """One line on all of them, for the end of the help."""
+    return "Exit codes: " + "; ".join(f"{code} {short}" for code, (short, _) in EXIT_CODES.items()) + "."
+
+
+class PanelledCommand(TyperCommand):
+    """A command whose help puts options under the heading that each names as its `rich_help_panel`, in plain text."""
+
+    def format_options(self, ctx: Any, formatter: Any) -> None:
+        """Write all options, those without a heading of their own first."""
+        panels: dict[str, list[tuple[str, str]]] = {}
+        for parameter in self.get_params(ctx):
+            record = parameter.get_help_record(ctx)
+            if record is not None:
+                kind = "Arguments" if parameter.param_type_name == "argument" else "Options"
+                panels.setdefault(getattr(parameter, "rich_help_panel", None) or kind, []).append(record)
+        for panel, records in panels.items():
+            with formatter.section(panel):
+                formatter.write_dl(records)
+
 
 app = typer.Typer(
     name="foretouch",
@@ -56,13 +95,22 @@ def _root(
     pass
 
 
-for module in (sessions, sides, release, watchers, offline, replay, comparison, sweep, paper, bench, doctor):
-    for command in module.COMMANDS:
-        app.command(cls=PanelledCommand)(command)
-app.add_typer(bridge.bridge, name="bridge")
-app.add_typer(calibrate.calibrate, name="calibrate")
-app.add_typer(data.datasets, name="datasets")
-app.add_typer(data.materials, name="materials")
-app.add_typer(keys.keys, name="keys")
-app.add_typer(plugins.plugins, name="plugins")
-app.add_typer(recordings.recordings, name="recordings")
+for command in (
+    *(sessions.teleop, sessions.simulate),
+    *(sides.leader, sides.follower, sides.stop, keys.release),
+    *(watchers.camera, watchers.record, watchers.console),
+    *(offline.identify, offline.predict, offline.report, sessions.replay),
+    *(studies.compare, studies.sweep, studies.reproduce),
+    *(machine.bench, machine.doctor, machine.warm_up),
+):
+    app.command(cls=PanelledCommand)(command)
+for name, group in {
+    "bridge": watchers.bridge,
+    "calibrate": calibrate.calibrate,
+    "datasets": recordings.datasets,
+    "materials": recordings.materials,
+    "keys": keys.keys,
+    "plugins": plugins.plugins,
+    "recordings": recordings.recordings,
+}.items():
+    app.add_typer(group, name=name)

@@ -8,8 +8,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from foretouch.cli.options import Connect, Insecure, KeysFolder, Listen, say
-from foretouch.cli.signatures import with_parameters
+from foretouch.cli.options import Connect, Insecure, KeysFolder, Listen, say, with_parameters
 from foretouch.errors import LinkError
 
 if TYPE_CHECKING:

@@ -1,4 +1,7 @@
-"""Options that several commands share, and how they are printed."""
+"""Options that several commands share, and how they are printed.
+
+Arguments that a command takes and does not name itself.
+"""
 
 from __future__ import annotations
 
@@ -16,39 +19,23 @@ from typing import Annotated, Any
 
 import typer
 
-from foretouch.cli.signatures import with_parameters
 from foretouch.errors import SettingError, printable
 
-__all__ = [
-    "SESSION_OPTIONS",
-    "SESSION_PANELS",
-    "Cluster",
-    "Connect",
-    "Duration",
-    "EstimatorName",
-    "Flip",
-    "FlipForce",
-    "ForceChannel",
-    "ForceOffset",
-    "ForceUnit",
-    "Insecure",
-    "Json",
-    "KeysFolder",
-    "Listen",
-    "ModelName",
-    "Parent",
-    "PositionUnit",
-    "ReportDirectory",
-    "SensorLag",
-    "Surface",
-    "made_by",
-    "make_folder",
-    "print_json",
-    "require_duration",
-    "require_recording",
-    "say",
-    "with_session_settings",
-]
+
+def with_parameters(command: Callable[..., None], parameters: Sequence[inspect.Parameter]) -> Callable[..., None]:
+    """Say which arguments a command takes, where `inspect.signature` and Typer look for them.
+
+    Args:
+        command: That takes any; it is changed.
+        parameters: With their annotations.
+
+    Returns:
+        The command.
+    """
+    vars(command)["__signature__"] = inspect.Signature(parameters)
+    command.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
+    return command
+
 
 LAWS_HELP = (
     "Contact law: contact-map, or continuous-switching (the paper's), hunt-crossley, kelvin-voigt, "

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from foretouch.cli.commands.recordings import say_what_is_left_out
 from foretouch.cli.options import (
     EstimatorName,
     Flip,
@@ -31,14 +32,13 @@ from foretouch.cli.options import (
 )
 from foretouch.cli.progress import compile_first, pulsing
 from foretouch.cli.reading import RECORDING_HELP, DatasetName, MapFile, chosen_recording, read_and_say
-from foretouch.cli.recordings import say_what_is_left_out
 from foretouch.errors import SettingError, plural
 
 if TYPE_CHECKING:
     from foretouch.identification import Identification, Learner
     from foretouch.quantities import Recording
 
-__all__ = ["COMMANDS", "identify", "predict", "report"]
+__all__ = ["identify", "predict", "report"]
 
 WORTHLESS = 50.0
 """Residual from which on a law is said not to describe a recording [% of the force in contact]."""
@@ -262,13 +262,10 @@ def report(
 
     Example: foretouch report session.mcap --report out
     """
-    from foretouch.cli.sessions import print_report
+    from foretouch.cli.commands.sessions import print_report
     from foretouch.recordings import read_session
 
     print_report(read_session(recording), recording, directory, json_output)
-
-
-COMMANDS = (identify, predict, report)
 
 
 def _estimator_for(model: str, estimator: str | None) -> str:

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from foretouch.devices import Device, SpatialDevice
     from foretouch.session import StopFlag
 
-__all__ = ["COMMANDS", "follower", "leader", "stop"]
+__all__ = ["follower", "leader", "stop"]
 
 LONGEST_NAME = 64
 """Characters of a leader's name that a command carries."""
@@ -193,9 +193,6 @@ def stop(*, endpoints: Endpoints, json_output: Json = False) -> None:
     doing = f"the robot {sentence}" if sentence else f"no follower is heard at {endpoints}"
     say(f"foretouch: NOT stopped (after {PATIENCE:g} s): {doing}; stop it by its own switch")
     raise typer.Exit(1)
-
-
-COMMANDS = (leader, follower, stop)
 
 
 def _follow_along_a_line(

@@ -1,0 +1,306 @@
+"""Commands that run a whole session on this machine.
+
+Whether what a command needs is installed, before it starts processes that would each say so.
+
+The command that runs a recorded session again under other settings.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from foretouch.cli.commands.recordings import say_if_cut
+from foretouch.cli.options import (
+    SESSION_OPTIONS,
+    Duration,
+    Json,
+    ReportDirectory,
+    made_by,
+    make_folder,
+    print_json,
+    require_duration,
+    require_recording,
+    say,
+    show,
+    with_session_settings,
+)
+from foretouch.cli.progress import compile_first, progress_bar, pulsing
+from foretouch.errors import MissingExtraError, RecordingError, SettingError
+
+if TYPE_CHECKING:
+    from foretouch.messages import SessionLog
+
+
+MODULES = {"sim": "mujoco", "link": "zenoh", "console": "viser", "recordings": "mcap"}
+"""By its extra, the module that shows whether it is installed."""
+
+
+def require_extras(*extras: str) -> None:
+    """Refuse in one line what is not installed; nothing is imported.
+
+    Args:
+        *extras: Names from `MODULES`.
+
+    Raises:
+        MissingExtraError: Naming all that are missing.
+    """
+    missing = [extra for extra in extras if importlib.util.find_spec(MODULES[extra]) is None]
+    if missing:
+        raise MissingExtraError(", ".join(MODULES[extra] for extra in missing), ",".join(missing))
+
+
+RecordingFile = Annotated[Path | None, typer.Option("--recording", help="MCAP file to write.")]
+
+
+@with_session_settings(operator="browser")
+def teleop(
+    *,
+    settings: Any,
+    duration: Duration = None,
+    headless: Annotated[bool, typer.Option("--headless", help="No console.")] = False,
+    port: Annotated[int, typer.Option(help="Of the console, on 127.0.0.1.")] = 8080,
+    recording: RecordingFile = None,
+    report: ReportDirectory = None,
+    json_output: Json = False,
+) -> None:
+    """The main job: leader, follower, console and recorder on this machine, joined by a real network connection.
+
+    Example: foretouch teleop --headless --duration 20 --operator recorded --report out
+    """
+    from foretouch.session import RECORDING_INCOMPLETE, StopFlag, run_processes, session_calibration
+
+    require_duration(duration)
+    require_extras("sim", "link", *(() if headless else ("console",)), "recordings")
+    _check_material(settings.material)
+    session_calibration(settings)  # the follower reads it again; here, who typed it is told before anything starts
+    path = recording or _default_recording(report)
+    if recording is not None:
+        require_recording(recording)
+    if report is not None:
+        make_folder(report)
+    require_recording(path)
+    if not headless:
+        from foretouch.console import require_free_port
+
+        require_free_port(port)
+    say("Ctrl-C ends the session and prints the report." if duration is None else f"running for {duration:g} s")
+    code = run_processes(
+        settings,
+        recording=path,
+        console_port=None if headless else port,
+        duration=duration,
+        stop=StopFlag().on_signals(),
+        say=say,
+    )
+    _report_recorded(path, report, json_output, all_of_it=code != RECORDING_INCOMPLETE, failed=code == 1)
+    if code:
+        raise typer.Exit(code)
+
+
+@with_session_settings()
+def simulate(
+    *,
+    settings: Any,
+    duration: Annotated[float, typer.Option(help="Simulated time [s].")] = 20.0,
+    recording: RecordingFile = None,
+    report: ReportDirectory = None,
+    json_output: Json = False,
+) -> None:
+    """The same session in simulated time: one process, seeded network, the same result every time.
+
+    With --scene it runs in three dimensions: a fixture that a camera sees, and what it is made of, place by place.
+
+    Example: foretouch simulate --duration 20 --material hunt-crossley --report out
+    """
+    from foretouch.recordings import SessionWriter
+    from foretouch.session import prepare_simulation, require_simulated_operator
+
+    require_duration(duration)
+    require_simulated_operator(settings)
+    if recording is not None:
+        require_recording(recording)
+    if report is not None:
+        make_folder(report)
+    compile_first()
+    with progress_bar("simulating") as bar:
+        start = prepare_simulation(settings, duration=duration, progress=lambda now: bar.update(now, duration), say=say)
+        if recording is None:
+            session = start(None)
+        else:
+            with SessionWriter(recording) as writer:
+                session = start(writer.write)
+                writer.close(session.log.counts)
+    print_report(session.log, recording, report, json_output, elapsed=session.elapsed)
+
+
+def _check_material(name: str) -> None:
+    from foretouch.robot import make_material
+
+    make_material(name)
+
+
+def _default_recording(report: Path | None) -> Path:
+    if report is not None:
+        return report / "session.mcap"
+    return Path(time.strftime("foretouch-%Y%m%d-%H%M%S.mcap"))
+
+
+def _report_recorded(path: Path, directory: Path | None, json_output: bool, *, all_of_it: bool, failed: bool) -> None:
+    """Print the report of a session that was recorded, as far as it was, and say what was kept where it was not."""
+    from foretouch.recordings import read_session
+
+    try:
+        log = read_session(path)
+    except RecordingError as error:
+        say(f"no report: {error}")
+        return
+    if not log.leader.size and not json_output:  # who reads JSON is given the object that there always is
+        why = "the session failed for what stands above" if failed else "the session never began"
+        say(f"no report: {why}, and {path} holds no tick of a leader")
+        return
+    if not all_of_it:
+        ticks = [table["time_ns"] for table in (log.leader, log.follower) if table.size]
+        kept = max((float(times[-1] - times[0]) * 1e-9 for times in ticks), default=0.0)
+        say(f"the recording is not all there: {kept:.1f} s of the session are kept in {path}")
+    print_report(log, path, directory, json_output)
+
+
+def print_report(
+    log: SessionLog, path: Path | None, directory: Path | None, json_output: bool, *, elapsed: float | None = None
+) -> None:
+    """Print a session's report, and write its page where one is asked for."""
+    from foretouch.report import render_text, session_report, write_page
+
+    if path is not None:
+        say_if_cut(path, log)
+    content = session_report(log)
+    content["recording"] = None if path is None else str(path)
+    if elapsed is not None:
+        content["timing"]["elapsed_s"] = elapsed
+    if json_output:
+        print_json(content)
+    else:
+        show(render_text(content))
+    if directory is not None:
+        write_page(directory, log, content, made_by([] if path is None else [path]))
+        say(f"report: {directory / 'index.html'}")
+
+
+PANEL = "Otherwise than recorded"
+
+
+def _changed(name: str) -> typer.models.OptionInfo:
+    """An option of a session, which here has the recording's value unless it is given."""
+    option: typer.models.OptionInfo = typer.Option(help=SESSION_OPTIONS[name][2], rich_help_panel=PANEL)
+    return option
+
+
+def replay(
+    *,
+    recording: Annotated[Path, typer.Argument(metavar="RECORDING", help="MCAP of a session.")],
+    position_delay: Annotated[float | None, _changed("position_delay")] = None,
+    force_delay: Annotated[float | None, _changed("force_delay")] = None,
+    jitter: Annotated[float | None, _changed("jitter")] = None,
+    loss: Annotated[float | None, _changed("loss")] = None,
+    burst: Annotated[float | None, _changed("burst")] = None,
+    reorder: Annotated[float | None, _changed("reorder")] = None,
+    duplicate: Annotated[float | None, _changed("duplicate")] = None,
+    stall: Annotated[float | None, _changed("stall")] = None,
+    outage: Annotated[float | None, _changed("outage")] = None,
+    seed: Annotated[int | None, _changed("seed")] = None,
+    model: Annotated[str | None, _changed("model")] = None,
+    estimator: Annotated[str | None, _changed("estimator")] = None,
+    model_rate: Annotated[float | None, _changed("model_rate")] = None,
+    grip: Annotated[str | None, _changed("grip")] = None,
+    closed_loop: Annotated[
+        bool, typer.Option("--closed-loop", help="The force that is rendered now moves the hand, from what it meant.")
+    ] = False,
+    output: Annotated[Path | None, typer.Option("--recording", help="MCAP file to write the replay to.")] = None,
+    report: ReportDirectory = None,
+    json_output: Json = False,
+) -> None:
+    """Run a recorded session again, under other delays, faults, laws or estimators, and compare both.
+
+    What is not given is as it was recorded. The operator's motion is fixed, unless --closed-loop lets the force move
+    the hand. A simulated material answers; of a real robot there is only the force where it was measured.
+
+    Example: foretouch replay session.mcap --force-delay 0.6
+    """
+    from foretouch.report import compare_replay, render_replay, write_replay_page
+    from foretouch.session import recorded_settings, replay_notes, replay_under
+
+    given = {
+        "position_delay": position_delay,
+        "force_delay": force_delay,
+        "jitter": jitter,
+        "loss": loss,
+        "burst": burst,
+        "reorder": reorder,
+        "duplicate": duplicate,
+        "stall": stall,
+        "outage": outage,
+        "seed": seed,
+        "model": model,
+        "estimator": estimator,
+        "model_rate": model_rate,
+        "grip": grip,
+    }
+    if grip is not None and not closed_loop:
+        raise SettingError("grip", grip, "in an open loop no force moves the hand: give --closed-loop too")
+    if output is not None:
+        require_recording(output)
+        if output.resolve() == recording.resolve():
+            raise SettingError("recording", str(output), "is the recording itself: name another file")
+    if report is not None:
+        make_folder(report)
+    log = _session(recording)
+    changes = {name: value for name, value in given.items() if value is not None}
+    settings, told = recorded_settings(log.longest().settings, changes)
+    compile_first()
+    again = pulsing("running the session again", replay_under, log, settings, closed_loop)
+    if output is not None:
+        _write(output, again)
+    content = compare_replay(log, again, (*replay_notes(log, settings, closed_loop), *told))
+    content["recording"] = str(recording)
+    if json_output:
+        print_json(content)
+    else:
+        show(f"{recording}\n{render_replay(content)}")
+    if report is not None:
+        page = write_replay_page(report, recording.name, log, again, content, made_by([recording]))
+        say(f"report: {page}")
+
+
+def _session(path: Path) -> SessionLog:
+    """A recorded session; other recordings are sent where they can be predicted."""
+    from foretouch.recordings import read_session
+
+    if path.suffix.lower() != ".mcap" and path.is_file():
+        raise RecordingError(path, f"is no session's MCAP; `foretouch predict {path} --delay S` takes a press alone")
+    log = read_session(path)
+    say_if_cut(path, log)
+    return log
+
+
+def _write(path: Path, log: SessionLog) -> None:
+    """The replay as a recording of its own, message by message as in simulated time."""
+    from foretouch.messages import VERSION, FollowerSpace, Hello, LeaderSpace, LeaderState, Message, Telemetry
+    from foretouch.recordings import SessionWriter
+
+    texts = log.settings
+    said: list[Message] = [Telemetry(VERSION, *row) for row in log.follower.tolist()]
+    said += [FollowerSpace(VERSION, *row) for row in log.follower_space.tolist()]
+    said += [*log.models, *log.fields, *log.images, *log.beliefs]
+    said += [LeaderState(VERSION, *row) for row in log.leader.tolist()]
+    said += [LeaderSpace(VERSION, *row) for row in log.leader_space.tolist()]
+    said.sort(key=lambda message: message.time_ns)  # of those of one tick, the follower's first
+    with SessionWriter(path) as writer:
+        writer.write(Hello.of("simulation", 1, 0, texts), 0)
+        for message in said:
+            writer.write(message, message.time_ns)
+        writer.close(log.counts)
