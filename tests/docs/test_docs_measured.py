@@ -199,7 +199,7 @@ def test_blocks_depend_on_what_moves_their_figures(depends: dict[tuple[str, str]
     assert "foretouch.session.safety_kernel" in sessions & depends["docs/safety.md", "impacts"]
     assert "foretouch.session.safety_kernel" not in reach
     assert "foretouch.rendering.renderer" in depends["docs/stability.md", "first-touch"]
-    assert "foretouch.reproduction.fig8" in depends["docs/results.md", "claims"]
+    assert "foretouch.reproduction.figures.fig8" in depends["docs/results.md", "claims"]
     assert not any(kernel in depends["docs/identifiability.md", name] for name in ("bounds", "twins"))
     for modules in depends.values():
         assert not any("drawing" in module or module.startswith("foretouch.plugins") for module in modules)

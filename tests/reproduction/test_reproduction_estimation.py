@@ -16,17 +16,21 @@ from foretouch.identification import FPRLS, ContactSample, RobustFPRLS
 from foretouch.identification.linear.recursion import PerturbationForm
 from foretouch.models import HuntCrossley, KelvinVoigt, MotionFilter
 from foretouch.reproduction import Section, make_section
-from foretouch.reproduction.arguments import SETS, exponent_effects, stiff_fits, two_stage_errors
 from foretouch.reproduction.choices import BEST, NEAREST, PRINTED, VALUES, Choice, answer, combinations, runs_of
-from foretouch.reproduction.fast import VARIANTS, floor
-from foretouch.reproduction.fast_walk import AHEAD, NOISE, hold, measured_press, taps, walk
-from foretouch.reproduction.fig7c import FIRST, SECOND, covariance_at_steps, log_errors
-from foretouch.reproduction.fig8 import FORGETTING, RATES, fprls_grid, switching_grid, switching_options
-from foretouch.reproduction.presses import MATERIALS, Press, Trace, follow, press, true_parameters
-from foretouch.reproduction.questions import QUESTIONS, ordinal, settled_at
-from foretouch.reproduction.search import Search, best_of, noise_shares
-from foretouch.reproduction.threshold import errors_of_fprls_threshold, errors_of_threshold
-from foretouch.reproduction.trajectories import WAVES
+from foretouch.reproduction.figures.fig7c import FIRST, SECOND, covariance_at_steps, log_errors
+from foretouch.reproduction.figures.fig8 import FORGETTING, RATES, fprls_grid, switching_grid, switching_options
+from foretouch.reproduction.presses import MATERIALS, WAVES, Press, Trace, follow, press, true_parameters
+from foretouch.reproduction.questions.arguments import SETS, exponent_effects, stiff_fits, two_stage_errors
+from foretouch.reproduction.questions.fast import VARIANTS, floor
+from foretouch.reproduction.questions.fast_walk import AHEAD, NOISE, hold, measured_press, taps, walk
+from foretouch.reproduction.questions.search import Search, best_of, noise_shares
+from foretouch.reproduction.questions.tried import (
+    QUESTIONS,
+    errors_of_fprls_threshold,
+    errors_of_threshold,
+    ordinal,
+    settled_at,
+)
 
 Array = NDArray[np.float64]
 

@@ -11,16 +11,6 @@ from foretouch.errors import SettingError, UnknownNameError
 from foretouch.identification import FPRLS, ContactSample, Learner
 from foretouch.models import LinearisedContinuousSwitching
 from foretouch.reproduction import make_section
-from foretouch.reproduction.course import (
-    in_deep_half,
-    jump,
-    local_stiffness,
-    peak,
-    settled_at,
-    stiffness_at_force,
-    stiffness_in_phases,
-    swing,
-)
 from foretouch.reproduction.experiment import (
     FORCE_DELAY,
     FURTHER_BACK,
@@ -28,11 +18,18 @@ from foretouch.reproduction.experiment import (
     PRESS_PERIOD,
     Experiment,
     SlowPresses,
+    in_deep_half,
+    jump,
+    local_stiffness,
     make_script,
+    peak,
     run_experiment,
+    settled_at,
+    stiffness_at_force,
+    stiffness_in_phases,
+    swing,
 )
-from foretouch.reproduction.fig11 import tripped
-from foretouch.reproduction.judging import Outcome, judge
+from foretouch.reproduction.figures.fig11 import tripped
 from foretouch.reproduction.relearning import (
     AS_PRINTED,
     CHOICES,
@@ -43,6 +40,7 @@ from foretouch.reproduction.relearning import (
     predict_again,
     without_perturbation,
 )
+from foretouch.reproduction.section import Outcome, judge
 from foretouch.session import replay
 
 

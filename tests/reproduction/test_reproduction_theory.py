@@ -19,18 +19,17 @@ from foretouch.cli.app import app
 from foretouch.errors import SettingError
 from foretouch.models import ContinuousSwitching
 from foretouch.reproduction import Claim, counted, make_section, write_report
-from foretouch.reproduction import fig2 as kelvin_voigt
-from foretouch.reproduction import fig3 as hunt_crossley
-from foretouch.reproduction.fig4 import area, measured_exponent
-from foretouch.reproduction.fig5 import CASES, breaking_depth, press_error, share_small
-from foretouch.reproduction.fig6 import turns
-from foretouch.reproduction.impact_section import MASS, SPEED
-from foretouch.reproduction.linearisation_limits import phi_range, scaled_error
-from foretouch.reproduction.page import SHOWN
-from foretouch.reproduction.shock import STEPS, comparable_law, greatest_pull
-from foretouch.reproduction.table1 import Choice, choices, distance, recursive_fit
+from foretouch.reproduction.figures import fig2 as kelvin_voigt
+from foretouch.reproduction.figures import fig3 as hunt_crossley
+from foretouch.reproduction.figures.fig4 import area, measured_exponent
+from foretouch.reproduction.figures.fig5 import CASES, breaking_depth, phi_range, press_error, scaled_error, share_small
+from foretouch.reproduction.figures.fig6 import turns
+from foretouch.reproduction.figures.table1 import Choice, choices, distance, recursive_fit
+from foretouch.reproduction.impacts import MASS, SPEED
+from foretouch.reproduction.presses import WAVES, linearisation_press, two_presses
+from foretouch.reproduction.questions.shock import STEPS, comparable_law, greatest_pull
+from foretouch.reproduction.run import SHOWN
 from foretouch.reproduction.theory import TABLE_1
-from foretouch.reproduction.trajectories import WAVES, linearisation_press, two_presses
 
 THEORY = ("fig2", "fig3", "shock", "fig4", "fig5", "table1", "fig6")
 
@@ -109,7 +108,7 @@ def test_the_command_writes_page_figures_data_and_claims(tmp_path: Path) -> None
 def test_the_page_begins_with_its_summary_and_each_claim_is_a_folded_card_with_its_verdict(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("foretouch.reproduction.page.embedded", lambda figure, caption: caption)  # drawn above
+    monkeypatch.setattr("foretouch.reproduction.run.embedded", lambda figure, caption: caption)  # drawn above
     monkeypatch.setattr("foretouch.reproduction.run._write_files", lambda *arguments: None)
     sections = [section(name) for name in ("fig2", "fig5")]
     claims = [claim for one in sections for claim in one.claims]

@@ -12,9 +12,9 @@ from typing import Any
 from foretouch.identification import FPRLS, FPRLSOptions
 from foretouch.identification.linear.options import DepthUnit
 from foretouch.identification.linear.recursion import ErrorUnit, PerturbationForm, PerturbationMoment
-from foretouch.reproduction.claims import Claim, Verdict
 from foretouch.reproduction.presses import Press, follow, press
-from foretouch.reproduction.questions import QUESTIONS, Answer, Runs
+from foretouch.reproduction.questions.tried import QUESTIONS, Answer, Runs
+from foretouch.reproduction.section import Claim, Verdict
 
 __all__ = ["BEST", "NEAREST", "PRINTED", "VALUES", "Choice", "claims_of", "combinations", "runs_of"]
 

@@ -19,10 +19,8 @@ from foretouch.identification.estimator import Estimator
 from foretouch.identification.offline import OfflineFit, fit_offline
 from foretouch.models import ContinuousSwitching, HuntCrossley
 from foretouch.report import COLOURS, finished, legend, new_figure
-from foretouch.reproduction.claims import Claim
-from foretouch.reproduction.presses import HUNT_CROSSLEY, KELVIN_VOIGT, Press, follow, press
-from foretouch.reproduction.section import Section, Table
-from foretouch.reproduction.trajectories import WAVES
+from foretouch.reproduction.presses import HUNT_CROSSLEY, KELVIN_VOIGT, WAVES, Press, follow, press
+from foretouch.reproduction.section import Claim, Section, Table
 
 __all__ = ["SETS", "exponent_effects", "make", "stiff_fits", "two_stage_errors", "wave_errors"]
 

@@ -12,10 +12,9 @@ from numpy.typing import NDArray
 from foretouch.identification import FPRLS
 from foretouch.report import finished, new_figure
 from foretouch.reproduction.choices import BEST, PRINTED, VALUES, Choice, combinations, runs_of
-from foretouch.reproduction.claims import Claim
 from foretouch.reproduction.presses import MATERIALS, follow, press
-from foretouch.reproduction.questions import QUESTIONS, Answer
-from foretouch.reproduction.section import Section, Table
+from foretouch.reproduction.questions.tried import QUESTIONS, Answer
+from foretouch.reproduction.section import Claim, Section, Table
 
 __all__ = ["Search", "best_of", "make", "noise_shares", "search"]
 

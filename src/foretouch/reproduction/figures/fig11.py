@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from foretouch.identification.offline import fit_offline
 from foretouch.report import finished, new_figure, pair
 from foretouch.report.writing.drawing import DELAYED, TRUE
-from foretouch.reproduction.claims import Claim
 from foretouch.reproduction.experiment import (
     FIRST_PRESS,
     FURTHER_BACK,
@@ -21,8 +20,7 @@ from foretouch.reproduction.experiment import (
     Experiment,
     run_experiment,
 )
-from foretouch.reproduction.fig10_figure import ESTIMATOR_COLOURS
-from foretouch.reproduction.judging import Outcome, judge
+from foretouch.reproduction.figures.fig10_figure import ESTIMATOR_COLOURS
 from foretouch.reproduction.relearning import (
     AS_PRINTED,
     CHOICES,
@@ -33,7 +31,7 @@ from foretouch.reproduction.relearning import (
     predict_again,
     without_perturbation,
 )
-from foretouch.reproduction.section import Section, Table
+from foretouch.reproduction.section import Claim, Outcome, Section, Table, judge
 from foretouch.session import SAMPLE_PERIOD
 
 __all__ = ["make"]

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from foretouch.report import COLOURS, finished, new_figure
-from foretouch.reproduction.course import Array, History
+from foretouch.reproduction.experiment import Array, History
 
 __all__ = ["ESTIMATOR_COLOURS", "parameters_figure"]
 

@@ -8,24 +8,28 @@ from collections.abc import Mapping
 import numpy as np
 
 from foretouch.models import ContactModel
-from foretouch.reproduction.claims import Claim
-from foretouch.reproduction.course import (
-    Array,
-    History,
-    jump,
-    material_stiffness,
-)
 from foretouch.reproduction.experiment import (
     FURTHER_BACK,
     MATERIALS,
     PRESS_PERIOD,
+    Array,
     Experiment,
+    History,
+    jump,
+    material_stiffness,
     run_experiment,
 )
-from foretouch.reproduction.fig10_claims import FURTHER, HIGHEST_FORCE, STATED_SHARE, Courses, parameter_claims, turns
-from foretouch.reproduction.fig10_figure import parameters_figure
+from foretouch.reproduction.figures.fig10_claims import (
+    FURTHER,
+    HIGHEST_FORCE,
+    STATED_SHARE,
+    Courses,
+    parameter_claims,
+    turns,
+)
+from foretouch.reproduction.figures.fig10_figure import parameters_figure
 from foretouch.reproduction.relearning import AS_PRINTED, CHOICES, EXACT, ROBUST, Choice, learn_again
-from foretouch.reproduction.section import Section
+from foretouch.reproduction.section import Claim, Section
 
 __all__ = ["make"]
 

@@ -14,11 +14,9 @@ from foretouch.identification import HuntCrossleyLogOptions, KelvinVoigtOptions,
 from foretouch.identification.linear.recursion import PerturbationForm
 from foretouch.report import COLOURS, finished, legend, new_figure
 from foretouch.reproduction.choices import NEAREST, PRINTED, PRINTED_WORDS, claims_of, runs_of
-from foretouch.reproduction.claims import Claim
 from foretouch.reproduction.presses import Press, press
-from foretouch.reproduction.questions import ordinal
-from foretouch.reproduction.section import Section
-from foretouch.reproduction.threshold import THRESHOLD, errors_of_fprls_threshold, errors_of_threshold
+from foretouch.reproduction.questions.tried import THRESHOLD, errors_of_fprls_threshold, errors_of_threshold, ordinal
+from foretouch.reproduction.section import Claim, Section
 
 __all__ = ["FORGETTING", "RATES", "Switch", "fprls_grid", "make", "switching_grid"]
 

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from foretouch.models import KelvinVoigt
-from foretouch.reproduction.claims import Claim
-from foretouch.reproduction.impact_section import (
+from foretouch.reproduction.impacts import (
     MASS,
     SPEED,
     areas_of_loop,
@@ -14,7 +13,7 @@ from foretouch.reproduction.impact_section import (
     impact_table,
     slope,
 )
-from foretouch.reproduction.section import Section
+from foretouch.reproduction.section import Claim, Section
 
 __all__ = ["LAW", "make"]
 

@@ -8,8 +8,10 @@ from collections.abc import Callable, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from foretouch.reproduction.claims import Claim
-from foretouch.reproduction.course import (
+from foretouch.reproduction.experiment import (
+    FIRST_PRESS,
+    PRESS_PERIOD,
+    Experiment,
     History,
     in_deep_half,
     jump,
@@ -19,9 +21,8 @@ from foretouch.reproduction.course import (
     stiffness_in_phases,
     swing,
 )
-from foretouch.reproduction.experiment import FIRST_PRESS, PRESS_PERIOD, Experiment
-from foretouch.reproduction.judging import Outcome, judge
 from foretouch.reproduction.relearning import CHOICES, EXACT, ROBUST
+from foretouch.reproduction.section import Claim, Outcome, judge
 
 __all__ = ["FURTHER", "HIGHEST_FORCE", "STATED_SHARE", "Courses", "parameter_claims", "turns"]
 

@@ -10,8 +10,8 @@ import numpy as np
 from foretouch.identification import FPRLS, ROBUST, Estimator, FPRLSOptions, RobustFPRLS, RobustOptions
 from foretouch.identification.exact.recursive import ExactRecursive
 from foretouch.report import COLOURS, finished, legend, new_figure
-from foretouch.reproduction.claims import Claim
-from foretouch.reproduction.fast_walk import (
+from foretouch.reproduction.presses import STEPS, Press, follow, forces_of, press
+from foretouch.reproduction.questions.fast_walk import (
     AHEAD,
     ENCODER,
     HOLD_TIME,
@@ -24,8 +24,7 @@ from foretouch.reproduction.fast_walk import (
     taps,
     walk,
 )
-from foretouch.reproduction.presses import STEPS, Press, follow, forces_of, press
-from foretouch.reproduction.section import Section
+from foretouch.reproduction.section import Claim, Section
 
 __all__ = ["VARIANTS", "floor", "make"]
 

@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 
 from foretouch.models import ContinuousSwitching, KelvinVoigt
 from foretouch.report import COLOURS, finished, legend, new_figure
-from foretouch.reproduction.claims import Claim
-from foretouch.reproduction.section import Section, Table
+from foretouch.reproduction.section import Claim, Section, Table
 from foretouch.reproduction.theory import (
     LowDampingError,
     energy_loss,

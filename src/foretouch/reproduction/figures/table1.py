@@ -12,10 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foretouch.report import COLOURS, finished, legend, new_figure
-from foretouch.reproduction.claims import Claim
-from foretouch.reproduction.section import Section
+from foretouch.reproduction.presses import linearisation_press
+from foretouch.reproduction.section import Claim, Section
 from foretouch.reproduction.theory import TABLE_1, fit_polynomial
-from foretouch.reproduction.trajectories import linearisation_press
 
 __all__ = ["DEPTHS", "Choice", "choices", "distance", "fitted", "make", "recursive_fit"]
 

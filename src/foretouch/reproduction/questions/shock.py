@@ -10,9 +10,8 @@ from numpy.typing import NDArray
 
 from foretouch.models import ContinuousSwitching, MemorylessLaw
 from foretouch.report import COLOURS, finished, legend, new_figure
-from foretouch.reproduction.claims import Claim
-from foretouch.reproduction.impact_section import MASS, SPEED, impact_of, impact_table
-from foretouch.reproduction.section import Section
+from foretouch.reproduction.impacts import MASS, SPEED, impact_of, impact_table
+from foretouch.reproduction.section import Claim, Section
 from foretouch.reproduction.theory import integrate_impact, maximum_depth
 
 __all__ = ["STEPS", "comparable_law", "greatest_pull", "make"]

@@ -9,9 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foretouch.report import COLOURS, finished, legend, new_figure
-from foretouch.reproduction.claims import Claim
-from foretouch.reproduction.section import Section
-from foretouch.reproduction.trajectories import two_presses
+from foretouch.reproduction.presses import two_presses
+from foretouch.reproduction.section import Claim, Section
 
 __all__ = ["DURATION", "make", "turns"]
 

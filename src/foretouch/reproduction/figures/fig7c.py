@@ -10,10 +10,9 @@ from numpy.typing import NDArray
 from foretouch.identification import FPRLS
 from foretouch.report import COLOURS
 from foretouch.reproduction.choices import BEST, PRINTED, PRINTED_WORDS, Choice, claims_of, runs_of
-from foretouch.reproduction.claims import Claim
 from foretouch.reproduction.estimates import Curve, parameter_figure, parameter_table
 from foretouch.reproduction.presses import PERIOD, STEPS, Trace, press, true_parameters
-from foretouch.reproduction.section import Section
+from foretouch.reproduction.section import Claim, Section
 
 __all__ = ["covariance_at_steps", "log_errors", "make"]
 

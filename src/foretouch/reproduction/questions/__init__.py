@@ -1,0 +1,1 @@
+"""What the paper leaves open, each tried in more than one way."""
