@@ -19,7 +19,8 @@ from foretouch.devices.device import minimum_jerk
 from foretouch.messages import SessionLog
 from foretouch.report import session_report
 from foretouch.robot import make_robot
-from foretouch.session import SessionSettings, baseline, simulate
+from foretouch.session import SessionSettings, simulate
+from foretouch.session.steps import baseline
 
 PAGE = Path(__file__).parent / "baselines.md"
 

@@ -31,7 +31,7 @@ from foretouch.robot import MATERIALS, RcmArm, make_robot
 from foretouch.robot.materials.catalogue import LinearResponse, Material
 from foretouch.robot.materials.contacts import RelaxingContact
 from foretouch.session import SessionSettings, simulate
-from foretouch.session.safety import Safety, SafetyLimits
+from foretouch.session.safety.safety import Safety, SafetyLimits
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "session"))  # as the tests press
 

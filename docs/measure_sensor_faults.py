@@ -27,7 +27,8 @@ from measured_blocks import chosen, fill
 from foretouch.identification import SensorState, SensorWatch
 from foretouch.messages import VERSION, Command
 from foretouch.robot import MATERIALS, SENSOR_FAULTS, FaultySensor, RobotSample, SensorFault, make_robot
-from foretouch.session import SessionSettings, follower
+from foretouch.session import SessionSettings
+from foretouch.session.steps import follower
 
 SAFETY_PAGE = Path(__file__).parent / "safety.md"
 PAGE = Path(__file__).parent / "rooms" / "identification.md"

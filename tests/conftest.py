@@ -34,7 +34,7 @@ def pytest_collection_finish(session: pytest.Session) -> None:
     gc.freeze()
     # What runs in real time would wait for the compiler, where sources have changed since the last set-up.
     if any(item.get_closest_marker("live") for item in session.items) and not session.config.option.collectonly:
-        from foretouch.session.warm_up import compile_all
+        from foretouch.session.runners.warm_up import compile_all
 
         compile_all()
 

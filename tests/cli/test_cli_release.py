@@ -13,11 +13,11 @@ import pytest
 from typer.testing import CliRunner
 
 from foretouch.cli.app import app
-from foretouch.session.waiting import WaitingNote, followers
+from foretouch.session.processes.news import WaitingNote, followers
 
 STOPPED = """
 import os, signal, sys, time
-from foretouch.session.waiting import WaitingNote, release_command
+from foretouch.session.processes.news import WaitingNote, release_command
 note, released = WaitingNote(), []
 signal.signal(signal.SIGUSR2, lambda *_: released.append(1))
 note.say(f"emergency stop (somebody): it is unloaded; to release it at rest: {release_command()}")

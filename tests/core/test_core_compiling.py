@@ -14,14 +14,14 @@ from numba import config
 from numba.core import caching
 
 from foretouch.core import compiling
-from foretouch.session import safety_kernel
+from foretouch.session.safety import kernel as safety_kernel
 
 PACKAGE = compiling.PACKAGE
 
 SPEED = """
 from foretouch.core.compiling import complete_mark
-from foretouch.session import force_guard_kernel
-from foretouch.session.force_guard import ForceGuard
+from foretouch.session.safety import force_guard as force_guard_kernel
+from foretouch.session.safety.force_guard import ForceGuard
 
 guard = ForceGuard()
 guard.observe(0.0, 1.0, False)

@@ -17,8 +17,8 @@ from foretouch.errors import SettingError
 from foretouch.session import SAMPLE_PERIOD, SessionSettings
 from foretouch.session.conformance.device_checks import check_device
 from foretouch.session.conformance.finding import failed
-from foretouch.session.leader import start
 from foretouch.session.operators import felt_device, make_operator, require_simulated_time
+from foretouch.session.steps.leader import start
 
 
 class Binding:

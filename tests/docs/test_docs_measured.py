@@ -196,8 +196,8 @@ def test_blocks_depend_on_what_moves_their_figures(depends: dict[tuple[str, str]
     reach, sessions = depends["docs/results.md", "reach"], depends["docs/results.md", "sessions"]
     kernel = "foretouch.identification.contact_map.scores"
     assert kernel in reach & sessions & depends["docs/contact-map.md", "design-experts"]
-    assert "foretouch.session.safety_kernel" in sessions & depends["docs/safety.md", "impacts"]
-    assert "foretouch.session.safety_kernel" not in reach
+    assert "foretouch.session.safety.kernel" in sessions & depends["docs/safety.md", "impacts"]
+    assert "foretouch.session.safety.kernel" not in reach
     assert "foretouch.rendering.renderer" in depends["docs/stability.md", "first-touch"]
     assert "foretouch.reproduction.figures.fig8" in depends["docs/results.md", "claims"]
     assert not any(kernel in depends["docs/identifiability.md", name] for name in ("bounds", "twins"))

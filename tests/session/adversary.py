@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 from foretouch.link import Faults, FaultStage
 from foretouch.messages import VERSION, Command
 from foretouch.robot import RobotSample, make_robot
-from foretouch.session import SessionSettings, follower
+from foretouch.session import SessionSettings
+from foretouch.session.steps import follower
 
 Programme = NDArray[np.float64]
 

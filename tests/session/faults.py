@@ -15,7 +15,7 @@ import msgspec
 from fire import Fire, Outcome
 
 from foretouch.messages import CHANNELS, VERSION, encode
-from foretouch.session.lease import RANDOM_BITS
+from foretouch.session.network.lease import RANDOM_BITS
 
 sys.path.append(str(Path(__file__).parents[1] / "link"))
 from intruders import intruder, sample

@@ -9,7 +9,8 @@ from foretouch.devices import GRIPS, Device, Hand, ScriptedOperator
 from foretouch.link import Faults, FaultStage
 from foretouch.messages import LeaderState, Telemetry
 from foretouch.robot import Robot, make_robot
-from foretouch.session import SessionSettings, follower, leader
+from foretouch.session import SessionSettings
+from foretouch.session.steps import follower, leader
 
 MS = 1_000_000
 

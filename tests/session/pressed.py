@@ -6,7 +6,7 @@ import numpy as np
 
 from foretouch.identification import Conditioner, ContactSample
 from foretouch.robot import Robot, RobotSample, make_robot
-from foretouch.session.safety import Safety, SafetyLimits
+from foretouch.session.safety.safety import Safety, SafetyLimits
 
 TICK = 1e-3
 SPEED, ACCELERATION, JERK = 0.25, 40.0, 1e5

@@ -16,7 +16,8 @@ from foretouch.devices.device import minimum_jerk
 from foretouch.messages import SessionLog, Telemetry
 from foretouch.report import session_report
 from foretouch.robot import make_robot
-from foretouch.session import SessionSettings, baseline, leader, simulate
+from foretouch.session import SessionSettings, simulate
+from foretouch.session.steps import baseline, leader
 
 PERIOD_NS = 1_000_000
 
@@ -150,7 +151,7 @@ def test_no_default_imports_it() -> None:
         "settings = SessionSettings(material='hunt-crossley', model='hunt-crossley');"
         "robot = make_robot('hunt-crossley', seed=0);"
         "simulate(settings, duration=0.05, operator=ScriptedOperator(0.02, 0.01), robot=robot);"
-        "assert not {'foretouch.session.baseline', 'foretouch.rendering.passivity_control'} & set(sys.modules)"
+        "assert not {'foretouch.session.steps.baseline', 'foretouch.rendering.passivity_control'} & set(sys.modules)"
     )
     subprocess.run([sys.executable, "-c", code], check=True)
 

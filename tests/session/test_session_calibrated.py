@@ -17,10 +17,11 @@ from foretouch.messages import SessionLog, Status
 from foretouch.quantities import SensorCalibration
 from foretouch.recordings import write_calibration
 from foretouch.robot import Robot, RobotSample, make_robot
-from foretouch.session import SessionSettings, make_operator, shadow, simulate
-from foretouch.session.calibrated import calibrated
+from foretouch.session import SessionSettings, make_operator, simulate
+from foretouch.session.runners import shadow
 from foretouch.session.spatial import follower as space
 from foretouch.session.spatial import make_scene, make_spatial_robot
+from foretouch.session.steps.sensing import calibrated
 
 SIMPLE = {"material": "hunt-crossley", "model": "kelvin-voigt", "position_delay": 0.02, "force_delay": 0.02}
 OWN_OFFSET = 0.3

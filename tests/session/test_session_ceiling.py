@@ -19,7 +19,8 @@ from pressed import SPEED, TICK, Pressed, kept
 from foretouch.link import Faults, FaultStage
 from foretouch.messages import VERSION, Command, Status
 from foretouch.robot import MATERIALS, make_robot
-from foretouch.session import SessionSettings, follower
+from foretouch.session import SessionSettings
+from foretouch.session.steps import follower
 
 MS = 1_000_000
 CEILING = 15.0

@@ -12,11 +12,11 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
-from foretouch.session import children
-from foretouch.session.children import Child, end_session
-from foretouch.session.hanging import HANGS_AFTER
-from foretouch.session.housekeeping import BEAT, COMPILING
-from foretouch.session.live import LEAVING
+from foretouch.session.processes import children
+from foretouch.session.processes.children import Child, end_session
+from foretouch.session.processes.housekeeping import BEAT, COMPILING
+from foretouch.session.processes.news import HANGS_AFTER
+from foretouch.session.runners.live import LEAVING
 
 BEATS = f"""
 import os, time

@@ -15,8 +15,17 @@ from foretouch.errors import SettingError, UnknownNameError
 from foretouch.link import ZenohLink, free_endpoint
 from foretouch.messages import VERSION, Choice, EmergencyStop, Hello, Settings, Stop
 from foretouch.session import SessionSettings, StopFlag
-from foretouch.session.children import Child, end_session, retire
-from foretouch.session.choices import CHOICE_CHANNELS, LATCHING, SUPERVISOR, Desk, choose, with_faults
+from foretouch.session.processes.children import (
+    CHOICE_CHANNELS,
+    LATCHING,
+    SUPERVISOR,
+    Child,
+    Desk,
+    choose,
+    end_session,
+    retire,
+    with_faults,
+)
 
 
 def choice(**chosen: str) -> Choice:
@@ -130,7 +139,7 @@ def child(program: str, role: str = "leader") -> Child:
 
 
 def test_who_is_retired_ends_by_himself_or_is_killed(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("foretouch.session.children.PATIENCE", 0.5)
+    monkeypatch.setattr("foretouch.session.processes.children.PATIENCE", 0.5)
     rounds: list[int] = []
     good, stubborn = child(GOOD), child(STUBBORN, "follower")
     retire([good, stubborn], meanwhile=lambda: rounds.append(1))

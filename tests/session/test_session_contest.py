@@ -10,10 +10,9 @@ from hypothesis import strategies as st
 
 from foretouch.link import Faults, FaultStage
 from foretouch.messages import VERSION, Command, Hello
-from foretouch.session.contest import MANY, TOLD_NS, Contest, ContestHeard
-from foretouch.session.heard import Heard
-from foretouch.session.lease import ControlLease
-from foretouch.session.news import leader_news
+from foretouch.session.network.lease import MANY, TOLD_NS, Contest, ContestHeard, ControlLease
+from foretouch.session.processes.news import leader_news
+from foretouch.session.steps.heard import Heard
 
 MS = 1_000_000
 

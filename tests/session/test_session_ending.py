@@ -17,19 +17,12 @@ from foretouch.devices import ScriptedOperator
 from foretouch.link import ZenohLink, free_endpoint
 from foretouch.messages import VERSION, Command, EmergencyStop, Message, Status, Stop, Telemetry
 from foretouch.robot import FaultySensor, Robot, RobotSample, SensorFault, make_robot
-from foretouch.session import (
-    FOLLOWER_CHANNELS,
-    LEADER_CHANNELS,
-    SessionSettings,
-    StopFlag,
-    live,
-    run_follower,
-    run_leader,
-)
-from foretouch.session.driven import LineFollower
-from foretouch.session.hanging import LoopWatch
-from foretouch.session.heard import MOST_OF_FORMER, Heard
-from foretouch.session.safety import REST_FORCE
+from foretouch.session import FOLLOWER_CHANNELS, LEADER_CHANNELS, SessionSettings, StopFlag, run_follower, run_leader
+from foretouch.session.processes.news import LoopWatch
+from foretouch.session.runners import live
+from foretouch.session.runners.driven import LineFollower
+from foretouch.session.safety.safety import REST_FORCE
+from foretouch.session.steps.heard import MOST_OF_FORMER, Heard
 
 SETTINGS = SessionSettings(material="hunt-crossley", position_delay=0.0, force_delay=0.0)
 TELEMETRY = Telemetry(VERSION, 1, 1, 0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, False, False, 0, 1, 1)

@@ -16,19 +16,19 @@ from foretouch.identification.contact_map.bank import ContactMapBank
 from foretouch.identification.material_field import MaterialFieldLearner
 from foretouch.messages import Status
 from foretouch.robot import Robot, SpatialRobot, SpatialSample, make_robot
-from foretouch.session import SessionSettings, StopFlag, follower, live, run_follower
-from foretouch.session.failures import Failures
-from foretouch.session.first_touch import FirstTouch
-from foretouch.session.freshness import Freshness
-from foretouch.session.model_sender import ModelSender
-from foretouch.session.playout import Playout
-from foretouch.session.safety import REST_FORCE, Safety
+from foretouch.session import SessionSettings, StopFlag, run_follower
+from foretouch.session.network.model_sender import ModelSender
+from foretouch.session.network.playout import Freshness, Playout
+from foretouch.session.runners import live
+from foretouch.session.safety.force_guard import FirstTouch
+from foretouch.session.safety.safety import REST_FORCE, Safety
 from foretouch.session.spatial import follower as space
 from foretouch.session.spatial import make_scene, make_spatial_robot
-from foretouch.session.spatial.course import Course
-from foretouch.session.spatial.field_sender import FieldSender
+from foretouch.session.spatial.course import Course, SurfaceLine
+from foretouch.session.spatial.felt import FieldSender
 from foretouch.session.spatial.last_limit import LastLimit
-from foretouch.session.spatial.line import SurfaceLine
+from foretouch.session.steps import follower
+from foretouch.session.steps.sensing import Failures
 
 LINE = SessionSettings(material="hunt-crossley", first_touch="guarded", approach_speed=0.05, guarded_force=10.0)
 SCENE = SessionSettings(scene="plane", displacement=0.0, turn=0.0, fusion="none")

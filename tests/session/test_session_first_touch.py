@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from foretouch.errors import SettingError
-from foretouch.session.first_touch import FirstTouch
+from foretouch.session.safety.force_guard import FirstTouch
 
 TICK = 1e-3
 SPEED, FORCE = 0.02, 2.0

@@ -5,9 +5,9 @@ from __future__ import annotations
 import pytest
 
 from foretouch.quantities.pose import Vector
-from foretouch.session.force_guard import PATIENCE, STEEPER
-from foretouch.session.safety import AIMED, SafetyLimits
-from foretouch.session.spatial.force_cap import ForceCap
+from foretouch.session.safety.force_guard import PATIENCE, STEEPER
+from foretouch.session.safety.safety import AIMED, SafetyLimits
+from foretouch.session.spatial.last_limit import ForceCap
 
 CEILING, STIFFNESS, MOST_DAMPED = 15.0, 2000.0, SafetyLimits().most_damped
 UP: Vector = (0.0, 0.0, 1.0)

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from foretouch.errors import SettingError
-from foretouch.session.freshness import Arrival, Freshness
+from foretouch.session.network.playout import Arrival, Freshness
 
 MS, S = 1_000_000, 1_000_000_000
 FAR = 10**15  # between both clocks [ns]

@@ -16,11 +16,11 @@ from foretouch.quantities.pose import Vector
 from foretouch.rendering.surfaces import TriangleMesh
 from foretouch.robot import GantryArm, RobotSample, RobotSpecification, make_material
 from foretouch.session import SessionSettings
-from foretouch.session import follower as line_follower
-from foretouch.session.motion_limits import EMERGENCY, UNBOUNDED, MotionLimits
+from foretouch.session.safety.motion import EMERGENCY, UNBOUNDED, MotionLimits
 from foretouch.session.spatial import follower, make_scene
+from foretouch.session.spatial.making import SpatialWorld
 from foretouch.session.spatial.scenes import MIDDLE, Scene
-from foretouch.session.spatial.world import SpatialWorld
+from foretouch.session.steps import follower as line_follower
 
 MS = 1_000_000
 TICK, SPEED, ACCELERATION, JERK = 1e-3, 0.25, 40.0, 1e5

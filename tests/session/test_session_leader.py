@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from foretouch.messages import VERSION, ModelUpdate, Telemetry
 from foretouch.models import HuntCrossley
-from foretouch.session import leader
+from foretouch.session.steps import leader
 
 MS = 1_000_000
 

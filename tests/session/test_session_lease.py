@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from foretouch.errors import SettingError
-from foretouch.session.lease import LEASE, MOST_ENDED, ControlLease, make_epoch
+from foretouch.session.network.lease import LEASE, MOST_ENDED, ControlLease, make_epoch
 
 S = 1_000_000_000
 ANY_ROUND = {

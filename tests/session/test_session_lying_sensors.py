@@ -14,7 +14,8 @@ import pytest
 from foretouch.identification import SensorState
 from foretouch.messages import VERSION, Command, Status
 from foretouch.robot import MATERIALS, RobotSample, make_robot
-from foretouch.session import SessionSettings, follower
+from foretouch.session import SessionSettings
+from foretouch.session.steps import follower
 
 MS = 1_000_000
 CEILING, NO_LIMIT = 15.0, 1000.0

@@ -18,8 +18,9 @@ from foretouch.models import ContactModel, KelvinVoigt, make_model
 from foretouch.models.predictor import STATE_TOLERANCE
 from foretouch.report import session_report
 from foretouch.robot import FaultySensor, RobotSample, SensorFault, make_robot
-from foretouch.session import SessionSettings, follower, leader, replay, simulate
-from foretouch.session.round_trip import RoundTrip
+from foretouch.session import SessionSettings, replay, simulate
+from foretouch.session.network.model_sender import RoundTrip
+from foretouch.session.steps import follower, leader
 
 MS = 1_000_000
 SURFACE = 0.01

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from foretouch.session.playout import LONGEST_BRIDGE, Playout
+from foretouch.session.network.playout import LONGEST_BRIDGE, Playout
 
 
 def path(sequence: float) -> float:

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from foretouch.session.proven_way import CELL, GROWTH, ProvenWay
+from foretouch.session.safety.proven_way import CELL, GROWTH, ProvenWay
 
 TICK = 1e-3
 

@@ -25,10 +25,10 @@ from foretouch.session import (
     recorded_settings,
     replay_notes,
     replay_under,
-    shadow,
     simulate,
 )
-from foretouch.session.replay_machines import PlayedOperator
+from foretouch.session.replay.machines import PlayedOperator
+from foretouch.session.runners import shadow
 
 MS = 1_000_000
 

@@ -13,8 +13,8 @@ from pressed import ACCELERATION, JERK, SPEED, TICK, Pressed, kept
 
 from foretouch.errors import SettingError
 from foretouch.messages import STATUS_SENTENCES, Status
-from foretouch.session.motion_limits import MotionLimits
-from foretouch.session.safety import Safety, SafetyLimits
+from foretouch.session.safety.motion import MotionLimits
+from foretouch.session.safety.safety import Safety, SafetyLimits
 
 
 def begun(jerk: float = JERK) -> MotionLimits:

@@ -20,7 +20,7 @@ def asked():  # sched_getattr: size, policy, flags, nice, priority, runtime, dea
 
 HERE_ONCE = """
 import os
-from foretouch.session import scheduling  # imported once for all of them
+from foretouch.session.runners import loop_timer as scheduling  # imported once for all of them
 for code in {codes!r}:
     if (child := os.fork()) == 0:
         exec(code, {{}})
@@ -30,7 +30,7 @@ for code in {codes!r}:
 
 PROMPT = (
     "import ctypes, threading\n"
-    "from foretouch.session.scheduling import PROMPT_NS, SET_TIMER_SLACK, USUAL_NS, be_prompt, wakes_late_ns\n"
+    "from foretouch.session.runners.loop_timer import PROMPT_NS, SET_TIMER_SLACK, USUAL_NS, be_prompt, wakes_late_ns\n"
     "ctypes.CDLL(None).prctl(SET_TIMER_SLACK, ctypes.c_ulong(50_000), 0, 0, 0)\n"  # the parent may have been prompt
     "assert wakes_late_ns() == USUAL_NS\n"
     "be_prompt()\n"
@@ -40,7 +40,7 @@ PROMPT = (
     "print(wakes_late_ns() == PROMPT_NS, seen == [PROMPT_NS], flush=True)"
 )
 SHORT = (
-    "import os, threading\n" + SLICES + "from foretouch.session.scheduling import SLICE_NS, be_prompt\n"
+    "import os, threading\n" + SLICES + "from foretouch.session.runners.loop_timer import SLICE_NS, be_prompt\n"
     "os.nice(3)\n"
     "before = asked()\n"
     "be_prompt()\n"
@@ -53,7 +53,7 @@ SHORT = (
 )
 WATCHER = (
     "import os, threading\n"
-    "from foretouch.session.scheduling import WATCHERS_NICE, give_way\n"
+    "from foretouch.session.runners.loop_timer import WATCHERS_NICE, give_way\n"
     "wanted = min(19, os.getpriority(os.PRIO_PROCESS, 0) + WATCHERS_NICE)\n"
     "give_way()\n"
     "seen = []\n"

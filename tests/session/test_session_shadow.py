@@ -22,16 +22,16 @@ from foretouch.session import (
     SessionSettings,
     StopFlag,
     framed_robot,
-    leader,
     make_moved_robot,
     make_operator,
     run_shadow,
-    shadow,
     simulate,
 )
-from foretouch.session.freshness import Arrival
-from foretouch.session.news import leader_news, shadow_news
-from foretouch.session.shadow_score import SCORED_AFTER, ShadowScore
+from foretouch.session.network.playout import Arrival
+from foretouch.session.processes.news import leader_news, shadow_news
+from foretouch.session.runners import shadow
+from foretouch.session.runners.shadow import SCORED_AFTER, ShadowScore
+from foretouch.session.steps import leader
 
 MS = 1_000_000
 SETTINGS = SessionSettings(material="hunt-crossley", force_delay=0.3)

@@ -22,7 +22,7 @@ from foretouch.recordings import SessionWriter, read_session
 from foretouch.report import session_report
 from foretouch.robot import MATERIALS, make_robot
 from foretouch.session import SessionSettings, SimulatedSession, replay, simulate
-from foretouch.session.warm_up import KERNELS, warm_up
+from foretouch.session.runners.warm_up import KERNELS, warm_up
 
 
 def run(duration: float = 6.0, *, record: Path | None = None, **changes: Any) -> SimulatedSession:
@@ -228,7 +228,7 @@ NEW = """
 import sys
 import foretouch
 from numba.core import event
-from foretouch.session.warm_up import _recording
+from foretouch.session.runners.warm_up import _recording
 
 made = []
 
@@ -267,7 +267,7 @@ def test_a_warm_session_compiles_nothing(options: dict[str, str]) -> None:
 
 COLD = """
 import sys
-from foretouch.session.warm_up import compile_all, compiled_share, is_compiled
+from foretouch.session.runners.warm_up import compile_all, compiled_share, is_compiled
 
 said = []
 assert not is_compiled()

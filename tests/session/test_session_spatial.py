@@ -29,7 +29,7 @@ from foretouch.quantities import Pose
 from foretouch.rendering.surfaces import Plane
 from foretouch.robot import MATERIALS, GantryArm, MissingGraphicsError, graphics_library, make_material
 from foretouch.session import SessionSettings
-from foretouch.session.driven import drive_leader
+from foretouch.session.runners.driven import drive_leader
 from foretouch.session.spatial import (
     follower,
     leader,
@@ -40,7 +40,7 @@ from foretouch.session.spatial import (
     simulate_scene,
     tracker,
 )
-from foretouch.session.spatial.line import SurfaceLine
+from foretouch.session.spatial.course import SurfaceLine
 from foretouch.session.spatial.scenes import NOMINAL, KnownSurface
 
 MS = 1_000_000

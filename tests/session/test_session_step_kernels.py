@@ -12,14 +12,12 @@ import pytest
 
 from foretouch.identification import SensorWatch
 from foretouch.identification.conditioning import watch_kernel as sensor_watch_kernel
-from foretouch.session import (
-    force_guard_kernel,
-    motion_limits_kernel,
-    safety_kernel,
-)
-from foretouch.session.force_guard import PATIENCE, SOFTEST, ForceGuard
-from foretouch.session.motion_limits import UNBOUNDED, MotionLimits
-from foretouch.session.safety import Safety, SafetyLimits
+from foretouch.session.safety import force_guard as force_guard_kernel
+from foretouch.session.safety import kernel as safety_kernel
+from foretouch.session.safety import motion as motion_limits_kernel
+from foretouch.session.safety.force_guard import PATIENCE, SOFTEST, ForceGuard
+from foretouch.session.safety.motion import UNBOUNDED, MotionLimits
+from foretouch.session.safety.safety import Safety, SafetyLimits
 
 TICK = 1e-3
 KERNELS = (
@@ -76,7 +74,7 @@ INTERPRETED = """
 import sys
 sys.path.insert(0, {folder!r})
 from test_session_step_kernels import pressed
-assert not hasattr(__import__("foretouch.session.safety_kernel").session.safety_kernel.keep_safe, "signatures")
+assert not hasattr(__import__("foretouch.session.safety.kernel").session.safety_kernel.keep_safe, "signatures")
 print(repr([pressed(seed) for seed in range(3)]))
 """
 

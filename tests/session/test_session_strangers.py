@@ -19,7 +19,7 @@ from foretouch.link import ZenohLink, free_endpoint
 from foretouch.link.zenoh_link import PATIENCE
 from foretouch.messages import VERSION, Hello, Hellos, Message, ModelUpdate, encode
 from foretouch.session import Housekeeper, StopFlag, wait_for_hello
-from foretouch.session.heard import MOST_FORMER, Heard
+from foretouch.session.steps.heard import MOST_FORMER, Heard
 
 pytestmark = pytest.mark.network
 

@@ -13,11 +13,12 @@ from step_links import Spoken
 
 from foretouch.messages import STATUS_SENTENCES, Status
 from foretouch.robot import Robot, RobotSample, make_robot
-from foretouch.session import SessionSettings, StopFlag, live, loop_timer, run_follower, shadow
+from foretouch.session import SessionSettings, StopFlag, run_follower
 from foretouch.session.conformance.robot_checks import check_robot
-from foretouch.session.loop_timer import LoopTimer, let_pass
-from foretouch.session.news import follower_news
-from foretouch.session.tick_rate import LEAST_RATE, LONGEST_NS, WINDOW, TickRate
+from foretouch.session.processes.news import follower_news
+from foretouch.session.runners import live, loop_timer, shadow
+from foretouch.session.runners.loop_timer import LoopTimer, let_pass
+from foretouch.session.steps.sensing import LEAST_RATE, LONGEST_NS, WINDOW, TickRate
 
 MS = 1_000_000
 

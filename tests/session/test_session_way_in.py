@@ -13,10 +13,10 @@ from foretouch.messages import VERSION, Command, FixtureBelief, FollowerSpace
 from foretouch.rendering.surfaces import Plane, Surface
 from foretouch.robot import SpatialSample
 from foretouch.session import SessionSettings
+from foretouch.session.runners.warm_up_scene import SPECIFICATION
 from foretouch.session.spatial import follower, make_scene, tracker
-from foretouch.session.spatial.pose_doubt import LARGEST_DOUBT, LARGEST_TURN, LEAST_TURN, PoseDoubt
 from foretouch.session.spatial.scenes import NOMINAL, KnownSurface
-from foretouch.session.spatial.warm_up import SPECIFICATION
+from foretouch.session.spatial.way_in import LARGEST_DOUBT, LARGEST_TURN, LEAST_TURN, PoseDoubt
 
 MS = 1_000_000
 UP = (0.0, 0.0, 1.0)

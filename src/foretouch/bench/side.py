@@ -133,8 +133,7 @@ def _noting(path: Path) -> Iterator[Notes]:
 
 def _bare(seconds: float) -> list[int]:
     """A loop at 1 kHz with nothing to do: how late each tick woke [ns]."""
-    from foretouch.session.loop_timer import LoopTimer, steady
-    from foretouch.session.scheduling import be_prompt
+    from foretouch.session.runners.loop_timer import LoopTimer, be_prompt, steady
 
     be_prompt()
     ticks = round(seconds * 1e9 / PERIOD_NS)

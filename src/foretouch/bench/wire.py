@@ -16,7 +16,7 @@ from typing import Any
 
 from foretouch.link import ZenohLink, load_credentials
 from foretouch.messages import VERSION, Command, encode
-from foretouch.session.loop_timer import LoopTimer, steady
+from foretouch.session.runners.loop_timer import LoopTimer, steady
 
 __all__ = ["DELAYED", "KEY", "KINDS", "PERIOD", "STRETCH", "main", "open_wire"]
 

@@ -149,7 +149,7 @@ def compile_first() -> bool:
     Returns:
         Whether everything has been compiled now.
     """
-    from foretouch.session.warm_up import compile_all, is_compiled
+    from foretouch.session.runners.warm_up import compile_all, is_compiled
 
     if is_compiled():
         return True

@@ -161,7 +161,7 @@ def _age(path: Path, folder: Path) -> float:
 def _again(log: SessionLog, closed_loop: bool, progress: Callable[[float], None], **changes: Any) -> SessionLog:
     """The session under other settings."""
     from foretouch.session import replay_under
-    from foretouch.session.replay_settings import recorded_settings
+    from foretouch.session.replay.machines import recorded_settings
 
     settings, _ = recorded_settings(log.settings, changes)
     return replay_under(log, settings, closed_loop, progress)

@@ -159,7 +159,7 @@ def main(kind: str, seconds: str) -> None:
 def _run(seconds: float, work: Callable[[float], None]) -> LoopReport:
     """The loop, paced as both sides of a session are."""
     from foretouch.session import SAMPLE_PERIOD
-    from foretouch.session.loop_timer import LoopTimer, steady
+    from foretouch.session.runners.loop_timer import LoopTimer, steady
 
     period_ns = round(SAMPLE_PERIOD * 1e9)
     ticks = max(10, round(seconds / SAMPLE_PERIOD))
@@ -194,7 +194,7 @@ def _press() -> Callable[[float], None]:
     """What leader and follower compute in a tick, for a press: to learn a sample, and to render a force."""
     from foretouch.identification import Learner
     from foretouch.session import SAMPLE_PERIOD, SessionSettings
-    from foretouch.session.warm_up import warm_up
+    from foretouch.session.runners.warm_up import warm_up
 
     settings = SessionSettings()
     warm_up(settings)

@@ -191,7 +191,7 @@ def check_disk(
 def check_compiled() -> Finding:
     """Whether the code of sessions was compiled here: else the first start takes about a minute longer."""
     from foretouch.core.compiling import compiled_root
-    from foretouch.session.warm_up import is_compiled
+    from foretouch.session.runners.warm_up import is_compiled
 
     root = compiled_root()
     figures = {"folder": "" if root is None else str(root), "compiled": root is not None and is_compiled()}

@@ -74,7 +74,7 @@ def compare_replay(recorded: SessionLog, replayed: SessionLog, notes: Sequence[s
 
     Args:
         recorded: The session.
-        replayed: What `foretouch.session.replay_under` made of it.
+        replayed: What `foretouch.session.replay.under` made of it.
         notes: What `foretouch.session.replay_notes` says of it; the first is of the operator's motion.
 
     Returns:

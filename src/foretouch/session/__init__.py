@@ -3,18 +3,7 @@
 This is the only room with time, threads, processes and policy.
 """
 
-from foretouch.session.calibrated import session_calibration
 from foretouch.session.frames import FramedDevice, FramedRobot, framed_device, framed_robot, inverse
-from foretouch.session.housekeeping import Housekeeper, StopFlag, orphaned
-from foretouch.session.live import (
-    FOLLOWER_CHANNELS,
-    LEADER_CHANNELS,
-    SPACE_FOLLOWER_CHANNELS,
-    SPACE_LEADER_CHANNELS,
-    run_follower,
-    run_leader,
-    wait_for_hello,
-)
 from foretouch.session.mediated import MediatedForce, mediate
 from foretouch.session.operators import (
     close_operator,
@@ -23,17 +12,28 @@ from foretouch.session.operators import (
     require_simulated_operator,
     require_simulated_time,
 )
-from foretouch.session.processes import run_processes
-from foretouch.session.recorder import RECORDER_CHANNELS, RECORDING_INCOMPLETE, Recorder, run_recorder
-from foretouch.session.replay import Replay, replay
-from foretouch.session.replay_settings import recorded_settings
-from foretouch.session.replay_under import CLOSED_LOOP, FIXED_MOTION, material_answers, replay_notes, replay_under
+from foretouch.session.processes.housekeeping import Housekeeper, StopFlag, orphaned
+from foretouch.session.processes.processes import run_processes
+from foretouch.session.processes.recorder import RECORDER_CHANNELS, RECORDING_INCOMPLETE, Recorder, run_recorder
+from foretouch.session.replay.machines import recorded_settings
+from foretouch.session.replay.replay import Replay, replay
+from foretouch.session.replay.under import CLOSED_LOOP, FIXED_MOTION, material_answers, replay_notes, replay_under
 from foretouch.session.robots import make_moved_robot, make_session_robot, reach_texts, require_simulated_robot
-from foretouch.session.scheduling import be_prompt, give_way
+from foretouch.session.runners.live import (
+    FOLLOWER_CHANNELS,
+    LEADER_CHANNELS,
+    SPACE_FOLLOWER_CHANNELS,
+    SPACE_LEADER_CHANNELS,
+    run_follower,
+    run_leader,
+    wait_for_hello,
+)
+from foretouch.session.runners.loop_timer import be_prompt, give_way
+from foretouch.session.runners.shadow import SHADOW_CHANNELS, run_shadow
+from foretouch.session.runners.simulated import SimulatedSession, prepare_simulation, simulate
+from foretouch.session.runners.warm_up import prepare, warm_up
 from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
-from foretouch.session.shadow import SHADOW_CHANNELS, run_shadow
-from foretouch.session.simulated import SimulatedSession, prepare_simulation, simulate
-from foretouch.session.warm_up import prepare, warm_up
+from foretouch.session.steps.sensing import session_calibration
 
 __all__ = [
     "CLOSED_LOOP",

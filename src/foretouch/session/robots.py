@@ -11,8 +11,8 @@ from foretouch.plugins import make_plugin
 from foretouch.robot import FaultySensor, Material, MovedRobot, Robot, SensorFault, make_robot
 from foretouch.session.frames import framed_robot, inverse
 from foretouch.session.operators import make_operator, reach_of
+from foretouch.session.runners.shadow import shadow_settings
 from foretouch.session.settings import ROBOTS, SAMPLE_PERIOD, SIMULATED, SessionSettings
-from foretouch.session.shadow import shadow_settings
 
 __all__ = ["make_moved_robot", "make_session_robot", "reach_texts", "require_simulated_robot"]
 

@@ -133,7 +133,7 @@ class SessionSettings(Brief):
         camera_delay: From an image's exposure until it has been read [s].
         image_fault: Fault of the camera's images, as ``KIND:BEGIN:END`` in seconds; empty for none.
         robot: ``"simulated"``, or a robot of another package.
-        calibration: File of its force sensor's calibration (`foretouch.session.calibrated`), read there; or empty.
+        calibration: File of its force sensor's calibration (`foretouch.session.steps.sensing`), read there; or empty.
 
     Raises:
         SettingError: A value out of range.
@@ -405,7 +405,7 @@ SAFETY_LIMITS = {
     "hold_after": "hold_after",
     "unload_after": "unload_after",
 }
-"""Fields of `foretouch.session.safety.SafetyLimits`, and the settings that they are."""
+"""Fields of `foretouch.session.safety.safety.SafetyLimits`, and the settings that they are."""
 
 LARGEST_CEILING = 1000.0
 """[N]."""

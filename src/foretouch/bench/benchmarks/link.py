@@ -26,7 +26,7 @@ from foretouch.errors import ForetouchError, MissingExtraError
 from foretouch.link import Faults, FaultStage, KeyFolder, ZenohLink, free_endpoint
 from foretouch.link.certificates import utc_now
 from foretouch.messages import Command, decode
-from foretouch.session.loop_timer import steady
+from foretouch.session.runners.loop_timer import steady
 
 __all__ = ["measure", "one_way_times"]
 

@@ -24,10 +24,10 @@ from foretouch.link import FaultStage
 from foretouch.models import Predictor
 from foretouch.rendering import EnergyAccount, ForceLimiter, Mediation, Proxy, Renderer
 from foretouch.rendering.energy import Ledger
-from foretouch.session import follower, leader
-from foretouch.session.heard import Heard
-from foretouch.session.model_sender import ModelSender
-from foretouch.session.playout import Playout
+from foretouch.session.network.model_sender import ModelSender
+from foretouch.session.network.playout import Playout
+from foretouch.session.steps import follower, leader
+from foretouch.session.steps.heard import Heard
 
 __all__ = [
     "BANDS",

@@ -179,7 +179,7 @@ def release(
 
     Example: foretouch release
     """
-    from foretouch.session.waiting import followers
+    from foretouch.session.processes.news import followers
 
     chosen, why = _the_one(process)
     say(f"follower {chosen}: {one_line(why)}")
@@ -214,7 +214,7 @@ def _waits(sentence: str) -> bool:
 
 def _the_one(process: int | None) -> tuple[int, str]:
     """The number of the process that is meant, and what it says."""
-    from foretouch.session.waiting import followers
+    from foretouch.session.processes.news import followers
 
     end = time.monotonic() + SAID
     while True:

@@ -109,7 +109,7 @@ def camera(*, settings: Any, endpoints: Endpoints, json_output: Json = False, pa
     Example: foretouch camera --scene hill --listen tcp/127.0.0.1:7449 --connect tcp/127.0.0.1:7447
     """
     from foretouch.session import StopFlag, give_way
-    from foretouch.session.contest import ContestHeard
+    from foretouch.session.network.lease import ContestHeard
     from foretouch.session.spatial import CAMERA_CHANNELS, make_camera, make_scene, run_camera
 
     if not settings.scene:

@@ -25,8 +25,8 @@ from foretouch.session.conformance.estimator_checks import check_estimator
 from foretouch.session.conformance.finding import Finding, told
 from foretouch.session.conformance.material_checks import check_material
 from foretouch.session.conformance.robot_checks import check_robot
-from foretouch.session.hanging import where
 from foretouch.session.operators import make_operator
+from foretouch.session.processes.news import where
 from foretouch.session.robots import make_session_robot
 from foretouch.session.settings import ROBOTS, SessionSettings
 

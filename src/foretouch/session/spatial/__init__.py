@@ -1,10 +1,9 @@
 """Sessions in three dimensions: the steps along a line, with geometry about them, a tracker and a camera."""
 
-from foretouch.session.spatial.camera import SimulatedCamera
-from foretouch.session.spatial.camera_process import CAMERA_CHANNELS, run_camera
+from foretouch.session.runners.simulated_scene import simulate_scene
+from foretouch.session.spatial.camera import CAMERA_CHANNELS, SimulatedCamera, run_camera
 from foretouch.session.spatial.making import make_camera, make_spatial_operator, make_spatial_robot
 from foretouch.session.spatial.scenes import SCENES, Inclusion, Scene, make_scene
-from foretouch.session.spatial.simulated import simulate_scene
 
 __all__ = [
     "CAMERA_CHANNELS",

@@ -26,16 +26,13 @@ from foretouch.messages import (
 from foretouch.quantities.pose import Vector, add, dot, norm, scaled, subtract
 from foretouch.rendering.surfaces import Surface
 from foretouch.robot import RobotSample, RobotSpecification, SpatialSample
-from foretouch.session import follower
-from foretouch.session.playout import Playout
+from foretouch.session.network.playout import Playout
 from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
-from foretouch.session.spatial.course import Course, Way
-from foretouch.session.spatial.felt_surface import FeltSurface
-from foretouch.session.spatial.field_sender import FieldSender
+from foretouch.session.spatial.course import Course, Footing, SurfaceLine, Way
+from foretouch.session.spatial.felt import FeltSurface, FieldSender, Rubbed
 from foretouch.session.spatial.last_limit import LastLimit
-from foretouch.session.spatial.line import Footing, SurfaceLine
-from foretouch.session.spatial.rubbing import Rubbed
 from foretouch.session.spatial.way_in import MISSED, MISSED_TICKS, WayIn
+from foretouch.session.steps import follower
 
 __all__ = ["Inputs", "Outputs", "State", "start", "step"]
 
@@ -111,7 +108,7 @@ class State:
 
 
 class Inputs(NamedTuple):
-    """What a tick is given: as `foretouch.session.follower.Inputs`, and what the tracker says.
+    """What a tick is given: as `foretouch.session.steps.follower.Inputs`, and what the tracker says.
 
     Attributes:
         commands: That have arrived since the last tick, with places.

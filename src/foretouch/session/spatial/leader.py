@@ -2,6 +2,8 @@
 
 The hand's place is brought onto the normal of the rendered surface; there the leader along a line renders, mediates and
 accounts; and what it gives is brought back into space, with the friction along the surface beside it.
+
+The law of the place where the hand is, from the newest field of materials, and its doubt.
 """
 
 from __future__ import annotations
@@ -12,6 +14,7 @@ from typing import NamedTuple
 
 import msgspec
 
+from foretouch.errors import DecodeError, InputError
 from foretouch.messages import (
     VERSION,
     Command,
@@ -22,18 +25,76 @@ from foretouch.messages import (
     ModelUpdate,
     Telemetry,
 )
-from foretouch.models import QuadraticContact
+from foretouch.models import FIELD_DEPTH, MaterialField, QuadraticContact
 from foretouch.quantities.pose import Vector, add, dot, norm, scaled, subtract
 from foretouch.rendering import FrictionRenderer, NormalAccount, SpatialEnergyAccount
 from foretouch.rendering.surfaces import Surface
-from foretouch.session import leader
 from foretouch.session.settings import NO_GRIP, SAMPLE_PERIOD, SessionSettings
-from foretouch.session.spatial.line import Footing, SurfaceLine
-from foretouch.session.spatial.touched_material import TouchedMaterial
+from foretouch.session.spatial.course import Footing, SurfaceLine
+from foretouch.session.steps import leader
 
-__all__ = ["Inputs", "Outputs", "State", "start", "step"]
+FAR_FROM_LAW = 1e-3
+"""The material of another place is taken once the hand is so far from where it was taken last [m]."""
+
+NEAR = 5e-3
+"""Materials are taken from the field within this way of the surface [m]."""
 
 NOWHERE = (math.nan, math.nan, math.nan)
+
+
+class TouchedMaterial:
+    r"""What is known of the surface's material, place by place, at the leader.
+
+    A field states the standard deviation of the local stiffness K at 2 mm. The force at a place is doubted in the same
+    proportion,
+
+    .. math:: \sigma_F = F\, \sigma_K / K
+
+    Attributes:
+        doubt: sigma_K / K of the law that was taken last; NaN before the first.
+        refused: Fields that could not be used.
+    """
+
+    __slots__ = ("_at", "_field", "_run", "_sequence", "doubt", "refused")
+
+    def __init__(self) -> None:
+        self._field: MaterialField | None = None
+        self._sequence = self._run = 0
+        self._at: Vector = NOWHERE
+        self.doubt = math.nan
+        self.refused = 0
+
+    def take(self, update: FieldUpdate) -> None:
+        """Take a field, unless a newer one of the same process of the follower is there already."""
+        if update.run == self._run and update.sequence <= self._sequence:
+            return
+        self._sequence, self._run = update.sequence, update.run
+        try:
+            self._field = MaterialField.from_bytes(update.content)
+        except (InputError, DecodeError):
+            self.refused += 1
+
+    def law(self, point: Vector, depth: float) -> QuadraticContact | None:
+        """The law of a place; None where nothing is known of it, or the hand is too far above.
+
+        Args:
+            point: On the surface, in the fixture's frame [m].
+            depth: Of the hand below it [m].
+        """
+        if self._field is None or depth < -NEAR:
+            return None
+        law, deviation, known = self._field.law_at(point)
+        stiffness = law.stiffness + 2.0 * FIELD_DEPTH * law.stiffening
+        self.doubt = deviation / stiffness if stiffness > 0.0 else math.nan
+        if not known:
+            return None
+        self._at = point
+        return law
+
+    def is_elsewhere(self, point: Vector) -> bool:
+        """Whether the law was taken so far from this point, or never, that another may hold."""
+        return not norm(subtract(point, self._at)) <= FAR_FROM_LAW
+
 
 MOST_FRICTION, MOST_VISCOUS = 2.0, 20.0
 """Whatever a follower says, no more friction is rendered [-, N s/m]."""
@@ -88,7 +149,7 @@ class State:
 
 
 class Inputs(NamedTuple):
-    """What a tick is given: as `foretouch.session.leader.Inputs`, in space.
+    """What a tick is given: as `foretouch.session.steps.leader.Inputs`, in space.
 
     Attributes:
         place: Of the operator's hand, as the device's encoders show it [m].

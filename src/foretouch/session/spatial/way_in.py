@@ -1,18 +1,138 @@
-"""What is known of the way to a surface in space: where the air is free, and how fast it may be gone along."""
+"""What is known of the way to a surface in space: where the air is free, and how fast it may be gone along.
+
+What `foretouch.session.spatial.way_in.PoseDoubt` takes of a covariance in each tick, compiled.
+
+How much nearer a surface may be at a place than it is believed to be, and how otherwise inclined.
+"""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
+import numpy as np
+from numpy.typing import NDArray
+
+from foretouch.core.compiling import compiled
 from foretouch.identification import SensorState
 from foretouch.messages import FixtureBelief
 from foretouch.quantities.pose import Vector, norm, subtract
 from foretouch.rendering.surfaces import Surface
-from foretouch.session import follower
-from foretouch.session.spatial.line import Footing, SurfaceLine
-from foretouch.session.spatial.pose_doubt import LARGEST_DOUBT, LARGEST_TURN, PoseDoubt
+from foretouch.session.spatial.course import Footing, SurfaceLine
+from foretouch.session.steps import follower
 
-__all__ = ["MISSED", "MISSED_TICKS", "WayIn"]
+Array = NDArray[np.float64]
+
+
+def _variance(covariance: Array, a: float, b: float, c: float, x: float, y: float, z: float) -> float:
+    """J P J^T for J = (-n, n x q), n = (a, b, c) and q = (x, y, z)."""
+    derivative = (-a, -b, -c, b * z - c * y, c * x - a * z, a * y - b * x)
+    total = 0.0
+    for row in range(6):
+        for column in range(6):
+            total += derivative[row] * covariance[row, column] * derivative[column]
+    return total
+
+
+height_variance = compiled("f8(f8[:,::1], f8, f8, f8, f8, f8, f8)")(_variance)
+
+
+def _variances(
+    covariance: Array, a: float, b: float, c: float, x: float, y: float, z: float
+) -> tuple[float, float, float]:
+    """Of a point q = (x, y, z) of a fixture, with a surface of normal n = (a, b, c) there.
+
+    Returns:
+        Variance of its height, of where it is over all directions [m^2], and of how the normal is inclined [rad^2].
+    """
+    place = height_variance(covariance, 1.0, 0.0, 0.0, x, y, z) + height_variance(covariance, 0.0, 1.0, 0.0, x, y, z)
+    place += height_variance(covariance, 0.0, 0.0, 1.0, x, y, z)
+    normal, inclined = (a, b, c), 0.0
+    for row in range(3):
+        inclined += covariance[3 + row, 3 + row]
+        for column in range(3):
+            inclined -= normal[row] * covariance[3 + row, 3 + column] * normal[column]
+    return height_variance(covariance, a, b, c, x, y, z), place, inclined
+
+
+variances = compiled("Tuple((f8, f8, f8))(f8[:,::1], f8, f8, f8, f8, f8, f8)")(_variances)
+
+
+FACTOR = 3.0
+"""Standard deviations that are doubted."""
+
+SHARED = 5e-4
+"""Besides, what all touches may have in common and their number does not take away [m]: where a contact began is
+reckoned with one exponent for all materials, which for a spring or Hertz's ball errs by up to 0.3 mm."""
+
+LARGEST_DOUBT = 0.1
+"""Nothing is doubted further than this [m]."""
+
+LARGEST_TURN, LEAST_TURN = 0.2, 0.1
+"""A surface may be inclined against what is believed, and a robot's motion against what it is told, for each drive is
+late by its own time, by at most and at least this [rad]."""
+
+NUMBERS = 6
+ROUNDING = 1e-12
+"""Of a sum of variances that may be nothing [rad^2]."""
+
+
+class PoseDoubt:
+    r"""The doubt of a fixture's pose, at a place of its surface.
+
+    The pose's error on the right, of covariance P, changes the height of a place q over a surface of normal n by
+    J = (-n, n x q) of it. So the surface may be nearer by
+
+    .. math:: 3 \sqrt{J P J^T} + \min(3 \sigma \sin\alpha, h) + 0.5\ \mathrm{mm}
+
+    which is small where it was touched, however little is known of the rest of the pose. The second term is for the
+    normal, which is another where the surface is displaced along itself, with a standard deviation of sigma: alpha is
+    the largest angle against the mean normal, and h the surface's relief. J is taken for n and for the mean normal, for
+    beside the surface's edge they differ; the larger counts. It may be inclined otherwise by
+
+    .. math:: 3 \sqrt{\mathrm{tr} P_\phi - n^T P_\phi n} + 2 \sin\alpha\, \min(3 \sigma \sin\alpha / h, 1)
+
+    for a turn about the normal inclines nothing, and a displacement through the whole relief may change any normal of
+    it for any other.
+
+    Args:
+        surface: In the fixture's frame.
+    """
+
+    __slots__ = ("_covariance", "_facing", "_height_variance", "_known", "_relief", "_slope", "_variances")
+
+    def __init__(self, surface: Surface) -> None:
+        # Imported here: it brings a compiler along.
+
+        self._height_variance, self._variances = height_variance, variances
+        self._slope, self._relief = surface.relief()
+        self._facing = surface.facing()
+        self._covariance, self._known = np.zeros((NUMBERS, NUMBERS)), False
+
+    def believe(self, covariance: Sequence[float]) -> None:
+        """Take the covariance of the pose's error on the right [m, rad], 36 numbers; others mean that it is unknown."""
+        self._known = len(covariance) == NUMBERS**2 and all(map(math.isfinite, covariance))
+        if self._known:
+            self._covariance = np.array(covariance, dtype=np.float64).reshape(NUMBERS, NUMBERS)
+
+    def at(self, point: Vector, normal: Vector) -> tuple[float, float]:
+        """At a point of the surface [m] with an outward normal, both in the fixture's frame.
+
+        Returns:
+            By how much it may be nearer [m], and otherwise inclined [rad]; the largest where the pose is unknown.
+        """
+        height, place, turn = self._variances(self._covariance, *normal, *point)
+        if self._relief > 0.0:
+            height = max(height, self._height_variance(self._covariance, *self._facing, *point))
+        if not (self._known and 0.0 <= height < math.inf and 0.0 <= place < math.inf and -ROUNDING <= turn < math.inf):
+            return LARGEST_DOUBT, LARGEST_TURN  # no covariance has such variances
+        uneven = min(FACTOR * math.sqrt(max(place - height, 0.0)) * self._slope, self._relief)
+        inclined = FACTOR * math.sqrt(max(turn, 0.0))
+        if uneven > 0.0:
+            inclined += 2.0 * self._slope * uneven / self._relief
+        doubt = FACTOR * math.sqrt(height) + uneven + SHARED
+        return min(doubt, LARGEST_DOUBT), min(max(inclined, LEAST_TURN), LARGEST_TURN)
+
 
 SAME_PLACE, SAME_HEIGHT = 3e-3, 1e-3
 """What was felt of the way in is of this place [m], half the radius of the tip, and of a surface that is believed no

@@ -1,0 +1,1 @@
+"""Who may command, how old it may be, and when a model is sent."""

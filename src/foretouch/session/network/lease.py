@@ -1,0 +1,255 @@
+"""Who may command: one leader at a time.
+
+Noticing who else would command, and who speaks with the name of the one who does.
+"""
+
+from __future__ import annotations
+
+import secrets
+import time
+from collections.abc import Callable
+
+from foretouch.errors import SettingError
+from foretouch.messages import Command, Hello
+
+LEASE = 1.0
+"""A leader that is silent for so long [s] holds control no longer."""
+
+MOST_ENDED = 4096
+"""Tenures that are remembered as ended. Beyond them nobody new is let in: to forget one could let it come back."""
+
+RANDOM_BITS = 21
+"""Of an epoch; the rest is the time in milliseconds."""
+
+_MS_NS = 1_000_000
+
+
+def own_epoch() -> int:
+    """Epoch of this process, from its wall clock and the operating system's randomness."""
+    return make_epoch(time.time_ns(), secrets.randbits(RANDOM_BITS))
+
+
+def make_epoch(wall_ns: int, random_bits: int) -> int:
+    """Epoch of a process, made once when it starts.
+
+    Epochs of later starts are larger as long as the wall clock goes forward, which nothing relies on; two starts within
+    a millisecond, on any machines, have the same with a probability of 1 in 2 million.
+
+    Args:
+        wall_ns: Wall clock [ns], not negative.
+        random_bits: A random number below 2^21, from the operating system.
+
+    Returns:
+        At most 2^63 - 1, above 0.
+
+    Raises:
+        SettingError: A number out of range.
+    """
+    if not 0 <= random_bits < 1 << RANDOM_BITS:
+        raise SettingError("random_bits", random_bits, f"must lie between 0 and {(1 << RANDOM_BITS) - 1}")
+    epoch = wall_ns // _MS_NS << RANDOM_BITS | random_bits
+    if not 0 < epoch < 1 << 63:
+        raise SettingError("wall_ns", wall_ns, "must be above 0 and before the year 2109")
+    return epoch
+
+
+class ControlLease:
+    """Lets one leader command, and tells the others who does.
+
+    A tenure is a holder's name with its epoch. It begins with the first command that is let in and goes on as long as
+    commands come; after `lease` of silence control is free, and whoever speaks first has it, the last holder like any
+    other, and like its own next start. A tenure that somebody else has followed is over for good: its commands are let
+    in never again, however late they come.
+
+    Time is the receiver's own monotonic clock; a call with an earlier time than before counts as no later.
+
+    Args:
+        lease: Silence after which control is free [s], above 0.
+
+    Attributes:
+        holder: Who held control last, "" before the first.
+        epoch: Of that tenure, 0 before the first.
+        refused: Commands that were not let in.
+
+    Raises:
+        SettingError: A lease that is none.
+    """
+
+    __slots__ = ("_ended", "_heard_ns", "_lease_ns", "epoch", "holder", "refused")
+
+    def __init__(self, lease: float = LEASE) -> None:
+        if not 0.0 < lease <= 3600.0:
+            raise SettingError("lease", lease, "must be above 0 and at most 3600 s")
+        self._lease_ns = round(lease * 1e9)
+        self._heard_ns = 0
+        self._ended: set[tuple[str, int]] = set()
+        self.holder = ""
+        self.epoch = 0
+        self.refused = 0
+
+    def admit(self, holder: str, epoch: int, now_ns: int) -> bool:
+        """Whether a command of this holder may be obeyed now; if so, it has control from now on.
+
+        Args:
+            holder: Name of the leader, not empty.
+            epoch: Of its process, above 0.
+            now_ns: Receiver's monotonic clock [ns].
+        """
+        if not self._holds(holder, epoch):
+            if not self._may_follow(holder, epoch, now_ns):
+                self.refused += 1
+                return False
+            if self.holder:
+                self._ended.add((self.holder, self.epoch))
+            self.holder, self.epoch = holder, epoch
+        if now_ns > self._heard_ns:
+            self._heard_ns = now_ns
+        return True
+
+    def is_held(self, now_ns: int) -> bool:
+        """Whether somebody holds control.
+
+        Args:
+            now_ns: Receiver's monotonic clock [ns].
+        """
+        return bool(self.holder) and now_ns - self._heard_ns < self._lease_ns
+
+    def refusal(self, holder: str, epoch: int, now_ns: int) -> str:
+        """One sentence for a leader that is not let in: who holds control, or why it does not get it; "" if it is.
+
+        Args:
+            holder: Name of the leader.
+            epoch: Of its process.
+            now_ns: Receiver's monotonic clock [ns].
+        """
+        if self._holds(holder, epoch) or self._may_follow(holder, epoch, now_ns):
+            return ""
+        if not (holder and epoch):
+            return "a leader without a name or an epoch is given no control"
+        if (holder, epoch) in self._ended:
+            return f"{holder} lost control to {self.holder}: start it again to have it back"
+        if self.is_held(now_ns):
+            return f"{self.holder} holds control: {holder} may have it after {self._lease_ns / 1e9:g} s of silence"
+        return f"{len(self._ended)} leaders have held control in turn: start the follower again"
+
+    def _holds(self, holder: str, epoch: int) -> bool:
+        return epoch == self.epoch and holder == self.holder != ""
+
+    def _may_follow(self, holder: str, epoch: int, now_ns: int) -> bool:
+        """Whether a new tenure may begin now."""
+        if not holder or not epoch or (holder, epoch) in self._ended or len(self._ended) >= MOST_ENDED:
+            return False
+        return not self.is_held(now_ns)
+
+
+MANY = 20
+"""Another leader is told of once so many of its commands have come within `WINDOW_NS`: one that was just killed may
+have some under way."""
+
+WINDOW_NS = 1_000_000_000
+"""[ns]"""
+
+TOLD_NS = 5_000_000_000
+"""What was noticed is told until it has not been noticed for so long [ns]."""
+
+
+class Contest:
+    """Looks at commands as they arrive, before any fault is simulated, and says who contests control.
+
+    Between machines a leader is known by its certificate, so that nobody else can speak with its name; on one machine,
+    or where two hold the same key, somebody can. The commands of one process come over one connection in the order in
+    which they were made, and each has the number after the last one's. So where a second speaks with its name and
+    epoch, some number is not larger than the one that came before it, whatever numbers the second chooses: between
+    those of the first none is free. One is enough, for one command far ahead silences the leader for seconds.
+
+    It decides nothing: who is obeyed, `ControlLease` says. It is asked in every tick and keeps three names.
+
+    Args:
+        lease: Says who is obeyed.
+    """
+
+    __slots__ = (
+        "_begun_ns", "_collides", "_contender", "_counted", "_epoch", "_former", "_holder", "_last", "_lease",
+        "_since_ns"
+    )  # fmt: skip
+
+    def __init__(self, lease: ControlLease) -> None:
+        self._lease = lease
+        self._holder = self._former = self._contender = ""
+        self._epoch = self._last = self._counted = 0
+        self._collides = False
+        self._begun_ns = self._since_ns = -2 * TOLD_NS
+
+    def hear(self, command: Command, now_ns: int) -> None:
+        """Take note of one command that has arrived.
+
+        Args:
+            command: As it came.
+            now_ns: This side's monotonic clock [ns].
+        """
+        lease = self._lease
+        if lease.epoch != self._epoch or lease.holder != self._holder:
+            self._change(now_ns)
+        if command.epoch == lease.epoch and command.holder == lease.holder:
+            if command.sequence <= self._last:
+                self._tell(command.holder, now_ns, collides=True)
+            self._last = command.sequence
+        elif lease.is_held(now_ns):
+            if now_ns - self._begun_ns > WINDOW_NS:
+                self._begun_ns, self._counted = now_ns, 0
+            self._counted += 1
+            if self._counted >= MANY:
+                self._tell(command.holder, now_ns)
+
+    def sentence(self, now_ns: int) -> str:
+        """What people have to know of it; "" where nobody contests control.
+
+        Args:
+            now_ns: This side's monotonic clock [ns].
+        """
+        holder, contender = self._holder, self._contender or "somebody without a name"
+        if now_ns - self._since_ns > TOLD_NS:
+            return ""
+        if self._former:
+            return f"CONTROL TAKEN: {holder} has it, since {self._former} had been silent for {LEASE:g} s"
+        if self._collides:
+            return f"CONTROL CONTESTED: two command as {holder}, for the numbers of their commands collide: end both"
+        other = "another process of that name" if contender == holder else contender
+        return f"CONTROL CONTESTED: {other} would command too, and is not obeyed: {holder} holds control"
+
+    def _change(self, now_ns: int) -> None:
+        """Another holds control than before, or the same from another process."""
+        lease = self._lease
+        self._former = self._holder if self._holder != lease.holder else ""
+        if self._former:
+            self._since_ns = now_ns
+        self._holder, self._epoch = lease.holder, lease.epoch
+        self._last = self._counted = 0
+
+    def _tell(self, contender: str, now_ns: int, *, collides: bool = False) -> None:
+        self._contender, self._collides, self._former, self._since_ns = contender, collides, "", now_ns
+
+
+class ContestHeard:
+    """Says in the terminal of who only listens what the follower says of a contest, once each time that it changes.
+
+    Args:
+        role: Of who listens.
+        say: Prints one line for people.
+        parent: Process id of a parent, whose other children say it in the same terminal: then nothing is said here.
+    """
+
+    __slots__ = ("_role", "_say", "_told")
+
+    def __init__(self, role: str, say: Callable[[str], None], parent: int | None = None) -> None:
+        self._role, self._told = role, ""
+        self._say = say if parent is None else None
+
+    def hear(self, hello: Hello) -> None:
+        """Take a `Hello` of anybody; only the follower's tells of a contest."""
+        if hello.role != "follower":
+            return
+        contest = hello.texts.get("contest", "")
+        if contest and contest != self._told and self._say is not None:
+            self._say(f"{self._role}: {contest}")
+        self._told = contest

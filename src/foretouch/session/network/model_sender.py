@@ -1,0 +1,254 @@
+"""What the follower sends of what it has learnt, when, and what the leader is known to have of it.
+
+How late a model is used, by the clock of the one who sends it.
+"""
+
+from __future__ import annotations
+
+import math
+from heapq import heappop, heappush
+
+from foretouch.identification import SENSOR_SENTENCES, Estimator, Learner, LearntModel, SensorState
+from foretouch.messages import VERSION, ModelUpdate, encode
+from foretouch.models import ContactMap, ContactModel
+
+PERIOD_NS = 1_000_000_000
+"""The smallest round trip is taken over so long [ns], and said once in it."""
+
+LARGEST_MEMORY = 4096
+"""No more models and commands are remembered than this: a leader that never answers fills nothing."""
+
+
+class RoundTrip:
+    """Time from sending a model to applying the first command of a leader that had it.
+
+    That is how far the motion that a model is used on is ahead of the motion that it was learnt from: the way there and
+    the way back, whichever of them is the longer. Both ends are ticks of the follower, so no clock is compared with
+    another's. The smallest of a second is taken: what is larger waited somewhere.
+
+    Attributes:
+        current: Model that the leader of the newest applied command rendered from; 0 for none.
+    """
+
+    __slots__ = ("_acknowledged", "_applied", "_commands", "_due_ns", "_sent", "_smallest_ns", "current")
+
+    def __init__(self) -> None:
+        self._sent: dict[int, int] = {}
+        self._due_ns: int | None = None
+        self.restart()
+
+    def restart(self) -> None:
+        """Another leader, who counts from 1 again and knows nothing yet."""
+        self._acknowledged: dict[int, int] = {}  # models by command
+        self._commands: list[int] = []  # those commands, as a heap
+        self._applied = self.current = 0
+        self._smallest_ns = math.inf
+
+    def sent(self, model: int, now_ns: int) -> None:
+        """A model with this sequence number is sent [ns]."""
+        if len(self._sent) >= LARGEST_MEMORY:
+            self._sent.clear()
+        self._sent[model] = now_ns
+
+    def commanded(self, command: int, model: int) -> None:
+        """A command has arrived whose leader had this model; one that comes after its turn says nothing new."""
+        if command <= self._applied:
+            return
+        if len(self._acknowledged) >= LARGEST_MEMORY:
+            self._acknowledged.clear()
+            self._commands.clear()
+        if command not in self._acknowledged:
+            heappush(self._commands, command)
+        self._acknowledged[command] = model
+
+    def applied(self, command: int, now_ns: int) -> float | None:
+        """One tick, in which this command is the newest that was applied [ns].
+
+        Returns:
+            Once a second the smallest round trip of that second [s], None in all other ticks and where there was none.
+        """
+        if command > self._applied:
+            self._applied = command
+        commands = self._commands
+        while commands and commands[0] <= command:
+            self.current = self._acknowledged.pop(heappop(commands))
+            if self.current in self._sent:  # else it was heard of before, or is of another process of the follower
+                self._hear(self.current, now_ns)
+        if self._due_ns is None:
+            self._due_ns = now_ns + PERIOD_NS
+        if now_ns < self._due_ns:
+            return None
+        self._due_ns = now_ns + PERIOD_NS
+        smallest, self._smallest_ns = self._smallest_ns, math.inf
+        return smallest * 1e-9 if smallest < math.inf else None
+
+    def _hear(self, model: int, now_ns: int) -> None:
+        """The first command was applied whose leader had this model."""
+        self._smallest_ns = min(self._smallest_ns, now_ns - self._sent[model])
+        self._sent = {number: sent for number, sent in self._sent.items() if number > model}
+
+
+SURFACE_CHANGE = 1e-4
+"""A surface that has moved by more than this [m] since the last model is sent at once."""
+
+BYTE_RATE, LARGEST_BURST = 43e3, 3e3
+"""Models take so many bytes a second, and so many at once after a silence [bytes]: with the one that may exceed it, no
+second holds more than 50 kB. What does not fit waits, and is sent as it is known by then."""
+
+ERRORS_PERIOD_NS = 500_000_000
+"""Standard errors of the parameters are asked for so often [ns]."""
+
+CHANGE_TOLD_NS = 2_000_000_000
+"""Models say so long [ns] that the material has changed."""
+
+
+class ModelSender:
+    """Sends models on schedule, and at once when something has changed, as far as the bytes allow.
+
+    Args:
+        period_ns: Between two models while nothing changes [ns].
+        run: Epoch of this process.
+
+    Attributes:
+        sequence: Of the newest model sent, 0 before the first.
+        round_trip: Learns how late models are used.
+        remembers: Whether surfaces are remembered until the leader is known to have them.
+    """
+
+    __slots__ = (
+        "_allowance",
+        "_changed",
+        "_changed_ns",
+        "_changes",
+        "_errors",
+        "_errors_ns",
+        "_known_model",
+        "_known_surface",
+        "_period_ns",
+        "_run",
+        "_sent",
+        "_sent_ns",
+        "_surfaces",
+        "remembers",
+        "round_trip",
+        "sequence",
+    )
+
+    def __init__(self, period_ns: int, run: int) -> None:
+        self._period_ns = period_ns
+        self._run = run
+        self._sent: LearntModel | None = None
+        self._sent_ns = 0
+        self._allowance = 0.0  # bytes that could have been sent beside it
+        self._changed = False  # something has, since that is worth a model at once
+        self._changes = 0  # of the material, as the estimator has found
+        self._changed_ns: int | None = None
+        self._errors: tuple[float, ...] = ()
+        self._errors_ns = -ERRORS_PERIOD_NS
+        self._surfaces: dict[int, float] = {}  # of models sent since the one that the leader has; NaN if not valid
+        self._known_model = 0
+        self._known_surface = math.nan
+        self.sequence = 0
+        self.remembers = False
+        self.round_trip = RoundTrip()
+
+    def known_surface(self) -> float:
+        """Surface of the newest model that the leader renders from, as far as its applied commands say [m]; or NaN."""
+        current = self.round_trip.current
+        if current != self._known_model:
+            surfaces, self._known_model = self._surfaces, current
+            self._known_surface = surfaces.get(current, math.nan)
+            for sequence in [sequence for sequence in surfaces if sequence < current]:
+                del surfaces[sequence]
+        return self._known_surface
+
+    def due(
+        self, learner: Learner, sensors: SensorState, command_sequence: int, epoch: int, now_ns: int
+    ) -> ModelUpdate | None:
+        """The model to send in this tick, if one is due.
+
+        Args:
+            learner: Whose model it is.
+            sensors: What they are worth.
+            command_sequence: Of the newest command that was applied.
+            epoch: Of the leader whose it is.
+            now_ns: [ns].
+        """
+        if self._is_changed(learner, now_ns):
+            self._changed = True
+        since_ns = now_ns - self._sent_ns
+        if not self._changed and since_ns < self._period_ns:
+            return None
+        allowance = (
+            LARGEST_BURST if self._sent is None else min(self._allowance + BYTE_RATE * since_ns * 1e-9, LARGEST_BURST)
+        )
+        if allowance <= 0.0:
+            return None
+        learnt = learner.learnt()
+        self._sent, self._sent_ns, self._changed = learnt, now_ns, False
+        self.sequence += 1
+        model = learnt.model
+        update = ModelUpdate(
+            VERSION,
+            self.sequence,
+            now_ns,
+            command_sequence,
+            "" if model is None else model.law,
+            () if model is None else model.parameters,
+            learnt.state,
+            learnt.surface,
+            model is not None,
+            self._reason(learnt, sensors, now_ns),
+            learner.estimator.name,
+            model.map if isinstance(model, ContactMap) else b"",
+            epoch,
+            self._run,
+            standard_errors=() if model is None else self._errors_of(model, learner.estimator, now_ns),
+        )
+        self._allowance = allowance - len(encode(update))
+        self.round_trip.sent(update.sequence, now_ns)
+        if self.remembers:
+            if len(self._surfaces) >= LARGEST_MEMORY:  # a leader that never answers fills nothing
+                self._surfaces.clear()
+            self._surfaces[update.sequence] = math.nan if model is None else learnt.surface
+        return update
+
+    def _errors_of(self, model: ContactModel, estimator: Estimator, now_ns: int) -> tuple[float, ...]:
+        """Standard errors of a model's parameters: they change slowly, and asking for them takes as long as a step."""
+        if now_ns - self._errors_ns >= ERRORS_PERIOD_NS or len(self._errors) not in (0, len(model.parameters)):
+            found, self._errors_ns = estimator.standard_errors, now_ns
+            known = {} if found is None else found
+            errors = tuple(math.nan if (error := known.get(name)) is None else error for name in model.parameter_names)
+            self._errors = errors if known else ()
+        return self._errors
+
+    def _is_changed(self, learner: Learner, now_ns: int) -> bool:
+        """Whether the model became valid or not, its surface moved, or the material changed, since the last model.
+
+        It is asked in every tick and packs no map for the answer.
+        """
+        estimator, sent, changes = learner.estimator, self._sent, self._changes
+        if estimator.changes != changes:
+            self._changes = estimator.changes
+            if self._changes > changes:
+                self._changed_ns = now_ns
+                return True
+        if sent is None:
+            return True
+        surface = learner.conditioner.surface - estimator.surface_correction
+        if math.isnan(surface) or sent.model is None:
+            return learner.learnt().model is not sent.model
+        # A map stays valid until its estimator begins anew.
+        valid = estimator.updates > 0 if isinstance(sent.model, ContactMap) else estimator.model is not None
+        return not valid or abs(surface - sent.surface) > SURFACE_CHANGE
+
+    def _reason(self, learnt: LearntModel, sensors: SensorState, now_ns: int) -> str:
+        """What the sensors say if they fail; else the learner, or for a while after a change that there was one.
+
+        The message that said so may be lost.
+        """
+        if sensors is not SensorState.GOOD:
+            return f"nothing is learnt: {SENSOR_SENTENCES[sensors]}"
+        if learnt.model is None or self._changed_ns is None or now_ns - self._changed_ns > CHANGE_TOLD_NS:
+            return learnt.reason
+        return f"the material changed {(now_ns - self._changed_ns) * 1e-9:.1f} s ago: it is learnt anew"

@@ -1,0 +1,1 @@
+"""A session's processes: begun, watched, recorded and ended."""

@@ -1,0 +1,336 @@
+"""Processes that a session is made of: started, ended in order, and killed where they do not end.
+
+What a console may choose while a session runs, and who hears it: the process that supervises the others.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from foretouch.errors import SettingError
+from foretouch.link import ZenohLink
+from foretouch.messages import Choice, EmergencyStop, Hello, Settings
+from foretouch.robot import make_material
+from foretouch.session.processes.housekeeping import BEAT, COMPILING, GIVING_UP, HELLO_PERIOD, LEAVING
+from foretouch.session.settings import SessionSettings
+
+CHOICE_CHANNELS = ("choice", "settings", "stop", "emergency", "hello")
+"""What the supervisor's link receives."""
+
+SUPERVISOR = "supervisor"
+"""Its role in `Hello` messages."""
+
+LATCHING = 2.0
+"""For so long [s] after an emergency stop was asked for it counts as latched, whatever the follower has said so far."""
+
+
+def choose(settings: SessionSettings, choice: Choice) -> SessionSettings:
+    """The settings with what was chosen in their place; what is "" stays.
+
+    Args:
+        settings: Of the session as it runs.
+        choice: From a console.
+
+    Raises:
+        SettingError: A choice that other settings forbid.
+        UnknownNameError: No such material, operator or grip.
+    """
+    named = {name: getattr(choice, name) for name in ("material", "operator", "grip")}
+    chosen = dataclasses.replace(settings, **{name: value for name, value in named.items() if value})
+    make_material(chosen.material)
+    return chosen
+
+
+def with_faults(settings: SessionSettings, faults: Settings) -> SessionSettings:
+    """The settings with the delays and faults that a console has set since, for processes that start now.
+
+    Args:
+        settings: Of the session as it was started.
+        faults: From a console; what other settings forbid leaves them as they were.
+    """
+    names = ("position_delay", "force_delay", "jitter", "loss", "outage")
+    try:
+        return dataclasses.replace(settings, **{name: getattr(faults, name) for name in names})
+    except SettingError:
+        return settings
+
+
+class Desk:
+    """Where the supervisor hears consoles, and says what runs.
+
+    Args:
+        link: With `CHOICE_CHANNELS`, joined to the follower and to the console.
+
+    Attributes:
+        refused: Why the newest choice was not followed; "" where it was.
+        recording: File that is being written; "" for none.
+        faults: Delays and faults that a console has set, None before the first.
+        compiling: How far compiling is before the session can begin, "" while nothing is compiled.
+        ended: When somebody asked for the session's end [s], infinite before.
+    """
+
+    def __init__(self, link: ZenohLink) -> None:
+        self._link = link
+        self._hellos = 0
+        self._spoken = -math.inf
+        self._stop_asked = -math.inf
+        self._stop_said = ""
+        self.refused = ""
+        self.recording = ""
+        self.compiling = ""
+        self.faults: Settings | None = None
+        self.ended = math.inf
+
+    def hear(self) -> list[Choice]:
+        """Take what has arrived; what was chosen, oldest first."""
+        for _, message in self._link.take("emergency"):
+            if isinstance(message, EmergencyStop):
+                self._stop_asked = time.monotonic()
+        for _, hello in self._link.take("hello"):
+            if hello.role == "follower":
+                self._stop_said = hello.texts.get("stopped", "")
+        if self._link.take("stop"):
+            self.ended = min(self.ended, time.monotonic())
+        if faults := self._link.take("settings"):
+            self.faults = faults[-1][1]
+        return [choice for _, choice in self._link.take("choice")]
+
+    @property
+    def latched(self) -> bool:
+        """Whether an emergency stop holds the robot: a follower that began anew would have forgotten it."""
+        return bool(self._stop_said) or time.monotonic() - self._stop_asked < LATCHING
+
+    def say(self) -> None:
+        """Publish a `Hello` if it is time for one."""
+        now = time.monotonic()
+        if now - self._spoken < HELLO_PERIOD:
+            return
+        self._spoken, self._hellos = now, self._hellos + 1
+        texts = {"supervised": "yes", "recording": self.recording, "refused": self.refused}
+        if self.compiling:
+            texts["compiling"] = self.compiling
+        self._link.publish(Hello.of(SUPERVISOR, self._hellos, time.monotonic_ns(), texts))
+
+    def say_now(self) -> None:
+        """Publish a `Hello`, for something has changed."""
+        self._spoken = -math.inf
+        self.say()
+
+    def close(self) -> None:
+        """Leave the network."""
+        self._link.close()
+
+
+PATIENCE = LEAVING + GIVING_UP
+"""A process that is to end has so long [s] to end by itself; then it is told to, then it is killed. A follower unloads
+its robot first, and its driver may hang then."""
+
+POLL_PERIOD = 0.05
+"""Between two looks at the processes [s]."""
+
+SIDES = ("follower", "leader")
+"""Roles whose loops are listened to, in the order in which they begin."""
+
+GOING = 2.0
+"""Where the other side has ended in order, the last word has been said: a side has so long [s] to end with an exit code
+of its own, for a signal that comes while an interpreter ends would take its place."""
+
+BEGINNING = 180.0
+"""A side has so long [s] to begin, beside the time in which it compiles."""
+
+LONGEST_LOOK = 0.5
+"""Time between two looks counts as so much [s] at most: whoever looks may have been stopped meanwhile."""
+
+
+@dataclass
+class Child:
+    """One process of a session.
+
+    Attributes:
+        role: The `foretouch` command.
+        process: That runs it.
+        started: When it was started [s].
+        lasts: Its loop ends by itself after so long [s], infinite without an end.
+        compiled: When it was heard last that it compiles [s], infinitely long ago before.
+        begun: When the first beat of its loop was heard [s], None before.
+        silence: Time without a beat since [s], as far as it was listened to and not stopped by a signal.
+        listened: When it was listened to last [s].
+    """
+
+    role: str
+    process: subprocess.Popen[bytes]
+    started: float = field(default_factory=time.monotonic)
+    lasts: float = float("inf")
+    compiled: float = -math.inf
+    begun: float | None = None
+    silence: float = 0.0
+    listened: float = field(default_factory=time.monotonic)
+
+    def listen(self) -> None:
+        """Hear the beats of its loop (`foretouch.session.processes.housekeeping.BEAT`); what else it prints is dropped."""
+        pipe, now = self.process.stdout, time.monotonic()
+        if pipe is None or pipe.closed:
+            return
+        said = b""
+        while part := _read(pipe.fileno()):
+            said += part
+        self.silence += min(now - self.listened, LONGEST_LOOK)
+        self.listened = now
+        if BEAT in said or self.begun is None or _stopped(self.process.pid):
+            self.silence = 0.0
+        if COMPILING in said:
+            self.compiled = now
+        if BEAT in said and self.begun is None:
+            self.begun = now
+
+    def hangs(self) -> str:
+        """What is wrong with its loop, as far as its beats tell; empty while nothing is."""
+        now = time.monotonic()
+        if not self.running:
+            return ""
+        if self.begun is None:
+            waited = now - max(self.started, self.compiled)
+            return f"has not begun within {BEGINNING:g} s" if waited > BEGINNING else ""
+        if self.silence > PATIENCE:
+            return f"hangs: nothing has come of it for {PATIENCE:g} s"
+        if now - self.begun > self.lasts + PATIENCE:
+            return f"hangs: it has not ended {PATIENCE:g} s after its duration"
+        return ""
+
+    @property
+    def compiles(self) -> bool:
+        """Whether it compiles, by what was heard of it last."""
+        return self.begun is None and time.monotonic() - self.compiled < 4.0 * HELLO_PERIOD
+
+    @property
+    def goes_on(self) -> bool:
+        """Whether it is a side whose loop begins or goes on, by its newest beats: it has heard no last word.
+
+        A follower obeys no last word of a leader that never had control: of one that was still compiling, or waited for
+        its recorder.
+        """
+        return self.role in SIDES and self.running and self.silence < 2.0 * HELLO_PERIOD
+
+    @property
+    def running(self) -> bool:
+        """Whether it has not ended."""
+        return self.process.poll() is None
+
+
+def start(role: str, arguments: Sequence[str]) -> Child:
+    """Start one process of ours; Ctrl-C reaches only this one, which then ends the others in order.
+
+    Args:
+        role: The `foretouch` command.
+        arguments: Its options.
+    """
+    command = [sys.executable, "-m", "foretouch", role, *arguments]
+    heard = subprocess.PIPE if role in SIDES else subprocess.DEVNULL
+    process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=heard, start_new_session=True)
+    if process.stdout is not None:
+        os.set_blocking(process.stdout.fileno(), False)
+    return Child(role, process)
+
+
+def _read(descriptor: int) -> bytes:
+    """What there is to read, without waiting for more."""
+    try:
+        return os.read(descriptor, 65536)
+    except BlockingIOError:
+        return b""
+
+
+def _stopped(process: int) -> bool:
+    """Whether a process was stopped by a signal, and is no worse for it; False where the system does not say."""
+    try:
+        return Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0] in "Tt"
+    except (OSError, IndexError):
+        return False
+
+
+def wait_for(
+    children: Iterable[Child], *, patience: float | None = None, meanwhile: Callable[[], None] = lambda: None
+) -> None:
+    """Wait until all have ended.
+
+    Args:
+        children: To wait for.
+        patience: At most so long [s]; None for `PATIENCE`.
+        meanwhile: Called in every round.
+    """
+    waited = list(children)
+    end = time.monotonic() + (PATIENCE if patience is None else patience)
+    while time.monotonic() < end and any(child.running for child in waited):
+        meanwhile()
+        for child in waited:
+            child.listen()
+        time.sleep(POLL_PERIOD)
+
+
+def retire(children: Iterable[Child], *, meanwhile: Callable[[], None] = lambda: None) -> None:
+    """End processes whose session goes on: they say no `Stop`.
+
+    Args:
+        children: To end.
+        meanwhile: Called in every round of waiting.
+    """
+    leaving = [child for child in children if child.running]
+    for child in leaving:
+        child.process.send_signal(signal.SIGHUP)
+    wait_for(leaving, meanwhile=meanwhile)
+    for child in leaving:
+        if child.running:
+            child.process.kill()
+    wait_for(leaving)
+
+
+def end_session(children: Sequence[Child]) -> list[Child]:
+    """End all processes: the leader first, whose last word ends the others; then, or if it has none, by signal.
+
+    Args:
+        children: Of the session.
+
+    Returns:
+        Those that had to be killed.
+    """
+    leading = next((child for child in children if child.role == "leader" and child.running), None)
+    spoken, killed = all(child.process.poll() in (None, 0) for child in children), []
+    if leading is not None:
+        if any(child.role in SIDES and child.process.poll() == 0 for child in children):
+            wait_for([leading], patience=GOING)
+        _tell([leading])
+        wait_for([leading])
+        killed = _kill([leading])
+        spoken = leading.process.returncode >= 0  # else it ended by a signal
+    if spoken:
+        wait_for(children, patience=GOING)
+        _tell(child for child in children if child.goes_on)
+        wait_for(children)
+    _tell(children)
+    wait_for(children)
+    return killed + _kill(children)
+
+
+def _tell(children: Iterable[Child]) -> None:
+    """Tell those that still run to end."""
+    for child in children:
+        if child.running:
+            child.process.terminate()
+
+
+def _kill(children: Iterable[Child]) -> list[Child]:
+    """Kill those that still run; they are returned."""
+    killed = [child for child in children if child.running]
+    for child in killed:
+        child.process.kill()
+    wait_for(killed)
+    return killed

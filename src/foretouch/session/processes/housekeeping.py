@@ -1,0 +1,255 @@
+"""What a live process does beside its loop: say who it is, what did not decode, notice that it should end or hangs."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import signal
+import sys
+import threading
+import time
+from collections.abc import Callable, Mapping
+from types import FrameType
+
+from foretouch.errors import one_line, plural, was_or_were
+from foretouch.link import ZenohLink
+from foretouch.messages import SIDES, VERSION, Hello, Stop
+from foretouch.session.processes.news import HANGS_AFTER, LoopWatch, WaitingNote, connected
+
+__all__ = [
+    "BEAT",
+    "COMPILING",
+    "GIVING_UP",
+    "HELLO_PERIOD",
+    "LEAVING",
+    "ORPHANED",
+    "Housekeeper",
+    "StopFlag",
+    "orphaned",
+]
+
+HELLO_PERIOD = 0.5
+"""Between two `Hello` messages [s]."""
+
+BEAT = b"\x06"
+"""Written to the standard output, for a parent process, once in every `HELLO_PERIOD` in which the loop has ticked and
+was not to end."""
+
+COMPILING = b"\x05"
+"""Written there as often before the loop begins, while code is compiled or loaded."""
+
+CLOSING = 1.0
+"""The driver of a loop that hangs has so long [s] to close."""
+
+LONGEST_REASON = 400
+"""Characters of the reason in a `Stop`: a message takes no longer text."""
+
+LEAVING = 3.0
+"""A robot that a session leaves in contact may unload for so long [s]."""
+
+GIVING_UP = HANGS_AFTER + HELLO_PERIOD + CLOSING + HELLO_PERIOD
+"""A process whose loop hangs has ended after so long [s]: it notices it at one of its looks, lets the driver close, and
+waits until its last word is on its way."""
+
+ORPHANED = "the parent process has gone"
+"""Reason to stop when `orphaned`."""
+
+
+def orphaned(parent: int | None) -> bool:
+    """Whether the process that started this one, and whose end should end it, has gone."""
+    return parent is not None and os.getppid() != parent
+
+
+class StopFlag:
+    """What somebody outside asks of a process, by signal or by hand; a loop looks at it each tick.
+
+    Attributes:
+        reason: Why the process should end (Ctrl-C, SIGTERM, the end of its parent); "" while it should not.
+        emergency: Why the robot should stop at once (SIGUSR1); "" while it should not.
+        release: Whether somebody lets it go on (SIGUSR2); only a follower listens.
+        quiet: Whether the process should end alone (SIGHUP): the session goes on, so it says no `Stop`.
+    """
+
+    def __init__(self) -> None:
+        self.reason = ""
+        self.emergency = ""
+        self.release = False
+        self.quiet = False
+
+    def set(self, reason: str) -> None:
+        """Ask for the end; the first reason stays."""
+        self.reason = self.reason or reason
+
+    def on_signals(self) -> StopFlag:
+        """Set on SIGINT, SIGTERM, SIGHUP, SIGUSR1 and SIGUSR2 from now on (main thread only)."""
+
+        def handle(number: int, frame: FrameType | None) -> None:
+            if number == signal.SIGUSR1:
+                self.emergency = "asked for by signal"
+            elif number == signal.SIGUSR2:
+                self.release = True
+            elif number == signal.SIGHUP:
+                self.quiet = True
+                self.set("begins anew")
+            else:
+                self.set("interrupted" if number == signal.SIGINT else "terminated")
+
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGUSR1, signal.SIGUSR2):
+            signal.signal(number, handle)
+        return self
+
+
+class Housekeeper(threading.Thread):
+    """Publishes `Hello` twice a second, takes those of others, and says what people have to know, once a second.
+
+    It runs on a thread of its own, so that the loop neither prints nor waits. What a follower says is also kept for
+    `foretouch release` (`foretouch.session.processes.news`). Where the loop hangs (`LoopWatch`) it
+    says so, publishes the last word, lets the driver close if it still can, and ends the process with exit code 1:
+    nobody else in it could.
+
+    Args:
+        link: To speak on.
+        role: For the `Hello`.
+        describe: Gives the texts of the `Hello`; called on this thread.
+        stop: Set when the parent process has gone, if `parent` is given.
+        say: Prints one line for people.
+        parent: Process id of the parent whose end ends this process too.
+        news: Gives what people have to know now, "" for nothing, from what others said last (name: value, by role);
+            called on this thread. It is said where it changes.
+        over: Gives what is said when there are no more such news, to people whom no parent process tells; likewise.
+        epoch: Of a leader, for its `Stop`.
+        release: Closes the driver of the robot or device; called only where the loop hangs, on a third thread.
+
+    Attributes:
+        role: As given.
+        loop: For the loop, which writes its ticks there.
+    """
+
+    def __init__(
+        self,
+        link: ZenohLink,
+        role: str,
+        describe: Callable[[], dict[str, str]],
+        stop: StopFlag,
+        say: Callable[[str], None],
+        parent: int | None = None,
+        news: Callable[[Mapping[str, Mapping[str, str]]], str] | None = None,
+        *,
+        epoch: int = 0,
+        release: Callable[[], None] | None = None,
+        over: Callable[[], str] = lambda: "that is over",
+    ) -> None:
+        super().__init__(name="housekeeping", daemon=True)
+        self._link = link
+        self.role = role
+        self._describe = describe
+        self._stop_flag = stop
+        self._say = say
+        self._parent = parent
+        self._news = news
+        self._epoch = epoch
+        self._release = release
+        self._over = over
+        self._met = parent is not None  # a parent process tells people by itself
+        self.loop = LoopWatch(HELLO_PERIOD)
+        self._told = ""
+        self._note: WaitingNote | None = None
+        self._heard: dict[str, dict[str, str]] = {}
+        self._hellos = 0
+        self._reported = self._foreign = 0
+        self._told_too_large = False
+        self._ended = threading.Event()
+
+    def run(self) -> None:
+        """Work until `close`."""
+        if self.role == "follower":
+            self._note = WaitingNote()
+        count = 0
+        while not self._ended.wait(HELLO_PERIOD):
+            self._look_at_loop()
+            self.say_hello()
+            self._tell_news()
+            count += 1
+            if count % 2 == 0:
+                self._report_link()
+            if orphaned(self._parent):
+                self._stop_flag.set(ORPHANED)
+
+    def say_hello(self) -> None:
+        """Publish one `Hello` now."""
+        texts = self._describe()
+        self._hellos += 1
+        self._link.publish(Hello.of(self.role, self._hellos, time.monotonic_ns(), texts))
+
+    def say_end(self, reason: str) -> None:
+        """Say why the session ended, to people whom no parent process tells."""
+        if self._parent is None:
+            self._say(f"{self.role}: the session has ended: {reason}")
+
+    def close(self, reason: str) -> None:
+        """Publish the last `Hello` and, unless it ends quietly, a `Stop`, a leader's with its epoch; end the thread."""
+        self._ended.set()
+        self.join()
+        if self._note is not None:
+            self._note.close()
+        self._say_last(reason)
+        self._report_link()
+
+    def _say_last(self, reason: str) -> None:
+        self.say_hello()
+        if not self._stop_flag.quiet:
+            self._link.publish(Stop(VERSION, 1, time.monotonic_ns(), one_line(reason, LONGEST_REASON), self._epoch))
+
+    def _look_at_loop(self) -> None:
+        """Tell the parent that the loop goes on, or end the process where it does not."""
+        moved = self.loop.look()
+        if moved and self._parent is not None and not self._stop_flag.reason:  # not of a robot that unloads at last
+            with contextlib.suppress(OSError):  # the parent has gone
+                os.write(1, BEAT)
+        stuck = self.loop.stuck
+        if stuck and not self._ended.is_set():
+            self._give_up(f"the {self.role} hangs: {stuck}")
+
+    def _give_up(self, reason: str) -> None:
+        """End a process whose loop does not."""
+        alone = "; its robot hears nothing any more: stop it by its own switch if it presses"
+        self._say(reason + (alone if self.role == "follower" else ""))
+        self._say_last(reason)
+        if self._release is not None:
+            closing = threading.Thread(target=self._release, name="closing", daemon=True)
+            closing.start()
+            closing.join(CLOSING)
+        time.sleep(HELLO_PERIOD)  # the last word is on its way
+        sys.stderr.flush()
+        os._exit(1)
+
+    def _tell_news(self) -> None:
+        """Hear what others say of themselves, and say what is new."""
+        for _, hello in self._link.take("hello"):
+            self._heard[hello.role] = hello.texts
+        if not self._met and (sentence := connected(self.role, self._heard)):
+            self._met = True
+            self._say(f"{self.role}: {sentence}")
+        news = "" if self._news is None else self._news(self._heard)
+        if news and news != self._told:
+            self._say(f"{self.role}: {news}")
+        elif self._told and not news and self._parent is None:
+            self._say(f"{self.role}: {self._over()}")
+        if self._note is not None and news != self._told:
+            self._note.say(news)
+        self._told = news
+
+    def _report_link(self) -> None:
+        """Say what the link dropped: what did not decode, as often as there is more, and once what was too large."""
+        link = self._link
+        if link.undecodable > self._reported:
+            new, foreign = link.undecodable - self._reported, link.foreign - self._foreign
+            versions = f", {foreign} of them of another version" if foreign else ""
+            peer = link.other_version(set(SIDES) - {self.role})
+            because = f" ({peer})" if peer else ""
+            lost = f"{plural(new, 'message')} did not decode and {was_or_were(new)} dropped"
+            self._say(f"{self.role}: {lost}{versions}{because}")
+            self._reported, self._foreign = link.undecodable, link.foreign
+        if link.too_large and not self._told_too_large:
+            self._told_too_large = True
+            self._say(f"{self.role}: {link.too_large}; it is counted as unsent, and others like it")

@@ -1,0 +1,255 @@
+"""What the sides say to people: one sentence while something is not as it should be.
+
+Which robots of this user and machine wait to be released: each follower keeps a file that says so.
+
+A loop that hangs: a call of a driver that does not come back, as another thread of the same process sees it.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import os
+import stat
+import sys
+import sysconfig
+import threading
+import traceback
+from collections.abc import Mapping
+from pathlib import Path
+from types import FrameType
+
+from foretouch.identification import SENSOR_SENTENCES, SensorState
+from foretouch.messages import PROCESS, STATUS_SENTENCES, Status
+from foretouch.session.network.lease import LEASE
+from foretouch.session.steps import follower
+from foretouch.session.steps.heard import Heard
+
+
+def release_command() -> str:
+    """What somebody types at the robot's own machine to release the robot of this process."""
+    return f"foretouch release {os.getpid()}"
+
+
+class WaitingNote:
+    """The file of one follower: its name is the process's number, it holds what the follower last said.
+
+    It is locked as long as the process lives, so that the file of one that was killed is known as such. Where there is
+    no folder for it, nothing is kept, and the signal is what is left.
+    """
+
+    def __init__(self) -> None:
+        self._file = None
+        self._path = _folder() / str(os.getpid())
+        with contextlib.suppress(OSError):
+            self._path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+            if _is_private(self._path.parent):
+                self._file = self._path.open("w")
+                fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+
+    def say(self, sentence: str) -> None:
+        """Keep this sentence instead of the one before."""
+        if self._file is not None:
+            with contextlib.suppress(OSError):
+                self._file.seek(0)
+                self._file.write(sentence)
+                self._file.truncate()
+                self._file.flush()
+
+    def close(self) -> None:
+        """Nothing waits here any more."""
+        if self._file is not None:
+            self._path.unlink(missing_ok=True)
+            self._file.close()
+            self._file = None
+
+
+def followers() -> dict[int, str]:
+    """Numbers of the processes of this user's followers on this machine, and what each said last."""
+    folder, found = _folder(), {}
+    if not (folder.is_dir() and _is_private(folder)):
+        return {}
+    for path in sorted(folder.iterdir()):
+        with contextlib.suppress(OSError, ValueError), path.open() as file:
+            number = int(path.name)
+            try:
+                fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
+            except BlockingIOError:
+                found[number] = file.read()
+            else:
+                path.unlink(missing_ok=True)  # its process was killed
+    return found
+
+
+def _folder() -> Path:
+    """Of this user and machine; it is emptied by itself where the system has such a place."""
+    place = os.environ.get("XDG_RUNTIME_DIR") or os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
+    return Path(place, "foretouch", "followers")
+
+
+def _is_private(folder: Path) -> bool:
+    """Whether nobody else can have written what it holds: a number in it is sent a signal."""
+    state = folder.stat()
+    return state.st_uid == os.geteuid() and not state.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
+
+
+HANGS_AFTER = 3.0
+"""A loop without a tick for so long [s] hangs: a driver's own timeout of a second or two is waited for."""
+
+
+class LoopWatch:
+    """Tells whether a loop goes on.
+
+    Looks are counted and not seconds: a process that was stopped by a signal, or put aside by the machine, has missed
+    one look when it goes on, and not as many as there were meanwhile.
+
+    Args:
+        look_period: Between two looks [s].
+
+    Attributes:
+        ticked: Written by the loop in every tick, always another number; 0 before the first.
+    """
+
+    __slots__ = ("_idle", "_looks", "_period", "_seen", "_thread", "ticked")
+
+    def __init__(self, look_period: float) -> None:
+        self.ticked = 0
+        self._thread = threading.get_ident()  # the loop's, which makes this
+        self._period = look_period
+        self._looks = round(HANGS_AFTER / look_period)
+        self._seen = self._idle = 0
+
+    def look(self) -> bool:
+        """Look once; whether the loop has ticked since the last look."""
+        moved = self.ticked != self._seen
+        self._seen, self._idle = self.ticked, 0 if moved or not self.ticked else self._idle + 1
+        return moved
+
+    @property
+    def stuck(self) -> str:
+        """Where the loop has hung for too long, in words; empty while it goes on, and before its first tick."""
+        if self._idle < self._looks:
+            return ""
+        return f"no tick for {self._looks * self._period:g} s, {where(sys._current_frames().get(self._thread))}"
+
+
+def where(frame: FrameType | None) -> str:
+    """Where a thread is, in words: the innermost function in Python that is not Python's own, its file and line."""
+    if frame is None:
+        return "in a place that is not known"
+    called = traceback.extract_stack(frame)
+    at = next((one for one in reversed(called) if not _of_python(one.filename)), called[-1])
+    return f"in {at.name} ({Path(at.filename).name}, line {at.lineno})"
+
+
+def _of_python(file: str) -> bool:
+    installed = "site-packages" in file or "dist-packages" in file
+    return file.startswith("<frozen") or (file.startswith(sysconfig.get_path("stdlib")) and not installed)
+
+
+LONGEST_SILENCE = 0.5
+"""An operator is told that nothing comes of the follower after so long [s]."""
+
+
+def follower_says(state: follower.State, contest: str) -> dict[str, str]:
+    """What a follower's `Hello` says beside its settings: its process, who holds control, and what is amiss.
+
+    Args:
+        state: Of the follower.
+        contest: Who else would command (`foretouch.session.network.lease.Contest`).
+    """
+    return {
+        PROCESS: str(state.run),
+        "control": state.lease.holder,
+        "contest": contest,
+        "trouble": follower_news(state),
+        "stopped": state.safety.stop_reason,
+    }
+
+
+def all_of(*sentences: str) -> str:
+    """Those that say something, as one."""
+    return "; ".join(filter(None, sentences))
+
+
+def connected(role: str, heard: Mapping[str, Mapping[str, str]]) -> str:
+    """One sentence once the other side of a session has said hello; else ""."""
+    other = "follower" if role == "leader" else "leader"
+    if other not in heard:
+        return ""
+    texts = heard[other]
+    if other == "leader":
+        return f"connected: the leader is {texts.get('leader', 'without a name')}"
+    robot, material = texts.get("robot", "without a name"), texts.get("material")
+    pressed = f", it presses {material}" if robot == "simulated" and material else ""
+    return f"connected: the follower's robot is {robot}{pressed}"
+
+
+def over(state: follower.State) -> str:
+    """One sentence about the robot once there is nothing more to say of it by `follower_news`."""
+    return f"that is over: the robot {STATUS_SENTENCES[state.safety.status]}"
+
+
+def follower_news(state: follower.State) -> str:
+    """One sentence about the robot while it does not follow the commands that there were; else ""."""
+    safety, watch = state.safety, state.watch
+    if safety.stop_reason and watch.state is not SensorState.GOOD:
+        why = f"nobody knows what it feels, and it goes out as it came: {SENSOR_SENTENCES[watch.state]}"
+        return f"emergency stop ({safety.stop_reason}): {why}; once that is mended: {release_command()}"
+    if safety.stop_reason:
+        left = "unloads" if safety.pressing else "is unloaded"
+        return f"emergency stop ({safety.stop_reason}): it {left}; to release it at rest: {release_command()}"
+    if watch.state is not SensorState.GOOD:
+        again = f"; once that is mended: {release_command()}"
+        held = "the robot learns nothing, holds its place and then goes out as it came"
+        return f"{held}: {SENSOR_SENTENCES[watch.state]}{again}"
+    if safety.status in (Status.HOLDING, Status.UNLOADING, Status.RETREATING, Status.TOO_SLOW) and state.lease.epoch:
+        return "; ".join(filter(None, (f"the robot {STATUS_SENTENCES[safety.status]}", failure_news(state))))
+    return failure_news(state)
+
+
+def failure_news(state: follower.State) -> str:
+    """One sentence where something raised in the follower's step; else ""."""
+    failures = state.failures
+    if not failures.count:
+        return ""
+    goes_on = "it is kept safe" if failures.learns else "nothing more is learnt until it is started again"
+    return f"the follower has a fault: {failures.sentence}; {goes_on}"
+
+
+def leader_news(heard: Heard, follower_texts: Mapping[str, str], silence: float = 0.0, *, nowhere: bool = False) -> str:
+    """One sentence for an operator whose commands are not obeyed, or who does not know whether they are; else "".
+
+    Args:
+        heard: Of the follower.
+        follower_texts: What its newest `Hello` says.
+        silence: Time since anything came of it [s].
+        nowhere: Whether the operator's device gives no position.
+    """
+    if nowhere:
+        return "the device gives no position: the last one is held"
+    if heard.run and silence > LONGEST_SILENCE:
+        return "nothing is heard of the follower: the hand still feels the newest model, not what the robot does now"
+    if heard.shadows:
+        return f"the robot {STATUS_SENTENCES[Status.SHADOW]}"
+    if heard.in_control:
+        return all_of(follower_texts.get("contest", ""), follower_texts.get("trouble", ""))
+    other = follower_texts.get("control") or "another leader"
+    if heard.had_control:
+        return f"lost control to {other}: start this leader again to have it back"
+    return f"{other} holds control: this leader has it after {LEASE:g} s of silence"
+
+
+def shadow_news(state: follower.State, asked: str) -> str:
+    """One sentence for who moves a robot that is only watched; else "".
+
+    Args:
+        state: Of the follower that watches.
+        asked: Why an emergency stop was asked for; empty while none was.
+    """
+    if asked:
+        return f"emergency stop ({asked}): nothing is commanded from here, so stop the robot where it is moved"
+    if state.watch.state is not SensorState.GOOD:
+        again = f"; once that is mended: {release_command()}"
+        return f"nothing is learnt: {SENSOR_SENTENCES[state.watch.state]}{again}"
+    return failure_news(state)

@@ -1,0 +1,243 @@
+"""The recorder: a process of its own that listens to both sides and writes what it hears."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+from foretouch.errors import PeerVersionError, RecordingError, plural, was_or_were
+from foretouch.link import SequenceCounter, ZenohLink
+from foretouch.messages import (
+    COUNT_PREFIX,
+    FieldUpdate,
+    FollowerSpace,
+    Hello,
+    Hellos,
+    LeaderSpace,
+    LeaderState,
+    Message,
+    ModelUpdate,
+    Telemetry,
+)
+from foretouch.recordings import SessionWriter
+from foretouch.session.network.lease import ContestHeard
+from foretouch.session.processes.housekeeping import ORPHANED, StopFlag, orphaned
+
+__all__ = ["RECORDER_CHANNELS", "RECORDING_INCOMPLETE", "Recorder", "run_recorder"]
+
+RECORDER_CHANNELS = (
+    "telemetry",
+    "leader",
+    "model",
+    "hello",
+    "settings",
+    "stop",
+    "emergency",
+    "follower-space",
+    "leader-space",
+    "field",
+    "fixture",
+    "image",
+)
+"""What the recorder's link receives and the recording holds."""
+
+RECORDING_INCOMPLETE = 3
+"""Exit code of a recorder, and of a session, whose recording is not all there, or not where it was asked for."""
+
+FLUSH_PERIOD = 0.4
+"""Between two flushes [s]: what a killed recorder loses."""
+
+HELLO_PERIOD = 0.5
+"""Between two `Hello` of the recorder [s]."""
+
+POLL_PERIOD = 0.02
+"""Between two looks at the inboxes [s]."""
+
+GRACE = 1.0
+"""Listening goes on for this long after a `Stop` [s], for the last messages of the other side."""
+
+MOST_PROCESSES = 64
+"""Starts of a side whose gaps in the sequence are counted, each a message that the recording does not hold."""
+
+
+class Recorder:
+    """Writes what it is given, counts what it was not, and goes on without a file where one cannot be written.
+
+    Args:
+        path: The MCAP file.
+
+    Attributes:
+        path: Where the file is: another place once the folder was removed.
+        problem: Why the recording is not all there, or not where it was asked for; "" while it is.
+        heard: Roles that have said hello.
+
+    Raises:
+        RecordingError: The file cannot be begun.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._writer = SessionWriter(path)
+        self._writing = True
+        self.path = path
+        self.problem = ""
+        self._hellos = Hellos()
+        self.heard: set[str] = set()
+        self._sequences: dict[tuple[str, int], SequenceCounter] = {}
+
+    def take(self, name: str, arrivals: list[tuple[int, Message]]) -> None:
+        """Record the messages of one channel with the times [ns] at which they arrived."""
+        for arrival, message in arrivals:
+            if isinstance(message, Telemetry | ModelUpdate | FollowerSpace | FieldUpdate):
+                self._count(name, message.run, message.sequence)
+            elif isinstance(message, LeaderState | LeaderSpace):
+                self._count(name, message.epoch, message.sequence)
+            elif isinstance(message, Hello):
+                self.heard.add(message.role)
+                self._hellos.take(message)
+            if self._writing:
+                self._try(self._writer.write, message, arrival)
+
+    def _count(self, name: str, process: int, number: int) -> None:
+        """Each process of a side counts its messages from 1."""
+        if (name, process) not in self._sequences and len(self._sequences) < MOST_PROCESSES:
+            self._sequences[name, process] = SequenceCounter()
+        if sequence := self._sequences.get((name, process)):
+            sequence.is_newest(number)
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """Counters that the sides have said."""
+        return self._hellos.counts
+
+    def flush(self) -> None:
+        """Hand what was written to the operating system."""
+        if self._writing:
+            self._try(self._writer.flush)
+
+    def close(self, counts: dict[str, int]) -> None:
+        """End the file with these counters."""
+        if self._writing:
+            self._try(self._writer.close, counts)
+
+    @property
+    def missed(self) -> int:
+        """Messages between the first and the newest of each side that have not arrived here."""
+        return sum(sequence.lost for sequence in self._sequences.values())
+
+    @property
+    def kept(self) -> str:
+        """How much of the session stands in the file, as a text."""
+        kept = self._writer.kept_ns
+        return f"{(kept[1] - kept[0]) * 1e-9:.1f} s are kept in {self.path}" if kept else "nothing was recorded"
+
+    def _try(self, action: Callable[..., None], *arguments: object) -> None:
+        try:
+            action(*arguments)
+        except RecordingError as error:
+            self._writing = False
+            self.problem = str(error)
+            self._writer.close()
+            return
+        if self._writer.path != self.path:
+            self.problem = f"{self.path}: was removed while it was written; it goes on as {self._writer.path}"
+            self.path = self._writer.path
+
+
+def run_recorder(
+    link: ZenohLink, path: Path, *, stop: StopFlag, say: Callable[[str], None], parent: int | None = None
+) -> str:
+    """Record until a `Stop` has arrived or `stop` is set, then close the file.
+
+    Once both sides have been heard it says `Hello` itself, twice a second, so that a leader may wait for it and all may
+    know what it missed. Where the disk is full or the file was removed it says so at once, here and in its `Hello` as
+    ``recorder_failed``, and stays.
+
+    Args:
+        link: With `RECORDER_CHANNELS`.
+        path: The MCAP file.
+        stop: Looked at in every round.
+        say: Prints one line for people.
+        parent: Process whose end ends this one.
+
+    Returns:
+        Why the recording is not all there, or not where it was asked for; "" where it is.
+
+    Raises:
+        RecordingError: The file cannot be begun.
+        PeerVersionError: All that was heard speaks another version; no file is left.
+    """
+    recorder = Recorder(path)
+    try:
+        _listen(link, recorder, stop, say, parent)
+    finally:
+        said = recorder.problem
+        recorder.close(recorder.counts | _counts(link, recorder))
+    if not recorder.heard and (error := _other_version(link, parent)) is not None:
+        recorder.path.unlink(missing_ok=True)
+        raise error
+    counts = _counts(link, recorder)
+    if count := counts["recorder_undecodable"]:
+        say(f"recorder: {plural(count, 'message')} did not decode and {was_or_were(count)} dropped")
+    if count := counts["recorder_dropped"]:
+        say(f"recorder: {plural(count, 'message')} came too fast to be written")
+    if recorder.problem != said:
+        say(f"recorder: {recorder.problem}; {recorder.kept}")
+    elif not said:
+        say(f"recorder: wrote {recorder.path}")
+    return recorder.problem
+
+
+def _listen(
+    link: ZenohLink, recorder: Recorder, stop: StopFlag, say: Callable[[str], None], parent: int | None
+) -> None:
+    """Record until the end; say what went wrong as soon as it does."""
+    said, hellos = "", 0
+    contest = ContestHeard("recorder", say, parent)
+    flushed, spoken = time.monotonic(), -math.inf
+    end = math.inf
+    while not stop.reason and (now := time.monotonic()) <= end:
+        for name in RECORDER_CHANNELS:
+            arrivals = link.take(name)
+            recorder.take(name, arrivals)
+            for _, message in arrivals if name == "hello" else ():
+                contest.hear(message)
+            if name == "stop" and arrivals:
+                end = min(end, now + GRACE)
+        if now - flushed >= FLUSH_PERIOD:
+            flushed = now
+            recorder.flush()
+            if orphaned(parent):
+                stop.set(ORPHANED)
+        if recorder.problem != said:
+            said, spoken = recorder.problem, -math.inf
+            say(f"recorder: {said}; {recorder.kept}; the session goes on")
+        if now - spoken >= HELLO_PERIOD and (said or {"leader", "follower"} <= recorder.heard):
+            spoken, hellos = now, hellos + 1
+            link.publish(_hello(hellos, _counts(link, recorder), said))
+        if not recorder.heard and _other_version(link, parent) is not None:
+            return
+        time.sleep(POLL_PERIOD)
+
+
+def _other_version(link: ZenohLink, parent: int | None) -> PeerVersionError | None:
+    """Why nothing of this session can be recorded; processes of one parent are of one version."""
+    return link.other_version() if parent is None else None
+
+
+def _counts(link: ZenohLink, recorder: Recorder) -> dict[str, int]:
+    """What the recording does not hold."""
+    return {
+        "recorder_undecodable": link.undecodable,
+        "recorder_dropped": link.dropped,
+        "recorder_missed": recorder.missed,
+    }
+
+
+def _hello(number: int, counts: dict[str, int], problem: str) -> Hello:
+    """What the recorder says of itself."""
+    texts = {COUNT_PREFIX + name: str(count) for name, count in counts.items()}
+    if problem:
+        texts["recorder_failed"] = problem
+    return Hello.of("recorder", number, time.monotonic_ns(), texts)

@@ -1,0 +1,247 @@
+"""A recorded session run again under other delays, faults, laws or estimators, by the runner in simulated time."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from foretouch.devices import GRIPS, Device, Hand
+from foretouch.errors import RecordingError, SettingError
+from foretouch.link import FaultStage
+from foretouch.messages import SessionLog, Status
+from foretouch.quantities import Rows
+from foretouch.robot import MATERIALS, Robot
+from foretouch.session.network.playout import Playout
+from foretouch.session.replay.machines import PlayedOperator, PlayedRobot
+from foretouch.session.replay.space import replay_scene
+from foretouch.session.robots import make_session_robot
+from foretouch.session.runners.simulated import simulate
+from foretouch.session.settings import NO_GRIP, SAMPLE_PERIOD, SessionSettings
+
+__all__ = ["CLOSED_LOOP", "FIXED_MOTION", "material_answers", "replay_notes", "replay_under"]
+
+Times = NDArray[np.int64]
+
+FIXED_MOTION = "the operator's motion is fixed: who feels another force would have moved otherwise"
+"""What is to be known of a replay in an open loop."""
+
+CLOSED_LOOP = "the hand answers: the force that is rendered now moves it"
+"""What is to be known of one in a closed loop."""
+
+_PERIOD_NS = round(SAMPLE_PERIOD * 1e9)
+
+
+def replay_under(
+    log: SessionLog,
+    settings: SessionSettings,
+    closed_loop: bool = False,
+    progress: Callable[[float], None] | None = None,
+) -> SessionLog:
+    """Run a recorded session again, under other settings.
+
+    In an open loop the hand moves as it was recorded, in a closed loop its recorded intention moves a simulated hand,
+    with the settings' grip, against the force that is rendered now. A material that was simulated answers: it and its
+    robot are simulated again, from the settings and their seed. Of a real robot, or one that somebody else moved, there
+    is only the force that was measured where it was measured: it goes its recorded way and feels what it felt, later or
+    earlier by as much as its commands come.
+
+    Both sides run in ticks of exactly `SAMPLE_PERIOD`, over one clock. A simulated session under its own settings comes
+    out bit by bit.
+
+    Args:
+        log: The session; of one in which a side began again, the longest stretch is taken.
+        settings: All of them; `recorded_settings` has those of the recording.
+        closed_loop: Whether the force moves the hand.
+        progress: Called now and then with the time that has been run again [s].
+
+    Returns:
+        The session that comes of it. Its `settings` also say ``replay``, "open loop" or "closed loop".
+
+    Raises:
+        RecordingError: A side is missing, or the motion of the hand; of one in three dimensions, what cannot be
+            simulated again.
+        SettingError: A closed loop without a grip, or with a robot that does not answer.
+    """
+    log = log.longest()
+    leader = log.leader
+    if not leader.size or not log.follower.size:
+        raise RecordingError("session", "a side is missing: there is nothing to run again")
+    if settings.scene != log.settings.get("scene", ""):
+        there, here = (name or "a line" for name in (log.settings.get("scene", ""), settings.scene))
+        problem = f"is one in three dimensions or along a line, and its settings are not: {there}, and {here}"
+        raise RecordingError("session", problem)
+    if settings.scene:
+        _require_grip(settings, closed_loop)
+        return replay_scene(log, settings, closed_loop, _told(log, settings, closed_loop), progress)
+    operator = _operator(log, leader, settings, closed_loop)
+    ticks = round(int(leader["time_ns"][-1] - leader["time_ns"][0]) / _PERIOD_NS) + 1
+    if material_answers(log):
+        robot, _ = make_session_robot(settings)
+        return _run(log, settings, closed_loop, operator, robot, ticks, progress)
+    if closed_loop:
+        rule = "needs a material that answers: of this robot there is only the force where it was measured"
+        raise SettingError("closed loop", True, rule)
+    felt = _felt_at(log, settings)
+    ticks = min(ticks, int(felt[-1]) // _PERIOD_NS + 1)  # behind its last sample there is nothing to learn from
+    if ticks < 2:
+        raise RecordingError("session", "the robot felt nothing while the operator moved")
+    played = PlayedRobot(log.follower, felt, ticks)
+    return _as_it_was(_run(log, settings, closed_loop, operator, played, ticks, progress), played.rows)
+
+
+def material_answers(log: SessionLog) -> bool:
+    """Whether what the robot pressed can be simulated again: it was, and nobody else moved the robot."""
+    log = log.longest()
+    follower = log.follower
+    known = log.settings.get("material") in MATERIALS and bool(np.isfinite(follower["exact_force"]).all())
+    return known and not (follower["status"] == Status.SHADOW).any()
+
+
+def replay_notes(log: SessionLog, settings: SessionSettings, closed_loop: bool = False) -> tuple[str, ...]:
+    """What is to be known of a replay: what is fixed in it, what answers, and what of the recording is not in it.
+
+    Args:
+        log: The session.
+        settings: As for `replay_under`.
+        closed_loop: As for `replay_under`.
+
+    Returns:
+        Sentences, without a full stop; the first says whether the operator's motion is fixed.
+    """
+    stretches, stretch = log.stretches(), log.longest()
+    leader = stretch.leader
+    notes = [CLOSED_LOOP if closed_loop else FIXED_MOTION]
+    if closed_loop and not np.isfinite(leader["intended_position"]).any():
+        notes.append("what the hand meant was not recorded: where it was is taken for that")
+    if not closed_loop and settings.grip != NO_GRIP:
+        if stretch.settings.get("replay") != "open loop":
+            lets = ": --closed-loop lets it" if material_answers(log) else ""
+            notes.append(f"recorded in a closed loop, and the hand does not answer here{lets}")
+        notes.append("the hand is where it was; how far the robot is from it comes of the replay's own models")
+    if material_answers(log):
+        beside = ", its fixture, camera and tracker" if settings.scene else ""
+        notes.append(f"the robot and its material ({settings.material}){beside} are simulated again")
+    else:
+        notes.append("the robot's motion is fixed too: its measured force comes as late as its commands do")
+    if len(stretches) > 1:
+        notes.append(f"a side began again: of {len(stretches)} stretches the longest is run again")
+    if len(stretch.phases()) > 1:
+        notes.append("the network was changed meanwhile: it is run again as it was at the end")
+    if log.emergencies:
+        notes.append("the recording's emergency stops are not given again")
+    if settings.sensor_fault and material_answers(log):
+        notes.append("nobody says again that the sensors are mended")
+    if (np.diff(leader["time_ns"]) != _PERIOD_NS).any():
+        notes.append("the session was in real time: its late ticks are not late again")
+    return tuple(notes)
+
+
+def _operator(log: SessionLog, leader: Rows, settings: SessionSettings, closed_loop: bool) -> Device:
+    """Who moves the leader again."""
+    played = PlayedOperator(
+        log.settings.get("operator", settings.operator),
+        leader,
+        position_scale=settings.position_scale,
+        intends=closed_loop,
+    )
+    if not math.isfinite(played.read(0)):
+        raise RecordingError("session", "holds no position of the operator's hand: there is no motion to run again")
+    if not closed_loop:
+        return played
+    _require_grip(settings, closed_loop)
+    return Hand(played, GRIPS[settings.grip], settings.device, settings.clutch_times)
+
+
+def _require_grip(settings: SessionSettings, closed_loop: bool) -> None:
+    if closed_loop and settings.grip == NO_GRIP:
+        grips = ", ".join(sorted(GRIPS))
+        raise SettingError("grip", settings.grip, f"in a closed loop the force moves a hand: choose a grip of {grips}")
+
+
+def _told(log: SessionLog, settings: SessionSettings, closed_loop: bool) -> dict[str, str]:
+    """What the recording said beside its settings, and what this is."""
+    chosen = settings.as_text()
+    told = {name: text for name, text in log.settings.items() if name not in chosen}
+    return told | {"replay": "closed loop" if closed_loop else "open loop"}
+
+
+def _run(
+    log: SessionLog,
+    settings: SessionSettings,
+    closed_loop: bool,
+    operator: Device,
+    robot: Robot,
+    ticks: int,
+    progress: Callable[[float], None] | None,
+) -> SessionLog:
+    """Run the session; the log says what the recording said beside its settings."""
+    chosen = settings.as_text()
+    # Who is played counts as the session does.
+    framed = dataclasses.replace(settings, leader_frame=SessionSettings.leader_frame)
+    told = {name: chosen[name] for name in ("leader_frame", "follower_frame")}
+    if isinstance(robot, PlayedRobot):
+        framed = dataclasses.replace(framed, follower_frame=SessionSettings.follower_frame)
+        told["material"] = log.settings.get("material", settings.material)
+    session = simulate(
+        framed,
+        duration=ticks * SAMPLE_PERIOD,
+        operator=operator,
+        robot=robot,
+        description=_told(log, settings, closed_loop) | told,
+        progress=progress,
+    )
+    return session.log
+
+
+def _felt_at(stretch: SessionLog, settings: SessionSettings) -> Times:
+    """When the replay's robot feels what the recorded one felt, from the first tick on [ns]: as its commands come.
+
+    What two clocks are apart is in the transit of the commands that they show; the replay's own takes its place.
+    """
+    rows = stretch.rows()
+    if not rows.leader.size:
+        raise RecordingError("session", "the robot applied no command: there is nothing to run again")
+    shown = _usual(rows.follower["time_ns"] - rows.leader["time_ns"])
+    later = _usual_transit(settings, stretch.leader.size) - shown
+    return np.asarray(stretch.follower["time_ns"] + later - stretch.leader["time_ns"][0])
+
+
+def _usual_transit(settings: SessionSettings, ticks: int) -> int:
+    """How long commands usually take in a replay, until they are played [ns]."""
+    stage: FaultStage[int] = FaultStage(settings.command_faults)
+    playout, taken, applied, newest = Playout(), [], 0, 0
+    for tick in range(ticks):
+        for sequence in stage.pop_due(tick * _PERIOD_NS):
+            if sequence > newest:  # what was overtaken is refused
+                newest = sequence
+                playout.push(sequence, 0.0)
+        playout.advance()
+        if playout.applied != applied:
+            applied = playout.applied
+            taken.append((tick + 1 - applied) * _PERIOD_NS)
+        stage.push(tick * _PERIOD_NS, tick + 1)
+    return _usual(np.array(taken)) if taken else 0
+
+
+def _usual(times: Times) -> int:
+    """Their median, one of them."""
+    return int(np.percentile(times, 50.0, method="lower"))
+
+
+def _as_it_was(log: SessionLog, recorded: Rows) -> SessionLog:
+    """The replay of a robot that went its own way: held back, or not, is what either the recording or the replay says.
+
+    What is held back, or did something else than follow, is not scored.
+    """
+    follower = log.follower.copy()
+    follower["guarded"] |= recorded["guarded"]
+    elsewhere = ~np.isin(recorded["status"], (Status.FOLLOWING, Status.GUARDED))
+    follower["status"] = np.where(elsewhere, recorded["status"], follower["status"])
+    watched = recorded["status"] == Status.SHADOW
+    follower["guarded"][watched] = False
+    follower["desired_position"][watched] = math.nan
+    return dataclasses.replace(log, follower=follower)

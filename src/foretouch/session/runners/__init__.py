@@ -1,0 +1,1 @@
+"""What drives the steps: the machine's clock or a simulated one."""

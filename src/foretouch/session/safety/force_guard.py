@@ -1,0 +1,217 @@
+"""How fast a robot may go deeper, or has to go back, so that a force comes to a limit and does not pass it.
+
+One tick of `foretouch.session.safety.force_guard.ForceGuard`, compiled.
+
+Guarded contact: what the follower does where it touches what the leader does not know yet.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from foretouch.core.compiling import compiled
+from foretouch.errors.checks import require
+
+Array = NDArray[np.float64]
+
+PATIENCE = 0.01
+"""Time constant in which a force is brought to its limit [s]: longer than sensor and drive are late."""
+
+STEEPER = 2.0
+"""A material counts as so many times stiffer than its secant and its tangent: it may stiffen."""
+
+SHORTEST_DEPTH = 2e-5
+"""The secant is taken over at least so far [m]."""
+
+SOFTEST = 50.0
+"""The least stiffness that is reckoned with [N/m]."""
+
+STRIDE, KEPT = 1e-4, 0.5
+"""The tangent is taken over at least so far [m], and after it this share of what was steeper before is kept."""
+
+AWAY = 1e-3
+"""A contact is over once the robot is so far outside of where it began [m]."""
+
+STIFFNESS, ONSET = 0, 1
+"""Places among its numbers of what it tells [N/m, m]; the others are the kernel's own."""
+
+
+class ForceGuard:
+    r"""Watches the contact that the robot is in.
+
+    .. math:: \dot x = \frac{F_{limit} - F}{K \tau + b}
+
+    with tau = 10 ms, b the damping that is reckoned with, and K twice the steepest of this contact's secant, force over
+    depth since it began, and its tangent over 0.1 mm; where what follows is less steep, K is halved every 0.1 mm. The
+    force then comes to its limit as by a first-order low-pass, and does not pass it, on any material that stiffens by
+    no more than that. What speed and mass add at an impact is not seen here: `foretouch.models.impact_bound`.
+
+    Args:
+        contact: Where its numbers are kept, in an array that somebody else holds too, shape
+            (`foretouch.session.safety.force_guard.SIZE`,); None for one of its own.
+    """
+
+    __slots__ = ("_allowed", "_contact", "_observe")
+
+    def __init__(self, contact: Array | None = None) -> None:
+        # Imported here: it brings a compiler along, and imports the numbers above.
+        from foretouch.session.safety import force_guard as kernel
+
+        self._observe, self._allowed = kernel.observe, kernel.allowed_speed
+        self._contact = np.empty(kernel.SIZE) if contact is None else contact
+        kernel.forget(self._contact)
+
+    @property
+    def stiffness(self) -> float:
+        """K of this contact [N/m], at least 50."""
+        return float(self._contact[STIFFNESS])
+
+    @property
+    def onset(self) -> float:
+        """Where this contact began [m]; NaN once the robot was 1 mm further out without one."""
+        return float(self._contact[ONSET])
+
+    def observe(self, position: float, force: float, in_contact: bool) -> None:
+        """One sample of the sensors; where one is no number, nothing is known of the force.
+
+        Args:
+            position: [m].
+            force: [N].
+            in_contact: Whether that is contact.
+        """
+        self._observe(self._contact, position, force, in_contact)
+
+    def speed(self, limit: float, damping: float = 0.0) -> float:
+        """Speed at which the robot may go deeper now, negative where it has to go back [m/s]; 0 while nobody knows.
+
+        Args:
+            limit: Force to come to [N].
+            damping: b, that it may feel where it goes deeper [N s/m].
+        """
+        return self._allowed(self._contact, limit, damping)
+
+
+FORCE, REFERENCE, REFERENCE_FORCE = 2, 3, 4
+"""Places in the array, behind those of what `ForceGuard` tells, of the newest force [N], NaN where nobody knows it; and
+of where the newest tangent is taken from [m, N], NaN for none."""
+
+SIZE = 5
+
+
+@compiled("void(f8[::1])")
+def forget(guard: Array) -> None:
+    """Nothing has been touched, and nobody knows the force."""
+    guard[:] = math.nan
+    guard[STIFFNESS] = SOFTEST
+
+
+@compiled("void(f8[::1], f8, f8, b1)")
+def observe(guard: Array, position: float, force: float, in_contact: bool) -> None:
+    """See `ForceGuard.observe`; the array is written."""
+    known = math.isfinite(position) and math.isfinite(force)
+    guard[FORCE] = force if known else math.nan
+    if not known:
+        return
+    if not in_contact:
+        if position < guard[ONSET] - AWAY:
+            guard[ONSET], guard[STIFFNESS] = math.nan, SOFTEST
+        return
+    if math.isnan(guard[ONSET]):
+        guard[ONSET] = guard[REFERENCE] = position
+        guard[REFERENCE_FORCE] = force
+    way = position - guard[REFERENCE]
+    if way >= STRIDE:  # the stiffness here, each time that it has gone so much deeper
+        tangent = (force - guard[REFERENCE_FORCE]) / way
+        guard[STIFFNESS] = max(KEPT * guard[STIFFNESS], STEEPER * tangent, SOFTEST)
+    if way >= STRIDE or way < 0.0:
+        guard[REFERENCE], guard[REFERENCE_FORCE] = position, force
+    depth = position - guard[ONSET]
+    guard[STIFFNESS] = max(guard[STIFFNESS], STEEPER * force / max(depth, SHORTEST_DEPTH))
+
+
+@compiled("f8(f8[::1], f8, f8)")
+def allowed_speed(guard: Array, limit: float, damping: float) -> float:
+    """See `ForceGuard.speed`."""
+    if math.isnan(guard[FORCE]):
+        return 0.0
+    missing = limit - guard[FORCE]
+    return float(missing / (guard[STIFFNESS] * PATIENCE + (damping if missing > 0.0 else 0.0)))
+
+
+UNKNOWN_FROM = 1e-3
+"""Contact further out than the surface that the leader knows, by more than this [m], is contact with something else."""
+
+
+class FirstTouch:
+    r"""Keeps a robot from following blindly into what only it has touched.
+
+    Until the leader is known to render from a model that has this surface, the robot
+
+    - goes deeper no faster than the approach speed, before any contact too;
+    - in contact, goes deeper or back so that the force comes to the one to be held,
+      as `foretouch.session.safety.force_guard.ForceGuard` says, no faster than that either;
+    - follows outwards at once.
+
+    Then the way back to the commands is as slow as the approach. Where nothing is guarded, commands pass as they are.
+
+    Args:
+        approach_speed: [m/s], positive.
+        force: F_h [N], positive.
+        sample_period: [s], positive.
+
+    Attributes:
+        guarded: Whether the newest command was held back.
+    """
+
+    __slots__ = ("_guard", "_held", "_holding_force", "_period", "_speed", "_told", "_unknown", "guarded")
+
+    def __init__(self, approach_speed: float, force: float, sample_period: float) -> None:
+        require("approach_speed", approach_speed, above=0.0)
+        require("guarded_force", force, above=0.0)
+        require("sample_period", sample_period, above=0.0)
+        self._speed = approach_speed
+        self._holding_force = force
+        self._period = sample_period
+        self._guard = ForceGuard()
+        self.restart()
+
+    def restart(self) -> None:
+        """Nothing is guarded, or told: it begins where the robot then is."""
+        self._told = math.nan
+        self._held = 0.0
+        self._unknown = False
+        self.guarded = False
+
+    def update(self, desired: float, position: float, force: float, in_contact: bool, known_surface: float) -> float:
+        """One tick: the position for the robot [m]. While force or position are no numbers it goes no deeper.
+
+        Args:
+            desired: What the commands say [m].
+            position: Where the robot is [m].
+            force: That it feels [N].
+            in_contact: Whether that is contact.
+            known_surface: Of the newest model that the leader is known to render from [m]; NaN while there is none.
+        """
+        unknown = math.isnan(known_surface) or (in_contact and position < known_surface - UNKNOWN_FROM)
+        if math.isnan(self._told):
+            self._told = position if math.isfinite(position) else desired
+        if unknown:
+            self._told = min(desired, self._told + self._allowed(position, force, in_contact) * self._period)
+            self._held = desired - self._told
+        else:
+            if self._unknown:  # a step of the commands, as where the index has met the surface, is none of the robot's
+                self._held = desired - self._told
+            back = self._speed * self._period
+            self._held -= math.copysign(min(back, abs(self._held)), self._held)
+            self._told = desired - self._held
+        self._unknown = unknown
+        self.guarded = self._held != 0.0
+        return self._told
+
+    def _allowed(self, position: float, force: float, in_contact: bool) -> float:
+        """Speed at which the robot may go deeper now, negative where it goes back [m/s]."""
+        self._guard.observe(position, force, in_contact)
+        return min(max(self._guard.speed(self._holding_force), -self._speed), self._speed)

@@ -1,0 +1,273 @@
+"""One tick of `foretouch.session.safety.safety.Safety`, compiled: the rules are in its docstring, in the same order."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from foretouch.core.compiling import compiled
+from foretouch.messages import Status
+from foretouch.session.safety.force_guard import AWAY, ONSET, PATIENCE, allowed_speed, observe
+from foretouch.session.safety.force_guard import FORCE as FELT
+from foretouch.session.safety.force_guard import SIZE as GUARD_SIZE
+from foretouch.session.safety.motion import POSITION, begin, limited
+from foretouch.session.safety.motion import SIZE as MOTION_SIZE
+from foretouch.session.safety.proven_way import CELL, CELLS, observe_way, proven_force, proven_speed
+from foretouch.session.safety.proven_way import SIZE as WAY_SIZE
+from foretouch.session.safety.safety import (
+    AIMED,
+    BRAKING_DELAY,
+    CLEARANCE,
+    MARGIN,
+    PROVEN_SHARE,
+    REJOINED_FOR,
+    REST_FORCE,
+    START_BACK,
+    UNLOADED,
+)
+
+__all__ = [
+    "AIM",
+    "CAME",
+    "DAMPING",
+    "FASTEST",
+    "FORCE",
+    "GUARD",
+    "IMPEDANCE",
+    "IN_SPACE",
+    "MOTION",
+    "NEAREST",
+    "NEARING",
+    "NEW",
+    "PERIOD",
+    "SHIFTED",
+    "SIZE",
+    "WAY",
+    "keep_safe",
+]
+
+Array = NDArray[np.float64]
+
+AIM, RETURNING, MET, NEW = 0, 1, 2, 3
+"""Places in the array: where it is to be [m]; whether it is on the way back to the commands; for how many ticks it has
+been with them; whether it has not followed yet."""
+
+CAME, FAULTY_FOR = 4, 5
+"""Where it was told to be when this contact began [m], NaN for none; and for how long its sensors are faulty [s]."""
+
+FORCE, DEPTH, LOWEST, HIGHEST, SPEED, ACCELERATION, RETURN_SPEED = 6, 7, 8, 9, 10, 11, 12
+HOLD_AFTER, UNLOAD_AFTER, RETREATS = 13, 14, 15
+"""What stays: the numbers of `SafetyLimits`."""
+
+PERIOD, IMPEDANCE, DAMPING = 16, 17, 18
+"""T [s]; Z; and the damping of what nobody has gone through [N s/m]."""
+
+IN_SPACE, NEAREST = 19, 20
+"""Whether the aim is brought into space, and the motion limited there; and where the place that the robot was told
+there is against the surface [m], which on a curved one is not quite the aim."""
+
+FASTEST, SHIFTED = 21, 22
+"""What the motion limits are told beside the aim: how fast it may go deeper, negative where it has to go back [m/s],
+and by how far the aim was set elsewhere [m]."""
+
+NEARING = 23
+"""In space: how fast it may be coming nearer to what may be there by going along it [m/s]."""
+
+GUARD = 24
+"""From here on the numbers of its `ForceGuard`."""
+
+MOTION = GUARD + GUARD_SIZE
+"""And of its `MotionLimits`; in space the position and velocity in it are those along the normal."""
+
+WAY = MOTION + MOTION_SIZE
+"""And of its `ProvenWay`."""
+
+SIZE = WAY + WAY_SIZE
+
+FOLLOWING, GUARDED, RETURNS = int(Status.FOLLOWING), int(Status.GUARDED), int(Status.RETURNING)
+HOLDING, UNLOADING, RETREATING = int(Status.HOLDING), int(Status.UNLOADING), int(Status.RETREATING)
+STOPPED, SENSOR_FAULT = int(Status.STOPPED), int(Status.SENSOR_FAULT)
+
+
+def _decide(memory: Array, stopped: bool, silence: float, faulty: bool) -> int:
+    """What it does: a `Status`. Whatever is none of the commands' has a way back to them."""
+    if stopped:
+        status = STOPPED
+    elif faulty:
+        status = SENSOR_FAULT
+    elif silence >= memory[UNLOAD_AFTER]:
+        status = RETREATING if memory[RETREATS] != 0.0 else UNLOADING
+    elif silence >= memory[HOLD_AFTER]:
+        status = HOLDING
+    else:
+        return RETURNS if memory[RETURNING] != 0.0 else FOLLOWING
+    memory[RETURNING], memory[MET] = 1.0, 0.0
+    return status
+
+
+_decided = compiled(_decide)
+
+
+@compiled
+def _ahead(memory: Array) -> float:
+    """How far in it is to be, or in space is told to be, against the surface [m]."""
+    return float(max(memory[AIM], memory[NEAREST]))
+
+
+def _fastest(memory: Array, status: int, position: float, surface: float, free: float) -> float:
+    """How fast it may go deeper, negative where it has to go back [m/s]."""
+    guard, aimed = memory[GUARD:MOTION], AIMED * memory[FORCE]
+    if status < HOLDING:
+        ahead = _ahead(memory)
+        untouched = not ahead < free and proven_speed(memory[WAY:], ahead, aimed) == 0.0
+        inwards = max(allowed_speed(guard, aimed, memory[DAMPING] if untouched else 0.0), -memory[SPEED])
+        inwards = min(inwards, _towards(memory, free))
+        return float(min(inwards, memory[RETURN_SPEED]) if memory[RETURNING] != 0.0 else inwards)
+    if status == RETREATING and math.isfinite(surface) and not position < surface - CLEARANCE:
+        return -float(memory[RETURN_SPEED])
+    unloads = status in (STOPPED, UNLOADING, RETREATING)
+    back = max(allowed_speed(guard, UNLOADED if unloads else aimed, 0.0), -memory[SPEED])
+    if (status == STOPPED or memory[FAULTY_FOR] >= memory[UNLOAD_AFTER]) and _is_inside(memory):
+        back = min(back, -memory[RETURN_SPEED])
+    return float(min(back, 0.0))
+
+
+def _inside(memory: Array) -> bool:
+    """Whether it is not yet out by the way that it came into this contact."""
+    return bool(memory[MOTION + POSITION] > memory[CAME] - AWAY)
+
+
+_is_inside = compiled(_inside)
+
+
+def _approach(memory: Array, free: float) -> float:
+    """How fast it may come to what may be there [m/s], up to some place [m] through air that is known to be free."""
+    way, ceiling, felt, aim = memory[WAY:], memory[FORCE], memory[GUARD + FELT], _ahead(memory)
+    if not (math.isfinite(felt) and abs(aim) < 1e6):
+        return 0.0
+    late = 0.5 * memory[ACCELERATION] * BRAKING_DELAY
+    begin = max(aim, free) if math.isfinite(free) else aim
+    first, fastest = math.floor(begin / CELL), memory[SPEED]
+    for cell in range(first, first + CELLS):
+        away = max(max(cell * CELL, begin) - aim - MARGIN, 0.0)
+        if math.sqrt(late * late + memory[ACCELERATION] * away) - late >= fastest:
+            break
+        middle = (cell + 0.5) * CELL
+        # Who has let go of a material does not feel how hard it presses at that depth.
+        hidden = max(felt, proven_force(way, middle - CELL), proven_force(way, middle))
+        unproven = max(max(AIMED * ceiling - hidden, 0.0) / memory[IMPEDANCE] - memory[NEARING], 0.0)
+        allowed = max(proven_speed(way, middle, PROVEN_SHARE * ceiling), unproven) + late
+        fastest = min(fastest, math.sqrt(allowed * allowed + memory[ACCELERATION] * away) - late)
+    return float(fastest)
+
+
+_towards = compiled(_approach)
+_fastest_now = compiled(_fastest)
+
+
+def _rejoin(memory: Array, desired: float, aim: float) -> None:
+    """Follow again, once the way back has been with the commands for long enough."""
+    memory[MET] = 0.0 if desired > aim else memory[MET] + 1.0
+    first = memory[NEW] != 0.0
+    kept_up = memory[MET] > 0.0 if first else memory[MET] * memory[PERIOD] >= REJOINED_FOR
+    memory[RETURNING] = 0.0 if kept_up else memory[RETURNING]
+    memory[NEW] = memory[RETURNING] if first else 0.0
+
+
+_rejoined = compiled(_rejoin)
+
+
+def _within(memory: Array, wanted: float, surface: float) -> float:
+    """Clip to depth and workspace."""
+    lowest, highest = memory[LOWEST], memory[HIGHEST]
+    if math.isfinite(surface):
+        highest = min(highest, max(surface + memory[DEPTH], lowest))
+    return float(min(max(wanted, lowest), highest))
+
+
+_clipped = compiled(_within)
+
+
+def _see(memory: Array, position: float, force: float, in_contact: bool, faulty: bool) -> None:
+    """Look at the sensors, if they can be believed."""
+    guard = memory[GUARD:MOTION]
+    memory[FAULTY_FOR] = memory[FAULTY_FOR] + memory[PERIOD] if faulty else 0.0
+    if faulty or not (math.isfinite(position) and math.isfinite(force)):
+        observe(guard, math.nan, math.nan, False)
+        return
+    observe(guard, position, force, in_contact)
+    observe_way(memory[WAY:], position, force, memory[PERIOD])
+    if math.isnan(guard[ONSET]):
+        memory[CAME] = math.nan
+    elif math.isnan(memory[CAME]):
+        path = memory[MOTION + POSITION]
+        memory[CAME] = position if math.isnan(path) else path
+
+
+_sees = compiled(_see)
+
+
+def _keep_safe(
+    memory: Array,
+    stopped: bool,
+    desired: float,
+    position: float,
+    force: float,
+    in_contact: bool,
+    surface: float,
+    silence: float,
+    faulty: bool,
+    guarded: bool,
+    free: float,
+    doubtful: bool,
+) -> tuple[float, int, bool]:
+    """One tick.
+
+    Args:
+        memory: Written, shape (SIZE,).
+        stopped: Whether an emergency stop is latched.
+        desired: This and what follows as in `Safety.update`.
+        position: [m].
+        force: [N].
+        in_contact: Whether that is contact.
+        surface: [m].
+        silence: [s].
+        faulty: Whether the sensors are not to be trusted.
+        guarded: Whether `desired` was held back.
+        free: [m].
+        doubtful: Whether the force is being judged.
+
+    Returns:
+        The position for the robot, in space the aim [m], what was done (a `Status`), and whether it presses.
+    """
+    motion = memory[MOTION:WAY]
+    if math.isnan(motion[POSITION]) and math.isfinite(position):
+        memory[AIM] = position if abs(force) <= REST_FORCE else position - START_BACK
+        begin(motion, memory[AIM], 0.0, 0.0)
+    _sees(memory, position, force, in_contact, faulty)
+    status = _decided(memory, stopped, silence, faulty)
+    fastest = _fastest_now(memory, status, position, surface, free)
+    if doubtful:
+        fastest = min(fastest, 0.0)
+    # The aim in the next tick, never further inside than the path soon is, for it would press on by itself; beside it,
+    # by how far it was set back for that.
+    path, shifted = motion[POSITION], 0.0
+    if not math.isnan(path):
+        shifted = min(path + max(fastest, 0.0) * PATIENCE - memory[AIM], 0.0)
+    aim = memory[AIM] + shifted + fastest * memory[PERIOD]
+    if status < HOLDING:
+        if math.isfinite(desired):
+            _rejoined(memory, desired, aim)
+        aim = min(desired if math.isfinite(desired) else memory[AIM], aim)
+    if guarded and status == FOLLOWING:
+        status = GUARDED
+    memory[AIM] = _clipped(memory, aim, surface)
+    memory[FASTEST], memory[SHIFTED] = fastest, shifted
+    told = memory[AIM] if memory[IN_SPACE] != 0.0 else limited(motion, memory[AIM], max(fastest, 0.0), shifted)
+    presses = not abs(force) <= REST_FORCE if not faulty else math.isnan(memory[CAME]) or _is_inside(memory)
+    return told, status, presses
+
+
+keep_safe = compiled("Tuple((f8, i8, b1))(f8[::1], b1, f8, f8, f8, b1, f8, f8, b1, b1, f8, b1)")(_keep_safe)

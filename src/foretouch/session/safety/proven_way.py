@@ -1,0 +1,244 @@
+"""What the robot's own motion has proven of the way in, place by place; all else counts as the worst.
+
+One tick of `foretouch.session.safety.proven_way.ProvenWay`, compiled.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from foretouch.core.compiling import compiled
+
+Array = NDArray[np.float64]
+
+CELL = 2.5e-4
+"""Length of a cell of the way [m]: a count of 15 um that flickers is 6 % of it, and a millimetre has four."""
+
+CELLS = 1024
+"""So many are remembered, 256 mm; the newest take the place of those that lie as far away."""
+
+MEAN = 10
+"""Positions are the mean of so many ticks, and forces the largest of the same: noise is no motion, and sensors are
+late."""
+
+LARGEST_STEP = 2e-3
+"""A position that is further than this from that of the tick before [m] is another place, and no motion to it."""
+
+GROWTH = 4.0
+"""A way that was gone at one speed is gone so many times as fast at most the next time: no law is believed further."""
+
+CONTRADICTED = 1.2
+"""A force so many times as large as what was proven takes its place."""
+
+LEAST_FORCE = 0.25
+"""Damping is reckoned with from at least this force [N]: the sensor's zero errs."""
+
+
+class ProvenWay:
+    r"""Remembers how fast the robot has gone in through each cell of the way, and what that felt like.
+
+    A cell that it went through at the mean speed u, with at most the force F while it was there, and at least the force
+    E on the way back out, bounds the force at any other speed v there:
+
+    .. math:: F(v) \le F + (F - E) \max(v / u - 1, 0)
+
+    for a material whose force is elastic, E(x) or more, and damped in proportion to speed, or less; and for linear
+    viscoelastic ones at a steady speed. So it may go there at
+
+    .. math:: w = u \Big(1 + \frac{F_a - F}{F - E}\Big) \le 4 u
+
+    with F_a the force that may be reached, and no faster than u where F is above F_a. Speed and place are those of the
+    mean of ten measured positions, and the speed is that over a whole cell: what was told, or what an encoder's noise
+    shows in one tick, proves nothing. A cell that was never crossed, from its outer to its inner end, proves nothing.
+    A crossing that felt 1.2 times as much as was proven, or as much less than that allows, takes its place: it is
+    another material. Else the fastest stays.
+
+    Args:
+        numbers: Where they are kept, in an array that somebody else holds too, shape
+            (`foretouch.session.safety.proven_way.SIZE`,); None for one of its own.
+    """
+
+    __slots__ = ("_forget", "_numbers", "_observe", "_speed")
+
+    def __init__(self, numbers: Array | None = None) -> None:
+        # Imported here: it brings a compiler along, and imports the numbers above.
+        from foretouch.session.safety import proven_way as kernel
+
+        self._observe, self._forget, self._speed = kernel.observe_way, kernel.forget_way, kernel.proven_speed
+        self._numbers = np.zeros(kernel.SIZE) if numbers is None else numbers
+        self.forget()
+
+    def forget(self) -> None:
+        """Nothing is proven any more: it is another place."""
+        self._forget(self._numbers)
+
+    def observe(self, position: float, force: float, period: float) -> None:
+        """One sample of the sensors, finite.
+
+        Args:
+            position: [m].
+            force: That is felt [N].
+            period: Since the one before [s].
+        """
+        self._observe(self._numbers, position, force, period)
+
+    def speed(self, position: float, allowed: float) -> float:
+        """Speed w at which the cell of a place may be gone through [m/s]; NaN where nothing is proven.
+
+        Args:
+            position: [m].
+            allowed: F_a [N].
+        """
+        found = self._speed(self._numbers, position, allowed)
+        return found if found > 0.0 else math.nan
+
+
+SEEN, AT, PLACE, TIME = 0, 1, 2, 3
+"""Places in the array: samples in the ring, at most `MEAN`; where the next goes; the newest mean position [m], NaN for
+none; and the time of it [s]."""
+
+IN_EDGE, IN_TIME, LARGEST = 4, 5, 6
+"""The edge that was crossed last on the way in, by number, NaN for none; when [s]; and the largest force since [N]."""
+
+OUT_EDGE, LEAST = 7, 8
+"""The same of the way out, and the least force since [N]."""
+
+POSITIONS, FORCES = 9, 9 + MEAN
+"""Rings of the newest samples [m, N]."""
+
+NUMBERS = FORCES + MEAN
+"""Number of the cell that is kept in each place, NaN for none; then u [m/s], F and E [N] of them."""
+
+SPEEDS, HIGHEST, LOWEST = NUMBERS + CELLS, NUMBERS + 2 * CELLS, NUMBERS + 3 * CELLS
+
+SIZE = NUMBERS + 4 * CELLS
+
+FARTHEST = 1e6
+"""No robot is further out than this [m]: the numbers of its cells would be none."""
+
+
+@compiled
+def _set_out(way: Array) -> None:
+    """What comes is no motion from what was."""
+    way[SEEN] = way[AT] = 0.0
+    way[PLACE] = way[IN_EDGE] = way[OUT_EDGE] = math.nan
+    way[LARGEST] = way[LEAST] = 0.0
+
+
+@compiled("void(f8[::1])")
+def forget_way(way: Array) -> None:
+    """See `ProvenWay.forget`."""
+    way[TIME] = 0.0
+    way[NUMBERS:SPEEDS] = math.nan
+    _set_out(way)
+
+
+@compiled
+def _predicted(speed: float, highest: float, lowest: float, at: float) -> float:
+    """Largest force at another speed [N]."""
+    return highest + max(highest - lowest, LEAST_FORCE) * max(at / speed - 1.0, 0.0)
+
+
+@compiled
+def _allowed(speed: float, highest: float, lowest: float, allowed: float) -> float:
+    """Speed at which no more than what is allowed is felt [m/s]."""
+    spare = max(allowed - highest, 0.0) / max(highest - lowest, LEAST_FORCE)
+    return speed * min(1.0 + spare, GROWTH)
+
+
+@compiled
+def _crossed(way: Array, cell: float, speed: float, force: float) -> None:
+    """Take a crossing of a whole cell on the way in."""
+    at = int(cell) % CELLS
+    if way[NUMBERS + at] == cell:
+        known, highest = way[SPEEDS + at], way[HIGHEST + at]
+        most = CONTRADICTED * _predicted(known, highest, way[LOWEST + at], speed) + LEAST_FORCE
+        least = highest * min(speed / known, 1.0) / CONTRADICTED - LEAST_FORCE
+        if not least <= force <= most:
+            way[LOWEST + at] = 0.0
+        elif speed < known:
+            return
+    else:
+        way[NUMBERS + at], way[LOWEST + at] = cell, 0.0
+    way[SPEEDS + at], way[HIGHEST + at] = speed, force
+
+
+@compiled
+def _go_in(way: Array, before: float, place: float, period: float, largest: float) -> None:
+    """The mean position has grown: cells may have been crossed."""
+    edge, last = math.floor(before / CELL) + 1.0, math.floor(place / CELL)
+    while edge <= last:
+        time = way[TIME] + period * (edge * CELL - before) / (place - before)
+        if way[IN_EDGE] == edge - 1.0:
+            _crossed(way, edge - 1.0, CELL / (time - way[IN_TIME]), way[LARGEST])
+        way[IN_EDGE], way[IN_TIME], way[LARGEST] = edge, time, largest
+        way[OUT_EDGE] = math.nan
+        edge += 1.0
+
+
+@compiled
+def _go_out(way: Array, before: float, place: float, least: float) -> None:
+    """The mean position has shrunk: what a cell gives back bounds what is elastic in it."""
+    edge, last = math.ceil(before / CELL) - 1.0, math.ceil(place / CELL)
+    while edge >= last:
+        at = int(edge) % CELLS
+        if way[OUT_EDGE] == edge + 1.0 and way[NUMBERS + at] == edge:
+            way[LOWEST + at] = max(way[LEAST], 0.0)
+        way[OUT_EDGE], way[LEAST] = edge, least
+        if way[IN_EDGE] >= edge:
+            way[IN_EDGE] = math.nan
+        edge -= 1.0
+
+
+@compiled("void(f8[::1], f8, f8, f8)")
+def observe_way(way: Array, position: float, force: float, period: float) -> None:
+    """See `ProvenWay.observe`; the array is written."""
+    if not abs(position) < FARTHEST:
+        return
+    at = int(way[AT])
+    if way[SEEN] > 0.0 and abs(position - way[POSITIONS + (at + MEAN - 1) % MEAN]) > LARGEST_STEP:
+        _set_out(way)
+        at = 0
+    before = way[PLACE]
+    way[POSITIONS + at], way[FORCES + at] = position, force
+    way[AT] = float((at + 1) % MEAN)
+    way[SEEN] = min(way[SEEN] + 1.0, float(MEAN))
+    if way[SEEN] < MEAN:
+        return
+    place, largest, least = 0.0, way[FORCES], way[FORCES]
+    for index in range(MEAN):
+        place += way[POSITIONS + index] / MEAN
+        largest = max(largest, way[FORCES + index])
+        least = min(least, way[FORCES + index])
+    way[LARGEST], way[LEAST] = max(way[LARGEST], largest), min(way[LEAST], least)
+    if place > before:
+        _go_in(way, before, place, period, largest)
+    elif place < before:
+        _go_out(way, before, place, least)
+    way[PLACE] = place
+    way[TIME] += period
+
+
+@compiled("f8(f8[::1], f8, f8)")
+def proven_speed(way: Array, position: float, allowed: float) -> float:
+    """See `ProvenWay.speed`; 0 where nothing is proven."""
+    if not abs(position) < FARTHEST:
+        return 0.0
+    cell = math.floor(position / CELL)
+    at = int(cell) % CELLS
+    if way[NUMBERS + at] != cell:
+        return 0.0
+    return float(_allowed(way[SPEEDS + at], way[HIGHEST + at], way[LOWEST + at], allowed))
+
+
+@compiled("f8(f8[::1], f8)")
+def proven_force(way: Array, position: float) -> float:
+    """Largest force when the cell of a place was crossed [N]; 0 where nothing is proven."""
+    if not abs(position) < FARTHEST:
+        return 0.0
+    cell = math.floor(position / CELL)
+    at = int(cell) % CELLS
+    return float(way[HIGHEST + at]) if way[NUMBERS + at] == cell else 0.0

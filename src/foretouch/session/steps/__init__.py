@@ -1,0 +1,1 @@
+"""One tick of each side, without clock, thread or network."""

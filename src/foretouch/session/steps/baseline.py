@@ -1,0 +1,206 @@
+r"""The baselines' step: the one place where a delayed force is rendered, for comparison.
+
+Nothing imports it but a session that asks for a baseline (`foretouch.session.steps.sides`).
+
+- ``delayed``: the newest force that has arrived, times the force scale, and in contact a local damper,
+
+  .. math:: f = \max(0,\; s_f F_{delayed} + B v), \quad B = 5\ \mathrm{N\,s/m}
+
+  with v the velocity of the hand. Damping is what helped most at unchanged transparency: see `docs/baselines.md` for
+  all that was tried.
+- ``delayed-tdpa``: the same, and a time-domain passivity observer and controller at the leader's port
+  (`foretouch.rendering.passivity_control`). It observes one port. The two-port form for delayed channels (Ryu, Artigas
+  and Preusche 2010) sends the follower's observed energy along and keeps the channel passive by itself; the hand feels
+  this port alone, and a controller here acts only where this port gives more than it got, so it is the milder of the
+  two, and needs nothing of the other side.
+
+No model, no mediation, no index, and no ceiling: the limits of force, of how fast it rises, and of the device are as
+for models; where no controller takes the force away it falls no faster than it rises. The last force is held where none
+arrives.
+
+References:
+    Ryu, Kwon and Hannaford (2004), Stable teleoperation with time-domain passivity control, IEEE Transactions on
+    Robotics and Automation 20(2). Ryu, Artigas and Preusche (2010), A passive bilateral control scheme for a
+    teleoperator with time-varying communication delay, Mechatronics 20(7).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+from foretouch.devices import DeviceSpecification
+from foretouch.messages import VERSION, Command, LeaderState
+from foretouch.models import MotionFilter
+from foretouch.rendering import LARGEST_FORCE, EnergyAccount, ForceLimiter, Proxy
+from foretouch.rendering.passivity_control import PassivityController
+from foretouch.session.settings import NO_GRIP, SAMPLE_PERIOD, SessionSettings
+from foretouch.session.steps.heard import Heard
+from foretouch.session.steps.leader import Inputs, Outputs, meeting_place
+
+__all__ = ["LOCAL_DAMPING", "State", "start", "step"]
+
+LOCAL_DAMPING = 5.0
+"""Of the damper that is put beside a delayed force, at the hand [N s/m]."""
+
+
+@dataclass(slots=True)
+class State:
+    """What a baseline remembers from tick to tick; updated in place.
+
+    Attributes:
+        proxy: Couples hand and follower; it is never indexed.
+        limiter: The clamps, as for models.
+        account: Of the energy, to be recorded: it limits nothing.
+        controller: Of passivity, None where there is none.
+        settings: Of the session.
+        holder: Name of this leader.
+        epoch: Of this process.
+        heard: What the follower says.
+        start_ns: Clock at the first tick, None before it.
+        sequence: Of the newest command.
+        refused: 0: models are not looked at.
+        proxy_motion: Velocity of the proxy.
+        hand_motion: Velocity of the hand.
+    """
+
+    proxy: Proxy
+    limiter: ForceLimiter
+    account: EnergyAccount
+    controller: PassivityController | None
+    settings: SessionSettings
+    holder: str
+    epoch: int
+    heard: Heard
+    start_ns: int | None = None
+    sequence: int = 0
+    refused: int = 0
+    proxy_motion: MotionFilter = field(default_factory=MotionFilter)
+    hand_motion: MotionFilter = field(default_factory=MotionFilter)
+
+
+def start(
+    settings: SessionSettings, *, holder: str = "leader", epoch: int = 1, device: DeviceSpecification | None = None
+) -> State:
+    """State before the first tick: see `foretouch.session.steps.leader.start`; no baseline has a `device` of its own."""
+    device = settings.device
+    felt = settings.grip != NO_GRIP
+    return State(
+        Proxy(settings.position_scale),
+        ForceLimiter(min(LARGEST_FORCE, device.force_limit) if felt else LARGEST_FORCE),
+        EnergyAccount.of(device if felt else None, SAMPLE_PERIOD),
+        # Passive rendering of a damper from samples asks for b > |B|.
+        PassivityController(device.damping) if settings.baseline == "delayed-tdpa" else None,
+        settings,
+        holder,
+        epoch,
+        Heard(epoch),
+    )
+
+
+def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
+    """One tick of a leader that renders the delayed force.
+
+    Args:
+        state: Updated in place and returned.
+        inputs: Of this tick.
+        now_ns: This side's monotonic clock [ns].
+    """
+    if state.start_ns is None:
+        state.start_ns = now_ns
+    heard = state.heard
+    for telemetry in inputs.telemetry:
+        heard.take_telemetry(telemetry)
+    for model in inputs.models:
+        heard.is_for_us(model)  # counted, not used
+    proxy, account, time = state.proxy, state.account, (now_ns - state.start_ns) * 1e-9
+    account.observe(inputs.position, inputs.period_ns * 1e-9)
+    energy, energy_bound = account.energy, account.bound
+    _couple(state, inputs)
+    proxy.follow(inputs.position)
+    velocity = state.proxy_motion.update(time, proxy.position)
+    wanted = _render(state, inputs, state.hand_motion.update(time, inputs.position))
+    rendered = state.limiter.force
+    state.sequence += 1
+    settings = state.settings
+    command = Command(
+        VERSION,
+        state.sequence,
+        now_ns,
+        proxy.position,
+        0,
+        settings.guards(),
+        state.holder,
+        state.epoch,
+        telemetry_sequence=heard.telemetry.newest,
+        run=heard.run,
+    )
+    record = LeaderState(
+        VERSION,
+        state.sequence,
+        now_ns,
+        proxy.position,
+        velocity,
+        wanted / settings.force_scale,
+        rendered,
+        heard.force,
+        heard.telemetry.newest,
+        heard.models.newest,
+        0.0,
+        state.limiter.clipped,
+        inputs.period_ns,
+        inputs.compute_ns,
+        math.nan,
+        inputs.position,
+        inputs.exact_position,
+        inputs.intended_position,
+        wanted,
+        0.0,
+        energy,
+        energy_bound,
+        math.nan,
+        proxy.engaged,
+        state.epoch,
+        heard.run,
+        account.late_energy,
+    )
+    return state, Outputs(command, record)
+
+
+def _render(state: State, inputs: Inputs, velocity: float) -> float:
+    """Set the limiter's force, which the hand gets; return what was wanted before the limits [N]."""
+    heard = state.heard
+    # In free air the sensor shows noise, which nobody is to feel.
+    touching = heard.touching and heard.force > 0.0 and state.proxy.engaged
+    wanted = 0.0
+    if touching:
+        wanted = max(state.settings.force_scale * heard.force + LOCAL_DAMPING * velocity, 0.0)
+    ceiling = math.inf
+    if state.controller is not None:
+        state.controller.observe(inputs.position)
+        controlled = state.controller.control(wanted, velocity, SAMPLE_PERIOD)
+        if controlled < wanted:  # what passivity takes away goes at once, whatever the rate
+            ceiling = controlled
+        wanted = controlled
+    # A tick that came late is no reason for a larger step of force.
+    rendered = state.limiter.update(wanted, min(inputs.period_ns * 1e-9, SAMPLE_PERIOD), ceiling)
+    if state.controller is not None:
+        state.controller.hold(rendered, touching=touching)
+    if not touching and rendered == 0.0:
+        state.account.close()
+    state.account.hold(rendered)
+    return wanted
+
+
+def _couple(state: State, inputs: Inputs) -> None:
+    proxy, hand, heard = state.proxy, inputs.position, state.heard
+    if inputs.stopping or heard.stopped or not heard.in_control or heard.take_renewed():
+        proxy.leave()
+        return
+    if state.settings.grip == NO_GRIP:
+        if not proxy.engaged and math.isfinite(hand):
+            proxy.engage(hand)
+        return
+    place = meeting_place(proxy, hand, heard.position, clutched=inputs.clutched)
+    if math.isfinite(place):
+        proxy.engage(hand, place)

@@ -1,0 +1,94 @@
+"""What each side tells the report in its `Hello`: what it counted, and what it does to the messages that it takes.
+
+An operator's time: a hand that feels something begins once it is coupled.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from foretouch.devices import Device, SpatialDevice
+from foretouch.link import FaultStage, ZenohLink
+from foretouch.messages import COUNT_PREFIX, SINCE
+from foretouch.session.network.playout import Arrival
+from foretouch.session.steps import follower, leader
+
+
+def leader_counts(state: leader.State) -> dict[str, int]:
+    """Messages sent by the leader, and what it missed of the follower's."""
+    return {
+        "commands_sent": state.sequence,
+        "models_lost": state.heard.models.lost,
+        "models_late": state.heard.models.late,
+        "models_copies": state.heard.models.copies,
+        "models_refused": state.refused,
+        "telemetry_lost": state.heard.telemetry.lost,
+        "telemetry_late": state.heard.telemetry.late,
+        "telemetry_copies": state.heard.telemetry.copies,
+    }
+
+
+def follower_counts(state: follower.State) -> dict[str, int]:
+    """Messages sent by the follower, and what it missed of the leader's, or refused."""
+    fresh = state.freshness
+    return {
+        "models_sent": state.sender.sequence,
+        "telemetry_sent": state.tick,
+        "commands_lost": state.commands.lost,
+        "commands_late": state.commands.late,
+        "commands_copies": state.commands.copies,
+        "commands_stale": fresh.counts[Arrival.STALE],
+        "commands_overtaken": fresh.counts[Arrival.OVERTAKEN],
+        "commands_future": fresh.counts[Arrival.FUTURE],
+        "commands_of_others": state.lease.refused,
+        "commands_before_release": state.before_release,
+        "step_failures": state.failures.count,
+        "held_ticks": state.held_ticks,
+        "faulty_ticks": state.faulty_ticks,
+    }
+
+
+def link_counts(role: str, link: ZenohLink) -> dict[str, int]:
+    """Messages that a side's link could not take or send."""
+    return {f"{role}_undecodable": link.undecodable, f"{role}_unsent": link.unsent}
+
+
+def as_texts(counts: dict[str, int]) -> dict[str, str]:
+    """Counters as texts of a `Hello`; the recorder tells them from settings by the prefix."""
+    return {COUNT_PREFIX + name: str(value) for name, value in counts.items()}
+
+
+def fault_texts(stage: FaultStage[Any], delay: str, changed_ns: int, prefix: str = "") -> dict[str, str]:
+    """What a side does to the messages that it takes, as settings of its `Hello`: nobody else knows it.
+
+    Args:
+        stage: That the messages pass.
+        delay: Name of the setting that their delay is.
+        changed_ns: When it was changed last, by the side's own clock [ns]; 0 for never.
+        prefix: Of the names of the other faults: ``"return_"`` for those of models and telemetry.
+    """
+    faults = {f"{prefix}{name}": str(getattr(stage.faults, name)) for name in ("jitter", "loss", "outage")}
+    return {delay: str(stage.delay)} | faults | ({SINCE: str(changed_ns)} if changed_ns else {})
+
+
+class OperatorClock:
+    """The clock that an operator is read by.
+
+    A hand that holds a device waits where it is until it is known where the follower is; a person would. From then on
+    its time runs, from zero. For an operator that feels nothing it is the session's own clock.
+
+    Args:
+        operator: Whose time it is.
+    """
+
+    __slots__ = ("_begun_ns", "_waits")
+
+    def __init__(self, operator: Device | SpatialDevice) -> None:
+        self._waits = operator.closed_loop
+        self._begun_ns = 0
+
+    def read(self, now_ns: int, *, coupled: bool) -> int:
+        """The operator's time [ns] at the session's [ns]; `coupled` says whether hand and follower have met."""
+        if self._waits:
+            self._begun_ns, self._waits = now_ns, not coupled
+        return now_ns - self._begun_ns

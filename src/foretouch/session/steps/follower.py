@@ -1,0 +1,418 @@
+"""The follower's step: commands and sensors in; a robot position, telemetry and models out.
+
+The order is: who may command, which of the commands are fresh, what the sensors are worth, what is learnt, and at the
+end, whatever was said, what the robot may do (`foretouch.session.safety.safety`). An exception in what comes before that last
+stage is counted and told, and the last stage has its turn all the same.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+from foretouch.identification import ContactSample, Estimator, Learner, SensorState, SensorWatch
+from foretouch.identification.conditioning.kernel import CONTACT_FLOOR
+from foretouch.link import SequenceCounter
+from foretouch.messages import VERSION, Command, ModelUpdate, Status, Telemetry
+from foretouch.robot import RobotSample, RobotSpecification
+from foretouch.session.network.lease import ControlLease
+from foretouch.session.network.model_sender import ModelSender
+from foretouch.session.network.playout import Arrival, Freshness, Playout
+from foretouch.session.safety.force_guard import FirstTouch
+from foretouch.session.safety.safety import Safety, SafetyLimits
+from foretouch.session.settings import SAFETY_LIMITS, SAMPLE_PERIOD, SessionSettings
+from foretouch.session.steps.sensing import Failures, TickRate, calibrated
+
+__all__ = ["Inputs", "Outputs", "State", "feel_plainly", "sensor_force", "start", "step", "tip"]
+
+# What every tick asks for: a member of an enumeration costs more to look up than to compare.
+GOOD = SensorState.GOOD
+FRESH, FUTURE = Arrival.FRESH, Arrival.FUTURE
+EFFORT_FROM, EFFORT_DOUBT = 0.3, 0.5
+"""From this share of the force ceiling on, what the drive pushes with counts as felt, less so much [N]: friction of the
+drive is in it. A sensor that is dead from the start is pressed into bone with 16.2 N at a share of 0.5, 14.5 at 0.3 and
+14.4 at 0.2."""
+
+HOLDING, RETREATING = int(Status.HOLDING), int(Status.RETREATING)
+
+
+@dataclass(slots=True)
+class State:
+    """What the follower remembers from tick to tick; updated in place.
+
+    Attributes:
+        specification: Of the robot, as calibrated: its tool is weighed out of the force.
+        learner: Conditions and identifies.
+        run: Epoch of this process, at least 1.
+        sender: Sends models, and learns how late they are used.
+        watch: Says what the sensors are worth.
+        lease: Lets one leader command.
+        freshness: Judges its commands.
+        commands: Counts them.
+        playout: Makes an even stream of them.
+        tick: Number of the newest tick.
+        start_ns: Clock at the first tick that had a command, None before it.
+        first_touch: Guards the contact that the leader does not know of.
+        safety: Stands before the robot.
+        held_ticks: Ticks in which the robot was held for want of a fresh command, since there was the first.
+        faulty_ticks: Ticks whose sensors were not believed.
+        guards: Whether this side's settings guard first touches.
+        guarded: Whether they are: by these, or because a command of this leader asks for it.
+        free: Up to there nothing is in the way, though the robot has not gone there itself [m]: in space, before the
+            surface; on a line that is never known.
+        slid: By how much the probe has moved across the surface since the last tick [m]; on a line it does not.
+        failures: What raised, and whether learning goes on.
+        rate: Of the loop.
+        felt_commands: Applied in the newest ticks that were learnt from, as many as the sensor is late.
+        released_tick: Number of the first telemetry behind the newest release, 0 before the first release.
+        before_release: Commands refused because their leader did not know of it.
+        zero: What the sensor shows in free air beside its tool [N]; None where it is found.
+        compliance: Of arm, sensor and tip in series [m/N].
+        limits: Of `safety`.
+    """
+
+    specification: RobotSpecification
+    learner: Learner
+    run: int
+    sender: ModelSender
+    watch: SensorWatch = field(default_factory=SensorWatch)
+    lease: ControlLease = field(default_factory=ControlLease)
+    freshness: Freshness = field(default_factory=lambda: Freshness(0.5, SAMPLE_PERIOD))
+    commands: SequenceCounter = field(default_factory=SequenceCounter)
+    playout: Playout = field(default_factory=Playout)
+    tick: int = 0
+    start_ns: int | None = None
+    first_touch: FirstTouch = field(default_factory=lambda: FirstTouch(0.02, 2.0, SAMPLE_PERIOD))
+    safety: Safety = field(default_factory=lambda: Safety(SafetyLimits(), SAMPLE_PERIOD))
+    held_ticks: int = 0
+    faulty_ticks: int = 0
+    guards: bool = False
+    guarded: bool = False
+    free: float = -math.inf
+    slid: float = 0.0
+    failures: Failures = field(default_factory=Failures)
+    rate: TickRate = field(default_factory=TickRate)
+    felt_commands: deque[int] = field(default_factory=lambda: deque(maxlen=1))
+    released_tick: int = 0
+    before_release: int = 0
+    zero: float | None = None
+    compliance: float = 0.0
+    limits: SafetyLimits = field(default_factory=SafetyLimits)
+
+
+class Inputs(NamedTuple):
+    """What a tick is given.
+
+    Attributes:
+        commands: That have arrived since the last tick.
+        sample: What the robot's sensors show.
+        period_ns: Since the last tick began [ns].
+        compute_ns: That the last tick's computing took [ns].
+        stop: Why an emergency stop was asked for; empty while none was.
+        release: Whether somebody at the robot asks to end an emergency stop, or says that the sensors are mended.
+        ended: Whether the session is over: the robot is left as after a long silence.
+    """
+
+    commands: list[Command]
+    sample: RobotSample
+    period_ns: int
+    compute_ns: int
+    stop: str = ""
+    release: bool = False
+    ended: bool = False
+
+
+class Outputs(NamedTuple):
+    """What a tick gives.
+
+    Attributes:
+        desired_position: For the robot [m].
+        telemetry: For all that watch.
+        model: For the leader, when one is due.
+    """
+
+    desired_position: float
+    telemetry: Telemetry
+    model: ModelUpdate | None
+
+
+def start(
+    specification: RobotSpecification, settings: SessionSettings, estimator: Estimator | None = None, *, run: int = 1
+) -> State:
+    """State before the first tick.
+
+    Args:
+        specification: Of the robot.
+        settings: Of the session.
+        estimator: Fresh; None for the one that the settings name.
+        run: Epoch of this process (`foretouch.session.network.lease.own_epoch`).
+
+    Raises:
+        RecordingError: The settings' calibration cannot be read.
+        SettingError: It does not fit this robot.
+    """
+    known = calibrated(specification, settings)
+    specification, force = known.specification, specification.sensor_range
+    learner = Learner(
+        settings.make_estimator() if estimator is None else estimator,
+        force_offset=None if known.zero is None else 0.0,
+        contact_floor=known.contact_floor,
+        sensor_lag=known.sensor_lag,
+    )
+    limits = _limits(specification, settings)
+    return State(
+        specification,
+        learner,
+        run,
+        ModelSender(round(1e9 / settings.model_rate), run),
+        SensorWatch((-force, force), moving_mass=specification.moved_mass),
+        freshness=Freshness(settings.queueing_allowance, SAMPLE_PERIOD),
+        first_touch=FirstTouch(settings.approach_speed, settings.guarded_force, specification.sample_period),
+        safety=Safety(limits, specification.sample_period),
+        guards=settings.guards(simulated=specification.simulated),
+        felt_commands=deque(maxlen=1 + round(known.sensor_lag / SAMPLE_PERIOD)),
+        zero=known.zero,
+        compliance=known.compliance,
+        limits=limits,
+    )
+
+
+def _limits(specification: RobotSpecification, settings: SessionSettings) -> SafetyLimits:
+    """Of the session, for this robot."""
+    return SafetyLimits(
+        **{name: getattr(settings, setting) for name, setting in SAFETY_LIMITS.items()},
+        workspace=specification.workspace,
+        mass=specification.moved_mass,
+        retreats=settings.on_silence == "retreat",
+    )
+
+
+def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
+    """One tick of the follower.
+
+    Learning begins with the first command: nobody operates before, and who records a session from its first command
+    holds all that was learnt from.
+
+    Args:
+        state: Updated in place and returned.
+        inputs: Of this tick.
+        now_ns: This side's monotonic clock [ns].
+    """
+    sample = inputs.sample
+    desired_position = _commanded(state, inputs.commands, now_ns)
+    position, force, validity = _sensed(state, sample, now_ns)
+    model = _learn(state, position, force, validity, now_ns)
+    desired_position = _allowed(state, desired_position, inputs, force, now_ns, validity is not GOOD)
+    state.tick += 1
+    learnt_from = state.learner.sample
+    telemetry = Telemetry(
+        VERSION,
+        state.tick,
+        now_ns,
+        state.playout.applied,
+        desired_position,
+        position,
+        learnt_from.velocity,
+        force,
+        learnt_from.force,
+        sample.exact_force,
+        learnt_from.in_contact,
+        sample.clipped,
+        state.sender.sequence,
+        inputs.period_ns,
+        inputs.compute_ns,
+        state.first_touch.guarded,
+        state.safety.status,
+        validity,
+        state.lease.epoch,
+        state.run,
+    )
+    return state, Outputs(desired_position, telemetry, model)
+
+
+def tip(state: State, sample: RobotSample) -> float:
+    """Where the tip is [m]: p = x - F / k, with what the encoders show and the compliance 1 / k, if that is known."""
+    give = state.compliance * _less_offset(state, sensor_force(state, sample)) if state.compliance else 0.0
+    return sample.position - give if math.isfinite(give) else sample.position
+
+
+def sensor_force(state: State, sample: RobotSample) -> float:
+    """What the sensor shows less weight and inertia of the tool, which are no contact, and its calibrated zero [N]."""
+    return sample.sensor_force - state.specification.tool_force(sample.acceleration) - (state.zero or 0.0)
+
+
+def feel_plainly(state: State, force: float) -> None:
+    """Take a sensor force [N] for what is felt, less the offset as far as it is known: nothing conditions it."""
+    last, felt = state.learner.sample, _less_offset(state, force)
+    state.learner.sample = ContactSample(last.time, last.depth, 0.0, felt, felt > CONTACT_FLOOR)
+
+
+def _less_offset(state: State, force: float) -> float:
+    offset = state.learner.conditioner.force_offset
+    return force - offset if math.isfinite(offset) else force
+
+
+def _commanded(state: State, commands: list[Command], now_ns: int) -> float:
+    """Take the commands that have come; where they say that the robot is to be now [m], no number where they do not."""
+    try:
+        for command in commands:
+            _take(state, command, now_ns)
+        return state.playout.advance()  # no number while no leader has said one
+    except Exception as error:
+        state.failures.note("its commands", error)
+        return math.nan
+
+
+def _sensed(state: State, sample: RobotSample, now_ns: int) -> tuple[float, float, SensorState]:
+    """Position of the tip [m], force of the sensor [N], and what the sensors are worth."""
+    try:
+        force = sensor_force(state, sample)
+        tool_force = state.specification.tool_force(sample.acceleration)
+        found = min(state.learner.conditioner.force_offset, state.specification.largest_offset)
+        validity = state.watch.update(
+            now_ns * 1e-9,
+            sample.position,
+            sample.sensor_force,
+            tool_force,
+            zero=found + (state.zero or 0.0),
+            effort=sample.effort - state.specification.moved_mass * sample.acceleration,
+            slid=state.slid,
+        )
+        return tip(state, sample), force, validity
+    except Exception as error:
+        state.failures.note("its sensors", error)
+        return sample.position, math.nan, SensorState.NOT_FINITE
+
+
+def _learn(state: State, position: float, force: float, validity: SensorState, now_ns: int) -> ModelUpdate | None:
+    """Learn from this sample, where it is worth anything; the model that is due."""
+    playout, learner = state.playout, state.learner
+    if state.start_ns is None:
+        if not playout.applied:
+            return None
+        state.start_ns = now_ns
+    time = (now_ns - state.start_ns) * 1e-9
+    if state.failures.learns:
+        try:
+            delay = state.sender.round_trip.applied(playout.applied, now_ns)
+            if delay is not None:
+                learner.estimator.expect_delay(delay)
+            if validity is GOOD:
+                learner.update(time, position, force)
+                state.felt_commands.append(playout.applied)
+            # The state of the material is that of the newest sample that was learnt from, whatever is commanded since.
+            felt = state.felt_commands[0] if state.felt_commands else 0
+            state.sender.remembers = state.guarded
+            return state.sender.due(learner, validity, felt, state.lease.epoch, now_ns)
+        except Exception as error:
+            state.failures.stop_learning("its learning", error)
+    if validity is GOOD and learner.sample.time != time:
+        _feel(state, time, position, force)
+    return None
+
+
+def _feel(state: State, time: float, position: float, force: float) -> None:
+    """Learn nothing: safety needs to know what is felt all the same."""
+    try:
+        state.learner.feel(time, position, force)
+    except Exception as error:
+        state.failures.note("its conditioning", error)
+        feel_plainly(state, force)
+
+
+def _take(state: State, command: Command, now_ns: int) -> None:
+    """Obey a command if its leader has control and it is fresh."""
+    lease = state.lease
+    holder, epoch = lease.holder, lease.epoch
+    if not lease.admit(command.holder, command.epoch, now_ns):
+        return
+    if lease.epoch != epoch or lease.holder != holder:  # another leader: nothing of the one before is valid any more
+        state.freshness.begin()
+        state.commands.restart()
+        state.playout.restart()
+        state.sender.round_trip.restart()
+        state.felt_commands.clear()
+        state.guarded = state.guards
+    sequence, position = command.sequence, command.position
+    if state.released_tick and (command.run != state.run or command.telemetry_sequence < state.released_tick):
+        state.before_release += 1  # its leader did not know yet that the robot was let go on
+        state.commands.is_newest(sequence)
+        return
+    arrival = state.freshness.judge(sequence, command.time_ns, now_ns)
+    if arrival is not FUTURE:
+        state.commands.is_newest(sequence)
+    if arrival is not FRESH:
+        return
+    if math.isfinite(position):  # what has no position is never played
+        state.playout.push(sequence, position, command.place)
+        state.sender.round_trip.commanded(sequence, command.acknowledged_model)
+    if command.guarded:
+        state.guarded = True
+
+
+def _stop_or_release(state: State, inputs: Inputs, felt: float, faulty: bool) -> bool:
+    """Do what is asked for at the robot; whether what the commands say holds."""
+    safety, released = state.safety, False
+    if inputs.stop:
+        safety.stop(inputs.stop)
+    elif inputs.release and faulty:
+        state.watch.reset()  # a stop stays: what the robot feels is known from the next samples on
+        released = True
+    elif inputs.release and safety.stop_reason:
+        released = safety.release(state.learner.sample.velocity, felt)
+    if released:
+        state.released_tick = state.tick + 1  # the number of this tick's telemetry, which is the first to say so
+    if released or safety.stop_reason:
+        state.playout.forget()
+        return False
+    return True
+
+
+def _allowed(state: State, desired_position: float, inputs: Inputs, force: float, now_ns: int, faulty: bool) -> float:
+    """What the robot may do of what it is told to: the first touch, then safety [m]."""
+    sample, learnt_from, safety, first_touch = inputs.sample, state.learner.sample, state.safety, state.first_touch
+    # Who begins in contact learns that force as the sensor's offset: what no offset explains is felt.
+    unexplained = force - state.specification.largest_offset
+    felt = max(learnt_from.force, unexplained)
+    witnessed = state.watch.effort > EFFORT_FROM * state.limits.force  # where a wrong sensor would do harm
+    if witnessed:
+        felt = max(felt, state.watch.effort - EFFORT_DOUBT)
+    touches = learnt_from.in_contact or unexplained > CONTACT_FLOOR or witnessed
+    if not _stop_or_release(state, inputs, felt, faulty):
+        desired_position = math.nan
+    if state.compliance and not faulty and touches:  # commands say where the tip is to be
+        desired_position += state.compliance * min(max(felt, 0.0), state.limits.force)
+    try:
+        if not state.guarded or math.isnan(desired_position):
+            first_touch.restart()
+        else:
+            desired_position = first_touch.update(
+                desired_position, sample.position, math.nan if faulty else felt, touches, state.sender.known_surface()
+            )
+    except Exception as error:
+        state.failures.note("its guard of the first touch", error)
+        desired_position = math.nan
+    heard_ns = state.freshness.newest_ns
+    silence = math.inf if heard_ns is None or inputs.ended else (now_ns - heard_ns) * 1e-9
+    too_slow = state.rate.update(inputs.period_ns)
+    desired_position = safety.update(
+        desired_position,
+        sample.position,
+        felt,
+        touches,
+        surface=state.learner.conditioner.surface,
+        silence=max(silence, state.limits.hold_after) if too_slow else silence,
+        faulty=faulty,
+        guarded=first_touch.guarded,
+        free=state.free,
+        doubtful=state.watch.doubtful,
+    )
+    if faulty:
+        state.faulty_ticks += 1
+    if heard_ns is not None and HOLDING <= safety.status <= RETREATING:
+        state.held_ticks += 1
+    if too_slow and safety.status is Status.HOLDING:
+        safety.status = Status.TOO_SLOW
+    return desired_position

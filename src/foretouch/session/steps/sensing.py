@@ -1,0 +1,227 @@
+"""What a sensor's calibration changes for a follower, and whether it fits the robot that it is given for.
+
+What raised in the stages of a step: counted, kept in one sentence, and no reason for a robot to be left alone.
+
+How often a loop ticks, and whether that is enough to be safe.
+"""
+
+from __future__ import annotations
+
+import math
+from array import array
+from dataclasses import replace
+from typing import NamedTuple
+
+from foretouch.errors import SettingError, one_line
+from foretouch.identification.conditioning.conditioner import LONGEST_LAG
+from foretouch.identification.conditioning.kernel import CONTACT_FLOOR
+from foretouch.quantities import SensorCalibration
+from foretouch.recordings import read_calibration
+from foretouch.robot import RobotSpecification
+from foretouch.session.settings import SessionSettings
+
+LARGEST_GIVE = 5e-3
+"""What gives way further than this [m] under the force ceiling is no arm: a stiffness that was found on something soft
+would be taken off every material."""
+
+SAME_GRAVITY = 1.0
+"""Gravity along the approach differs by more than this [m/s^2] for a robot that approaches in another direction, by 6
+degrees where it is level."""
+
+SURE = 3.0
+"""Standard errors within which a bias surely is."""
+
+NOISE_FACTOR = 6.0
+"""Contact is more than so many standard deviations of the sensor's noise, as conditioning has it."""
+
+
+class Calibrated(NamedTuple):
+    """What a follower uses of a calibration; what was not calibrated is as it would be without.
+
+    Attributes:
+        specification: Of the robot, with what is known of its tool and of its sensor's offset.
+        zero: Along a line, what the sensor shows in free air beside its tool [N]; None where it is found.
+        compliance: Of arm, sensor and tip in series [m/N].
+        sensor_lag: How late forces are against positions [s].
+        contact_floor: Least force that counts as contact [N].
+    """
+
+    specification: RobotSpecification
+    zero: float | None = None
+    compliance: float = 0.0
+    sensor_lag: float = 0.0
+    contact_floor: float = CONTACT_FLOOR
+
+
+def session_calibration(settings: SessionSettings) -> SensorCalibration | None:
+    """The calibration that the settings name, None where they name none.
+
+    Raises:
+        RecordingError: The file cannot be read, or is no calibration.
+        SettingError: There is nothing in it that a session uses.
+    """
+    if not settings.calibration:
+        return None
+    found = read_calibration(settings.calibration)
+    if all(value is None for value in (found.force_bias, found.tool_mass, found.sensor_lag, found.series_stiffness)):
+        _refuse(settings, "holds neither bias, tool, lag nor series stiffness: there is nothing to correct")
+    return found
+
+
+def calibrated(specification: RobotSpecification, settings: SessionSettings) -> Calibrated:
+    r"""What a follower of this robot uses of the settings' calibration.
+
+    Along a line the sensor shows :math:`F_0 - m (\ddot p - g)` less in contact, :math:`F_0 = -a \cdot b` being its bias
+    along the approach. In space the sensor may turn, and the tool is weighed out by the robot: of the bias only its
+    size is used, as the largest offset that the sensor can have.
+
+    Args:
+        specification: Of the robot, as it says itself.
+        settings: Of the session.
+
+    Raises:
+        RecordingError: The file cannot be read, or is no calibration.
+        SettingError: It does not fit this robot.
+    """
+    found = session_calibration(settings)
+    if found is None:
+        return Calibrated(specification)
+    lag, stiffness = found.sensor_lag or 0.0, found.series_stiffness
+    if lag > LONGEST_LAG:
+        _refuse(settings, f"has a sensor lag of {lag:g} s: a session mends at most {LONGEST_LAG:g} s")
+    give = 0.0 if stiffness is None else settings.force_ceiling / stiffness
+    if give > LARGEST_GIVE:
+        what = f"gives way by {1e3 * give:.3g} mm under {settings.force_ceiling:g} N"
+        _refuse(settings, f"{what}: at most {1e3 * LARGEST_GIVE:g} mm are an arm's; calibrate it on a rigid block")
+    own = _of_scene(specification, found) if settings.scene else _of_line(specification, found, settings)
+    if found.force_bias is not None and math.hypot(*found.force_bias) >= specification.sensor_range:
+        shown = f"{math.hypot(*found.force_bias):.4g} N, and the robot's sensor shows at most"
+        _refuse(settings, f"has a force bias of {shown} {specification.sensor_range:g} N: it is another sensor's")
+    zero = None
+    if found.force_offset is not None and found.tool_mass is not None and not settings.scene:
+        zero = found.force_offset + found.tool_mass * found.approach_gravity
+    floor = max(CONTACT_FLOOR, NOISE_FACTOR * (found.force_noise or 0.0))
+    return Calibrated(own, zero, 0.0 if stiffness is None else 1.0 / stiffness, lag, floor)
+
+
+def _of_line(
+    specification: RobotSpecification, found: SensorCalibration, settings: SessionSettings
+) -> RobotSpecification:
+    """The specification with the tool that was weighed."""
+    if found.tool_mass is None:
+        return specification
+    if specification.tool_mass > 0.0 and abs(found.approach_gravity - specification.gravity) > SAME_GRAVITY:
+        what = f"has {found.approach_gravity:.4g} m/s^2 of gravity along the approach"
+        _refuse(settings, f"{what}, and the robot {specification.gravity:.4g}: give --approach-gravity to calibrate")
+    return replace(specification, tool_mass=found.tool_mass, gravity=found.approach_gravity)
+
+
+def _of_scene(specification: RobotSpecification, found: SensorCalibration) -> RobotSpecification:
+    """The specification with the largest offset that the sensor can have, whichever way it turns."""
+    if found.force_bias is None:
+        return specification
+    largest = math.hypot(*found.force_bias) + SURE * math.hypot(*(found.force_bias_error or ()))
+    return replace(specification, largest_offset=max(largest, specification.largest_offset))
+
+
+def _refuse(settings: SessionSettings, rule: str) -> None:
+    raise SettingError("calibration", settings.calibration, rule)
+
+
+LONGEST_TEXT = 200
+"""Characters of an exception's own text that are kept."""
+
+
+class Failures:
+    """Exceptions in the stages of a follower's step.
+
+    A stage that learns ends with its first exception: what it holds then is worth nothing. Other stages are tried
+    again in the next tick. Safety comes after all of them and needs none.
+
+    Attributes:
+        count: Of exceptions so far.
+        sentence: What raised first, where and why, on one line; "" while nothing has.
+        learns: Whether learning goes on.
+    """
+
+    __slots__ = ("count", "learns", "sentence")
+
+    def __init__(self) -> None:
+        self.count = 0
+        self.sentence = ""
+        self.learns = True
+
+    def note(self, stage: str, error: Exception) -> None:
+        """Take one exception.
+
+        Args:
+            stage: Where, as the end of "raised in".
+            error: What was raised; neither it nor its frames are kept.
+        """
+        self.count += 1
+        if not self.sentence:
+            said = one_line(error, LONGEST_TEXT)
+            self.sentence = f"{type(error).__name__} raised in {stage}{f' ({said})' if said else ''}"
+
+    def stop_learning(self, stage: str, error: Exception) -> None:
+        """Take one exception of what learns: it learns no more.
+
+        Args:
+            stage: As for `note`.
+            error: As for `note`.
+        """
+        if self.learns:
+            self.sentence = ""  # that learning has ended is what people have to know
+        self.learns = False
+        self.note(stage, error)
+
+
+LEAST_RATE = 500
+"""A loop that makes fewer ticks a second than this is too slow: half of what limits and filters are made for."""
+
+AGAIN_FROM = 600
+"""A loop that was too slow is fast enough again from so many ticks a second on: one that stays about the limit does not
+come and go."""
+
+WINDOW = 500
+"""The rate is that of so many ticks: a second at the least rate, half a second at the usual one."""
+
+LONGEST_NS = 250_000_000
+"""A tick counts for at most so long [ns]: a process that stood still once is not slow."""
+
+_USUAL_NS = 1_000_000
+"""Before there was a tick the loop counts as in time [ns]."""
+
+
+class TickRate:
+    """Whether a loop is too slow, by the time that its last 500 ticks took: constant time and memory a tick.
+
+    It is too slow where they took longer than 1 s, that is below 500 a second, and until they have taken less than
+    0.83 s, 600 a second.
+
+    Attributes:
+        too_slow: The newest judgement.
+    """
+
+    __slots__ = ("_next", "_periods", "_total", "too_slow")
+
+    def __init__(self) -> None:
+        self._periods = array("q", [_USUAL_NS]) * WINDOW
+        self._total = WINDOW * _USUAL_NS
+        self._next = 0
+        self.too_slow = False
+
+    def update(self, period_ns: int) -> bool:
+        """Take one tick; whether the loop is too slow.
+
+        Args:
+            period_ns: Since the tick before began [ns]; 0 in the first.
+        """
+        period_ns = min(max(period_ns, 0), LONGEST_NS)
+        at = self._next
+        self._total += period_ns - self._periods[at]
+        self._periods[at] = period_ns
+        self._next = at + 1 if at + 1 < WINDOW else 0
+        rate = AGAIN_FROM if self.too_slow else LEAST_RATE
+        self.too_slow = self._total * rate > WINDOW * 1_000_000_000
+        return self.too_slow
