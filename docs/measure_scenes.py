@@ -20,13 +20,8 @@ from measured_blocks import chosen, fill
 from foretouch.messages import SessionLog
 from foretouch.report import look_at_scene, map_figure, pair, pose_figure, session_report
 from foretouch.session import SessionSettings
-from foretouch.session.spatial import (
-    make_camera,
-    make_scene,
-    make_spatial_operator,
-    make_spatial_robot,
-    simulate_scene,
-)
+from foretouch.session.runners.simulated_scene import simulate_scene
+from foretouch.session.spatial import make_camera, make_scene, make_spatial_operator, make_spatial_robot
 
 mpl.use("Agg")
 

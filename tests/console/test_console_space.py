@@ -42,13 +42,8 @@ from foretouch.messages import (
 from foretouch.models import MaterialField
 from foretouch.recordings import SessionWriter, read_session
 from foretouch.session import SessionSettings
-from foretouch.session.spatial import (
-    make_camera,
-    make_scene,
-    make_spatial_operator,
-    make_spatial_robot,
-    simulate_scene,
-)
+from foretouch.session.runners.simulated_scene import simulate_scene
+from foretouch.session.spatial import make_camera, make_scene, make_spatial_operator, make_spatial_robot
 
 pytest.importorskip("mujoco")
 FORCE_DELAY, CAMERA_DELAY = 0.2, 0.05

@@ -23,7 +23,8 @@ from foretouch.rendering import SpatialEnergyAccount
 from foretouch.report import pair, render_text, session_report, write_page
 from foretouch.report.scene.scene import look_at_scene
 from foretouch.session import SessionSettings
-from foretouch.session.spatial import make_scene, make_spatial_operator, make_spatial_robot, simulate_scene
+from foretouch.session.runners.simulated_scene import simulate_scene
+from foretouch.session.spatial import make_scene, make_spatial_operator, make_spatial_robot
 
 SHIFT = Pose.from_rotation_vector((0.01, -0.02, 0.015), (0.001, 0.002, -0.0005))
 """By which the rendered fixture is wrong at first."""

@@ -30,6 +30,7 @@ from foretouch.rendering.surfaces import Plane
 from foretouch.robot import MATERIALS, GantryArm, MissingGraphicsError, graphics_library, make_material
 from foretouch.session import SessionSettings
 from foretouch.session.runners.driven import drive_leader
+from foretouch.session.runners.simulated_scene import simulate_scene
 from foretouch.session.spatial import (
     follower,
     leader,
@@ -37,7 +38,6 @@ from foretouch.session.spatial import (
     make_scene,
     make_spatial_operator,
     make_spatial_robot,
-    simulate_scene,
     tracker,
 )
 from foretouch.session.spatial.course import SurfaceLine

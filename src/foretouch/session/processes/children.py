@@ -176,7 +176,7 @@ class Child:
     listened: float = field(default_factory=time.monotonic)
 
     def listen(self) -> None:
-        """Hear the beats of its loop (`foretouch.session.processes.housekeeping.BEAT`); what else it prints is dropped."""
+        """Hear its loop's beats (`foretouch.session.processes.housekeeping.BEAT`); what else it prints is dropped."""
         pipe, now = self.process.stdout, time.monotonic()
         if pipe is None or pipe.closed:
             return

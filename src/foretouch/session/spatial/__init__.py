@@ -1,6 +1,5 @@
 """Sessions in three dimensions: the steps along a line, with geometry about them, a tracker and a camera."""
 
-from foretouch.session.runners.simulated_scene import simulate_scene
 from foretouch.session.spatial.camera import CAMERA_CHANNELS, SimulatedCamera, run_camera
 from foretouch.session.spatial.making import make_camera, make_spatial_operator, make_spatial_robot
 from foretouch.session.spatial.scenes import SCENES, Inclusion, Scene, make_scene
@@ -16,5 +15,4 @@ __all__ = [
     "make_spatial_operator",
     "make_spatial_robot",
     "run_camera",
-    "simulate_scene",
 ]

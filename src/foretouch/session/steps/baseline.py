@@ -82,7 +82,7 @@ class State:
 def start(
     settings: SessionSettings, *, holder: str = "leader", epoch: int = 1, device: DeviceSpecification | None = None
 ) -> State:
-    """State before the first tick: see `foretouch.session.steps.leader.start`; no baseline has a `device` of its own."""
+    """State before the first tick, as `foretouch.session.steps.leader.start`; no baseline has a `device` of its own."""
     device = settings.device
     felt = settings.grip != NO_GRIP
     return State(

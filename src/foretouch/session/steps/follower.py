@@ -1,8 +1,8 @@
 """The follower's step: commands and sensors in; a robot position, telemetry and models out.
 
 The order is: who may command, which of the commands are fresh, what the sensors are worth, what is learnt, and at the
-end, whatever was said, what the robot may do (`foretouch.session.safety.safety`). An exception in what comes before that last
-stage is counted and told, and the last stage has its turn all the same.
+end, whatever was said, what the robot may do (`foretouch.session.safety.safety`). An exception in what comes before
+that last stage is counted and told, and the last stage has its turn all the same.
 """
 
 from __future__ import annotations
