@@ -1,6 +1,4 @@
-"""What a surface is: a place in, the proxy on the surface out.
-A plane, in closed form.
-"""
+"""What a surface is: a place in, the proxy on the surface out; and a plane, in closed form."""
 
 from __future__ import annotations
 
