@@ -11,8 +11,6 @@ from foretouch.bench.children import interruptible
 from foretouch.bench.rows import Row, Scope
 from foretouch.errors import MissingExtraError
 
-__all__ = ["main"]
-
 
 def main(name: str, *options: str) -> None:
     """Measure, print, and say what is left out on the error stream.

@@ -24,19 +24,6 @@ from foretouch.bench.press import Problem, press, rank_one_updates, recursion_ov
 from foretouch.bench.timing import Contestant, once
 from foretouch.errors import RecordingError
 
-__all__ = [
-    "BAND",
-    "SHORT_BAND",
-    "STALE",
-    "Checked",
-    "check",
-    "compare",
-    "measure_ratios",
-    "read_baseline",
-    "try_to_write",
-    "write_baseline",
-]
-
 BAND, SHORT_BAND = 1.6, 2.5
 """A ratio may be so many times its baseline; the short form has few rounds."""
 

@@ -18,18 +18,6 @@ from typing import Any, NamedTuple
 from foretouch.bench import launcher
 from foretouch.errors import ForetouchError
 
-__all__ = [
-    "GRACE",
-    "ONE_THREAD",
-    "Children",
-    "Ended",
-    "children",
-    "environment",
-    "interruptible",
-    "last_line",
-    "measure_process",
-]
-
 ONE_THREAD = dict.fromkeys(
     ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS", "VECLIB_MAXIMUM_THREADS"), "1"
 )

@@ -18,8 +18,6 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-__all__ = ["Clocks", "Cost", "Target", "replaced", "without_cost"]
-
 Target = tuple[Any, str]
 """A class or a module, and the name under which it keeps a function."""
 

@@ -12,8 +12,6 @@ import subprocess
 import sys
 import time
 
-__all__ = ["main"]
-
 
 def main(result: str, *command: str) -> None:
     """Run a command and write seconds, most memory (as the system counts it) and exit code into a file.

@@ -11,8 +11,6 @@ from numpy.typing import NDArray
 from foretouch.messages import VERSION, Hello, Telemetry
 from foretouch.recordings import SessionWriter, write_columns
 
-__all__ = ["COLUMNS", "recorded_press", "write_recording"]
-
 Array = NDArray[np.float64]
 
 RATE = 1000.0

@@ -13,8 +13,6 @@ from foretouch.bench.children import GRACE, children
 from foretouch.bench.rows import Row
 from foretouch.errors import UnknownNameError
 
-__all__ = ["run_benchmarks"]
-
 
 def run_benchmarks(
     names: Sequence[str] = (),

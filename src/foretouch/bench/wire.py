@@ -18,8 +18,6 @@ from foretouch.link import ZenohLink, load_credentials
 from foretouch.messages import VERSION, Command, encode
 from foretouch.session.runners.loop_timer import LoopTimer, steady
 
-__all__ = ["DELAYED", "KEY", "KINDS", "PERIOD", "STRETCH", "main", "open_wire"]
-
 KINDS = ("tcp", "tls", "quic")
 """Of bare wires."""
 

@@ -15,9 +15,6 @@ if TYPE_CHECKING:
     from foretouch.link import ZenohLink
     from foretouch.messages import Message
 
-__all__ = ["ENDED", "Endpoints", "insecurity", "open_link", "unchecked", "with_endpoints"]
-
-
 ENDED = "the session was ended"
 """Why a process that only listens has ended, where nobody told it to."""
 

@@ -11,8 +11,6 @@ from typing import Any, ParamSpec, TypeVar
 
 from foretouch.cli.options import say
 
-__all__ = ["SHOWN_AFTER", "Bar", "compile_first", "progress_bar", "pulsing"]
-
 Given = ParamSpec("Given")
 Made = TypeVar("Made")
 

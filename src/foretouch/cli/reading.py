@@ -13,8 +13,6 @@ from foretouch.cli.progress import pulsing
 if TYPE_CHECKING:
     from foretouch.quantities import Recording
 
-__all__ = ["RECORDING_HELP", "DatasetName", "MapFile", "chosen_recording", "read_and_say", "say_how_it_is_read"]
-
 RECORDING_HELP = "CSV, Parquet, HDF5, MAT, MCAP, a rosbag2 folder, TU/e .mat or Aurora .ddf."
 
 MapFile = Annotated[

@@ -12,8 +12,6 @@ from foretouch.errors import InputError, UnknownNameError
 from foretouch.errors.checks import require, require_type
 from foretouch.identification import all_estimators, load_estimator
 
-__all__ = ["combinations", "compare"]
-
 Progress = Callable[[int, int, Result], None]
 
 

@@ -16,8 +16,6 @@ from foretouch.identification import DEFAULT_ESTIMATORS
 from foretouch.report import finished, new_figure
 from foretouch.report.writing.drawing import COLOURS, PREDICTED, RENDERED, TRUE
 
-__all__ = ["JND", "Curve", "delay_curves", "delay_figure", "delayed_force_curve", "floors"]
-
 Array = NDArray[np.float64]
 Pair = tuple[str, str]
 Key = TypeVar("Key")

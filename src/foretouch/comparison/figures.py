@@ -12,8 +12,6 @@ from numpy.typing import NDArray
 from foretouch.comparison.result import NEVER, Result, middle
 from foretouch.report import finished, new_figure
 
-__all__ = ["matrix_figure", "short_names"]
-
 Array = NDArray[np.float64]
 
 

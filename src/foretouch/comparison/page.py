@@ -16,8 +16,6 @@ from foretouch.comparison.result import Prediction, Result, convergence_text, no
 from foretouch.errors import plural
 from foretouch.report import embedded, table, write_html
 
-__all__ = ["write_comparison_page"]
-
 MOST_MATRICES = 3
 """With more delays than this, only the one that is the nearest to 0.3 s has matrices of its own."""
 

@@ -15,19 +15,6 @@ from foretouch.models import ContactModel, HuntCrossley, KelvinVoigt, Memoryless
 from foretouch.quantities import ByValue, Recording
 from foretouch.report import delayed
 
-__all__ = [
-    "CONVERGED_ERROR",
-    "CONVERGED_SPAN",
-    "LEARNING_TIME",
-    "Convergence",
-    "ParameterError",
-    "Truth",
-    "convergence",
-    "local_stiffness",
-    "parameter_errors",
-    "unforeseeable",
-]
-
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 

@@ -27,8 +27,6 @@ from foretouch.errors import MissingExtraError, one_line
 from foretouch.link import new_press
 from foretouch.messages import Message, Status, Telemetry
 
-__all__ = ["Console"]
-
 ROUND_PERIOD, PLOT_PERIOD, TEXT_PERIOD, LIST_PERIOD = 1 / 30, 1 / 12, 1 / 6, 2.0
 """How often it is looked whether a picture is due, and forces, numbers with the other plots, and the list of recordings
 are sent to the browser at most [s]."""

@@ -14,8 +14,6 @@ from foretouch.console.playback import Playback
 from foretouch.errors import ForetouchError, RecordingError, one_line
 from foretouch.messages import SessionLog
 
-__all__ = ["Library"]
-
 PATTERN = "*.mcap"
 MOST = 50
 """So many of the newest are listed."""

@@ -13,8 +13,6 @@ from foretouch.errors import InputError
 from foretouch.messages import ModelUpdate
 from foretouch.models import ContactModel, advance, make_model
 
-__all__ = ["ModelFigures", "ModelTrace", "ModelsSeen", "figures_of", "trace_of"]
-
 STEP = 0.1
 """Half the distance over which a local stiffness is taken, as a share of the depth."""
 PERIOD = 1e-3

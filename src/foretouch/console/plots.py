@@ -12,8 +12,6 @@ import numpy as np
 from foretouch.console.window import NAN, Array
 from foretouch.quantities.colours import Colour, css, faint
 
-__all__ = ["SECONDS", "Curve", "Row", "TimePlot", "number", "style", "table"]
-
 SECONDS = 6.0
 """Length of all plots [s]."""
 

@@ -9,8 +9,6 @@ from foretouch.console.watched import GONE, SILENT, SUPERVISOR, Watched
 from foretouch.identification import SENSOR_SENTENCES, SensorState
 from foretouch.messages import STATUS_SENTENCES, Status, Telemetry
 
-__all__ = ["HAS_ENDED", "SILENT_INSTRUCTION", "doing", "robot_alerts", "session_status", "warnings"]
-
 INSECURE = "INSECURE: nothing is encrypted and nobody is checked; anybody on this network may command."
 """What stands above the numbers where one of the sides says so."""
 

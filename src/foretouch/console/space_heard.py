@@ -12,8 +12,6 @@ import numpy as np
 from foretouch.console.window import Array
 from foretouch.messages import CameraImage, FieldUpdate, FixtureBelief, FollowerSpace, LeaderSpace, Message
 
-__all__ = ["PoseTrace", "SpaceHeard", "fixture_of", "newest_field", "newest_image"]
-
 TICKS_PER_SECOND = 1000
 LENGTH = 16_384
 """Ticks of the follower that are kept: as long as a delay may be."""

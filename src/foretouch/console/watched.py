@@ -14,8 +14,6 @@ from foretouch.console.window import Window
 from foretouch.devices import GRIPS, INTENDED_FORCE
 from foretouch.messages import Hello, LeaderState, Message, ModelUpdate, Status, Telemetry
 
-__all__ = ["GONE", "SILENT", "SUPERVISOR", "Watched"]
-
 SILENT = 0.3
 """A side that sends every millisecond is silent when nothing has come for so long [s]."""
 GONE = 1.0

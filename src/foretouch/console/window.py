@@ -8,8 +8,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["CONTACT_FLOOR", "Array", "Window", "empty_window", "window_of"]
-
 Array = NDArray[np.float64]
 NAN = math.nan
 CONTACT_FLOOR = 0.05

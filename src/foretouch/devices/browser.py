@@ -8,8 +8,6 @@ from typing import ClassVar, Literal
 from foretouch.devices.device import PEAK_SPEED_RATIO, Device, limit_force, minimum_jerk
 from foretouch.errors.checks import require
 
-__all__ = ["BrowserOperator"]
-
 TRACKING_RATE = 100.0
 """Rate [1/s] of the critically damped tracker: it lags by 2 / rate = 20 ms."""
 RAMP_SHARE, LONGEST_RAMP = 0.8, 0.05

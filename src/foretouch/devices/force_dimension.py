@@ -19,8 +19,6 @@ from foretouch.devices.device import LEAST_DAMPING, Device, DeviceSpecification,
 from foretouch.errors import MissingExtraError, SettingError
 from foretouch.errors.checks import require
 
-__all__ = ["ForceDimension", "ForceDimensionBinding", "open_force_dimension"]
-
 SUCCESS = (0, 1, 2)
 """What the SDK's functions return where they did it: 0; 1, asked again too soon (DHD_TIMEGUARD); 2, a motor at its end
 (DHD_MOTOR_SATURATED)."""

@@ -15,8 +15,6 @@ from numpy.typing import NDArray
 
 from foretouch.core.compiling import compiled
 
-__all__ = ["BOTH", "DAMPING", "FRICTION", "MASS", "POSITION", "STIFFNESS", "VELOCITY", "move"]
-
 Array = NDArray[np.float64]
 
 POSITION, VELOCITY = 0, 1

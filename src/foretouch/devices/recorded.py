@@ -14,8 +14,6 @@ from foretouch.errors.checks import require
 if TYPE_CHECKING:
     from scipy.interpolate import CubicSpline
 
-__all__ = ["RecordedOperator"]
-
 KNOT_PERIOD = 0.01
 """Spacing of the interpolated points [s]."""
 SMOOTHING = 0.008

@@ -16,8 +16,6 @@ from foretouch.devices.hand import LONGEST_GAP, Grip, HeldForce
 from foretouch.errors import SettingError
 from foretouch.quantities.pose import RigidMotion, Vector
 
-__all__ = ["Keyframe", "PalpatingOperator", "SpatialBrowserOperator", "SpatialDevice", "SpatialHand"]
-
 Keyframe = tuple[float, Vector]
 """A time [s] and a place in the fixture's frame [m]."""
 

@@ -27,8 +27,6 @@ if TYPE_CHECKING:
     from foretouch.link import ZenohLink
     from foretouch.messages import Message
 
-__all__ = ["Way", "examine"]
-
 Way = tuple[str, str, int, "Callable[[Callable[[Message], None]], ZenohLink]"]
 """To a peer: endpoint, host, port, and what opens a link to it."""
 

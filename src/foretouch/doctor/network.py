@@ -15,8 +15,6 @@ if TYPE_CHECKING:
     from foretouch.link import ZenohLink
     from foretouch.messages import Message
 
-__all__ = ["check_peer", "judge_round_trips"]
-
 UNSTEADY = 0.05
 """A gap in commands so long [s] makes a follower hold."""
 

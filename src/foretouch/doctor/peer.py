@@ -20,8 +20,6 @@ from dataclasses import dataclass
 from foretouch.link import Faults, FaultStage, ZenohLink
 from foretouch.messages import SIDES, Hello, Message, Telemetry
 
-__all__ = ["DOCTOR_CHANNELS", "Answerer", "RoundTrips", "ask", "connect_time", "listen_in"]
-
 DOCTOR_CHANNELS = ("hello", "telemetry")
 """What a doctor's link receives."""
 

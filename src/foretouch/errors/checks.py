@@ -8,8 +8,6 @@ from numbers import Real
 
 from foretouch.errors import ArgumentTypeError, SettingError
 
-__all__ = ["NUMBER", "require", "require_path", "require_type"]
-
 NUMBER = (float, int, Real)
 """Every number, NumPy's among them; what is most likely is asked first."""
 

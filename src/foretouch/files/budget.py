@@ -10,8 +10,6 @@ from typing import Final, NamedTuple
 
 from foretouch.errors import SettingError
 
-__all__ = ["VARIABLE", "Budget", "budget_for"]
-
 VARIABLE: Final = "FORETOUCH_FILE_BUDGET"
 """Of the environment: how many times the usual budget a file gets; ``inf`` for no limit."""
 

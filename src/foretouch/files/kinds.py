@@ -8,8 +8,6 @@ from pathlib import Path
 
 from foretouch.errors import RecordingError
 
-__all__ = ["require_data"]
-
 
 def require_data(path: str | PathLike[str]) -> None:
     """Refuse a pipe, a socket or a device: who opens or reads one may wait for ever for somebody to write.

@@ -8,8 +8,6 @@ import pickle
 import struct
 from typing import Any, Final
 
-__all__ = ["open_parcel", "write_parcel"]
-
 _end = struct.Struct("<Q")
 ALIGNED: Final = 64
 """Arrays begin at multiples of this [bytes], as NumPy's own do."""

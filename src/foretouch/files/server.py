@@ -20,8 +20,6 @@ from foretouch.errors import ForetouchError, one_line
 from foretouch.files import within
 from foretouch.files.parcel import open_parcel, write_parcel
 
-__all__ = ["serve"]
-
 LIBRARIES = {
     "": ("rosbags.rosbag2", "rosbags.typesys"),
     ".csv": ("pyarrow.csv",),

@@ -11,8 +11,6 @@ import msgspec
 from foretouch.errors import RecordingError, SettingError
 from foretouch.files.kinds import require_data
 
-__all__ = ["LARGEST_TOML", "decode_toml", "read_toml"]
-
 Made = TypeVar("Made")
 
 LARGEST_TOML: Final = 16_384

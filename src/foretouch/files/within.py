@@ -20,8 +20,6 @@ from foretouch.files.budget import Budget, budget_for
 from foretouch.files.kinds import require_data
 from foretouch.files.parcel import open_parcel, write_parcel
 
-__all__ = ["Request", "within_budget"]
-
 Given = ParamSpec("Given")
 Made = TypeVar("Made")
 
@@ -218,6 +216,7 @@ def _ask(word: str, parcel: int, budget: Budget) -> _Ended:
 
 
 def close() -> None:
+    """End the server of this process, if it has one."""
     global _server
     if _server is not None:
         _server.close()

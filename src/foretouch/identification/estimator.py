@@ -10,8 +10,6 @@ from foretouch.identification.conditioning.conditioner import ContactSample
 from foretouch.models import NO_STATE, ContactModel, ContactState
 from foretouch.quantities import brief_number, brief_text
 
-__all__ = ["Estimator", "Status"]
-
 
 class Status(Enum):
     """What an update did; the value is the sentence for people."""

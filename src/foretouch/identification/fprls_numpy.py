@@ -9,8 +9,6 @@ from foretouch.errors import SettingError
 from foretouch.identification.linear.options import SMALLEST_DEPTH, SMALLEST_FORCE, FPRLSOptions, RobustOptions
 from foretouch.identification.linear.recursion import LARGEST_TRACE
 
-__all__ = ["fprls_many_numpy"]
-
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 

@@ -7,8 +7,6 @@ from collections.abc import Sequence
 
 from foretouch.identification.estimator import Status
 
-__all__ = ["FrictionEstimator"]
-
 SLOWEST = 2e-3
 """Slower than this [m/s] the probe may stick."""
 

@@ -16,8 +16,6 @@ from foretouch.identification.learner import Learner, RawSamples, require_learni
 from foretouch.models import ContactModel
 from foretouch.quantities import Columns, Recording
 
-__all__ = ["FEWEST_CONTACT_SAMPLES", "Identification", "identify", "unnoticed_depth"]
-
 Array = NDArray[np.float64]
 
 FEWEST_CONTACT_SAMPLES = 50

@@ -17,8 +17,6 @@ from foretouch.models import FIELD_DEPTH, MOST_NODES, NODE_SPACING, MaterialFiel
 from foretouch.models.material_field import LARGEST_DEVIATION, LARGEST_LAW
 from foretouch.models.material_field_kernel import CORNERS, HALF, NUMBERS, cell_of
 
-__all__ = ["MaterialFieldLearner"]
-
 Array = NDArray[np.float64]
 
 REFERENCE_DEPTH, REFERENCE_SPEED = 5e-3, 0.05

@@ -12,8 +12,6 @@ from numpy.typing import NDArray
 
 from foretouch.core.compiling import compiled
 
-__all__ = ["UNKNOWNS", "carry_over", "laws_of", "learn"]
-
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 

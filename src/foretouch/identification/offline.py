@@ -16,16 +16,6 @@ from foretouch.identification.exact.law import REFERENCE_TIME, ExactLaw, exact_l
 from foretouch.models import ContactModel
 from foretouch.quantities import ByValue
 
-__all__ = [
-    "FEWEST_SAMPLES",
-    "LARGEST_BUFFER",
-    "OfflineContinuousSwitching",
-    "OfflineFit",
-    "OfflineHuntCrossley",
-    "OfflineKelvinVoigt",
-    "fit_offline",
-]
-
 Array = NDArray[np.float64]
 
 FEWEST_SAMPLES = 20

@@ -41,8 +41,6 @@ from foretouch.models.contact_map.layout import (
 )
 from foretouch.models.contact_map.wire import pack
 
-__all__ = ["OfflineContactMap"]
-
 Array = NDArray[np.float64]
 
 REFIT_SHARE = 0.25

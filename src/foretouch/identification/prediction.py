@@ -15,8 +15,6 @@ from foretouch.identification.learner import Learner, LearntModel, require_learn
 from foretouch.models import Predictor
 from foretouch.quantities import ByValue, Columns, Recording
 
-__all__ = ["TIME_TOLERANCE", "Motion", "PredictedForce", "predict", "predict_motion"]
-
 Array = NDArray[np.float64]
 
 TIME_TOLERANCE = 1e-7

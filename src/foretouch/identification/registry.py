@@ -25,16 +25,6 @@ from foretouch.identification.offline import OfflineContinuousSwitching, Offline
 from foretouch.identification.offline_contact_map import OfflineContactMap
 from foretouch.plugins import PluginError, load_plugin, make_plugin, plugin_names
 
-__all__ = [
-    "BUILT_IN_ESTIMATORS",
-    "DEFAULT_ESTIMATORS",
-    "ESTIMATORS",
-    "all_estimators",
-    "default_estimator",
-    "load_estimator",
-    "make_estimator",
-]
-
 ESTIMATORS: dict[str, dict[str, type[Estimator]]] = {}
 """Estimators by name of the law, then by their own name."""
 

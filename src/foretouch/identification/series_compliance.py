@@ -12,8 +12,6 @@ from foretouch.errors.checks import require
 from foretouch.identification.conditioning.conditioner import LONGEST_LAG, Conditioner, SensorLag
 from foretouch.quantities import ByValue, Recording, SensorCalibration
 
-__all__ = ["SeriesCompliance", "correct_recording", "find_sensor_lag", "fit_series_compliance"]
-
 FLOOR_SHARE = 0.1
 """Forces below this share of the largest are left out: there the contact still seats itself."""
 

@@ -14,8 +14,6 @@ from foretouch.errors import MissingExtraError, SettingError
 if TYPE_CHECKING:
     from cryptography import x509
 
-__all__ = ["AUTHORITY_DAYS", "CERTIFICATE_DAYS", "WARNING_DAYS", "Identity", "make_authority", "make_identity"]
-
 AUTHORITY_DAYS = 3650
 """An authority lasts so long [days]; no certificate outlasts it."""
 

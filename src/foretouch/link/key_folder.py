@@ -21,8 +21,6 @@ from pathlib import Path
 from foretouch.errors import SettingError
 from foretouch.link.certificates import CERTIFICATE_DAYS, Identity, make_authority, make_identity
 
-__all__ = ["ROLES", "KeyFolder", "default_key_folder", "role_of"]
-
 ROLES = ("leader", "follower", "watcher")
 """What a process can be; recorder and console are watchers."""
 

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from array import array
 
-__all__ = ["SequenceCounter"]
-
 REMEMBERED = 2**15
 """So many newest sequence numbers are remembered one by one: at 1 kHz, half a minute."""
 

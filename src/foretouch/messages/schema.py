@@ -15,24 +15,6 @@ import msgspec
 
 from foretouch.quantities import brief_text
 
-__all__ = [
-    "STATUS_SENTENCES",
-    "VERSION",
-    "WITH_THE_COMMANDS",
-    "Choice",
-    "Command",
-    "EmergencyStop",
-    "Handle",
-    "Hello",
-    "LeaderState",
-    "Message",
-    "ModelUpdate",
-    "Settings",
-    "Status",
-    "Stop",
-    "Telemetry",
-]
-
 VERSION = 7
 """Version of the schema. It changes with every change of a field or a key; peers must agree."""
 

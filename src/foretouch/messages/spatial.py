@@ -13,8 +13,6 @@ import msgspec
 
 from foretouch.messages.schema import Count, Message, Text
 
-__all__ = ["LARGEST_JPEG", "CameraImage", "FieldUpdate", "FixtureBelief", "FollowerSpace", "LeaderSpace"]
-
 POSE_NUMBERS = 6
 CAMERA_NUMBERS = 15
 

@@ -12,8 +12,6 @@ if TYPE_CHECKING:
 
     Array: TypeAlias = NDArray[np.float64]
 
-__all__ = ["LARGEST_DEPTH", "LARGEST_SPEED", "NO_STATE", "ContactModel", "ContactState", "advance"]
-
 LARGEST_DEPTH = 1.0
 """Depths beyond this [m], on either side, count as this: no law is asked for forces that overflow."""
 

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import math
 
-__all__ = ["impact_impedance"]
-
 
 def impact_impedance(stiffness: float, damping: float, mass: float, reaction: float) -> float:
     r"""Largest force of an impact for each m/s of its speed [N s/m].

@@ -11,8 +11,6 @@ from foretouch.models.contact_map.model import ContactMap
 from foretouch.models.contact_model import ContactModel
 from foretouch.models.quadratic import LinearisedContinuousSwitching, QuadraticContact
 
-__all__ = ["LAWS", "make_model"]
-
 LARGEST_PARAMETER = 1e15
 """Larger parameters are refused: no material has them, and forces could overflow."""
 

@@ -17,8 +17,6 @@ from foretouch.models.quadratic import QuadraticContact
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-__all__ = ["FIELD_DEPTH", "LARGEST_DEVIATION", "LARGEST_LAW", "MOST_NODES", "NODE_SPACING", "MaterialField"]
-
 NODE_SPACING = 6e-3
 """Between two nodes [m]."""
 

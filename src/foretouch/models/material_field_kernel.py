@@ -12,8 +12,6 @@ from numpy.typing import NDArray
 
 from foretouch.core.compiling import compiled
 
-__all__ = ["CORNERS", "HALF", "NUMBERS", "blend", "blend_many", "cell_of"]
-
 Array = NDArray[np.float64]
 Codes = NDArray[np.int64]
 

@@ -10,8 +10,6 @@ from numpy.typing import NDArray
 
 from foretouch.errors.checks import require
 
-__all__ = ["ACCELERATION_CUTOFF", "VELOCITY_CUTOFF", "MotionFilter"]
-
 VELOCITY_CUTOFF = 80.0
 """Cut-off of the velocity low-pass [Hz]: a 5 um encoder at 1 kHz leaves 0.5 mm/s of noise, and it lags by 2 ms."""
 

@@ -11,8 +11,6 @@ from foretouch.models.contact_model import LARGEST_DEPTH, LARGEST_SPEED, NO_STAT
 from foretouch.models.motion import MotionFilter
 from foretouch.quantities import brief_number, brief_text
 
-__all__ = ["HISTORY", "STATE_TOLERANCE", "Predictor"]
-
 HISTORY = 8192
 """Samples of its own motion that a predictor remembers."""
 

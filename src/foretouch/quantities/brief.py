@@ -10,8 +10,6 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-__all__ = ["Brief", "ByValue", "brief_number", "brief_text", "measured"]
-
 WIDTH, MOST_LINES = 100, 10
 """Of a representation: characters in a line, and lines."""
 

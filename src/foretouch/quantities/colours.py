@@ -5,11 +5,6 @@ Okabe and Ito's, which most colour-blind people can tell apart (Okabe and Ito (2
 
 from __future__ import annotations
 
-__all__ = [
-    "AGAIN", "BLUE", "CUT", "DELAYED", "DENT", "GREEN", "GREY", "INK", "ORANGE", "PREDICTED", "PURPLE", "RENDERED",
-    "SKY", "SURFACE", "TRUE", "URGENT", "VERMILLION", "WRONG", "css", "faint"
-]  # fmt: skip
-
 Colour = tuple[int, int, int]
 
 BLUE: Colour = (0, 114, 178)

@@ -18,8 +18,6 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
-__all__ = ["COLOURS", "Columns", "Rows", "as_frame", "new_figure"]
-
 Rows = Any
 """A structured array, shape (n,): ``rows["force"]`` is a column. To NumPy's types a column is an array of anything, for
 which every operator tries all of its overloads: more than half of all the time that the type checker took."""

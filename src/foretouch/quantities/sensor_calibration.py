@@ -8,8 +8,6 @@ import msgspec
 
 from foretouch.errors import SettingError
 
-__all__ = ["STANDARD_GRAVITY", "SensorCalibration"]
-
 STANDARD_GRAVITY = 9.80665
 """[m/s^2]."""
 

@@ -24,8 +24,6 @@ from foretouch.recordings.meaning.mapping import Mapping, Signal, TimeSource, Ve
 from foretouch.recordings.output import atomic_path, optional, write_columns
 from foretouch.recordings.source import MAP_NAME
 
-__all__ = ["OUTPUTS", "write_recording"]
-
 OUTPUTS: Final = (".csv", ".parquet", ".mcap")
 """Endings of the files that can be written."""
 

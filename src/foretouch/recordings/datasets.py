@@ -27,8 +27,6 @@ from foretouch.errors.checks import require_type
 from foretouch.recordings.formats.published import SUFFIX
 from foretouch.recordings.output import optional
 
-__all__ = ["DATASETS", "DATA_DIR", "Dataset", "Origin", "excerpt", "fetch", "fetch_all", "list_datasets"]
-
 DATA_DIR: Final = "FORETOUCH_DATA_DIR"
 """Environment variable that names a folder which already has the originals."""
 

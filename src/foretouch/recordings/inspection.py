@@ -31,8 +31,6 @@ from foretouch.recordings.meaning.names import name_says
 from foretouch.recordings.reading import is_session, open_source, require_readable
 from foretouch.recordings.source import Bag, Column, Table, Topic
 
-__all__ = ["Contents", "inspect_recording"]
-
 FIRST_LOOK = 2**18
 """So many bytes of a topic's messages tell which clock stamps them."""
 LONG_LOOK = 2**28

@@ -14,8 +14,6 @@ from numpy.typing import NDArray
 from foretouch.errors import RecordingError
 from foretouch.files import within_budget
 
-__all__ = ["POSE_COLUMNS", "StaticPoses", "read_poses"]
-
 FORCE: Final = ("fx_N", "fy_N", "fz_N")
 TORQUE: Final = ("tx_Nm", "ty_Nm", "tz_Nm")
 GRAVITY: Final = ("gx", "gy", "gz")

@@ -14,19 +14,6 @@ from numpy.typing import NDArray
 from foretouch.errors import RecordingError
 from foretouch.quantities import ByValue
 
-__all__ = [
-    "MAP_NAME",
-    "Bag",
-    "Column",
-    "Series",
-    "Table",
-    "Topic",
-    "gathered",
-    "listed",
-    "one_line",
-    "require_names",
-]
-
 MAP_NAME: Final = "foretouch_map"
 """Under this name files of `convert_recording` carry the map that reads them."""
 

@@ -8,8 +8,6 @@ from typing import TypeAlias
 
 from foretouch.errors.checks import require
 
-__all__ = ["FrictionRenderer"]
-
 Vector: TypeAlias = tuple[float, float, float]
 
 NOTHING: Vector = (0.0, 0.0, 0.0)

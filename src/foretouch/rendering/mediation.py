@@ -5,8 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
-__all__ = ["LARGEST_STEP", "RELEASE_TIME", "Mediation"]
-
 LARGEST_STEP = 0.08
 """Models change the force by at most so much in one tick [N]; people do not feel 0.1 N."""
 

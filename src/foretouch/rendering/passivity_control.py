@@ -5,8 +5,6 @@ from __future__ import annotations
 from foretouch.errors.checks import require
 from foretouch.rendering.energy import EnergyAccount
 
-__all__ = ["RECOVERY_RATE", "PassivityController"]
-
 RECOVERY_RATE = 20.0
 """While the account is below zero, the force comes back no faster than so [N/s]: no chatter where the hand stands."""
 

@@ -6,8 +6,6 @@ import math
 
 from foretouch.errors.checks import require
 
-__all__ = ["RETURN_SPEED", "Proxy"]
-
 RETURN_SPEED = 0.01
 """What was indexed away is given back at this speed of the proxy [m/s]."""
 

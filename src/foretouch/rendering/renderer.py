@@ -12,8 +12,6 @@ from foretouch.rendering.limits import LARGEST_FORCE, ForceLimiter, rendered_sha
 from foretouch.rendering.mediation import Mediation
 from foretouch.rendering.proxy import RETURN_SPEED, Proxy
 
-__all__ = ["Renderer"]
-
 LARGEST_MOVE = 5e-4
 """A surface that is suddenly nearer to the hand by more than this [m] is met by the index; less, by mediation alone."""
 

@@ -7,8 +7,6 @@ from typing import TypeAlias
 
 from foretouch.rendering.energy import SAMPLE_PERIOD, Ledger
 
-__all__ = ["NormalAccount", "SpatialEnergyAccount"]
-
 Vector: TypeAlias = tuple[float, float, float]
 
 NOTHING: Vector = (0.0, 0.0, 0.0)

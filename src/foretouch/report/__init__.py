@@ -1,5 +1,7 @@
 """What a session or a recording shows: scores, the report of a session, figures and the page."""
 
+from foretouch.identification.force_calibration import lowest_mean
+from foretouch.quantities import new_figure
 from foretouch.report.energy import energy_account, energy_figures, exact_energy
 from foretouch.report.forces import Forces, forces_under_delay, remarks, require_delay_within
 from foretouch.report.hand import free_hand, hand_figures, oscillation, swings, turning_points
@@ -8,11 +10,11 @@ from foretouch.report.perception import LargestJump, largest_jump, rendered_jump
 from foretouch.report.replay import Contact, compare_replay, contacts, render_replay
 from foretouch.report.scene.drawing import map_figure, pose_figure
 from foretouch.report.scene.scene import SceneFindings, look_at_scene, scene_figures
-from foretouch.report.scores import STATUSES, Scores, delayed, lowest_mean, score
+from foretouch.report.scores import STATUSES, Scores, delayed, score
 from foretouch.report.session import CONTACT_FLOOR, session_report
 from foretouch.report.statuses import guarded_runs
 from foretouch.report.writing.calibration_page import write_calibration_page
-from foretouch.report.writing.drawing import COLOURS, finished, legend, new_figure
+from foretouch.report.writing.drawing import COLOURS, finished, legend
 from foretouch.report.writing.html import embedded, named_values, table, tiles, write_html
 from foretouch.report.writing.page import write_page, write_prediction_page
 from foretouch.report.writing.replay_page import replay_figure, write_replay_page

@@ -14,12 +14,12 @@ from numpy.typing import NDArray
 from foretouch.errors import SettingError
 from foretouch.errors.checks import require
 from foretouch.identification import Learner, predict
-from foretouch.identification.force_calibration import TOUCH
+from foretouch.identification.force_calibration import TOUCH, lowest_mean
 from foretouch.messages import SessionLog
 from foretouch.quantities import ByValue, Recording
 from foretouch.report.pairs import not_scored, pair
 from foretouch.report.perception import LargestJump, largest_jump, time_to_accuracy
-from foretouch.report.scores import STATUSES, Scores, delayed, lowest_mean
+from foretouch.report.scores import STATUSES, Scores, delayed
 from foretouch.report.session import CONTACT_FLOOR
 from foretouch.session import replay
 

@@ -6,8 +6,6 @@ from collections.abc import Mapping
 
 from foretouch.quantities import measured, parameter_unit
 
-__all__ = ["figure", "number", "parameter_text"]
-
 
 def number(value: float | None, unit: str) -> str:
     """A figure with its unit, a dash for None."""

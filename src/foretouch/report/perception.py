@@ -9,16 +9,6 @@ from numpy.typing import NDArray
 
 from foretouch.quantities import Rows
 
-__all__ = [
-    "ACCURATE_FOR",
-    "ACCURATE_WITHIN",
-    "LargestJump",
-    "largest_jump",
-    "rendered_jump",
-    "time_to_accuracy",
-    "update_jumps",
-]
-
 Array = NDArray[np.float64]
 
 ACCURATE_WITHIN = 0.10

@@ -17,8 +17,6 @@ from foretouch.report.scores import score
 from foretouch.report.session import CONTACT_FLOOR, session_report
 from foretouch.session import SessionSettings
 
-__all__ = ["Contact", "compare_replay", "contacts", "hand_begins_ns", "render_replay", "table_rows"]
-
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 

@@ -10,7 +10,6 @@ from numpy.typing import ArrayLike, NDArray
 from foretouch.errors import InputError, SettingError
 from foretouch.errors.checks import NUMBER, require_type
 from foretouch.identification.force_calibration import (
-    OFFSET_WINDOW,
     THRESHOLD_SHARE,
     TOUCH,
     columns_of,
@@ -19,8 +18,6 @@ from foretouch.identification.force_calibration import (
     never_leaves_contact,
 )
 from foretouch.quantities import ByValue
-
-__all__ = ["JND_FORCE", "JND_SHARE", "OFFSET_WINDOW", "STATUSES", "Scores", "delayed", "lowest_mean", "score"]
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]

@@ -30,8 +30,6 @@ from foretouch.report.scene.scene import in_scene, look_at_scene, scene_figures
 from foretouch.report.scores import Scores, score
 from foretouch.report.statuses import away, joining, safety_figures, stretch_figures
 
-__all__ = ["CONTACT_FLOOR", "session_report"]
-
 Array = NDArray[np.float64]
 
 CONTACT_FLOOR = 0.05

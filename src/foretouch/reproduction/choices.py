@@ -16,8 +16,6 @@ from foretouch.reproduction.presses import Press, follow, press
 from foretouch.reproduction.questions.tried import QUESTIONS, Answer, Runs
 from foretouch.reproduction.section import Claim, Verdict
 
-__all__ = ["BEST", "NEAREST", "PRINTED", "VALUES", "Choice", "claims_of", "combinations", "runs_of"]
-
 SMALL_STIFFNESS = 100.0
 """theta_0 of a small k [N/m^s], with s = 1."""
 

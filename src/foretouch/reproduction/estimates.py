@@ -14,8 +14,6 @@ from foretouch.report import finished, new_figure
 from foretouch.reproduction.presses import Trace
 from foretouch.reproduction.section import Table
 
-__all__ = ["PANELS", "Curve", "parameter_figure", "parameter_table"]
-
 Array = NDArray[np.float64]
 
 PANELS = (("k", "k [N/m$^s$]"), ("s", "s"), ("b1", "b$_1$ [s/m]"), ("b2", "b$_2$ [s]"))

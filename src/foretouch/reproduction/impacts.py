@@ -13,8 +13,6 @@ from foretouch.report import COLOURS, finished, legend, new_figure
 from foretouch.reproduction.section import Table
 from foretouch.reproduction.theory import Impact, integrate_impact
 
-__all__ = ["MASS", "SPEED", "areas_of_loop", "areas_of_power", "impact_figure", "impact_of", "impact_table", "slope"]
-
 MASS, SPEED = 1.0, 0.5
 """Of the impacts of Figs. 2 and 3 [kg], [m/s]; the paper gives none."""
 

@@ -29,20 +29,6 @@ from foretouch.report import session_report
 from foretouch.reproduction.experiment import FORCE_DELAY
 from foretouch.session import replay
 
-__all__ = [
-    "AS_PRINTED",
-    "CHOICES",
-    "EXACT",
-    "FIELDS",
-    "ROBUST",
-    "Choice",
-    "Prediction",
-    "Watched",
-    "learn_again",
-    "predict_again",
-    "without_perturbation",
-]
-
 Array = NDArray[np.float64]
 
 FIELDS = (

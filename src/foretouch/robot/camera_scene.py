@@ -13,8 +13,6 @@ from foretouch.errors import MissingExtraError, SettingError
 from foretouch.quantities.pose import Pose
 from foretouch.robot.engine import ROD_LENGTH, ROD_RADIUS, TIP_RADIUS, load_mujoco
 
-__all__ = ["MESA_PACKAGES", "CameraScene", "MissingGraphicsError", "graphics_library"]
-
 MESA_PACKAGES = "libegl1 libegl-mesa0 libgl1-mesa-dri libopengl0"
 """Debian packages that let MuJoCo draw without a display."""
 

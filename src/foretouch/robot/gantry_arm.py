@@ -13,8 +13,6 @@ from foretouch.robot.engine import CARRIAGE_MASS, GRAVITY, ROD_LENGTH, ROD_RADIU
 from foretouch.robot.insertion_servo import InsertionServo
 from foretouch.robot.robot import RobotSpecification, SpatialRobot, SpatialSample, Vector
 
-__all__ = ["LEAST_STEPS", "MOVED_MASS", "GantryArm", "TouchedWorld"]
-
 MOVED_MASS = CARRIAGE_MASS + TOOL_MASS
 RAIL_DAMPING = 1.0
 """Of each joint [N s/m]."""

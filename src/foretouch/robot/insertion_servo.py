@@ -7,8 +7,6 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["InsertionServo"]
-
 VELOCITY_CUTOFF = 80.0  # of the command's velocity [Hz]: smooths samples that are late and then jump
 
 

@@ -12,8 +12,6 @@ from foretouch.errors import SettingError, UnknownNameError
 from foretouch.errors.checks import require
 from foretouch.robot.robot import Robot, RobotSample
 
-__all__ = ["SENSOR_FAULTS", "FaultySensor", "SensorFault"]
-
 SENSOR_FAULTS: Final[dict[str, str]] = {
     "nan": "the force is no number",
     "dropout": "no new values: force, acceleration and position repeat",

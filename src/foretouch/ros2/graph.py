@@ -17,8 +17,6 @@ from foretouch.ros2.topics import qos_of, type_of
 if TYPE_CHECKING:
     import zenoh
 
-__all__ = ["Graph"]
-
 CONNECTING_MS = 1000
 """An attempt to reach the router takes at most so long [ms]."""
 

@@ -8,16 +8,6 @@ from foretouch.devices import BrowserOperator, Device, DeviceSpecification, Hand
 from foretouch.quantities import Frame
 from foretouch.robot import Robot, RobotSample
 
-__all__ = [
-    "FramedDevice",
-    "FramedRobot",
-    "browser_operator",
-    "device_inside",
-    "framed_device",
-    "framed_robot",
-    "inverse",
-]
-
 
 def inverse(frame: Frame) -> Frame:
     """The session's line of positions as the machine sees it: what is `inside` of one is `outside` of the other."""

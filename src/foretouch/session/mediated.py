@@ -12,8 +12,6 @@ from foretouch.identification import TIME_TOLERANCE, Learner
 from foretouch.quantities import ByValue, Recording
 from foretouch.rendering import Renderer
 
-__all__ = ["MediatedForce", "mediate"]
-
 
 @dataclass(frozen=True, eq=False)
 class MediatedForce(ByValue):

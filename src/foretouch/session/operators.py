@@ -30,19 +30,6 @@ from foretouch.robot import FaultySensor, Material, MovedRobot, RcmArm, Robot, m
 from foretouch.session.frames import FramedRobot, device_inside, framed_device, inverse
 from foretouch.session.settings import NO_GRIP, SAMPLE_PERIOD, SIMULATED, SessionSettings
 
-__all__ = [
-    "RECORDED_MOTION",
-    "close_operator",
-    "felt_device",
-    "felt_texts",
-    "make_operator",
-    "pressed_material",
-    "reach_of",
-    "require_simulated_operator",
-    "require_simulated_time",
-    "say_on_stderr",
-]
-
 RECORDED_MOTION = "tue/b-foam"
 """Dataset whose leader lever moves the ``recorded`` operator."""
 

@@ -14,8 +14,6 @@ from foretouch.session.operators import make_operator, reach_of
 from foretouch.session.runners.shadow import shadow_settings
 from foretouch.session.settings import ROBOTS, SAMPLE_PERIOD, SIMULATED, SessionSettings
 
-__all__ = ["make_moved_robot", "make_session_robot", "reach_texts", "require_simulated_robot"]
-
 
 def make_session_robot(settings: SessionSettings) -> tuple[Robot, Material | Reach]:
     """The robot of the settings, and how far what it presses is, as far as anybody knows.

@@ -21,8 +21,6 @@ from foretouch.quantities import Brief, Frame
 from foretouch.robot import MATERIALS, SensorFault, material_names
 from foretouch.vision import ImageFault
 
-__all__ = ["BASELINES", "FIRST_TOUCHES", "NO_GRIP", "ROBOTS", "SAMPLE_PERIOD", "SIMULATED", "SessionSettings"]
-
 SAMPLE_PERIOD = 1e-3
 """Of both loops [s]."""
 

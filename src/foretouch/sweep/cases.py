@@ -16,18 +16,6 @@ from foretouch.robot import MATERIALS, make_material
 from foretouch.session import SessionSettings
 from foretouch.session.operators import SHALLOWEST
 
-__all__ = [
-    "CLEAN",
-    "LONGEST_ROUND_TRIP",
-    "NETWORKS",
-    "STIFF",
-    "Case",
-    "baseline_numbers",
-    "draw_case",
-    "is_clean",
-    "is_plain",
-]
-
 LONGEST_ROUND_TRIP = 5.0
 """[s]."""
 

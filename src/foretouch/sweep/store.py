@@ -12,8 +12,6 @@ from foretouch import __version__
 from foretouch.errors import InputError
 from foretouch.sweep.outcome import Outcome
 
-__all__ = ["FILE_NAME", "Header", "Store", "code_digest", "read_store"]
-
 FILE_NAME = "sessions.jsonl"
 """A header, then one row a line."""
 

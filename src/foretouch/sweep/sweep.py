@@ -18,8 +18,6 @@ from foretouch.sweep.outcome import Outcome
 from foretouch.sweep.run import failed, run_case
 from foretouch.sweep.store import FILE_NAME, Store, code_digest, read_store
 
-__all__ = ["Plan", "Replayed", "replay_session", "run_sweep"]
-
 Progress = Callable[[int, int, Outcome], None]
 
 

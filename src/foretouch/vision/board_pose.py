@@ -12,8 +12,6 @@ from foretouch.errors import SettingError
 from foretouch.quantities.pose import Pose, cross_matrix
 from foretouch.vision.camera import DICTIONARIES, Board, CameraModel, opencv
 
-__all__ = ["BoardDetector", "BoardPose", "projection_derivative"]
-
 Array = NDArray[np.float64]
 
 

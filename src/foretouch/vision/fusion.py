@@ -14,7 +14,6 @@ from foretouch.errors import SettingError
 from foretouch.quantities.pose import Pose
 from foretouch.vision.seen import (
     ContactSeen,
-    Fixture,
     ImageSeen,
     Seen,
     TouchedSurface,
@@ -22,17 +21,6 @@ from foretouch.vision.seen import (
     height_derivative,
     is_finite,
 )
-
-__all__ = [
-    "ContactSeen",
-    "Fixture",
-    "FixtureFilter",
-    "FixtureState",
-    "FusionSettings",
-    "ImageSeen",
-    "TouchedSurface",
-    "Verdict",
-]
 
 Array = NDArray[np.float64]
 

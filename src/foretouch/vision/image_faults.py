@@ -11,8 +11,6 @@ from numpy.typing import NDArray
 from foretouch.errors import SettingError, UnknownNameError
 from foretouch.vision.camera import opencv
 
-__all__ = ["IMAGE_FAULTS", "FaultyCamera", "ImageFault"]
-
 IMAGE_FAULTS = ("hand", "glare", "frozen", "dropped")
 """A hand before the lens, light that blinds a part of it, the same image again and again, no image."""
 

@@ -12,8 +12,6 @@ from foretouch.bench.rows import Row, Scope
 from foretouch.bench.timing import Contestant, interleave, ratio, spread
 from foretouch.identification import FPRLS
 
-__all__ = ["STREAMS", "Streams", "contestants", "measure"]
-
 STREAMS, SAMPLES, ROUNDS = 4096, 250, 11
 """Recordings, and samples of each."""
 

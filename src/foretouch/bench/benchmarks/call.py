@@ -12,8 +12,6 @@ from foretouch.bench.rows import Row, Scope
 from foretouch.bench.timing import Contestant, interleave, ratio, resident_bytes, spread
 from foretouch.identification import FPRLS, ContactMapBank, ContactSample, Estimator, ExactRecursive
 
-__all__ = ["CALLED", "bare", "measure", "memory_growth", "update_all"]
-
 SIZE, ROUNDS = 10_000, 11
 CALLS = 100_000
 """After which nothing may have grown."""

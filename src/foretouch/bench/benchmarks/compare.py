@@ -11,8 +11,6 @@ from foretouch.bench.recorded import write_recording
 from foretouch.bench.rows import Row, Scope
 from foretouch.bench.timing import Contestant, interleave, ratio, spread
 
-__all__ = ["measure", "write_recordings"]
-
 RECORDINGS, FULL_RECORDINGS, SECONDS = 40, 1_000, 60.0
 """So many that a process's start, some 2 s, is little beside its share of the work, some 20 s; what is asked for takes
 half an hour. Their length."""

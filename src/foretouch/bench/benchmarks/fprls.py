@@ -11,8 +11,6 @@ from foretouch.bench.rows import Row, Scope
 from foretouch.bench.timing import Contestant, interleave, ratio, spread
 from foretouch.identification import FPRLS
 
-__all__ = ["measure", "theta_of"]
-
 SIZE, PEER_SIZE, ROUNDS = 1_000_000, 3_000, 15
 """Samples of ours and of the peers, whose cost a sample does not depend on how many there are."""
 

@@ -13,8 +13,6 @@ from foretouch.bench.rows import Row, Scope
 from foretouch.bench.timing import resident_bytes
 from foretouch.identification import FPRLS
 
-__all__ = ["BLOCK", "Streamed", "curve", "measure", "slope"]
-
 SMALLEST, LARGEST = 100_000, 100_000_000
 """Samples of the shortest and of the longest stream."""
 

@@ -16,8 +16,6 @@ from foretouch.bench.recorded import COLUMNS, RATE, write_recording
 from foretouch.bench.rows import Row, Scope
 from foretouch.errors import MissingExtraError
 
-__all__ = ["foretold", "measure"]
-
 BRIEF, SHORT, LONG, HOUR = 1.0, 60.0, 600.0, 3600.0
 """Lengths of recordings [s]."""
 

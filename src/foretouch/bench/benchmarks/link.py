@@ -28,8 +28,6 @@ from foretouch.link.certificates import utc_now
 from foretouch.messages import Command, decode
 from foretouch.session.runners.loop_timer import steady
 
-__all__ = ["measure", "one_way_times"]
-
 DELAY, STRETCHES = 0.08, 4
 REACH_MS = 0.4
 POLL = 2e-5

@@ -22,8 +22,6 @@ from foretouch.bench.timing import spread
 from foretouch.errors import ForetouchError
 from foretouch.link import free_endpoint
 
-__all__ = ["SIDES", "bare_round", "measure", "session_round"]
-
 SIDES = ("leader", "follower")
 
 SECONDS, ROUNDS = 6.0, 3

@@ -10,8 +10,6 @@ from foretouch.bench.timing import Contestant, interleave, ratio, spread
 from foretouch.identification import ContactMapBank
 from foretouch.models.contact_map.layout import LENGTHS
 
-__all__ = ["DEEPEST", "cells", "contestant", "measure"]
-
 SIZE, CELLS_SIZE, ROUNDS = 100_000, 20_000, 9
 """Samples of the recording, and of each of those that visit more cells."""
 

@@ -11,8 +11,6 @@ from foretouch.bench.rows import Row, Scope
 from foretouch.bench.timing import Contestant, interleave, ratio, spread
 from foretouch.rendering.surfaces import TriangleMesh
 
-__all__ = ["SIDES", "contestant", "measure", "sheet", "slide"]
-
 SIDES = (10, 32, 100, 316)
 """Squares along each side of the sheet; each is two triangles."""
 

@@ -29,22 +29,6 @@ from foretouch.session.network.playout import Playout
 from foretouch.session.steps import follower, leader
 from foretouch.session.steps.heard import Heard
 
-__all__ = [
-    "BANDS",
-    "ELSE",
-    "PARTS",
-    "STEP",
-    "WITHOUT",
-    "Part",
-    "Timed",
-    "measure",
-    "middle",
-    "named",
-    "near",
-    "profile",
-    "timed_round",
-]
-
 Array = NDArray[np.float64]
 
 ROUNDS = 5

@@ -6,8 +6,6 @@ from foretouch.bench.rows import Row, Scope
 from foretouch.bench.timing import one_core, spread
 from foretouch.session import SessionSettings, SimulatedSession, simulate
 
-__all__ = ["measure", "run_session"]
-
 DURATION, ROUNDS = 10.0, 5
 
 

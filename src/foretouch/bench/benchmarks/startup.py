@@ -6,8 +6,6 @@ from foretouch.bench.children import measure_process
 from foretouch.bench.rows import Row, Scope
 from foretouch.bench.timing import Contestant, interleave, spread
 
-__all__ = ["measure"]
-
 ROUNDS = 7
 
 FIRST_CALL = (

@@ -18,8 +18,6 @@ from foretouch.devices import Device
 from foretouch.robot import Robot, RobotSample
 from foretouch.session import SessionSettings, make_operator, make_session_robot, simulate
 
-__all__ = ["RobotOnTape", "TapedSession", "measure", "step_times"]
-
 DURATION, ROUNDS = 10.0, 5
 
 REACHES = {("leader", 50): 15.0, ("follower", 50): 25.0, ("leader", 99): 100.0, ("follower", 99): 100.0}

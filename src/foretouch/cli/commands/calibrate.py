@@ -29,8 +29,6 @@ if TYPE_CHECKING:
     from foretouch.identification import SeriesCompliance, ToolWeight
     from foretouch.quantities import SensorCalibration
 
-__all__ = ["calibrate", "compliance", "sensor"]
-
 calibrate = typer.Typer(help="Force sensor, tool and what gives way behind them.", no_args_is_help=True)
 
 Output = Annotated[

@@ -38,8 +38,6 @@ if TYPE_CHECKING:
     from foretouch.identification import Identification, Learner
     from foretouch.quantities import Recording
 
-__all__ = ["identify", "predict", "report"]
-
 WORTHLESS = 50.0
 """Residual from which on a law is said not to describe a recording [% of the force in contact]."""
 

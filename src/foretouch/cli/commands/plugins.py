@@ -14,8 +14,6 @@ from foretouch.errors import plural, was_or_were
 if TYPE_CHECKING:
     from foretouch.session.conformance import Finding
 
-__all__ = ["plugins"]
-
 plugins = typer.Typer(help="Robots, devices, materials and estimators: what there is, and whether it works.")
 
 BROKEN = "broken"

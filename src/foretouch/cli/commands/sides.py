@@ -28,8 +28,6 @@ if TYPE_CHECKING:
     from foretouch.devices import Device, SpatialDevice
     from foretouch.session import StopFlag
 
-__all__ = ["follower", "leader", "stop"]
-
 LONGEST_NAME = 64
 """Characters of a leader's name that a command carries."""
 

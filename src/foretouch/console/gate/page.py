@@ -12,17 +12,6 @@ from pathlib import Path
 
 from foretouch.quantities.colours import URGENT, css
 
-__all__ = [
-    "BEAT_ATTRIBUTE",
-    "BEAT_PERIOD",
-    "ENDED",
-    "ENDED_ATTRIBUTE",
-    "LOST",
-    "STOP_BUTTON",
-    "beat_html",
-    "with_watch",
-]
-
 BEAT_PERIOD = 0.1
 """So often the console shows the page that it draws [s]."""
 BEAT_ATTRIBUTE, FRAMES_ATTRIBUTE, ENDED_ATTRIBUTE = (f"data-foretouch-{name}" for name in ("beat", "frames", "ended"))

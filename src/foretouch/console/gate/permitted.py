@@ -12,8 +12,6 @@ from typing import Any, Literal
 
 import msgspec
 
-__all__ = ["FARTHEST", "LARGEST_MESSAGE", "fits", "permitted"]
-
 LARGEST_MESSAGE = 16_384
 """[byte]. A page's own are a few hundred long; the longest name of a recording is 255."""
 FARTHEST = 1e6

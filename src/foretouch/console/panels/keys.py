@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-__all__ = ["HELP", "SPACE_HELP", "STEP", "add_keys", "add_space_keys"]
-
 STEP = 0.0005
 """How far one stroke moves the hand [m]."""
 

@@ -15,8 +15,6 @@ from foretouch.console.watched import Watched
 from foretouch.messages import FixtureBelief, LeaderSpace
 from foretouch.quantities.colours import BLUE, INK, VERMILLION, css
 
-__all__ = ["SLIDERS", "SpacePanel", "pose_sentence"]
-
 PLACE = Curve("Deviation of its place", BLUE, 2.0)
 TURN = Curve("Deviation of its turn", VERMILLION, 2.0, "dashed")
 AGE = Curve("Since an image showed it", INK, 2.0)

@@ -13,8 +13,6 @@ from foretouch.console.views import shapes
 from foretouch.console.views.shapes import MaterialView, add_body
 from foretouch.quantities.colours import BLUE, VERMILLION
 
-__all__ = ["CAMERA", "FIELD_OF_VIEW", "UNITS", "Scene", "height_on_axis", "look"]
-
 UNITS = 200.0
 """Scene units per metre: one unit is 5 mm."""
 UNITS_PER_NEWTON = 0.4

@@ -15,8 +15,6 @@ from foretouch.quantities.colours import BLUE, GREEN, GREY, VERMILLION
 from foretouch.quantities.pose import Vector
 from foretouch.rendering import Surface
 
-__all__ = ["HANDLE_SIZE", "SPACE_CAMERA", "SPACE_UNITS", "SpaceScene"]
-
 SPACE_UNITS = 200.0
 """Scene units per metre: one unit is 5 mm."""
 SPACE_CAMERA = ((-4.0, -50.0, 31.0), (-4.0, 0.0, 0.0))

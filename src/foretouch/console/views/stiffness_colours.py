@@ -13,8 +13,6 @@ from foretouch.console.window import Array
 from foretouch.models import FIELD_DEPTH, MaterialField
 from foretouch.quantities.colours import Colour, css
 
-__all__ = ["COLOURS", "UNKNOWN", "StiffnessScale", "known_share", "legend_html", "levels_of"]
-
 COLOURS: tuple[Colour, ...] = (
     (253, 231, 157), (247, 196, 108), (232, 155, 84), (205, 113, 79), (165, 78, 77), (116, 53, 71), (66, 30, 54)
 )  # fmt: skip

@@ -17,8 +17,6 @@ from foretouch.identification.linear.options import REFERENCE_DEPTH, REFERENCE_V
 from foretouch.identification.linear.recursion import BROKEN, Recursion
 from foretouch.models import KelvinVoigt
 
-__all__ = ["KelvinVoigtOptions", "KelvinVoigtRLS", "at_least_zero"]
-
 FEWEST_UPDATES = 20
 """No force is rendered from fewer samples."""
 

@@ -17,13 +17,6 @@ from foretouch.identification.estimator import Estimator, Status
 from foretouch.identification.exact.law import EXACT_LAWS, REFERENCE_TIME
 from foretouch.models import ContactModel
 
-__all__ = [
-    "SteepestDescent",
-    "SteepestDescentHuntCrossley",
-    "SteepestDescentKelvinVoigt",
-    "SteepestDescentOptions",
-]
-
 Array = NDArray[np.float64]
 
 FEWEST_UPDATES = 20

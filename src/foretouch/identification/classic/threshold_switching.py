@@ -21,8 +21,6 @@ from foretouch.identification.estimator import Estimator, Status
 from foretouch.identification.linear.options import require_choice
 from foretouch.models import HuntCrossley, KelvinVoigt
 
-__all__ = ["SwitchingOptions", "ThresholdSwitching"]
-
 
 @dataclass(frozen=True, slots=True)
 class SwitchingOptions:

@@ -11,42 +11,6 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = [
-    "BLOCK_BEFORE",
-    "BLOCK_LOWEST",
-    "BLOCK_TIME",
-    "COLUMNS",
-    "FLOOR",
-    "FREE_PLACE",
-    "IN_CONTACT",
-    "LAG",
-    "LAST_ONSET",
-    "LATE_COUNT",
-    "LATE_FIRST",
-    "LOWEST_MEAN",
-    "MOTION_PLACE",
-    "MOTION_TIME",
-    "NOISE",
-    "OFFSET",
-    "OFFSET_GIVEN",
-    "PEAK",
-    "QUIETEST",
-    "REFERENCE",
-    "RINGS",
-    "SQUARES",
-    "SUM",
-    "SURFACE",
-    "SURFACE_ERROR",
-    "SURFACE_GIVEN",
-    "SURFACE_THRESHOLD",
-    "VELOCITY",
-    "WINDOW_COUNT",
-    "WINDOW_FIRST",
-    "grow",
-    "make_state",
-    "rings_are_full",
-]
-
 Array = NDArray[np.float64]
 
 LAG = 0  # of the force sensor [s]

@@ -11,8 +11,6 @@ import numpy as np
 from foretouch.errors import SettingError
 from foretouch.errors.checks import require
 
-__all__ = ["QUIET_TIME", "SENSOR_SENTENCES", "TRANSIENT_STATES", "SensorState", "SensorWatch"]
-
 QUIET_TIME = 0.5
 """A transient fault is over when nothing was found for so long [s]."""
 
@@ -158,13 +156,14 @@ class SensorWatch:
         require("moving_mass", moving_mass, above=0.0)
         # Imported here: it brings a compiler along, and imports the numbers above.
         from foretouch.identification.conditioning import watch_kernel as kernel
+        from foretouch.identification.conditioning.fault_kernels import LEAST_STEP as LEAST_STEP_AT
 
         self._begin, self._look = kernel.begin, kernel.look
         near = [0.0 if math.isinf(end) else END_SHARE * abs(end) for end in (low, high)]
         self._numbers = np.zeros(kernel.SIZE)
         stays = (low + near[0], high - near[1], largest_speed, least_spike, moving_mass)
         self._numbers[kernel.LOWEST : kernel.STEP] = stays
-        self._numbers[kernel.STEP + kernel.STEP_LEAST] = least_step
+        self._numbers[kernel.STEP + LEAST_STEP_AT] = least_step
         self.doubtful, self.effort = False, 0.0
         self.reset()
 

@@ -25,7 +25,6 @@ from foretouch.identification.conditioning.fault_kernels import (
     is_falling,
     restart_steps,
 )
-from foretouch.identification.conditioning.fault_kernels import LEAST_STEP as STEP_LEAST
 from foretouch.identification.conditioning.fault_kernels import OFFSET_SIZE as STEP_SIZE
 from foretouch.identification.conditioning.watch import (
     ACTIVITY_TIME,
@@ -42,8 +41,6 @@ from foretouch.identification.conditioning.watch import (
     TRANSIENT_STATES,
     SensorState,
 )
-
-__all__ = ["LOWEST", "SIZE", "STEP", "STEP_LEAST", "begin", "look"]
 
 Array = NDArray[np.float64]
 

@@ -54,8 +54,6 @@ from foretouch.models import ContactMap, ContactModel, ContactState
 from foretouch.models.contact_map.layout import COARSE, FINE, LAW, SHARES
 from foretouch.models.contact_map.wire import pack
 
-__all__ = ["EXPERT_NAMES", "LONGEST_HORIZON", "ContactMapBank"]
-
 EXPERT_NAMES = ("law", "coarse", "fine")
 """In the order of their shares."""
 

@@ -9,45 +9,6 @@ from foretouch.identification.contact_map.regression import regression_size
 from foretouch.identification.exact.law import SETTINGS, STATE_SIZE
 from foretouch.models.contact_map.layout import LARGEST_FEATURES, MEMORY, SIZE
 
-__all__ = [
-    "ABSENT",
-    "ALARMS",
-    "BEFORE",
-    "BEGIN_COARSE",
-    "BEGIN_FINE",
-    "BEGIN_FLAT",
-    "BEGIN_LAW",
-    "BEGIN_MEMORY",
-    "BEGIN_NOTES",
-    "BEGIN_RATES",
-    "BEGIN_RING",
-    "BEGIN_SETTINGS",
-    "BEGIN_TIMES",
-    "BEGIN_VALUES",
-    "BEGUN",
-    "CHANGES",
-    "CONTACT",
-    "FADED",
-    "HORIZON",
-    "IN_A_ROW",
-    "LEARNT_AT",
-    "MOMENTS",
-    "NOTES",
-    "PATIENCE",
-    "PEAK",
-    "RING",
-    "SCORED",
-    "SCORES",
-    "SNAPPED_AT",
-    "SNAPSHOTS",
-    "SPREAD",
-    "TARGETS",
-    "TIME",
-    "TOTAL",
-    "TOUCHED",
-    "UPDATES",
-]
-
 # --- notes beside the map --------------------------------------------------------------------------------------------
 
 LEARNT_AT = 0  # time of the newest sample learnt from [s]

@@ -50,8 +50,6 @@ from foretouch.models.contact_map.layout import (
     ZERO,
 )
 
-__all__ = ["ALARM_FROM", "CHANGED", "FADING", "FAILED", "LEARNT", "PERIOD", "learn", "restart"]
-
 Array = NDArray[np.float64]
 
 _compiled = compiled(error_model="numpy")

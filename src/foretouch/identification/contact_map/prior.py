@@ -9,18 +9,6 @@ from numpy.typing import NDArray
 
 from foretouch.models.contact_map.layout import BELOW, COARSE, COARSENESS, FINE
 
-__all__ = [
-    "CURVATURE",
-    "FEATURE_REACH",
-    "FEATURE_SIZE",
-    "LEVEL",
-    "NOISE",
-    "SLOPE",
-    "elastic_prior",
-    "feature_prior",
-    "prior",
-]
-
 Array = NDArray[np.float64]
 
 NOISE = 0.3

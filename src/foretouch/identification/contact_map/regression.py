@@ -28,9 +28,6 @@ from foretouch.identification.contact_map.prior import NOISE, elastic_prior, fea
 from foretouch.models.contact_map.kernel import cubic
 from foretouch.models.contact_map.layout import ABOVE, BELOW, COARSE, COARSENESS, FINE, LARGEST_FEATURES, LENGTHS
 
-__all__ = ["MapRegression", "fade", "fit", "forget", "in_fine_reach", "make_regression", "regression"]
-__all__ += ["regression_size", "whole_covariance"]
-
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 

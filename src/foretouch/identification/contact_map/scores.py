@@ -34,8 +34,6 @@ from foretouch.models.contact_map.layout import (
     SPEED,
 )
 
-__all__ = ["CONTACT_SHARE", "FIRST_DOUBT", "SHARPNESS", "allot", "score"]
-
 Array = NDArray[np.float64]
 
 _compiled = compiled(error_model="numpy")

@@ -32,18 +32,6 @@ from foretouch.identification.exact.law import (
     UNKNOWNS,
 )
 
-__all__ = [
-    "FEWEST_UPDATES",
-    "SMALLEST_FORCE",
-    "begin",
-    "drift",
-    "law_numbers",
-    "move_reference",
-    "move_surface",
-    "project",
-    "restart",
-]
-
 Array = NDArray[np.float64]
 
 _compiled = compiled(error_model="numpy")

@@ -52,8 +52,6 @@ from foretouch.identification.exact.law import (
     UNKNOWNS,
 )
 
-__all__ = ["CHANGED", "FAILED", "FREE_AIR", "HELD", "LEARNT", "UNUSABLE", "run", "take", "update"]
-
 Array = NDArray[np.float64]
 
 _compiled = compiled(error_model="numpy")

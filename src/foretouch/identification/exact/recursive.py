@@ -29,14 +29,6 @@ from foretouch.identification.exact.law import (
 )
 from foretouch.models import ContactModel
 
-__all__ = [
-    "LARGEST_EXPONENT_ERROR",
-    "ExactHuntCrossley",
-    "ExactKelvinVoigt",
-    "ExactRecursive",
-    "ExactRecursiveOptions",
-]
-
 Array = NDArray[np.float64]
 
 LARGEST_EXPONENT_ERROR = 0.25

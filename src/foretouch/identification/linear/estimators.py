@@ -13,8 +13,8 @@ from typing import ClassVar
 from numpy.typing import ArrayLike
 
 from foretouch.errors.checks import require
-from foretouch.identification.linear.linearised import Forgetting, FPRLSOptions, LinearisedEstimator
-from foretouch.identification.linear.options import RobustOptions
+from foretouch.identification.linear.linearised import LinearisedEstimator
+from foretouch.identification.linear.options import Forgetting, FPRLSOptions, RobustOptions
 from foretouch.identification.linear.runs import LinearRuns
 
 FORGETTING_FACTOR = 0.999

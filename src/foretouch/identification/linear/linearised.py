@@ -18,7 +18,6 @@ from foretouch.identification.linear.options import (
     RESIDUALS,
     RESTARTED,
     STATE_SIZE,
-    DepthUnit,
     Forgetting,
     FPRLSOptions,
     full_covariance,
@@ -43,8 +42,6 @@ from foretouch.identification.linear.runs import (
 )
 from foretouch.identification.linear.sample import restart, update, warm
 from foretouch.models import LinearisedContinuousSwitching
-
-__all__ = ["DepthUnit", "FPRLSOptions", "Forgetting", "LinearisedEstimator"]
 
 Array = NDArray[np.float64]
 

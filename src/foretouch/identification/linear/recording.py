@@ -37,8 +37,6 @@ from foretouch.identification.linear.options import (
 from foretouch.identification.linear.recursion import logarithm
 from foretouch.identification.linear.sample import count_depth, forget_depths, restart
 
-__all__ = ["run"]
-
 Array = NDArray[np.float64]
 
 BLOCK = 1024

@@ -10,8 +10,6 @@ from numpy.typing import NDArray
 
 from foretouch.core.compiling import compiled
 
-__all__ = ["DepthSummary", "Recovered", "inverse_power_fit", "recover"]
-
 Array = NDArray[np.float64]
 
 BINS_PER_DECADE = 24

@@ -20,18 +20,6 @@ from foretouch.identification.linear.lanes import (
 from foretouch.identification.linear.options import RESIDUALS, full_covariance
 from foretouch.quantities import ByValue
 
-__all__ = [
-    "STATUSES",
-    "LinearRun",
-    "LinearRuns",
-    "as_arrays",
-    "as_recording",
-    "residual_variance",
-    "run_columns",
-    "run_regressors",
-    "to_metres",
-]
-
 Array = NDArray[np.float64]
 Samples = tuple[Array, Array, Array, NDArray[np.bool_]]
 

@@ -37,8 +37,6 @@ from foretouch.identification.linear.options import (
 from foretouch.identification.linear.recovery import BINS_PER_DECADE, LARGEST_GAIN
 from foretouch.identification.linear.recursion import logarithm
 
-__all__ = ["count_depth", "forget_depths", "restart", "update", "warm"]
-
 Array = NDArray[np.float64]
 
 BINS_PER_LOG = BINS_PER_DECADE / np.log(10.0)

@@ -48,26 +48,6 @@ from foretouch.models.contact_map.layout import (
     ZERO,
 )
 
-__all__ = [
-    "Memory",
-    "Rates",
-    "advanced",
-    "cubic",
-    "doubt",
-    "experts",
-    "features",
-    "force_at",
-    "judge",
-    "length",
-    "locate",
-    "moved",
-    "rate_of",
-    "rates",
-    "remember",
-    "run",
-    "step",
-]
-
 Array = NDArray[np.float64]
 
 Memory: TypeAlias = tuple[float, float, float, float, float]

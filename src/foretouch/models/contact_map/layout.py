@@ -8,50 +8,6 @@ from __future__ import annotations
 
 import numpy as np
 
-__all__ = [
-    "ABOVE",
-    "BELOW",
-    "COARSE",
-    "COARSENESS",
-    "DOUBT",
-    "DOUBTS",
-    "EXPERTS",
-    "FEATURES",
-    "FEATURE_COUNT",
-    "FEATURE_KNOTS",
-    "FEATURE_WEIGHTS",
-    "FELT",
-    "FINE",
-    "FINE_REACH",
-    "HEADER",
-    "KNOTS",
-    "LARGEST_FEATURES",
-    "LARGEST_FORCE",
-    "LAW",
-    "LAW_SPEED",
-    "LAW_SURFACE",
-    "LEAST_DEPTH",
-    "LENGTHS",
-    "LETTING_GO",
-    "LOWEST",
-    "MEMORY",
-    "MOST",
-    "ORIGIN",
-    "PLAYS",
-    "RANGES",
-    "REACH",
-    "REACHED",
-    "SHARES",
-    "SIZE",
-    "SPEED",
-    "SPEED_REACH",
-    "STARTS",
-    "STEEPEST",
-    "TIMES",
-    "WEIGHTS",
-    "ZERO",
-]
-
 LENGTHS = (1e-3, 3e-5)
 """Distance between the knots of the elastic part of the coarse and of the fine map [m]."""
 

@@ -31,8 +31,6 @@ from foretouch.models.contact_map.layout import (
     WEIGHTS,
 )
 
-__all__ = ["pack", "unpack", "window"]
-
 Array = NDArray[np.float64]
 
 

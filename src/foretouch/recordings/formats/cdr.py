@@ -17,8 +17,6 @@ import numpy as np
 
 from foretouch.messages import Message
 
-__all__ = ["HEADER", "Layout", "pack_fields"]
-
 HEADER = b"\x00\x01\x00\x00"
 """Encapsulation header: CDR, little endian, no options."""
 

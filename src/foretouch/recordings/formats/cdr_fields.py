@@ -15,8 +15,6 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["STAMP", "Places", "extract"]
-
 Array = NDArray[np.float64]
 Definitions = Mapping[str, tuple[Any, Sequence[tuple[str, Any]]]]
 """Type name to constants and fields, as `rosbags` parses them."""

@@ -31,8 +31,6 @@ from foretouch.recordings.formats.parquet_table import numbers_of
 from foretouch.recordings.meaning.names import is_unit
 from foretouch.recordings.source import Column, Table, require_names
 
-__all__ = ["CsvTable"]
-
 SEPARATORS: Final = (",", ";", "\t")
 LOOKED_AT: Final = 50
 """Lines that tell whether numbers have a decimal comma, and within which the header stands."""

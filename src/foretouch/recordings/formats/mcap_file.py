@@ -33,8 +33,6 @@ from foretouch.recordings.formats.mcap_index import (
 from foretouch.recordings.output import optional
 from foretouch.recordings.source import MAP_NAME, Topic, gathered, one_line
 
-__all__ = ["McapFile"]
-
 _MESSAGE_HEADER: Final = 22  # channel 2, sequence 4, log time 8, publish time 8 bytes
 _footer = struct.Struct("<QQI")
 _TAIL: Final = RECORD.size + _footer.size + len(MAGIC)

@@ -13,8 +13,6 @@ from foretouch.errors import RecordingError
 from foretouch.recordings.output import optional
 from foretouch.recordings.source import MAP_NAME, Column, Table, one_line, require_names
 
-__all__ = ["ParquetTable", "numbers_of"]
-
 
 class ParquetTable(Table):
     """An opened Parquet file.

@@ -37,8 +37,6 @@ from foretouch.recordings.meaning.names import (
 from foretouch.recordings.meaning.topic_choice import axis_note, choose_topic
 from foretouch.recordings.source import Bag, Column, Table, listed
 
-__all__ = ["Guess", "guess_mapping"]
-
 HELP = "`foretouch recordings inspect` writes what is known with --save FILE.toml: complete it, and give it with --map"
 
 UNIT_OPTIONS = {"position": "--position-unit mm", "force": "--force-unit N"}

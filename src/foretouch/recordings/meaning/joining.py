@@ -10,8 +10,6 @@ from numpy.typing import NDArray
 from foretouch.errors import RecordingError, plural
 from foretouch.recordings.source import Series
 
-__all__ = ["CLOCKS_AGREE", "Clocks", "Joined", "at_force_times", "clock_of", "clocks_of", "in_time"]
-
 Array = NDArray[np.float64]
 Times = NDArray[np.int64]
 

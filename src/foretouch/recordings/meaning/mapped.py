@@ -12,8 +12,6 @@ from foretouch.recordings.meaning.mapping import FORCES, LENGTHS, TIMES, Mapping
 from foretouch.recordings.meaning.topic_choice import LEAST_RATE
 from foretouch.recordings.source import Bag, Series, Table
 
-__all__ = ["falls_with_depth", "read_mapped"]
-
 Array = NDArray[np.float64]
 
 DEEPER_WITH_LESS_FORCE = -0.5

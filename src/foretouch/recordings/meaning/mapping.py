@@ -14,23 +14,6 @@ from foretouch.errors import RecordingError
 from foretouch.files import decode_toml, read_toml
 from foretouch.recordings.output import atomic_path
 
-__all__ = [
-    "FORCES",
-    "LENGTHS",
-    "NEEDS_SCALE",
-    "TIMES",
-    "UNKNOWN",
-    "Mapping",
-    "Signal",
-    "TimeSource",
-    "Velocity",
-    "mapping_text",
-    "parse_mapping",
-    "read_mapping",
-    "to_si",
-    "write_mapping",
-]
-
 Array = NDArray[np.float64]
 
 LENGTHS: Final = {"m": 1.0, "cm": 1e2, "mm": 1e3, "um": 1e6, "rad": 1.0, "deg": 180.0 / np.pi, "raw": 1.0}

@@ -13,8 +13,6 @@ from foretouch.recordings.meaning.mapping import Signal
 from foretouch.recordings.meaning.names import FORCE, POSITION, name_says, rank
 from foretouch.recordings.source import Bag, Topic, listed
 
-__all__ = ["LEAST_RATE", "Chosen", "axis_note", "choose_topic"]
-
 LEAST_RATE: Final = 20.0
 """What follows a press comes as often [1/s] or more; markers, stages and states of health come more rarely."""
 

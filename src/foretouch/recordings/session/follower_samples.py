@@ -19,8 +19,6 @@ from foretouch.quantities import ByValue, Recording
 from foretouch.recordings.output import atomic_path
 from foretouch.recordings.session.reader import read_samples
 
-__all__ = ["FollowerSamples", "follower_samples", "read_follower", "read_follower_samples"]
-
 Array = NDArray[np.float64]
 
 LARGE = 50_000_000

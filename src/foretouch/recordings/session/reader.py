@@ -52,8 +52,6 @@ from foretouch.recordings.formats.mcap_index import (
 from foretouch.recordings.formats.topics import COUNTS, TOPICS, TRUNCATED
 from foretouch.recordings.output import optional
 
-__all__ = ["read_samples", "read_session"]
-
 _channel_id = struct.Struct("<H")
 _MESSAGE_HEADER = 22  # channel 2, sequence 4, log time 8, publish time 8 bytes
 

@@ -40,8 +40,6 @@ from foretouch.recordings.formats.mcap_index import (
 from foretouch.recordings.formats.topics import TRUNCATED
 from foretouch.recordings.output import atomic_path, optional
 
-__all__ = ["Repair", "is_whole", "repair_session"]
-
 _footer = struct.Struct("<QQI")  # where the index begins, where its own table does, check sum
 
 

@@ -14,8 +14,6 @@ from foretouch.recordings.formats.mcap_index import BlockFile, append_index, cou
 from foretouch.recordings.formats.topics import BESIDE, PROBE, STANDARD, TOPICS, TRUNCATED, pose_on_a_line
 from foretouch.recordings.output import optional
 
-__all__ = ["SessionWriter"]
-
 LONGEST_BLOCK = 2000
 """So many messages make a block even if nobody flushes."""
 

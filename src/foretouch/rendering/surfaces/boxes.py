@@ -8,8 +8,6 @@ from numpy.typing import NDArray
 from foretouch.core.compiling import compiled
 from foretouch.rendering.surfaces.triangle_kernel import crossing, nearest
 
-__all__ = ["LEAF", "STACK", "build_boxes", "find_crossing", "find_nearest"]
-
 Array = NDArray[np.float64]
 Ints = NDArray[np.int32]
 

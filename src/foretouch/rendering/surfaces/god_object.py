@@ -23,8 +23,6 @@ from foretouch.core.compiling import compiled
 from foretouch.rendering.surfaces.boxes import find_crossing, find_nearest
 from foretouch.rendering.surfaces.triangle_kernel import EDGE_NORMALS, FACE, NORMAL, VERTEX_NORMALS, nearest, side
 
-__all__ = ["BORDER_CORNERS", "DEPTH", "LINKS", "MEMORY", "NEIGHBOURS", "NORMAL_AT", "POINT_AT", "TRIANGLE_AT", "follow"]
-
 Array = NDArray[np.float64]
 Ints = NDArray[np.int32]
 

@@ -15,8 +15,6 @@ from foretouch.rendering.surfaces.surface import Array, Surface, SurfaceContact
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-__all__ = ["LARGEST_COORDINATE", "TriangleMesh"]
-
 LARGEST_COORDINATE = 100.0
 """Coordinates beyond this [m] are refused: the file is in other units, and crossings are told to a nanometre."""
 

@@ -11,8 +11,6 @@ from numpy.typing import NDArray
 
 from foretouch.core.compiling import compiled
 
-__all__ = ["EDGE_NORMALS", "FACE", "NORMAL", "SIZE", "VERTEX_NORMALS", "crossing", "nearest", "side"]
-
 Array = NDArray[np.float64]
 
 NORMAL, EDGE_NORMALS, VERTEX_NORMALS, SIZE = 9, 12, 21, 30

@@ -9,14 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foretouch.messages import SessionLog
+from foretouch.quantities import new_figure
 from foretouch.report.pairs import Pairs, thinned
 from foretouch.report.scene.map import StiffnessMap
 from foretouch.report.scene.pose import NEAR_DEGREES, NEAR_MM, PoseError
 from foretouch.report.scene.scene import Wrong
-from foretouch.report.writing.drawing import ERROR, PREDICTED, TRUE, finished, legend, new_figure, shade
+from foretouch.report.writing.drawing import ERROR, PREDICTED, TRUE, finished, legend, shade
 from foretouch.session.spatial import Inclusion
-
-__all__ = ["contact_figure", "map_figure", "pose_figure"]
 
 Array = NDArray[np.float64]
 

@@ -18,8 +18,6 @@ from foretouch.report.scene.pose import SceneRows
 from foretouch.robot import make_material
 from foretouch.session.spatial import Scene
 
-__all__ = ["StiffnessMap", "learnt_field", "map_figures", "stiffness_map"]
-
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 

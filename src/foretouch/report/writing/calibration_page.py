@@ -11,10 +11,9 @@ from typing import Any
 import numpy as np
 
 from foretouch.identification import SeriesCompliance, ToolWeight
-from foretouch.report.writing.drawing import COLOURS, finished, legend, new_figure
+from foretouch.quantities import new_figure
+from foretouch.report.writing.drawing import COLOURS, finished, legend
 from foretouch.report.writing.html import embedded, named_values, write_html
-
-__all__ = ["write_calibration_page"]
 
 
 def write_calibration_page(

@@ -8,22 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from foretouch.quantities import colours, columns, new_figure
+from foretouch.quantities import colours, columns
 from foretouch.report.statuses import Stretch
-
-__all__ = [
-    "COLOURS",
-    "DELAYED",
-    "ERROR",
-    "PREDICTED",
-    "RENDERED",
-    "TRUE",
-    "finished",
-    "legend",
-    "mark",
-    "new_figure",
-    "shade",
-]
 
 TRUE, PREDICTED, DELAYED, RENDERED, ERROR = (
     colours.css(colour)

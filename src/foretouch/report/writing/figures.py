@@ -10,31 +10,11 @@ from numpy.typing import NDArray
 
 from foretouch.messages import ModelUpdate, SessionLog
 from foretouch.models import LAWS
-from foretouch.quantities import QUANTITIES
+from foretouch.quantities import QUANTITIES, new_figure
 from foretouch.report.pairs import Pairs, thinned
 from foretouch.report.scores import JND_FORCE, JND_SHARE
 from foretouch.report.statuses import Stretch
-from foretouch.report.writing.drawing import (
-    DELAYED,
-    ERROR,
-    PREDICTED,
-    RENDERED,
-    TRUE,
-    finished,
-    legend,
-    mark,
-    new_figure,
-    shade,
-)
-
-__all__ = [
-    "force_figure",
-    "loop_figure",
-    "model_figure",
-    "prediction_figure",
-    "timing_figure",
-    "tracking_figure",
-]
+from foretouch.report.writing.drawing import DELAYED, ERROR, PREDICTED, RENDERED, TRUE, finished, legend, mark, shade
 
 Array = NDArray[np.float64]
 

@@ -8,24 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foretouch.messages import SessionLog
-from foretouch.quantities import Rows
+from foretouch.quantities import Rows, new_figure
 from foretouch.report.energy import ROUNDING, Account
 from foretouch.report.hand import FELT, apart, number_of
 from foretouch.report.pairs import Pairs, thinned
 from foretouch.report.statuses import away
-from foretouch.report.writing.drawing import (
-    DELAYED,
-    ERROR,
-    PREDICTED,
-    RENDERED,
-    TRUE,
-    finished,
-    legend,
-    new_figure,
-    shade,
-)
-
-__all__ = ["energy_figure", "hand_figure"]
+from foretouch.report.writing.drawing import DELAYED, ERROR, PREDICTED, RENDERED, TRUE, finished, legend, shade
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]

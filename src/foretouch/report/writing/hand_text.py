@@ -9,17 +9,6 @@ from foretouch.errors import plural
 from foretouch.report.hand import AS_IT_COMES, NO_BASELINE, NO_GRIP
 from foretouch.report.numbers import figure, number
 
-__all__ = [
-    "baseline_sentence",
-    "device_sentence",
-    "guard_sentence",
-    "hand_lines",
-    "instability",
-    "phantom_sentence",
-    "stability",
-    "stability_word",
-]
-
 MUCH = 5.0
 """From this share of contact on it is said that the device could not carry the model [%]."""
 

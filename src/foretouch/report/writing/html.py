@@ -16,8 +16,6 @@ from typing import Any
 from foretouch.errors import InputError
 from foretouch.recordings import atomic_path
 
-__all__ = ["embedded", "named_values", "table", "tiles", "write_html"]
-
 STYLE = """
 :root { color-scheme: light dark; --ink: #1b1b1b; --quiet: #5c5c5c; --paper: #fafafa; --card: #fff; --line: #ddd;
   --bad: #a33c00; }

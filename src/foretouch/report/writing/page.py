@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from foretouch.identification.force_calibration import lowest_mean
 from foretouch.messages import SessionLog
 from foretouch.models import LAWS
 from foretouch.report.energy import booked_device, energy_account
@@ -22,7 +23,6 @@ from foretouch.report.scene.drawing import contact_figure, map_figure, pose_figu
 from foretouch.report.scene.map import map_figures
 from foretouch.report.scene.pose import has_scene
 from foretouch.report.scene.scene import SceneFindings, look_at_scene
-from foretouch.report.scores import lowest_mean
 from foretouch.report.statuses import follower_away
 from foretouch.report.writing.figures import (
     force_figure,
@@ -37,8 +37,6 @@ from foretouch.report.writing.hand_text import baseline_sentence, stability_word
 from foretouch.report.writing.html import embedded, named_values, tiles, write_html
 from foretouch.report.writing.safety_text import stretch_sentence
 from foretouch.report.writing.text import Finding, findings, render_text, scoring_findings
-
-__all__ = ["write_page", "write_prediction_page"]
 
 
 def write_page(

@@ -12,14 +12,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from foretouch.identification.force_calibration import lowest_mean
 from foretouch.messages import SessionLog
+from foretouch.quantities import new_figure
 from foretouch.report.pairs import pair, thinned
 from foretouch.report.replay import hand_begins_ns, table_rows
-from foretouch.report.scores import lowest_mean
-from foretouch.report.writing.drawing import DELAYED, ERROR, PREDICTED, TRUE, finished, legend, new_figure
+from foretouch.report.writing.drawing import DELAYED, ERROR, PREDICTED, TRUE, finished, legend
 from foretouch.report.writing.html import embedded, table, write_html
-
-__all__ = ["replay_figure", "write_replay_page"]
 
 Array = NDArray[np.float64]
 

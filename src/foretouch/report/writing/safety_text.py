@@ -10,8 +10,6 @@ from foretouch.recordings import FollowerSamples
 from foretouch.report.numbers import number
 from foretouch.report.statuses import fault_name
 
-__all__ = ["left_out", "safety_lines", "safety_sentences", "stretch_sentence"]
-
 REFUSED = {
     "stale": "stale",
     "overtaken": "overtaken or copied",

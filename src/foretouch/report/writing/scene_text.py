@@ -7,8 +7,6 @@ from typing import Any
 
 from foretouch.report.numbers import figure, number
 
-__all__ = ["scene_lines", "scene_sentences"]
-
 
 def scene_sentences(report: Mapping[str, Any]) -> list[str]:
     """What is wrong in a scene, one sentence each; none of a session along a line."""

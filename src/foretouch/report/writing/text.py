@@ -22,8 +22,6 @@ from foretouch.report.writing.hand_text import (
 from foretouch.report.writing.safety_text import safety_lines, safety_sentences, stretch_sentence
 from foretouch.report.writing.scene_text import scene_lines, scene_sentences
 
-__all__ = ["IDLE_LAW", "Finding", "findings", "law_is_idle", "map_lines", "number", "render_text", "scoring_findings"]
-
 IDLE_LAW = "the law's share of the force is 0 %: these numbers play no part in it"
 """What is said beside the numbers of a contact map's law where that holds."""
 

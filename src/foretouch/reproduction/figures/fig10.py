@@ -31,8 +31,6 @@ from foretouch.reproduction.figures.fig10_figure import parameters_figure
 from foretouch.reproduction.relearning import AS_PRINTED, CHOICES, EXACT, ROBUST, Choice, learn_again
 from foretouch.reproduction.section import Claim, Section
 
-__all__ = ["make"]
-
 CITED_STIFFNESS = (700.0, 75_000.0)
 """Interval of the hand's dF/dx at 15 N [N/m]: see `foretouch.robot` on the material hand."""
 

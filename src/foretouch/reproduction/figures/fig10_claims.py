@@ -24,8 +24,6 @@ from foretouch.reproduction.experiment import (
 from foretouch.reproduction.relearning import CHOICES, EXACT, ROBUST
 from foretouch.reproduction.section import Claim, Outcome, judge
 
-__all__ = ["FURTHER", "HIGHEST_FORCE", "STATED_SHARE", "Courses", "parameter_claims", "turns"]
-
 SETTLED_BAND = 0.25
 """s has settled when it stays within so much of its median over the last two presses."""
 

@@ -10,8 +10,6 @@ import numpy as np
 from foretouch.report import COLOURS, finished, new_figure
 from foretouch.reproduction.experiment import Array, History
 
-__all__ = ["ESTIMATOR_COLOURS", "parameters_figure"]
-
 ESTIMATOR_COLOURS = {"printed": COLOURS[4], "choice": COLOURS[3], "robust": COLOURS[0], "exact": COLOURS[2]}
 """Of the estimators, in Fig. 10 and Fig. 11 alike; black and vermillion are left for true and delayed force."""
 

@@ -34,8 +34,6 @@ from foretouch.reproduction.relearning import (
 from foretouch.reproduction.section import Claim, Outcome, Section, Table, judge
 from foretouch.session import SAMPLE_PERIOD
 
-__all__ = ["make"]
-
 Array = NDArray[np.float64]
 
 NEARLY = 10.0

@@ -15,8 +15,6 @@ from foretouch.reproduction.impacts import (
 )
 from foretouch.reproduction.section import Claim, Section
 
-__all__ = ["LAW", "make"]
-
 LAW = KelvinVoigt(stiffness=6000.0, damping=40.0)
 """K as in the paper's <1>. B is ours: with the 500 N s/m of <1> no mass under B^2 / (4 K) = 10.4 kg comes back."""
 

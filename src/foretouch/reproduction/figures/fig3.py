@@ -16,8 +16,6 @@ from foretouch.reproduction.impacts import (
 from foretouch.reproduction.section import Claim, Section
 from foretouch.reproduction.theory import damping_ratio
 
-__all__ = ["LAW", "make"]
-
 LAW = HuntCrossley(stiffness=3000.0, damping=1500.0, exponent=1.4)
 """The paper's <2>."""
 

@@ -23,8 +23,6 @@ from foretouch.reproduction.theory import (
     low_damping_limit,
 )
 
-__all__ = ["LAWS", "area", "make", "measured_exponent"]
-
 LAWS = {
     r"$\alpha$ = 0": (1.4, 0.0),
     r"$\alpha$ = 0.25": (1.05, 0.25),

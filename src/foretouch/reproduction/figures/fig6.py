@@ -12,8 +12,6 @@ from foretouch.report import COLOURS, finished, legend, new_figure
 from foretouch.reproduction.presses import two_presses
 from foretouch.reproduction.section import Claim, Section
 
-__all__ = ["DURATION", "make", "turns"]
-
 DURATION = 25.0
 """Of the paper's simulations [s]."""
 

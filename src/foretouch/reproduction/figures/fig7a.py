@@ -8,8 +8,6 @@ from foretouch.reproduction.estimates import Curve, parameter_figure, parameter_
 from foretouch.reproduction.presses import true_parameters
 from foretouch.reproduction.section import Section
 
-__all__ = ["make"]
-
 NAMES = ("kvm k, s", "hcm k, s", "kvm b1", "kvm b2", "hcm b2")
 
 

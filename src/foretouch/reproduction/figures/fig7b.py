@@ -10,8 +10,6 @@ from foretouch.reproduction.estimates import Curve, parameter_figure, parameter_
 from foretouch.reproduction.presses import true_parameters
 from foretouch.reproduction.section import Section
 
-__all__ = ["make"]
-
 NAMES = ("follows", "arrives")
 
 

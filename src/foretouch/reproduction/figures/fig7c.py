@@ -14,8 +14,6 @@ from foretouch.reproduction.estimates import Curve, parameter_figure, parameter_
 from foretouch.reproduction.presses import PERIOD, STEPS, Trace, press, true_parameters
 from foretouch.reproduction.section import Claim, Section
 
-__all__ = ["covariance_at_steps", "log_errors", "make"]
-
 NAMES = ("step 1", "step 2", "step b1", "step b2", "step force")
 
 Array = NDArray[np.float64]

@@ -18,8 +18,6 @@ from foretouch.reproduction.presses import Press, press
 from foretouch.reproduction.questions.tried import THRESHOLD, errors_of_fprls_threshold, errors_of_threshold, ordinal
 from foretouch.reproduction.section import Claim, Section
 
-__all__ = ["FORGETTING", "RATES", "Switch", "fprls_grid", "make", "switching_grid"]
-
 Array = NDArray[np.float64]
 
 FORGETTING = (1.0, 0.99, 0.98, 0.97, 0.95, 0.93, 0.9, 0.88, 0.86, 0.85, 0.84, 0.82, 0.8, 0.7, 0.5)

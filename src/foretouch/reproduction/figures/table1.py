@@ -16,8 +16,6 @@ from foretouch.reproduction.presses import linearisation_press
 from foretouch.reproduction.section import Claim, Section
 from foretouch.reproduction.theory import TABLE_1, fit_polynomial
 
-__all__ = ["DEPTHS", "Choice", "choices", "distance", "fitted", "make", "recursive_fit"]
-
 DEPTHS = np.geomspace(0.5e-3, 40e-3, 400)
 """Depths over which the lines are drawn [m]."""
 

@@ -22,8 +22,6 @@ from foretouch.report import COLOURS, finished, legend, new_figure
 from foretouch.reproduction.presses import HUNT_CROSSLEY, KELVIN_VOIGT, WAVES, Press, follow, press
 from foretouch.reproduction.section import Claim, Section, Table
 
-__all__ = ["SETS", "exponent_effects", "make", "stiff_fits", "two_stage_errors", "wave_errors"]
-
 Array = NDArray[np.float64]
 
 SETS: dict[str, tuple[tuple[float, float], ...]] = {

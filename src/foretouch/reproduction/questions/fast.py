@@ -26,8 +26,6 @@ from foretouch.reproduction.questions.fast_walk import (
 )
 from foretouch.reproduction.section import Claim, Section
 
-__all__ = ["VARIANTS", "floor", "make"]
-
 
 def _fprls(robust: RobustOptions | None = None, **options: Any) -> Callable[[], Estimator]:
     return lambda: FPRLS(FPRLSOptions(robust=robust or RobustOptions(), **options))

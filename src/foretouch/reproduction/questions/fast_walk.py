@@ -12,21 +12,6 @@ from foretouch.models import ContactModel, ContinuousSwitching, LinearisedContin
 from foretouch.quantities import Brief
 from foretouch.reproduction.presses import Press, forces_of
 
-__all__ = [
-    "AHEAD",
-    "ENCODER",
-    "HOLD_TIME",
-    "NOISE",
-    "PERIOD",
-    "TAP_DEPTH",
-    "TAP_LAW",
-    "Walk",
-    "hold",
-    "measured_press",
-    "taps",
-    "walk",
-]
-
 Array = NDArray[np.float64]
 
 PERIOD = 1e-3

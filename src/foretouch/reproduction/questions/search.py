@@ -16,9 +16,6 @@ from foretouch.reproduction.presses import MATERIALS, follow, press
 from foretouch.reproduction.questions.tried import QUESTIONS, Answer
 from foretouch.reproduction.section import Claim, Section, Table
 
-__all__ = ["Search", "best_of", "make", "noise_shares", "search"]
-
-
 PURE = ("kelvin-voigt", "hunt-crossley")
 """Materials of Fig. 7a."""
 

@@ -14,8 +14,6 @@ from foretouch.reproduction.impacts import MASS, SPEED, impact_of, impact_table
 from foretouch.reproduction.section import Claim, Section
 from foretouch.reproduction.theory import integrate_impact, maximum_depth
 
-__all__ = ["STEPS", "comparable_law", "greatest_pull", "make"]
-
 STEPS = {
     "<2> Hunt-Crossley": ContinuousSwitching(3000.0, 1500.0, 1.4, 0.0),
     "middle": ContinuousSwitching(4500.0, 1000.0, 0.7, 0.5),

@@ -35,19 +35,6 @@ from foretouch.errors import SettingError
 from foretouch.errors.checks import require
 from foretouch.models.memoryless_law import MemorylessLaw
 
-__all__ = [
-    "beta_of",
-    "damping_ratio",
-    "energy_loss",
-    "energy_loss_by_quadrature",
-    "h_of",
-    "h_of_gamma_functions",
-    "loss_exponent",
-    "loss_scale",
-    "maximum_depth",
-    "speed_at_depth",
-]
-
 Array = NDArray[np.float64]
 
 

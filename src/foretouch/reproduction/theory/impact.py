@@ -17,8 +17,6 @@ from foretouch.models.contact_model import NO_STATE, ContactModel
 from foretouch.models.memoryless_law import MemorylessLaw
 from foretouch.quantities import Brief
 
-__all__ = ["Impact", "integrate_impact"]
-
 Array = NDArray[np.float64]
 
 _LONGEST = 1e4

@@ -31,19 +31,6 @@ from foretouch.models.memoryless_law import MemorylessLaw
 from foretouch.models.quadratic import LinearisedContinuousSwitching
 from foretouch.quantities import Brief
 
-__all__ = [
-    "TABLE_1",
-    "LinearisationError",
-    "PolynomialFit",
-    "fit_polynomial",
-    "linearisation_error",
-    "linearise",
-    "linearised_log_force",
-    "log_force",
-    "taylor_error_depth",
-    "taylor_log_force",
-]
-
 Array = NDArray[np.float64]
 
 TABLE_1: dict[float, tuple[float, float]] = {0.3: (2.35, 0.016), 0.5: (3.44, 0.067)}

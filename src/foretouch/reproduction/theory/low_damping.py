@@ -21,8 +21,6 @@ from foretouch.models.classic import ContinuousSwitching
 from foretouch.reproduction.theory.energy_loss import energy_loss
 from foretouch.reproduction.theory.impact import integrate_impact
 
-__all__ = ["LowDampingError", "low_damping_error", "low_damping_limit", "low_damping_table"]
-
 
 @dataclass(frozen=True, slots=True)
 class LowDampingError:

@@ -15,8 +15,6 @@ from foretouch.errors import RecordingError, SettingError
 from foretouch.quantities import Recording
 from foretouch.robot.materials.contacts import Branch, HystereticContact, Spring
 
-__all__ = ["FOAM_DATASETS", "FOAM_PROVENANCE", "FittedFile", "FoamFit", "fit_foam", "foam_fit_json", "replay"]
-
 Array = NDArray[np.float64]
 
 FOAM_DATASETS = ("tue/a-foam", "tue/b-foam", "tue/b-foam3", "tue/d-foam2", "tue/e-foam2")

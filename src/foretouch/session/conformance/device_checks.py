@@ -18,8 +18,6 @@ from foretouch.errors import ForetouchError
 from foretouch.session.conformance.finding import Finding, guarded, nobody, percentile_time, skipped, told, too_slow
 from foretouch.session.settings import SAMPLE_PERIOD
 
-__all__ = ["check_device"]
-
 TICK_NS = round(SAMPLE_PERIOD * 1e9)
 FARTHEST, FASTEST = 0.5, 1.0
 """No hand is further from its start [m], or faster [m/s]: more is another unit, or positions that come seldom."""

@@ -25,8 +25,6 @@ from foretouch.quantities import Recording
 from foretouch.session.conformance.finding import Finding, guarded, percentile_time
 from foretouch.session.settings import SAMPLE_PERIOD
 
-__all__ = ["check_estimator"]
-
 OWN_LAWS: dict[str, ContactModel] = {
     "kelvin-voigt": KelvinVoigt(600.0, 2.0),
     "quadratic": QuadraticContact(300.0, 4e4, 300.0),

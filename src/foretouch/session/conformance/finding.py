@@ -9,9 +9,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-__all__ = ["Finding", "failed", "guarded", "nobody", "percentile_time", "skipped", "told", "too_slow"]
-
-
 LONGEST_LOOK = 2.0
 """Of calls that are slow, ten at least and as many as end within so long [s] are timed."""
 

@@ -15,8 +15,6 @@ from foretouch.robot import Material
 from foretouch.session.conformance.finding import Finding, guarded
 from foretouch.session.settings import SAMPLE_PERIOD
 
-__all__ = ["check_material"]
-
 SLOW, FAST = 0.01, 0.2
 """Speeds of a press [m/s]."""
 LEAST_FORCE, MOST_FORCE = 0.02, 1e4

@@ -16,8 +16,6 @@ from foretouch.robot import Robot, RobotSample, RobotSpecification
 from foretouch.session.conformance.finding import Finding, guarded, nobody, percentile_time, skipped, told, too_slow
 from foretouch.session.settings import SAMPLE_PERIOD
 
-__all__ = ["check_robot"]
-
 RANGES: dict[str, tuple[float, float]] = {
     "force_limit": (0.1, 1000.0),
     "encoder_resolution": (0.0, 1e-3),

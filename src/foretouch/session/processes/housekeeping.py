@@ -16,18 +16,6 @@ from foretouch.link import ZenohLink
 from foretouch.messages import SIDES, VERSION, Hello, Stop
 from foretouch.session.processes.news import HANGS_AFTER, LoopWatch, WaitingNote, connected
 
-__all__ = [
-    "BEAT",
-    "COMPILING",
-    "GIVING_UP",
-    "HELLO_PERIOD",
-    "LEAVING",
-    "ORPHANED",
-    "Housekeeper",
-    "StopFlag",
-    "orphaned",
-]
-
 HELLO_PERIOD = 0.5
 """Between two `Hello` messages [s]."""
 

@@ -29,8 +29,6 @@ from foretouch.session.processes.recorder import RECORDING_INCOMPLETE
 from foretouch.session.runners.warm_up import compiled_share
 from foretouch.session.settings import SessionSettings
 
-__all__ = ["run_processes"]
-
 WATCHERS = {"console": "console", "record": "recorder", "camera": "camera"}
 """Processes that the session goes on without, unless what they were told to do is refused (exit code 2)."""
 

@@ -25,8 +25,6 @@ from foretouch.recordings import SessionWriter
 from foretouch.session.network.lease import ContestHeard
 from foretouch.session.processes.housekeeping import ORPHANED, StopFlag, orphaned
 
-__all__ = ["RECORDER_CHANNELS", "RECORDING_INCOMPLETE", "Recorder", "run_recorder"]
-
 RECORDER_CHANNELS = (
     "telemetry",
     "leader",

@@ -15,8 +15,6 @@ from foretouch.messages.session_log import believable
 from foretouch.quantities import ByValue, Recording, Rows
 from foretouch.session.network.model_sender import RoundTrip
 
-__all__ = ["Replay", "replay"]
-
 Array = NDArray[np.float64]
 
 

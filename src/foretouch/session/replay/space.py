@@ -19,9 +19,6 @@ from foretouch.session.spatial.camera import SimulatedCamera
 from foretouch.session.spatial.making import make_camera, make_spatial_operator, make_spatial_robot
 from foretouch.session.spatial.scenes import Scene, make_scene
 
-__all__ = ["PlayedSpatialOperator", "replay_scene"]
-
-
 _REAL = "is of a real robot in three dimensions, which nobody can simulate again"
 _HELD = "is of a hand in three dimensions, which is run again with --closed-loop alone"
 _UNKNOWN = "does not say what its hand meant in three dimensions: with --closed-loop only a scripted one is run again"

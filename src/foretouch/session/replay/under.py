@@ -22,8 +22,6 @@ from foretouch.session.robots import make_session_robot
 from foretouch.session.runners.simulated import simulate
 from foretouch.session.settings import NO_GRIP, SAMPLE_PERIOD, SessionSettings
 
-__all__ = ["CLOSED_LOOP", "FIXED_MOTION", "material_answers", "replay_notes", "replay_under"]
-
 Times = NDArray[np.int64]
 
 FIXED_MOTION = "the operator's motion is fixed: who feels another force would have moved otherwise"

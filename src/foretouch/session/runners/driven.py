@@ -16,8 +16,6 @@ from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
 from foretouch.session.steps import follower, leader
 from foretouch.session.steps.sides import leading_side
 
-__all__ = ["DrivenFollower", "DrivenLeader", "LineFollower", "LineLeader", "drive_follower", "drive_leader"]
-
 
 class DrivenFollower(Protocol):
     """A follower's step with its robot.

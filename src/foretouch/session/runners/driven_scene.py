@@ -24,8 +24,6 @@ from foretouch.session.spatial import follower, leader
 from foretouch.session.spatial.scenes import make_scene
 from foretouch.session.steps import follower as along_the_line
 
-__all__ = ["SpaceFollower", "SpaceLeader"]
-
 
 class SpaceFollower:
     """A follower in three dimensions; see `foretouch.session.runners.driven.DrivenFollower`.

@@ -31,17 +31,6 @@ from foretouch.session.steps.counting import (
     link_counts,
 )
 
-__all__ = [
-    "FOLLOWER_CHANNELS",
-    "LEADER_CHANNELS",
-    "SPACE_FOLLOWER_CHANNELS",
-    "SPACE_LEADER_CHANNELS",
-    "ended_in_order",
-    "run_follower",
-    "run_leader",
-    "wait_for_hello",
-]
-
 FOLLOWER_CHANNELS = ("command", "settings", "stop", "emergency", "hello")
 """What the follower's link receives."""
 

@@ -36,8 +36,6 @@ from foretouch.session.steps import follower, leader
 from foretouch.session.steps.counting import OperatorClock, follower_counts, leader_counts
 from foretouch.session.steps.sides import leading_side
 
-__all__ = ["SimulatedSession", "prepare_simulation", "simulate"]
-
 _PERIOD_NS = round(SAMPLE_PERIOD * 1e9)
 
 Record = Callable[[Message, int], None]

@@ -38,8 +38,6 @@ from foretouch.session.processes.housekeeping import COMPILING, HELLO_PERIOD, OR
 from foretouch.session.settings import SAMPLE_PERIOD, SIMULATED, SessionSettings
 from foretouch.session.steps import follower, leader
 
-__all__ = ["compile_all", "compiled_share", "is_compiled", "prepare", "warm_up", "warm_up_once"]
-
 TICKS = 700
 DEPTH, STIFFNESS, SURFACE, ABOVE = 2e-3, 500.0, 0.01, 1e-3
 """Of a press [m, N/m, m, m] that exists nowhere else."""

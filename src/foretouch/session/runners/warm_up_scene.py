@@ -9,8 +9,6 @@ from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
 from foretouch.session.spatial import follower, leader
 from foretouch.session.spatial.scenes import make_scene
 
-__all__ = ["warm_up_scene"]
-
 TICKS = 700
 STIFFNESS, FRICTION = 400.0, 0.3
 START, DEPTH, SLIDE = 0.002, 0.004, 0.01

@@ -28,26 +28,6 @@ from foretouch.session.safety.safety import (
     UNLOADED,
 )
 
-__all__ = [
-    "AIM",
-    "CAME",
-    "DAMPING",
-    "FASTEST",
-    "FORCE",
-    "GUARD",
-    "IMPEDANCE",
-    "IN_SPACE",
-    "MOTION",
-    "NEAREST",
-    "NEARING",
-    "NEW",
-    "PERIOD",
-    "SHIFTED",
-    "SIZE",
-    "WAY",
-    "keep_safe",
-]
-
 Array = NDArray[np.float64]
 
 AIM, RETURNING, MET, NEW = 0, 1, 2, 3

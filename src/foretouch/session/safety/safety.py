@@ -16,8 +16,6 @@ from foretouch.session.safety.force_guard import ForceGuard
 from foretouch.session.safety.motion import POSITION, VELOCITY, MotionLimits
 from foretouch.session.safety.proven_way import ProvenWay
 
-__all__ = ["LEFT", "REST_FORCE", "Safety", "SafetyLimits"]
-
 REACTION = 3e-3
 """After its first touch a robot is no faster than before for so long [s], and then stops: its sensor and drive are as
 late as that. The simulated arm takes 2.3 to 2.8 ms."""

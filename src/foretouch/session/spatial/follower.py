@@ -34,8 +34,6 @@ from foretouch.session.spatial.last_limit import LastLimit
 from foretouch.session.spatial.way_in import MISSED, MISSED_TICKS, WayIn
 from foretouch.session.steps import follower
 
-__all__ = ["Inputs", "Outputs", "State", "start", "step"]
-
 BIAS_RATE = 2e-4
 """Share per tick in which the sensor's offset follows what is measured in free air, once it is known from 5 s."""
 

@@ -16,8 +16,6 @@ from foretouch.messages import VERSION, CameraImage, FixtureBelief, FollowerSpac
 from foretouch.quantities import Pose
 from foretouch.vision import ContactSeen, FixtureFilter, FusionSettings, ImageSeen, TouchedSurface, Verdict
 
-__all__ = ["State", "counts", "start", "step"]
-
 TOUCH_DEVIATION = 2e-4
 """Standard deviation of where a touch puts the surface along its normal [m]: encoders, sensor noise, softness."""
 

@@ -38,8 +38,6 @@ from foretouch.session.settings import NO_GRIP, SAMPLE_PERIOD, SessionSettings
 from foretouch.session.steps.heard import Heard
 from foretouch.session.steps.leader import Inputs, Outputs, meeting_place
 
-__all__ = ["LOCAL_DAMPING", "State", "start", "step"]
-
 LOCAL_DAMPING = 5.0
 """Of the damper that is put beside a delayed force, at the hand [N s/m]."""
 

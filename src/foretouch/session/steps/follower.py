@@ -25,8 +25,6 @@ from foretouch.session.safety.safety import Safety, SafetyLimits
 from foretouch.session.settings import SAFETY_LIMITS, SAMPLE_PERIOD, SessionSettings
 from foretouch.session.steps.sensing import Failures, TickRate, calibrated
 
-__all__ = ["Inputs", "Outputs", "State", "feel_plainly", "sensor_force", "start", "step", "tip"]
-
 # What every tick asks for: a member of an enumeration costs more to look up than to compare.
 GOOD = SensorState.GOOD
 FRESH, FUTURE = Arrival.FRESH, Arrival.FUTURE

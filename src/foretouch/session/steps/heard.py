@@ -7,8 +7,6 @@ import math
 from foretouch.link import SequenceCounter
 from foretouch.messages import ModelUpdate, Status, Telemetry
 
-__all__ = ["Heard"]
-
 STOPPED, SHADOW = int(Status.STOPPED), int(Status.SHADOW)
 """As they stand in messages."""
 

@@ -9,8 +9,6 @@ from foretouch.devices import DeviceSpecification
 from foretouch.session.settings import SessionSettings
 from foretouch.session.steps import leader
 
-__all__ = ["LeadingSide", "leading_side"]
-
 
 class LeadingSide(Protocol):
     """What leads a session: a start and a step, as of `foretouch.session.steps.leader`."""
