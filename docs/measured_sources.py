@@ -22,20 +22,16 @@ IGNORED = (
     # what only says, shows or refuses
     *("measured_blocks", "foretouch.console", "foretouch.errors", "foretouch.plugins", "foretouch.ros2"),
     *("foretouch.core.compiling", "foretouch.files"),
-    *(f"foretouch.cli.{name}" for name in ("exit_codes", "extras", "help", "options", "progress")),
-    *(f"foretouch.report.{name}" for name in ("calibration_page", "drawing", "figures", "html", "page", "thinning")),
-    *(f"foretouch.report.{name}" for name in ("hand_drawing", "hand_text", "replay_page", "safety_text", "text")),
-    *(f"foretouch.report.{name}" for name in ("scene_drawing", "scene_text")),
-    *(f"foretouch.comparison.{name}" for name in ("figures", "page", "table")),
-    *(f"foretouch.sweep.{name}" for name in ("figures", "page")),
+    *(f"foretouch.cli.{name}" for name in ("app", "options", "progress")),
+    *("foretouch.report.writing", "foretouch.report.scene.drawing"),
+    *("foretouch.comparison.figures", "foretouch.comparison.page", "foretouch.sweep.page"),
     # devices that no simulated session has
-    *(f"foretouch.devices.{name}" for name in ("browser", "force_dimension", "gamepad", "pygame_pad")),
+    *(f"foretouch.devices.{name}" for name in ("browser", "force_dimension", "gamepad")),
     # what writes recordings, and formats that no measured file has
-    *(f"foretouch.recordings.{name}" for name in ("block_file", "contact_model_msg", "mcap_index", "output", "repair")),
-    *(f"foretouch.recordings.{name}" for name in ("session_writer", "standard_topics", "column_names", "guess")),
-    *(f"foretouch.recordings.{name}" for name in ("bag_series", "cdr", "cdr_fields", "hdf5_table", "joining")),
-    *(f"foretouch.recordings.{name}" for name in ("mapped", "mapping", "parquet_table", "ros_types", "rosbag")),
-    "foretouch.recordings.meaning.topic_choice",
+    *("foretouch.recordings.output", "foretouch.recordings.session.repair", "foretouch.recordings.session.writer"),
+    *(f"foretouch.recordings.formats.{name}" for name in ("bags", "cdr", "cdr_fields", "mcap_index", "topics")),
+    *(f"foretouch.recordings.meaning.{name}" for name in ("guess", "joining", "mapped", "mapping", "topic_choice")),
+    "foretouch.recordings.formats.parquet_table",
 )
 """Nothing in these moves a figure, so what is in them makes no block stale."""
 
@@ -74,7 +70,10 @@ _OF_PAGES: dict[str, dict[str, tuple[str, ...]]] = {
         "identifications": ("measure_results:identifications", IDENTIFY, EXCERPT),
         "estimators": ("measure_results:estimators", COMPARE, EXCERPT),
         "simulated": ("measure_results:simulated", COMPARE),
-        "claims": ("measure_results:claims", "foretouch.reproduction.*"),
+        "claims": (
+            "measure_results:claims",
+            *(f"foretouch.reproduction.{part}.*" for part in ("figures", "questions")),
+        ),
         "sessions": ("measure_results:sessions", SIMULATE),
         "foam": ("measure_results:foam", "foretouch.robot.materials.foam_fit:fit_foam", EXCERPT),
     },

@@ -242,7 +242,10 @@ def syntax(node: object, leading: list[ast.AST] | None = None) -> str:
         if value is None or value == [] or name in ("ctx", "kind", "module"):  # an import is followed to its module
             continue
         unread = name == "returns" or (name == "annotation" and kind is ast.arg)
-        parts.append(f"{name}={syntax(value, None if unread else inner)}")
+        read: list[ast.AST] | None = None if unread or inner is None else []
+        parts.append(f"{name}={syntax(value, read)}")
+        if read and inner is not None:
+            inner += [one for one in read if name != "body" or not is_argument(one, node)]
     return f"{kind.__name__}({','.join(parts)})"
 
 
@@ -276,6 +279,14 @@ def bound(statement: ast.stmt) -> Iterator[str]:
         for node in ast.walk(statement):
             if isinstance(node, ast.stmt) and node is not statement and not isinstance(node, ast.Expr):
                 yield from bound(node)
+
+
+def is_argument(one: ast.AST, node: ast.AST) -> bool:
+    """Whether a name in the body of a function is that of one of its arguments, and so leads nowhere."""
+    if not isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda):
+        return False
+    every = (*node.args.posonlyargs, *node.args.args, *node.args.kwonlyargs)
+    return next(iter(dotted(one)), None) in {argument.arg for argument in every}
 
 
 def loads(node: ast.Name) -> bool:

@@ -56,7 +56,7 @@ def test_a_constant_that_changes_in_another_file_is_compiled_anew_and_a_second_c
     assert (speed, found) == (pytest.approx(14.0 / (50.0 * 0.01)), 0)
     assert mark.startswith(str(kept / "complete-"))
     copy_of_the_package(second)
-    rules = second / "foretouch" / "session" / "force_guard.py"
+    rules = second / "foretouch" / "session" / "safety" / "force_guard.py"
     sources = rules.read_text()
     rules.write_text(sources.replace("PATIENCE = 0.01\n", "PATIENCE = 0.04\n"))
     speed, found, changed = run_in(second, kept)
@@ -68,8 +68,7 @@ def test_a_constant_that_changes_in_another_file_is_compiled_anew_and_a_second_c
 
 
 def test_the_digest_follows_imports_through_other_modules() -> None:
-    session = PACKAGE / "session"
-    sources = [session / f"{name}.py" for name in ("safety_kernel", "force_guard_kernel", "force_guard")]
+    sources = [PACKAGE / f"{name}.py" for name in ("session/safety/kernel", "session/safety/motion", "quantities/pose")]
     assert {sources[1], PACKAGE / "messages" / "__init__.py"} <= compiling.imported(sources[0])
     assert sources[2] in compiling.imported(sources[1])
     assert len({compiling.digest_of(source) for source in sources}) == 3
@@ -103,9 +102,9 @@ def test_numba_keeps_what_is_compiled_of_us_where_we_say_and_of_others_where_it_
         pytest.skip("nothing is compiled")
     folder = compiling.compiled_folder(safety_kernel.__file__)
     assert folder is not None
-    assert folder.name == f"session.safety_kernel-{compiling.digest_of(Path(safety_kernel.__file__))}"
+    assert folder.name == f"session.safety.kernel-{compiling.digest_of(Path(safety_kernel.__file__))}"
     assert safety_kernel.keep_safe._cache.cache_path == str(folder)
-    assert list(folder.glob("safety_kernel._keep_safe-*.nbi"))
+    assert list(folder.glob("kernel._keep_safe-*.nbi"))
     assert caching.CacheImpl._locator_classes[0].from_function(np.sum, np.__file__) is None
 
 
@@ -125,20 +124,20 @@ def test_where_nothing_can_be_kept_it_is_compiled_all_the_same(tmp_path: Path, m
 def test_versions_before_the_newest_are_removed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(config, "CACHE_DIR", str(tmp_path))
     for number in range(12):
-        folder = tmp_path / f"session.safety-{number:016x}"
+        folder = tmp_path / f"session.safety.safety-{number:016x}"
         folder.mkdir()
         os.utime(folder, (number, number))
-    (tmp_path / "session.safety_kernel-0000000000000000").mkdir()
+    (tmp_path / "session.safety.kernel-0000000000000000").mkdir()
     compiling.compiled_folder.cache_clear()
     try:
-        folder = compiling.compiled_folder(str(PACKAGE / "session" / "safety.py"))
+        folder = compiling.compiled_folder(str(PACKAGE / "session" / "safety" / "safety.py"))
     finally:
         compiling.compiled_folder.cache_clear()
     assert folder is not None
-    left = sorted(tmp_path.glob("session.safety-*"))
+    left = sorted(tmp_path.glob("session.safety.safety-*"))
     assert folder in left
     assert len(left) == compiling.KEPT
-    assert (tmp_path / "session.safety_kernel-0000000000000000").is_dir()
+    assert (tmp_path / "session.safety.kernel-0000000000000000").is_dir()
 
 
 @pytest.mark.parametrize("within", [False, True])
@@ -147,8 +146,8 @@ def test_what_others_may_have_written_is_not_loaded(
     whose: str, within: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     root = tmp_path / "kept"
-    source = PACKAGE / "session" / "safety.py"
-    folder = root / f"session.safety-{compiling.digest_of(source)}"
+    source = PACKAGE / "session" / "safety" / "safety.py"
+    folder = root / f"session.safety.safety-{compiling.digest_of(source)}"
     folder.mkdir(parents=True)
     root.chmod(0o700)
     folder.chmod(0o700)
@@ -165,7 +164,7 @@ def test_what_others_may_have_written_is_not_loaded(
         kept.cache_clear()
     try:
         assert compiling.compiled_folder(str(source)) is None
-        assert compiling.compiled_folder(str(PACKAGE / "session" / "safety.py")) is None
+        assert compiling.compiled_folder(str(PACKAGE / "session" / "safety" / "safety.py")) is None
         told = capsys.readouterr().err
         assert whose in told
         assert len(told.splitlines()) == 1

@@ -124,7 +124,7 @@ def test_every_field_of_identify_and_predict_is_described(tmp_path: Path) -> Non
 def test_every_status_is_listed() -> None:
     text = (ROOT / "docs" / "recordings.md").read_text()
     assert ".. statuses::" in text  # those of scoring, from STATUSES
-    offline = (ROOT / "src" / "foretouch" / "cli" / "offline.py").read_text()
+    offline = (ROOT / "src" / "foretouch" / "cli" / "commands" / "offline.py").read_text()
     for name in set(re.findall(r'"status": .*"(\w+)" if', offline)) | set(re.findall(r'else "(\w+)",', offline)):
         assert name in STATUSES or f"`{name}`\n: " in text, name
 

@@ -113,7 +113,7 @@ def test_looks_are_counted_and_not_seconds() -> None:
     for look in range(looks):
         assert not watch.stuck, look
         assert not watch.look()
-    assert watch.stuck.startswith(f"no tick for {HANGS_AFTER:g} s, in stuck (hanging.py, line ")
+    assert watch.stuck.startswith(f"no tick for {HANGS_AFTER:g} s, in stuck (news.py, line ")
     watch.ticked = 2
     assert watch.look()
     assert not watch.stuck

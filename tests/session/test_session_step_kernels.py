@@ -74,7 +74,7 @@ INTERPRETED = """
 import sys
 sys.path.insert(0, {folder!r})
 from test_session_step_kernels import pressed
-assert not hasattr(__import__("foretouch.session.safety.kernel").session.safety_kernel.keep_safe, "signatures")
+assert not hasattr(__import__("foretouch.session.safety.kernel").session.safety.kernel.keep_safe, "signatures")
 print(repr([pressed(seed) for seed in range(3)]))
 """
 

@@ -1,3 +1,5 @@
+import importlib
+import inspect
 import json
 import re
 import shlex
@@ -194,21 +196,25 @@ def test_rows_of_another_sweep_are_refused_with_one_line(one: Path, tmp_path: Pa
     assert "\n" not in str(caught.value)
 
 
-def reached(module: str, room: Path) -> set[str]:
+def reached(module: str, room: str) -> set[str]:
     """Names of the modules of a room that one of them is made of."""
-    imported = re.findall(rf"^from foretouch\.{room.name}\.(\w+) import", (room / f"{module}.py").read_text(), re.M)
+    text = inspect.getsource(importlib.import_module(module))
+    imported = re.findall(rf"^from (foretouch\.{room}\.[\w.]+) import", text, re.M)
     return {module}.union(*(reached(name, room) for name in imported))
 
 
 def test_rows_are_stale_by_what_made_them_and_by_nothing_that_only_shows_them() -> None:
-    report = Path(foretouch.report.__file__).parent
     asked = (foretouch.report.hand_figures, foretouch.report.pair, foretouch.report.update_jumps)
-    measuring = set().union(*(reached(function.__module__.rpartition(".")[2], report) for function in asked))
-    measuring |= reached("session", report)  # for its contact floor
-    assert {path.stem for path in report.glob("*.py")} - measuring - {"__init__"} == set(SHOWING["report"])
-    sweep = report.parent / "sweep"
-    assert set(SHOWING["sweep"]).isdisjoint(reached("run", sweep) | reached("store", sweep))
-    assert all((sweep / f"{name}.py").is_file() for name in SHOWING["sweep"])
+    roots = {function.__module__ for function in asked} | {"foretouch.report.session"}  # that for its contact floor
+    made = set().union(*(reached(root, "report") for root in roots))
+    made |= reached("foretouch.sweep.run", "sweep") | reached("foretouch.sweep.store", "sweep")
+    source = Path(foretouch.report.__file__).parents[1]
+    for room in ("report", "sweep"):
+        for path in (source / room).rglob("*.py"):
+            name = path.relative_to(source).as_posix()
+            module = ".".join(("foretouch", *Path(name).with_suffix("").parts))
+            if path.stem != "__init__" and (room == "report" or module in made):
+                assert (module in made) != name.startswith(SHOWING), name
 
 
 def test_a_replay_of_nothing_is_refused(

@@ -13,4 +13,4 @@ def test_importing_the_room_imports_neither_opencv_nor_mujoco() -> None:
 
 def test_opencv_is_imported_in_one_file() -> None:
     sources = (Path(__file__).resolve().parents[2] / "src" / "foretouch").rglob("*.py")
-    assert [path.name for path in sources if "import cv2" in path.read_text()] == ["board.py"]
+    assert [path.name for path in sources if "import cv2" in path.read_text()] == ["camera.py"]

@@ -21,14 +21,15 @@ ROOMS = (
 )
 """Whose code decides what comes out of a session."""
 
-SHOWING = {
-    "report": (
-        *("calibration_page", "drawing", "figures", "forces", "hand_drawing", "hand_text", "html", "page", "remarks"),
-        *("replay", "replay_page", "safety_text", "scene_drawing", "scene_text", "text", "thinning"),
-    ),
-    "sweep": ("curves", "figures", "page", "summary", "totals"),
-}
-"""What only shows it, or other things, in these rooms."""
+SHOWING = (
+    "report/writing",
+    "report/scene/drawing.py",
+    "report/forces.py",
+    "report/replay.py",
+    "sweep/curves.py",
+    "sweep/page.py",
+)
+"""Files and folders of these rooms that only show it, or other things."""
 
 
 class Header(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -53,9 +54,10 @@ def code_digest() -> str:
     root = Path(__file__).resolve().parents[1]
     sum_ = hashlib.sha256()
     for room in ROOMS:
-        for path in sorted(path for path in (root / room).rglob("*.py") if path.stem not in SHOWING.get(room, ())):
-            sum_.update(path.relative_to(root).as_posix().encode())
-            sum_.update(path.read_bytes())
+        for path in sorted((root / room).rglob("*.py")):
+            name = path.relative_to(root).as_posix()
+            if not name.startswith(SHOWING):
+                sum_.update(name.encode() + path.read_bytes())
     return sum_.hexdigest()[:16]
 
 

@@ -54,15 +54,11 @@ class ForceGuard:
             (`foretouch.session.safety.force_guard.SIZE`,); None for one of its own.
     """
 
-    __slots__ = ("_allowed", "_contact", "_observe")
+    __slots__ = ("_contact",)
 
     def __init__(self, contact: Array | None = None) -> None:
-        # Imported here: it brings a compiler along, and imports the numbers above.
-        from foretouch.session.safety import force_guard as kernel
-
-        self._observe, self._allowed = kernel.observe, kernel.allowed_speed
-        self._contact = np.empty(kernel.SIZE) if contact is None else contact
-        kernel.forget(self._contact)
+        self._contact = np.empty(SIZE) if contact is None else contact
+        forget(self._contact)
 
     @property
     def stiffness(self) -> float:
@@ -82,7 +78,7 @@ class ForceGuard:
             force: [N].
             in_contact: Whether that is contact.
         """
-        self._observe(self._contact, position, force, in_contact)
+        observe(self._contact, position, force, in_contact)
 
     def speed(self, limit: float, damping: float = 0.0) -> float:
         """Speed at which the robot may go deeper now, negative where it has to go back [m/s]; 0 while nobody knows.
@@ -91,7 +87,7 @@ class ForceGuard:
             limit: Force to come to [N].
             damping: b, that it may feel where it goes deeper [N s/m].
         """
-        return self._allowed(self._contact, limit, damping)
+        return allowed_speed(self._contact, limit, damping)
 
 
 FORCE, REFERENCE, REFERENCE_FORCE = 2, 3, 4

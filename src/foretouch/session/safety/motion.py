@@ -87,7 +87,7 @@ class MotionLimits:
             (`foretouch.session.safety.motion.SIZE`,); None for an array of its own.
     """
 
-    __slots__ = ("_asked", "_begun", "_limited", "_moved", "_path")
+    __slots__ = ("_asked", "_path")
 
     def __init__(
         self, speed: float, acceleration: float, jerk: float, sample_period: float, *, path: Array | None = None
@@ -96,15 +96,11 @@ class MotionLimits:
         require("acceleration", acceleration, above=0.0)
         require("jerk", jerk, above=0.0)
         require("sample_period", sample_period, above=0.0)
-        # Imported here: it brings a compiler along, and imports the numbers above.
-        from foretouch.session.safety import motion as kernel
-
         gain = -math.expm1(-2.0 * math.pi * VELOCITY_CUTOFF * sample_period)
-        self._begun, self._limited, self._moved = kernel.begin, kernel.limited, kernel.moved
-        self._path = np.zeros(kernel.SIZE) if path is None else path
-        self._asked = self._path[kernel.WANTED : kernel.SPEED]
+        self._path = np.zeros(SIZE) if path is None else path
+        self._asked = self._path[WANTED:SPEED]
         self._path[POSITION:VELOCITY] = math.nan
-        self._path[kernel.SPEED :] = speed, acceleration, jerk, sample_period, gain
+        self._path[SPEED:] = speed, acceleration, jerk, sample_period, gain
 
     @property
     def place(self) -> Vector:
@@ -132,7 +128,7 @@ class MotionLimits:
 
     def begin(self, x: float, y: float = 0.0, z: float = 0.0) -> None:
         """Begin where the robot is, at rest [m]."""
-        self._begun(self._path, x, y, z)
+        begin(self._path, x, y, z)
 
     def update(self, wanted: float, upwards: float = math.inf, shifted: float = 0.0) -> float:
         """One tick on a line: the next position of the path [m]; no number before it has begun.
@@ -144,7 +140,7 @@ class MotionLimits:
             shifted: By how far the stream was set elsewhere since the last tick [m]: no motion of it; no number, or
                 more than 1 km, is 0.
         """
-        return self._limited(self._path, wanted, upwards, shifted)
+        return limited(self._path, wanted, upwards, shifted)
 
     def move(
         self,
@@ -163,7 +159,7 @@ class MotionLimits:
         """
         first, second, third = bounds
         self._asked[:] = wanted + shifted + first + second + third
-        self._moved(self._path)
+        moved(self._path)
         return self.place
 
 

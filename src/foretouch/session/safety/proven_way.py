@@ -61,19 +61,15 @@ class ProvenWay:
             (`foretouch.session.safety.proven_way.SIZE`,); None for one of its own.
     """
 
-    __slots__ = ("_forget", "_numbers", "_observe", "_speed")
+    __slots__ = ("_numbers",)
 
     def __init__(self, numbers: Array | None = None) -> None:
-        # Imported here: it brings a compiler along, and imports the numbers above.
-        from foretouch.session.safety import proven_way as kernel
-
-        self._observe, self._forget, self._speed = kernel.observe_way, kernel.forget_way, kernel.proven_speed
-        self._numbers = np.zeros(kernel.SIZE) if numbers is None else numbers
+        self._numbers = np.zeros(SIZE) if numbers is None else numbers
         self.forget()
 
     def forget(self) -> None:
         """Nothing is proven any more: it is another place."""
-        self._forget(self._numbers)
+        forget_way(self._numbers)
 
     def observe(self, position: float, force: float, period: float) -> None:
         """One sample of the sensors, finite.
@@ -83,7 +79,7 @@ class ProvenWay:
             force: That is felt [N].
             period: Since the one before [s].
         """
-        self._observe(self._numbers, position, force, period)
+        observe_way(self._numbers, position, force, period)
 
     def speed(self, position: float, allowed: float) -> float:
         """Speed w at which the cell of a place may be gone through [m/s]; NaN where nothing is proven.
@@ -92,7 +88,7 @@ class ProvenWay:
             position: [m].
             allowed: F_a [N].
         """
-        found = self._speed(self._numbers, position, allowed)
+        found = proven_speed(self._numbers, position, allowed)
         return found if found > 0.0 else math.nan
 
 
