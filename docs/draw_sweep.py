@@ -14,7 +14,7 @@ from measured_blocks import fill
 from foretouch.sweep import page as figures
 from foretouch.sweep import summary
 from foretouch.sweep.curves import AXES, TOTALS, said, said_of_crossovers
-from foretouch.sweep.store import FILE_NAME, code_digest, read_store
+from foretouch.sweep.sweep import FILE_NAME, code_digest, read_store
 
 PAGE = Path(__file__).parent / "sweep.md"
 IMAGES = Path(__file__).parent / "images"

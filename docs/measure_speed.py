@@ -29,7 +29,7 @@ from matplotlib.patches import Patch
 from measured_blocks import chosen, fill
 
 from foretouch.bench import BENCHMARKS, Row, run_benchmarks
-from foretouch.bench.benchmarks import batch, growth, map, mesh, profile, steps
+from foretouch.bench.benchmarks import profile, steps, streams, updates
 from foretouch.bench.rows import HEADS, cells
 from foretouch.bench.timing import interleave
 
@@ -152,25 +152,26 @@ def style(part: int, parts: int) -> dict[str, str]:
 
 def over_samples(axes: Axes) -> None:
     """Streams of FPRLS: cost of a sample, quickest of three."""
-    streams = growth.curve(growth.LARGEST)
-    sizes = [one.size for one in streams]
-    axes.semilogx(sizes, [1e9 * one.seconds / one.size for one in streams], "o-", color=BLUE, label="FPRLS")
+    streamed = streams.curve(streams.LARGEST)
+    sizes = [one.size for one in streamed]
+    axes.semilogx(sizes, [1e9 * one.seconds / one.size for one in streamed], "o-", color=BLUE, label="FPRLS")
     axes.set(title="One recording", xlabel="samples", ylabel="ns a sample")
 
 
 def over_streams(axes: Axes) -> None:
     """Many recordings at once: cost of a sample."""
-    measured = {streams: interleave(batch.contestants(streams), ROUNDS) for streams in STREAMS}
+    measured = {number: interleave(streams.contestants(number), ROUNDS) for number in STREAMS}
     styles = (("with features", BLUE, "o-"), ("without features", GREEN, "s-"), ("NumPy", VERMILLION, "^--"))
     for name, colour, style in styles:
-        costs = [1e9 * np.median(measured[streams][name]) for streams in STREAMS]
+        costs = [1e9 * np.median(measured[number][name]) for number in STREAMS]
         axes.loglog(STREAMS, costs, style, color=colour, label=f"FPRLS, {name}" if name != "NumPy" else "NumPy")
     axes.set(title="Many recordings at once, one core", xlabel="recordings", ylabel="ns a sample")
 
 
 def over_cells(axes: Axes) -> None:
     """The contact map: cost of a sample, median and quartiles."""
-    cells_of = {map.cells(deepest): map.contestant(map.CELLS_SIZE, deepest) for deepest in map.DEEPEST}
+    size = updates.CELLS_SIZE
+    cells_of = {updates.cells(deepest): updates.map_contestant(size, deepest) for deepest in updates.DEEPEST}
     times = interleave({str(count): one for count, one in cells_of.items()}, ROUNDS)
     _with_quartiles(axes, list(cells_of), lambda count: 1e9 * times[str(count)], "contact map, one recording")
     axes.set(title="Contact map", xlabel="cells of the coarse map that are visited", ylabel="ns a sample")
@@ -178,7 +179,7 @@ def over_cells(axes: Axes) -> None:
 
 def over_triangles(axes: Axes) -> None:
     """The proxy on a mesh: cost of a tick, median and quartiles."""
-    sides = {2 * side**2: mesh.contestant(side) for side in mesh.SIDES}
+    sides = {2 * side**2: updates.mesh_contestant(side) for side in updates.SIDES}
     times = interleave({str(count): one for count, one in sides.items()}, ROUNDS)
     _with_quartiles(axes, list(sides), lambda count: 1e6 * times[str(count)], "proxy, one call a tick")
     axes.set_xscale("log")

@@ -24,14 +24,14 @@ IGNORED = (
     *("foretouch.core.compiling", "foretouch.files"),
     *(f"foretouch.cli.{name}" for name in ("app", "options", "progress")),
     *("foretouch.report.writing", "foretouch.report.scene.drawing"),
-    *("foretouch.comparison.figures", "foretouch.comparison.page", "foretouch.sweep.page"),
+    *("foretouch.comparison.delays", "foretouch.comparison.page", "foretouch.sweep.page"),
     # devices that no simulated session has
     *(f"foretouch.devices.{name}" for name in ("browser", "force_dimension", "gamepad")),
     # what writes recordings, and formats that no measured file has
     *("foretouch.recordings.output", "foretouch.recordings.session.repair", "foretouch.recordings.session.writer"),
     *(f"foretouch.recordings.formats.{name}" for name in ("bags", "cdr", "cdr_fields", "mcap_index", "topics")),
     *(f"foretouch.recordings.meaning.{name}" for name in ("guess", "joining", "mapped", "mapping", "topic_choice")),
-    "foretouch.recordings.formats.parquet_table",
+    "foretouch.recordings.formats.tables",
 )
 """Nothing in these moves a figure, so what is in them makes no block stale."""
 
@@ -91,15 +91,21 @@ _OF_PAGES: dict[str, dict[str, tuple[str, ...]]] = {
     "docs/speed.md": {
         "machine": ("measure_speed:machine",),
         **{
-            name: ("measure_speed:block", f"foretouch.bench.benchmarks.{name}")
-            for name in ("fprls", "batch", "call", "map", "mesh", "steps", "profile", "link", "simulate")
+            name: ("measure_speed:block", f"foretouch.bench.benchmarks.{module}:measure_{name}", *also)
+            for module, names, *also in (
+                ("updates", "fprls call map mesh"),
+                ("steps", "steps simulate"),
+                ("streams", "batch"),
+                ("streams", "growth", IDENTIFY),
+                ("commands", "startup"),
+                ("commands", "identify", IDENTIFY),
+                ("commands", "compare", COMPARE),
+                ("profile", "profile"),
+                ("link", "link"),
+                ("loops", "loops", *LIVE),
+            )
+            for name in names.split()
         },
-        "loops": ("measure_speed:block", "foretouch.bench.benchmarks.loops", *LIVE),
-        **{
-            name: ("measure_speed:block", f"foretouch.bench.benchmarks.{name}", command)
-            for name, command in (("identify", IDENTIFY), ("compare", COMPARE), ("growth", IDENTIFY))
-        },
-        "startup": ("measure_speed:block", "foretouch.bench.benchmarks.startup"),
     },
     "docs/stability.md": {
         "mediation": ("measure_results:mediation", EXCERPT),

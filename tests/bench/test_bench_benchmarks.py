@@ -12,16 +12,23 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from foretouch.bench.benchmarks import identify
-from foretouch.bench.benchmarks.call import CALLED, memory_growth
-from foretouch.bench.benchmarks.compare import write_recordings
-from foretouch.bench.benchmarks.growth import Streamed, slope
-from foretouch.bench.benchmarks.identify import HOUR, LONG, SHORT, foretold
-from foretouch.bench.benchmarks.mesh import SIDES, sheet, slide
+from foretouch.bench.benchmarks import commands
+from foretouch.bench.benchmarks.commands import (
+    HOUR,
+    LONG,
+    OFFSET,
+    SHORT,
+    SURFACE,
+    foretold,
+    recorded_press,
+    write_recording,
+    write_recordings,
+)
 from foretouch.bench.benchmarks.steps import TapedSession
+from foretouch.bench.benchmarks.streams import Streamed, slope
+from foretouch.bench.benchmarks.updates import CALLED, SIDES, memory_growth, sheet, slide
 from foretouch.bench.children import measure_process
 from foretouch.bench.press import press, samples
-from foretouch.bench.recorded import OFFSET, SURFACE, recorded_press, write_recording
 from foretouch.bench.rows import Scope
 from foretouch.bench.side import CAUSES, LATE_NS, PERIOD_NS, causes, read_notes, ticks_of
 from foretouch.bench.side import main as side
@@ -102,10 +109,10 @@ def test_the_recording_from_which_a_cache_is_foretold_has_one(tmp_path: Path) ->
 @pytest.mark.long
 def test_an_hour_is_foretold_and_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("mcap")
-    monkeypatch.setattr(identify, "REACHES", {"MCAP": identify.REACHES["MCAP"]})
+    monkeypatch.setattr(commands, "REACHES", {"MCAP": commands.REACHES["MCAP"]})
     for name, value in {"RUNS": 1, "SHORT": 4.0, "LONG": 8.0}.items():
-        monkeypatch.setattr(identify, name, value)
-    rows = identify.measure(Scope(False, pytest.fail))
+        monkeypatch.setattr(commands, name, value)
+    rows = commands.measure_identify(Scope(False, pytest.fail))
     assert [row.what.partition("MCAP")[2] for row in rows] == [
         ": memory over that of the columns (of 10 min)",
         " (foretold from 1 and 10 min, the least of 1 runs)",
@@ -117,12 +124,12 @@ def test_an_hour_is_foretold_and_says_so(monkeypatch: pytest.MonkeyPatch) -> Non
 @pytest.mark.long
 def test_a_missing_package_leaves_out_the_rows_of_its_format_alone(monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("pyarrow")
-    monkeypatch.setattr(identify, "HOUR", 20.0)
-    monkeypatch.setattr(identify, "REACHES", {name: identify.REACHES[name] for name in ("MCAP", "CSV")})
+    monkeypatch.setattr(commands, "HOUR", 20.0)
+    monkeypatch.setattr(commands, "REACHES", {name: commands.REACHES[name] for name in ("MCAP", "CSV")})
     for module in [name for name in sys.modules if name.partition(".")[0] == "mcap"] + ["mcap"]:
         monkeypatch.setitem(sys.modules, module, None)  # as where it is not installed
     said: list[str] = []
-    rows = identify.measure(Scope(False, said.append))
+    rows = commands.measure_identify(Scope(False, said.append))
     assert [row.what.split(", ")[1].partition(":")[0] for row in rows] == ["CSV", "CSV"]
     assert len(said) == 1
     assert said[0].startswith("the rows of MCAP are left out: mcap is not installed")

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from foretouch.bench.benchmarks.batch import Streams
-from foretouch.bench.benchmarks.fprls import theta_of
+from foretouch.bench.benchmarks.streams import Streams
+from foretouch.bench.benchmarks.updates import theta_of
 from foretouch.bench.peers import PEERS, RIVER_WITHOUT_FORGETTING, peer
 from foretouch.bench.press import FORGETTING_FACTOR, INITIAL_COVARIANCE, Press, Problem, press, recursion_over
 

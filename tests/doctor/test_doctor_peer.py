@@ -21,8 +21,7 @@ from typer.testing import CliRunner
 
 from foretouch.cli.app import app
 from foretouch.doctor import Verdict
-from foretouch.doctor.network import check_peer, judge_round_trips
-from foretouch.doctor.peer import DOCTOR_CHANNELS, RATE, Answerer, RoundTrips, ask
+from foretouch.doctor.network import DOCTOR_CHANNELS, RATE, Answerer, RoundTrips, ask, check_peer, judge_round_trips
 from foretouch.errors import LinkError, PeerVersionError
 from foretouch.link import Faults, KeyFolder, ZenohLink, free_endpoint, load_credentials
 from foretouch.link.certificates import utc_now

@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 
 from foretouch.errors import InputError, SettingError
 from foretouch.identification import ContactMapBank, ContactSample, Estimator, ExactRecursive, Status
-from foretouch.identification.contact_map.layout import BEGIN_LAW, BEGIN_SETTINGS
 from foretouch.identification.contact_map.regression import fade, fit, make_regression, whole_covariance
+from foretouch.identification.contact_map.scores import BEGIN_LAW, BEGIN_SETTINGS
 from foretouch.identification.exact.belief import law_numbers
 from foretouch.models import ContactMap
 from foretouch.models.contact_map.layout import BELOW, COARSE, FINE, LARGEST_FEATURES, LENGTHS

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from foretouch.errors import RecordingError, RecordingWarning, UnknownNameError
 from foretouch.recordings import read_recording, read_with_notes
-from foretouch.recordings.formats import csv_table
+from foretouch.recordings.formats import tables as csv_table
 from foretouch.recordings.meaning.names import REQUIRED
 
 GOOD = "time_s,position_m,force_N\n0,0.001,0.5\n0.001,0.002,0.75\n0.002,0.003,1\n"

@@ -12,7 +12,7 @@ from renderer_runs import example_map
 from scipy.integrate import quad
 
 from foretouch.models import ContinuousSwitching, HuntCrossley, KelvinVoigt, MotionFilter, Predictor, advance
-from foretouch.models.motion import VELOCITY_CUTOFF
+from foretouch.models.predictor import VELOCITY_CUTOFF
 from foretouch.rendering import rendered_share
 
 TICK = 1e-3

@@ -19,13 +19,13 @@ from foretouch.cli.app import app
 from foretouch.errors import SettingError
 from foretouch.models import ContinuousSwitching
 from foretouch.reproduction import Claim, counted, make_section, write_report
-from foretouch.reproduction.figures import fig2 as kelvin_voigt
-from foretouch.reproduction.figures import fig3 as hunt_crossley
+from foretouch.reproduction.figures import impacts as hunt_crossley
+from foretouch.reproduction.figures import impacts as kelvin_voigt
 from foretouch.reproduction.figures.fig4 import area, measured_exponent
 from foretouch.reproduction.figures.fig5 import CASES, breaking_depth, phi_range, press_error, scaled_error, share_small
 from foretouch.reproduction.figures.fig6 import turns
+from foretouch.reproduction.figures.impacts import MASS, SPEED
 from foretouch.reproduction.figures.table1 import Choice, choices, distance, recursive_fit
-from foretouch.reproduction.impacts import MASS, SPEED
 from foretouch.reproduction.presses import WAVES, linearisation_press, two_presses
 from foretouch.reproduction.questions.shock import STEPS, comparable_law, greatest_pull
 from foretouch.reproduction.run import SHOWN
@@ -49,7 +49,7 @@ def column(name: str, table: str, key: str) -> np.ndarray:
 
 def damped_oscillator() -> tuple[float, float, float]:
     """Duration, rebound speed and greatest speed on the way out of the impact of Fig. 2, in closed form."""
-    k, b = kelvin_voigt.LAW.stiffness, kelvin_voigt.LAW.damping
+    k, b = kelvin_voigt.VOIGT.stiffness, kelvin_voigt.VOIGT.damping
     decay = b / (2.0 * MASS)
     turn = math.sqrt(k / MASS - decay**2)
 
@@ -152,7 +152,7 @@ def test_kelvin_voigt_impact_is_the_damped_oscillator() -> None:
 
 
 def test_hunt_crossley_impact_is_its_integral() -> None:
-    ratio = hunt_crossley.LAW.damping * SPEED / hunt_crossley.LAW.stiffness
+    ratio = hunt_crossley.HUNT.damping * SPEED / hunt_crossley.HUNT.stiffness
     rebound = SPEED * hunt_crossley_rebound(ratio)
     assert column("fig3", "impact", "velocity_m_s")[-1] == pytest.approx(-rebound, rel=1e-7)
     assert f"H2 = {-5e2 * MASS * rebound**2:.2f}" in claim("fig3", "no energy").measured

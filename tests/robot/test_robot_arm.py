@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from foretouch.errors import SettingError, UnknownNameError
-from foretouch.models.motion import MotionFilter
+from foretouch.models.predictor import MotionFilter
 from foretouch.robot import MATERIALS, RcmArm, RobotSample, make_robot
 
 PERIOD = 1e-3

@@ -16,10 +16,9 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
-from foretouch.bench.benchmarks.call import CALLED, bare, update_all
-from foretouch.bench.benchmarks.fprls import theta_of
-from foretouch.bench.benchmarks.map import contestant as map_over_recording
 from foretouch.bench.benchmarks.steps import TapedSession
+from foretouch.bench.benchmarks.updates import CALLED, bare, theta_of, update_all
+from foretouch.bench.benchmarks.updates import map_contestant as map_over_recording
 from foretouch.bench.press import Problem, press, rank_one_updates, recursion_over, samples
 from foretouch.bench.timing import Contestant, once
 from foretouch.errors import RecordingError

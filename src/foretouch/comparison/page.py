@@ -10,8 +10,7 @@ from os import PathLike
 from pathlib import Path
 from typing import Any
 
-from foretouch.comparison.delays import delay_figure
-from foretouch.comparison.figures import matrix_figure
+from foretouch.comparison.delays import delay_figure, matrix_figure
 from foretouch.comparison.result import Prediction, Result, convergence_text, note, parameter_text, same_reason
 from foretouch.errors import plural
 from foretouch.report import embedded, table, write_html

@@ -174,7 +174,7 @@ class Results(list[Result]):
         Raises:
             MissingExtraError: Matplotlib is not installed.
         """
-        from foretouch.comparison.figures import matrix_figure
+        from foretouch.comparison.delays import matrix_figure
 
         def error(result: Result) -> float | None:
             return result.predictions[-1].prediction_error_percent if result.predictions else None

@@ -1,19 +1,256 @@
-"""What is to be said of the way to a peer."""
+"""What is to be said of the way to a peer.
+
+The way to a peer: whether somebody listens there, who, and how long messages take there and back.
+
+Only `Hello` messages are sent, and only where a peer says of itself that it is a doctor's and nobody else is heard:
+into a session that runs nothing is sent, there is listened. The role of these messages is ``doctor``, which no side of
+a session answers to.
+"""
 
 from __future__ import annotations
 
+import itertools
 import math
+import secrets
 import socket
+import threading
+import time
+from collections import deque
 from collections.abc import Callable
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
 
 from foretouch.doctor.finding import Finding, Verdict
 from foretouch.errors import ForetouchError, PeerVersionError, install_command
+from foretouch.link import Faults, FaultStage, ZenohLink
+from foretouch.messages import SIDES, Hello, Message, Telemetry
 
-if TYPE_CHECKING:
-    from foretouch.doctor.peer import RoundTrips
-    from foretouch.link import ZenohLink
-    from foretouch.messages import Message
+DOCTOR_CHANNELS = ("hello", "telemetry")
+"""What a doctor's link receives."""
+
+ROLE = "doctor"
+
+PEERS = (*SIDES, ROLE)
+"""Whom a doctor asks or listens to."""
+
+MOST_ANSWERS = 100_000
+"""That are noted; more were not asked for."""
+
+ASKS, ANSWERS, PRESENT = "asks", "answers", "present"
+"""Names of the texts of its `Hello`: a question with its number, the same in an answer, and that it is there."""
+
+RATE = 100.0
+"""Questions a second [1/s]."""
+
+PRESENCE_PERIOD = 0.25
+"""A doctor says so often that it is there [s]."""
+
+SETTLING = 0.7
+"""After the first hello others are waited for so long [s]: the sides of a session say it twice a second."""
+
+LAST_PATIENCE = 2.0
+"""For answers to the last questions is waited at most so long [s]."""
+
+
+@dataclass(frozen=True, slots=True)
+class RoundTrips:
+    """What was heard of a peer.
+
+    Attributes:
+        roles: Who said hello.
+        asked: Questions sent; 0 where no doctor answered there.
+        times: Round trips of those that were answered [s], in the order of the questions.
+        heard: Telemetry that came from a session that runs there.
+        lost: Telemetry of it that did not come, though later messages did.
+        longest_gap: Between two arrivals of it [s]; NaN where fewer than two came.
+    """
+
+    roles: frozenset[str] = frozenset()
+    asked: int = 0
+    times: tuple[float, ...] = ()
+    heard: int = 0
+    lost: int = 0
+    longest_gap: float = math.nan
+
+    @property
+    def loss(self) -> float:
+        """Share of questions without an answer, or of telemetry that did not come; NaN where there was neither."""
+        if self.asked:
+            return 1.0 - len(self.times) / self.asked
+        return self.lost / (self.lost + self.heard) if self.heard else math.nan
+
+    def percentile(self, share: float) -> float:
+        """Round trip [s] that this share of the answered questions does not exceed; NaN where none was answered."""
+        if not self.times:
+            return math.nan
+        ordered = sorted(self.times)
+        return ordered[math.ceil(share * (len(ordered) - 1))]
+
+
+def connect_time(host: str, port: int, timeout: float) -> float:
+    """How long it takes to open a TCP connection [s]: one round trip of the network itself.
+
+    Args:
+        host: Name or address.
+        port: To connect to.
+        timeout: Longest wait [s].
+
+    Raises:
+        OSError: The name is not known, nobody listens there, or nothing came back.
+    """
+    family, kind, protocol, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
+    with socket.socket(family, kind, protocol) as probe:
+        probe.settimeout(timeout)
+        begun = time.perf_counter()
+        probe.connect(address)
+        return time.perf_counter() - begun
+
+
+class Answerer:
+    """Answers the questions of doctors, at once or as a bad network would.
+
+    Args:
+        open_link: Opens the link, given what is to be called with each message that arrives.
+        faults: What happens to a message on its way back.
+    """
+
+    def __init__(
+        self, open_link: Callable[[Callable[[Message], None]], ZenohLink], faults: Faults | None = None
+    ) -> None:
+        self._arrived: deque[tuple[int, str]] = deque(maxlen=10_000)
+        self._wakes = threading.Event()
+        self._stage: FaultStage[str] = FaultStage(Faults() if faults is None else faults)
+        self._sent = 0
+        self.answered = 0
+        self._link = open_link(self._take)
+
+    def _take(self, message: Message) -> None:
+        question = _text(message, ASKS)
+        if question:
+            self._arrived.append((time.monotonic_ns(), question))
+            self._wakes.set()
+
+    def run(self, ended: Callable[[], bool]) -> None:
+        """Answer until it is ended, which is looked at every 0.1 s at least."""
+        said, taken = -math.inf, 0
+        while not ended():
+            now = time.monotonic()
+            if now - said >= PRESENCE_PERIOD:
+                self._say(PRESENT, "yes")
+                said = now
+            while self._arrived:
+                self._stage.push(*self._arrived.popleft())
+                taken += 1
+            for question in self._stage.pop_due(time.monotonic_ns()):
+                self._say(ANSWERS, question)
+                self.answered += 1
+            held = self.answered + self._stage.dropped < taken + self._stage.duplicated
+            self._wakes.wait(2e-4 if held else 0.1)
+            self._wakes.clear()
+
+    def _say(self, name: str, value: str) -> None:
+        self._sent += 1
+        self._link.publish(Hello.of(ROLE, self._sent, time.monotonic_ns(), {name: value}))
+
+    def close(self) -> None:
+        """Leave the network."""
+        self._link.close()
+
+
+class _Heard:
+    """What arrives, noted on the link's thread: each by one operation that cannot be interrupted."""
+
+    def __init__(self) -> None:
+        self.own = secrets.token_hex(8)
+        self.roles: set[str] = set()
+        self.present = False
+        self.answers: dict[str, int] = {}
+        self.telemetry: deque[tuple[int, int, int]] = deque(maxlen=100_000)
+
+    def take(self, message: Message) -> None:
+        """Note one message."""
+        now = time.monotonic_ns()
+        if isinstance(message, Telemetry):
+            self.telemetry.append((message.run, message.sequence, now))
+        elif isinstance(message, Hello):
+            self.roles.add(message.role)
+            self.present = self.present or bool(_text(message, PRESENT))
+            asker, _, number = _text(message, ANSWERS).partition("/")
+            if asker == self.own and number not in self.answers and len(self.answers) < MOST_ANSWERS:
+                self.answers[number] = now
+
+
+def ask(
+    open_link: Callable[[Callable[[Message], None]], ZenohLink], seconds: float, *, patience: float = 3.0
+) -> RoundTrips:
+    """Ask a doctor's peer for so long, or listen where a session runs.
+
+    Args:
+        open_link: Opens the link, given what is to be called with each message that arrives.
+        seconds: How long to ask, or to listen [s].
+        patience: How long to wait until anybody says hello [s].
+
+    Raises:
+        PeerVersionError: The peer speaks another version.
+    """
+    heard = _Heard()
+    with open_link(heard.take) as link:
+        _wait(lambda: bool(heard.roles) or link.other_version(PEERS) is not None, patience)
+        if (error := link.other_version(PEERS)) is not None:
+            raise error
+        if not heard.roles:
+            return RoundTrips()
+        _wait(lambda: False, SETTLING)
+        if not heard.present or heard.roles - {ROLE}:
+            return listen_in(heard.telemetry, frozenset(heard.roles), seconds)
+        sent = _question(link, heard, seconds)
+        _wait(lambda: len(heard.answers) >= len(sent), LAST_PATIENCE)
+    answers = dict(heard.answers)
+    times = tuple(1e-9 * (answers[number] - begun) for number, begun in sent.items() if number in answers)
+    return RoundTrips(frozenset(heard.roles), len(sent), times)
+
+
+def _question(link: ZenohLink, heard: _Heard, seconds: float) -> dict[str, int]:
+    """Send questions, evenly; when each was sent [ns] by its number."""
+    sent: dict[str, int] = {}
+    begun = time.monotonic()
+    for number in range(1, max(1, round(seconds * RATE)) + 1):
+        time.sleep(max(0.0, begun + number / RATE - time.monotonic()))
+        sent[str(number)] = now = time.monotonic_ns()
+        link.publish(Hello.of(ROLE, number, now, {ASKS: f"{heard.own}/{number}"}))
+    return sent
+
+
+def listen_in(telemetry: deque[tuple[int, int, int]], roles: frozenset[str], seconds: float) -> RoundTrips:
+    """Count what a session's follower says: nothing is sent to it.
+
+    Args:
+        telemetry: Process, sequence number and arrival [ns] of each message; it grows meanwhile.
+        roles: Who said hello.
+        seconds: How long [s].
+    """
+    telemetry.clear()
+    time.sleep(seconds)
+    rows = list(telemetry)
+    run = rows[-1][0] if rows else 0
+    numbers = sorted({sequence for which, sequence, _ in rows if which == run})
+    arrivals = [arrival for which, _, arrival in rows if which == run]
+    gaps = [1e-9 * (after - before) for before, after in itertools.pairwise(arrivals)]
+    lost = numbers[-1] - numbers[0] + 1 - len(numbers) if numbers else 0
+    return RoundTrips(roles, heard=len(numbers), lost=lost, longest_gap=max(gaps, default=math.nan))
+
+
+def _wait(done: Callable[[], bool], patience: float) -> None:
+    end = time.monotonic() + patience
+    while not done() and time.monotonic() < end:
+        time.sleep(0.005)
+
+
+def _text(message: Message, name: str) -> str:
+    """A text of a doctor's `Hello`, "" where it has none of this name."""
+    if not isinstance(message, Hello) or message.role != ROLE:
+        return ""
+    return message.texts.get(name, "")
+
 
 UNSTEADY = 0.05
 """A gap in commands so long [s] makes a follower hold."""
@@ -47,7 +284,6 @@ def check_peer(
     Returns:
         Whether a connection can be opened, and where it can, how messages fare.
     """
-    from foretouch.doctor.peer import ask, connect_time
     from foretouch.link import is_exposed
 
     name = f"reach {endpoint}"

@@ -9,7 +9,7 @@ from typing import Any, Final, TypeVar
 import msgspec
 
 from foretouch.errors import RecordingError, SettingError
-from foretouch.files.kinds import require_data
+from foretouch.files.budget import require_data
 
 Made = TypeVar("Made")
 

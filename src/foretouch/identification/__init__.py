@@ -29,7 +29,15 @@ from foretouch.identification.exact.recursive import (
 )
 from foretouch.identification.force_calibration import ToolWeight, fit_tool_weight
 from foretouch.identification.friction import FrictionEstimator
-from foretouch.identification.identify import Identification, identify
+from foretouch.identification.identify import (
+    TIME_TOLERANCE,
+    Identification,
+    Motion,
+    PredictedForce,
+    identify,
+    predict,
+    predict_motion,
+)
 from foretouch.identification.learner import Learner, LearntModel
 from foretouch.identification.linear.estimators import (
     FPRLS,
@@ -50,7 +58,6 @@ from foretouch.identification.offline import (
     fit_offline,
 )
 from foretouch.identification.offline_contact_map import OfflineContactMap
-from foretouch.identification.prediction import TIME_TOLERANCE, Motion, PredictedForce, predict, predict_motion
 from foretouch.identification.registry import (
     BUILT_IN_ESTIMATORS,
     DEFAULT_ESTIMATORS,

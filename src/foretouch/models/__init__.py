@@ -5,10 +5,8 @@ from foretouch.models.contact_map.model import ContactMap, MapSummary, summarise
 from foretouch.models.contact_model import NO_STATE, ContactModel, ContactState, advance
 from foretouch.models.laws import LAWS, make_model
 from foretouch.models.material_field import FIELD_DEPTH, MOST_NODES, NODE_SPACING, MaterialField
-from foretouch.models.memoryless_law import MemorylessLaw
-from foretouch.models.motion import MotionFilter
-from foretouch.models.predictor import Predictor
-from foretouch.models.quadratic import LinearisedContinuousSwitching, QuadraticContact
+from foretouch.models.memoryless_law import LinearisedContinuousSwitching, MemorylessLaw, QuadraticContact
+from foretouch.models.predictor import MotionFilter, Predictor
 
 __all__ = [
     "FIELD_DEPTH",

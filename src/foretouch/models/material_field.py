@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from foretouch.errors import DecodeError, SettingError
 from foretouch.errors.checks import require
-from foretouch.models.quadratic import QuadraticContact
+from foretouch.models.memoryless_law import QuadraticContact
 
 if TYPE_CHECKING:
     from collections.abc import Callable

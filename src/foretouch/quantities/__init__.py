@@ -1,11 +1,10 @@
 """What is measured: one table of names, units and signs, and the recording that holds the samples."""
 
 from foretouch.quantities.brief import Brief, ByValue, brief_number, brief_text, measured
-from foretouch.quantities.columns import Columns, Rows, as_frame, new_figure
+from foretouch.quantities.columns import QUANTITIES, Columns, Quantity, Rows, as_frame, new_figure, parameter_unit
 from foretouch.quantities.pose import Pose, cross_matrix
 from foretouch.quantities.recording import LARGEST_POSITION, Frame, Recording, numbers_of
 from foretouch.quantities.sensor_calibration import STANDARD_GRAVITY, SensorCalibration
-from foretouch.quantities.table import QUANTITIES, Quantity, parameter_unit
 
 __all__ = [
     "LARGEST_POSITION",

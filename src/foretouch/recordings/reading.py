@@ -21,10 +21,9 @@ from foretouch.files import within_budget
 from foretouch.quantities import Recording
 from foretouch.recordings.formats.arrays import Hdf5Table, open_mat
 from foretouch.recordings.formats.bags import Rosbag2
-from foretouch.recordings.formats.csv_table import CsvTable
 from foretouch.recordings.formats.mcap_file import McapFile
-from foretouch.recordings.formats.parquet_table import ParquetTable
 from foretouch.recordings.formats.published import FORCE_CHANNELS, is_tue, read_aurora, read_tue, recording_of
+from foretouch.recordings.formats.tables import CsvTable, ParquetTable
 from foretouch.recordings.formats.topics import TOPICS
 from foretouch.recordings.meaning.guess import HELP, guess_mapping
 from foretouch.recordings.meaning.mapped import read_mapped

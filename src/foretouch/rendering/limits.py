@@ -11,7 +11,7 @@ from functools import lru_cache
 import numpy as np
 
 from foretouch.errors.checks import require
-from foretouch.models.motion import VELOCITY_CUTOFF
+from foretouch.models.predictor import VELOCITY_CUTOFF
 
 LARGEST_FORCE = 10.0
 """Default limit of the rendered force [N]."""

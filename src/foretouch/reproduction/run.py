@@ -242,16 +242,16 @@ def _short(section: Section) -> str:
 
 
 SECTIONS: dict[str, str] = {
-    "fig2": "figures.fig2",
-    "fig3": "figures.fig3",
+    "fig2": "figures.impacts:make_fig2",
+    "fig3": "figures.impacts:make_fig3",
     "shock": "questions.shock",
     "fig4": "figures.fig4",
     "fig5": "figures.fig5",
     "table1": "figures.table1",
     "fig6": "figures.fig6",
-    "fig7a": "figures.fig7a",
-    "fig7b": "figures.fig7b",
-    "fig7c": "figures.fig7c",
+    "fig7a": "figures.fig7:make_fig7a",
+    "fig7b": "figures.fig7:make_fig7b",
+    "fig7c": "figures.fig7:make_fig7c",
     "fig8": "figures.fig8",
     "choices": "questions.search",
     "arguments": "questions.arguments",
@@ -259,7 +259,7 @@ SECTIONS: dict[str, str] = {
     "fig10": "figures.fig10",
     "fig11": "figures.fig11",
 }
-"""Name of each section, and the module of this room whose ``make()`` makes it."""
+"""Name of each section, and the module of this room whose ``make()``, or what stands behind the colon, makes it."""
 
 
 def make_section(name: str) -> Section:
@@ -270,8 +270,8 @@ def make_section(name: str) -> Section:
     """
     if name not in SECTIONS:
         raise UnknownNameError("section", name, SECTIONS)
-    module: Any = importlib.import_module(f"foretouch.reproduction.{SECTIONS[name]}")
-    section: Section = module.make()
+    module, _, maker = SECTIONS[name].partition(":")
+    section: Section = getattr(importlib.import_module(f"foretouch.reproduction.{module}"), maker or "make")()
     return section
 
 

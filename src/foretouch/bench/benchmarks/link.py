@@ -102,7 +102,7 @@ def _rows(what: str, times: Times, reach: float | None) -> list[Row]:
     ]
 
 
-def measure(scope: Scope) -> list[Row]:
+def measure_link(scope: Scope) -> list[Row]:
     """Milliseconds one way, and how many times those of TCP the others take."""
     try:
         times = one_way_times((DELAYED, *KINDS), STRETCHES)

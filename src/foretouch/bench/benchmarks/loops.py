@@ -124,7 +124,7 @@ def _said(folder: Path, name: str) -> Path:
     return folder / f"{name}-said.txt"
 
 
-def measure(scope: Scope) -> list[Row]:
+def measure_loops(scope: Scope) -> list[Row]:
     """Lateness of both sides and of the bare loop, and causes."""
     seconds, rounds = (FULL_SECONDS, FULL_ROUNDS) if scope.full else (SECONDS, ROUNDS)
     bare: list[float] = []

@@ -287,7 +287,7 @@ def named(side: str, name: str, percentile: int, *, share: bool = False) -> str:
     return f"{side}: {name}, {'share of the step, ' if share else ''}{percentile} %"
 
 
-def measure(scope: Scope) -> list[Row]:
+def measure_profile(scope: Scope) -> list[Row]:
     """Each part's time at both percentiles, and its share of the median step."""
     found = profile(TapedSession(DURATION), ROUNDS)
     rows = [

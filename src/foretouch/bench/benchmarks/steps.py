@@ -3,6 +3,8 @@
 A session in simulated time runs once with the simulated arm, whose samples are kept; then again with these. Sessions
 are the same bit by bit on repeat, so the follower meets what it asked for; what is timed is the steps alone, as the
 runner times them.
+
+A session along a line in simulated time, with the settings that a user gets, on one core.
 """
 
 from __future__ import annotations
@@ -13,10 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foretouch.bench.rows import Row, Scope
-from foretouch.bench.timing import Spread, spread
+from foretouch.bench.timing import Spread, one_core, spread
 from foretouch.devices import Device
 from foretouch.robot import Robot, RobotSample
-from foretouch.session import SessionSettings, make_operator, make_session_robot, simulate
+from foretouch.session import SessionSettings, SimulatedSession, make_operator, make_session_robot, simulate
 
 DURATION, ROUNDS = 10.0, 5
 
@@ -111,10 +113,30 @@ def step_times(session: TapedSession, rounds: int) -> dict[tuple[str, int], Spre
     return {key: spread(values, 1e6) for key, values in found.items()}
 
 
-def measure(scope: Scope) -> list[Row]:
+def measure_steps(scope: Scope) -> list[Row]:
     """Percentiles of both steps, in contact."""
     found = step_times(TapedSession(DURATION), ROUNDS)
     return [
         Row.of(f"{side} step in contact, without the robot, {percentile} %", found[side, percentile], "us", reach)
         for (side, percentile), reach in REACHES.items()
     ]
+
+
+def run_session(duration: float, settings: SessionSettings | None = None) -> SimulatedSession:
+    """A fresh session.
+
+    Args:
+        duration: Simulated [s].
+        settings: The defaults where none are given.
+    """
+    settings = SessionSettings() if settings is None else settings
+    return simulate(settings, duration=duration, say=lambda text: None)
+
+
+def measure_simulate(scope: Scope) -> list[Row]:
+    """How many times as fast as real time."""
+    with one_core():
+        run_session(0.5)
+        faster = [DURATION / run_session(DURATION).elapsed for _ in range(ROUNDS)]
+    what = f"simulate, {DURATION:g} s with default settings on one core, over real time"
+    return [Row.of(what, spread(faster), "x", 15.0, at_least=True)]

@@ -75,7 +75,7 @@ def _measure(only: list[str], full: bool, json_output: bool) -> None:
     def progress(name: str, rows: list[Row]) -> None:
         done[name] = rows
         bar.update(len(done), len(names))
-        bar.say(f"{len(done):2} of {len(names)}  {name}: {BENCHMARKS[name]}")
+        bar.say(f"{len(done):2} of {len(names)}  {name}: {BENCHMARKS[name][1]}")
         if rows and not json_output:
             with bar.aside():
                 _print_table(name, rows)
@@ -206,7 +206,7 @@ def _print(findings: list[Finding]) -> None:
 
 def _way(endpoints: Endpoints, endpoint: str) -> tuple[str, str, int, Callable[[Callable[[Message], None]], ZenohLink]]:
     """To one peer; a malformed endpoint, or one that is not allowed, is refused before anything is checked."""
-    from foretouch.doctor.peer import DOCTOR_CHANNELS
+    from foretouch.doctor.network import DOCTOR_CHANNELS
     from foretouch.link import check_endpoint
 
     check_endpoint(endpoint, insecure=endpoints.insecure)
@@ -217,7 +217,7 @@ def _way(endpoints: Endpoints, endpoint: str) -> tuple[str, str, int, Callable[[
 
 def _answer(endpoints: Endpoints, duration: float | None, json_output: bool) -> None:
     """Answer the questions of other doctors."""
-    from foretouch.doctor.peer import DOCTOR_CHANNELS, Answerer
+    from foretouch.doctor.network import DOCTOR_CHANNELS, Answerer
 
     end = None if duration is None else time.monotonic() + duration
     answerer = Answerer(lambda watch: open_link("doctor", endpoints, DOCTOR_CHANNELS, watch))

@@ -45,7 +45,7 @@ from foretouch.identification.conditioning.layout import (
     WINDOW_FIRST,
     rings_are_full,
 )
-from foretouch.models.motion import VELOCITY_CUTOFF
+from foretouch.models.predictor import VELOCITY_CUTOFF
 
 Array = NDArray[np.float64]
 

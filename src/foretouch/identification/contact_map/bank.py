@@ -30,7 +30,8 @@ from foretouch.identification.contact_map.kernel import (
     run_raw,
     take,
 )
-from foretouch.identification.contact_map.layout import (
+from foretouch.identification.contact_map.regression import make_regression, whole_covariance
+from foretouch.identification.contact_map.scores import (
     ABSENT,
     BEGIN_COARSE,
     BEGIN_FINE,
@@ -47,7 +48,6 @@ from foretouch.identification.contact_map.layout import (
     TOTAL,
     UPDATES,
 )
-from foretouch.identification.contact_map.regression import make_regression, whole_covariance
 from foretouch.identification.estimator import Estimator, Status
 from foretouch.identification.exact.recursive import ExactRecursive, ExactRecursiveOptions
 from foretouch.models import ContactMap, ContactModel, ContactState

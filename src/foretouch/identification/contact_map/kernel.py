@@ -17,7 +17,9 @@ from numpy.typing import NDArray
 from foretouch.core.compiling import compiled
 from foretouch.identification.conditioning.kernel import clear, condition, is_full, lose_surface, take_lagged
 from foretouch.identification.conditioning.layout import OFFSET, SURFACE
-from foretouch.identification.contact_map.layout import (
+from foretouch.identification.contact_map.learning import ALARM_FROM, CHANGED, FAILED, PERIOD, learn, restart
+from foretouch.identification.contact_map.regression import regression
+from foretouch.identification.contact_map.scores import (
     ABSENT,
     BEGIN_COARSE,
     BEGIN_FINE,
@@ -32,6 +34,7 @@ from foretouch.identification.contact_map.layout import (
     BEGUN,
     CHANGES,
     CONTACT,
+    FIRST_DOUBT,
     HORIZON,
     LEARNT_AT,
     MOMENTS,
@@ -41,9 +44,6 @@ from foretouch.identification.contact_map.layout import (
     TOUCHED,
     UPDATES,
 )
-from foretouch.identification.contact_map.learning import ALARM_FROM, CHANGED, FAILED, PERIOD, learn, restart
-from foretouch.identification.contact_map.regression import regression
-from foretouch.identification.contact_map.scores import FIRST_DOUBT
 from foretouch.identification.exact.belief import law_numbers
 from foretouch.identification.exact.belief import move_surface as move_law
 from foretouch.identification.exact.kernel import take as take_law

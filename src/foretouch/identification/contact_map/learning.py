@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foretouch.core.compiling import compiled
-from foretouch.identification.contact_map.layout import (
+from foretouch.identification.contact_map.regression import MapRegression, fade, fit, forget, in_fine_reach, regression
+from foretouch.identification.contact_map.scores import (
     ALARMS,
     BEFORE,
     BEGIN_COARSE,
@@ -22,6 +23,7 @@ from foretouch.identification.contact_map.layout import (
     BEGIN_TIMES,
     BEGIN_VALUES,
     CONTACT,
+    CONTACT_SHARE,
     FADED,
     HORIZON,
     IN_A_ROW,
@@ -33,9 +35,9 @@ from foretouch.identification.contact_map.layout import (
     SCORES,
     SNAPPED_AT,
     SNAPSHOTS,
+    allot,
+    score,
 )
-from foretouch.identification.contact_map.regression import MapRegression, fade, fit, forget, in_fine_reach, regression
-from foretouch.identification.contact_map.scores import CONTACT_SHARE, allot, score
 from foretouch.models.contact_map.kernel import features
 from foretouch.models.contact_map.layout import (
     COARSE,

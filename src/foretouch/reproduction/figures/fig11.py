@@ -20,7 +20,7 @@ from foretouch.reproduction.experiment import (
     Experiment,
     run_experiment,
 )
-from foretouch.reproduction.figures.fig10_figure import ESTIMATOR_COLOURS
+from foretouch.reproduction.figures.fig10 import ESTIMATOR_COLOURS
 from foretouch.reproduction.relearning import (
     AS_PRINTED,
     CHOICES,

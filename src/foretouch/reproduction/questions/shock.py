@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from foretouch.models import ContinuousSwitching, MemorylessLaw
 from foretouch.report import COLOURS, finished, legend, new_figure
-from foretouch.reproduction.impacts import MASS, SPEED, impact_of, impact_table
+from foretouch.reproduction.figures.impacts import MASS, SPEED, impact_of, impact_table
 from foretouch.reproduction.section import Claim, Section
 from foretouch.reproduction.theory import integrate_impact, maximum_depth
 

@@ -16,7 +16,14 @@ from foretouch.reproduction.theory.energy_loss import (
     maximum_depth,
     speed_at_depth,
 )
-from foretouch.reproduction.theory.impact import Impact, integrate_impact
+from foretouch.reproduction.theory.impact import (
+    Impact,
+    LowDampingError,
+    integrate_impact,
+    low_damping_error,
+    low_damping_limit,
+    low_damping_table,
+)
 from foretouch.reproduction.theory.linearisation import (
     TABLE_1,
     LinearisationError,
@@ -28,12 +35,6 @@ from foretouch.reproduction.theory.linearisation import (
     log_force,
     taylor_error_depth,
     taylor_log_force,
-)
-from foretouch.reproduction.theory.low_damping import (
-    LowDampingError,
-    low_damping_error,
-    low_damping_limit,
-    low_damping_table,
 )
 
 __all__ = [

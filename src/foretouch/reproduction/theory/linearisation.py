@@ -27,8 +27,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from foretouch.errors import SettingError
 from foretouch.errors.checks import require
-from foretouch.models.memoryless_law import MemorylessLaw
-from foretouch.models.quadratic import LinearisedContinuousSwitching
+from foretouch.models.memoryless_law import LinearisedContinuousSwitching, MemorylessLaw
 from foretouch.quantities import Brief
 
 Array = NDArray[np.float64]

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from foretouch.core.compiling import compiled
 from foretouch.errors.checks import require
-from foretouch.models.motion import VELOCITY_CUTOFF
+from foretouch.models.predictor import VELOCITY_CUTOFF
 from foretouch.quantities import pose as rigid
 from foretouch.quantities.pose import Vector, norm
 

@@ -1,0 +1,246 @@
+"""Recordings as files: presses in and out of a Hunt-Crossley material, with the offset and the noise of a sensor.
+
+Many recordings by `foretouch compare`, two processes at a time against one.
+
+`foretouch identify` on an hour of samples at 1 kHz, as a user runs it: start-up, reading and learning.
+
+An hour as CSV or Parquet is measured. As MCAP it would take long to write first, so that it is foretold, short of
+``--full``, by a line through recordings of 1 and of 10 minutes, each the least of some runs. What is read again comes
+from the samples that are kept beside recordings that are large enough, as that of 10 minutes is and that of 1 minute is
+not: the other end of its line is a recording of 1 s, which is the start of a process and little else.
+
+Fresh processes: how long until there is help, a package, a first compiled call.
+"""
+
+from __future__ import annotations
+
+import itertools
+import shutil
+import tempfile
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from foretouch.bench.children import Ended, measure_process
+from foretouch.bench.rows import Row, Scope
+from foretouch.bench.timing import Contestant, interleave, ratio, spread
+from foretouch.errors import MissingExtraError
+from foretouch.messages import VERSION, Hello, Telemetry
+from foretouch.recordings import SessionWriter, write_columns
+
+Array = NDArray[np.float64]
+
+RATE = 1000.0
+SURFACE, HIGHEST, DEEPEST, PRESSES = 0.010, 0.004, 0.006, 0.9
+"""Where the material begins, how far the probe goes out and in [m], and presses a second."""
+
+OFFSET, NOISE = 0.5, 0.005
+"""Of the force sensor [N]."""
+
+COLUMNS = 3
+"""Time, position and force, 8 bytes each a sample."""
+
+
+def recorded_press(seconds: float, seed: int = 0) -> dict[str, Array]:
+    """Columns of a recording at 1 kHz, by the names that files have.
+
+    Args:
+        seconds: Its length.
+        seed: Of the noise.
+    """
+    time = np.arange(round(seconds * RATE)) / RATE
+    middle, swing = SURFACE + 0.5 * (DEEPEST - HIGHEST), 0.5 * (DEEPEST + HIGHEST)
+    position = middle - swing * np.cos(2.0 * np.pi * PRESSES * time)
+    velocity = swing * 2.0 * np.pi * PRESSES * np.sin(2.0 * np.pi * PRESSES * time)
+    force = np.maximum(np.maximum(position - SURFACE, 0.0) ** 1.4 * (3000.0 + 1500.0 * velocity), 0.0)
+    noise = NOISE * np.random.default_rng(seed).standard_normal(time.size)
+    return {"time_s": time, "position_m": position, "force_N": force + OFFSET + noise}
+
+
+def write_recording(path: Path, seconds: float) -> None:
+    """Write such a recording as CSV, Parquet or MCAP, whichever the name ends with.
+
+    Args:
+        path: The file.
+        seconds: Length of the recording.
+    """
+    columns = recorded_press(seconds)
+    if path.suffix == ".mcap":
+        _write_session(path, columns)
+    else:
+        write_columns(path, columns)
+
+
+def _write_session(path: Path, columns: dict[str, Array]) -> None:
+    """As a follower would have said it."""
+    with SessionWriter(path) as writer:
+        writer.write(Hello(VERSION, 1, 0, "follower", (), ()), 0)
+        rows = zip(*(column.tolist() for column in columns.values()), strict=True)
+        for sequence, (time, position, force) in zip(itertools.count(1), rows):
+            now = round(time * 1e9)
+            said = Telemetry(
+                VERSION, sequence, now, 0, position, position, 0.0, force, force - OFFSET, force, True, False, 0, 0, 0
+            )
+            writer.write(said, now)
+
+
+RECORDINGS, FULL_RECORDINGS, SECONDS = 40, 1_000, 60.0
+"""So many that a process's start, some 2 s, is little beside its share of the work, some 20 s; what is asked for takes
+half an hour. Their length."""
+
+COMPARE_ROUNDS = 2
+"""So that each goes first once."""
+
+CHOSEN = ("--models", "kelvin-voigt", "--estimators", "rls")
+"""The cheapest law: what is compared is the fan-out."""
+
+
+def measure_compare(scope: Scope) -> list[Row]:
+    """How many times as fast on two jobs; each first once."""
+    count = FULL_RECORDINGS if scope.full else RECORDINGS
+    with tempfile.TemporaryDirectory() as folder:
+        paths = write_recordings(Path(folder), count, SECONDS)
+
+        def jobs(number: int) -> Contestant:
+            command = ["-m", "foretouch", "compare", *map(str, paths), *CHOSEN, "--jobs", str(number), "--json"]
+            return Contestant(lambda: measure_process(command))
+
+        times = interleave({"1": jobs(1), "2": jobs(2)}, COMPARE_ROUNDS, warm=False)
+    scaled = "" if scope.full else f" (asked: {FULL_RECORDINGS})"
+    what = f"compare, {count} recordings of {SECONDS:g} s{scaled}"
+    return [
+        Row.of(f"{what}: 2 jobs, times as fast as 1", ratio(times, "1", "2"), "x", 1.7, at_least=True),
+        *(Row.of(f"{what}: jobs {number}", spread(times[number]), "s") for number in times),
+    ]
+
+
+def write_recordings(folder: Path, count: int, seconds: float) -> list[Path]:
+    """The same press so many times, each in a file of its own: who compares them cannot know.
+
+    Args:
+        folder: For the files.
+        count: How many.
+        seconds: Length of each.
+    """
+    paths = [folder / f"{number}.parquet" for number in range(count)]
+    write_recording(paths[0], seconds)
+    for path in paths[1:]:
+        shutil.copyfile(paths[0], path)
+    return paths
+
+
+BRIEF, SHORT, LONG, HOUR = 1.0, 60.0, 600.0, 3600.0
+"""Lengths of recordings [s]."""
+
+RUNS = 5
+"""Of each recording from which an hour is foretold, by turns; noise only adds."""
+
+REACHES = {"CSV": (".csv", 6.0), "Parquet": (".parquet", 3.0), "MCAP": (".mcap", 60.0)}
+"""Ending, and what an hour is to take at most [s]."""
+
+REACH_AGAIN = 3.0
+"""And MCAP read again."""
+
+LARGEST_SHARE = 3.0
+"""Most memory over that of the columns."""
+
+CACHE = "by the samples kept beside it"
+
+
+def foretold(short: tuple[float, float], long: tuple[float, float]) -> float:
+    """What an hour takes, by a line through two recordings; one that falls is noise, and taken as level.
+
+    Args:
+        short: Length [s], and what it took.
+        long: The same of a longer one.
+    """
+    return long[1] + max(0.0, long[1] - short[1]) * (HOUR - long[0]) / (long[0] - short[0])
+
+
+def measure_identify(scope: Scope) -> list[Row]:
+    """Seconds and memory of each format; those whose package is missing are left out."""
+    rows = []
+    for name, (ending, reach) in REACHES.items():
+        with tempfile.TemporaryDirectory() as folder:
+            try:
+                rows += _of_format(Path(folder), name, ending, reach, scope.full)
+            except MissingExtraError as error:
+                scope.say(f"the rows of {name} are left out: {error}")
+    return rows
+
+
+def _of_format(folder: Path, name: str, ending: str, reach: float, full: bool) -> list[Row]:
+    what = f"identify 1 h at 1 kHz, {name}"
+    kept = ending == ".mcap"
+    lengths = (BRIEF, HOUR) if full or not kept else (BRIEF, SHORT, LONG)
+    runs = 1 if lengths[-1] == HOUR else RUNS
+    first, again = _identify(folder, ending, lengths, runs, kept)
+    seconds, seconds_again = first[lengths[-1]].seconds, again.seconds
+    of = how = how_again = ""
+    if lengths[-1] != HOUR:
+        seconds_again = foretold((BRIEF, first[BRIEF].seconds), (LONG, seconds_again))
+        seconds = foretold((SHORT, first[SHORT].seconds), (LONG, seconds))
+        of, quickest = " (of 10 min)", f"the least of {runs} runs"
+        how, how_again = f" (foretold from 1 and 10 min, {quickest})", f" (foretold from 1 s and 10 min, {quickest})"
+    share = (first[lengths[-1]].peak - first[BRIEF].peak) / ((lengths[-1] - BRIEF) * RATE * 8 * COLUMNS)
+    rows = [
+        Row(f"{what}: memory over that of the columns{of}", share, "x", LARGEST_SHARE),
+        Row(f"{what}{how}", seconds, "s", reach, rounds=runs),
+    ]
+    if kept:
+        rows.append(Row(f"{what}, read again {CACHE}{how_again}", seconds_again, "s", REACH_AGAIN, rounds=runs))
+    return rows
+
+
+def _identify(
+    folder: Path, ending: str, lengths: tuple[float, ...], runs: int, kept: bool
+) -> tuple[dict[float, Ended], Ended]:
+    """The quickest run of each length, which take turns, and the quickest of the last read again, if that is `kept`."""
+    paths = {seconds: folder / f"press-{seconds:g}{ending}" for seconds in lengths}
+    for seconds, path in paths.items():
+        write_recording(path, seconds)
+    first: dict[float, list[Ended]] = {seconds: [] for seconds in lengths}
+    again: list[Ended] = []
+    for _ in range(runs):
+        for seconds, path in paths.items():
+            command = ["-m", "foretouch", "identify", str(path), "--json"]
+            first[seconds].append(measure_process(command))
+        if kept:
+            again.append(measure_process(command))
+        for beside in set(folder.iterdir()) - set(paths.values()):  # so that the next run reads the recording
+            beside.unlink()
+    quickest = {seconds: min(ended, key=_seconds) for seconds, ended in first.items()}
+    return quickest, min(again, key=_seconds, default=quickest[lengths[-1]])
+
+
+def _seconds(ended: Ended) -> float:
+    return ended.seconds
+
+
+STARTUP_ROUNDS = 7
+
+FIRST_CALL = (
+    "from foretouch.identification import ContactMapBank, ContactSample\n"
+    "ContactMapBank().update(ContactSample(0.0, 1e-3, 0.0, 1.0, True))"
+)
+
+PROCESSES: dict[str, tuple[list[str], float | None]] = {
+    "foretouch --help": (["-m", "foretouch", "--help"], 0.3),
+    "import foretouch": (["-c", "import foretouch"], 0.2),
+    "first compiled call, from a warm cache": (["-c", FIRST_CALL], 1.5),
+    "bare Python": (["-c", "pass"], None),
+}
+"""What is started, and how long it is to take at most [s]."""
+
+
+def measure_startup(scope: Scope) -> list[Row]:
+    """Seconds from a process's start to its end."""
+
+    def start(arguments: list[str]) -> Contestant:
+        return Contestant(lambda: measure_process(arguments))
+
+    times = interleave({what: start(arguments) for what, (arguments, _) in PROCESSES.items()}, STARTUP_ROUNDS)
+    return [
+        Row.of(f"{what}, a fresh process", spread(times[what]), "s", reach) for what, (_, reach) in PROCESSES.items()
+    ]

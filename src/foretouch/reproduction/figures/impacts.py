@@ -1,0 +1,238 @@
+"""What Figs. 2 and 3 have in common: one impact, its hysteresis loop, its power, and the three energies.
+
+Fig. 2: a mass meets a Kelvin-Voigt material.
+
+Fig. 3: a mass meets a Hunt-Crossley material.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from foretouch.models import HuntCrossley, KelvinVoigt, MemorylessLaw
+from foretouch.report import COLOURS, finished, legend, new_figure
+from foretouch.reproduction.section import Claim, Section, Table
+from foretouch.reproduction.theory import Impact, damping_ratio, integrate_impact
+
+MASS, SPEED = 1.0, 0.5
+"""Of the impacts of Figs. 2 and 3 [kg], [m/s]; the paper gives none."""
+
+GIVEN, BACK, PULLED = COLOURS[0], COLOURS[2], COLOURS[1]
+"""Colours of H1, H2 and H3."""
+
+Areas = tuple[float, float, float]
+
+
+def impact_of(law: MemorylessLaw, *, speed: float = SPEED, allow_tension: bool = True) -> Impact:
+    """One impact with so many samples that sums over them are integrals to five digits."""
+    return integrate_impact(law, MASS, speed, allow_tension=allow_tension, samples=2001)
+
+
+def slope(law: MemorylessLaw, speed: float, *, allow_tension: bool = True) -> float:
+    """Local exponent of speed in the energy that an impact costs [-], from integrated impacts 1 % to either side."""
+    low, high = (
+        integrate_impact(law, MASS, speed * factor, allow_tension=allow_tension, samples=2).damping_work
+        for factor in (0.99, 1.01)
+    )
+    return math.log(high / low) / math.log(1.01 / 0.99)
+
+
+def areas_of_loop(impact: Impact) -> Areas:
+    """H1, H2 and H3 [J] as areas between force and depth: way in, way out above zero, way out below zero."""
+    deepest = int(np.argmax(impact.depth))
+    back, force = impact.depth[deepest:], impact.force[deepest:]
+    given = np.trapezoid(impact.force[: deepest + 1], impact.depth[: deepest + 1])
+    returned = np.trapezoid(np.maximum(force, 0.0), back)
+    pulled = np.trapezoid(np.minimum(force, 0.0), back)
+    return float(given), float(returned), float(pulled)
+
+
+def areas_of_power(impact: Impact) -> Areas:
+    """The same [J] as areas between power and time: before the turn, below zero, and above zero after the turn."""
+    deepest = int(np.argmax(impact.depth))
+    time, power = impact.time[deepest:], impact.power[deepest:]
+    given = np.trapezoid(impact.power[: deepest + 1], impact.time[: deepest + 1])
+    return (
+        float(given),
+        float(np.trapezoid(np.minimum(power, 0.0), time)),
+        float(np.trapezoid(np.maximum(power, 0.0), time)),
+    )
+
+
+def impact_table(impact: Impact) -> Table:
+    """Everything that the figure draws."""
+    return {
+        "time_s": impact.time,
+        "depth_m": impact.depth,
+        "velocity_m_s": impact.velocity,
+        "force_N": impact.force,
+        "power_W": impact.power,
+    }
+
+
+def impact_figure(impact: Impact, name: str) -> Any:
+    """Hysteresis loop and power exchange side by side, the layout of the paper's Figs. 2 and 3."""
+    figure = new_figure(4.3)
+    loop, flow = figure.subplots(1, 2)
+    energies = impact.areas
+    named = [f"$H_{number}$ = {1e3 * energy:.1f} mJ" for number, energy in enumerate(energies, 1)]
+    deepest = int(np.argmax(impact.depth))
+    into, out = slice(0, deepest + 1), slice(deepest, None)
+    depth = 1e3 * impact.depth
+    back_force, back_power = impact.force[out], impact.power[out]
+    loop.fill_between(depth[into], impact.force[into], color=GIVEN, alpha=0.2, linewidth=0.0, label=named[0])
+    loop.fill_between(depth[out], np.maximum(back_force, 0.0), color=BACK, alpha=0.45, linewidth=0.0, label=named[1])
+    loop.fill_between(depth[out], np.minimum(back_force, 0.0), color=PULLED, alpha=0.6, linewidth=0.0, label=named[2])
+    loop.plot(depth, impact.force, color="black", linewidth=1.4)
+    for at in (0.45 * deepest, deepest + 0.45 * (impact.time.size - deepest)):
+        _arrow(loop, depth, impact.force, int(at))
+    loop.set_title(f"(a) Hysteresis loop, {name}")
+    loop.set_xlabel("depth [mm]")
+    loop.set_ylabel("force on the mass [N]")
+    time = 1e3 * impact.time
+    flow.fill_between(time[into], impact.power[into], color=GIVEN, alpha=0.2, linewidth=0.0, label=named[0])
+    flow.fill_between(time[out], np.minimum(back_power, 0.0), color=BACK, alpha=0.45, linewidth=0.0, label=named[1])
+    flow.fill_between(time[out], np.maximum(back_power, 0.0), color=PULLED, alpha=0.6, linewidth=0.0, label=named[2])
+    flow.plot(time, impact.power, color="black", linewidth=1.4)
+    flow.set_title("(b) Power into the material")
+    flow.set_xlabel("time [ms]")
+    flow.set_ylabel("power [W]")
+    for axes in (loop, flow):
+        axes.axhline(0.0, color="0.3", linewidth=0.8)
+        legend(axes, columns=3)
+    return finished(figure, 1)
+
+
+def _arrow(axes: Any, x: NDArray[np.float64], y: NDArray[np.float64], at: int) -> None:
+    """An arrowhead on a curve, along it."""
+    step = max(1, x.size // 100)
+    axes.annotate(
+        "",
+        xy=(x[at + step], y[at + step]),
+        xytext=(x[at], y[at]),
+        arrowprops={"arrowstyle": "-|>", "color": "black", "mutation_scale": 16.0},
+    )
+
+
+VOIGT = KelvinVoigt(stiffness=6000.0, damping=40.0)
+"""K as in the paper's <1>. B is ours: with the 500 N s/m of <1> no mass under B^2 / (4 K) = 10.4 kg comes back."""
+
+
+def make_fig2() -> Section:
+    """The impact as the equation has it, pulling at release, and as it is rendered, held at zero."""
+    printed, rendered = impact_of(VOIGT), impact_of(VOIGT, allow_tension=False)
+    given, back, pulled = printed.areas
+    loop, power = areas_of_loop(printed), areas_of_power(printed)
+    apart = max(abs(a - b) for a, b in zip(loop, power, strict=True))
+    pulling = printed.depth[(printed.force < 0.0) & (printed.velocity < 0.0)]
+    first = float(VOIGT.force(1e-9, SPEED))
+    exponents = [slope(VOIGT, speed) for speed in (0.01, 0.1, 1.0, 10.0)]
+    paper_law = impact_of(KelvinVoigt(6000.0, 500.0))
+    setting = (
+        f"(1) with K = {VOIGT.stiffness:g} N/m, B = {VOIGT.damping:g} N s/m (B is ours), {MASS:g} kg at {SPEED:g} m/s, "
+        "negative force left as printed"
+    )
+    text = (
+        f"A mass of {MASS:g} kg meets the material at {SPEED:g} m/s; equation (1) integrated as printed. The force "
+        f"jumps to {first:.1f} N at first touch, and pulls the mass by up to {-printed.force.min():.1f} N over the "
+        f"last {1e3 * pulling.max():.1f} mm of its way out: the mass pays H3 = {1e3 * pulled:.1f} mJ on top. Held at "
+        f"zero there, as foretouch renders it, H3 is {1e3 * rendered.areas[2]:.1f} mJ and the mass leaves at "
+        f"{rendered.rebound_speed:.3f} instead of {printed.rebound_speed:.3f} m/s. The paper gives no numbers for this "
+        "figure, and none were read off it. With the B of 500 N s/m that the paper simulates later, this mass "
+        + ("would leave." if paper_law.separated else "would never leave: the equation holds it back for good.")
+    )
+    claims = (
+        Claim(
+            "Kelvin-Voigt: shock force at first touch, where there is no depth yet",
+            "force follows the speed at the beginning",
+            f"{first:.1f} N at depth 0 (B v = {VOIGT.damping * SPEED:.1f} N)",
+            "holds" if abs(first - VOIGT.damping * SPEED) < 1e-3 * first else "does not hold",
+            setting,
+        ),
+        Claim(
+            "Kelvin-Voigt: negative force at the end of restitution takes the energy H3 from the mass",
+            "H3 extracted from the mass even in the restitution phase",
+            f"down to {printed.force.min():.2f} N below {1e3 * pulling.max():.2f} mm; H1 = {1e3 * given:.2f}, "
+            f"H2 = {1e3 * back:.2f}, H3 = {1e3 * pulled:.2f} mJ, sum = loss = {1e3 * printed.energy_loss:.2f} mJ",
+            "holds" if printed.force.min() < 0.0 < pulled else "does not hold",
+            setting,
+        ),
+        Claim(
+            "Areas of the loop (a) are the areas under the power (b)",
+            "H_i in (b) correspond to (a)",
+            f"apart by at most {1e6 * apart:.2g} uJ of {1e6 * given:.3g} uJ",
+            "holds" if apart < 1e-5 * given else "does not hold",
+            f"{setting}; trapezoids over {printed.time.size} samples",
+        ),
+        Claim(
+            "Kelvin-Voigt: energy loss proportional to the square of the impact speed",
+            "exponent 2",
+            f"{min(exponents):.4f} to {max(exponents):.4f}",
+            "holds" if max(abs(e - 2.0) for e in exponents) < 1e-3 else "does not hold",
+            f"integrated impacts at 0.01 to 10 m/s, {setting}; the equation is linear, so at any damping",
+        ),
+    )
+    data = {"printed": impact_table(printed), "rendered": impact_table(rendered)}
+    figure = impact_figure(printed, "Kelvin-Voigt")
+    return Section("fig2", "Fig. 2: impact on a Kelvin-Voigt material", text, figure, data, claims)
+
+
+HUNT = HuntCrossley(stiffness=3000.0, damping=1500.0, exponent=1.4)
+"""The paper's <2>."""
+
+SPEEDS = (0.001, 0.01, 0.1, 0.5, 2.0, 10.0)
+"""At which the exponent of the energy loss is measured [m/s]."""
+
+
+def make_fig3() -> Section:
+    """The impact as the equation has it; it pulls nowhere, so it is also the rendered one."""
+    impact = impact_of(HUNT)
+    given, back, pulled = impact.areas
+    loop, power = areas_of_loop(impact), areas_of_power(impact)
+    apart = max(abs(a - b) for a, b in zip(loop, power, strict=True))
+    ends = float(max(abs(impact.force[0]), abs(impact.force[-1])))
+    exponents = {speed: slope(HUNT, speed) for speed in SPEEDS}
+    slow, own = exponents[SPEEDS[0]], exponents[SPEED]
+    fast = impact_of(HUNT, speed=SPEEDS[-1])
+    limit = HUNT.stiffness / HUNT.damping
+    setting = f"(2) with the paper's <2>, {MASS:g} kg at {SPEED:g} m/s, negative force left as printed"
+    text = (
+        f"The same mass at the same speed, equation (2) with the paper's k = {HUNT.stiffness:g}, lambda = "
+        f"{HUNT.damping:g}, n = {HUNT.exponent:g}. The force is zero at both ends and H3 = {1e3 * pulled:.1f} mJ. In "
+        f"an impact the law never pulls, whatever the speed: the mass cannot come out faster than k / lambda = "
+        f"{limit:g} m/s (thrown in at {SPEEDS[-1]:g} m/s it comes out at {fast.rebound_speed:.3f} m/s). A hand that is "
+        "pulled out faster than that would be held back. The loss grows as the cube of the speed only while the "
+        f"damping is low: at {SPEED:g} m/s (damper over spring {float(damping_ratio(HUNT, MASS, SPEED)):.2f}) the "
+        f"exponent is {own:.2f}, at {SPEEDS[-1]:g} m/s {exponents[SPEEDS[-1]]:.2f}."
+    )
+    claims = (
+        Claim(
+            "Hunt-Crossley: no shock force at beginning and end",
+            "shock force disappears at both",
+            f"{ends:.1g} N at touch and release; smallest force {impact.force.min():.1g} N",
+            "holds" if ends < 1e-6 * impact.force.max() and impact.force.min() >= 0.0 else "does not hold",
+            setting,
+        ),
+        Claim(
+            "Hunt-Crossley: no energy taken at the end of restitution",
+            "no power extracted",
+            f"H1 = {1e3 * given:.2f}, H2 = {1e3 * back:.2f}, H3 = {1e3 * pulled:.2f} mJ "
+            f"(at {SPEEDS[-1]:g} m/s: H3 = {1e3 * fast.areas[2]:.2f} mJ); (a) and (b) apart by {1e6 * apart:.2g} uJ",
+            "holds" if abs(pulled) < 1e-9 * given and apart < 1e-5 * given else "does not hold",
+            setting,
+        ),
+        Claim(
+            "Hunt-Crossley: energy loss proportional to the cube of the impact speed",
+            "exponent 3",
+            ", ".join(f"{exponent:.3f} at {speed:g} m/s" for speed, exponent in exponents.items()),
+            "holds under stated choice" if abs(slow - 3.0) < 0.01 else "does not hold",
+            f"choice: low damping, here under about 0.01 m/s; integrated impacts, <2>, {MASS:g} kg",
+        ),
+    )
+    data = {"impact": impact_table(impact)}
+    figure = impact_figure(impact, "Hunt-Crossley")
+    return Section("fig3", "Fig. 3: impact on a Hunt-Crossley material", text, figure, data, claims)
