@@ -21,7 +21,7 @@ from foretouch.session import FOLLOWER_CHANNELS, LEADER_CHANNELS, SessionSetting
 from foretouch.session.processes.news import LoopWatch
 from foretouch.session.runners import live
 from foretouch.session.runners.driven import LineFollower
-from foretouch.session.safety.safety import REST_FORCE
+from foretouch.session.safety.kernel import REST_FORCE
 from foretouch.session.steps.heard import MOST_OF_FORMER, Heard
 
 SETTINGS = SessionSettings(material="hunt-crossley", position_delay=0.0, force_delay=0.0)

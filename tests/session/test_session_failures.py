@@ -21,7 +21,8 @@ from foretouch.session.network.model_sender import ModelSender
 from foretouch.session.network.playout import Freshness, Playout
 from foretouch.session.runners import live
 from foretouch.session.safety.force_guard import FirstTouch
-from foretouch.session.safety.safety import REST_FORCE, Safety
+from foretouch.session.safety.kernel import REST_FORCE
+from foretouch.session.safety.safety import Safety
 from foretouch.session.spatial import follower as space
 from foretouch.session.spatial import make_scene, make_spatial_robot
 from foretouch.session.spatial.course import Course, SurfaceLine

@@ -6,7 +6,8 @@ import pytest
 
 from foretouch.quantities.pose import Vector
 from foretouch.session.safety.force_guard import PATIENCE, STEEPER
-from foretouch.session.safety.safety import AIMED, SafetyLimits
+from foretouch.session.safety.kernel import AIMED
+from foretouch.session.safety.safety import SafetyLimits
 from foretouch.session.spatial.last_limit import ForceCap
 
 CEILING, STIFFNESS, MOST_DAMPED = 15.0, 2000.0, SafetyLimits().most_damped

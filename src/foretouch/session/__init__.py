@@ -30,7 +30,8 @@ from foretouch.session.runners.live import (
 )
 from foretouch.session.runners.loop_timer import be_prompt, give_way
 from foretouch.session.runners.shadow import SHADOW_CHANNELS, run_shadow
-from foretouch.session.runners.simulated import SimulatedSession, prepare_simulation, simulate
+from foretouch.session.runners.simulated import prepare_simulation, simulate
+from foretouch.session.runners.simulated_line import SimulatedSession
 from foretouch.session.runners.warm_up import prepare, warm_up
 from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
 from foretouch.session.steps.sensing import session_calibration

@@ -3,31 +3,13 @@
 from __future__ import annotations
 
 import math
-from enum import IntEnum
 from typing import Final
 
 import numpy as np
 
 from foretouch.errors import SettingError
 from foretouch.errors.checks import require
-
-QUIET_TIME = 0.5
-"""A transient fault is over when nothing was found for so long [s]."""
-
-DROPOUT_TIME = 0.02
-"""Force and position that both repeat exactly for so long [s] are no new values."""
-
-STUCK_TIME = 0.1
-"""A force alone that repeats exactly for so long [s] is stuck."""
-
-REPEAT_FACTOR = 4.0
-"""Repeating is unusual from so many times the longest repetition so far: converters with few bits repeat too."""
-
-NOISY_SHARE = 0.2
-"""A force whose changes reverse in at least this share of samples has noise, and cannot stand; white noise has 2/3."""
-
-NOISE_SAMPLES = 50
-"""Noise is judged over about so many changes."""
+from foretouch.identification.conditioning.layout import SensorState
 
 LEAST_STEP = 0.3
 """Smaller steps of the offset than this [N] are not looked for."""
@@ -35,39 +17,8 @@ LEAST_STEP = 0.3
 LEAST_SPIKE = 0.5
 """Smaller spikes than this [N] are not looked for."""
 
-SPIKE_FACTOR = 10.0
-"""A spike is at least so many times the mean change between samples."""
-
-ACTIVITY_TIME = 0.02
-"""Time constant of that mean [s]."""
-
-LARGEST_IMPEDANCE = 600.0
-"""An impact at a speed v makes at most so many newtons for each m/s."""
-
 END_SHARE = 0.02
 """An end of the range begins so much before it, as a share of it."""
-
-LONGEST_GAP = 0.1
-"""Behind a longer gap in time [s] samples are not compared with those before it."""
-
-LARGEST_VALUE = 1e6
-"""Numbers beyond this are none that a sensor means [m, N, s: times up to 1e12]."""
-
-
-class SensorState(IntEnum):
-    """What is wrong with the sensors; `SENSOR_SENTENCES` has the sentence."""
-
-    GOOD = 0
-    NOT_FINITE = 1
-    DROPOUT = 2
-    STUCK = 3
-    SATURATED = 4
-    OFFSET_STEP = 5
-    SPIKE = 6
-    ENCODER_JUMP = 7
-    CONTACT_LOST = 8
-    FORCE_DISAGREES = 9
-
 
 SENSOR_SENTENCES: Final[dict[SensorState, str]] = {
     SensorState.GOOD: "the sensors are as they should be",
@@ -82,9 +33,6 @@ SENSOR_SENTENCES: Final[dict[SensorState, str]] = {
     SensorState.FORCE_DISAGREES: "the drive pushes with another force than is felt: the force sensor is wrong",
 }
 """Sentence of each state."""
-
-TRANSIENT_STATES: Final = frozenset({SensorState.NOT_FINITE, SensorState.DROPOUT, SensorState.SPIKE})
-"""States that pass after `QUIET_TIME` without another finding; the others stay until `SensorWatch.reset`."""
 
 
 class SensorWatch:

@@ -26,7 +26,7 @@ from foretouch.identification.conditioning.fault_kernels import (
     restart_steps,
 )
 from foretouch.identification.conditioning.fault_kernels import OFFSET_SIZE as STEP_SIZE
-from foretouch.identification.conditioning.watch import (
+from foretouch.identification.conditioning.layout import (
     ACTIVITY_TIME,
     DROPOUT_TIME,
     LARGEST_IMPEDANCE,

@@ -27,7 +27,7 @@ from foretouch.messages import (
     Telemetry,
 )
 from foretouch.robot import SpatialRobot
-from foretouch.session.runners.simulated import SimulatedSession
+from foretouch.session.runners.simulated_line import SimulatedSession
 from foretouch.session.runners.warm_up import warm_up_once
 from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
 from foretouch.session.spatial import follower, leader, tracker

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from foretouch.errors.checks import require
 from foretouch.messages import Status
 from foretouch.models.impact_bound import impact_impedance
+from foretouch.session.safety import kernel
 from foretouch.session.safety.force_guard import ForceGuard
 from foretouch.session.safety.motion import POSITION, VELOCITY, MotionLimits
 from foretouch.session.safety.proven_way import ProvenWay
@@ -20,25 +21,6 @@ REACTION = 3e-3
 """After its first touch a robot is no faster than before for so long [s], and then stops: its sensor and drive are as
 late as that. The simulated arm takes 2.3 to 2.8 ms."""
 
-AIMED = 0.88
-"""Share of the force ceiling that a press is brought to: the zero of a sensor that began in contact may err by 1 N, and
-an arm that lets go of a damped contact and stops swings back into it. At 0.95 a search led to 15.1 N in
-Kelvin-Voigt."""
-
-PROVEN_SHARE = 0.75
-"""What was proven at one speed may lead to this share of the ceiling at a higher one: a robot that sets out overshoots
-its speed."""
-
-MARGIN, BRAKING_DELAY = 5e-4, 5e-3
-"""It has braked so far before what allows less [m], by a path that it follows so much later [s]."""
-
-START_BACK = 3e-5
-"""A robot that presses begins so far outside of where it seems to be [m]: an encoder's count may show it deeper than it
-is, and it would press on."""
-
-UNLOADED, REST_FORCE = 0.5, 1.0
-"""A robot that unloads goes back until it feels the first [N]; the second counts as unloaded [N]."""
-
 LEFT = 0.6
 """With no more than this [N] a session leaves its robot, if there is time: a little over what unloading comes to."""
 
@@ -46,15 +28,8 @@ REST_SPEED, SEEN_AT_REST = 5e-3, 1e-2
 """A robot is at rest whose path is slower than the first, and whose own velocity, as its encoder shows it, than the
 second [m/s]."""
 
-REJOINED_FOR = 0.3
-"""A robot that has kept up with the commands for so long [s] follows them again: longer than the playout takes to lead
-from where it was held to where they are."""
-
 STATES = tuple(Status)
 """By value."""
-
-CLEARANCE = 5e-3
-"""A robot that retreats goes so far out of the contact that it was in [m]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -148,8 +123,6 @@ class Safety:
     """
 
     __slots__ = (
-        "_keep",
-        "_kernel",
         "_limits",
         "_memory",
         "_motion",
@@ -162,10 +135,6 @@ class Safety:
     )
 
     def __init__(self, limits: SafetyLimits, sample_period: float) -> None:
-        # Imported here: it brings a compiler along, and imports the numbers above.
-        from foretouch.session.safety import kernel
-
-        self._kernel, self._keep = kernel, kernel.keep_safe
         self._memory = np.zeros(kernel.SIZE)
         ForceGuard(self._memory[kernel.GUARD : kernel.MOTION])
         self._proven = ProvenWay(self._memory[kernel.WAY :])
@@ -198,7 +167,7 @@ class Safety:
 
         From then on `update` returns the aim, and `went` is told in each tick what came of it.
         """
-        self._memory[self._kernel.IN_SPACE] = 1.0
+        self._memory[kernel.IN_SPACE] = 1.0
         self._motion = self._motion_limits()
         return self._motion
 
@@ -214,22 +183,22 @@ class Safety:
     @property
     def blind_speed(self) -> float:
         """Speed at which the robot may come to what may be there, feeling nothing yet [m/s]."""
-        memory, kernel = self._memory, self._kernel
-        return float(AIMED * memory[kernel.FORCE] / memory[kernel.IMPEDANCE])
+        memory = self._memory
+        return float(kernel.AIMED * memory[kernel.FORCE] / memory[kernel.IMPEDANCE])
 
     def comes_nearer(self, speed: float) -> None:
         """In space: by what goes along the surface it may come nearer at this speed [m/s]."""
-        self._memory[self._kernel.NEARING] = speed
+        self._memory[kernel.NEARING] = speed
 
     @property
     def fastest(self) -> float:
         """Speed at which the robot may go deeper now, negative where it has to go back [m/s]."""
-        return float(self._memory[self._kernel.FASTEST])
+        return float(self._memory[kernel.FASTEST])
 
     @property
     def shifted(self) -> float:
         """By how far the aim was set elsewhere in the newest tick [m], not positive: no motion of it."""
-        return float(self._memory[self._kernel.SHIFTED])
+        return float(self._memory[kernel.SHIFTED])
 
     def went(self, position: float, velocity: float, nearest: float) -> None:
         """In space: where the robot was told to be.
@@ -240,7 +209,7 @@ class Safety:
             nearest: Where that place itself is against the surface [m].
         """
         self._path[POSITION], self._path[VELOCITY] = position, velocity
-        self._memory[self._kernel.NEAREST] = nearest
+        self._memory[kernel.NEAREST] = nearest
 
     def go_on_from(self, position: float) -> None:
         """On a line: the robot was told this position by somebody else [m]; the path goes on there, at rest."""
@@ -258,7 +227,7 @@ class Safety:
             force: That it feels [N].
         """
         still = self._motion.speed <= REST_SPEED and abs(velocity) <= SEEN_AT_REST
-        if not (still and abs(force) <= REST_FORCE):
+        if not (still and abs(force) <= kernel.REST_FORCE):
             return False
         self.stop_reason = ""
         return True
@@ -295,7 +264,7 @@ class Safety:
             free: Up to there nothing is in the way, though the robot has not gone there itself [m].
             doubtful: Whether it is being judged if the force can be believed: until then it goes no deeper.
         """
-        told, status, self.pressing = self._keep(
+        told, status, self.pressing = kernel.keep_safe(
             self._memory,
             self.stop_reason != "",
             desired,

@@ -10,8 +10,9 @@ from collections.abc import Sequence
 
 from foretouch.quantities.pose import Vector, add, dot, norm, scaled, subtract
 from foretouch.session.safety.force_guard import PATIENCE, ForceGuard
+from foretouch.session.safety.kernel import AIMED
 from foretouch.session.safety.motion import Bound
-from foretouch.session.safety.safety import AIMED, Safety
+from foretouch.session.safety.safety import Safety
 from foretouch.session.spatial.course import Course, SurfaceLine
 
 SLOWED = 0.6
