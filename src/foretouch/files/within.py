@@ -17,7 +17,7 @@ from typing import Any, Final, NamedTuple, ParamSpec, TypeVar
 
 from foretouch.errors import RecordingError
 from foretouch.files.budget import Budget, budget_for, require_data
-from foretouch.files.server import open_parcel, write_parcel
+from foretouch.files.parcel import open_parcel, write_parcel
 
 Given = ParamSpec("Given")
 Made = TypeVar("Made")

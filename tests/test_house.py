@@ -1,0 +1,91 @@
+"""The house keeps its rules. Where one fails, move or merge what it names; a number here only ever falls."""
+
+from __future__ import annotations
+
+import ast
+import functools
+import statistics
+from pathlib import Path
+
+import grimp
+
+SOURCE = Path(__file__).resolve().parents[1] / "src" / "foretouch"
+FILES, LINES = 396, 76_600
+FLAT, LARGEST, MEDIAN = 12, 425, range(120, 221)
+PARAMETERS, LONG_SIGNATURES = 8, 24
+FIELDS, LARGE_CLASSES = 20, 8
+ONLY_NEIGHBOURS = 29
+"""Modules that one neighbour alone imports, beside kernels and these folders, of which each file is one of many:"""
+ALTERNATIVES = ("cli.commands", "doctor", "reproduction.figures", "reproduction.questions", "bench.benchmarks")
+
+
+@functools.cache
+def texts() -> dict[str, str]:
+    """Source of each module that is not a door, by its name below the package."""
+    paths = [path for path in sorted(SOURCE.rglob("*.py")) if path.name != "__init__.py"]
+    return {".".join(path.relative_to(SOURCE).with_suffix("").parts): path.read_text() for path in paths}
+
+
+@functools.cache
+def imports() -> grimp.ImportGraph:
+    """Who imports whom when it runs, lazily or not."""
+    return grimp.build_graph("foretouch", exclude_type_checking_imports=True)
+
+
+def test_files_are_few_and_of_a_size_to_read() -> None:
+    every = sorted(SOURCE.rglob("*.py"))
+    lengths = {name: len(text.splitlines()) for name, text in texts().items()}
+    assert len(every) <= FILES
+    assert sum(len(path.read_text().splitlines()) for path in every) <= LINES
+    assert int(statistics.median(lengths.values())) in MEDIAN
+    assert {name: length for name, length in lengths.items() if length > LARGEST} == {}
+
+
+def test_a_folder_holds_a_dozen_and_says_its_rule() -> None:
+    for door in SOURCE.rglob("__init__.py"):
+        flat = [path for path in door.parent.glob("*.py") if path.name != "__init__.py"]
+        assert len(flat) <= FLAT, f"{door.parent}: put what belongs together into a folder"
+        said = ast.get_docstring(ast.parse(door.read_text())) or ""
+        assert said.partition("\n\n")[0].rstrip().endswith("."), f"{door}: say in one sentence what belongs here"
+
+
+def test_no_file_imports_one_that_imports_it() -> None:
+    graph, circles = imports(), []
+    for module in graph.modules:
+        above = graph.find_downstream_modules(module)
+        circles += [(module, below) for below in graph.find_modules_directly_imported_by(module) if below in above]
+    assert circles == [], "move what both need into one of them, or below both"
+
+
+def test_what_one_neighbour_alone_imports_is_part_of_it() -> None:
+    alone = []
+    for name, text in texts().items():
+        importers = imports().find_modules_that_directly_import(f"foretouch.{name}")
+        room = name.rpartition(".")[0]
+        kernel = "import compiled\n" in text
+        if len(importers) == 1 and not kernel and room not in ALTERNATIVES:
+            (importer,) = importers
+            alone += [name] if importer.rpartition(".")[0] == f"foretouch.{room}" else []
+    assert len(alone) <= ONLY_NEIGHBOURS, alone
+
+
+@functools.cache
+def sizes(kind: type[ast.AST]) -> dict[str, int]:
+    """How many parameters each function takes that is not compiled, or how many fields each class lists."""
+    found = {}
+    for name, text in texts().items():
+        for node in ast.walk(ast.parse(text)):
+            if isinstance(node, kind) and isinstance(node, ast.ClassDef):
+                found[f"{name}.{node.name}"] = sum(isinstance(one, ast.AnnAssign) for one in node.body)
+            elif isinstance(node, kind) and isinstance(node, ast.FunctionDef):
+                every = (*node.args.posonlyargs, *node.args.args, *node.args.kwonlyargs)
+                compiled = any("compiled" in ast.unparse(one) for one in node.decorator_list)
+                found[f"{name}.{node.name}"] = 0 if compiled else len({one.arg for one in every} - {"self", "cls"})
+    return found
+
+
+def test_signatures_and_classes_are_small() -> None:
+    long = [name for name, count in sizes(ast.FunctionDef).items() if count > PARAMETERS]
+    large = [name for name, count in sizes(ast.ClassDef).items() if count > FIELDS]
+    assert len(long) <= LONG_SIGNATURES, long
+    assert len(large) <= LARGE_CLASSES, large
