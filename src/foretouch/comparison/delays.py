@@ -10,7 +10,7 @@ from typing import Any, Final, NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from foretouch.comparison.figures import short_names
+from foretouch.comparison.figures import MOST_RECORDINGS, short_names
 from foretouch.comparison.result import Prediction, Result, middle
 from foretouch.identification import DEFAULT_ESTIMATORS
 from foretouch.report import finished, new_figure
@@ -89,7 +89,7 @@ def delayed_force_curve(results: Sequence[Result]) -> Curve:
 
 
 def delay_figure(results: Sequence[Result], title: str = "Prediction error against delay") -> Any:
-    """Small multiples: the median over the recordings, if there are several, and each recording.
+    """Small multiples: the median over all recordings, if there are several, and each of the first `MOST_RECORDINGS`.
 
     Ceiling is the delayed force, floors are the fits of whole files. The delay stands on a scale of square roots, for
     0 to be on it and short delays to be apart. Curves that leave the panel above are far beyond the delayed force.
@@ -105,7 +105,8 @@ def delay_figure(results: Sequence[Result], title: str = "Prediction error again
     recordings = _by(drawn, lambda row: row.recording)
     panels = dict(zip(short_names(list(recordings)), recordings.values(), strict=True))
     if len(panels) > 1:
-        panels = {f"median of {len(panels)} recordings": drawn, **panels}
+        first = dict(list(panels.items())[:MOST_RECORDINGS])
+        panels = {f"median of {len(panels)} recordings": drawn, **first}
     rows = math.ceil(len(panels) / COLUMNS)
     limits = _limits(drawn)
     handles = _handles(list(delay_curves(drawn)), bool(floors(drawn)))

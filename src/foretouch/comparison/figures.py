@@ -14,6 +14,9 @@ from foretouch.report import finished, new_figure
 
 Array = NDArray[np.float64]
 
+MOST_RECORDINGS = 16
+"""Of more recordings the figures of a page would grow without bound: the rest stands in its tables."""
+
 
 def matrix_figure(
     results: Sequence[Result],
@@ -60,12 +63,13 @@ def _draw(
     shade = np.where(np.isnan(values), np.nan, shade)
     axes.imshow(np.ma.masked_invalid(shade), cmap="YlOrRd", vmin=0.0, vmax=1.15, aspect="auto")
     size = 8.5 if len(names) <= 10 else 7.0 if len(names) <= 16 else 5.5
-    for row, line in enumerate(texts):
+    for row, line in enumerate(texts if len(names) <= MOST_RECORDINGS else ()):  # of more no number could be read
         for column, text in enumerate(line):
             dark = np.isfinite(shade[row, column]) and shade[row, column] > 0.75
             colour = "white" if dark else "0.45" if text in ("failed", "-") else "black"
             axes.text(column, row, text, ha="center", va="center", fontsize=size, color=colour)
-    axes.set_xticks(range(len(names)), names, rotation=35, ha="right", fontsize="small")
+    every = -(-len(names) // MOST_RECORDINGS)
+    axes.set_xticks(range(0, len(names), every), names[::every], rotation=35, ha="right", fontsize="small")
     axes.set_yticks(range(len(labels)), labels, fontsize="small")
     axes.set_title(title)
     axes.set_xlabel("recording")
