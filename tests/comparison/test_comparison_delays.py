@@ -174,6 +174,16 @@ def test_long_names_that_end_alike_stay_apart(results: list[comparison.Result]) 
     assert [panel.get_title() for panel in comparison.delay_figure(long).axes[1:]] == names
 
 
+def test_the_page_of_many_recordings_can_be_sent(results: list[comparison.Result], tmp_path: Path) -> None:
+    many = [replace(result, recording=f"press-{number}") for number in range(100) for result in results[:3]]
+    page = comparison.write_comparison_page(tmp_path, many)
+    assert page.stat().st_size < 5_000_000
+    text = page.read_text()
+    assert "the first 16 of 100 recordings have a panel" in text
+    assert "press-99" in text
+    assert [len(comparison.delay_figure(many[:count]).axes) for count in (30, 300)] == [11, 17]
+
+
 def test_where_nothing_can_be_scored_the_panel_is_empty(files: list[Path], tmp_path: Path) -> None:
     scoring = comparison.Scoring((0.0, 0.3), score_from=100.0)
     found = comparison.compare(

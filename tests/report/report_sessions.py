@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -138,3 +139,30 @@ def make_session(
     log = SessionLog.from_messages(leader, follower, sent, settings, {"leader_lost": 2, "follower_lost": 3})
     log.leader.flags.writeable = log.follower.flags.writeable = False
     return log
+
+
+def repeated(log: SessionLog, times: int) -> SessionLog:
+    """The same session so many times on end, as one of the same two processes."""
+    ticks, models = int(log.leader["sequence"][-1]), len(log.models)
+    nth = np.repeat(np.arange(times), log.leader.size)
+    sides = []
+    for rows, counted in (
+        (log.leader, {"sequence": ticks, "telemetry_sequence": ticks, "model_sequence": models}),
+        (log.follower, {"sequence": ticks, "command_sequence": ticks, "models_sent": models}),
+    ):
+        found = np.tile(rows, times)
+        for name, step in {**counted, "time_ns": ticks * TICK}.items():
+            if name in found.dtype.names:
+                found[name] += nth * step
+        sides.append(found)
+    sent = tuple(later(model, turn * models, turn * ticks) for turn in range(times) for model in log.models)
+    return replace(log, leader=sides[0], follower=sides[1], models=sent)
+
+
+def later(model: ModelUpdate, models: int, ticks: int) -> ModelUpdate:
+    """The same model, sent after so many others and so many ticks."""
+    values = {name: getattr(model, name) for name in model.__struct_fields__}
+    values["sequence"] += models
+    values["time_ns"] += ticks * TICK
+    values["command_sequence"] += ticks
+    return ModelUpdate(**values)

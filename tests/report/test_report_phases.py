@@ -138,7 +138,7 @@ def test_a_network_that_changed_divides_a_stretch(tmp_path: Path) -> None:
     assert report["commands"]["never_applied"] == 80
     text = render_text(report)
     assert "position delay 0.5 s, force delay 0.6 s" in text.splitlines()[0]
-    assert "settings changed 1 time; figures are of the longest stretch" in text
+    assert "settings changed 1 time; figures are of the longest stretch (number 2)" in text
     assert [one["settings"]["force_delay"] for one in report["stretches"]["each"]] == ["0.3", "0.6"]
 
 

@@ -17,8 +17,8 @@ from foretouch.messages import STATUS_SENTENCES, VERSION, EmergencyStop, Session
 from foretouch.recordings import follower_samples
 from foretouch.report import pair, render_text, session_report, write_page
 from foretouch.report.energy import energy_account
-from foretouch.report.pairs import thinned
 from foretouch.report.statuses import follower_away, trusted
+from foretouch.report.thinning import thinned
 from foretouch.report.writing.safety_text import left_out
 
 TITLE = "What the robot did beside following"
@@ -165,7 +165,7 @@ def test_refusals_control_and_stops_are_said(quiet: SessionLog) -> None:
     assert "refused    commands: 12 stale, 1 from the future, 2,011 of others, 380 from before a release" in text
     assert "failures   1,234 exceptions in the follower's step" in text
     assert "control    was held by anna, then bert" in text
-    assert text.count("Emergency stop: somebody shouted at anna.") == 1
+    assert text.count("Emergency stop: somebody shouted at anna; asked for by signal.") == 1
     assert text.index("Emergency stop") < text.index("Forces at equal command")
 
 
@@ -192,7 +192,29 @@ def test_a_stop_is_said_with_the_stretch_in_which_it_was_pressed(quiet: SessionL
     short = make_session(2.0)
     log = twice(with_status(short, (1500, 2000, Status.STOPPED)), with_status(quiet, (0, 300, Status.STOPPED)))
     text = render_text(session_report(replace(log, news={"stopped": ("pressed in the console",)})))
-    assert "Emergency stop in stretch 1: pressed in the console." in text
+    assert "Emergency stop in stretch 1, 0.72 s: pressed in the console." in text
+
+
+def test_many_stops_are_counted_at_the_top_with_how_long_they_lasted(quiet: SessionLog) -> None:
+    """Each was pressed in the console, so there is one reason for all of them."""
+    many = with_status(quiet, *((begin, begin + 200, Status.STOPPED) for begin in range(500, 3500, 500)))
+    log = replace(twice(make_session(2.0), many), news={"stopped": ("pressed in the console",)})
+    report = session_report(log)
+    assert report["safety"]["statuses"]["stopped"]["times"] == 6
+    top = render_text(report).splitlines()[:6]
+    assert "6 emergency stops in stretch 2, 1.20 s in all: pressed in the console." in top
+    silent = session_report(with_status(quiet, (500, 1500, Status.STOPPED)))
+    assert "Emergency stop, 1.00 s: nobody said why." in render_text(silent)
+
+
+def test_the_first_line_has_the_length_of_the_whole_session(quiet: SessionLog, tmp_path: Path) -> None:
+    log = twice(make_session(2.0), quiet)
+    report = session_report(log)
+    assert report["stretches"]["duration_s"] == pytest.approx(6.08, abs=0.01)
+    said = "6.1 s in 2 stretches, of which the longest: 4.0 s, "
+    assert render_text(report).startswith(f"Session: {said}material")
+    assert said in write_page(tmp_path, log, report).read_text()
+    assert render_text(session_report(quiet)).startswith("Session: 4.0 s, material")
 
 
 def test_figures_are_of_the_longest_stretch_and_it_is_said(quiet: SessionLog) -> None:
@@ -203,9 +225,8 @@ def test_figures_are_of_the_longest_stretch_and_it_is_said(quiet: SessionLog) ->
         assert report[name] == alone[name]
     assert report["stretches"]["leader_starts"] == report["stretches"]["follower_starts"] == 2
     assert report["stretches"]["max_rendered_force_N"] == pytest.approx(short.leader["rendered_force"].max())
-    assert "The leader began 2 times, the follower 2 times; figures are of the longest stretch, 4.00 s." in render_text(
-        report
-    )
+    began = "The leader began 2 times, the follower 2 times"
+    assert f"{began}; figures are of the longest stretch (number 2), 4.00 s of 6.08 s." in render_text(report)
     assert left_out(follower_samples(log)) == [
         "the leader began 2 times, the follower 2 times; used is the longest stretch, 4.00 s"
     ]

@@ -10,7 +10,8 @@ from os import PathLike
 from pathlib import Path
 from typing import Any
 
-from foretouch.comparison.delays import delay_figure, matrix_figure
+from foretouch.comparison.delays import delay_figure
+from foretouch.comparison.figures import MOST_RECORDINGS, matrix_figure
 from foretouch.comparison.result import Prediction, Result, convergence_text, note, parameter_text, same_reason
 from foretouch.errors import plural
 from foretouch.report import embedded, table, write_html
@@ -44,12 +45,22 @@ def write_comparison_page(
         f'<p class="quiet">{what}; {failed} failed.</p>',
         "<p>Errors are shares of the RMS of the contact force. The delayed force is what would be felt without a "
         "model: a prediction that is no better than it is of no use.</p>",
+        *_left_out(recordings),
         *_figures(results),
         "<h2>Every combination</h2>",
     ]
     for name, rows in groupby(results, key=lambda result: result.recording):
         body += [f"<h3>{escape(name)}</h3>", _table(list(rows))]
     return write_html(directory, "Comparison of laws and estimators", body, made)
+
+
+def _left_out(recordings: int) -> list[str]:
+    if recordings <= MOST_RECORDINGS:
+        return []
+    said = (
+        f"the first {MOST_RECORDINGS} of {recordings} recordings have a panel of their own, and matrices have colours"
+    )
+    return [f"<p>So that the page can be sent, {said} and no numbers: the tables below have them all.</p>"]
 
 
 def _figures(results: Sequence[Result]) -> list[str]:

@@ -12,17 +12,13 @@ from itertools import groupby
 from statistics import median
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from foretouch.comparison.truth import Convergence, ParameterError
 from foretouch.errors import plural
-from foretouch.quantities import Brief, as_frame
+from foretouch.quantities import Brief
 from foretouch.report.numbers import number
 
 if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib.figure import Figure
+    pass
 
 
 @dataclass(frozen=True)
@@ -128,67 +124,6 @@ class Result(Brief):
         """As plain values for JSON: no NaN, no infinity."""
         row: dict[str, Any] = _finite(asdict(self))
         return row
-
-
-class Results(list[Result]):
-    """What `compare` found: one result for each combination, in the order of the recordings."""
-
-    def __repr__(self) -> str:
-        shown = [f"    {one.recording}: {one.model} by {one.estimator}, {one.status}" for one in self[:FEW]]
-        more = [] if len(self) <= FEW else [f"    and {len(self) - FEW} more"]
-        return "\n".join([f"Results({plural(len(self), 'combination')})", *shown, *more])
-
-    def rows(self) -> list[dict[str, Any]]:
-        """One row for each result and delay, with plain values; one for a result without any."""
-        rows = []
-        for result in self:
-            kept = {name: getattr(result, name) for name in _IN_A_ROW}
-            for prediction in result.predictions or (None,):
-                found = {} if prediction is None else asdict(prediction)
-                if prediction is not None:
-                    found["prediction_status"] = found.pop("status")  # the result has one of its own
-                rows.append(kept | found)
-        return rows
-
-    def to_pandas(self) -> pd.DataFrame:
-        """`rows` as a data frame; what is not there is NaN or None.
-
-        Raises:
-            MissingExtraError: pandas is not installed.
-        """
-        return as_frame(self.rows())
-
-    def to_numpy(self) -> NDArray[np.float64]:
-        """Prediction errors [%], shape (results, delays), NaN where there is none."""
-        delays = max((len(result.predictions) for result in self), default=0)
-        errors = np.full((len(self), delays), np.nan)
-        for row, result in enumerate(self):
-            for column, prediction in enumerate(result.predictions):
-                if prediction.prediction_error_percent is not None:
-                    errors[row, column] = prediction.prediction_error_percent
-        return errors
-
-    def plot(self) -> Figure:
-        """The prediction error under the longest delay, for every combination and recording.
-
-        Raises:
-            MissingExtraError: Matplotlib is not installed.
-        """
-        from foretouch.comparison.delays import matrix_figure
-
-        def error(result: Result) -> float | None:
-            return result.predictions[-1].prediction_error_percent if result.predictions else None
-
-        longest = max((result.predictions[-1].delay_s for result in self if result.predictions), default=math.nan)
-        figure: Figure = matrix_figure(self, error, f"Prediction error at a delay of {longest:g} s [% of force RMS]")
-        return figure
-
-
-FEW = 8
-"""So many results are shown in the representation of all."""
-
-_IN_A_ROW = ("recording", "model", "estimator", "status", "reason", "samples", "contact_samples", "residual_percent")
-"""Of each result, in `Results.rows`."""
 
 
 def _finite(value: Any) -> Any:

@@ -1,7 +1,4 @@
-"""The rows of a session that are scored: leader and follower at equal command sequence.
-
-Long curves with fewer points.
-"""
+"""The rows of a session that are scored: leader and follower at equal command sequence."""
 
 from __future__ import annotations
 
@@ -17,35 +14,6 @@ from foretouch.quantities import ByValue, Rows
 from foretouch.report.statuses import away, trusted
 
 Array = NDArray[np.float64]
-
-
-GAP, GAP_PERIODS = 0.05, 10.0
-"""Times further apart than this [s], and than so many usual periods, are not joined by a line."""
-
-
-def thinned(time: Array, values: Array, buckets: int = 1500) -> tuple[Array, Array]:
-    """Lowest and highest sample of each bucket, in order: the same picture with fewer points.
-
-    In a gap of time there is one that is no number, so that no line is drawn over it.
-    """
-    size = -(-time.size // buckets)
-    if size <= 2:
-        return _with_gaps(time, time, values)
-    keep = []
-    finite = np.where(np.isfinite(values), values, 0.0)
-    for start in range(0, time.size, size):
-        piece = finite[start : start + size]
-        keep += sorted({start + int(piece.argmin()), start + int(piece.argmax())})
-    return _with_gaps(time, time[keep], values[keep])
-
-
-def _with_gaps(time: Array, kept: Array, values: Array) -> tuple[Array, Array]:
-    periods = np.diff(time)
-    if not periods.size:
-        return kept, values
-    gaps = time[:-1][periods > max(GAP, GAP_PERIODS * float(np.median(periods)))]
-    places = np.searchsorted(kept, gaps, side="right")
-    return np.insert(kept, places, gaps), np.insert(values, places, np.nan)
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,7 +96,7 @@ def force_at_follower(log: SessionLog, pairs: Pairs) -> Array:
     """
     sent = {model.sequence: model for model in log.models}
     predictor = Predictor()
-    newest, commands = 0, pairs.leader["sequence"]
+    newest, commands = 0, np.ascontiguousarray(pairs.leader["sequence"])  # as a column it is copied at every search
     forces = np.zeros(pairs.time.size)
     columns = (
         pairs.time.tolist(),

@@ -164,7 +164,7 @@ def phase_lines(report: Mapping[str, Any]) -> list[str]:
         stable = {True: "stable", False: "not stable", None: "nobody knows whether stable"}[one["stable"]]
         lines.append(f"        error {errors}; {stable}")
     if len(phases) > len(listed):
-        lines.append(f"    and {plural(len(phases) - len(listed), 'part')} more, all of them shorter")
+        lines.append(f"    and {plural(len(phases) - len(listed), 'part')} more, all of them shorter: --json has them")
     return [*lines, ""]
 
 

@@ -94,7 +94,8 @@ def session_report(
     report = {
         "status": main.status,
         "recording": recording,
-        "stretches": stretch_figures(whole) | {"each": phase_figures(whole, log, **limits)},
+        "stretches": stretch_figures(whole)
+        | {"duration_s": _duration(whole), "each": phase_figures(whole, log, **limits)},
         "safety": safety_figures(whole),
         "duration_s": _duration(log),
         "samples": main.samples,

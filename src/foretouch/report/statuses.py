@@ -72,7 +72,8 @@ def guarded_figures(log: SessionLog) -> dict[str, Any]:
         robot was told, in guarded ticks in contact. ``time_lost_s``: the longest time from a guarded contact's
         beginning until commands were followed again, or the session was over.
     """
-    follower = log.follower
+    follower, period = log.follower, usual_period(log.follower)
+    commands = np.ascontiguousarray(log.leader["sequence"])  # as a column it is copied at every search
     depth = time = 0.0
     contacts = 0
     for run in guarded_runs(follower):
@@ -82,8 +83,8 @@ def guarded_figures(log: SessionLog) -> dict[str, Any]:
             continue
         contacts += 1
         rows = rows[touching[0] :]
-        time = max(time, float(np.ptp(rows["time_ns"])) * 1e-9 + usual_period(follower))
-        depth = max(depth, _depth_lost(log.leader, rows[rows["guarded"] & rows["in_contact"]]))
+        time = max(time, float(np.ptp(rows["time_ns"])) * 1e-9 + period)
+        depth = max(depth, _depth_lost(log.leader, commands, rows[rows["guarded"] & rows["in_contact"]]))
     touching, held = follower["in_contact"], follower["in_contact"] & follower["guarded"]
     return {
         "guarded_contact_percent": 100.0 * float(held.sum() / touching.sum()) if touching.any() else None,
@@ -94,13 +95,13 @@ def guarded_figures(log: SessionLog) -> dict[str, Any]:
     }
 
 
-def _depth_lost(leader: Rows, rows: Rows) -> float:
+def _depth_lost(leader: Rows, commands: NDArray[np.int64], rows: Rows) -> float:
     """How much deeper the applied commands were than the robot was told, at most [m]."""
     if not leader.size:
         return 0.0
-    place = np.searchsorted(leader["sequence"], rows["command_sequence"])
+    place = np.searchsorted(commands, rows["command_sequence"])
     place = np.minimum(place, leader.size - 1)
-    heard = leader["sequence"][place] == rows["command_sequence"]
+    heard = commands[place] == rows["command_sequence"]
     lost = leader["position"][place[heard]] - rows["desired_position"][heard]
     lost = lost[np.isfinite(lost)]
     return max(float(lost.max()), 0.0) if lost.size else 0.0
@@ -197,7 +198,8 @@ def stretch_figures(log: SessionLog) -> dict[str, Any]:
 def safety_figures(log: SessionLog) -> dict[str, Any]:
     """What happened beside following, over all processes of the follower; what did not happen is not there.
 
-    From the first command on; a robot that joins that within 0.1 s is not said to have returned.
+    From the first command on; a robot that joins that within 0.1 s is not said to have returned. An emergency stop in
+    which one process ended and the next began is one: nobody had released it.
 
     Args:
         log: The whole session.
@@ -208,7 +210,8 @@ def safety_figures(log: SessionLog) -> dict[str, Any]:
         in turn, as the follower said, ``contests``: who else would have. ``emergency_stops``: their reasons.
         ``step_failures``: exceptions in the steps of the follower.
     """
-    parts = [_since_first_command(log.follower[log.follower["run"] == run]) for run in np.unique(log.follower["run"])]
+    runs, first = np.unique(log.follower["run"], return_index=True)
+    parts = [_since_first_command(log.follower[log.follower["run"] == run]) for run in runs[np.argsort(first)]]
     refused = {reason: log.counts.get(f"commands_{reason}", 0) for reason in REFUSALS}
     reasons = [*(stop.reason for stop in log.emergencies), *log.news.get("stopped", ())]
     return {
@@ -227,14 +230,16 @@ def _summed(parts: list[Rows], column: str, ordinary: tuple[int, ...], name_of: 
     found: dict[str, Any] = {}
     for value in sorted({int(value) for rows in parts for value in np.unique(rows[column])} - set(map(int, ordinary))):
         times = ticks = 0
-        seconds = 0.0
+        seconds, held = 0.0, False
         for rows in parts:
             flags = rows[column] == value
             if column == "status":
                 flags &= ~joining(rows)
+            goes_on = held and column == "status" and value == Status.STOPPED and bool(flags[:1].any())
             ticks += int(flags.sum())
-            times += len(runs_of(rows, flags))
+            times += len(runs_of(rows, flags)) - goes_on
             seconds += seconds_of(rows, flags)
+            held = bool(flags[-1]) if flags.size else held
         if ticks:
             name, sentence = name_of(value)
             found[name] = {"times": times, "seconds": seconds, "sentence": sentence}

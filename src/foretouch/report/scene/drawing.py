@@ -10,10 +10,11 @@ from numpy.typing import NDArray
 
 from foretouch.messages import SessionLog
 from foretouch.quantities import new_figure
-from foretouch.report.pairs import Pairs, thinned
+from foretouch.report.pairs import Pairs
 from foretouch.report.scene.map import StiffnessMap
 from foretouch.report.scene.pose import NEAR_DEGREES, NEAR_MM, PoseError
 from foretouch.report.scene.scene import Wrong
+from foretouch.report.thinning import NARROW, extremes, joined, thinned
 from foretouch.report.writing.drawing import ERROR, PREDICTED, TRUE, finished, legend, shade
 from foretouch.session.spatial import Inclusion
 
@@ -73,7 +74,8 @@ def contact_figure(log: SessionLog, pairs: Pairs, wrong: Wrong, true_friction: f
     legend(force, columns=5)
     said = [(1e-9 * (model.time_ns - start_ns), *model.friction) for model in log.models if len(model.friction) >= 4]
     if said:
-        time, coefficient, _, deviation, _ = np.array(said).T
+        told = np.array(said)
+        time, coefficient, _, deviation, _ = told[extremes(told[:, 1], NARROW)].T
         low, high = np.maximum(coefficient - 2.0 * deviation, 0.0), coefficient + 2.0 * deviation
         friction.fill_between(time, low, high, color=PREDICTED, alpha=0.2, linewidth=0.0, label="two deviations")
         friction.plot(time, coefficient, color=PREDICTED, linewidth=1.2, label="learnt")
@@ -130,9 +132,11 @@ def map_figure(found: StiffnessMap, inclusion: Inclusion | None = None, *, centr
 
 
 def _mark_touches(axes: Any, error: PoseError) -> None:
-    for number, touch in enumerate(error.touches.tolist()):
+    shown = float(np.ptp(error.time))
+    touches = joined(np.column_stack((error.touches, error.touches)), shown)
+    for number, touch in enumerate(touches[:, 0].tolist()):
         axes.axvline(touch, color="0.75", linewidth=0.7, zorder=0.5, label="touch" if number == 0 else None)
-    for number, (begin, end) in enumerate(error.bumps):
+    for number, (begin, end) in enumerate(joined(np.array(error.bumps).reshape(-1, 2), shown).tolist()):
         label = "bump" if number == 0 else None
         axes.axvspan(begin, max(end, begin + 0.1), color=ERROR, alpha=0.35, linewidth=0.0, label=label)
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from foretouch.quantities import colours, columns
 from foretouch.report.statuses import Stretch
+from foretouch.report.thinning import corners, joined
 
 TRUE, PREDICTED, DELAYED, RENDERED, ERROR = (
     colours.css(colour)
@@ -41,12 +42,12 @@ def shade(axes: Any, time: NDArray[np.float64], flags: NDArray[np.bool_], colour
     """Shade the times at which a flag is set, over the whole height."""
     if not flags.any():
         return
+    when, inside = corners(time, flags)
     axes.fill_between(
-        time,
+        when,
         0.0,
         1.0,
-        where=flags,
-        step="post",
+        where=inside,
         transform=axes.get_xaxis_transform(),
         color=colour,
         alpha=0.15,
@@ -62,22 +63,20 @@ def mark(axes: Any, stretches: Sequence[Stretch]) -> None:
         axes: With the curves drawn.
         stretches: In the axes' own time.
     """
-    sides, named = axes.get_xlim(), set()
-    for stretch in stretches:
-        if stretch.end < sides[0] or stretch.begin > sides[1]:
-            continue
-        label, hatch, colour = _MARKS[stretch.failing]
-        axes.axvspan(
-            max(stretch.begin, sides[0]),
-            min(stretch.end, sides[1]),
-            facecolor=(0.5, 0.5, 0.5, 0.12),
-            edgecolor=colour,
-            hatch=hatch,
-            linewidth=0.0,
-            zorder=0.5,
-            label=None if label in named else label,
-        )
-        named.add(label)
+    begin, end = sides = axes.get_xlim()
+    for failing, (label, hatch, colour) in _MARKS.items():
+        seen = [one[:2] for one in stretches if one.failing == failing and one.end >= begin and one.begin <= end]
+        spans = joined(np.array(sorted(seen)).reshape(-1, 2), end - begin)
+        for number, span in enumerate(np.clip(spans, begin, end).tolist()):
+            axes.axvspan(
+                *span,
+                facecolor=(0.5, 0.5, 0.5, 0.12),
+                edgecolor=colour,
+                hatch=hatch,
+                linewidth=0.0,
+                zorder=0.5,
+                label=label if number == 0 else None,
+            )
     axes.set_xlim(sides)
 
 

@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 from foretouch.messages import ModelUpdate, SessionLog
 from foretouch.models import LAWS
 from foretouch.quantities import QUANTITIES, new_figure
-from foretouch.report.pairs import Pairs, thinned
+from foretouch.report.pairs import Pairs
 from foretouch.report.scores import JND_FORCE, JND_SHARE
 from foretouch.report.statuses import Stretch
+from foretouch.report.thinning import NARROW, corners, extremes, thinned
 from foretouch.report.writing.drawing import DELAYED, ERROR, PREDICTED, RENDERED, TRUE, finished, legend, mark, shade
 
 Array = NDArray[np.float64]
@@ -23,6 +24,9 @@ ZOOM = 4.0
 
 LEAST = 0.3
 """The force axis shows at least so much [N], so that noise does not fill it."""
+
+MOST_IN_LOOPS, PIECE = 30_000, 2000
+"""Samples of force against depth that are drawn, and in one line: no extremes can stand for the rest of a loop."""
 
 ROOM = 1.35
 """The force axis reaches to this multiple of the largest measured or delayed force."""
@@ -76,10 +80,10 @@ def force_figure(
     mark(whole, _within(stretches, time))
     mark(near, _within(stretches, time[inside]))
     legend(whole, columns=6 if not stretches else 4)
-    band = np.maximum(JND_SHARE * true_force[inside], JND_FORCE)
-    error.fill_between(
-        time[inside], -band, band, color="0.5", alpha=0.3, linewidth=0.0, label="not noticed: max(10 %, 0.05 N)"
-    )
+    noticed = np.maximum(JND_SHARE * true_force[inside], JND_FORCE)
+    kept = extremes(noticed, NARROW)
+    when, band, said = time[inside][kept], noticed[kept], "not noticed: max(10 %, 0.05 N)"
+    error.fill_between(when, -band, band, color="0.5", alpha=0.3, linewidth=0.0, label=said)
     wrong = {
         kind: (force - true_force)[inside] for kind, force in (("delayed", delayed_force), (wanted, predicted_force))
     }
@@ -108,9 +112,10 @@ def prediction_figure(
     """Forces of a prediction on a recording, as `force_figure`, with the samples in contact marked below them."""
     figure = force_figure(time, measured_force, predicted_force, delayed_force)
     figure.axes[0].set_title("Measured and predicted contact force", pad=22.0)
+    when, touching = corners(time, in_contact)
     for axes in figure.axes[:2]:
         sides, low = axes.get_xlim(), axes.get_ylim()[0]
-        axes.plot(time, np.where(in_contact, 0.6 * low, np.nan), color="0.45", linewidth=3.0)
+        axes.plot(when, np.where(touching, 0.6 * low, np.nan), color="0.45", linewidth=3.0)
         axes.set_xlim(sides)
     figure.axes[0].plot([], [], color="0.45", linewidth=3.0, label="in contact")
     legend(figure.axes[0], columns=6)
@@ -137,9 +142,12 @@ def model_figure(models: tuple[ModelUpdate, ...], start_ns: int, stretches: Sequ
     for column, name in enumerate(names):
         axes = grid.flat[column]
         values = np.array([model.parameters[column] for model in shown])
-        axes.plot(time, np.where(valid, values, np.nan), color=PREDICTED, linewidth=1.2, label="valid")
+        kept = extremes(np.where(valid, values, np.nan))
+        drawn = np.where(valid, values, np.nan)[kept]
+        axes.plot(time[kept], drawn, color=PREDICTED, linewidth=1.2, label="valid")
         if not valid.all():
-            axes.plot(time[~valid], values[~valid], ".", color=ERROR, markersize=3.0, label="not valid")
+            dots = np.flatnonzero(~valid)[extremes(values[~valid], NARROW)]
+            axes.plot(time[dots], values[dots], ".", color=ERROR, markersize=3.0, label="not valid")
         _robust_range(axes, values[valid] if valid.any() else values)
         mark(axes, stretches)
         symbol, unit = _symbol_and_unit(name)
@@ -158,12 +166,16 @@ def loop_figure(pairs: Pairs, true_force: Array, surface: float | None, wanted: 
     figure = new_figure(4.6)
     axes = figure.subplots()
     zero = 0.0 if surface is None else surface
-    step = max(1, pairs.time.size // 6000)
+    step = max(1, pairs.time.size // MOST_IN_LOOPS)
     for label, position, force, colour in (
         ("true, at the follower's position", pairs.follower["position"], true_force, TRUE),
         (f"{wanted}, at the leader's position", pairs.leader["position"], pairs.leader["predicted_force"], PREDICTED),
     ):
-        axes.plot(1e3 * (position[::step] - zero), force[::step], color=colour, linewidth=0.7, label=label)
+        depth, felt = 1e3 * (position[::step] - zero), force[::step]
+        for begin in range(0, depth.size, PIECE):  # a line that crosses itself too often cannot be drawn at once
+            piece = slice(begin, begin + PIECE + 1)
+            named = label if begin == 0 else None
+            axes.plot(depth[piece], felt[piece], color=colour, linewidth=0.7, label=named)
     top = ROOM * max(_largest(true_force), LEAST)
     axes.set_ylim(-0.08 * top, top)
     _say_beyond(axes, pairs.leader["predicted_force"], top, "predicted force")

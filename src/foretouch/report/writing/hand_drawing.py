@@ -11,8 +11,9 @@ from foretouch.messages import SessionLog
 from foretouch.quantities import Rows, new_figure
 from foretouch.report.energy import ROUNDING, Account
 from foretouch.report.hand import FELT, apart, number_of
-from foretouch.report.pairs import Pairs, thinned
+from foretouch.report.pairs import Pairs
 from foretouch.report.statuses import away
+from foretouch.report.thinning import NARROW, extremes, thinned
 from foretouch.report.writing.drawing import DELAYED, ERROR, PREDICTED, RENDERED, TRUE, finished, legend, shade
 
 Array = NDArray[np.float64]
@@ -47,10 +48,14 @@ def energy_figure(leader: Rows, account: Account) -> Any:
     )
     deepest = _largest(bound) or max(_largest(-energy), 1e-6)
     near.set_ylim(-1.4 * deepest, 1.4 * deepest)
-    near.fill_between(time, -bound, -1.4 * deepest, color=ERROR, alpha=0.15, linewidth=0.0, label="not allowed")
-    broken = energy + bound < -1e3 * ROUNDING
-    if broken.any():
-        near.plot(time, np.where(broken, energy, np.nan), color=TRUE, linewidth=2.2, label="bound broken")
+    kept = extremes(bound, NARROW)
+    near.fill_between(
+        time[kept], -bound[kept], -1.4 * deepest, color=ERROR, alpha=0.15, linewidth=0.0, label="not allowed"
+    )
+    broken = np.where(energy + bound < -1e3 * ROUNDING, energy, np.nan)
+    if np.isfinite(broken).any():
+        kept = extremes(broken, NARROW)  # with dots, for a single tick makes no line
+        near.plot(time[kept], broken[kept], ".-", color=TRUE, linewidth=2.2, markersize=4.4, label="bound broken")
     near.set_title("The same, close to the bound")
     near.locator_params(axis="y", nbins=5)
     near.set_xlabel("time [s]")

@@ -47,13 +47,37 @@ MOST_COLUMNS = 6
 """So many cards stand beside each other on a wide page."""
 
 
+MOST_BYTES = 400_000
+"""So many bytes a figure takes as lines; one with more has its curves as pixels."""
+
+MOST_WORDS = 100
+"""So do words among the curves, of which there are more than this: the numbers of a matrix."""
+
+PIXELS = 150
+"""By the inch, of such curves: half as many again as the widest page has."""
+
+
 def embedded(figure: Any, caption: str) -> str:
-    """A figure as an image inside the page; as an image of its own, its inner names clash with no other's."""
-    buffer = io.BytesIO()
-    figure.savefig(buffer, format="svg", metadata={"Date": None})
-    data = base64.b64encode(buffer.getvalue()).decode("ascii")
+    """A figure as an image inside the page; as an image of its own, its inner names clash with no other's.
+
+    However much there is to draw, the image stays small: see `MOST_BYTES`. Axes, titles and legends are lines anyway.
+    """
+    drawn = _svg(figure)
+    if len(drawn) > MOST_BYTES:
+        for axes in figure.axes:
+            words = axes.texts if len(axes.texts) > MOST_WORDS else ()
+            for artist in (*axes.lines, *axes.collections, *axes.patches, *words):
+                artist.set_rasterized(True)
+        drawn = _svg(figure)
+    data = base64.b64encode(drawn).decode("ascii")
     text = escape(caption, quote=True)
     return f'<figure><img alt="{text}" src="data:image/svg+xml;base64,{data}"><figcaption>{text}</figcaption></figure>'
+
+
+def _svg(figure: Any) -> bytes:
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="svg", dpi=PIXELS, metadata={"Date": None})
+    return buffer.getvalue()
 
 
 def named_values(values: Mapping[str, Any]) -> str:

@@ -35,7 +35,7 @@ from foretouch.report.writing.figures import (
 from foretouch.report.writing.hand_drawing import energy_figure, hand_figure
 from foretouch.report.writing.hand_text import baseline_sentence, stability_word
 from foretouch.report.writing.html import embedded, named_values, tiles, write_html
-from foretouch.report.writing.safety_text import stretch_sentence
+from foretouch.report.writing.safety_text import lasted, stretch_sentence
 from foretouch.report.writing.text import Finding, findings, render_text, scoring_findings
 
 
@@ -126,7 +126,7 @@ def _sentences(said: list[Finding]) -> list[str]:
 def _summary(report: dict[str, Any]) -> str:
     chosen = report["settings"]
     named = (f"{name} {what}" if name == "robot" else what for name, what in pressed(chosen).items())
-    words = [f"{report['duration_s']:.1f} s", *named, *filter(None, [chosen.get("operator")])]
+    words = [lasted(report), *named, *filter(None, [chosen.get("operator")])]
     return f"{', '.join(words)}; {report['loop']}. Status: {report['status']}."
 
 

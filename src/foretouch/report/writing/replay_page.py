@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 from foretouch.identification.force_calibration import lowest_mean
 from foretouch.messages import SessionLog
 from foretouch.quantities import new_figure
-from foretouch.report.pairs import pair, thinned
+from foretouch.report.pairs import pair
 from foretouch.report.replay import hand_begins_ns, table_rows
+from foretouch.report.thinning import thinned
 from foretouch.report.writing.drawing import DELAYED, ERROR, PREDICTED, TRUE, finished, legend
 from foretouch.report.writing.html import embedded, table, write_html
 

@@ -19,6 +19,21 @@ REFUSED = {
 }
 """Commands that were refused, in words."""
 
+MOST_PLACES = 5
+"""Of more stretches their number is said alone."""
+
+
+def lasted(report: Mapping[str, Any]) -> str:
+    """How long the whole session was, and the stretch whose figures these are, as the beginning of a line.
+
+    Args:
+        report: What `session_report` gave.
+    """
+    found, own = report["stretches"], f"{report['duration_s']:.1f} s"
+    if found["count"] < 2:
+        return own
+    return f"{found['duration_s']:.1f} s in {found['count']} stretches, of which the longest: {own}"
+
 
 def stretch_sentence(report: Mapping[str, Any]) -> str:
     """Which part of a session the figures are of, where a side began again or settings changed; else empty.
@@ -32,7 +47,9 @@ def stretch_sentence(report: Mapping[str, Any]) -> str:
     began = _begun(found)
     if found["changes"]:
         began += f", and settings changed {_times(found['changes'])}"
-    return f"{began[:1].upper()}{began[1:]}; figures are of the longest stretch, {number(report['duration_s'], 's')}."
+    own, whole = (number(seconds, "s") for seconds in (report["duration_s"], found["duration_s"]))
+    place = next((f" (number {place})" for place, one in enumerate(found["each"], 1) if one["reported"]), "")
+    return f"{began[:1].upper()}{began[1:]}; figures are of the longest stretch{place}, {own} of {whole}."
 
 
 def left_out(samples: FollowerSamples) -> list[str]:
@@ -54,14 +71,31 @@ def left_out(samples: FollowerSamples) -> list[str]:
 
 
 def safety_sentences(report: Mapping[str, Any]) -> list[str]:
-    """Emergency stops, with the stretches in which they began, and faults of the sensors, one sentence each."""
+    """Emergency stops of the whole session in one sentence, and one for each fault of the sensors."""
     safety = report["safety"]
-    stopped = [str(place) for place, one in enumerate(report["stretches"]["each"], 1) if one["emergency_stop"]]
-    where = f" in {'stretch' if len(stopped) == 1 else 'stretches'} {' and '.join(stopped)}" if stopped else ""
-    said = [f"Emergency stop{where}: {reason.rstrip('.')}." for reason in safety["emergency_stops"]]
+    said = [_stops(report)] if safety["emergency_stops"] or "stopped" in safety["statuses"] else []
     for fault in safety["sensor_faults"].values():
         said.append(f"Faulty sensors for {number(fault['seconds'], 's')}: {fault['sentence']}.")
     return said
+
+
+def _stops(report: Mapping[str, Any]) -> str:
+    """How many emergency stops there were, in which stretches they began, how long they lasted in all, and why."""
+    safety = report["safety"]
+    found = safety["statuses"].get("stopped")
+    began = [str(place) for place, one in enumerate(report["stretches"]["each"], 1) if one["emergency_stop"]]
+    many = f"{found['times']} emergency stops" if found and found["times"] > 1 else "Emergency stop"
+    where = f" in {_listed(began)}" if began else ""
+    long = f", {number(found['seconds'], 's')}{' in all' if found['times'] > 1 else ''}" if found else ""
+    why = "; ".join(reason.rstrip(".") for reason in safety["emergency_stops"]) or "nobody said why"
+    return f"{many}{where}{long}: {why}."
+
+
+def _listed(places: list[str]) -> str:
+    if len(places) > MOST_PLACES:
+        return f"{len(places)} stretches"
+    *before, last = places
+    return f"stretches {', '.join(before)} and {last}" if before else f"stretch {last}"
 
 
 def safety_lines(report: Mapping[str, Any]) -> list[str]:
@@ -84,7 +118,8 @@ def safety_lines(report: Mapping[str, Any]) -> list[str]:
         lines.append(
             f"  forces     in all {stretches['count']} stretches at most {hand} rendered, {robot} at the robot"
         )
-    return ["What the robot did beside following", *lines, ""] if lines else []
+    whole = " in the whole session" if stretches["count"] > 1 else ""
+    return [f"What the robot did beside following{whole}", *lines, ""] if lines else []
 
 
 def _begun(found: Mapping[str, Any]) -> str:

@@ -19,7 +19,7 @@ from foretouch.report.writing.hand_text import (
     phantom_sentence,
     stability,
 )
-from foretouch.report.writing.safety_text import safety_lines, safety_sentences, stretch_sentence
+from foretouch.report.writing.safety_text import lasted, safety_lines, safety_sentences, stretch_sentence
 from foretouch.report.writing.scene_text import scene_lines, scene_sentences
 
 IDLE_LAW = "the law's share of the force is 0 %: these numbers play no part in it"
@@ -137,7 +137,7 @@ def _is_better(error: float, late: float) -> bool:
 
 def _heading(report: Mapping[str, Any]) -> str:
     chosen = report["settings"]
-    words = [f"{report['duration_s']:.1f} s", *(f"{name} {what}" for name, what in pressed(chosen).items())]
+    words = [lasted(report), *(f"{name} {what}" for name, what in pressed(chosen).items())]
     for name, unit in _SHOWN.items():
         if chosen.get(name):
             words.append(f"{name.replace('_', ' ')} {chosen[name]}{unit}")
