@@ -70,12 +70,18 @@ def session_status(watched: Watched, now: float, *, held: bool, clutched: bool) 
         said = f"The {watched.operator} operator presses."
     else:
         said = "You press." if held else "A script presses until you take the handle."
-    said = " ".join((*_late(watched), said))
+    said = " ".join((*_late(watched), *_withheld(watched), said))
     model = watched.model
     if model is None or not model.valid:
         reason = model.reason if model and model.reason else "no model has arrived."
         return " ".join((said, *doing(watched), f"No force yet: {reason}"))
     return " ".join((said, *doing(watched)))
+
+
+def _withheld(watched: Watched) -> tuple[str, ...]:
+    """That the hand is not given the model's force, why, and what to do about it; nothing where it is."""
+    why = watched.withheld
+    return (f"The force is withheld: {why}; leave the surface and press again.",) if why else ()
 
 
 def _late(watched: Watched) -> tuple[str, ...]:

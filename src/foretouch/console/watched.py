@@ -13,6 +13,7 @@ from foretouch.console.space_heard import SpaceHeard
 from foretouch.console.window import Window
 from foretouch.devices import GRIPS, INTENDED_FORCE
 from foretouch.messages import Hello, LeaderState, Message, ModelUpdate, Status, Telemetry
+from foretouch.rendering.withheld import OWED, UNPAID, Withheld, due_force
 
 SILENT = 0.3
 """A side that sends every millisecond is silent when nothing has come for so long [s]."""
@@ -22,8 +23,10 @@ SURFACE, PRESS_DEPTH = 0.012, 0.01
 """Surface position and depth of presses [m] until the session says its own."""
 DEEPEST = 1.2
 """How far the handle goes below the surface, in press depths."""
-NO_GRIP, SMALLEST_SCALE = "none", 1e-3
-"""The grip of an operator whose hand the force does not move, and a bound on the position scale."""
+NO_GRIP = NO_BASELINE = "none"
+"""The grip of an operator whose hand the force does not move, and the baseline of a session that renders models."""
+SMALLEST_SCALE = 1e-3
+"""A bound on the position scale."""
 SUPERVISOR = "supervisor"
 """The role of who can start the sides again with another choice."""
 SUPERVISOR_SILENT = 3.0
@@ -49,6 +52,7 @@ class Watched:
         settings: What all have said of the session, by name; what only one of them can know is asked of it by `said`.
         heard: When anything was heard [s]; minus infinity before.
         lateness: How late the loops of both sides are.
+        withheld: Why the leader that is shown withholds the model's force, "" where it does not.
     """
 
     def __init__(self) -> None:
@@ -63,6 +67,8 @@ class Watched:
         self._models = ModelsSeen()
         self._losses = Losses()
         self.lateness = Lateness()
+        self.withheld = ""
+        self._withheld = Withheld()
         self._supervisor_heard = -math.inf
         self._leader_heard = self._telemetry_heard = -math.inf
         self._leaders: dict[int, float] = {}
@@ -253,10 +259,22 @@ class Watched:
             if not obeyed and self.leader_silence(now) < GONE:
                 return
             self.history = History()  # each leader counts its commands from 1
+            self._withheld = Withheld()
         self.history.add_leader(state)
         self.lateness.take("leader", state.period_ns)
         self._models.adopt(state.time_ns * 1e-9, state.model_sequence)
         self.leader, self._leader_heard = state, now
+        self.withheld = self._why_withheld(state)
+
+    def _why_withheld(self, state: LeaderState) -> str:
+        felt = self.grip or self.settings.get("felt") == "yes"
+        baseline = self.settings.get("baseline", NO_BASELINE) != NO_BASELINE
+        if baseline or not (felt and state.engaged and math.isfinite(state.hand_position)):
+            self._withheld = Withheld()
+            return ""
+        due = due_force(state.predicted_force, max(self.setting("force_scale", 1.0), 0.0))
+        withheld = self._withheld.update(due, state.rendered_force, state.energy, state.time_ns)
+        return (OWED if self._withheld.owed else UNPAID) if withheld else ""
 
     def _take_telemetry(self, telemetry: Telemetry, now: float) -> None:
         before, shown = self.telemetry, self.leader

@@ -11,6 +11,9 @@ LARGEST_STEP = 0.08
 RELEASE_TIME = 0.01
 """Time constant in which what is held back is let in [s]."""
 
+GIVEN_BACK = 0.75
+"""Part of what a press has put in that it may have back although the account is beyond its bound: the rest pays."""
+
 SMALLEST_OFFSET = 1e-6
 """Less is nothing [N]."""
 
@@ -41,7 +44,14 @@ class Mediation:
 
     .. math:: d = -\min(S, (W_k - E_k - B_k) / x)
 
-    rather than that the force ends on the way out. Whoever leaves pays as well: where F + o would be negative, the
+    rather than that the force ends on the way out. Where E alone is beyond B, as after a press that gave out too much,
+    no offset would bring E - W back, and a force that is lowered to nothing lets nobody pay. So W may always be as much
+    as three quarters of what this press has put in,
+
+    .. math:: W_k \le \max(E_k + B_k,\; 0.75\, (E_k - \min_{j \le k} E_j))
+
+    the minimum being that of this contact: the hand feels the model, weaker, and the rest of what it puts in pays the
+    debt. Whoever leaves pays as well: where F + o would be negative, the
     offset follows F, so that who presses again from there feels the new model from nothing on.
 
     A hand that leaves is not pushed: what the force grows by meanwhile, beyond what the device carries, is put into the
@@ -62,13 +72,18 @@ class Mediation:
         stiffness, ICRA.
     """
 
-    __slots__ = ("force", "held_back", "offset", "step", "surplus")
+    __slots__ = ("_lowest", "force", "held_back", "offset", "step", "surplus")
 
     def __init__(self) -> None:
         self.offset = 0.0
         self.force = 0.0
         self.step = self.surplus = 0.0
         self.held_back = False
+        self._lowest = math.inf
+
+    def part(self, energy: float) -> None:
+        """Contact is lost with this E [J]: what the next press puts in counts from here."""
+        self._lowest = energy
 
     def update(
         self,
@@ -106,11 +121,13 @@ class Mediation:
             release = release if release < LARGEST_STEP else LARGEST_STEP
         change = -release if offset > 0.0 else release
         self.held_back = False
+        self._lowest = lowest = min(self._lowest, energy)
         if wanted > 0.0:
             work, way = exit_work(offset)
             left = energy - work
-            if left < -bound and way > 0.0:
-                change = min(change, 0.0, -min((-bound - left) / way, LARGEST_STEP))
+            beyond = work - max(energy + bound, GIVEN_BACK * (energy - lowest))
+            if beyond > 0.0 and way > 0.0:
+                change = min(change, 0.0, -min(beyond / way, LARGEST_STEP))
                 self.held_back = True
             elif offset < 0.0:
                 paid = left / way if left > 0.0 and way > 0.0 and not leaving else 0.0

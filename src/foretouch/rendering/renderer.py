@@ -248,6 +248,7 @@ class Renderer:
         self.mediation.wind_down(force)
         if there and force <= PHANTOM and wanted <= PHANTOM:  # of a hand that is not seen nobody knows
             account.close()
+            self.mediation.part(account.energy)
         account.hold(force)
         if proxy.indexed != 0.0 or proxy.yielded != 0.0:
             self._give_back(wanted)

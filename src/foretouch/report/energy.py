@@ -6,7 +6,7 @@ The work of a recorded force on a recorded motion, as an account of energy books
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -154,11 +154,48 @@ def energy_account(leader: Rows, device: BookedDevice | None = NO_DEVICE) -> Acc
     """
     if device is None:
         return Account(*(leader[name].copy() for name in ("energy", "energy_bound", "late_energy")))
-    force, place = -leader["rendered_force"][:, None], leader["hand_position"][:, None]
+    return _summed_again(leader, device)[0]
+
+
+def _summed_again(leader: Rows, device: BookedDevice) -> tuple[Account, Array]:
+    """What `as_told` gives along a line."""
+    place, pressing = leader["hand_position"][:, None], leader["rendered_force"]
     place = np.where(np.abs(place) <= FARTHEST, place, np.nan)
-    booked = book(force, place, 1e-9 * leader["period_ns"], device)
-    pressing = leader["rendered_force"]
-    return summed_account(leader, booked, pressing, pressing, lost_rows(leader, np.isfinite(place[:, 0])), device)
+    lost = lost_rows(leader, np.isfinite(place[:, 0]))
+
+    def account(period: Array) -> Account:
+        booked = book(-pressing[:, None], place, period, device)
+        return summed_account(leader, booked, pressing, pressing, lost, device)
+
+    return as_told(leader, leader, account)
+
+
+def as_told(leader: Rows, told: Rows, account: Callable[[Array], Account]) -> tuple[Account, Array]:
+    """The account as the leader kept it, and the time in which the hand moved in each tick [s], as it took that.
+
+    A simulated hand is where it is at the time of the tick, a hand of flesh where it is when the tick really began:
+    see `foretouch.session.steps.leader.moving_time`. Former leaders took the latter for both; where the account is
+    theirs, it is summed up as they did.
+
+    Args:
+        leader: Rows of `SessionLog.leader`.
+        told: Rows with ``energy``, ``energy_bound`` and ``late_energy``: what the leader kept.
+        account: Sums up with these times.
+    """
+    began = 1e-9 * leader["period_ns"]
+    since = 1e-9 * np.diff(leader["time_ns"], prepend=leader["time_ns"][:1])
+    moved = np.where(np.isfinite(leader["exact_hand_position"]) & (since > 0.0), since, began)
+    summed = account(moved)
+    if _agree(summed, told) or np.array_equal(moved, began):
+        return summed, moved
+    formerly = account(began)
+    return (formerly, began) if _agree(formerly, told) else (summed, moved)
+
+
+def _agree(account: Account, told: Rows) -> bool:
+    """Whether the leader said the same in every tick."""
+    pairs = zip(account, (told[name] for name in ("energy", "energy_bound", "late_energy")), strict=True)
+    return all(bool((np.abs(found - said) <= ROUNDING).all()) for found, said in pairs)
 
 
 def summed_account(
@@ -204,10 +241,7 @@ def energy_figures(leader: Rows, device: BookedDevice | None = NO_DEVICE) -> dic
     if not has_account(leader):
         return dict.fromkeys(("certificate_holds", "energy_agrees", "net_energy_J", "late_energy_J", *names))
     energy, bound, late = energy_account(leader, device)
-    agrees = all(
-        bool((np.abs(found - told) <= ROUNDING).all())
-        for found, told in ((energy, leader["energy"]), (bound, leader["energy_bound"]), (late, leader["late_energy"]))
-    )
+    agrees = _agree(Account(energy, bound, late), leader)
     others = {
         "late_energy_J": _number(min(float(late.min()), 0.0)),
         "net_energy_exact_J": _exact(leader, device),
@@ -251,7 +285,7 @@ def exact_energy(leader: Rows, device: BookedDevice | None = NO_DEVICE) -> Array
     place, force = leader["exact_hand_position"][:, None], leader["rendered_force"]
     if device is None:
         return np.full(force.size, np.nan)
-    period, lost = 1e-9 * leader["period_ns"], lost_rows(leader, np.isfinite(leader["hand_position"]))
+    period, lost = _summed_again(leader, device)[1], lost_rows(leader, np.isfinite(leader["hand_position"]))
     shown, exact = (book(-force[:, None], x, period, device) for x in (leader["hand_position"][:, None], place))
     begins = _begins(leader["energy"], shown.work, _held(force) > PHANTOM, lost)
     return np.where(np.isfinite(place[:, 0]), _summed(leader["energy"], exact.work, begins, lost), np.nan)

@@ -21,6 +21,8 @@ from foretouch.quantities import Rows
 from foretouch.report.energy import booked_device, energy_figures
 from foretouch.report.pairs import Pairs, not_scored, pair
 from foretouch.report.statuses import guarded_figures
+from foretouch.report.withheld import FIGURES as FIGURES_OF_WITHHELD
+from foretouch.report.withheld import withheld_figures
 
 Array = NDArray[np.float64]
 
@@ -248,6 +250,7 @@ def hand_figures(log: SessionLog, pairs: Pairs | None = None) -> dict[str, Any]:
             "largest_phantom_N": _largest_phantom(pair(log) if pairs is None else pairs),
             **_device_bound(log),
             **_given_way(leader),
+            **_withheld(log),
             "oscillation": swings,
         },
     }
@@ -341,6 +344,14 @@ def _device_bound(log: SessionLog) -> dict[str, float | None]:
         "device_bound_percent": 100.0 * float(np.mean(share < 1.0)),
         "smallest_rendered_share": float(share.min()),
     }
+
+
+def _withheld(log: SessionLog) -> dict[str, Any]:
+    """How long the hand was not given the model's force; nothing where no hand felt one."""
+    felt = setting(log.settings, "grip", NO_GRIP) != NO_GRIP or log.settings.get("felt") == "yes"
+    if not felt or not renders_models(log.settings):
+        return dict.fromkeys(FIGURES_OF_WITHHELD)
+    return withheld_figures(log.leader, number_of(log.settings, "force_scale", 1.0))
 
 
 def _given_way(leader: Rows) -> dict[str, float | None]:

@@ -18,7 +18,16 @@ from numpy.typing import NDArray
 from foretouch.errors import ForetouchError
 from foretouch.messages import SessionLog
 from foretouch.models import MaterialField
-from foretouch.report.energy import ROUNDING, Account, BookedDevice, book, booked_device, lost_rows, summed_account
+from foretouch.report.energy import (
+    ROUNDING,
+    Account,
+    BookedDevice,
+    as_told,
+    book,
+    booked_device,
+    lost_rows,
+    summed_account,
+)
 from foretouch.report.hand import number_of, setting
 from foretouch.report.pairs import Pairs, not_scored
 from foretouch.report.scene.map import StiffnessMap, learnt_field, map_figures, stiffness_map
@@ -143,8 +152,12 @@ def spatial_account(rows: SceneRows, *, position_scale: float, device: BookedDev
     coupled = rows.leader["engaged"]
     lost = lost_rows(told, np.asarray(np.isfinite(place).all(axis=1)))
     lost |= ~coupled | ~np.concatenate((coupled[:1], coupled[:-1]))
-    booked = book(force, place, 1e-9 * rows.leader["period_ns"], device)
-    return summed_account(told, booked, np.linalg.norm(force, axis=1), rows.leader["rendered_force"], lost, device)
+    size, pressing = np.linalg.norm(force, axis=1), rows.leader["rendered_force"]
+
+    def account(period: Array) -> Account:
+        return summed_account(told, book(force, place, period, device), size, pressing, lost, device)
+
+    return as_told(rows.leader, told, account)[0]
 
 
 def spatial_energy_figures(rows: SceneRows, account: Account) -> dict[str, Any]:

@@ -76,6 +76,18 @@ def device_sentence(report: Mapping[str, Any]) -> str:
     return f"{said}it felt softer, down to {least} % of its stiffness."
 
 
+def withheld_sentence(report: Mapping[str, Any]) -> str:
+    """That a hand pressed and was not given the model's force, for how long and why; else empty."""
+    hand = report["hand"]
+    if not hand["withheld_percent"]:
+        return ""
+    share, longest, begins = figure(hand["withheld_percent"]), hand["longest_withheld_s"], hand["longest_withheld_at_s"]
+    return (
+        f"In {share} % of contact the force was withheld: the hand was given less than half of the model's. At longest "
+        f"that lasted {figure(longest)} s, from {begins:.1f} s on: {hand['withheld_because']}."
+    )
+
+
 def stability_word(report: Mapping[str, Any]) -> str:
     """Whether the session was stable, in a word."""
     return {True: "yes", False: "no", None: "not known"}[report["stable"]]
@@ -198,9 +210,13 @@ def _hand(report: Mapping[str, Any]) -> list[str]:
 
 
 def _device(report: Mapping[str, Any]) -> list[str]:
-    """What of the model the device could not carry; nothing where none was rendered."""
+    """What of the model was withheld, and what the device could not carry; nothing where none was rendered."""
     if report["baseline"] != NO_BASELINE:
         return []
     share, bound = report["hand"]["smallest_rendered_share"], number(report["hand"]["device_bound_percent"], "%")
     least = "" if share is None or share >= 1.0 else f", down to {figure(100.0 * share)} % of its stiffness"
-    return [f"  device     could not carry the model in {bound} of contact{least}"]
+    withheld = report["hand"]["withheld_percent"]
+    longest = report["hand"]["longest_withheld_s"]
+    told = "" if longest is None else f", {number(longest, 's')} at longest"
+    kept = [] if withheld is None else [f"  withheld   in {number(withheld, '%')} of contact{told}"]
+    return [*kept, f"  device     could not carry the model in {bound} of contact{least}"]

@@ -18,6 +18,7 @@ from foretouch.report.writing.hand_text import (
     instability,
     phantom_sentence,
     stability,
+    withheld_sentence,
 )
 from foretouch.report.writing.safety_text import lasted, safety_lines, safety_sentences, stretch_sentence
 from foretouch.report.writing.scene_text import scene_lines, scene_sentences
@@ -60,6 +61,9 @@ def render_text(report: Mapping[str, Any]) -> str:
     return "\n".join(parts)
 
 
+_OF_THE_HAND = (withheld_sentence, guard_sentence, phantom_sentence, device_sentence)
+
+
 class Finding(NamedTuple):
     """One plain sentence about a session, and whether it is good news."""
 
@@ -76,7 +80,7 @@ def findings(report: Mapping[str, Any]) -> list[Finding]:
         *(Finding(text, False) for text in (*late_sentences(report), nowhere_sentence(report))),
         Finding(instability(report), False),
         Finding(stability(report), True),
-        *(Finding(sentence(report), False) for sentence in (guard_sentence, phantom_sentence, device_sentence)),
+        *(Finding(sentence(report), False) for sentence in _OF_THE_HAND),
         *(Finding(text, False) for text in scene_sentences(report)),
     ]
     said += [*scoring_findings(report), Finding(out_of_reach(report), False)]
@@ -123,6 +127,9 @@ def _felt(figures: Mapping[str, Any]) -> list[Finding]:
     beside = f"the predicted one by {figure(predicted)} %, " if models and predicted is not None else ""
     text = f"The rendered force is wrong by {figure(error)} %, {beside}the delayed one by {figure(late)} %."
     said = [Finding(text, _is_better(error, late))]
+    ratio = figure(error / late) if late else ""
+    if models and ratio and error > late and ratio != figure(1.0):
+        said.append(Finding(f"The rendered force is worse than the delayed force (error x {ratio}).", False))
     within = figures["rendered_within_jnd_percent"]
     if within is not None and within < 100.0 and figures.get("baseline") != AS_IT_COMES:  # there they are one force
         share = figure(100.0 - within)

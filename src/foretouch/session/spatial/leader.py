@@ -245,7 +245,8 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
     hand, telemetry = _couple(state, inputs)
     footing = state.line.follow(hand)
     seen = all(map(math.isfinite, inputs.place))
-    state.account.observe(inputs.place, inputs.period_ns * 1e-9)  # the device's own, whatever it is coupled with
+    period = leader.moving_time(inputs.period_ns, inputs.exact_place[0], now_ns, state.inner.newest_ns)
+    state.account.observe(inputs.place, period)  # the device's own, whatever it is coupled with
     models = [_local(state, model, footing) for model in models]
     if not models:
         _go_on(state, footing)
@@ -265,7 +266,7 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
     position = led.command.position
     if math.isfinite(position):
         state.left = footing.place_at(position)
-    force = _force(state, footing, led.record.rendered_force, inputs.period_ns * 1e-9)
+    force = _force(state, footing, led.record.rendered_force, period)
     place = state.left if math.isfinite(position) else ()
     command = msgspec.structs.replace(led.command, place=place)
     record = msgspec.structs.replace(led.record, standard_deviation=state.material.doubt * led.record.predicted_force)

@@ -36,7 +36,7 @@ from foretouch.rendering import LARGEST_FORCE, EnergyAccount, ForceLimiter, Prox
 from foretouch.rendering.passivity_control import PassivityController
 from foretouch.session.settings import NO_GRIP, SAMPLE_PERIOD, SessionSettings
 from foretouch.session.steps.heard import Heard
-from foretouch.session.steps.leader import Inputs, Outputs, meeting_place
+from foretouch.session.steps.leader import Inputs, Outputs, meeting_place, moving_time
 
 LOCAL_DAMPING = 5.0
 """Of the damper that is put beside a delayed force, at the hand [N s/m]."""
@@ -56,6 +56,7 @@ class State:
         epoch: Of this process.
         heard: What the follower says.
         start_ns: Clock at the first tick, None before it.
+        newest_ns: Clock at the newest tick, None before the first.
         sequence: Of the newest command.
         refused: 0: models are not looked at.
         proxy_motion: Velocity of the proxy.
@@ -71,6 +72,7 @@ class State:
     epoch: int
     heard: Heard
     start_ns: int | None = None
+    newest_ns: int | None = None
     sequence: int = 0
     refused: int = 0
     proxy_motion: MotionFilter = field(default_factory=MotionFilter)
@@ -112,7 +114,8 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
     for model in inputs.models:
         heard.is_for_us(model)  # counted, not used
     proxy, account, time = state.proxy, state.account, (now_ns - state.start_ns) * 1e-9
-    account.observe(inputs.position, inputs.period_ns * 1e-9)
+    account.observe(inputs.position, moving_time(inputs.period_ns, inputs.exact_position, now_ns, state.newest_ns))
+    state.newest_ns = now_ns
     energy, energy_bound = account.energy, account.bound
     _couple(state, inputs)
     proxy.follow(inputs.position)

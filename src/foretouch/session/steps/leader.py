@@ -38,6 +38,24 @@ def meeting_place(proxy: Proxy, hand: float, follower: float, *, clutched: bool)
     return follower if math.isnan(proxy.position) else proxy.position
 
 
+def moving_time(period_ns: int, exact_position: float, now_ns: int, newest_ns: int | None) -> float:
+    """Time in which the hand moved to where it is in this tick [s].
+
+    A hand of flesh is where it is when a tick really begins, late as that may be. A simulated one is where it is at the
+    tick's own time, on an even grid: what it does while the machine sleeps is seen a tick later. Booked by when ticks
+    really began, a motion of many milliseconds would count as one of one millisecond, and widen the bound of energy.
+
+    Args:
+        period_ns: Since the last tick really began [ns].
+        exact_position: Of a simulated hand [m]; no number for one of flesh.
+        now_ns: Time of this tick [ns].
+        newest_ns: Of the last one [ns]; None for none.
+    """
+    if newest_ns is None or not math.isfinite(exact_position):
+        return period_ns * 1e-9
+    return (now_ns - newest_ns) * 1e-9
+
+
 SAME_SURFACE = 1e-3
 """Surfaces that two processes have found are one if they are no further apart [m]."""
 
@@ -53,6 +71,7 @@ class State:
         epoch: Of this process, at least 1.
         heard: What the follower says. Its force is recorded and never rendered.
         start_ns: Clock at the first tick, None before it.
+        newest_ns: Clock at the newest tick, None before the first.
         sequence: Of the newest command.
         inherits: Whether the model is of a follower's process that is gone, and the one in its place knows less yet.
         refused: Models that could not be used, whatever they claimed.
@@ -64,6 +83,7 @@ class State:
     epoch: int = 1
     heard: Heard = field(default_factory=lambda: Heard(1))
     start_ns: int | None = None
+    newest_ns: int | None = None
     sequence: int = 0
     inherits: bool = False
     refused: int = 0
@@ -166,7 +186,8 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
     free = inputs.stopping or heard.stopped or not heard.in_control
     if renderer.closed_loop and not free and not renewed:  # let go for a tick, so that the force leaves as models do
         _couple(state, inputs)
-    period = inputs.period_ns * 1e-9
+    period = moving_time(inputs.period_ns, inputs.exact_position, now_ns, state.newest_ns)
+    state.newest_ns = now_ns
     rendered = renderer.update((now_ns - state.start_ns) * 1e-9, inputs.position, period, free=free)
     state.sequence += 1
     command = Command(
