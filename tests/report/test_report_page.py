@@ -17,8 +17,8 @@ from report_sessions import make_session
 from foretouch.errors import ForetouchError, InputError, MissingExtraError
 from foretouch.messages import FOLLOWER_DTYPE, LEADER_DTYPE, SessionLog
 from foretouch.report import delayed, session_report, tiles, write_page, write_prediction_page
-from foretouch.report.thinning import thinned
 from foretouch.report.writing.figures import force_figure, prediction_figure, timing_figure
+from foretouch.report.writing.thinning import thinned
 
 EMPTY = SessionLog(np.zeros(0, LEADER_DTYPE), np.zeros(0, FOLLOWER_DTYPE), ())
 

@@ -15,8 +15,8 @@ from report_sessions import make_session, repeated
 from foretouch.messages import SessionLog, Status
 from foretouch.quantities import new_figure
 from foretouch.report import compare_replay, embedded, session_report, write_page, write_replay_page
-from foretouch.report.thinning import NARROW, corners, extremes, joined, thinned
 from foretouch.report.writing.html import MOST_BYTES
+from foretouch.report.writing.thinning import NARROW, corners, extremes, joined, thinned
 
 MOST = 5_000_000
 """What a page may take [bytes]."""

@@ -18,8 +18,8 @@ from foretouch.recordings import follower_samples
 from foretouch.report import pair, render_text, session_report, write_page
 from foretouch.report.energy import energy_account
 from foretouch.report.statuses import follower_away, trusted
-from foretouch.report.thinning import thinned
 from foretouch.report.writing.safety_text import left_out
+from foretouch.report.writing.thinning import thinned
 
 TITLE = "What the robot did beside following"
 

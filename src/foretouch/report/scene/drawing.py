@@ -14,8 +14,8 @@ from foretouch.report.pairs import Pairs
 from foretouch.report.scene.map import StiffnessMap
 from foretouch.report.scene.pose import NEAR_DEGREES, NEAR_MM, PoseError
 from foretouch.report.scene.scene import Wrong
-from foretouch.report.thinning import NARROW, extremes, joined, thinned
 from foretouch.report.writing.drawing import ERROR, PREDICTED, TRUE, finished, legend, shade
+from foretouch.report.writing.thinning import NARROW, extremes, joined, thinned
 from foretouch.session.spatial import Inclusion
 
 Array = NDArray[np.float64]

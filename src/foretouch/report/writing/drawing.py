@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from foretouch.quantities import colours, columns
 from foretouch.report.statuses import Stretch
-from foretouch.report.thinning import corners, joined
+from foretouch.report.writing.thinning import corners, joined
 
 TRUE, PREDICTED, DELAYED, RENDERED, ERROR = (
     colours.css(colour)

@@ -14,8 +14,8 @@ from foretouch.quantities import QUANTITIES, new_figure
 from foretouch.report.pairs import Pairs
 from foretouch.report.scores import JND_FORCE, JND_SHARE
 from foretouch.report.statuses import Stretch
-from foretouch.report.thinning import NARROW, corners, extremes, thinned
 from foretouch.report.writing.drawing import DELAYED, ERROR, PREDICTED, RENDERED, TRUE, finished, legend, mark, shade
+from foretouch.report.writing.thinning import NARROW, corners, extremes, thinned
 
 Array = NDArray[np.float64]
 

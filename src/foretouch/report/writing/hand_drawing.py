@@ -13,8 +13,8 @@ from foretouch.report.energy import ROUNDING, Account
 from foretouch.report.hand import FELT, apart, number_of
 from foretouch.report.pairs import Pairs
 from foretouch.report.statuses import away
-from foretouch.report.thinning import NARROW, extremes, thinned
 from foretouch.report.writing.drawing import DELAYED, ERROR, PREDICTED, RENDERED, TRUE, finished, legend, shade
+from foretouch.report.writing.thinning import NARROW, extremes, thinned
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]

@@ -17,9 +17,9 @@ from foretouch.messages import SessionLog
 from foretouch.quantities import new_figure
 from foretouch.report.pairs import pair
 from foretouch.report.replay import hand_begins_ns, table_rows
-from foretouch.report.thinning import thinned
 from foretouch.report.writing.drawing import DELAYED, ERROR, PREDICTED, TRUE, finished, legend
 from foretouch.report.writing.html import embedded, table, write_html
+from foretouch.report.writing.thinning import thinned
 
 Array = NDArray[np.float64]
 
