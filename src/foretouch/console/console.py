@@ -101,7 +101,7 @@ class Console:
         except ImportError:
             raise MissingExtraError("viser", "console") from None
         self.trouble = self._standing = ""
-        self._stopped = False
+        self._ending = ""  # that the session ends, or has ended, in a sentence
         self._watched = Watched()
         self._speech = Speech(publish)
         folders = (recordings,) if isinstance(recordings, Path | str) else recordings
@@ -204,7 +204,9 @@ class Console:
         """
         self._emergency.close()
         if ended:
+            self._ending = ENDED_INSTRUCTION
             self._panel.instruct(ENDED_INSTRUCTION, "")
+            self._draw_scene(self._shown.at_once(), self._library.playback is None, useful=False)
             self._panel.alarm.end(HAS_ENDED)
             time.sleep(LAST_WORD)
         with contextlib.redirect_stdout(io.StringIO()):
@@ -261,7 +263,7 @@ class Console:
             playback.go_to(now)
 
     def _stop(self) -> None:
-        self._stopped = True
+        self._ending = ENDING_INSTRUCTION
         self._speech.stop()
         self._panel.session.ending()
 
@@ -290,7 +292,7 @@ class Console:
 
     def _hindrance(self, now: float) -> str:
         """Why pressing cannot help now, "" where it can."""
-        return ENDING_INSTRUCTION if self._stopped else hindrance(self._watched, now)
+        return self._ending or hindrance(self._watched, now)
 
     def _draw_scene(self, shown: Watched, live: bool, *, useful: bool = True) -> None:
         if self._space.draw(shown, live=live, useful=useful):
@@ -332,7 +334,7 @@ class Console:
         self._library.being_written = watched.said(SUPERVISOR, "recording") if supervised else ""
         self._panel.session.show(
             {name: settings[name] for name in CHOICES if name in settings},
-            offered=supervised and live and not self._stopped,
+            offered=supervised and live and not self._ending,
             recording=self._library.being_written,
             refused=watched.said(SUPERVISOR, "refused"),
         )
@@ -367,6 +369,6 @@ class Console:
 
     def _status(self, now: float) -> str:
         """One line: what the session is doing."""
-        if self._stopped:
-            return ENDING_INSTRUCTION
+        if self._ending:
+            return self._ending
         return session_status(self._watched, now, held=self._holding.held, clutched=self._holding.clutched)

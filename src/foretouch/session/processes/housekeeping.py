@@ -19,6 +19,9 @@ from foretouch.session.processes.news import HANGS_AFTER, LoopWatch, Repeats, co
 HELLO_PERIOD = 0.5
 """Between two `Hello` messages [s]."""
 
+WELCOME = 4
+"""Where a leader begins anew its commands come, at the latest, when it has said so many `Hello`."""
+
 BEAT = b"\x06"
 """Written to the standard output, for a parent process, once in every `HELLO_PERIOD` in which the loop has ticked and
 was not to end."""
@@ -151,6 +154,7 @@ class Housekeeper(threading.Thread):
         self._note: WaitingNote | None = None
         self._heard: dict[str, dict[str, str]] = {}
         self._hellos = 0
+        self._greetings = WELCOME  # of the newest leader, since one left
         self._reported = self._foreign = 0
         self._told_too_large = False
         self._ended = threading.Event()
@@ -185,8 +189,8 @@ class Housekeeper(threading.Thread):
 
     @property
     def leader_leaves(self) -> bool:
-        """Whether the leader's last word was that it begins anew."""
-        return LEAVES in self._heard.get("leader", {})
+        """Whether a leader has said that it begins anew, and the next has hardly begun."""
+        return self._greetings < WELCOME
 
     def close(self, reason: str) -> None:
         """Publish the last `Hello` and, unless it ends quietly, a `Stop`, a leader's with its epoch; end the thread."""
@@ -229,6 +233,8 @@ class Housekeeper(threading.Thread):
         """Hear what others say of themselves, and say what is new."""
         for _, hello in self._link.take("hello"):
             self._heard[hello.role] = hello.texts
+            if hello.role == "leader":
+                self._greetings = 0 if LEAVES in hello.texts else self._greetings + 1
         if not self._met and (sentence := connected(self.role, self._heard)):
             self._met = True
             self._say(f"{self.role}: {sentence}")
