@@ -219,7 +219,7 @@ def test_the_key_of_the_stop_is_named_where_there_are_keys(bench: Bench) -> None
 def test_a_session_that_has_ended_says_so(bench: Bench) -> None:
     """The last of all: after it the console is closed."""
     bench.console.close(ended=True)
-    bench.page.get_by_text(ENDED).wait_for(timeout=10_000)
+    bench.page.get_by_text(ENDED, exact=True).wait_for(timeout=10_000)
     bench.page.get_by_text("so is the way to start another: foretouch teleop").wait_for()
-    bench.page.get_by_text(ENDED_INSTRUCTION).wait_for()
+    bench.page.get_by_text(ENDED_INSTRUCTION, exact=True).wait_for()
     assert bench.page.get_by_text(LOST).count() == 0
