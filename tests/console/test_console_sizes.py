@@ -221,5 +221,5 @@ def test_a_session_that_has_ended_says_so(bench: Bench) -> None:
     bench.console.close(ended=True)
     bench.page.get_by_text(ENDED, exact=True).wait_for(timeout=10_000)
     bench.page.get_by_text("so is the way to start another: foretouch teleop").wait_for()
-    bench.page.get_by_text(ENDED_INSTRUCTION, exact=True).wait_for()
+    bench.page.get_by_text(ENDED_INSTRUCTION, exact=True).first.wait_for()
     assert bench.page.get_by_text(LOST).count() == 0
