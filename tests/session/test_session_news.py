@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+import re
+import subprocess
+import sys
 import time
+from pathlib import Path
 
 import pytest
 
 from foretouch.link import ZenohLink, free_endpoint
 from foretouch.messages import LEAVES, Hello, Status
 from foretouch.session import SessionSettings, StopFlag, make_session_robot
+from foretouch.session.processes import children, processes
+from foretouch.session.processes.children import Child
 from foretouch.session.processes.housekeeping import NOT_RECORDED, WELCOME, Housekeeper
 from foretouch.session.processes.news import ANEW, QUIET, Repeats, follower_news, leader_news
 from foretouch.session.steps import follower
@@ -58,6 +64,27 @@ def test_a_leader_that_shares_the_terminal_does_not_say_what_the_follower_says()
     heard.in_control = True
     assert leader_news(heard, {"trouble": HOLDS}) == HOLDS
     assert leader_news(heard, {"trouble": HOLDS}, told_here=True) == ""
+
+
+SLOW = "import signal, time; signal.signal(15, lambda *_: (time.sleep(0.8), exit())); print(flush=True); time.sleep(9)"
+
+
+def test_an_end_that_takes_long_says_what_it_waits_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(processes, "ENDING_TOLD", 0.2)
+    monkeypatch.setattr(children, "GOING", 0.1)
+    monkeypatch.setattr(children, "PATIENCE", 1.5)
+    said: list[str] = []
+    supervisor = processes._Supervisor(SessionSettings(), tmp_path / "a.mcap", None, StopFlag(), said.append)
+    process = subprocess.Popen([sys.executable, "-c", SLOW], stdout=subprocess.PIPE)
+    assert process.stdout is not None
+    process.stdout.readline()
+    supervisor._children = [Child("record", process)]
+    supervisor.end()
+    process.stdout.close()
+    assert process.returncode == 0
+    assert said[0] == "ending: the robot unloads, and the recording is closed"
+    assert len(said) > 2
+    assert all(re.fullmatch(r"ending, \d+ s: waits for the recorder", line) for line in said[1:])
 
 
 @pytest.mark.network

@@ -94,6 +94,7 @@ _LAYOUT = (
     "max-height:50% !important;margin-bottom:84px !important}"
     '.mantine-Paper-root:has(.foretouch-layout) div[style*="20em"]{width:100% !important}'
     ".foretouch-table{font-size:0.85em}.foretouch-about{display:none}"
+    ".foretouch-note{font-size:11px !important;padding:2px 6px !important}"
     "body:has(.foretouch-alerts) .foretouch-note{display:none}}"
     "</style></div>"
 )
