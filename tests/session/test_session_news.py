@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import subprocess
 import sys
@@ -78,6 +79,7 @@ def test_an_end_that_takes_long_says_what_it_waits_for(tmp_path: Path, monkeypat
     process = subprocess.Popen([sys.executable, "-c", SLOW], stdout=subprocess.PIPE)
     assert process.stdout is not None
     process.stdout.readline()
+    os.set_blocking(process.stdout.fileno(), False)  # as a side has it
     supervisor._children = [Child("record", process)]
     supervisor.end()
     process.stdout.close()
