@@ -13,11 +13,12 @@ import pytest
 from typer.testing import CliRunner
 
 from foretouch.cli.app import app
-from foretouch.session.processes.news import WaitingNote, followers
+from foretouch.link import WaitingNote, followers
 
 STOPPED = """
 import os, signal, sys, time
-from foretouch.session.processes.news import WaitingNote, release_command
+from foretouch.link import WaitingNote
+from foretouch.session.processes.news import release_command
 note, released = WaitingNote(), []
 signal.signal(signal.SIGUSR2, lambda *_: released.append(1))
 note.say(f"emergency stop (somebody): it is unloaded; to release it at rest: {release_command()}")
@@ -58,11 +59,13 @@ def release(*words: str, said: str) -> tuple[int, str]:
 
 
 def test_who_does_not_say_so_twice_releases_nothing_and_who_does_releases_it(robot: subprocess.Popen[str]) -> None:
-    for answers in ("n\n", "y\nyes\n", "y\n\n", ""):
+    for answers in ("n\n", "y\ny\n", "y\n\n", ""):
         code, said = release(said=answers)
         assert code == 1, answers
         assert ("not released: nobody answered" in said) == (answers in ("y\n\n", "")), answers
         assert "Abort" not in said, answers
+        assert ('"y" was typed, and "release" releases it' in said) == (answers == "y\ny\n"), answers
+        assert ("commands again: " in said) == answers.startswith("y"), answers  # with room for what is typed
         assert followers()[robot.pid], answers
     code, said = release(said="y\nrelease\n")
     assert code == 0

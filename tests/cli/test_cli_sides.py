@@ -12,9 +12,10 @@ import msgspec
 import pytest
 from typer.testing import CliRunner, Result
 
+from foretouch.cli import as_typed
 from foretouch.cli.app import app
 from foretouch.cli.links import Endpoints
-from foretouch.errors import ForetouchError
+from foretouch.errors import ForetouchError, LinkError, SettingError
 from foretouch.link import ZenohLink, free_endpoint
 from foretouch.messages import VERSION, Status, Telemetry
 
@@ -29,7 +30,6 @@ def run(*arguments: object) -> Result:
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (("stop",), "no endpoint: give --listen or --connect"),
         (("stop", "--connect", "nonsense"), "endpoint 'nonsense'"),
         (("stop", "--connect", "tcp/192.0.2.1:7447"), "--insecure"),
         (("stop", "--connect", "tls/127.0.0.1:7447", "--keys", "/nowhere"), "keys"),
@@ -77,6 +77,60 @@ def test_a_stop_that_nobody_hears_is_said_to_be_none() -> None:
     assert result.stderr == (
         f"foretouch: NOT stopped (after 0.5 s): no follower is heard at {endpoint}; stop it by its own switch\n"
     )
+
+
+FOLLOWER = """
+import os, signal, sys, time
+from foretouch.link import WaitingNote
+note, asked = WaitingNote(), []
+signal.signal(signal.SIGUSR1, lambda *_: asked.append(1))
+note.say("")
+print("ready", flush=True)
+for _ in range(2000):
+    time.sleep(0.01)
+    if asked:
+        again = "" if "shadow" in sys.argv else f"; to release it at rest: foretouch release {os.getpid()}"
+        note.say(f"emergency stop (asked for by signal): it unloads{again}")
+"""
+"""A process that says what a follower says when it is stopped by signal; a shadow moves no robot."""
+
+
+@pytest.mark.usefixtures("quick")
+def test_without_endpoints_the_followers_of_this_machine_are_stopped(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    result = run("stop")
+    assert (result.exit_code, result.stdout) == (1, "")
+    assert result.stderr.startswith("foretouch: NOT stopped: no follower of yours runs on this machine; give --connect")
+    assert json.loads(run("stop", "--json").stdout) == {"stopped": False, "followers": []}
+    started = []
+    try:
+        for words, code in (((), 0), (("shadow",), 1)):
+            process = subprocess.Popen([sys.executable, "-c", FOLLOWER, *words], stdout=subprocess.PIPE, text=True)
+            started.append(process)
+            assert process.stdout is not None
+            assert process.stdout.readline() == "ready\n"
+            result = run("stop")
+            assert result.exit_code == code
+            assert f"follower {started[0].pid} has stopped: emergency stop (asked for by signal)" in result.stdout
+            assert (f"follower {process.pid} NOT stopped (after 0.5 s)" in result.stderr) == bool(code)
+    finally:
+        for process in started:
+            process.kill()
+            process.communicate()
+
+
+def test_a_setting_is_named_as_the_option_that_was_typed() -> None:
+    wrong = SettingError("force_delay", -1.0, "must be at least 0")
+    assert as_typed(wrong, ["simulate", "--force-delay", "-1"]) == "--force-delay = -1.0: must be at least 0"
+    assert as_typed(wrong, ["simulate", "--force-delay=-1"]) == "--force-delay = -1.0: must be at least 0"
+    assert as_typed(wrong, ["report", "a.mcap"]) == str(wrong)
+    assert as_typed(LinkError("no peer"), ["stop"]) == "no peer"
+    typed = [sys.executable, "-m", "foretouch", "simulate", "--loss", "3"]
+    said = subprocess.run(typed, capture_output=True, text=True, check=False)
+    assert (said.returncode, said.stdout) == (2, "")
+    assert said.stderr.startswith("foretouch: --loss = 3.0: ")
 
 
 class Peer(threading.Thread):

@@ -27,9 +27,11 @@ from console_driver import (
 )
 
 from foretouch.console import Console
-from foretouch.console.panels.panel import NOT_LIVE
+from foretouch.console.panels.panel import INSTRUCTION, NOT_LIVE
 from foretouch.console.panels.session import BY_HAND
 from foretouch.console.panels.stop import ASKING, LATCHED, READY
+from foretouch.console.sentences import STOPPED_INSTRUCTION
+from foretouch.console.views.line import DRAG
 from foretouch.messages import Choice, EmergencyStop, Handle, Settings, Status, Stop
 
 pytest.importorskip("viser")
@@ -45,6 +47,7 @@ DEEPEST = SURFACE + 1.2 * PRESS_DEPTH
 class Bench(NamedTuple):
     """One console, one session, one page."""
 
+    console: Console
     page: Any
     requests: list[str]
     session: Session
@@ -69,7 +72,7 @@ def bench(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bench]:
     drawing.start()
     try:
         with sessions[0], open_page(console.url) as (page, requests):
-            yield Bench(page, requests, sessions[0], folder, page.evaluate("performance.now()") / 1000.0)
+            yield Bench(console, page, requests, sessions[0], folder, page.evaluate("performance.now()") / 1000.0)
     finally:
         stop.set()
         drawing.join()
@@ -288,6 +291,63 @@ def test_a_recording_is_played_and_its_bar_is_dragged_while_the_stop_stays_the_r
     bench.wait_for(lambda: page.get_by_text(NOT_LIVE).count() == 0)
 
 
+def handle_says(page: Any) -> str:
+    """What stands beside the handle along a line, "" where nothing is shown."""
+    node = "window.__viserSceneTree.getState()['/line/labels/handle']"
+    return str(page.evaluate(f"{node}.visibility ? {node}.message.props.text : ''"))
+
+
+def test_a_bar_that_a_page_shows_elsewhere_is_put_where_the_recording_is(bench, monkeypatch):
+    """What the page was told last may cross what a person types: the page then shows the older of the two."""
+    from viser._messages import GuiUpdateMessage
+
+    page, panel = bench.page, bench.console._panel.recordings
+    bar, seek = panel._bar, panel._on_seek
+    older = GuiUpdateMessage(bar._impl.uuid, {"value": 0.4})
+
+    def crossed(now: float) -> None:
+        bar._impl.gui_api._websock_interface.queue_message(older)
+        seek(now)
+
+    monkeypatch.setattr(panel, "_on_seek", crossed)
+    simulated_session(bench.recordings / "short.mcap", 3.0)
+    open_tab(page, "Recordings")
+    page.get_by_text(f"Of {bench.recordings}, the newest first.").wait_for()
+    choose(page, "Recording", "short.mcap")
+    page.get_by_text(f"{NOT_LIVE}: short.mcap, 0.0 of 3.0 s").wait_for()
+    box = page.locator("input[type=text]:visible").first
+    box.fill("2")
+    box.press("Enter")
+    page.get_by_text("2.0 of 3.0 s").wait_for()
+    page.wait_for_timeout(1000)
+    assert box.input_value() == "2"
+    assert page.get_by_role("slider").first.get_attribute("aria-valuenow") == "2"
+    page.get_by_role("button", name="Back to live").click()
+    bench.wait_for(lambda: page.get_by_text(NOT_LIVE).count() == 0)
+
+
+def test_while_the_robot_is_stopped_nothing_says_to_press(bench):
+    page = bench.page
+    page.get_by_text(INSTRUCTION).wait_for()
+    bench.wait_for(lambda: handle_says(page) == DRAG)
+    bench.session.status = Status.STOPPED
+    page.get_by_text(STOPPED_INSTRUCTION).wait_for()
+    assert page.get_by_text(INSTRUCTION).count() == 0
+    bench.wait_for(lambda: handle_says(page) == "")
+    bench.session.status = Status.FOLLOWING
+    page.get_by_text(INSTRUCTION).wait_for()
+
+
+def test_a_machine_that_is_late_is_said_to_be_where_it_moves_nothing(bench):
+    page = bench.page
+    tab, said = page.get_by_role("tab", name="Network"), page.get_by_text("This machine is late")
+    bench.wait_for(lambda: said.count() == 0, 20.0)
+    before = tab.bounding_box()
+    late = {"leader": 12.0, "follower": 9.0}
+    bench.wait_for(lambda: (setattr(bench.console._watched.lateness, "late", late), said.count() == 1)[1])
+    assert tab.bounding_box() == before
+
+
 def test_the_emergency_stop_asks_until_the_robot_has_stopped_and_shows_its_release(bench):
     button = bench.page.get_by_role("button", name=READY)
     button.click()
@@ -410,4 +470,4 @@ def test_the_end_button_ends(bench):
     bench.page.get_by_role("button", name="End the session").click()
     bench.wait_for(lambda: len(bench.session.of(Stop)) == 1)
     assert bench.session.of(Stop)[0].reason
-    bench.page.get_by_text("The session ends.").wait_for()
+    bench.page.get_by_text("The session ends.").first.wait_for()

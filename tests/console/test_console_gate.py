@@ -417,7 +417,7 @@ def test_recordings_of_the_folder_alone_are_opened(bench: Bench, tmp_path: Path)
             library.wait(5)
             assert not library.busy, name
             assert library.playback is None, name
-            assert library.note == "This recording cannot be looked at: the recording: is none of this folder", name
+            assert library.note == "This recording cannot be looked at: the recording: is none that is listed", name
         assert library.names() == ("mine.mcap",)
         library.open("mine.mcap")
         library.wait(20)

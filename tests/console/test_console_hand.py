@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import time
 from collections.abc import Iterator
 
@@ -10,7 +11,7 @@ import pytest
 from console_driver import PRESS_DEPTH, SURFACE
 
 from foretouch.console import Console
-from foretouch.console.panels.forces import Numbers, numbers_html
+from foretouch.console.panels.forces import RENDERED, numbers_html, numbers_of
 from foretouch.console.panels.panel import felt
 from foretouch.console.views.line import STROKE
 from foretouch.console.views.scene import UNITS
@@ -131,17 +132,17 @@ def test_a_robot_that_holds_back_is_said_to(shown):
     assert "holds back" not in console._status(time.monotonic())
 
 
-def numbers(**changes: float) -> Numbers:
-    known = dict.fromkeys(Numbers._fields[:8], 1.0)
-    return Numbers(**{**known, "status": "", "names": "", "deviation": 0.1, **changes})
-
-
-def test_the_numbers_have_the_hand_only_where_a_force_moves_it_and_keep_their_rows():
-    assert "hand " not in numbers_html(numbers())
-    assert "hand +0.0 mm" in numbers_html(numbers(hand_ahead=1e-5))
-    text = numbers_html(numbers(hand_ahead=-2.3e-3))
-    assert "hand -2.3 mm" in text
-    assert text.count("<tr") == numbers_html(numbers()).count("<tr")
+def test_a_hand_that_is_apart_from_the_probe_is_a_ring_in_the_picture_and_no_number(shown):
+    console, _ = shown
+    console.watch(hello(grip="normal"))
+    console.watch(leader(position=0.010, hand=0.0077, intended=0.0077))
+    moment = console._watched.at_once()
+    console._draw_scene(moment, True)
+    ring, probe = console._line._scene._hand, console._line._scene._probe
+    assert ring.visible
+    assert (ring.position[2] - probe.position[2]) / UNITS == pytest.approx(0.0023)  # so much further out
+    said = numbers_html(numbers_of(moment, moment.window(6.0), None, status="", warnings=()))
+    assert "hand " not in re.sub(RENDERED.name, "", said)
 
 
 def test_whom_the_force_moves_is_said():

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from console_driver import simulated_session
 
-from foretouch.console.library import Library
+from foretouch.console.library import NOT_YET, Library
 from foretouch.console.models_seen import figures_of
 from foretouch.console.playback import Playback, RecordedWatch
 from foretouch.errors import RecordingError
@@ -126,7 +126,7 @@ def test_the_list_has_the_newest_first_and_what_is_broken_is_one_line(recorded: 
     ):
         (folder / name).write_bytes(content)
         os.utime(folder / name, (age, age))
-    library = Library(folder)
+    library = Library([folder])
     assert library.names() == ("one.mcap", "empty.mcap", "text.mcap", "cut.mcap")
     for name in ("text.mcap", "empty.mcap", "gone.mcap"):
         library.open(name)
@@ -145,11 +145,48 @@ def test_the_list_has_the_newest_first_and_what_is_broken_is_one_line(recorded: 
     assert library.playback.duration == pytest.approx(SECONDS, abs=0.002)
     library.close()
     assert library.playback is None
-    assert Library(folder / "no such folder").names() == ()
+    assert Library([folder / "no such folder"]).names() == ()
+
+
+def test_recordings_of_the_session_s_folder_and_of_the_current_one_are_listed_together(
+    recorded: tuple[Path, SessionLog], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    whole = recorded[0].read_bytes()
+    (tmp_path / "out").mkdir()
+    for age, name in enumerate(("oldest.mcap", "out/session.mcap", "newest.mcap"), 1):
+        (tmp_path / name).write_bytes(whole)
+        os.utime(tmp_path / name, (age, age))
+    monkeypatch.chdir(tmp_path)
+    library = Library([Path("out"), Path(), tmp_path])
+    assert library.names() == ("newest.mcap", "out/session.mcap", "oldest.mcap")
+    assert library.where == f"Of {tmp_path / 'out'} and {tmp_path}, the newest first."
+    for name in library.names():
+        library.open(name)
+        library.wait()
+        assert library.playback is not None
+        assert library.playback.name == name
+        library.close()
+
+
+def test_the_recording_that_is_being_written_is_said_to_be_that(
+    recorded: tuple[Path, SessionLog], tmp_path: Path
+) -> None:
+    whole = recorded[0].read_bytes()
+    for name in ("now.mcap", "cut.mcap"):
+        (tmp_path / name).write_bytes(whole[: len(whole) // 2])
+    library = Library([tmp_path])
+    library.being_written = str(tmp_path / "out" / ".." / "now.mcap")
+    (tmp_path / "out").mkdir()
+    said = {}
+    for name in library.names():
+        library.open(name)
+        library.wait()
+        said[name] = library.note
+    assert said == {"now.mcap": NOT_YET, "cut.mcap": "It ends before its session did."}
 
 
 def test_a_second_run_under_another_delay_stands_beside_the_recorded_one(recorded: tuple[Path, SessionLog]) -> None:
-    library = Library(recorded[0].parent)
+    library = Library([recorded[0].parent])
     library.run_again(0.0, 0.0, closed_loop=False)  # of nothing: nothing
     assert not library.busy
     library.open("one.mcap")

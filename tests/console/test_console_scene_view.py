@@ -92,7 +92,7 @@ def test_keys_move_no_hand_while_a_recording_along_a_line_is_looked_at(console: 
     console._space.hold.stroke = lambda way: moved.append(way)  # type: ignore[method-assign]
     console._space._key_stroke((1e-3, 0.0, 0.0))
     assert len(moved) == 1
-    assert not console._space.draw(Watched(), live=False)
+    assert not console._space.draw(Watched(), live=False, useful=True)
     console._space._key_stroke((1e-3, 0.0, 0.0))
     assert len(moved) == 1
 
@@ -205,7 +205,7 @@ def test_the_camera_goes_where_what_is_looked_at_is_seen(console: Console) -> No
             say(console, "plane")
             draw(console)
         else:
-            console._space.draw(Watched(), live=False)
+            console._space.draw(Watched(), live=False, useful=True)
         seen, target = SPACE_CAMERA if other else CAMERA
         assert tuple(camera.position) == pytest.approx(seen)
         assert tuple(camera.look_at) == pytest.approx(target)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import threading
 from collections.abc import Iterator
 from typing import Any, NamedTuple
@@ -17,6 +18,7 @@ from foretouch.console.gate.page import ENDED, LOST
 from foretouch.console.panels.network import SLIDERS
 from foretouch.console.panels.panel import WIDTH
 from foretouch.console.panels.stop import READY
+from foretouch.console.sentences import ENDED_INSTRUCTION
 from foretouch.console.views.shapes import HANDLE_HEIGHT
 from foretouch.messages import Settings
 
@@ -200,9 +202,24 @@ def test_on_a_phone_the_scene_is_above_the_panel_and_the_stop_is_over_no_data(be
         assert on_top(page, x, y) == "CANVAS"
 
 
+def test_the_key_of_the_stop_is_named_where_there_are_keys(bench: Bench) -> None:
+    shown = "button => getComputedStyle(button.querySelector('.mantine-Button-label'), '::after').content"
+    there = bench.page.get_by_role("button", name=READY)
+    assert there.evaluate(shown) == '"(Space)"'
+    phone = bench.page.context.browser.new_context(
+        viewport=dict(zip(("width", "height"), PHONE, strict=True)), has_touch=True, is_mobile=True
+    )
+    with contextlib.closing(phone):
+        page = phone.new_page()
+        page.goto(bench.console.url)
+        wait_until_shown(page)
+        assert page.get_by_role("button", name=READY).evaluate(shown) == "none"
+
+
 def test_a_session_that_has_ended_says_so(bench: Bench) -> None:
     """The last of all: after it the console is closed."""
     bench.console.close(ended=True)
-    bench.page.get_by_text(ENDED).wait_for(timeout=10_000)
+    bench.page.get_by_text(ENDED, exact=True).wait_for(timeout=10_000)
     bench.page.get_by_text("so is the way to start another: foretouch teleop").wait_for()
+    bench.page.get_by_text(ENDED_INSTRUCTION, exact=True).first.wait_for()
     assert bench.page.get_by_text(LOST).count() == 0

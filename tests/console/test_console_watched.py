@@ -13,7 +13,21 @@ import pytest
 
 from foretouch.console.history import FASTEST, SLOWEST
 from foretouch.console.panels.stop import ASKING_PERIOD, LEAST_ASKED, EmergencyCall
-from foretouch.console.sentences import INSECURE, NOBODY_YET, doing, robot_alerts, session_status, warnings
+from foretouch.console.sentences import (
+    COMPILING_INSTRUCTION,
+    FAULT_INSTRUCTION,
+    INSECURE,
+    NOBODY_YET,
+    SILENT_INSTRUCTION,
+    STOPPED_INSTRUCTION,
+    WAITING_INSTRUCTION,
+    doing,
+    hindrance,
+    lateness,
+    robot_alerts,
+    session_status,
+    warnings,
+)
 from foretouch.console.watched import GONE, MOST_SPEAKERS, Watched
 from foretouch.identification import SENSOR_SENTENCES, SensorState
 from foretouch.messages import STATUS_SENTENCES, VERSION, Hello, LeaderState, Status, Telemetry
@@ -70,6 +84,21 @@ def test_while_code_is_compiled_nobody_is_said_to_press() -> None:
     assert session_status(watched, 10.1, held=False, clutched=False).startswith("Compiling, 40%: ")
     watched.take(Hello(VERSION, 2, 2, "supervisor", said, ("yes", "", "")), 10.5)
     assert "presses" in session_status(watched, 10.6, held=False, clutched=False)
+
+
+def test_it_is_said_why_pressing_cannot_help_and_nothing_where_it_can() -> None:
+    following = watched(state(), telemetry())
+    assert hindrance(following, NOW) == ""
+    assert hindrance(Watched(), NOW) == WAITING_INSTRUCTION
+    assert hindrance(following, NOW + 1.1 * GONE) == SILENT_INSTRUCTION
+    compiling = watched(state(), telemetry(), hello("supervisor", compiling="40%"))
+    assert hindrance(compiling, NOW) == COMPILING_INSTRUCTION
+    assert hindrance(watched(state(), telemetry(status=Status.STOPPED)), NOW) == STOPPED_INSTRUCTION
+    assert hindrance(watched(state(), telemetry(status=Status.SENSOR_FAULT)), NOW) == FAULT_INSTRUCTION
+    for alone, who in ((state(2), "The robot's side"), (telemetry(sequence=2), "The leader")):
+        one_gone = watched(state(), telemetry())
+        one_gone.take(alone, NOW + 2.0 * GONE)
+        assert hindrance(one_gone, NOW + 2.0 * GONE) == f"{who} is silent: nothing can be pressed."
 
 
 def test_before_the_first_leader_a_robot_that_holds_still_alarms_nobody() -> None:
@@ -258,15 +287,14 @@ def test_drawing_gives_way_while_a_loop_is_late_and_comes_back() -> None:
         heard.lateness.look()
     assert heard.lateness.pictures == SLOWEST < begun
     assert heard.lateness.late == {"leader": pytest.approx(10.0), "follower": 0.0}
-    said = session_status(heard, NOW, held=False, clutched=False)
-    assert said.startswith(
-        "This machine is late (10 % of the leader's ticks): close other programs, or open this page on"
-    )
+    said = lateness(heard)
+    assert said.startswith("This machine is late (10 % of the leader's ticks): close other programs, or open this page")
+    assert said not in session_status(heard, NOW, held=False, clutched=False)  # whose place it would shift
     for _ in range(30):
         ticks(heard, 500, late=2)
         heard.lateness.look()
     assert heard.lateness.pictures == FASTEST
-    assert "late" not in session_status(heard, NOW, held=False, clutched=False)
+    assert lateness(heard) == ""
 
 
 def test_loops_that_are_not_heard_are_not_late() -> None:

@@ -22,6 +22,7 @@ from foretouch.messages import VERSION, Hello, SessionLog, Status
 from foretouch.recordings import read_session
 from foretouch.report import session_report
 from foretouch.session import recorded_settings, replay_notes, replay_under
+from foretouch.session.processes.housekeeping import NOT_RECORDED
 
 pytestmark = pytest.mark.live
 
@@ -195,11 +196,14 @@ def test_leaders_take_turns_and_anybody_stops_the_robot(follower_endpoint: tuple
                 second.process.send_signal(signal.SIGINT)
                 code, _, err = second.wait(20)
                 assert code == 0, err
-                assert err.splitlines()[-1] == "leader: the session has ended: interrupted"
+                assert err.splitlines()[-2:] == [
+                    "leader: the session has ended: interrupted",
+                    f"leader: {NOT_RECORDED}",
+                ]
     code, _, err = follower.wait(20)
     assert code == 0, err
     assert "follower: connected: the leader is anna" in err
-    assert err.splitlines()[-1] == "follower: the session has ended: interrupted"
+    assert err.splitlines()[-2:] == ["follower: the session has ended: interrupted", f"follower: {NOT_RECORDED}"]
 
 
 def _texts(hello: Hello) -> dict[str, str]:

@@ -4,6 +4,11 @@ from __future__ import annotations
 
 import os
 import sys
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from foretouch.errors import ForetouchError
 
 POOLS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
 """Sizes of the libraries' thread pools, by variable of the environment."""
@@ -33,7 +38,7 @@ def main() -> None:
             sys.stderr.write(f"foretouch: {error}\n")
             sys.exit(1)
         except ForetouchError as error:
-            sys.stderr.write(f"foretouch: {error}\n")
+            sys.stderr.write(f"foretouch: {as_typed(error, sys.argv[1:])}\n")
             sys.exit(2)
         except BrokenPipeError:
             raise  # who reads has gone: Typer ends quietly
@@ -54,6 +59,19 @@ def main() -> None:
     except KeyboardInterrupt:  # also while imports still run
         sys.stderr.write("foretouch: interrupted\n")
         sys.exit(INTERRUPTED)
+
+
+def as_typed(error: ForetouchError, words: Sequence[str]) -> str:
+    """What an error says; a setting in it has the name of the option by which it was given.
+
+    Args:
+        error: Of a command.
+        words: With which it was called.
+    """
+    name = getattr(error, "name", "")
+    option = f"--{name.replace('_', '-')}"
+    given = bool(name) and any(word == option or word.startswith(f"{option}=") for word in words)
+    return option + str(error).removeprefix(name) if given else str(error)
 
 
 def _was_output(error: OSError) -> bool:

@@ -19,7 +19,16 @@ from foretouch.console.panels.network import NetworkFaults, Speech
 from foretouch.console.panels.panel import INSTRUCTION, WATCH_RECORDING, Actions, Panel, felt
 from foretouch.console.panels.stop import ASKING, LATCHED, READY, UNABLE, EmergencyCall
 from foretouch.console.plots import SECONDS
-from foretouch.console.sentences import HAS_ENDED, SILENT_INSTRUCTION, robot_alerts, session_status, warnings
+from foretouch.console.sentences import (
+    ENDED_INSTRUCTION,
+    ENDING_INSTRUCTION,
+    HAS_ENDED,
+    hindrance,
+    lateness,
+    robot_alerts,
+    session_status,
+    warnings,
+)
 from foretouch.console.views.line import Hold, LineView
 from foretouch.console.views.space import SPACE_INSTRUCTION, SpaceHold, SpaceView
 from foretouch.console.watched import SUPERVISOR, Watched
@@ -60,7 +69,7 @@ class Console:
         port: TCP port; 0 takes a free one.
         publish: Called with every message that the person causes. It should return at once.
         host: Address to listen on.
-        recordings: Folder whose recordings can be looked at.
+        recordings: Folder whose recordings can be looked at, or several.
         names: Names of hosts, beside those of this machine itself, under which a browser may reach it.
         say: Prints one line for people: whenever an address was used, the next one.
 
@@ -80,7 +89,7 @@ class Console:
         publish: Callable[[Message], None],
         *,
         host: str = "127.0.0.1",
-        recordings: Path | str = ".",
+        recordings: Path | str | Sequence[Path | str] = ".",
         names: Sequence[str] = (),
         say: Callable[[str], None] = lambda line: None,
     ) -> None:
@@ -92,10 +101,11 @@ class Console:
         except ImportError:
             raise MissingExtraError("viser", "console") from None
         self.trouble = self._standing = ""
-        self._stopped = False
+        self._ending = ""  # that the session ends, or has ended, in a sentence
         self._watched = Watched()
         self._speech = Speech(publish)
-        self._library = Library(Path(recordings))
+        folders = (recordings,) if isinstance(recordings, Path | str) else recordings
+        self._library = Library([Path(folder) for folder in folders])
         self._said: dict[str, str] = {}  # what the panel was introduced with
         self.base = self._entrance.base
         self._press = 0  # the number of the press that is asked for
@@ -176,9 +186,9 @@ class Console:
             self._next_list = now + LIST_PERIOD
             names = self._library.names()
         with self._server.atomic():
-            self._draw_scene(shown, live)
+            self._draw_scene(shown, live, useful=not self._hindrance(now))
             if names is not None:
-                self._panel.recordings.list(names)
+                self._panel.recordings.list(names, self._library.where)
             if now >= self._next_plot:
                 self._next_plot = now + PLOT_PERIOD
                 self._plot(shown)
@@ -194,6 +204,9 @@ class Console:
         """
         self._emergency.close()
         if ended:
+            self._ending = ENDED_INSTRUCTION
+            self._panel.instruct(ENDED_INSTRUCTION, "")
+            self._draw_scene(self._shown.at_once(), self._library.playback is None, useful=False)
             self._panel.alarm.end(HAS_ENDED)
             time.sleep(LAST_WORD)
         with contextlib.redirect_stdout(io.StringIO()):
@@ -250,7 +263,7 @@ class Console:
             playback.go_to(now)
 
     def _stop(self) -> None:
-        self._stopped = True
+        self._ending = ENDING_INSTRUCTION
         self._speech.stop()
         self._panel.session.ending()
 
@@ -277,11 +290,15 @@ class Console:
     def _by_mouse(self) -> bool:
         return self._watched.operator == "browser"
 
-    def _draw_scene(self, shown: Watched, live: bool) -> None:
-        if self._space.draw(shown, live=live):
+    def _hindrance(self, now: float) -> str:
+        """Why pressing cannot help now, "" where it can."""
+        return self._ending or hindrance(self._watched, now)
+
+    def _draw_scene(self, shown: Watched, live: bool, *, useful: bool = True) -> None:
+        if self._space.draw(shown, live=live, useful=useful):
             self._line.hide()
         else:
-            self._line.draw(shown, live=live)
+            self._line.draw(shown, live=live, useful=useful)
 
     def _plot(self, shown: Watched) -> None:
         playback = self._library.playback
@@ -303,7 +320,7 @@ class Console:
         lines = () if shown.model is None else describe(shown.model)
         panel.models.draw(shown.model_trace(SECONDS), shown.model_depth, lines)
         panel.recordings.show(playback, self._library.note, self._library.busy)
-        panel.banner.show(playback)
+        panel.banner.show(playback, lateness(self._watched))
         self._show_session(now)
         self._show_alarm(now)
         self._line.write(shown)
@@ -314,14 +331,15 @@ class Console:
         watched, settings = self._watched, self._watched.settings
         live = self._library.playback is None
         supervised = watched.supervised(now)
+        self._library.being_written = watched.said(SUPERVISOR, "recording") if supervised else ""
         self._panel.session.show(
             {name: settings[name] for name in CHOICES if name in settings},
-            offered=supervised and live and not self._stopped,
-            recording=watched.said(SUPERVISOR, "recording") if supervised else "",
+            offered=supervised and live and not self._ending,
+            recording=self._library.being_written,
             refused=watched.said(SUPERVISOR, "refused"),
         )
         self._panel.network.offer(live)
-        self._instruct(live)
+        self._instruct(live, now)
         said = {name: settings.get(name, "") for name in NetworkFaults._fields}
         if said == self._said or not settings.keys() >= INTRODUCTION:
             return
@@ -329,7 +347,7 @@ class Console:
         self._said = said
         self._panel.network.put({name: watched.setting(name, 0.0) for name in new})
 
-    def _instruct(self, live: bool) -> None:
+    def _instruct(self, live: bool, now: float) -> None:
         """What there is to do, and whom the force moves."""
         watched = self._shown
         by_mouse = watched.operator == "browser"
@@ -337,12 +355,9 @@ class Console:
         by_hand = SPACE_INSTRUCTION if watched.in_space else INSTRUCTION
         if watched.in_space:
             self._panel.explain_space_keys()
-        instruction = by_hand if by_mouse else f"Watch the {watched.operator} operator press."
-        if not live:
-            instruction = WATCH_RECORDING
-        elif watched.silent(time.monotonic()):
-            instruction = SILENT_INSTRUCTION
-        self._panel.instruct(instruction, felt(watched.grip, by_mouse))
+        possible = by_hand if by_mouse else f"Watch the {watched.operator} operator press."
+        instruction = self._hindrance(now) or possible
+        self._panel.instruct(instruction if live else WATCH_RECORDING, felt(watched.grip, by_mouse))
 
     def _show_alarm(self, now: float) -> None:
         """How far an emergency stop is, and what is urgent."""
@@ -354,6 +369,6 @@ class Console:
 
     def _status(self, now: float) -> str:
         """One line: what the session is doing."""
-        if self._stopped:
-            return "The session ends."
+        if self._ending:
+            return self._ending
         return session_status(self._watched, now, held=self._holding.held, clutched=self._holding.clutched)

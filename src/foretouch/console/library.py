@@ -1,12 +1,13 @@
-"""The recordings in a folder, and the one that is looked at: read and run again on threads of their own."""
+"""The recordings in some folders, and the one that is looked at: read and run again on threads of their own."""
 
 from __future__ import annotations
 
+import contextlib
 import math
 import stat
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,8 @@ from foretouch.messages import SessionLog
 PATTERN = "*.mcap"
 MOST = 50
 """So many of the newest are listed."""
+NOT_YET = "It is being recorded just now: it shows what there was when it was chosen. Choose it again for more."
+"""Of the file that a recorder is writing."""
 
 
 class Library:
@@ -26,27 +29,45 @@ class Library:
     line how it went. What cannot be read is a line, no error.
 
     Args:
-        folder: Of the recordings.
+        folders: Of the recordings; one that is named twice counts once.
 
     Attributes:
         playback: The recording that is looked at, None for none.
+        being_written: File that the session is being recorded into; "" for none.
     """
 
-    def __init__(self, folder: Path) -> None:
-        self._folder = folder
+    def __init__(self, folders: Sequence[Path]) -> None:
+        self._folders = tuple({folder.resolve(): folder for folder in folders}.values())
+        self.being_written = ""
         self._job: threading.Thread | None = None
         self._begun, self._share = 0.0, math.nan  # of the job: when it began [s], how much of it is done
         self._said = ""
         self.playback: Playback | None = None
 
     def names(self) -> tuple[str, ...]:
-        """Of the recordings, the newest first: files of this folder, no pipe, no device and no link out of it."""
-        try:
-            folder = self._folder.resolve()
-            found = [(_age(path, folder), path.name) for path in self._folder.glob(PATTERN)]
-        except OSError:
-            return ()
-        return tuple(name for age, name in sorted(found) if math.isfinite(age))[:MOST]
+        """Of the recordings, the newest first: files of these folders, no pipe, no device and no link out of them.
+
+        Of several folders, that of a file stands before its name, but for the current one.
+        """
+        return tuple(self._listed())
+
+    @property
+    def where(self) -> str:
+        """Which folders these are, in a sentence."""
+        return f"Of {' and '.join(str(folder.resolve()) for folder in self._folders)}, the newest first."
+
+    def _listed(self) -> dict[str, Path]:
+        """The recordings by name, the newest first."""
+        found = []
+        for folder in self._folders:
+            with contextlib.suppress(OSError):
+                resolved = folder.resolve()
+                found += [(_age(path, resolved), self._name(path, folder), path) for path in folder.glob(PATTERN)]
+        return {name: path for age, name, path in sorted(found)[:MOST] if math.isfinite(age)}
+
+    def _name(self, path: Path, folder: Path) -> str:
+        alone = len(self._folders) == 1 or folder.resolve() == Path.cwd()
+        return path.name if alone else str(path)
 
     @property
     def busy(self) -> bool:
@@ -73,13 +94,16 @@ class Library:
         """
 
         def read() -> str:
-            if name not in self.names():
-                raise RecordingError("the recording", "is none of this folder")
+            path = self._listed().get(name)
+            if path is None:
+                raise RecordingError("the recording", "is none that is listed")
             from foretouch.recordings import read_session
 
-            log = read_session(self._folder / name)
+            log = read_session(path)
             self.playback = Playback(log, name=name)
-            return "It ends before its session did." if log.counts.get("truncated") else ""
+            if not log.counts.get("truncated"):
+                return ""
+            return NOT_YET if self._is_being_written(path) else "It ends before its session did."
 
         self._start(read, f"Reading {name}{self._size(name)} …", "This recording cannot be looked at")
 
@@ -113,9 +137,13 @@ class Library:
 
     def _size(self, name: str) -> str:
         try:
-            return f" ({(self._folder / name).stat().st_size / 1e6:.0f} MB)" if name in self.names() else ""
+            path = self._listed().get(name)
+            return "" if path is None else f" ({path.stat().st_size / 1e6:.0f} MB)"
         except OSError:  # it was removed meanwhile
             return ""
+
+    def _is_being_written(self, path: Path) -> bool:
+        return bool(self.being_written) and path.resolve() == Path(self.being_written).resolve()
 
     def close(self) -> None:
         """Look at none: back to the session that runs."""

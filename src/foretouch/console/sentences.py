@@ -17,8 +17,13 @@ HAS_ENDED = (
     "This page can be closed."
 )
 """What the page says when the session has ended."""
+WAITING_INSTRUCTION = "Wait: no session has been heard yet."
 SILENT_INSTRUCTION = "The session is silent: nothing can be pressed."
-"""Instead of what there is to do."""
+COMPILING_INSTRUCTION = "Wait: the session is being compiled."
+STOPPED_INSTRUCTION = "The robot is stopped: release it first."
+FAULT_INSTRUCTION = "The robot's sensors have failed: nothing can be pressed."
+ENDING_INSTRUCTION, ENDED_INSTRUCTION = "The session ends.", "The session has ended."
+"""Instead of what there is to do, where pressing cannot help."""
 GONE_SILENT = (
     "The session has gone silent: see what the terminal says in which it was started. If it has ended, start it again: "
     "foretouch teleop."
@@ -47,6 +52,29 @@ def doing(watched: Watched) -> tuple[str, ...]:
     return (_of_status(telemetry.status),)
 
 
+def hindrance(watched: Watched, now: float) -> str:
+    """Why pressing cannot help now, in place of what there is to do; "" where it can.
+
+    Args:
+        watched: What has been heard.
+        now: By the clock that it was heard by [s].
+    """
+    if watched.heard == -math.inf:
+        return WAITING_INSTRUCTION
+    if watched.silent(now):
+        return SILENT_INSTRUCTION
+    if watched.said(SUPERVISOR, "compiling"):
+        return COMPILING_INSTRUCTION
+    if watched.stopped:
+        return STOPPED_INSTRUCTION
+    if watched.telemetry is not None and watched.telemetry.status == Status.SENSOR_FAULT:
+        return FAULT_INSTRUCTION
+    for who, silence in (("The leader", watched.leader_silence(now)), ("The robot's side", watched.robot_silence(now))):
+        if GONE < silence < math.inf:
+            return f"{who} is silent: nothing can be pressed."
+    return ""
+
+
 def session_status(watched: Watched, now: float, *, held: bool, clutched: bool) -> str:
     """One line: what the session is doing.
 
@@ -70,7 +98,7 @@ def session_status(watched: Watched, now: float, *, held: bool, clutched: bool) 
         said = f"The {watched.operator} operator presses."
     else:
         said = "You press." if held else "A script presses until you take the handle."
-    said = " ".join((*_late(watched), *_withheld(watched), said))
+    said = " ".join((*_withheld(watched), said))
     model = watched.model
     if model is None or not model.valid:
         reason = model.reason if model and model.reason else "no model has arrived."
@@ -84,13 +112,13 @@ def _withheld(watched: Watched) -> tuple[str, ...]:
     return (f"The force is withheld: {why}; leave the surface and press again.",) if why else ()
 
 
-def _late(watched: Watched) -> tuple[str, ...]:
-    """That a loop is late, and what to do about it, in a sentence; nothing where none is."""
+def lateness(watched: Watched) -> str:
+    """That a loop is late, and what to do about it, in a sentence; "" where none is."""
     late = {side: share for side, share in watched.lateness.late.items() if share > LATE}
     if not late:
-        return ()
+        return ""
     shares = " and ".join(f"{share:.0f} % of the {side}'s" for side, share in late.items())
-    return (f"This machine is late ({shares} ticks): close other programs, or open this page on another machine.",)
+    return f"This machine is late ({shares} ticks): close other programs, or open this page on another machine."
 
 
 def robot_alerts(watched: Watched, now: float) -> tuple[str, ...]:

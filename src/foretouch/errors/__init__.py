@@ -110,10 +110,17 @@ class UnknownNameError(InputError):
 
 
 class SettingError(InputError):
-    """An option or constructor argument breaks its rule."""
+    """An option or constructor argument breaks its rule.
+
+    Args:
+        name: Of the option or the argument.
+        value: That was given.
+        rule: That it breaks, and what to do.
+    """
 
     def __init__(self, name: str, value: object, rule: str) -> None:
         super().__init__(f"{name} = {value!r}: {rule}")
+        self.name = name
 
 
 class ArgumentTypeError(SettingError, TypeError):
@@ -128,6 +135,7 @@ class ArgumentTypeError(SettingError, TypeError):
     def __init__(self, name: str, value: object, wanted: str) -> None:
         given = "None" if value is None else f"{one_line(reprlib.repr(value))} ({type(value).__name__})"
         InputError.__init__(self, f"{name} is {given}: must be {wanted}")
+        self.name = name
 
 
 class DatasetError(InputError):

@@ -16,6 +16,7 @@ from foretouch.link.access import (
 )
 from foretouch.link.certificates import CERTIFICATE_DAYS, WARNING_DAYS, Identity
 from foretouch.link.faults import Faults, FaultStage
+from foretouch.link.followers_here import WaitingNote, followers
 from foretouch.link.key_folder import ROLES, KeyFolder, default_key_folder
 from foretouch.link.sequence import SequenceCounter
 from foretouch.link.zenoh_link import ASKING_PERIOD_NS, STOPPING_CHANNELS, ZenohLink, ask_to_stop, new_press
@@ -32,12 +33,14 @@ __all__ = [
     "Identity",
     "KeyFolder",
     "SequenceCounter",
+    "WaitingNote",
     "ZenohLink",
     "access_list",
     "ask_to_stop",
     "check_endpoint",
     "check_port_free",
     "default_key_folder",
+    "followers",
     "free_endpoint",
     "is_encrypted",
     "is_exposed",

@@ -5,7 +5,7 @@ msgpack bytes and back, strictly.
 """
 
 from foretouch.messages.codec import CHANNELS, LARGEST_MESSAGE, Channel, as_printed, decode, encode, foreign_speaker
-from foretouch.messages.hellos import COUNT_PREFIX, NEWS, PROCESS, SINCE, Hellos, Said, settings_at, split_texts
+from foretouch.messages.hellos import COUNT_PREFIX, LEAVES, NEWS, PROCESS, SINCE, Hellos, Said, settings_at, split_texts
 from foretouch.messages.schema import (
     SIDES,
     SPEAKERS,
@@ -44,6 +44,7 @@ __all__ = [
     "LARGEST_MESSAGE",
     "LEADER_DTYPE",
     "LEADER_SPACE_DTYPE",
+    "LEAVES",
     "NEWS",
     "PROCESS",
     "SIDES",

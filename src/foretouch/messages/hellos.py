@@ -60,6 +60,9 @@ COUNT_PREFIX = "count_"
 PROCESS = "process"
 """Name of the text that tells the processes of a side apart: the epoch of each."""
 
+LEAVES = "leaves"
+"""Name of a text that a process says last which ends so that another of its role begins."""
+
 SINCE = "settings_since_ns"
 """Name of the text that says since when a process has the settings that it says, by its own clock [ns]; one that has
 changed none does not say it."""
@@ -90,7 +93,7 @@ def split_texts(texts: Mapping[str, str]) -> tuple[dict[str, str], dict[str, int
         for name, value in texts.items()
         if name.startswith(COUNT_PREFIX) and value.isascii() and value.isdigit() and len(value) < 20
     }
-    others = (PROCESS, SINCE, *NEWS)
+    others = (PROCESS, SINCE, LEAVES, *NEWS)
     return {
         name: value for name, value in texts.items() if not name.startswith(COUNT_PREFIX) and name not in others
     }, counts

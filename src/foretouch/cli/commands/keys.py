@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import os
 import signal
+import sys
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -161,6 +162,9 @@ def _line(path: Path, identity: Identity) -> str:
 PATIENCE, LOOK = 5.0, 0.1
 """For so long [s] it is looked whether the robot follows again, and each time after so long."""
 
+WORD = "release"
+"""Is typed by who means it."""
+
 SAID = 1.0
 """A follower that was stopped has said so after so long [s]."""
 
@@ -179,19 +183,16 @@ def release(
 
     Example: foretouch release
     """
-    from foretouch.session.processes.news import followers
+    from foretouch.link import followers
 
     chosen, why = _the_one(process)
     say(f"follower {chosen}: {one_line(why)}")
     try:
-        near = typer.confirm("Is the reason for the stop mended, and everybody out of the robot's reach?", err=True)
-        sure = near and typer.prompt('Type "release" to let it follow commands again', err=True).strip() == "release"
-    except typer.Abort:  # the end of what is typed, or Ctrl-C
+        _ask("Is the reason for the stop mended, and everybody out of the robot's reach? [y/N]", "y", "yes")
+        _ask(f'Type "{WORD}" to let it follow commands again:', WORD)
+    except (EOFError, KeyboardInterrupt):  # the end of what is typed, or Ctrl-C
         say("\nforetouch: not released: nobody answered")
         raise typer.Exit(1) from None
-    if not sure:
-        say("foretouch: not released")
-        raise typer.Exit(1)
     os.kill(chosen, signal.SIGUSR2)
     end, now = time.monotonic() + PATIENCE, why
     while _waits(now) and time.monotonic() < end:
@@ -207,6 +208,21 @@ def release(
     raise typer.Exit(1)
 
 
+def _ask(question: str, *wanted: str) -> None:
+    """Ask, and end the command where the answer is none of those that are wanted.
+
+    Raises:
+        EOFError: Nothing more is typed, or an empty line.
+    """
+    typer.echo(f"{question} ", nl=False, err=True)
+    answer = sys.stdin.readline().strip()
+    if not answer:
+        raise EOFError
+    if answer.lower() not in wanted:
+        say(f'foretouch: not released: "{one_line(answer)}" was typed, and "{wanted[0]}" releases it')
+        raise typer.Exit(1)
+
+
 def _waits(sentence: str) -> bool:
     """Whether a follower that says this waits to be released."""
     return "foretouch release" in sentence
@@ -214,7 +230,7 @@ def _waits(sentence: str) -> bool:
 
 def _the_one(process: int | None) -> tuple[int, str]:
     """The number of the process that is meant, and what it says."""
-    from foretouch.session.processes.news import followers
+    from foretouch.link import followers
 
     end = time.monotonic() + SAID
     while True:

@@ -154,8 +154,10 @@ def _report_recorded(path: Path, directory: Path | None, json_output: bool, *, a
     """Print the report of a session that was recorded, as far as it was, and say what was kept where it was not."""
     from foretouch.recordings import read_session
 
+    size = path.stat().st_size * 1e-6 if path.is_file() else 0.0
+    say(f"reading the recording for the report ({size:.0f} MB)")
     try:
-        log = read_session(path)
+        log = pulsing("reading the recording for the report", read_session, path)
     except RecordingError as error:
         say(f"no report: {error}")
         return
@@ -178,7 +180,7 @@ def print_report(
 
     if path is not None:
         say_if_cut(path, log)
-    content = session_report(log)
+    content = pulsing("working out the report", session_report, log)
     content["recording"] = None if path is None else str(path)
     if elapsed is not None:
         content["timing"]["elapsed_s"] = elapsed
@@ -187,7 +189,7 @@ def print_report(
     else:
         show(render_text(content))
     if directory is not None:
-        write_page(directory, log, content, made_by([] if path is None else [path]))
+        pulsing("drawing the page", write_page, directory, log, content, made_by([] if path is None else [path]))
         say(f"report: {directory / 'index.html'}")
 
 

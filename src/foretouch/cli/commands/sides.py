@@ -5,7 +5,10 @@ from __future__ import annotations
 import contextlib
 import getpass
 import math
+import os
+import signal
 import socket
+import time
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -22,7 +25,7 @@ from foretouch.cli.options import (
     show,
     with_session_settings,
 )
-from foretouch.errors import LinkError, SettingError
+from foretouch.errors import LinkError, SettingError, one_line
 
 if TYPE_CHECKING:
     from foretouch.devices import Device, SpatialDevice
@@ -36,6 +39,12 @@ WAITS = "waiting for a leader"
 
 PATIENCE = 5.0
 """For so long [s] an emergency stop is asked for."""
+
+LOOK = 0.05
+"""So often it is looked whether the followers of this machine have stopped [s]."""
+
+BY_SWITCH = "stop it by its own switch"
+"""What is left where a stop did not arrive."""
 
 LONGEST_REACH = 0.1
 """Largest surface position and press depth [m] that a leader takes from a follower."""
@@ -171,14 +180,18 @@ def leader(
 def stop(*, endpoints: Endpoints, json_output: Json = False) -> None:
     """Stop the robot: an emergency stop, asked for again and again until the follower says that it has stopped.
 
-    The robot goes back until it feels next to nothing and stays there until it is released at the follower. Exit code
-    1 where nobody has said so within 5 s.
+    Without --listen or --connect, those of your followers that run on this machine. The robot goes back until it feels
+    next to nothing and stays there until it is released at the follower. Exit code 1 where nobody has said so within
+    5 s.
 
     Example: foretouch stop --connect tcp/127.0.0.1:7447
     """
     from foretouch.link import STOPPING_CHANNELS, ask_to_stop
     from foretouch.messages import STATUS_SENTENCES, Status
 
+    if not endpoints.all:
+        _stop_those_here(json_output)
+        return
     with open_link("stop", endpoints, STOPPING_CHANNELS) as link:
         heard = ask_to_stop(link, f"asked for by {_own_name()}", patience=PATIENCE)
     if json_output:
@@ -189,8 +202,45 @@ def stop(*, endpoints: Endpoints, json_output: Json = False) -> None:
         return
     sentence = next((sentence for status, sentence in STATUS_SENTENCES.items() if status == heard), "")
     doing = f"the robot {sentence}" if sentence else f"no follower is heard at {endpoints}"
-    say(f"foretouch: NOT stopped (after {PATIENCE:g} s): {doing}; stop it by its own switch")
+    say(f"foretouch: NOT stopped (after {PATIENCE:g} s): {doing}; {BY_SWITCH}")
     raise typer.Exit(1)
+
+
+def _stop_those_here(json_output: bool) -> None:
+    """Stop the robots of all of this user's followers on this machine, by signal."""
+    from foretouch.link import followers
+
+    asked, end = followers(), time.monotonic() + PATIENCE
+    for process in asked:
+        with contextlib.suppress(ProcessLookupError):
+            os.kill(process, signal.SIGUSR1)
+    said = asked
+    while asked and not all(map(_has_stopped, said.values())) and time.monotonic() < end:
+        time.sleep(LOOK)
+        now = followers()
+        said = {process: now.get(process, "it has ended") for process in asked}
+    stopped = {process: _has_stopped(sentence) for process, sentence in said.items()}
+    if json_output:
+        print_json({"stopped": bool(stopped) and all(stopped.values()), "followers": sorted(asked)})
+    for process, sentence in said.items():
+        if stopped[process]:
+            if not json_output:
+                show(f"follower {process} has stopped: {one_line(sentence)}")
+        else:
+            doing = one_line(sentence) or "it has not said that it stops"
+            say(f"foretouch: follower {process} NOT stopped (after {PATIENCE:g} s): {doing}; {BY_SWITCH}")
+    if not asked:
+        say(
+            "foretouch: NOT stopped: no follower of yours runs on this machine; give --connect for one elsewhere, or "
+            + BY_SWITCH
+        )
+    if not asked or not all(stopped.values()):
+        raise typer.Exit(1)
+
+
+def _has_stopped(sentence: str) -> bool:
+    """Whether a follower that says this has stopped its robot; a shadow cannot, and waits for no release."""
+    return "emergency stop" in sentence and "foretouch release" in sentence
 
 
 def _follow_along_a_line(

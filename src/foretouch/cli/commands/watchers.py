@@ -148,7 +148,10 @@ def console(
     *,
     endpoints: Endpoints,
     port: Annotated[int, typer.Option(help="On 127.0.0.1.")] = 8080,
-    recordings: Annotated[Path, typer.Option(help="Folder whose recordings can be looked at.")] = Path(),
+    recordings: Annotated[
+        list[Path] | None,
+        typer.Option(help="Folder whose recordings can be looked at, or several; else the current one."),
+    ] = None,
     host_name: Annotated[
         list[str] | None, typer.Option(help="Another name by which browsers reach it, beside 127.0.0.1 and localhost.")
     ] = None,
@@ -167,8 +170,8 @@ def console(
 
     give_way()
     stop = StopFlag().on_signals()
-    names = tuple(host_name or ())
-    shown = Console(port, lambda message: link.publish(message), recordings=recordings, names=names, say=say)
+    names, folders = tuple(host_name or ()), tuple(recordings or [Path()])
+    shown = Console(port, lambda message: link.publish(message), recordings=folders, names=names, say=say)
 
     heard_end = False  # else it is this console alone that ends, and the session goes on
 

@@ -133,6 +133,7 @@
   const LOOK = 50; // between two looks at least [ms]
   const LONGEST_LOOK = 250; // [ms]; what comes is shown when a frame is drawn: slow frames are no silence of the console
   const TOLD_AGAIN = 1000; // [ms]
+  const KEY = matchMedia("WITH_KEYBOARD").matches ? " (Space)" : "";
   let beat = "", silence = 0, looked = performance.now(), since = looked, told = -Infinity, ended = "";
   const box = document.createElement("div");
   box.id = "foretouch-lost";
@@ -183,7 +184,7 @@
         (beat === ""
           ? "It is still loading, or the console refuses it. No emergency stop from here yet."
           : `Nothing has come from it for ${Math.max(seconds, 1)} s. What is pressed here may not arrive, nor may the ` +
-            "emergency stop (Space): stop the robot at its own machine, or with \u201cforetouch stop\u201d. " +
+            `emergency stop${KEY}: stop the robot at its own machine, or with \u201cforetouch stop\u201d. ` +
             "A console that was started again has a new address, in its terminal.");
     }
   };

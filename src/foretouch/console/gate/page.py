@@ -19,6 +19,8 @@ LOST, ENDED = "THIS PAGE DOES NOT REACH THE CONSOLE", "THE SESSION HAS ENDED"
 """How what the page then says begins."""
 STOP_BUTTON = "div:has(> .foretouch-alarm) + div > button"
 """Where the emergency stop is in the page, as a style sheet names it: Space and Escape press it."""
+WITH_KEYBOARD = "(hover: hover) and (pointer: fine)"
+"""Where there are keys to press, as a style sheet asks: a phone has none."""
 _SCRIPT = Path(__file__).with_name("page.js")
 _WORDS = {
     "LOST_TEXT": LOST,
@@ -27,6 +29,7 @@ _WORDS = {
     "FRAMES_ATTRIBUTE": FRAMES_ATTRIBUTE,
     "ENDED_ATTRIBUTE": ENDED_ATTRIBUTE,
     "STOP_BUTTON": STOP_BUTTON,
+    "WITH_KEYBOARD": WITH_KEYBOARD,
     "URGENT_COLOUR": css(URGENT),
 }
 

@@ -52,8 +52,6 @@ class EnergyPanel:
 
 LARGEST_DRAWN = 15.0
 """Forces beyond it [N], the robot's own limit, are drawn there: a model that has diverged would hide the others."""
-SMALLEST_APART = 1e-4
-"""Hand and probe are said to be apart from here on [m]."""
 
 TRUE = Curve("True force (robot's sensor)", INK, 3.0)
 PREDICTED = Curve("Predicted force now", BLUE, 2.0, band=True)
@@ -79,7 +77,6 @@ class Numbers(NamedTuple):
         status: One line: what the session is doing.
         names: One line: what is pressed, and what learns it.
         deviation: Standard deviation of `predicted` [N].
-        hand_ahead: How much further in the hand is than the probe [m].
         warnings: Lines in vermillion above all.
         again: Predicted and delayed force of a second run [N], None where there is none.
         again_errors: Their errors over the plotted time [%].
@@ -97,7 +94,6 @@ class Numbers(NamedTuple):
     status: str
     names: str
     deviation: float
-    hand_ahead: float = math.nan
     warnings: tuple[str, ...] = ()
     again: tuple[float, float] | None = None
     again_errors: tuple[float, float] = (NAN, NAN)
@@ -155,9 +151,7 @@ def numbers_html(n: Numbers) -> str:
         curves = (PREDICTED_AGAIN, DELAYED_AGAIN)
         again = zip(curves, n.again, n.again_errors, strict=True)
         rows += [Row(curve.name, number(force, "N"), curve, number(error, "%", 1)) for curve, force, error in again]
-    ahead = n.hand_ahead if abs(n.hand_ahead) >= SMALLEST_APART else 0.0
-    hand = f"hand {ahead * 1e3:+.1f} mm" if math.isfinite(n.hand_ahead) else ""
-    rows.append(Row("Depth of the probe", number(max(n.depth, 0.0) * 1e3, "mm", 1), more=hand))
+    rows.append(Row("Depth of the probe", number(max(n.depth, 0.0) * 1e3, "mm", 1)))
     heads = (Row(f"{AWAY.name}: {number(n.away, 's', 1)}", "", AWAY), "value", f"error, last {SECONDS:.0f} s")
     warnings = "".join(
         f'<div style="color:{css(VERMILLION)};overflow-wrap:anywhere;padding-bottom:4px">'
@@ -209,7 +203,6 @@ def numbers_of(
         status=status,
         names=" · ".join(_names(shown.settings)),
         deviation=NAN if leader is None else leader.standard_deviation,
-        hand_ahead=shown.hand_ahead,
         warnings=warnings,
         again=again,
         again_errors=errors,

@@ -18,13 +18,19 @@ from foretouch.console.panels.network import NetworkFaults, NetworkPanel
 from foretouch.console.panels.session import RecordingsPanel, SessionPanel
 from foretouch.console.panels.stop import Alarm
 from foretouch.console.playback import Playback
+from foretouch.console.sentences import WAITING_INSTRUCTION
 from foretouch.quantities.colours import BLUE, GREY, INK, ORANGE, css
 
 NOT_LIVE = "RECORDING, NOT LIVE"
+_TOP = (
+    "position:fixed;left:12px;top:12px;z-index:100;pointer-events:none;"
+    "max-width:max(calc(100vw - 500px), min(366px, calc(100vw - 24px)));overflow-wrap:anywhere;"
+)
+"""Over the top of the picture, no wider than it is beside the panel."""
 
 
 class Banner:
-    """One line that nobody overlooks.
+    """What lies over the top of the picture, where it moves nothing aside.
 
     Args:
         gui: The viewer's user interface.
@@ -33,20 +39,33 @@ class Banner:
     def __init__(self, gui: Any) -> None:
         self._box = gui.add_html("")
 
-    def show(self, playback: Playback | None) -> None:
-        """Say which recording is looked at, and which moment of it; nothing where none is."""
-        content = "" if playback is None else _html(playback)
+    def show(self, playback: Playback | None, note: str = "") -> None:
+        """Say which recording is looked at, and which moment of it.
+
+        Args:
+            playback: The recording, None for none.
+            note: Said where none is looked at; "" for nothing.
+        """
+        content = _note_html(note) if playback is None else _html(playback)
         if self._box.content != content:
             self._box.content = content
+
+
+def _note_html(note: str) -> str:
+    """A small box; on a phone, what is urgent takes its place."""
+    if not note:
+        return ""
+    return (
+        f'<div role="status" class="foretouch-note" style="{_TOP}background:#fff;color:{css(INK)};border:2px solid '
+        f'{css(ORANGE)};border-radius:6px;padding:4px 10px;font-size:13px;line-height:1.3">{html.escape(note)}</div>'
+    )
 
 
 def _html(playback: Playback) -> str:
     time = f"{playback.now:.1f} of {playback.duration:.1f} s"
     what = f"{NOT_LIVE}: {html.escape(playback.name)}, {time}"
     return (
-        '<div role="status" style="position:fixed;left:12px;top:12px;z-index:100;pointer-events:none;'
-        "max-width:max(calc(100vw - 500px), min(366px, calc(100vw - 24px)));overflow-wrap:anywhere;"
-        f"background:{css(ORANGE)};color:{css(INK)};"
+        f'<div role="status" style="{_TOP}background:{css(ORANGE)};color:{css(INK)};'
         f'border:3px solid {css(INK)};border-radius:8px;padding:6px 12px;font-weight:700;font-size:17px">{what}<br>'
         '<span style="font-weight:400;font-size:14px">The robot goes on with the session; the emergency stop below is '
         "the robot's.</span></div>"
@@ -74,7 +93,9 @@ _LAYOUT = (
     ".mantine-Paper-root:has(.foretouch-layout){position:relative !important;width:100% !important;"
     "max-height:50% !important;margin-bottom:84px !important}"
     '.mantine-Paper-root:has(.foretouch-layout) div[style*="20em"]{width:100% !important}'
-    ".foretouch-table{font-size:0.85em}.foretouch-about{display:none}}"
+    ".foretouch-table{font-size:0.85em}.foretouch-about{display:none}"
+    ".foretouch-note{font-size:11px !important;padding:2px 6px !important}"
+    "body:has(.foretouch-alerts) .foretouch-note{display:none}}"
     "</style></div>"
 )
 
@@ -142,7 +163,7 @@ class Panel:
         gui.add_html(_LAYOUT)
         self.alarm = Alarm(gui, actions.emergency)  # the first that the keyboard reaches
         self.banner = Banner(gui)
-        self._head = gui.add_html(_head_html(INSTRUCTION, felt("", True)))
+        self._head = gui.add_html(_head_html(WAITING_INSTRUCTION, felt("", True)))
         self.forces = ForcePanel(gui)
         self.image = ImagePanel(gui)
         self._clutch = gui.add_button(PRESS_CLUTCH, color=GREY, hint=_CLUTCH)

@@ -6,6 +6,7 @@ The list of recordings, the time bar of the one that is looked at, and running i
 from __future__ import annotations
 
 import html
+import math
 import time
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -130,10 +131,17 @@ class SessionPanel:
         self._on_end()
 
 
+SETTLED = 0.3
+"""A bar that nobody has moved for so long [s] is put where the recording is, whatever a page shows: what it was told
+last may have crossed what a person typed into it on the way."""
+SLIGHTLY = 0.01
+"""By so much another value is no repetition, which the viewer would not send [s]."""
 CHOOSE = "choose one to look at it"
 PLAY, PAUSE = "Play (P)", "Pause (P)"
 LIVE = "Back to live"
 RUN_AGAIN = "Run it again under these delays"
+_QUIET = "padding:2px 12px;color:#555;overflow-wrap:anywhere"
+"""Of what explains itself once it is read."""
 
 
 class RecordingsPanel:
@@ -159,7 +167,8 @@ class RecordingsPanel:
     ) -> None:
         self._on_open, self._on_play, self._on_seek = on_open, on_play, on_seek
         self._on_live, self._on_again = on_live, on_again
-        self._list = gui.add_dropdown("Recording", (CHOOSE,), hint="Of this session's folder, the newest first")
+        self._list = gui.add_dropdown("Recording", (CHOOSE,), hint="The newest first")
+        self._where = gui.add_html("")
         self._bar = gui.add_slider("Time [s]", 0.0, 1.0, 0.01, 0.0, disabled=True)
         self._play = gui.add_button(PLAY, color=GREY, disabled=True)
         self._live = gui.add_button(LIVE, color=BLUE, disabled=True)
@@ -171,14 +180,23 @@ class RecordingsPanel:
         )
         self._again = gui.add_button(RUN_AGAIN, color=GREY, disabled=True)
         self._shown: Playback | None = None
+        self._moved = math.nan  # when a person moved the bar [s], until it has settled
         self._list.on_update(self._chosen)
         self._bar.on_update(self._dragged)
         self._play.on_click(self._play_clicked)
         self._live.on_click(self._live_clicked)
         self._again.on_click(self._again_clicked)
 
-    def list(self, names: tuple[str, ...]) -> None:
-        """Show which recordings there are."""
+    def list(self, names: tuple[str, ...], where: str) -> None:
+        """Show which recordings there are.
+
+        Args:
+            names: The newest first.
+            where: In which folders they are.
+        """
+        text = f'<div style="{_QUIET}">{html.escape(where)}</div>'
+        if self._where.content != text:
+            self._where.content = text
         options = (CHOOSE, *names)
         if tuple(self._list.options) != options:
             value = self._list.value
@@ -207,14 +225,21 @@ class RecordingsPanel:
             if control.disabled == offered:
                 control.disabled = not offered
         if playback is not None:
-            if abs(self._bar.value - playback.now) > 0.005:
-                self._bar.value = round(playback.now, 2)
+            self._place_bar(playback.now)
             label = PAUSE if playback.playing else PLAY
             if self._play.label != label:
                 self._play.label = label
-        text = f'<div style="padding:2px 12px;color:#555;overflow-wrap:anywhere">{html.escape(note)}</div>'
+        text = f'<div style="{_QUIET}">{html.escape(note)}</div>'
         if self._note.content != text:
             self._note.content = text
+
+    def _place_bar(self, now: float) -> None:
+        """Put the bar where the recording is [s]."""
+        if time.monotonic() - self._moved > SETTLED:
+            self._moved = math.nan
+            self._bar.value = round(now, 2) + SLIGHTLY
+        if abs(self._bar.value - now) > 0.005:
+            self._bar.value = round(now, 2)
 
     def _put(self, playback: Playback) -> None:
         """A new one: its length, and the delays that it had."""
@@ -229,6 +254,7 @@ class RecordingsPanel:
 
     async def _dragged(self, event: Any) -> None:
         if event.client is not None:
+            self._moved = time.monotonic()
             self._on_seek(float(self._bar.value))
 
     async def _play_clicked(self, event: Any) -> None:

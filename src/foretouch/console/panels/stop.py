@@ -11,10 +11,10 @@ import threading
 from collections.abc import Callable
 from typing import Any
 
-from foretouch.console.gate.page import BEAT_PERIOD, STOP_BUTTON, beat_html
+from foretouch.console.gate.page import BEAT_PERIOD, STOP_BUTTON, WITH_KEYBOARD, beat_html
 from foretouch.quantities.colours import BLUE, GREY, INK, VERMILLION, css
 
-READY, ASKING, LATCHED = "EMERGENCY STOP (Space)", "Stopping the robot …", "Emergency stop is latched"
+READY, ASKING, LATCHED = "EMERGENCY STOP", "Stopping the robot …", "Emergency stop is latched"
 """What stands on the button: before it is pressed, until the robot has stopped, and until it is released there."""
 UNABLE = "No stop from here: a shadow"
 """And where somebody else moves the robot."""
@@ -38,6 +38,11 @@ _STYLE = (
 )
 """The style of the button that comes next: it stays in its corner of the window while the panel scrolls, and
 the panel, which would take it away, cannot be folded up."""
+_KEY = (
+    f"<style>@media {WITH_KEYBOARD}{{{STOP_BUTTON} .mantine-Button-label::after"
+    "{content:'(Space)';margin-left:0.4em}}</style>"
+)
+"""Names the key on the button that it presses, where there are keys."""
 
 
 class Alarm:
@@ -55,6 +60,7 @@ class Alarm:
         gui.add_html(_STYLE)
         self._button = gui.add_button(READY, color=VERMILLION)
         self._box = gui.add_html("")
+        self._key = gui.add_html(_KEY)
         self._beats, self._next_beat = 0, 0.0
         self._beat = gui.add_html(beat_html(0))
         self._button.on_click(self._pressed)
@@ -70,6 +76,7 @@ class Alarm:
         if self._button.label != label:
             self._button.label = label
             self._button.color = COLOURS.get(label, INK)
+            self._key.visible = label == READY
         content = _box_html(alerts)
         if self._box.content != content:
             self._box.content = content

@@ -132,12 +132,13 @@ class LineView:
         """Show nothing."""
         self._scene.show(False)
 
-    def draw(self, shown: Watched, *, live: bool) -> None:
+    def draw(self, shown: Watched, *, live: bool, useful: bool) -> None:
         """Draw the picture.
 
         Args:
             shown: The session, or a recording.
             live: Whether a person can move the hand in it.
+            useful: Whether the robot goes along then.
         """
         self._scene.show(True)
         self.hold.follow()
@@ -150,7 +151,8 @@ class LineView:
         )
         self._scene.set_travel(round((surface - shown.deepest) * UNITS, 1), round(surface * UNITS, 1))
         self._scene.draw(z, (surface - shown.robot_position) * UNITS, rendered, delayed, deviation)
-        self._scene.offer_handle(live and self._watched.operator == "browser", hinted=not self.hold.used)
+        offered = live and self._watched.operator == "browser"
+        self._scene.offer_handle(offered, useful=useful, hinted=not self.hold.used)
         self._scene.draw_handle(self._handle_height())
         self._scene.draw_hand(z, shown.hand_ahead * UNITS)
 

@@ -158,16 +158,17 @@ class Scene:
             ends = (max(bottom + shapes.HANDLE_HEIGHT, LOWEST_RAIL), top + shapes.HANDLE_HEIGHT)
             self._rail.vertices = shapes.rail(*ends)[0]
 
-    def offer_handle(self, offered: bool, *, hinted: bool) -> None:
+    def offer_handle(self, offered: bool, *, useful: bool, hinted: bool) -> None:
         """Show the handle and its rail, or hide them where nobody listens to them.
 
         Args:
             offered: Whether somebody listens.
-            hinted: Whether an arrow shows what to do: nobody has done it yet.
+            useful: Whether a drag moves the robot: only then it is said what to do.
+            hinted: Whether an arrow shows it, too: nobody has done it yet.
         """
-        for node in (self._handle, self._rail, self._handle_label):
-            node.visible = offered
-        self._hint.visible = offered and hinted
+        for node, shown in ((self._handle, offered), (self._rail, offered), (self._handle_label, offered and useful)):
+            node.visible = shown
+        self._hint.visible = offered and useful and hinted
 
     def hold_at(self, z: float) -> None:
         """Put the held handle at a height [scene units], after limits."""

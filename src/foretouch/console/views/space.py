@@ -160,12 +160,13 @@ class SpaceView:
         self._field: tuple[FieldUpdate | None, MaterialField | None] = (None, None)
         self._legend = server.gui.add_html("")
 
-    def draw(self, watched: Watched, *, live: bool) -> bool:
+    def draw(self, watched: Watched, *, live: bool, useful: bool) -> bool:
         """Draw the scene; False, and nothing is shown, where the session is one along a line.
 
         Args:
             watched: The session, or a recording.
             live: Whether a person can move the hand in it.
+            useful: Whether the robot goes along then.
         """
         leader = watched.space.leader
         self._offered = leader is not None and live and watched.operator == "browser"
@@ -185,7 +186,7 @@ class SpaceView:
         self._draw_fixture(scene, watched, leader)
         self._draw_probes(scene, watched, leader)
         probe = leader.place_x, leader.place_y, leader.place_z
-        held, hinted = self.hold.dragged, not self.hold.used
+        held, hinted = self.hold.dragged, useful and not self.hold.used
         scene.draw_handle(self.hold.place, probe, offered=self._offered, held=held, hinted=hinted)
         return True
 

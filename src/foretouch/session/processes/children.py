@@ -293,11 +293,12 @@ def retire(children: Iterable[Child], *, meanwhile: Callable[[], None] = lambda:
     wait_for(leaving)
 
 
-def end_session(children: Sequence[Child]) -> list[Child]:
+def end_session(children: Sequence[Child], *, meanwhile: Callable[[], None] = lambda: None) -> list[Child]:
     """End all processes: the leader first, whose last word ends the others; then, or if it has none, by signal.
 
     Args:
         children: Of the session.
+        meanwhile: Called in every round of waiting.
 
     Returns:
         Those that had to be killed.
@@ -306,17 +307,17 @@ def end_session(children: Sequence[Child]) -> list[Child]:
     spoken, killed = all(child.process.poll() in (None, 0) for child in children), []
     if leading is not None:
         if any(child.role in SIDES and child.process.poll() == 0 for child in children):
-            wait_for([leading], patience=GOING)
+            wait_for([leading], patience=GOING, meanwhile=meanwhile)
         _tell([leading])
-        wait_for([leading])
+        wait_for([leading], meanwhile=meanwhile)
         killed = _kill([leading])
         spoken = leading.process.returncode >= 0  # else it ended by a signal
     if spoken:
-        wait_for(children, patience=GOING)
+        wait_for(children, patience=GOING, meanwhile=meanwhile)
         _tell(child for child in children if child.goes_on)
-        wait_for(children)
+        wait_for(children, meanwhile=meanwhile)
     _tell(children)
-    wait_for(children)
+    wait_for(children, meanwhile=meanwhile)
     return killed + _kill(children)
 
 

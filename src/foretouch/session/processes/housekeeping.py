@@ -12,12 +12,15 @@ from collections.abc import Callable, Mapping
 from types import FrameType
 
 from foretouch.errors import one_line, plural, was_or_were
-from foretouch.link import ZenohLink
-from foretouch.messages import SIDES, VERSION, Hello, Stop
-from foretouch.session.processes.news import HANGS_AFTER, LoopWatch, WaitingNote, connected
+from foretouch.link import WaitingNote, ZenohLink
+from foretouch.messages import LEAVES, SIDES, VERSION, Hello, Stop
+from foretouch.session.processes.news import HANGS_AFTER, LoopWatch, Repeats, connected
 
 HELLO_PERIOD = 0.5
 """Between two `Hello` messages [s]."""
+
+WELCOME = 4
+"""Where a leader begins anew its commands come, at the latest, when it has said so many `Hello`."""
 
 BEAT = b"\x06"
 """Written to the standard output, for a parent process, once in every `HELLO_PERIOD` in which the loop has ticked and
@@ -38,6 +41,12 @@ LEAVING = 3.0
 GIVING_UP = HANGS_AFTER + HELLO_PERIOD + CLOSING + HELLO_PERIOD
 """A process whose loop hangs has ended after so long [s]: it notices it at one of its looks, lets the driver close, and
 waits until its last word is on its way."""
+
+NOT_RECORDED = (
+    "nobody recorded it, so there is no report; beside the next one: "
+    "foretouch record session.mcap --connect ENDPOINT, with the endpoint of each side"
+)
+"""Said at the end to who runs a side by hand."""
 
 ORPHANED = "the parent process has gone"
 """Reason to stop when `orphaned`."""
@@ -141,9 +150,11 @@ class Housekeeper(threading.Thread):
         self._met = parent is not None  # a parent process tells people by itself
         self.loop = LoopWatch(HELLO_PERIOD)
         self._told = ""
+        self._repeats = Repeats()
         self._note: WaitingNote | None = None
         self._heard: dict[str, dict[str, str]] = {}
         self._hellos = 0
+        self._greetings = WELCOME  # of the newest leader, since one left
         self._reported = self._foreign = 0
         self._told_too_large = False
         self._ended = threading.Event()
@@ -165,7 +176,7 @@ class Housekeeper(threading.Thread):
 
     def say_hello(self) -> None:
         """Publish one `Hello` now."""
-        texts = self._describe()
+        texts = self._describe() | ({LEAVES: "yes"} if self._stop_flag.quiet else {})
         self._hellos += 1
         self._link.publish(Hello.of(self.role, self._hellos, time.monotonic_ns(), texts))
 
@@ -173,6 +184,13 @@ class Housekeeper(threading.Thread):
         """Say why the session ended, to people whom no parent process tells."""
         if self._parent is None:
             self._say(f"{self.role}: the session has ended: {reason}")
+            if "recorder" not in self._heard:
+                self._say(f"{self.role}: {NOT_RECORDED}")
+
+    @property
+    def leader_leaves(self) -> bool:
+        """Whether a leader has said that it begins anew, and the next has hardly begun."""
+        return self._greetings < WELCOME
 
     def close(self, reason: str) -> None:
         """Publish the last `Hello` and, unless it ends quietly, a `Stop`, a leader's with its epoch; end the thread."""
@@ -215,13 +233,15 @@ class Housekeeper(threading.Thread):
         """Hear what others say of themselves, and say what is new."""
         for _, hello in self._link.take("hello"):
             self._heard[hello.role] = hello.texts
+            if hello.role == "leader":
+                self._greetings = 0 if LEAVES in hello.texts else self._greetings + 1
         if not self._met and (sentence := connected(self.role, self._heard)):
             self._met = True
             self._say(f"{self.role}: {sentence}")
         news = "" if self._news is None else self._news(self._heard)
-        if news and news != self._told:
-            self._say(f"{self.role}: {news}")
-        elif self._told and not news and self._parent is None:
+        for line in self._repeats.lines(news, time.monotonic()):
+            self._say(f"{self.role}: {line}")
+        if self._told and not news and self._repeats.spoke and self._parent is None:
             self._say(f"{self.role}: {self._over()}")
         if self._note is not None and news != self._told:
             self._note.say(news)

@@ -1,16 +1,11 @@
 """What the sides say to people: one sentence while something is not as it should be.
 
-Which robots of this user and machine wait to be released: each follower keeps a file that says so.
-
 A loop that hangs: a call of a driver that does not come back, as another thread of the same process sees it.
 """
 
 from __future__ import annotations
 
-import contextlib
-import fcntl
 import os
-import stat
 import sys
 import sysconfig
 import threading
@@ -19,78 +14,61 @@ from collections.abc import Mapping
 from pathlib import Path
 from types import FrameType
 
+from foretouch.errors import plural
 from foretouch.identification import SENSOR_SENTENCES, SensorState
 from foretouch.messages import PROCESS, STATUS_SENTENCES, Status
 from foretouch.session.network.lease import LEASE
 from foretouch.session.steps import follower
 from foretouch.session.steps.heard import Heard
 
+RELEASE = "foretouch release"
+"""Stands in what waits for a person."""
+
 
 def release_command() -> str:
     """What somebody types at the robot's own machine to release the robot of this process."""
-    return f"foretouch release {os.getpid()}"
+    return f"{RELEASE} {os.getpid()}"
 
 
-class WaitingNote:
-    """The file of one follower: its name is the process's number, it holds what the follower last said.
+QUIET = 10.0
+"""What is over and comes again within so long [s] is counted, and told with its number."""
 
-    It is locked as long as the process lives, so that the file of one that was killed is known as such. Where there is
-    no folder for it, nothing is kept, and the signal is what is left.
+
+class Repeats:
+    """What is to be said of a state that comes and goes: each at once, and its repetitions as a number now and then.
+
+    What waits for a person (`release_command`) is said each time.
+
+    Attributes:
+        spoke: Whether the newest that came was said, and not only counted.
     """
 
     def __init__(self) -> None:
-        self._file = None
-        self._path = _folder() / str(os.getpid())
-        with contextlib.suppress(OSError):
-            self._path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
-            if _is_private(self._path.parent):
-                self._file = self._path.open("w")
-                fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        self._before = ""
+        self._said: dict[str, tuple[float, int]] = {}  # when [s], and how often it has come again since
+        self.spoke = False
 
-    def say(self, sentence: str) -> None:
-        """Keep this sentence instead of the one before."""
-        if self._file is not None:
-            with contextlib.suppress(OSError):
-                self._file.seek(0)
-                self._file.write(sentence)
-                self._file.truncate()
-                self._file.flush()
+    def lines(self, sentence: str, now: float) -> list[str]:
+        """What there is to say, oldest first.
 
-    def close(self) -> None:
-        """Nothing waits here any more."""
-        if self._file is not None:
-            self._path.unlink(missing_ok=True)
-            self._file.close()
-            self._file = None
-
-
-def followers() -> dict[int, str]:
-    """Numbers of the processes of this user's followers on this machine, and what each said last."""
-    folder, found = _folder(), {}
-    if not (folder.is_dir() and _is_private(folder)):
-        return {}
-    for path in sorted(folder.iterdir()):
-        with contextlib.suppress(OSError, ValueError), path.open() as file:
-            number = int(path.name)
-            try:
-                fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
-            except BlockingIOError:
-                found[number] = file.read()
+        Args:
+            sentence: That holds now, "" for none.
+            now: By a monotonic clock [s].
+        """
+        due = {said: again for said, (when, again) in self._said.items() if now - when >= QUIET}
+        lines = [f"{said} ({plural(again, 'time')} more within {QUIET:g} s)" for said, again in due.items() if again]
+        for said, again in due.items():
+            if again:
+                self._said[said] = (now, 0)
             else:
-                path.unlink(missing_ok=True)  # its process was killed
-    return found
-
-
-def _folder() -> Path:
-    """Of this user and machine; it is emptied by itself where the system has such a place."""
-    place = os.environ.get("XDG_RUNTIME_DIR") or os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
-    return Path(place, "foretouch", "followers")
-
-
-def _is_private(folder: Path) -> bool:
-    """Whether nobody else can have written what it holds: a number in it is sent a signal."""
-    state = folder.stat()
-    return state.st_uid == os.geteuid() and not state.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
+                del self._said[said]
+        if sentence and sentence != self._before:
+            self.spoke = sentence not in self._said or RELEASE in sentence
+            when, again = self._said.get(sentence, (now, 0))
+            self._said[sentence] = (now, 0) if self.spoke else (when, again + 1)
+            lines += [sentence] if self.spoke else []
+        self._before = sentence
+        return lines
 
 
 HANGS_AFTER = 3.0
@@ -151,18 +129,23 @@ LONGEST_SILENCE = 0.5
 """An operator is told that nothing comes of the follower after so long [s]."""
 
 
-def follower_says(state: follower.State, contest: str) -> dict[str, str]:
+ANEW = "the leader begins anew, as was chosen: the robot waits for it"
+"""What a follower says while no fresh commands come because another choice was made."""
+
+
+def follower_says(state: follower.State, contest: str, *, anew: bool = False) -> dict[str, str]:
     """What a follower's `Hello` says beside its settings: its process, who holds control, and what is amiss.
 
     Args:
         state: Of the follower.
         contest: Who else would command (`foretouch.session.network.lease.Contest`).
+        anew: Whether its leader has said that it begins anew.
     """
     return {
         PROCESS: str(state.run),
         "control": state.lease.holder,
         "contest": contest,
-        "trouble": follower_news(state),
+        "trouble": follower_news(state, anew=anew),
         "stopped": state.safety.stop_reason,
     }
 
@@ -190,8 +173,13 @@ def over(state: follower.State) -> str:
     return f"that is over: the robot {STATUS_SENTENCES[state.safety.status]}"
 
 
-def follower_news(state: follower.State) -> str:
-    """One sentence about the robot while it does not follow the commands that there were; else ""."""
+def follower_news(state: follower.State, *, anew: bool = False) -> str:
+    """One sentence about the robot while it does not follow the commands that there were; else "".
+
+    Args:
+        state: Of the follower.
+        anew: Whether its leader has said that it begins anew.
+    """
     safety, watch = state.safety, state.watch
     if safety.stop_reason and watch.state is not SensorState.GOOD:
         why = f"nobody knows what it feels, and it goes out as it came: {SENSOR_SENTENCES[watch.state]}"
@@ -204,7 +192,8 @@ def follower_news(state: follower.State) -> str:
         held = "the robot learns nothing, holds its place and then goes out as it came"
         return f"{held}: {SENSOR_SENTENCES[watch.state]}{again}"
     if safety.status in (Status.HOLDING, Status.UNLOADING, Status.RETREATING, Status.TOO_SLOW) and state.lease.epoch:
-        return "; ".join(filter(None, (f"the robot {STATUS_SENTENCES[safety.status]}", failure_news(state))))
+        silent = anew and safety.status is not Status.TOO_SLOW
+        return all_of(ANEW if silent else f"the robot {STATUS_SENTENCES[safety.status]}", failure_news(state))
     return failure_news(state)
 
 
@@ -217,7 +206,14 @@ def failure_news(state: follower.State) -> str:
     return f"the follower has a fault: {failures.sentence}; {goes_on}"
 
 
-def leader_news(heard: Heard, follower_texts: Mapping[str, str], silence: float = 0.0, *, nowhere: bool = False) -> str:
+def leader_news(
+    heard: Heard,
+    follower_texts: Mapping[str, str],
+    silence: float = 0.0,
+    *,
+    nowhere: bool = False,
+    told_here: bool = False,
+) -> str:
     """One sentence for an operator whose commands are not obeyed, or who does not know whether they are; else "".
 
     Args:
@@ -225,6 +221,7 @@ def leader_news(heard: Heard, follower_texts: Mapping[str, str], silence: float 
         follower_texts: What its newest `Hello` says.
         silence: Time since anything came of it [s].
         nowhere: Whether the operator's device gives no position.
+        told_here: Whether the follower says in this terminal itself what is amiss with it.
     """
     if nowhere:
         return "the device gives no position: the last one is held"
@@ -233,7 +230,7 @@ def leader_news(heard: Heard, follower_texts: Mapping[str, str], silence: float 
     if heard.shadows:
         return f"the robot {STATUS_SENTENCES[Status.SHADOW]}"
     if heard.in_control:
-        return all_of(follower_texts.get("contest", ""), follower_texts.get("trouble", ""))
+        return "" if told_here else all_of(follower_texts.get("contest", ""), follower_texts.get("trouble", ""))
     other = follower_texts.get("control") or "another leader"
     if heard.had_control:
         return f"lost control to {other}: start this leader again to have it back"

@@ -44,6 +44,9 @@ TOLD_EVERY = 0.2
 ENDING = 3.0
 """A session that somebody ended ends so long [s] afterwards, though no leader was there then to hear of it."""
 
+ENDING_TOLD = 2.0
+"""Who waits for the end is told so often what it waits for [s]."""
+
 LATCHED = "the emergency stop is latched: release it first, for a robot that begins anew would have forgotten it"
 
 
@@ -109,6 +112,7 @@ class _Supervisor:
         self._awaited = False
         self._told = 0.0
         self._hung = False
+        self._ending = self._said = 0.0
 
     @property
     def incomplete(self) -> bool:
@@ -130,8 +134,9 @@ class _Supervisor:
             ends = ["--listen", self._camera, "--connect", self._follower]
             self._children.append(start("camera", [*ends, *self._chosen(), *self._common]))
         if console_port is not None:
-            folder = str(self._recording.parent)
-            options = ["--port", str(console_port), "--listen", self._console, "--recordings", folder]
+            options = ["--port", str(console_port), "--listen", self._console]
+            for folder in (self._recording.parent, Path()):  # this session's, and where earlier ones are kept
+                options += ["--recordings", str(folder)]
             self._children.append(start("console", [*options, *self._watching, *self._common]))
             self._watching += ["--connect", self._console]
         self._record(self._recording)
@@ -162,12 +167,22 @@ class _Supervisor:
         return 0
 
     def end(self) -> None:
-        """End all processes."""
-        for child in end_session(self._children):
+        """End all processes, and say what is waited for where that takes long."""
+        self._ending = self._said = time.monotonic()
+        self._say("ending: the robot unloads, and the recording is closed")
+        for child in end_session(self._children, meanwhile=self._tell_of_ending):
             self._hung = self._hung or child.role in SIDES
             self._say(f"the {child.role} did not end and was killed")
         if self._desk is not None:
             self._desk.close()
+
+    def _tell_of_ending(self) -> None:
+        now = time.monotonic()
+        if now - self._said < ENDING_TOLD:
+            return
+        self._said = now
+        there = " and ".join(f"the {WATCHERS.get(child.role, child.role)}" for child in self._children if child.running)
+        self._say(f"ending, {now - self._ending:.0f} s: waits for {there}")
 
     def _one_hangs(self) -> bool:
         """Whether a side hangs; it is killed, for it has not ended by itself where it could."""
@@ -260,8 +275,14 @@ class _Supervisor:
         if chosen != self._settings and pressed and self._desk.latched:
             self._refuse(LATCHED)
         elif chosen != self._settings:
+            self._say_chosen(chosen, "both sides begin" if pressed else "the leader begins")
             self._begin_anew(chosen, whole=pressed)
         self._desk.say_now()
+
+    def _say_chosen(self, chosen: SessionSettings, who_begin: str) -> None:
+        before, after = self._settings.as_text(), chosen.as_text()
+        what = ", ".join(f"{name} {value}" for name, value in after.items() if value != before[name])
+        self._say(f"chosen in the console: {what}; {who_begin} anew")
 
     def _begin_anew(self, settings: SessionSettings, *, whole: bool) -> None:
         """Start the leader again, or both sides where the material is another: what was learnt is of that material."""

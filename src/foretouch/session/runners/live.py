@@ -120,11 +120,13 @@ def run_follower(
 
     def describe() -> dict[str, str]:
         contested = contest.sentence(time.monotonic_ns())
-        told = follower_says(state, contested) | as_texts(follower_counts(state) | link_counts("follower", link))
+        told = follower_says(state, contested, anew=house.leader_leaves) | as_texts(
+            follower_counts(state) | link_counts("follower", link)
+        )
         return description | fault_texts(stage, "position_delay", changed_ns) | told
 
     def news(_: Mapping[str, Mapping[str, str]]) -> str:
-        return all_of(contest.sentence(time.monotonic_ns()), follower_news(state))
+        return all_of(contest.sentence(time.monotonic_ns()), follower_news(state, anew=house.leader_leaves))
 
     house = Housekeeper(
         link, "follower", describe, stop, say, parent, news, release=robot.close, over=lambda: over(state)
@@ -286,7 +288,9 @@ def run_leader(
         nonlocal lost_before
         nowhere, lost_before = driven.nowhere > lost_before, driven.nowhere
         silence = (time.monotonic_ns() - heard_ns) * 1e-9
-        return leader_news(state.heard, heard.get("follower", {}), silence, nowhere=nowhere)
+        return leader_news(
+            state.heard, heard.get("follower", {}), silence, nowhere=nowhere, told_here=parent is not None
+        )
 
     def release() -> None:
         if isinstance(operator, Device):

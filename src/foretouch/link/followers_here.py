@@ -1,0 +1,71 @@
+"""Which followers of this user run on this machine: each keeps a file that says how its robot is."""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import os
+import stat
+from pathlib import Path
+
+
+class WaitingNote:
+    """The file of one follower: its name is the process's number, it holds what the follower last said.
+
+    It is locked as long as the process lives, so that the file of one that was killed is known as such. Where there is
+    no folder for it, nothing is kept, and the signal is what is left.
+    """
+
+    def __init__(self) -> None:
+        self._file = None
+        self._path = _folder() / str(os.getpid())
+        with contextlib.suppress(OSError):
+            self._path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+            if _is_private(self._path.parent):
+                self._file = self._path.open("w")
+                fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+
+    def say(self, sentence: str) -> None:
+        """Keep this sentence instead of the one before."""
+        if self._file is not None:
+            with contextlib.suppress(OSError):
+                self._file.seek(0)
+                self._file.write(sentence)
+                self._file.truncate()
+                self._file.flush()
+
+    def close(self) -> None:
+        """Nothing waits here any more."""
+        if self._file is not None:
+            self._path.unlink(missing_ok=True)
+            self._file.close()
+            self._file = None
+
+
+def followers() -> dict[int, str]:
+    """Numbers of the processes of this user's followers on this machine, and what each said last."""
+    folder, found = _folder(), {}
+    if not (folder.is_dir() and _is_private(folder)):
+        return {}
+    for path in sorted(folder.iterdir()):
+        with contextlib.suppress(OSError, ValueError), path.open() as file:
+            number = int(path.name)
+            try:
+                fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
+            except BlockingIOError:
+                found[number] = file.read()
+            else:
+                path.unlink(missing_ok=True)  # its process was killed
+    return found
+
+
+def _folder() -> Path:
+    """Of this user and machine; it is emptied by itself where the system has such a place."""
+    place = os.environ.get("XDG_RUNTIME_DIR") or os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
+    return Path(place, "foretouch", "followers")
+
+
+def _is_private(folder: Path) -> bool:
+    """Whether nobody else can have written what it holds: a number in it is sent a signal."""
+    state = folder.stat()
+    return state.st_uid == os.geteuid() and not state.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
