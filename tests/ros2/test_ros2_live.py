@@ -56,7 +56,7 @@ def test_an_independent_subscriber_sees_a_running_session(running: list[subproce
         running.append(echo)
         assert echo.stdout is not None
         assert echo.stdout.readline() == "listening\n"
-        session = foretouch("teleop", "--headless", "--duration", 5, "--recording", recording, *SESSION)
+        session = foretouch("teleop", "--headless", "--duration", 8, "--recording", recording, *SESSION)
         running.append(session)
         options = ("--router", hub.endpoint, "--domain", 5, "--namespace", "/robot1", "--rate", 200)
         bridge = foretouch("bridge", "ros2", *_watching(session), *options)

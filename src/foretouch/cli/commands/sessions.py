@@ -150,12 +150,17 @@ def _default_recording(report: Path | None) -> Path:
     return Path(time.strftime("foretouch-%Y%m%d-%H%M%S.mcap"))
 
 
+LARGE = 5.0
+"""Reading a larger recording takes more than a second [MB]."""
+
+
 def _report_recorded(path: Path, directory: Path | None, json_output: bool, *, all_of_it: bool, failed: bool) -> None:
     """Print the report of a session that was recorded, as far as it was, and say what was kept where it was not."""
     from foretouch.recordings import read_session
 
     size = path.stat().st_size * 1e-6 if path.is_file() else 0.0
-    say(f"reading the recording for the report ({size:.0f} MB)")
+    if size >= LARGE:
+        say(f"reading the recording for the report ({size:.0f} MB)")
     try:
         log = pulsing("reading the recording for the report", read_session, path)
     except RecordingError as error:
