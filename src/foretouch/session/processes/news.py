@@ -1,8 +1,7 @@
-"""What the sides say to people: one sentence while something is not as it should be.
+"""What a side tells beside its messages: sentences for people, which robots wait for release, and a loop that hangs.
 
-Which robots of this user and machine wait to be released: each follower keeps a file that says so.
-
-A loop that hangs: a call of a driver that does not come back, as another thread of the same process sees it.
+Sentences are said once while something is not as it should be; a follower that waits to be released keeps a file that
+says so; and another thread of the process sees that a driver's call does not come back.
 """
 
 from __future__ import annotations
