@@ -1,6 +1,6 @@
 r"""Watches for a force that does not belong to what the robot does, compiled: a lost contact, an offset that steps.
 
-Two things speak against a force, and a sensor that shows it has lost its contact:
+Two things speak against a force in contact:
 
 - **depth**: within 8 ms it falls below 0.4 of what no material explains, for three samples:
 

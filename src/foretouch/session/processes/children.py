@@ -1,6 +1,6 @@
-"""The process that supervises the others: they are started, ended in order, and killed where they do not end.
+"""Processes that a session is made of: started, ended in order, and killed where they do not end.
 
-It hears what a console chooses while a session runs, and starts a side again with it.
+What a console chooses while a session runs is heard by the process that supervises the others.
 """
 
 from __future__ import annotations
