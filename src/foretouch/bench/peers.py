@@ -1,7 +1,7 @@
-r"""The same recursive least squares by others: padasip, filterpy and river.
+r"""What ours is held against: recursive least squares by padasip, filterpy and river, and the processor's bound.
 
-All begin at theta_0 = 0 and P_0 = p I and forget by the same constant mu, as the paper's (20) without its
-perturbation. What each calls these differs:
+The peers all begin at theta_0 = 0 and P_0 = p I and forget by the same constant mu, as the paper's (20) without its
+perturbation. Each is given a sample a call, which is what its interface has. What each calls these differs:
 
 - padasip `FilterRLS`: `mu`, and `eps` = 1 / p.
 - filterpy `KalmanFilter`: a state that stays, F = I and Q = 0, with fading memory alpha^2 = 1 / mu and R = mu. Its
@@ -11,11 +11,8 @@ perturbation. What each calls these differs:
   mu = 1, it does not: then beta = 1, and its prior is I / alpha as a covariance, so alpha = 1 / p. It learns alone,
   `learn_one`: nobody asks it for the prediction before.
 
-Each is given a sample a call, which is what its interface has.
-
-How fast equation (20) can be on this machine: what a step waits for, measured.
-
-From the covariance before a sample to that after it leads one chain in which each operation needs the one before:
+The bound says how fast equation (20) can be on this machine, from what a step waits for. From the covariance before a
+sample to that after it leads one chain in which each operation needs the one before:
 
 .. math::
     q_i &= (P_{i0} + a P_{i1}) + (b P_{i2} + c P_{i3}) \\

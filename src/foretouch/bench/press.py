@@ -1,8 +1,7 @@
-"""The press that benchmarks identify: in and out at constant speed, so that the paper's mu is one number.
+"""The press that benchmarks identify, and plain ways to identify it where no peer is installed.
 
-Bare compiled loops, written as anybody would: what ours is held against where no peer is installed.
-
-Many recordings at once in NumPy, as whoever has no compiler writes it: every operation over all streams.
+The press goes in and out at constant speed, so that the paper's mu is one number. Beside it stand bare compiled loops,
+written as anybody would, and many recordings at once in NumPy, every operation over all streams.
 """
 
 from __future__ import annotations

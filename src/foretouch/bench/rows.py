@@ -1,7 +1,4 @@
-"""What a benchmark says: rows of one figure each, what is asked of it, and whether it is reached.
-
-The rows as a table for people.
-"""
+"""What a benchmark says: rows of one figure each, what is asked, whether it is reached; and their table for people."""
 
 from __future__ import annotations
 

@@ -1,9 +1,7 @@
-"""Processes whose loops are timed: a side of a session that notes its garbage collections, and an idle loop.
+"""Processes whose loops are timed, and how late their ticks woke and why, from what they said of themselves.
 
 `python -m foretouch.bench.side NOTES foretouch leader ...` is that command, and writes into NOTES when the collector
 ran; `python -m foretouch.bench.side NOTES bare SECONDS` sleeps and spins as the sides do, and writes how late it woke.
-
-How late the ticks of a loop woke, and why, from what the loop said of itself.
 """
 
 from __future__ import annotations

@@ -1,12 +1,10 @@
-"""Timing contestants against each other on a machine that does other things too.
+"""Timing contestants against each other on a machine that does other things too, and what memory this process holds.
 
 Contestants take turns, in another order each round, so that what slows the machine slows all of them. The garbage
 collector is off while one runs. All run once before the first round, so that nothing is compiled or loaded in it.
 What is compared is compared within its round: the ratio of two contestants is the median of the rounds' ratios.
 
-Holding this process to one core, where the system can.
-
-How much memory this process holds.
+A process is held to one core where the system can.
 """
 
 from __future__ import annotations

@@ -1,9 +1,4 @@
-"""All commands, gathered.
-
-What a command's exit code says.
-
-Help of commands with many options, under headings.
-"""
+"""The command `foretouch`: all commands gathered, their help under headings, and what an exit code says."""
 
 from __future__ import annotations
 

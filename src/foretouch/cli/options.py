@@ -1,7 +1,4 @@
-"""Options that several commands share, and how they are printed.
-
-Arguments that a command takes and does not name itself.
-"""
+"""Options that several commands share, how they are printed, and arguments that a command takes without naming them."""
 
 from __future__ import annotations
 

@@ -1,6 +1,7 @@
-"""What is compared on: a file, or a simulated recording; both are small names that a worker process loads itself.
+"""What is compared on: files, and simulated recordings whose truth is known.
 
-Simulated recordings whose truth is known: each law alone, laws that change, taps, and materials that are no law.
+Both are small names that a worker process loads itself. The simulated ones are each law alone, laws that change, taps,
+and materials that are no law.
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ from foretouch.robot import make_material
 Array = NDArray[np.float64]
 
 SAMPLE_PERIOD: Final = 1e-3
-"""[s]"""
+"""Time between two samples of a simulated recording [s]."""
 FORCE_NOISE: Final = 0.02
 """Standard deviation of the force sensor [N], white."""
 ENCODER_STEP: Final = 5e-6

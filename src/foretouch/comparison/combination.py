@@ -1,6 +1,6 @@
 """One law by one estimator on one recording: everything that is measured of it.
 
-Learning once and predicting under many delays, the fit of a whole file, and scoring a part of the samples.
+It learns once, predicts under many delays, is fitted to the whole file, and is scored on a part of the samples.
 """
 
 from __future__ import annotations

@@ -1,7 +1,4 @@
-"""Many jobs on all cores; a worker process that dies takes no result with it.
-
-The same jobs on other machines: a Dask cluster that somebody has started.
-"""
+"""Many jobs on all cores, or on a Dask cluster that somebody started; a worker that dies takes no result with it."""
 
 from __future__ import annotations
 

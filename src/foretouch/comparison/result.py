@@ -1,7 +1,4 @@
-"""What came of one law by one estimator on one recording.
-
-The results as text, to be read at a glance.
-"""
+"""What came of one law by one estimator on one recording, and many of these as text to be read at a glance."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""The last seconds of a session, as a console needs them: stored in a step, read as arrays.
-
-How many messages are lost on their way, and how late both loops are.
-"""
+"""The last seconds of a session, stored in a step and read as arrays; and what is lost, and how late the loops are."""
 
 from __future__ import annotations
 

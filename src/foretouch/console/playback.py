@@ -1,7 +1,4 @@
-"""A recorded session at a moment of one's choice: the same that a session that runs shows, and no more.
-
-A recorded session in three dimensions at a moment of one's choice.
-"""
+"""A recorded session at a moment of one's choice, along a line or in space: what a live session shows, and no more."""
 
 from __future__ import annotations
 

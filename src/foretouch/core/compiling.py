@@ -1,12 +1,10 @@
-"""The one way in which kernels are compiled, and when compiled code is still good.
+"""The one way in which kernels are compiled, what Python calls into them, and when compiled code is still good.
 
 Numba keeps compiled code for the next process, and compiles again where the file of a function has changed. It does not
 see what a kernel takes from other files: a function that is inlined, a constant. So what is kept here lies in a folder
 that is named by a digest of the kernel's module and of every module of foretouch that it imports, straight or through
 others: with one changed character in any of them, nothing that was compiled before is found. The folder is the user's,
 so that another copy of the same sources finds it, too.
-
-Compiling what Python calls into.
 """
 
 from __future__ import annotations

@@ -1,8 +1,6 @@
-"""What a device is: where the operator's hand is, and what it is given to feel.
+"""What a device is: where the operator's hand is, what it is given to feel, and how stiff that may be by its build.
 
-What a force-feedback device is, and what it can render by that.
-
-Smooth moves between two positions.
+Motion between two positions is smooth here.
 """
 
 from __future__ import annotations

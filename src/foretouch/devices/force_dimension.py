@@ -30,7 +30,7 @@ PATIENCE = 0.05
 """Without a `render` for so long [s] the force is set to zero by a thread of its own."""
 
 WATCHDOG_TICKS = 160
-"""The same by the device itself, where it can: 20 ms, in counts of 125 us."""
+"""Where the device can, it sets the force to zero itself after so long: 20 ms, in counts of 125 us."""
 
 NAME = "force-dimension"
 

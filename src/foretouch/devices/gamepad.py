@@ -1,8 +1,7 @@
 """A gamepad as the operator's handle: a stick and a trigger move it, rumble is a cue. It gives no force.
 
-Where what is pressed begins and how far in it is pressed, for whoever moves the hand.
-
-The first gamepad of this machine, by pygame (SDL): the one place that imports it.
+The first gamepad of this machine is read by pygame (SDL), which is imported here alone. Where the material begins and
+how far in it is pressed is what whoever moves the hand has to know.
 """
 
 from __future__ import annotations

@@ -1,8 +1,6 @@
-"""A hand that holds a force-feedback device.
+"""A hand that holds a force-feedback device, how it holds it, and the force that a simulated device really gives.
 
-How a hand holds a device.
-
-The force that a simulated device really gives: as late as it is, and no longer than its watchdog lets it.
+That force is as late as the device is, and lasts no longer than its watchdog lets it.
 """
 
 from __future__ import annotations

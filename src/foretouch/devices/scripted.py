@@ -1,7 +1,4 @@
-"""An operator that presses by script.
-
-An operator that waits where it is.
-"""
+"""Operators that need nobody: one that presses by script, and one that waits where it is."""
 
 from __future__ import annotations
 

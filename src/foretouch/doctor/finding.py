@@ -1,7 +1,4 @@
-"""What one check found.
-
-The findings as a table for people: the verdict is a word; colour only helps to find it.
-"""
+"""What one check found, and the findings as a table for people: the verdict is a word; colour only helps to find it."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""Processors: how many, how busy, at which speed, and whom the kernel runs first.
+"""Processors and drawing: how many cores, how busy and how fast, whom the kernel runs first, and whether MuJoCo draws.
 
-Whether MuJoCo draws an image here without a display: one is drawn, in a process of its own, and looked at.
+An image is drawn without a display, in a process of its own, and looked at.
 """
 
 from __future__ import annotations

@@ -3,7 +3,7 @@
 Both run at the same time, each in a process of its own, as leader and follower do. Where both are late it is the
 machine; where only the first is, it is what is computed in it.
 
-The slice of time that the kernel lets a loop run at a stretch.
+The kernel's slice of time, for which it lets a loop run at a stretch, is looked at too.
 """
 
 from __future__ import annotations

@@ -1,6 +1,4 @@
-"""What is to be said of the way to a peer.
-
-The way to a peer: whether somebody listens there, who, and how long messages take there and back.
+"""The way to a peer: whether somebody listens there, who, how long messages take there and back, and what to say of it.
 
 Only `Hello` messages are sent, and only where a peer says of itself that it is a doctor's and nobody else is heard:
 into a session that runs nothing is sent, there is listened. The role of these messages is ``doctor``, which no side of

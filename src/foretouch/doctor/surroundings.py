@@ -1,6 +1,6 @@
-"""What else a session meets on this machine: text, disk, ports, keys.
+"""What else a session meets on this machine: Python, packages and extras, text, disk, ports, keys.
 
-Python, the packages that foretouch needs, and its extras, as the installed metadata names them.
+Packages and extras are those that the installed metadata names.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""Text of others, for a terminal: what it would do there is shown instead of done.
+"""Lines for people: text of others without what it would do to a terminal, and what to type to install a package.
 
-What to type so that something of this package is installed: by its name, or by the folder that it came from.
+A package of this project is installed by its name, or from the folder that it came from.
 """
 
 from __future__ import annotations

@@ -1,7 +1,4 @@
-"""How much memory and time the reading of a file may take.
-
-What a path may be, of which somebody reads.
-"""
+"""What of a file is taken: which paths may be read, and how much memory and time the reading may take."""
 
 from __future__ import annotations
 
@@ -32,7 +29,7 @@ def require_data(path: str | PathLike[str]) -> None:
 
 
 VARIABLE: Final = "FORETOUCH_FILE_BUDGET"
-"""Of the environment: how many times the usual budget a file gets; ``inf`` for no limit."""
+"""Variable of the environment that says how many times the usual budget a file gets; ``inf`` for no limit."""
 
 LEAST_MEMORY: Final = 900_000_000
 """Any file may take so much [bytes]. With the code of the libraries, which the system does not count, the process stays

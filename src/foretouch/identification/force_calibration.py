@@ -1,6 +1,6 @@
-"""Where the force of a recording is zero, and whether the recording shows it at all.
+"""What a force sensor shows without contact: its zero in a recording, and its bias, tool mass and centre from poses.
 
-Bias of a force sensor, mass and centre of mass of the tool beyond it, from static poses.
+A recording that does not show its zero is said to. Poses are static, and the tool is what is beyond the sensor.
 """
 
 from __future__ import annotations

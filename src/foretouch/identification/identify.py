@@ -1,7 +1,4 @@
-"""Identification of a whole recording, sample by sample.
-
-Prediction of a recorded motion's force under a delay, causally.
-"""
+"""A recording, sample by sample: what is identified of it, and its motion's force predicted under a delay, causally."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""Conditioning and estimation together: the follower's whole learning, one call a sample.
+"""Conditioning and estimation together: the follower's whole learning, one call a sample or one a recording.
 
-A learner over a whole recording: compiled where its estimator can, else sample by sample; the same numbers.
+A recording is compiled where its estimator can, else goes sample by sample; the numbers are the same.
 """
 
 from __future__ import annotations

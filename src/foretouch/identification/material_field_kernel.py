@@ -1,4 +1,4 @@
-"""One step of learning the field of materials, compiled; the equations are in `material_field`.
+"""One step of learning the field of materials, compiled; equations: `foretouch.identification.MaterialFieldLearner`.
 
 Unknowns are forces at the reference depth and speed [N]: a node's three numbers, and their covariance [N^2].
 """

@@ -97,7 +97,7 @@ def fit_offline(
 
 
 class _Problem:
-    """One fit, in the unknowns F0, D, s, alpha of `exact_law`, both strengths in shares of the RMS force."""
+    """One fit, in the unknowns F0, D, s, alpha of `ExactLaw`, both strengths in shares of the RMS force."""
 
     def __init__(self, law: ExactLaw, depth: Array, velocity: Array, force: Array) -> None:
         self.law = law

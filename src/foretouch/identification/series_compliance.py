@@ -19,7 +19,7 @@ SMOOTHING = 0.02
 """Loading and unloading are told apart by the force's mean over this time [s]."""
 
 SLOWEST_SHARE = 0.05
-"""Where that changes slower than this share of its quickest change, it is neither."""
+"""Where that mean changes slower than this share of its quickest change, it is neither."""
 
 FEWEST_SAMPLES = 50
 """Loading and unloading have at least so many samples each."""

@@ -1,4 +1,4 @@
-"""Who may say what: the access list that every process of a session gives to Zenoh.
+"""Who may say what, and over which endpoints: the access list that every process of a session gives to Zenoh.
 
 Denied unless it is allowed here. A peer is known by the common name of its certificate; a process takes a channel only
 if it receives it at all and the peer's role may speak on it, so that a watcher's handle, for example, is taken by a
@@ -9,9 +9,8 @@ A `Hello` says itself who speaks, and a `Command` who leads. Between machines a 
 speaker's role and a command under one of the common name, which the access list checks, so that no peer can speak in
 another's name: control is held by a certificate, and what others read of it is of no use to them.
 
-Endpoints, ``tcp/HOST:PORT`` or ``tls/HOST:PORT``: their form, and which of them are allowed.
-
-What one process shows to its peers, and whom it lets in.
+An endpoint is ``tcp/HOST:PORT`` or ``tls/HOST:PORT``. What a process shows to its peers, and whom it lets in, stands
+here too.
 """
 
 from __future__ import annotations

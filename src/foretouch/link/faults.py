@@ -1,6 +1,7 @@
-"""Network faults of our own, seeded: what each does, and its range. `FaultStage` applies them, for both runners.
+"""Network faults of our own, seeded: `Faults` says what each does and its range, `FaultStage` applies them.
 
-Holds the messages of one direction back, loses them and doubles them, as `Faults` says: one fault, one function.
+The stage holds the messages of one direction back, loses them and doubles them, one function a fault, in real and in
+simulated time.
 """
 
 from __future__ import annotations

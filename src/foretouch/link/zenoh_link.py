@@ -2,9 +2,8 @@
 
 Between machines both ends show a certificate of the private authority, and an access list says who may send what.
 
-Asking for an emergency stop, until it is known that the robot has stopped.
-
-It stands here because it needs no more than a link: who types it does not wait until laws and robots are imported.
+`ask_to_stop`, which asks for an emergency stop until it is known that the robot has stopped, stands here because it
+needs no more than a link: who types it does not wait until laws and robots are imported.
 """
 
 from __future__ import annotations

@@ -1,7 +1,4 @@
-"""Messages to bytes and back: msgpack, strict, no pickle.
-
-What is sent: one row a channel.
-"""
+"""Messages to bytes and back (msgpack, strict, no pickle), and the table of what is sent, one row a channel."""
 
 from __future__ import annotations
 

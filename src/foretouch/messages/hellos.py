@@ -1,7 +1,4 @@
-"""What the sides say of themselves in `Hello` messages, heard over a whole session.
-
-Which settings held when: what each process of a session said of itself, and from when on.
-"""
+"""What each process of a session said of itself in `Hello` messages, and which settings held from when on."""
 
 from __future__ import annotations
 

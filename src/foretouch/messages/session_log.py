@@ -1,7 +1,6 @@
-"""A whole session in memory: what the leader and the follower said, tick by tick.
+"""A whole session in memory: what the leader and the follower said, tick by tick, and the stretches that compare.
 
-The parts of a session in which one process of either side was there, and of these the parts under the same settings.
-
+A stretch is a part in which one process of either side was there; a part of it has the same settings throughout.
 Numbers are comparable only within one.
 """
 

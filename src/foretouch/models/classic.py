@@ -1,11 +1,4 @@
-"""The Kelvin-Voigt law, equation (1) of the paper.
-
-The Hunt-Crossley law, equation (2) of the paper.
-
-The threshold switching law, equation (3) of the paper.
-
-The continuous switching law, equation (4) of the paper.
-"""
+"""The paper's laws, equations (1) to (4): Kelvin-Voigt, Hunt-Crossley, threshold and continuous switching."""
 
 from __future__ import annotations
 

@@ -30,7 +30,7 @@ LARGEST_LAW = (1e7, 1e10, 1e9)
 """Laws with a larger a [N/m], b [N/m^2] or c [N s/m^2] are refused: no material has them."""
 
 LARGEST_DEVIATION = 1e9
-"""The same of the standard deviation of local stiffness [N/m]."""
+"""Fields with a larger standard deviation of local stiffness [N/m] are refused."""
 
 SPACINGS = (5e-4, 0.1)
 """Least and largest spacing of nodes [m]."""

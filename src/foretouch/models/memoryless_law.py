@@ -1,10 +1,8 @@
-"""What the laws (1) to (4) have in common: one force formula, once for the loop and once for arrays.
+"""Laws whose material has no memory: the one force formula of (1) to (4), their way out, and those that are learnt.
 
-The way out of a material without memory, in plain arithmetic: what a loop asks of a law in every tick of contact.
-
-The continuous switching law as the paper identifies and renders it: equation (18).
-
-A law that is linear in its unknowns: what is learnt at many places at once.
+The formula stands once for the loop and once for arrays. The work of the way out, which a loop asks in every tick of
+contact, is plain arithmetic. Two more laws stand beside those of the paper: the continuous switching law as the paper
+identifies and renders it, equation (18), and one that is linear in its unknowns, to be learnt at many places at once.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""The newest contact model at the operator's own motion: what leader and offline prediction both run.
+"""The newest contact model at the operator's own motion, which leader and offline prediction both run.
 
-Velocity and acceleration from positions, causally: what the laws take as velocity, the same at both ends.
+Velocity and acceleration are taken from positions causally, the same at both ends.
 """
 
 from __future__ import annotations

@@ -1,7 +1,4 @@
-"""From a name to what a package brings, or to one line that says what is wrong with it.
-
-Which entry points the installed packages have for foretouch.
-"""
+"""From a name to what an installed package brings by its entry points, or to one line that says what is wrong."""
 
 from __future__ import annotations
 

@@ -11,7 +11,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 WIDTH, MOST_LINES = 100, 10
-"""Of a representation: characters in a line, and lines."""
+"""A representation has at most so many characters in a line, and so many lines."""
 
 LONGEST_PART = 160
 """Characters of one value in it."""

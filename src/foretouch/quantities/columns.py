@@ -1,6 +1,6 @@
-"""What results have in common: columns over time, as NumPy, as pandas and as a plot.
+"""The table of quantities, one name, unit and sign each; and columns over time, as NumPy, as pandas and as a plot.
 
-The table of quantities: one name, one unit, one sign each. The glossary of the docs is made from it.
+The glossary of the docs is made from the table.
 """
 
 from __future__ import annotations

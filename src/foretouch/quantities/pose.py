@@ -1,6 +1,6 @@
-"""Where a rigid body stands in another's frame, and how sure that is.
+"""Where a rigid body stands in another's frame, how sure that is, and the same in plain numbers.
 
-A pose in plain numbers, for loops in which an array for three numbers costs more than the arithmetic.
+Loops take the plain numbers, for there an array for three of them costs more than the arithmetic.
 """
 
 from __future__ import annotations

@@ -1,6 +1,7 @@
-"""A recording of presses in memory: time, position, force, and velocity where it was measured.
+"""A recording of presses in memory, and where a machine has its zero and which way it counts.
 
-Where a device or a robot has its zero and which way it counts, against the session's own line of positions.
+A recording has time, position, force, and velocity where it was measured; a machine's count is brought to the session's
+own line of positions.
 """
 
 from __future__ import annotations

@@ -139,7 +139,7 @@ _TUE_FIRST_FILES: Final = {
     "d_rigid": "bbea462a30de44710566d22984c32071079fc8087376868262d85ad67c1fd375",
     "d_spring": "19ff46075aa500ab24a43036d4a8b3bbf6a7602507e58e59db07ccc310b88ef7",
 }
-"""Of another run of the course, with other masses and gains."""
+"""SHA-256 of the originals of another run of the course, with other masses and gains."""
 
 _AURORA_FILES: Final = {
     "100": "93e36f7bca06c6102e984a97c706b78f09b63473cf80ddd02fb6ab0b676e6b3e",

@@ -1,8 +1,6 @@
-"""Writes result files so that none is ever half there.
+"""What leaves the room: result files, so that none is ever half there, and the TOML file of a sensor's calibration.
 
-Optional packages of this room, imported when they are needed.
-
-Reads and writes the TOML file of a sensor's calibration.
+Optional packages are imported when they are needed.
 """
 
 from __future__ import annotations

@@ -1,7 +1,4 @@
-"""Reads a recording, whatever its format.
-
-Opens a recording by the ending of its name; which format that is, and nothing of its meaning.
-"""
+"""Reads a recording, whatever its format: it is opened by the ending of its name, and read by what its columns mean."""
 
 from __future__ import annotations
 

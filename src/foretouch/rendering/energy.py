@@ -1,6 +1,6 @@
 """The energy account of a whole session, and the ceiling on force that keeps it in bounds.
 
-What rendering has to know of a device and of an account of its energy.
+With it stands what rendering has to know of a device and of any account of its energy.
 """
 
 from __future__ import annotations

@@ -16,7 +16,7 @@ VELOCITY_CUTOFF = 30.0
 """Velocity is low-passed at this [Hz]: counts of the encoder are not to be felt."""
 
 VISCOUS_SHARE = 0.5
-"""Of the device's damping, at most, carries viscous friction; the rest carries the bristle."""
+"""So much of the device's damping, at most, carries viscous friction; the rest carries the bristle."""
 
 
 class FrictionRenderer:

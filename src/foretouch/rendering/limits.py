@@ -1,6 +1,6 @@
-"""The last stage before the hand: limits on force and on how fast it changes.
+"""The last stage before the hand, limits on force and its change; and the share of a model that a device can carry.
 
-The share of a model that a device can carry: what is passive when it is rendered from samples.
+The share is what stays passive when it is rendered from samples.
 """
 
 from __future__ import annotations

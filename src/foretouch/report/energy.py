@@ -1,6 +1,6 @@
-"""The energy account of a session: whether the hand was given more than it gave, over all of it.
+"""The energy account of a session, summed up again: whether the hand was given more than it gave, over all of it.
 
-The work of a recorded force on a recorded motion, as an account of energy books it.
+The work of a recorded force on a recorded motion is booked as the leader's account books it.
 """
 
 from __future__ import annotations

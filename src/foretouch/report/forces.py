@@ -1,6 +1,6 @@
-"""Measured, predicted and delayed force of a recording under a delay: what a prediction is scored on.
+"""Measured, predicted and delayed force of a recording under a delay, which a prediction is scored on, and its remarks.
 
-What is special about a recording and bears on its prediction, in sentences.
+Remarks say in sentences what is special about the recording and bears on the prediction.
 """
 
 from __future__ import annotations

@@ -1,8 +1,6 @@
-"""The hand in the loop: what it was given, what it was spared, and where it was against where it wanted to be.
+"""The hand in the loop: what it was given and spared, where it was and wanted to be, whether it oscillates.
 
-Where a hand would have been, had it felt nothing.
-
-Whether a hand oscillates: swings that the force makes, beside those that it would make without.
+Swings that the force makes are counted beside those of the same hand had it felt nothing.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""The parts of a session between restarts and changes of settings, each with its own figures and settings.
+"""The parts of a session between restarts and changes of settings, each with its own figures, settings and words.
 
-What a session pressed, who could reach it, and what its machines were too slow for, in words.
+The words say what a session pressed, who could reach it, and what its machines were too slow for.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """What a follower did beside following, what its sensors were worth, and who spoke: over a whole session.
 
-The guarded first touch: how often, for how long, and what it took away.
+Of the guarded first touch it says how often, for how long, and what it took away.
 """
 
 from __future__ import annotations

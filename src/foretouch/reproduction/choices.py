@@ -70,7 +70,7 @@ class Choice:
 
 
 PRINTED = Choice()
-"""As printed."""
+"""All choices as printed."""
 
 PRINTED_WORDS = (
     "FPRLS (20) as printed at 10 Hz: metres, test on the error of ln F, delta I added to P after the gain, "

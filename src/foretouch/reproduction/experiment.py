@@ -1,6 +1,6 @@
-"""The paper's experiment on sponge, foam and hand, in simulated time: an operator that presses, and the session.
+"""The paper's experiment on sponge, foam and hand in simulated time, and what to say of the parameters' course.
 
-What can be said of the course of estimated parameters: when they settle, how often they swing, how they jump.
+An operator presses, a session runs; then parameters settle, swing or jump.
 """
 
 from __future__ import annotations

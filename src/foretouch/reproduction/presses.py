@@ -1,6 +1,6 @@
 """The ideal simulations of Figs. 7 and 8: one motion, four materials, what an estimator makes of each sample.
 
-The penetration trajectories of the paper, position and analytic velocity, in metres.
+The motion is the paper's penetration trajectories, position and analytic velocity, in metres.
 """
 
 from __future__ import annotations

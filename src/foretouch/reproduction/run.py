@@ -1,8 +1,6 @@
-"""All sections at once, on all cores, into one page with its data beside it.
+"""Every section in the paper's order, all at once on all cores, into one page with its data beside it.
 
-The page of the paper: a summary, the equations, and each section with its figure and its claims as cards.
-
-Every section of the reproduction, in the order of the paper.
+The page has a summary, the equations, and each section with its figure and its claims as cards.
 """
 
 from __future__ import annotations

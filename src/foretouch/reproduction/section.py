@@ -1,8 +1,6 @@
 """One section of the reproduction: a figure of the paper made again, its data, and the claims that it decides.
 
-What the paper says beside what was measured.
-
-From what was measured under each choice to one claim.
+A claim is what the paper says beside what was measured, under each choice that the paper leaves open.
 """
 
 from __future__ import annotations

@@ -17,7 +17,7 @@ MESA_PACKAGES = "libegl1 libegl-mesa0 libgl1-mesa-dri libopengl0"
 """Debian packages that let MuJoCo draw without a display."""
 
 THICKNESS = 2e-3
-"""Of a specimen that is drawn [m]."""
+"""Thickness of a specimen that is drawn [m]."""
 
 NEAREST, FARTHEST = 0.02, 5.0
 """What is nearer to the camera or farther from it is not drawn [m]."""

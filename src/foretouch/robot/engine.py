@@ -1,6 +1,6 @@
-"""MuJoCo, imported when it is first used and whatever the environment says of drawing.
+"""MuJoCo, imported when it is first used and whatever the environment says of drawing, and the simulated arm for it.
 
-The simulated arm as an MJCF text, with its dimensions as plain numbers. Imports nothing that is slow.
+The arm is an MJCF text with its dimensions as plain numbers. To import this module costs nothing.
 """
 
 from __future__ import annotations
@@ -41,10 +41,10 @@ ROD_LENGTH = 0.16
 """From the force sensor to the tip [m]."""
 
 ROD_RADIUS = 0.004
-"""Of the probe's rod [m]."""
+"""Radius of the probe's rod [m]."""
 
 TIP_RADIUS = 0.006
-"""Of the ball at the probe's tip [m]."""
+"""Radius of the ball at the probe's tip [m]."""
 
 REMOTE_CENTRE_HEIGHT = 0.08
 """Remote centre of motion above the tip at position 0 [m]; the two rotations turn about this point."""

@@ -15,7 +15,7 @@ from foretouch.robot.robot import RobotSpecification, SpatialRobot, SpatialSampl
 
 MOVED_MASS = CARRIAGE_MASS + TOOL_MASS
 RAIL_DAMPING = 1.0
-"""Of each joint [N s/m]."""
+"""Damping of each joint [N s/m]."""
 
 LEAST_STEPS = 2
 """Physics steps in a sample period: of 1 ms they are 0.5 ms long."""

@@ -1,7 +1,4 @@
-"""The paper's slave in simulation: a remote-centre-of-motion arm with a linear probe, in MuJoCo.
-
-From names to robots.
-"""
+"""The paper's slave in MuJoCo, a remote-centre-of-motion arm with a linear probe; and robots by their names."""
 
 from __future__ import annotations
 

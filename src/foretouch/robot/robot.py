@@ -1,8 +1,6 @@
-"""What a follower robot is: one exchange a sample period, positions in, sensors out.
+"""What a follower robot is, along a line and in space: one exchange a sample period, places in, sensors out.
 
-A robot that somebody else moves: with a pendant, by hand, by a program of its own.
-
-What a follower robot in three dimensions is: places in, sensors out, one exchange a sample period.
+A robot that somebody else moves, with a pendant, by hand, by a program of its own, is one too.
 """
 
 from __future__ import annotations

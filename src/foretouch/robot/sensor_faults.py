@@ -24,10 +24,10 @@ SENSOR_FAULTS: Final[dict[str, str]] = {
 """Faults by name, and what the sensors show then."""
 
 OFFSET = 3.0
-"""Of an offset step [N]."""
+"""Size of an offset step [N]."""
 
 JUMP = 5e-3
-"""Of an encoder jump [m]."""
+"""Size of an encoder jump [m]."""
 
 SPIKE_INTERVAL = 0.05
 """Mean time between two spikes [s]; they are at least 3 samples apart."""

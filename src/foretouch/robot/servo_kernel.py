@@ -1,10 +1,7 @@
-"""Compiled step of the insertion servo; the equations are in `insertion_servo`.
+"""The simulated arm's drive and sensors around the physics steps of a sample period, compiled.
 
-What it remembers is one array, by the places named here.
-
-What the simulated arm's drive and sensors do around the physics steps of a sample period, compiled; see `rcm_arm`.
-
-What they remember is one array, by the places named here; it begins with the numbers of the insertion servo.
+The servo's equations are in `foretouch.robot.insertion_servo`, the arm is `foretouch.robot.rcm_arm`. What each
+remembers is one array, by the places named here; that of the arm begins with the numbers of the servo.
 """
 
 from __future__ import annotations

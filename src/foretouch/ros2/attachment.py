@@ -1,11 +1,10 @@
-"""What goes with every message: its number, when it was sent, and by whom.
+"""What goes with every message: its number, when it was sent, and its publisher's identifier.
 
-The identifier of a publisher: the XXH3 hash, 128 bits, of its liveliness token.
-
-So `rmw_zenoh_cpp` computes it (``liveliness_utils.cpp``), so that who sees a token knows the identifier that comes with
-the messages. Source of the hash: ``doc/xxhash_spec.md`` of https://github.com/Cyan4973/xxHash, with seed 0 and the
-default secret. Publishers' tokens are longer than 128 bytes (the type's hash alone has 71), so that the two forms for
-longer input are all there is here.
+The identifier is the XXH3 hash, 128 bits, of the publisher's liveliness token. So `rmw_zenoh_cpp` computes it
+(``liveliness_utils.cpp``), so that who sees a token knows the identifier that comes with the messages. Source of the
+hash: ``doc/xxhash_spec.md`` of https://github.com/Cyan4973/xxHash, with seed 0 and the default secret. Publishers'
+tokens are longer than 128 bytes (the type's hash alone has 71), so that the two forms for longer input are all there is
+here.
 """
 
 from __future__ import annotations

@@ -1,8 +1,7 @@
 """From a running session to a live ROS 2 graph, one way.
 
-When a message was made, by the clock that ROS 2 goes by, though its sender said only its own monotonic time.
-
-How many messages of a kind go out.
+A message is stamped by the clock that ROS 2 goes by, though its sender said only its own monotonic time; and of each
+kind no more go out than their rate allows.
 """
 
 from __future__ import annotations

@@ -21,7 +21,7 @@ CONNECTING_MS = 1000
 """An attempt to reach the router takes at most so long [ms]."""
 
 NODE_NUMBER = 0
-"""Of the node in its session; publishers have the numbers behind it."""
+"""Number of the node in its session; publishers have the numbers behind it."""
 
 
 @dataclass

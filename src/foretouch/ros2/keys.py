@@ -1,8 +1,6 @@
-"""Keys of topics and liveliness tokens, as `rmw_zenoh_cpp` writes them.
+"""Keys of topics, liveliness tokens and the quality of service in them, as `rmw_zenoh_cpp` writes them.
 
 Source: "Topic and Service name mapping" and "Graph Cache" in its ``docs/design.md``, and its ``liveliness_utils.cpp``.
-
-Quality of service as `rmw_zenoh_cpp` writes it into a liveliness token.
 """
 
 from __future__ import annotations
@@ -53,7 +51,7 @@ DEFAULT: Final = Qos(reliable=True, depth=10)
 
 
 LARGEST_DOMAIN: Final = 232
-"""Of ``ROS_DOMAIN_ID``, with any middleware."""
+"""Largest ``ROS_DOMAIN_ID`` with any middleware."""
 
 _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 _NAMESPACE = re.compile(r"/|(/[A-Za-z_][A-Za-z0-9_]*)+")

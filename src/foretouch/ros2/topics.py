@@ -1,10 +1,9 @@
-"""What a session's messages are on the ROS 2 graph: the topics that stand beside them in a recording, stamped anew.
+"""What a session's messages are on the ROS 2 graph: topics as in a recording, stamped anew, with their types' hashes.
 
-The hash by which ROS 2 tells message definitions apart, from the definition itself.
-
-A definition becomes a ``type_description_interfaces/msg/TypeDescription``, default values and comments left out; the
-hash is the SHA-256 of its JSON text, with ``RIHS01_`` before it. Source: REP-2011 ("Evolving message types"), REP-2016
-("Type descriptions and hashes"), and ``rosidl_generator_type_description`` of ROS 2, whose JSON this is to the byte.
+By its hash ROS 2 tells message definitions apart. A definition becomes a
+``type_description_interfaces/msg/TypeDescription``, default values and comments left out; the hash is the SHA-256 of
+its JSON text, with ``RIHS01_`` before it. Source: REP-2011 ("Evolving message types"), REP-2016 ("Type descriptions and
+hashes"), and ``rosidl_generator_type_description`` of ROS 2, whose JSON this is to the byte.
 """
 
 from __future__ import annotations

@@ -1,7 +1,4 @@
-"""How a figure depends on what was varied, and where two of these curves cross.
-
-A sweep as one object of numbers, and as text.
-"""
+"""A sweep as one object of numbers and as text: how figures depend on what was varied, and where two of them cross."""
 
 from __future__ import annotations
 

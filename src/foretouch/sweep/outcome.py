@@ -1,7 +1,4 @@
-"""What came of one session of a sweep: one row of its table.
-
-What became of all sessions of a sweep, in numbers.
-"""
+"""What came of one session of a sweep, one row of its table, and what became of all of them, in numbers."""
 
 from __future__ import annotations
 

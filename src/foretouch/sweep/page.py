@@ -1,7 +1,4 @@
-"""A sweep as one HTML page that needs nothing else.
-
-The plots of a sweep.
-"""
+"""A sweep as one HTML page with its plots, which needs nothing else."""
 
 from __future__ import annotations
 
@@ -236,7 +233,7 @@ ERROR_CAPTIONS = (
     "Models that are rendered, by the second; baselines render none.",
     "How long ago the hand was where the newest knowledge comes from; of a baseline, the force.",
 )
-"""Of the errors, by axis."""
+"""What is said below the plots of the errors, by axis."""
 
 HEADS = {
     "ours": "models (ours)",

@@ -1,7 +1,4 @@
-"""One session of a sweep, from its case to its row.
-
-The figures of one session that a sweep asks for.
-"""
+"""One session of a sweep, from its case to its row and the figures in it."""
 
 from __future__ import annotations
 

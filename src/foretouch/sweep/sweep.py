@@ -1,6 +1,6 @@
 """All sessions of a sweep, side by side, and one of them again.
 
-The rows of a sweep in its folder, kept as they come: a sweep that was ended goes on where it was.
+The rows are kept in its folder as they come, so that a sweep that was ended goes on where it was.
 """
 
 from __future__ import annotations

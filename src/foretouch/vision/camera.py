@@ -1,8 +1,6 @@
-"""A pinhole camera with lens distortion, and its file.
+"""A pinhole camera with lens distortion and its file, images as its lens shows them, and the board that it looks for.
 
-The board of four markers that is fixed to what is touched.
-
-An image without distortion as a lens shows it.
+The board has four markers and is fixed to what is touched.
 """
 
 from __future__ import annotations

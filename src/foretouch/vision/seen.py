@@ -1,7 +1,4 @@
-"""What tells of the fixture's pose: an image, and a touch of its surface.
-
-The surface that is touched, as the fixture's filter asks for it, and what a touch of it says of the pose.
-"""
+"""What tells of the fixture's pose: an image of its board, and a touch of its surface."""
 
 from __future__ import annotations
 

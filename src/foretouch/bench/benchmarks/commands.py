@@ -1,15 +1,13 @@
-"""Recordings as files: presses in and out of a Hunt-Crossley material, with the offset and the noise of a sensor.
+"""What a user waits for: whole commands on files of recordings, and fresh processes until they have answered.
 
-Many recordings by `foretouch compare`, two processes at a time against one.
-
-`foretouch identify` on an hour of samples at 1 kHz, as a user runs it: start-up, reading and learning.
+The recordings are presses in and out of a Hunt-Crossley material, with the offset and the noise of a sensor. Timed are
+`foretouch compare` on many of them, by two processes against one; `foretouch identify` on an hour of samples at 1 kHz,
+with start-up, reading and learning; and how long a fresh process takes to help, a package, or a first compiled call.
 
 An hour as CSV or Parquet is measured. As MCAP it would take long to write first, so that it is foretold, short of
 ``--full``, by a line through recordings of 1 and of 10 minutes, each the least of some runs. What is read again comes
 from the samples that are kept beside recordings that are large enough, as that of 10 minutes is and that of 1 minute is
 not: the other end of its line is a recording of 1 s, which is the start of a process and little else.
-
-Fresh processes: how long until there is help, a package, a first compiled call.
 """
 
 from __future__ import annotations
@@ -140,7 +138,7 @@ REACHES = {"CSV": (".csv", 6.0), "Parquet": (".parquet", 3.0), "MCAP": (".mcap",
 """Ending, and what an hour is to take at most [s]."""
 
 REACH_AGAIN = 3.0
-"""And MCAP read again."""
+"""What MCAP of an hour that is read again is to take at most [s]."""
 
 LARGEST_SHARE = 3.0
 """Most memory over that of the columns."""

@@ -1,7 +1,8 @@
-"""One-way times between two processes of this machine, whose monotonic clock is one: over TCP, TLS and QUIC by turns.
+"""What the link adds: one-way times over TCP, TLS and QUIC by turns, and what a session adds to a configured delay.
 
-What a session adds to the delay that is configured: from the moment before a command is handed to the link until the
-stage that simulates the delay would give it to the follower's next tick, less the delay.
+Times are one-way because both processes are on this machine and share its monotonic clock. What a session adds lasts
+from the moment before a command is handed to the link until the stage that simulates the delay would give it to the
+follower's next tick, less the delay.
 """
 
 from __future__ import annotations

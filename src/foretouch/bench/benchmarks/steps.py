@@ -1,10 +1,8 @@
-"""The steps of leader and follower, in a session whose robot costs nothing.
+"""The steps of leader and follower in a session along a line, in simulated time, with a user's settings, on one core.
 
-A session in simulated time runs once with the simulated arm, whose samples are kept; then again with these. Sessions
-are the same bit by bit on repeat, so the follower meets what it asked for; what is timed is the steps alone, as the
-runner times them.
-
-A session along a line in simulated time, with the settings that a user gets, on one core.
+The session runs once with the simulated arm, whose samples are kept, and then again with these, so that the robot costs
+nothing. Sessions are the same bit by bit on repeat, so the follower meets what it asked for; what is timed is the steps
+alone, as the runner times them.
 """
 
 from __future__ import annotations

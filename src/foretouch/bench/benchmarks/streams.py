@@ -1,6 +1,7 @@
-"""The paper's estimator over thousands of recordings at once, on one core, beside vectorised NumPy.
+"""The paper's estimator over many recordings: thousands at once beside vectorised NumPy, and one that never ends.
 
-Does time grow with the samples alone, and memory not at all? A stream that is made, learnt from, and forgotten.
+The second asks whether time grows with the samples alone, and memory not at all: a stream is made, learnt from and
+forgotten.
 """
 
 from __future__ import annotations

@@ -1,10 +1,8 @@
-"""The paper's estimator over one recording, beside peers that are given its regressors ready-made.
+"""What one sample costs an estimator, and one tick the proxy on a mesh.
 
-One call a sample from Python, as in a control loop, and what many of them leave in memory.
-
-The contact map over one recording, and against how many of its cells the recording visits.
-
-The proxy on a mesh: a tick against the number of triangles.
+The paper's estimator runs over one recording beside peers that are given its regressors ready-made, and one call a
+sample from Python, as in a control loop, with what many calls leave in memory. The contact map runs over one recording,
+and against how many of its cells a recording visits; the proxy against the number of triangles.
 """
 
 from __future__ import annotations

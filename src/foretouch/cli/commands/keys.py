@@ -1,6 +1,6 @@
-"""Commands about the keys that two machines show each other.
+"""Commands about who may do what: the keys that two machines show each other, and the release of a stopped robot.
 
-The command that lets a stopped robot follow again, at the robot's own machine and nowhere else.
+A robot is released at its own machine and nowhere else.
 """
 
 from __future__ import annotations

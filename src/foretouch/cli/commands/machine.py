@@ -1,7 +1,4 @@
-"""The command that measures how fast everything is.
-
-Whether this machine, and the way to another, are fit for a session; and what makes it ready for the first.
-"""
+"""Commands about this machine: how fast everything is, whether it is fit for a session, and what readies it for one."""
 
 from __future__ import annotations
 

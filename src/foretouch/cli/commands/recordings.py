@@ -1,7 +1,4 @@
-"""Commands about recordings of sessions.
-
-Commands about measured files and materials.
-"""
+"""Commands about recordings of sessions, measured files and materials."""
 
 from __future__ import annotations
 

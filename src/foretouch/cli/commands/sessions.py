@@ -1,8 +1,6 @@
-"""Commands that run a whole session on this machine.
+"""Commands that run a whole session on this machine, live, simulated, or recorded and now under other settings.
 
-Whether what a command needs is installed, before it starts processes that would each say so.
-
-The command that runs a recorded session again under other settings.
+Whether what a command needs is installed is asked before it starts processes that would each say so.
 """
 
 from __future__ import annotations

@@ -1,9 +1,4 @@
-"""The command that compares laws and estimators.
-
-The command that runs many simulated sessions.
-
-The command that makes the paper again.
-"""
+"""Commands that run studies: laws and estimators compared, many simulated sessions, and the paper made again."""
 
 from __future__ import annotations
 

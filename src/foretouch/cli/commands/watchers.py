@@ -1,7 +1,4 @@
-"""Commands that watch a session: a recorder, a camera, a console; each a process of its own, here or elsewhere.
-
-Commands that pass a running session on to something else.
-"""
+"""Commands that watch a session, each a process of its own: recorder, camera, console, ROS 2 bridge."""
 
 from __future__ import annotations
 

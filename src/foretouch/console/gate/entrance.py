@@ -1,7 +1,4 @@
-"""Who may open the console's page, and who may connect to it: decided from an address and its headers alone.
-
-Ports of this machine.
-"""
+"""Who may open the console's page, and who may connect to it: decided from address, port and headers alone."""
 
 from __future__ import annotations
 

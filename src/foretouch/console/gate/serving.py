@@ -1,10 +1,8 @@
-"""The viewer's server behind the gate.
+"""The viewer's server behind the gate, and how much a page may send: what no person at a mouse reaches.
 
 What is known here of the viewer's insides: that it serves with ``websockets.asyncio.server.serve`` and hands it a
 ``process_request``; that each page's messages are read with ``recv`` and are msgpack maps with a ``type``; and where it
 keeps its controls by their identifiers. A viewer that does otherwise is not started: `make_gated_server` raises.
-
-How much a page may send: what no person at a mouse reaches.
 """
 
 from __future__ import annotations

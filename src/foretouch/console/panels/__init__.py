@@ -1,1 +1,1 @@
-"""What stands beside the scene: tabs, numbers, plots and buttons."""
+"""What stands beside the picture: tabs, numbers, plots and buttons."""

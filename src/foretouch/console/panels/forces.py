@@ -1,9 +1,4 @@
-"""Energy that the hand has put into the force, and what it may have given out.
-
-The plot of forces and the numbers beside it.
-
-The numbers beside the plot of forces, from what is shown.
-"""
+"""The plot of forces and the numbers beside it, those of the hand's energy among them."""
 
 from __future__ import annotations
 

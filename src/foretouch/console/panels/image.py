@@ -1,9 +1,8 @@
-"""The virtual probe and the fixture drawn over the delayed image: what the camera would see if there were no delay.
+"""The camera at the robot: its newest image, as late as the network is, with virtual probe and fixture drawn over it.
 
-Predictive displays for delayed teleoperation: Bejczy, Kim and Venema (1990), The phantom robot, IEEE International
-Conference on Robotics and Automation, 546-551.
-
-The camera at the robot: its newest image, as late as the network is, and what it shows of the fixture.
+What is drawn over it is what the camera would see if there were no delay. Such predictive displays for delayed
+teleoperation: Bejczy, Kim and Venema (1990), The phantom robot, IEEE International Conference on Robotics and
+Automation, 546-551.
 """
 
 from __future__ import annotations

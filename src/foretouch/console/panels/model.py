@@ -1,7 +1,4 @@
-"""What the newest model is, in a few lines.
-
-What has been learnt: how stiff the material is, with its doubt, and the law's numbers.
-"""
+"""What has been learnt: how stiff the material is, with its doubt, and the newest law's numbers in a few lines."""
 
 from __future__ import annotations
 

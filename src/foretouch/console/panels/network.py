@@ -1,6 +1,6 @@
-"""The network: sliders for delays and faults, and what is measured of them.
+"""The network: sliders for delays and faults, what is measured of them, and every message that the console says.
 
-What a console says: every message that a person causes, each kind in order, from whichever thread causes it.
+A message that a person causes goes out in order with those of its kind, from whichever thread causes it.
 """
 
 from __future__ import annotations

@@ -1,7 +1,4 @@
-"""The panel beside the picture: what to do, the forces, and behind tabs all the rest.
-
-What stands across the top of the picture while a recording is looked at.
-"""
+"""The panel beside the picture: what to do, the forces, behind tabs the rest; and a recording's bar across the top."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""What the session is made of: material, operator and grip to choose, its recording, and its end.
+"""What the session is made of, to choose and to end, and the recordings to look at again.
 
-The list of recordings, the time bar of the one that is looked at, and running it again under other delays.
+A session has material, operator, grip and recording; recordings have a list, a time bar, and a run under other delays.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """What stands in the corner of the picture whatever else is shown: the emergency stop, and what is urgent.
 
-The emergency stop: asked for again and again, until the robot says that it has stopped.
+A stop is asked for again and again, until the robot says that it has stopped.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from foretouch.quantities.colours import BLUE, GREY, INK, VERMILLION, css
 READY, ASKING, LATCHED = "EMERGENCY STOP", "Stopping the robot …", "Emergency stop is latched"
 """What stands on the button: before it is pressed, until the robot has stopped, and until it is released there."""
 UNABLE = "No stop from here: a shadow"
-"""And where somebody else moves the robot."""
+"""What stands on the button where somebody else moves the robot."""
 COLOURS = {READY: VERMILLION, UNABLE: GREY}
 """Of the button; else it is black."""
 ALERTS = ".foretouch-alerts"

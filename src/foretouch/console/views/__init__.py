@@ -1,1 +1,1 @@
-"""What is drawn in the scene, along a line and in space."""
+"""The picture, along a line and in space: what is drawn in it, and the handle."""

@@ -1,8 +1,7 @@
-"""Turns as the viewer writes them: quaternions with the real part first.
+"""The virtual fixture in the picture: its board, and its surface with its dent and the colours of what was learnt.
 
-The touched surface as triangles to draw: fine enough to sink under a probe. Numbers only, no viewer.
-
-The virtual fixture in the picture: its board, and the surface with its dent and the colours of what was learnt.
+The surface is drawn as triangles, fine enough to sink under a probe. Turns are quaternions as the viewer writes them,
+with the real part first.
 """
 
 from __future__ import annotations
@@ -183,7 +182,7 @@ MARGIN = 0.004
 HALO = 2.0
 """The halo shows so many standard deviations."""
 LARGEST_HALO = 0.02
-"""And no more than this [m]."""
+"""The halo is no larger than this [m]."""
 
 
 class FixtureView:

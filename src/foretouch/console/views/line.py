@@ -1,6 +1,6 @@
-"""The handle in a person's hand: dragged by a mouse, moved by strokes of keys, let go by whoever is gone.
+"""A session along a line in the console: its picture and its handle.
 
-A session along a line in the console: its picture and its handle.
+The handle is dragged by a mouse, moved by strokes of keys, and let go by whoever is gone.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""Meshes of the scene, in its own units: bodies of revolution and the cut material. Numbers only, no viewer.
+"""Meshes of the scene, and the material as a cut block whose surface sinks under the tip, darker the deeper.
 
-The material in the picture: a cut block whose surface sinks under the tip, darker the deeper.
+Meshes are bodies of revolution and the cut block, in the scene's own units; their functions know no viewer.
 """
 
 from __future__ import annotations

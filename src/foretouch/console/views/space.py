@@ -1,6 +1,6 @@
 """A session in three dimensions in the console: its picture, its panels and its handle.
 
-The handle in space in a person's hand: dragged, moved by keys and sliders, let go.
+The handle is dragged, moved by keys and sliders, and let go.
 """
 
 from __future__ import annotations

@@ -1,1 +1,1 @@
-"""The estimators that the paper compares with."""
+"""The estimators that the paper compares its own with, each for its law."""

@@ -1,7 +1,4 @@
-"""The Hunt-Crossley law in a single stage, by logarithm.
-
-The Hunt-Crossley law in two stages that feed each other.
-"""
+"""The Hunt-Crossley law in two ways: in a single stage by logarithm, and in two stages that feed each other."""
 
 from __future__ import annotations
 

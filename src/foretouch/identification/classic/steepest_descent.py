@@ -176,7 +176,7 @@ class SteepestDescent(_SteepestDescent):
         e = F - \hat F, \quad J = \partial \hat F / \partial \theta, \quad
         \theta = (\ln F_0,\, D / F_0,\, s,\, \alpha)
 
-    in the unknowns of `exact_law`, which are of like size: in k, lambda, n and alpha themselves the gradients differ by
+    in the unknowns of `ExactLaw`, which are of like size: in k, lambda, n and alpha themselves the gradients differ by
     10^6 and no step suits all. G is the RMS force; e is held to it. The bounds are those of equation (5). The paper
     names the method for comparison and says what limits it: it needs good initial values, for it descends into the
     nearest valley. Along directions that hardly change the force (D against alpha) it stays where it began.

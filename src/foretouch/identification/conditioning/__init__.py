@@ -1,1 +1,1 @@
-"""From raw samples of a robot to contact samples, and what a force sensor does wrong on the way."""
+"""From raw samples of a robot to contact samples, and the watch over a force sensor and an encoder."""

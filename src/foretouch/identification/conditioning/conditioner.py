@@ -1,8 +1,6 @@
-"""How late a force sensor is against the encoders, as far as contact itself can tell.
+"""From raw samples to depth, velocity and force in contact, causally; and how late the force is against the encoders.
 
-The columns of a conditioned recording, as compiled loops take them.
-
-From raw samples to depth, velocity and force in contact, causally.
+The lag is estimated as far as contact itself can tell.
 """
 
 from __future__ import annotations
@@ -57,7 +55,7 @@ class SensorLag:
     over 5 s of moving contact.
 
     Attributes:
-        memory: All that is remembered, by `sensor_lag_kernel`.
+        memory: All that is remembered, by `foretouch.identification.conditioning.kernel`.
     """
 
     __slots__ = ("memory",)

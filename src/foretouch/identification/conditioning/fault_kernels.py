@@ -1,6 +1,6 @@
-r"""Watches for a force that does not belong to what the robot does, compiled: a sensor that loses a contact.
+r"""Watches for a force that does not belong to what the robot does, compiled: a lost contact, an offset that steps.
 
-Two things speak against a force:
+Two things speak against a force in contact:
 
 - **depth**: within 8 ms it falls below 0.4 of what no material explains, for three samples:
 
@@ -12,9 +12,7 @@ Two things speak against a force:
 - **the drive's effort**, where the robot tells it: force and what the drive pushes with differ by more than 2 N and a
   fifth of the larger for 30 ms, both low-passed with 4 ms.
 
-Watches for a force that changes without contact, compiled: a step of a force sensor's offset.
-
-It is a fault as soon as one of these holds:
+A force that changes without contact is a step of the sensor's offset. It is a fault as soon as one of these holds:
 
 - **still**: the force steps within two samples, by at least 0.3 N and fifteen spreads of the force before
   (fading mean and variance, 10 ms), and for 50 ms both it stays level and the probe within 50 um;

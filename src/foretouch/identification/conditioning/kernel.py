@@ -1,6 +1,6 @@
-"""Sums of the sensor's lag, compiled; what they tell is in `sensor_lag`.
+"""One raw sample conditioned, and the sums of the sensor's lag, compiled.
 
-One raw sample conditioned, compiled; what it does and why is in `conditioning`.
+What they do and why is told by `foretouch.identification.Conditioner` and `foretouch.identification.SensorLag`.
 """
 
 from __future__ import annotations

@@ -45,11 +45,11 @@ class SensorWatch:
     `DROPOUT`           force and position repeat exactly for 20 ms                                     20 ms
     `STUCK`             the force repeats exactly for 0.1 s while the position changes                  0.1 s
     `SATURATED`         two samples within 2 % of an end of the range                                   2 samples
-    `OFFSET_STEP`       the force changes and nothing is touched: see `offset_step`                     50 ms, still
+    `OFFSET_STEP`       the force changes and nothing is touched: see `fault_kernels`                   50 ms, still
     `SPIKE`             a sample is far off both neighbours, and no impact explains it                  2 samples
     `ENCODER_JUMP`      the position moves faster than the largest speed                                1 sample
-    `CONTACT_LOST`      the force falls and no way out or slowing down explains it: see `contact_loss`  3 samples
-    `FORCE_DISAGREES`   the drive's own effort is another force: see `contact_loss`                     0.1 s
+    `CONTACT_LOST`      the force falls and no way out or slowing down explains it (`fault_kernels`)    3 samples
+    `FORCE_DISAGREES`   the drive's own effort is another force: see `fault_kernels`                    0.1 s
     ==================  ==============================================================================  =============
 
     Repetitions count only once the force has shown noise, and from four times the longest repetition so far.

@@ -68,10 +68,10 @@ LOWEST, HIGHEST, LARGEST_SPEED, LEAST_SPIKE, MASS = 22, 23, 24, 25, 26
 """What stays: the ends of the range [N], and what `SensorWatch` is given [m/s, N, kg]."""
 
 STEP = 27
-"""From here on what `foretouch.identification.conditioning.fault_kernels` knows."""
+"""From here on stands what is known of a step of the offset (`foretouch.identification.conditioning.fault_kernels`)."""
 
 LOSS = STEP + STEP_SIZE
-"""And what `foretouch.identification.conditioning.fault_kernels` knows."""
+"""From here on stands what is known of a contact that is lost, by the same module."""
 
 SIZE = LOSS + LOSS_SIZE
 

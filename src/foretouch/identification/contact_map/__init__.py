@@ -1,1 +1,1 @@
-"""Force over depth and time as a map: the bank of experts and what it learns from."""
+"""How a contact map is learnt: the bank of experts, the regression of its maps, and the scores that share the force."""

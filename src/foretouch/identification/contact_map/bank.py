@@ -212,7 +212,7 @@ class ContactMapBank(Estimator):
         Args:
             conditioner: What a `Conditioner` remembers; it goes on in place.
             lag: What a `SensorLag` remembers; it goes on in place.
-            notes: Of `raw_kernel.make_notes` before the first block; it goes on in place.
+            notes: Of `contact_map.kernel.make_notes` before the first block; it goes on in place.
             rows: Time [s], position [m], force [N] and velocity [m/s], shape (4, m).
             measured: Whether velocities were measured; else they are found from the positions.
             told: Whether there is contact, force less the offset [N] and residual [N], shape (m,) each, written.

@@ -1,9 +1,8 @@
-"""One sample for the whole bank of experts, and a recording of them, compiled; what and why is in `contact_map`.
+"""One sample for the whole bank of experts, and whole recordings of raw samples, compiled.
 
-Raw samples conditioned, learnt from by the bank, and compared with the model before each: one compiled loop.
-
-What is done with a sample is what `Learner.update` does, in its order and with the same functions; the residual is that
-of `identify`.
+What the bank does and why is told by `foretouch.identification.ContactMapBank`. A recording is one compiled loop, in
+which each sample is conditioned, compared with the model before it and learnt from: what `Learner.update` does, in its
+order and with the same functions; the residual is that of `identify`.
 """
 
 from __future__ import annotations
@@ -143,7 +142,7 @@ def _take(state: Array, time: float, depth: float, velocity: float, force: float
     """One sample, in place; returns what it did.
 
     Args:
-        state: All that is remembered, shape (TOTAL,) of `contact_map_notes`.
+        state: All that is remembered, shape (TOTAL,) of `contact_map.scores`.
         time: [s].
         depth: Below the surface [m], NaN before that is known.
         velocity: [m/s].
@@ -238,7 +237,7 @@ def make_notes(before: float) -> Array:
 
 
 def _adopt(flat: Array, model: Array, short: Array) -> bool:
-    """The map as it is after `contact_map_wire.pack` and `unpack`; False where no model can be made of it.
+    """The map as it is after `pack` and `unpack`; False where no model can be made of it.
 
     Args:
         flat: As it was learnt.

@@ -1,4 +1,4 @@
-"""One step of learning a contact map, compiled; what it does and why is in `contact_map`."""
+"""One step of learning a contact map, compiled; what it does and why: `foretouch.identification.ContactMapBank`."""
 
 from __future__ import annotations
 
@@ -211,7 +211,7 @@ def _learn(state: Array, time: float, place: float, velocity: float, force: floa
     """One sample, in place; returns what was done.
 
     Args:
-        state: All that is remembered, up to and with this sample's motion (`contact_map_notes`).
+        state: All that is remembered, up to and with this sample's motion (`contact_map.scores`).
         time: [s].
         place: From the origin [m].
         velocity: [m/s].

@@ -1,10 +1,7 @@
-"""How the experts of a contact map share its force, and how far it is to be doubted, compiled.
+"""How the experts of a contact map share its force and how far it is to be doubted, and where their memory stands.
 
-What and why is in `contact_map`.
-
-What a bank of experts remembers from sample to sample, by its place in one flat array.
-
-All that one compiled call needs stands in one array: each array that a call takes costs as much as a short step.
+What and why is told by `foretouch.identification.ContactMapBank`. All that one compiled call needs stands in one array,
+for each array that a call takes costs as much as a short step.
 """
 
 from __future__ import annotations

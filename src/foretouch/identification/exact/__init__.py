@@ -1,1 +1,1 @@
-"""Laws that are not linear, by recursive Bayesian estimation."""
+"""The exact law (4), learnt by a recursive estimator that does not linearise it, with standard errors."""

@@ -1,7 +1,4 @@
-"""Unknowns and covariance of the exact recursive estimator between two samples, compiled.
-
-Where they begin, what bounds them, how they are expressed at another reference depth, and how they drift.
-"""
+"""The exact estimator's unknowns and covariance between samples, compiled: begin, bounds, reference depth, drift."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One step of the exact recursive estimator, compiled; the equations are in `exact_recursive`."""
+"""One step of the exact recursive estimator, compiled; its equations: `foretouch.identification.ExactRecursive`."""
 
 from __future__ import annotations
 
@@ -173,7 +173,7 @@ def _update(
     velocity: float,
     force: float,
 ) -> int:
-    """One sample in contact, in place; returns what was done. See `exact_recursive.ExactRecursive`."""
+    """One sample in contact, in place; returns what was done. See `foretouch.identification.ExactRecursive`."""
     if not (1e-9 < depth < 1e6 and abs(velocity) < 1e6 and abs(force) < 1e9 and math.isfinite(time)):
         return UNUSABLE
     if memory[REFERENCE] == 0.0:

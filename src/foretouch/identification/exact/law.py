@@ -1,9 +1,4 @@
-r"""What the exact recursive estimator remembers and how it is set, by their places in flat arrays.
-
-The unknowns are F0 [N], D [N], s, alpha of `exact_law`, and the height of the true surface above the given one in
-shares of x0.
-
-The exact law (4) in unknowns of like size, shared by the estimators that do not linearise it.
+r"""The exact law (4) in unknowns of like size, and where the exact recursive estimator keeps its numbers.
 
 With a reference depth x0 and the reference speed v0 = x0 / T0,
 
@@ -12,6 +7,9 @@ With a reference depth x0 and the reference speed v0 = x0 / T0,
 F0 = k x0^s is the elastic force at the reference depth, and D = lambda x0^n v0 the damping force at reference depth
 and speed: both are forces of the size of those measured, whatever the units of depth, and s and alpha are bounded by
 equation (5). Kelvin-Voigt (1) is s = alpha = 1, Hunt-Crossley (2) is alpha = 0.
+
+All estimators that do not linearise the law share these. The recursive one has a fifth unknown, the height of the true
+surface above the given one in shares of x0.
 """
 
 from __future__ import annotations

@@ -1,1 +1,1 @@
-"""Laws that are linear in their parameters: fixed-point robust recursive least squares, equation (20), and its kin."""
+"""The linearised law (18), learnt by recursive least squares: equation (20), its kin, and what mends it."""

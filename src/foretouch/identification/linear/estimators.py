@@ -1,8 +1,7 @@
-"""Recursive least squares on the linearised law (18): plain, forgetting, and self-perturbing.
+"""Recursive least squares on the linearised law (18): plain, forgetting, self-perturbing, and the paper's estimator.
 
-The paper's estimator: recursive least squares with forgetting and self-perturbation (FPRLS), equation (20).
-
-The paper's estimator with all that mends it on measured contact.
+The paper's has forgetting and self-perturbation (FPRLS), equation (20); the robust one also has all that mends it on
+measured contact.
 """
 
 from __future__ import annotations

@@ -1,13 +1,12 @@
-r"""What the compiled linear estimators make of a sample before they learn from it: refusal, rate, weight, forgetting.
+r"""Equation (20) on the four unknowns of the linearised law, compiled: what is made of a sample, and how it is learnt.
 
-Equation (20) on the four unknowns of the linearised law, compiled: one sample of one recording.
-
-The one place of the arithmetic. One call a sample (`update`), a whole recording (`fprls_recording`) and many
-recordings at once (`fprls_batch`) inline the functions below, which have no choice in how a term is rounded: products
-and sums as written, never contracted into fused multiply-adds (Python and other machines would round those
-differently, and the chain of dependencies would not be shorter, see `fprls_bound`), logarithms and exponentials of
-`elementary`. So all paths, interpreted ones too, give the same numbers **to the last bit**, and restart and perturb at
-the same samples.
+The one place of the arithmetic. One call a sample (`foretouch.identification.linear.sample`), a whole recording
+(`foretouch.identification.linear.recording`) and many recordings at once (`foretouch.identification.linear.lanes`)
+inline the functions below, which have no choice in how a term is rounded: products and sums as written, never
+contracted into fused multiply-adds (Python and other machines would round those differently, and the chain of
+dependencies would not be shorter, see `foretouch.bench.peers`), logarithms and exponentials of
+`foretouch.identification.linear.recursion`. So all paths, interpreted ones too, give the same numbers **to the last
+bit**, and restart and perturb at the same samples.
 
 With :math:`h = \mu^{-1} / (\mu / w + \Phi^T P \Phi)`, the only divide by what depends on P, a step is
 

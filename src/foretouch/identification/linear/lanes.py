@@ -1,12 +1,9 @@
-"""Equation (20) on one sample of many recordings, compiled: the arithmetic is that of `fprls_kernel`.
+"""Equation (20) over many independent recordings at once, compiled; the arithmetic is that of `linear.kernel`.
 
 One sample of `LANES` recordings is one loop that becomes vector instructions: what belongs to a recording stands in
 rows of one buffer, recordings innermost. There are no branches by sample; what is refused, restarted or perturbed is
-selected.
-
-Equation (20) over many independent recordings at once, compiled: block by block of `fprls_lanes`.
-
-Serial and parallel are two functions each: what Numba compiles for all cores is slower on one.
+selected. Recordings are taken block by block. Serial and parallel are two functions each, for what Numba compiles for
+all cores is slower on one.
 """
 
 from __future__ import annotations

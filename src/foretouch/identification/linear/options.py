@@ -1,10 +1,8 @@
-"""What mends least squares on measured contact, each part on its own; all of it off by default.
+"""What least squares on the linearised law (18) leave open: how they forget, and what mends them on measured contact.
 
-What the compiled linear estimators keep of one recording, and their options, each packed into one array.
-
-A call from Python costs about 0.1 us for each array that it hands over, so there are two.
-
-What all least squares on the linearised law (18) leave open, and how they forget.
+Each part of what mends them stands on its own, and all of it is off by default. For the compiled estimators options are
+packed into one array, and what is kept of a recording into another: a call from Python costs about 0.1 us for each
+array that it hands over.
 """
 
 from __future__ import annotations

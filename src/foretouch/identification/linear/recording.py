@@ -1,4 +1,4 @@
-"""Equation (20) over a whole recording, compiled: the arithmetic is that of `fprls_kernel`.
+"""Equation (20) over a whole recording, compiled; the arithmetic is that of `foretouch.identification.linear.kernel`.
 
 In blocks that fit the cache: which samples are refused, then logarithms, rates and forgetting factors of the others in
 loops that become vector instructions, then the recursion with theta and P in registers.
@@ -210,10 +210,10 @@ def _run(
     status: NDArray[np.int8],
     every: Array,
 ) -> None:
-    """All samples of a recording, as `fprls_kernel.update` with one after the other.
+    """All samples of a recording, as `foretouch.identification.linear.sample.update` with one after the other.
 
     Args:
-        state: Of `fprls_kernel`, shape (STATE_SIZE,); changed in place.
+        state: Of `foretouch.identification.linear.options`, shape (STATE_SIZE,); changed in place.
         options: Shape (OPTIONS_SIZE,).
         depth: [m], shape (m,).
         velocity: [m/s], shape (m,).

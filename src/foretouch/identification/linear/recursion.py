@@ -1,11 +1,10 @@
-"""Recursive least squares, one compiled step that all linear estimators share.
+"""Recursive least squares, one compiled step for all linear estimators, with logarithm and exponential of its own.
 
-Logarithm and exponential from additions, multiplications and one divide: the same bits wherever they are computed.
-
-The C library, NumPy's vectors and another machine round ln x differently in the last digit. Least squares with
-forgetting can amplify that digit without bound (a covariance that winds up breaks at the sample where rounding says),
-so the compiled estimators compute both with the arithmetic that IEEE 754 determines to the last bit. Without branches
-and tables, loops over them become vector instructions; interpreted they give the same.
+These are additions, multiplications and one divide, the same bits wherever they are computed. The C library, NumPy's
+vectors and another machine round ln x differently in the last digit. Least squares with forgetting can amplify that
+digit without bound (a covariance that winds up breaks at the sample where rounding says), so the compiled estimators
+compute both with the arithmetic that IEEE 754 determines to the last bit. Without branches and tables, loops over them
+become vector instructions; interpreted they give the same.
 """
 
 from __future__ import annotations

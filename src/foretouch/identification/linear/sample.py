@@ -1,4 +1,4 @@
-"""Equation (20) compiled, one call a sample: the arithmetic is that of `fprls_kernel`."""
+"""Equation (20) compiled, one call a sample; the arithmetic is that of `foretouch.identification.linear.kernel`."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""The contact map: force over depth and time as numbers, how it advances, and its bytes."""
+"""The contact map as a law: its numbers in one flat array, its memory and force, and its form on the network."""

@@ -1,8 +1,7 @@
-"""What a renderer asks of a contact map beside its force, compiled: local slopes, and the work of the way out.
+"""The contact map for a loop: its step, its slopes and the work of the way out, each one compiled call.
 
-The contact map for a loop: one compiled call each, with what the material remembers as plain numbers.
-
-A call into compiled code takes 0.3 us whatever it does, and each array that is made of a tuple for it as much again.
+What the material remembers goes in as plain numbers: a call into compiled code takes 0.3 us whatever it does, and each
+array that is made of a tuple for it as much again.
 """
 
 from __future__ import annotations

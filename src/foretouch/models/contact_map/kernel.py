@@ -1,7 +1,7 @@
 """The contact map, compiled: what the material remembers, and the force.
 
-Follower and leader call the same functions on the same flat array (`contact_map_layout`). The equations are in
-`contact_map`.
+Follower and leader call the same functions on the same flat array (`foretouch.models.contact_map.layout`). The
+equations are told by `foretouch.models.ContactMap`.
 """
 
 from __future__ import annotations

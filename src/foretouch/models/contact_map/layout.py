@@ -1,7 +1,7 @@
 """The numbers that a contact map is made of, and their places in the one flat array that holds it.
 
 The header comes first, then the coarse and the fine map: ranges of the features, weights of the elastic part, weights
-of the features. Follower and leader hold the same array; the equations are in `contact_map`.
+of the features. Follower and leader hold the same array; the equations are told by `foretouch.models.ContactMap`.
 """
 
 from __future__ import annotations

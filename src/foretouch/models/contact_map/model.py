@@ -1,7 +1,4 @@
-"""A contact law learnt as a map: force over depth and over what the material remembers.
-
-What there is to say of a contact map in a few numbers.
-"""
+"""A contact law learnt as a map: force over depth and over what the material remembers; and what sums it up."""
 
 from __future__ import annotations
 

@@ -1,8 +1,6 @@
-"""Columns out of arrays, as HDF5 and MATLAB files hold them: samples along the longest dimension, whichever that is.
+"""Columns out of HDF5 and MATLAB files, samples along the longest dimension, whichever that is.
 
-Reads the datasets of an HDF5 file, MATLAB's version 7.3 among them.
-
-Reads the variables of a MATLAB file up to version 7 (SciPy); version 7.3 is HDF5, see `hdf5_table`.
+MATLAB's version 7.3 is HDF5; files up to version 7 are read by SciPy.
 """
 
 from __future__ import annotations

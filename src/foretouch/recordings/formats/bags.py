@@ -1,8 +1,7 @@
-"""Definitions of ROS 2 message types: those that a file carries, else those of ROS 2's own packages (`rosbags`).
+"""Bags of ROS 2: rosbag2 folders and database files (sqlite3 or MCAP storage, compressed or not), read by `rosbags`.
 
-What every bag does with the bytes of its messages, wherever it has them from.
-
-Reads rosbag2 folders and database files (sqlite3 or MCAP storage, compressed or not) by `rosbags`.
+What every bag does with the bytes of its messages is here, wherever it has them from. Definitions of message types are
+those that a file carries, else those of ROS 2's own packages.
 """
 
 from __future__ import annotations

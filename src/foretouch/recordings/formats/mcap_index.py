@@ -1,8 +1,7 @@
-"""The index at the end of an MCAP file, made from the file itself: for one that ends, and for one that was cut.
+"""A session's MCAP file on disk: written block by block, and its index made from the file itself, cut or whole.
 
 The library's own writer keeps an object for every block in memory until the end, a hundred megabytes in ten hours.
-
-A file that grows block by block, so that it ends with a whole block whatever happens to its disk.
+However a disk fails, the file ends with a whole block.
 """
 
 from __future__ import annotations

@@ -1,7 +1,12 @@
-r"""Excerpts of measured recordings: time, position and force as integers, in a small part of the original's size.
+r"""Measured recordings as others published them, and the excerpts that the package carries of them.
 
-Sensors count: encoders in steps, converters in volts over a power of two. An excerpt keeps these counts :math:`c` and
-how many of them make one unit of SI, :math:`u`, and stores the first count and then differences, which are small:
+The originals are presses of the TU/e one-degree-of-freedom teleoperation experiment (MATLAB ``.mat``), where a person
+moves the leader lever and the follower lever presses a material, both 0.075 m long, sampled at 2 kHz; and skin
+indentations measured with an Aurora dual-mode motor (``.ddf``, text, volts at 2 kHz).
+
+An excerpt has time, position and force as integers, in a small part of the original's size. Sensors count: encoders in
+steps, converters in volts over a power of two. An excerpt keeps these counts :math:`c` and how many of them make one
+unit of SI, :math:`u`, and stores the first count and then differences, which are small:
 
 .. math:: q_i = \frac{1}{u} \sum_{j \le i} \Delta c_j
 
@@ -11,12 +16,6 @@ estimator makes several percent of a difference of :math:`10^{-15}` m. A column 
 one is rounded to the nearest count, and has no such second column.
 
 It is an ``.npz`` of NumPy, which every installation reads; of Parquet the reader, pyarrow, comes with an extra.
-
-Reads the measured presses of the TU/e one-degree-of-freedom teleoperation experiment (MATLAB ``.mat``).
-
-A person moves the leader lever, the follower lever presses a material; both are 0.075 m long, sampled at 2 kHz.
-
-Reads the skin indentations measured with an Aurora dual-mode motor (``.ddf``, text, volts at 2 kHz).
 """
 
 from __future__ import annotations

@@ -1,9 +1,7 @@
-"""Reads a Parquet table of samples; rows count from 1, there is no header line.
+"""Reads tables of samples, CSV and Parquet; rows of Parquet count from 1, as there is no header line.
 
-Reads a CSV table of samples.
-
-Two ways with one result: pyarrow's, a few seconds for an hour at 1 kHz, and where that finds anything out of order (or
-is not installed) a careful one, line by line, which knows the row that is to blame.
+CSV is read in two ways with one result: pyarrow's, a few seconds for an hour at 1 kHz, and where that finds anything
+out of order (or is not installed) a careful one, line by line, which knows the row that is to blame.
 
 Columns are separated by commas, semicolons or tabs, whichever the header has most of, or by single spaces; beside all
 but commas a comma in a number is its decimal point, as spreadsheets of many countries write.

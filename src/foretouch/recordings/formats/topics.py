@@ -1,11 +1,9 @@
-"""What a session's MCAP file holds of our own: the topics and their types, which carry every field of the messages.
+"""The topics of a session and their types, in its MCAP file and on ROS 2: our own, and standard ones beside them.
 
-The contact model as a ROS 2 message of its own, for tools and robots that know nothing of foretouch.
-
-`foretouch_msgs/msg/ContactModel` carries the law's numbers with their names; a receiver needs no table of laws to read
-them. `/follower/model` beside it carries every field of `ModelUpdate`, also those that only foretouch can use.
-
-The standard ROS 2 types beside our own: the same motion, force and images, for tools that know only those.
+Our own carry every field of the messages. The standard ones have the same motion, force and images, for tools that know
+only those. The contact model has a type of its own, `foretouch_msgs/msg/ContactModel`, with the law's numbers and their
+names; a receiver needs no table of laws to read them. `/follower/model` beside it carries every field of `ModelUpdate`,
+also those that only foretouch can use.
 """
 
 from __future__ import annotations

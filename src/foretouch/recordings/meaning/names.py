@@ -1,8 +1,7 @@
-"""What the name of a column says: which quantity, and its unit. Words of several languages, as files have them.
+"""What the name of a column says: which quantity, in which unit, and of which frame.
 
-Columns that common robots' own interfaces name always alike: which number is what, in which frame.
-
-Units that options may name, and the columns of a table that needs no map.
+Words are those of several languages, as files have them; some common robots' interfaces name their columns always
+alike. A table whose columns are named as here needs no map.
 """
 
 from __future__ import annotations

@@ -25,7 +25,7 @@ LARGE = 50_000_000
 """Of recordings of at least so many bytes, some minutes, samples are kept in a file beside them."""
 
 VERSION = 1
-"""Of that file."""
+"""Version of the form of that file."""
 
 _COLUMNS = ("time", "position", "force", "faults", "fault_counts")
 

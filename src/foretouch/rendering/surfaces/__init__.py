@@ -1,4 +1,4 @@
-"""Surfaces in space: a plane, a field of heights, a mesh, and the proxy that slides on them."""
+"""Surfaces in space (a plane, a field of heights, a mesh), and the proxy that slides on them."""
 
 from foretouch.rendering.surfaces.mesh import HeightField, TriangleMesh
 from foretouch.rendering.surfaces.mesh_reading import first_hit_from_above, read_mesh

@@ -1,6 +1,6 @@
 """Meshes from files: read, repaired, or refused in one line.
 
-Reads STL as text, line by line: trimesh passes over what it cannot read, and a hole in a surface is felt.
+STL as text is read line by line, for trimesh passes over what it cannot read, and a hole in a surface is felt.
 """
 
 from __future__ import annotations

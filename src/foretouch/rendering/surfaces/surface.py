@@ -24,7 +24,7 @@ FACES_ALL_WAYS = 0.1
 missing."""
 
 NO_TRIANGLE = -1
-"""Where a surface has none."""
+"""Number of the touched triangle where a surface has none."""
 
 
 class SurfaceContact(NamedTuple):

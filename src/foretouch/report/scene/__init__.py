@@ -1,1 +1,1 @@
-"""What a report says of a session in space."""
+"""What a report finds out about a session in space."""

@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 CELL = 1e-3
-"""Of the map [m]."""
+"""Side of a cell of the map [m]."""
 
 NEAR = 3e-3
 """A place was touched if the probe was so near, half of what two nodes are apart [m]."""
@@ -34,7 +34,7 @@ REACH = 0.03
 """Half the side of the map [m]."""
 
 MIDDLE = (0.075, 0.0)
-"""Of the map, in the fixture's frame [m]."""
+"""Middle of the map in the fixture's frame [m]."""
 
 HIGH, CLOSE, STEPS = 0.2, 1e-6, 30
 """Rays to the surface begin so far above it, end so near to it [m], and take at most so many steps."""

@@ -1,7 +1,4 @@
-"""The rows of a session in three dimensions: what either side said along the normal and in space, tick by tick.
-
-Where the leader renders the fixture of a scene, against where it is.
-"""
+"""A session in three dimensions tick by tick, along the normal and in space; its fixture as rendered and as it is."""
 
 from __future__ import annotations
 

@@ -1,8 +1,7 @@
 """The figures of a session in three dimensions, and what they stand in for among those of a session along a line.
 
-Contacts that the leader renders and there are none, or that there are and it does not; friction and forces.
-
-The energy account of a hand in three dimensions, summed up again from what was recorded.
+They are contacts that are rendered where there are none or missed where there are, friction and forces, and the energy
+account of the hand, summed up again from what was recorded.
 """
 
 from __future__ import annotations

@@ -1,1 +1,1 @@
-"""A report as lines of text, as drawings and as a page."""
+"""What a report found out, as lines of text, as drawings and as a page."""

@@ -51,7 +51,7 @@ MOST_BYTES = 400_000
 """So many bytes a figure takes as lines; one with more has its curves as pixels."""
 
 MOST_WORDS = 100
-"""So do words among the curves, of which there are more than this: the numbers of a matrix."""
+"""Words among the curves are pixels too where there are more than this: the numbers of a matrix."""
 
 PIXELS = 150
 """By the inch, of such curves: half as many again as the widest page has."""

@@ -20,7 +20,7 @@ REFUSED = {
 """Commands that were refused, in words."""
 
 MOST_PLACES = 5
-"""Of more stretches their number is said alone."""
+"""Where there are more stretches than this, their number is said alone."""
 
 
 def lasted(report: Mapping[str, Any]) -> str:

@@ -1,7 +1,4 @@
-"""Fig. 10: parameters estimated over time on sponge, foam and hand.
-
-The drawing of Fig. 10.
-"""
+"""Fig. 10: parameters estimated over time on sponge, foam and hand, and its drawing."""
 
 from __future__ import annotations
 

@@ -40,10 +40,10 @@ NEARLY = 10.0
 """A force almost lies on another one when they differ by less than this [% of the RMS]: the just noticeable share."""
 
 SEEDS = (0, 1, 2, 3)
-"""Of the noise; everything but the comparison with the delayed force is made with the first."""
+"""Seeds of the noise; everything but the comparison with the delayed force is made with the first."""
 
 AFTER_FIRST_PRESS = FIRST_PRESS + PRESS_PERIOD
-"""[s]"""
+"""When the second press begins [s]."""
 
 OWED = 1.1
 """Adaptiveness is owed to the self-perturbing action if the error without it is larger by this factor."""

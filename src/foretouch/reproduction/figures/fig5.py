@@ -1,7 +1,4 @@
-"""Fig. 5: what linearising the law leaves out, equations (15) to (18).
-
-How far the two steps of the linearisation reach: (16) in phi, and (17) in depth.
-"""
+"""Fig. 5: what linearising the law leaves out, equations (15) to (18); how far (16) reaches in phi, (17) in depth."""
 
 from __future__ import annotations
 

@@ -1,10 +1,7 @@
-"""What the figures of estimated parameters have in common: four panels over the iterations.
+"""Fig. 7: parameters identified of laws that stay and laws that change, four panels over the iterations each.
 
-Fig. 7a: Kelvin-Voigt and Hunt-Crossley, each identified with the four parameters of (18).
-
-Fig. 7b: a material that changes continuously from Hunt-Crossley to Kelvin-Voigt.
-
-Fig. 7c: a material that changes suddenly, twice.
+In 7a Kelvin-Voigt and Hunt-Crossley are each identified with the four parameters of (18); in 7b a material changes
+continuously from Hunt-Crossley to Kelvin-Voigt; in 7c it changes suddenly, twice.
 """
 
 from __future__ import annotations

@@ -27,10 +27,10 @@ RATES = (0.0, 100.0, *(100.0 * step for step in range(5, 41)), 5000.0, 1e4)
 """rho [1/m] of threshold switching by FPRLS that are tried; the paper gives none."""
 
 FPRLS_RATE = 2300.0
-"""That of the figure: in the middle of those at which there is one switch with a shock of some 4.5 N."""
+"""The rate of the figure [1/m], in the middle of those at which there is one switch with a shock of some 4.5 N."""
 
 DRAWN = (1.0, 0.95, 0.85)
-"""Those of the figure."""
+"""Forgetting factors that the figure draws."""
 
 PAPER_SWITCH, PAPER_SHOCK = 198, 4.5
 """Iteration, and error [N] just before it."""

@@ -1,8 +1,6 @@
-"""What Figs. 2 and 3 have in common: one impact, its hysteresis loop, its power, and the three energies.
+"""Figs. 2 and 3: a mass meets a Kelvin-Voigt and a Hunt-Crossley material.
 
-Fig. 2: a mass meets a Kelvin-Voigt material.
-
-Fig. 3: a mass meets a Hunt-Crossley material.
+Each has one impact with its hysteresis loop, its power, and the three energies.
 """
 
 from __future__ import annotations

@@ -1,7 +1,4 @@
-"""The same at 1 kHz with noise of real sensors: what breaks, and what mends it.
-
-Presses at 1 kHz as sensors see them, and what an estimator makes of each on the way.
-"""
+"""The presses of Fig. 7 at 1 kHz with noise of real sensors: what an estimator makes of them, and what mends it."""
 
 from __future__ import annotations
 
@@ -178,7 +175,7 @@ VARIANTS: dict[str, Callable[[], Estimator]] = {
 """The printed estimator, each change of it alone, all of them, and the estimator of the exact law."""
 
 DRAWN = {"as printed": COLOURS[0], "robust-fprls": COLOURS[3], "exact": COLOURS[2]}
-"""Those drawn over time."""
+"""Estimators that are drawn over time, with their colours."""
 
 
 def make() -> Section:

@@ -1,6 +1,6 @@
-"""Threshold switching on one of the presses of Figs. 7 and 8.
+"""What the paper says that its estimator finds in Figs. 7 and 8, each as one number and a limit, and as it was found.
 
-What the paper says that its estimator finds in Figs. 7 and 8, each as one number and a limit.
+Threshold switching is tried on the same presses.
 """
 
 from __future__ import annotations

@@ -21,7 +21,8 @@ meant.) Not in the paper: the damping ratio
 .. math:: \epsilon = \lambda v_i / (k x_M^\alpha)
 
 is damper over spring at the speed of impact and the greatest depth; :math:`\Delta E / (\tfrac12 m v_i^2) =
-\tfrac43 h(\beta) \epsilon`, and how wrong (12) is depends on n, alpha and epsilon alone (`low_damping`).
+\tfrac43 h(\beta) \epsilon`, and how wrong (12) is depends on n, alpha and epsilon alone
+(`foretouch.reproduction.theory.impact`).
 """
 
 from __future__ import annotations

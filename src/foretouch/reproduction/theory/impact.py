@@ -1,6 +1,4 @@
-r"""Impact of a mass on a material, integrated: what equations (6) to (14) approximate, for any law without memory.
-
-Where the closed-form energy loss (12) ends: it is compared with the integrated impact.
+r"""Impact of a mass on any material without memory, integrated; and where the closed-form energy loss (12) ends.
 
 In depths of x_M by (7) and speeds of v_i an impact depends on three numbers only: n, alpha and the damping ratio
 :math:`\epsilon = \lambda v_i / (k x_M^\alpha)`,

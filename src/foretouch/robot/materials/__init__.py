@@ -1,4 +1,4 @@
-"""Materials that the simulated robot presses: one file each."""
+"""Materials that the simulated robot presses: their laws, compiled, and where their numbers come from."""
 
 from foretouch.robot.materials.catalogue import (
     DEFAULT_MATERIAL,

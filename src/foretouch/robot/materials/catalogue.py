@@ -1,20 +1,8 @@
-"""What a material is: a contact law at a place, with where its numbers come from.
+"""The registry of materials, a name to the function that makes it, and where the numbers of each come from.
 
-The paper's Kelvin-Voigt material.
-
-The paper's Hunt-Crossley material.
-
-Human hand: skin, fat and muscle of the thenar over bone.
-
-Bare bone: the stress case.
-
-Sponge: quasi-linear viscoelastic.
-
-Foam: plateau and densification, from the mechanics of cells.
-
-Foam fitted to measured presses: the default material.
-
-The registry of materials: a name to the function that makes it.
+A material is a contact law at a place. There are the paper's Kelvin-Voigt and Hunt-Crossley materials; foam fitted to
+measured presses, the default; and independent physics: a sponge, quasi-linear viscoelastic; a foam with plateau and
+densification, from the mechanics of cells; a thenar's skin, fat and muscle over bone; and bare bone, the stress case.
 """
 
 from __future__ import annotations

@@ -1,8 +1,7 @@
-"""A contact law of three layers in series, each with its own stiffening and relaxation, on a stiff base.
+"""Contact laws that only simulated materials have: in layers, with fading memory, with hysteresis.
 
-A contact law with fading memory: a nonlinear elastic response of which a part relaxes.
-
-A contact law with memory: springs and slipping Maxwell branches that engage with depth.
+Three layers in series on a stiff base each stiffen and relax on their own; a nonlinear elastic response relaxes in
+part; springs and slipping Maxwell branches engage with depth.
 """
 
 from __future__ import annotations

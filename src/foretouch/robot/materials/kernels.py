@@ -1,9 +1,7 @@
-"""Compiled step of the hysteretic contact law; the equations are in `hysteretic_contact`.
+"""Compiled steps of the hysteretic and the layered contact law; their equations: `foretouch.robot.materials.contacts`.
 
-Springs and branches stand in one table, one row each: start a [m], end b [m], force [N] or stiffness [N/m], and for
-branches slip force [N] and relaxation time [s]. One table keeps the call short.
-
-Compiled step of the layered contact law; the equations are in `layered_contact`.
+Springs and branches of the hysteretic law stand in one table, one row each, which keeps the call short: start a [m],
+end b [m], force [N] or stiffness [N/m], and for branches slip force [N] and relaxation time [s].
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """All robots, devices, materials and estimators that there are, and their checks by name.
 
-A check whose calls do not come back: it is left alone, and told of.
+A check whose calls do not come back is left alone, and told of.
 """
 
 from __future__ import annotations

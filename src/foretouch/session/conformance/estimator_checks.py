@@ -31,7 +31,7 @@ OWN_LAWS: dict[str, ContactModel] = {
 }
 """Whose presses an estimator of that law learns whole."""
 SOFT = HuntCrossley(3000.0, 300.0, 1.4)
-"""The same for all others: what every law of the paper can be near to."""
+"""Estimators of all other laws learn presses of this one, which every law of the paper can be near to."""
 SURFACE, OFFSET, DEEPEST = 0.01, 0.3, 0.01
 """Of the presses: where they begin [m], the sensor's force in free air [N], and how deep they go [m]."""
 LEAST_FORCE = 1e-3

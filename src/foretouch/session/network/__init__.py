@@ -1,1 +1,1 @@
-"""Who may command, how old it may be, and when a model is sent."""
+"""Who may command, how old a command may be, and when a model is sent."""

@@ -1,7 +1,4 @@
-"""Who may command: one leader at a time.
-
-Noticing who else would command, and who speaks with the name of the one who does.
-"""
+"""Who may command: one leader at a time; and who else would, or speaks with the name of the one who does."""
 
 from __future__ import annotations
 
@@ -147,7 +144,7 @@ MANY = 20
 have some under way."""
 
 WINDOW_NS = 1_000_000_000
-"""[ns]"""
+"""The time in which these commands are counted [ns]."""
 
 TOLD_NS = 5_000_000_000
 """What was noticed is told until it has not been noticed for so long [ns]."""

@@ -1,6 +1,6 @@
-"""What the follower sends of what it has learnt, when, and what the leader is known to have of it.
+"""What the follower sends of what it has learnt, when, what the leader is known to have of it, and how late it is used.
 
-How late a model is used, by the clock of the one who sends it.
+How late is told by the clock of the one who sends it.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""An even stream of positions from commands that arrive unevenly.
+"""An even stream of positions from commands that arrive unevenly, and which commands are fresh.
 
-Whether a command is fresh: by its number, and by how long it travelled, seen from the receiver's own clock.
+Freshness goes by a command's number, and by how long it travelled, seen from the receiver's own clock.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ MEMORY_NS = 60_000_000_000
 """The smallest transit is that of so long [ns]."""
 
 BLOCK_NS = 1_000_000_000
-"""It is kept by blocks of this length [ns]."""
+"""The smallest transit is kept by blocks of this length [ns]."""
 
 SLACK_NS = 1_000_000_000
 """A command's number may be ahead of its clock by so much [ns], and its clock ahead of ours by ten times that."""

@@ -1,6 +1,6 @@
 """Processes that a session is made of: started, ended in order, and killed where they do not end.
 
-What a console may choose while a session runs, and who hears it: the process that supervises the others.
+What a console chooses while a session runs is heard by the process that supervises the others.
 """
 
 from __future__ import annotations

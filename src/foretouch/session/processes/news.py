@@ -1,6 +1,7 @@
-"""What the sides say to people: one sentence while something is not as it should be.
+"""What a side tells people beside its messages, and a loop that hangs.
 
-A loop that hangs: a call of a driver that does not come back, as another thread of the same process sees it.
+Sentences are said once while something is not as it should be; and another thread of the process sees that a driver's
+call does not come back.
 """
 
 from __future__ import annotations

@@ -1,1 +1,1 @@
-"""A session again, as it was or under another network."""
+"""A recorded session again, as it was or under another network."""

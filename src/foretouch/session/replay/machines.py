@@ -1,6 +1,6 @@
-"""The settings of a recorded session, for it to be run again.
+"""The settings and the machines of a recorded session, for it to be run again.
 
-The machines of a recorded session again: an operator that moves as it did, a robot that felt what it felt.
+The operator moves as it did; the robot feels what it felt.
 """
 
 from __future__ import annotations

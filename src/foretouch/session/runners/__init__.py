@@ -1,1 +1,1 @@
-"""What drives the steps: the machine's clock or a simulated one."""
+"""What drives the steps, by the machine's clock or a simulated one, with everything compiled before."""

@@ -1,6 +1,6 @@
-"""One pacing rule for every real-time loop: absolute deadlines, sleep, then a short spin.
+"""The pace of every real-time loop: absolute deadlines, sleep, then a short spin; and whom the kernel runs first.
 
-Whom the kernel runs first where several want a processor: the loops at once, the watchers when there is time.
+Loops run at once, watchers when there is time.
 """
 
 from __future__ import annotations
@@ -78,8 +78,8 @@ LONGEST_CATCH_UP = 50
 """A simulated robot that was held up lets at most so many sample periods pass at once."""
 
 LONGEST_EXCHANGE_NS = 500_000
-"""And no further one once each has taken so long [ns] at the mean: half a tick, for a slow simulation would fall behind
-the more the more it catches up."""
+"""No further one passes once each has taken so long [ns] at the mean: half a tick, for a slow simulation would fall
+behind the more the more it catches up."""
 
 
 class LoopTimer:

@@ -4,7 +4,7 @@ Somebody else moves the robot. Both steps of a session run in this one process: 
 measured position, and the models reach it as late as the settings say. What would have been rendered is there to be
 seen, recorded and scored; what the follower would have done stays in here.
 
-How well a force is predicted while it is felt, in a few sums.
+How well the force is predicted while it is felt is kept in a few sums.
 """
 
 from __future__ import annotations

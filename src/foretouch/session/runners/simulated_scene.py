@@ -1,6 +1,6 @@
 """A session in three dimensions in simulated time: the same steps as in real time, bit-identical on repeat.
 
-All that a session in three dimensions in simulated time needs, made as its settings say.
+All that it needs and is not given is made as its settings say.
 """
 
 from __future__ import annotations

@@ -1,1 +1,1 @@
-"""What the robot may be told: force, motion, ways that were proven, and who has the last word."""
+"""What the robot may be told: limits of force and motion, the way in that was proven, and the last word."""

@@ -1,8 +1,6 @@
 """How fast a robot may go deeper, or has to go back, so that a force comes to a limit and does not pass it.
 
-One tick of `foretouch.session.safety.force_guard.ForceGuard`, compiled.
-
-Guarded contact: what the follower does where it touches what the leader does not know yet.
+One tick of it is compiled. With it the follower guards a contact that the leader does not know yet.
 """
 
 from __future__ import annotations

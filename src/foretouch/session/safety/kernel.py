@@ -29,7 +29,7 @@ PROVEN_SHARE = 0.75
 its speed."""
 
 MARGIN, BRAKING_DELAY = 5e-4, 5e-3
-"""It has braked so far before what allows less [m], by a path that it follows so much later [s]."""
+"""The robot has braked so far before what allows less [m], by a path that it follows so much later [s]."""
 
 START_BACK = 3e-5
 """A robot that presses begins so far outside of where it seems to be [m]: an encoder's count may show it deeper than it
@@ -50,7 +50,7 @@ AIM, RETURNING, MET, NEW = 0, 1, 2, 3
 been with them; whether it has not followed yet."""
 
 CAME, FAULTY_FOR = 4, 5
-"""Where it was told to be when this contact began [m], NaN for none; and for how long its sensors are faulty [s]."""
+"""Where the robot was told to be when this contact began [m], NaN for none; how long its sensors are faulty [s]."""
 
 FORCE, DEPTH, LOWEST, HIGHEST, SPEED, ACCELERATION, RETURN_SPEED = 6, 7, 8, 9, 10, 11, 12
 HOLD_AFTER, UNLOAD_AFTER, RETREATS = 13, 14, 15
@@ -71,13 +71,13 @@ NEARING = 23
 """In space: how fast it may be coming nearer to what may be there by going along it [m/s]."""
 
 GUARD = 24
-"""From here on the numbers of its `ForceGuard`."""
+"""From here on stand the numbers of its `ForceGuard`."""
 
 MOTION = GUARD + GUARD_SIZE
-"""And of its `MotionLimits`; in space the position and velocity in it are those along the normal."""
+"""From here on stand those of its `MotionLimits`; in space its position and velocity are those along the normal."""
 
 WAY = MOTION + MOTION_SIZE
-"""And of its `ProvenWay`."""
+"""From here on stand those of its `ProvenWay`."""
 
 SIZE = WAY + WAY_SIZE
 

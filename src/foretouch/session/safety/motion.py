@@ -1,7 +1,5 @@
 """The last thing before the robot: a path that keeps limits of speed, acceleration and jerk, whatever it is told.
 
-One tick of `foretouch.session.safety.motion.MotionLimits`, compiled.
-
 Like the other kernels of the follower's step it keeps its numbers in one array, and has its types stated: a driver that
 says a whole number where a fraction came before is no reason to compile anew in a loop.
 """

@@ -1,7 +1,4 @@
-"""What the robot's own motion has proven of the way in, place by place; all else counts as the worst.
-
-One tick of `foretouch.session.safety.proven_way.ProvenWay`, compiled.
-"""
+"""What the robot's own motion has proven of the way in, place by place, compiled; all else counts as the worst."""
 
 from __future__ import annotations
 
@@ -100,7 +97,7 @@ IN_EDGE, IN_TIME, LARGEST = 4, 5, 6
 """The edge that was crossed last on the way in, by number, NaN for none; when [s]; and the largest force since [N]."""
 
 OUT_EDGE, LEAST = 7, 8
-"""The same of the way out, and the least force since [N]."""
+"""The edge that was crossed last on the way out, NaN for none; and the least force since [N]."""
 
 POSITIONS, FORCES = 9, 9 + MEAN
 """Rings of the newest samples [m, N]."""

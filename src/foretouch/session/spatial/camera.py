@@ -1,6 +1,6 @@
-"""The simulated camera at the follower: images of the fixture with its board and of the probe.
+"""The simulated camera at the follower, images of fixture, board and probe, and any camera and tracker in real time.
 
-Camera and tracker in real time: a process of its own beside the follower, whose loop has no time for them.
+These run in a process of their own beside the follower, whose loop has no time for them.
 """
 
 from __future__ import annotations

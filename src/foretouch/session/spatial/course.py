@@ -1,6 +1,6 @@
-"""Where the robot is on its way to: what stands between the place that is commanded and the one that is allowed.
+"""Where the robot in space is on its way to, and the coordinate along the normal, by which it runs as one along a line.
 
-The coordinate along a surface's normal: what makes a session in space run as one along a line.
+The course stands between the place that is commanded and the one that is allowed.
 """
 
 from __future__ import annotations

@@ -1,8 +1,6 @@
-"""Where the surface is that a contact began at.
+"""What contacts in space tell: where the surface is that one began at, friction, and when the materials are sent.
 
-When the materials that were learnt over a surface are sent.
-
-What friction is learnt from: force and speed along the surface, smoothed alike.
+Friction is learnt from force and speed along the surface, smoothed alike.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """The last stage before the robot in space: whatever surface, normal or pose is believed, a place within the limits.
 
-The force on the probe kept below its ceiling whichever way it points, and whatever is believed of the surface.
+The force on the probe is kept below its ceiling whichever way it points.
 """
 
 from __future__ import annotations

@@ -1,9 +1,8 @@
 """The leader's step in three dimensions: geometry about the step along a line.
 
 The hand's place is brought onto the normal of the rendered surface; there the leader along a line renders, mediates and
-accounts; and what it gives is brought back into space, with the friction along the surface beside it.
-
-The law of the place where the hand is, from the newest field of materials, and its doubt.
+accounts; and what it gives is brought back into space, with the friction along the surface beside it. The law is that
+of the place where the hand is, from the newest field of materials, with its doubt.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""Robot, camera and operator of a session in three dimensions, as its settings say.
+"""Robot, camera and operator of a session in three dimensions, and the simulated world that they are in.
 
-The simulated remote world: a fixture that stands elsewhere than believed and is bumped, and what it is made of.
+The world's fixture stands elsewhere than believed and is bumped; what it is made of, the settings say.
 """
 
 from __future__ import annotations

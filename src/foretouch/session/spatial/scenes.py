@@ -1,6 +1,6 @@
 """Scenes: the shape of what is touched, as both sides know it, and what a simulated one is made of.
 
-The file of a mesh as what a scene is touched on: it has to be where the hand can reach it, and face up.
+The file of a mesh is one too: it has to be where the hand can reach it, and face up.
 """
 
 from __future__ import annotations
@@ -30,10 +30,10 @@ SMALLEST_SIDE, LARGEST_SIDE = 0.005, 0.5
 """Seen from above a specimen is at least and at most as wide as this [m]: others are in another unit."""
 
 REACH = 0.04
-"""Its middle, seen from above, and its top are so near to where specimens stand [m]."""
+"""The middle of a mesh, seen from above, and its top are so near to where specimens stand [m]."""
 
 TRIED = (0.0, -0.25, 0.25)
-"""Where it comes down, in shares of the sides: a hole in the middle is none everywhere."""
+"""Where the hand comes down on a mesh, in shares of the sides: a hole in the middle is none everywhere."""
 
 Array = NDArray[np.float64]
 
@@ -42,7 +42,7 @@ def specimen_of(path: Path, middle: Vector) -> TriangleMesh:
     """Read the mesh that a scene is touched on; an open sheet that faces down is turned.
 
     Args:
-        path: Of the file: STL, OBJ or PLY, in metres.
+        path: File of the mesh: STL, OBJ or PLY, in metres.
         middle: Where specimens stand in the fixture's frame [m].
 
     Raises:

@@ -1,8 +1,7 @@
 """What is known of the way to a surface in space: where the air is free, and how fast it may be gone along.
 
-What `foretouch.session.spatial.way_in.PoseDoubt` takes of a covariance in each tick, compiled.
-
-How much nearer a surface may be at a place than it is believed to be, and how otherwise inclined.
+How much nearer the surface may be than it is believed, and how otherwise inclined, comes from the pose's covariance, in
+each tick and compiled.
 """
 
 from __future__ import annotations

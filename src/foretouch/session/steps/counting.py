@@ -1,6 +1,6 @@
 """What each side tells the report in its `Hello`: what it counted, and what it does to the messages that it takes.
 
-An operator's time: a hand that feels something begins once it is coupled.
+The operator's time, in which a hand that feels something begins once it is coupled, is kept here too.
 """
 
 from __future__ import annotations

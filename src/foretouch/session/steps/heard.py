@@ -8,7 +8,7 @@ from foretouch.link import SequenceCounter
 from foretouch.messages import ModelUpdate, Status, Telemetry
 
 STOPPED, SHADOW = int(Status.STOPPED), int(Status.SHADOW)
-"""As they stand in messages."""
+"""States of the robot as they stand in messages."""
 
 AS_DEEP = 5e-4
 """A robot that has been as deep as one before, but for so much [m], has felt what that had."""

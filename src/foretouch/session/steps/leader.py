@@ -1,6 +1,6 @@
 """The leader's step: the operator's motion in; a command and the force of the virtual environment out.
 
-When hand and follower belong together: from the first that is known of both, but for a pressed clutch.
+Hand and follower belong together from the first that is known of both, but for a pressed clutch.
 """
 
 from __future__ import annotations

@@ -1,8 +1,7 @@
-"""What a sensor's calibration changes for a follower, and whether it fits the robot that it is given for.
+"""What a follower thinks of itself: whether its calibration fits the robot, what raised in a step, how often it ticks.
 
-What raised in the stages of a step: counted, kept in one sentence, and no reason for a robot to be left alone.
-
-How often a loop ticks, and whether that is enough to be safe.
+What raises is counted, kept in one sentence, and no reason to leave a robot alone; a loop that ticks too seldom is not
+safe.
 """
 
 from __future__ import annotations
