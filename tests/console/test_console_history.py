@@ -47,6 +47,8 @@ def test_true_force_stands_where_its_command_was_given():
     assert window.prediction_error == pytest.approx(100 * 0.1 / rms)
     delayed = np.sqrt(np.mean([(true[i] - 0.5) ** 2 for i in range(1, 921)]))
     assert window.delayed_error == pytest.approx(100 * delayed / rms)
+    felt = np.sqrt(np.mean((window.true[known] - window.rendered[known]) ** 2))
+    assert window.rendered_error == pytest.approx(100 * felt / rms)
 
 
 def test_what_the_robot_does_beside_following_is_no_error_of_the_prediction():

@@ -139,6 +139,8 @@ def test_a_network_that_changed_divides_a_stretch(tmp_path: Path) -> None:
     text = render_text(report)
     assert "position delay 0.5 s, force delay 0.6 s" in text.splitlines()[0]
     assert "settings changed 1 time; figures are of the longest stretch (number 2)" in text
+    low, high = sorted(one["rendered_error_percent"] for one in report["stretches"]["each"])
+    assert f"The rendered force was wrong by {figure(low)} to {figure(high)} %, by stretch." in text
     assert [one["settings"]["force_delay"] for one in report["stretches"]["each"]] == ["0.3", "0.6"]
 
 

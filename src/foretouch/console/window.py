@@ -34,6 +34,7 @@ class Window(NamedTuple):
         late_energy: That late ticks and missing positions took beside it, never positive [J].
         round_trip: How old the hand's motion is that the newest telemetry answers [s]; NaN before the first.
         away: Whether the robot was not where the command said: it held its place, or was on its way back.
+        rendered_error: The same as `prediction_error` of `rendered`, which means something where forces are not scaled.
     """
 
     time: Array
@@ -49,6 +50,7 @@ class Window(NamedTuple):
     late_energy: Array
     round_trip: Array
     away: NDArray[np.bool_]
+    rendered_error: float = NAN
 
 
 def empty_window() -> Window:
@@ -76,14 +78,16 @@ def window_of(sequence: NDArray[np.int64], columns: Array, now: float, seconds: 
     true = columns[:, 9]
     away = (columns[:, 10] > 0.0) | _never_applied(sequence, true)
     contact = (true > CONTACT_FLOOR) & np.isfinite(columns[:, 1]) & ~away
-    prediction_error, delayed_error = (_error(columns[contact, column], true[contact]) for column in (1, 2))
+    prediction_error, delayed_error, rendered_error = (
+        _error(columns[contact, column], true[contact]) for column in (1, 2, 4)
+    )
     stride = 1 << max(0, math.ceil(math.log2(len(sequence) / points)))  # a power of two: it seldom changes
     shown = sequence % stride == 0
     true = _bridged(sequence, true)[shown]
     drawn = columns[shown].T
     return Window(
         time[shown], drawn[1], drawn[2], true, prediction_error, delayed_error, drawn[3], drawn[4], drawn[5], drawn[6],
-        drawn[7], drawn[8], away[shown],
+        drawn[7], drawn[8], away[shown], rendered_error,
     )  # fmt: skip
 
 

@@ -76,6 +76,7 @@ class Numbers(NamedTuple):
         again: Predicted and delayed force of a second run [N], None where there is none.
         again_errors: Their errors over the plotted time [%].
         away: How long of the plotted time the robot did not follow [s], which no error counts.
+        rendered_error: Over the plotted time [%]; NaN where forces are scaled.
     """
 
     predicted: float
@@ -93,6 +94,7 @@ class Numbers(NamedTuple):
     again: tuple[float, float] | None = None
     again_errors: tuple[float, float] = (NAN, NAN)
     away: float = 0.0
+    rendered_error: float = NAN
 
 
 class ForcePanel:
@@ -140,7 +142,7 @@ def numbers_html(n: Numbers) -> str:
         Row(PREDICTED.name, predicted, PREDICTED, number(n.prediction_error, "%", 1)),
         Row(DELAYED.name, number(n.delayed, "N"), DELAYED, number(n.delayed_error, "%", 1)),
         Row(f"True force{age}", number(n.true, "N"), TRUE),
-        Row(RENDERED.name, number(n.rendered, "N"), RENDERED),
+        Row(RENDERED.name, number(n.rendered, "N"), RENDERED, number(n.rendered_error, "%", 1)),
     ]
     if n.again is not None:
         curves = (PREDICTED_AGAIN, DELAYED_AGAIN)
@@ -202,6 +204,7 @@ def numbers_of(
         again=again,
         again_errors=errors,
         away=away,
+        rendered_error=window.rendered_error if shown.setting("force_scale", 1.0) == 1.0 else NAN,
     )
 
 

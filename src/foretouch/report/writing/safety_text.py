@@ -7,7 +7,7 @@ from typing import Any
 
 from foretouch.errors import plural, was_or_were
 from foretouch.recordings import FollowerSamples
-from foretouch.report.numbers import number
+from foretouch.report.numbers import figure, number
 from foretouch.report.statuses import fault_name
 
 REFUSED = {
@@ -49,7 +49,11 @@ def stretch_sentence(report: Mapping[str, Any]) -> str:
         began += f", and settings changed {_times(found['changes'])}"
     own, whole = (number(seconds, "s") for seconds in (report["duration_s"], found["duration_s"]))
     place = next((f" (number {place})" for place, one in enumerate(found["each"], 1) if one["reported"]), "")
-    return f"{began[:1].upper()}{began[1:]}; figures are of the longest stretch{place}, {own} of {whole}."
+    errors = [one["rendered_error_percent"] for one in found["each"] if one["rendered_error_percent"] is not None]
+    spread = ""
+    if len(errors) > 1:
+        spread = f" The rendered force was wrong by {figure(min(errors))} to {number(max(errors), '%')}, by stretch."
+    return f"{began[:1].upper()}{began[1:]}; figures are of the longest stretch{place}, {own} of {whole}.{spread}"
 
 
 def left_out(samples: FollowerSamples) -> list[str]:
