@@ -124,7 +124,10 @@ def test_its_recording_can_be_replayed(session: tuple[dict[str, Any], Path, str]
     assert (np.diff(again.leader["time_ns"]) == 1_000_000).all()
     own, found = (session_report(one) for one in (log, again))
     assert found["duration_s"] == pytest.approx(own["duration_s"], abs=0.01)
-    assert found["contact_force_rms_N"] == pytest.approx(own["contact_force_rms_N"], rel=0.1)
+    # On a busy machine the robot was held now and then and pressed less; in simulated time nothing is late.
+    held = (log.longest().follower["status"] != Status.FOLLOWING).any()
+    assert found["contact_force_rms_N"] > 0.9 * own["contact_force_rms_N"]
+    assert held or found["contact_force_rms_N"] == pytest.approx(own["contact_force_rms_N"], rel=0.1)
     assert found["prediction_error_percent"] < 2.0 * own["prediction_error_percent"] + 5.0
     late = (np.diff(log.longest().leader["time_ns"]) != 1_000_000).any()
     assert any("real time" in note for note in replay_notes(log, settings)) == late
