@@ -51,7 +51,7 @@ test: setup system  ## everything that a change must pass, in some 6 minutes on 
 test-live: setup
 	@$(BIN)/pytest -m "live and not long" $(ARGS) $$(grep -rl 'mark\.live' tests)
 test-beside: setup
-	@nice -n 19 $(MAKE) --no-print-directory --jobs 2 --output-sync test-quick check docs test-interpreted WORKERS=1
+	@nice -n 19 $(MAKE) --no-print-directory check docs test-interpreted test-quick WORKERS=2
 test-quick: setup
 	@$(BIN)/pytest -m "not long and not live and not soak" --numprocesses 3 --dist loadfile $(ARGS)
 
