@@ -41,7 +41,7 @@ _STATM = Path("/proc/self/statm")
 def resident_bytes() -> int:
     """Bytes of this process that are in memory now, in whole pages; 0 where the system does not say.
 
-    All that it holds is in it, whoever asked for it: Python, NumPy, compiled code.
+    It includes the memory of Python, NumPy and compiled code.
     """
     if not _STATM.exists():
         return 0

@@ -108,7 +108,7 @@ def bare(pressed: list[ContactSample]) -> Callable[[], None]:
 def memory_growth(estimator: Estimator, pressed: list[ContactSample]) -> int:
     """Bytes that this process holds more after the second half of the calls than before, the least of some turns.
 
-    It is counted in whole pages, and whoever asked for them: what Python keeps, and what compiled code does.
+    Memory is counted in whole pages, of Python and of compiled code alike.
 
     Args:
         estimator: Fresh.

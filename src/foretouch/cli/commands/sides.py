@@ -180,9 +180,8 @@ def leader(
 def stop(*, endpoints: Endpoints, json_output: Json = False) -> None:
     """Stop the robot: an emergency stop, asked for again and again until the follower says that it has stopped.
 
-    Without --listen or --connect, those of your followers that run on this machine. The robot goes back until it feels
-    next to nothing and stays there until it is released at the follower. Exit code 1 where nobody has said so within
-    5 s.
+    Without --listen or --connect it stops your followers on this machine. The robot goes back until it feels next to
+    nothing, and stays there until it is released at the follower. Exit code 1 if no follower has confirmed within 5 s.
 
     Example: foretouch stop --connect tcp/127.0.0.1:7447
     """

@@ -143,7 +143,7 @@ def compare(
 
 
 LINES = 20
-"""Where nobody watches a terminal, progress is said so often."""
+"""How many lines of progress are printed where the output is not a terminal."""
 
 
 def sweep(
