@@ -1,52 +1,34 @@
 """Compare what is rendered from models with both baselines, and write what came out into `docs/baselines.md`.
 
-Usage: `.venv/bin/python docs/compare_baselines.py [TABLE ...]`, without names for all tables. The figures go into the
-blocks of these names. All tables take about ten minutes.
+Usage: `.venv/bin/python docs/compare_baselines.py`; it takes some minutes.
 """
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
-from measured_blocks import chosen, fill
+from measured_blocks import fill
 
 from foretouch.devices import GRIPS, Device, Hand, ScriptedOperator
 from foretouch.devices.device import minimum_jerk
 from foretouch.messages import SessionLog
-from foretouch.report import session_report
+from foretouch.report import session_figures
 from foretouch.robot import make_robot
 from foretouch.session import SessionSettings, simulate
-from foretouch.session.steps import baseline
 
 PAGE = Path(__file__).parent / "baselines.md"
 
-ROUND_TRIPS = (0.0, 0.02, 0.05, 0.1, 0.2, 0.4, 1.0, 2.0)
+ROUND_TRIPS = (0.0, 0.02, 0.4, 2.0)
 """[s], half of it in each direction."""
 
 CASES = (
     ("foam-measured", "soft"),
-    ("foam-measured", "normal"),
     ("hunt-crossley", "stiff"),
     ("kelvin-voigt", "normal"),
 )
-"""Materials and grips of the main table."""
-
-TUNED = (
-    ("foam-measured", "normal", 0.02),
-    ("foam-measured", "normal", 0.1),
-    ("hunt-crossley", "soft", 0.02),
-    ("hunt-crossley", "soft", 0.1),
-    ("hunt-crossley", "stiff", 0.0),
-    ("sponge", "normal", 0.1),
-)
-"""Material, grip and round trip of the tuning."""
-
-DAMPINGS = (0.0, 1.0, 2.0, 5.0, 10.0, 20.0)
-"""[N s/m]."""
+"""Materials and grips of the table."""
 
 STILL = 0.5
 """A hand that wants to stand and moves by less [mm] is stable."""
@@ -95,7 +77,7 @@ def surplus(log: SessionLog) -> float:
 
 
 def measure(which: str, material: str, grip: str, round_trip: float) -> tuple[str, ...]:
-    """Swing and force of a held press, its surplus, and error and surplus of scripted presses."""
+    """Swing of a held press, its surplus, and the error of scripted presses."""
     settings = SessionSettings(
         material=material,
         grip=grip,
@@ -107,14 +89,11 @@ def measure(which: str, material: str, grip: str, round_trip: float) -> tuple[st
     held = run(settings, round_trip)
     tail = held.leader[-int(max(2000, 3000 * round_trip)) :]
     swing = 1e3 * float(np.ptp(tail["exact_hand_position"]))
-    pressed = run(settings)
-    error = session_report(pressed)["rendered_error_percent"]
+    error = session_figures(run(settings))["rendered_error_percent"]
     return (
         f"**{swing:.2g}**" if swing > STILL else f"{swing:.2f}",
-        f"{np.mean(tail['rendered_force']):.1f}",
         _energy(surplus(held)),
         "–" if error is None else f"{error:.0f}",
-        _energy(surplus(pressed)),
     )
 
 
@@ -122,19 +101,8 @@ def _energy(value: float) -> str:
     return "0" if value < 5e-3 else f"{value:.2g}" if value < 10.0 else f"{value:.0f}"
 
 
-@contextmanager
-def damping(value: float) -> Iterator[None]:
-    """Another local damping for a while."""
-    usual = baseline.LOCAL_DAMPING
-    baseline.LOCAL_DAMPING = value
-    try:
-        yield
-    finally:
-        baseline.LOCAL_DAMPING = usual
-
-
 def compared() -> Iterator[list[str]]:
-    """The main table."""
+    """The rows of the table, heads first."""
     yield ["Material", "Grip", "Round trip [ms]", "Models", "`delayed`", "`delayed-tdpa`"]
     for material, grip in CASES:
         for round_trip in ROUND_TRIPS:
@@ -142,35 +110,19 @@ def compared() -> Iterator[list[str]]:
             yield [material, grip, f"{1e3 * round_trip:.0f}", *cells]
 
 
-def damped() -> Iterator[list[str]]:
-    """What the local damper does."""
-    yield ["Material", "Grip", "Round trip [ms]", *(f"{value:g} N s/m" for value in DAMPINGS)]
-    for material, grip, round_trip in TUNED:
-        cells = []
-        for value in DAMPINGS:
-            with damping(value):
-                swing, _, _, error, _ = measure("delayed", material, grip, round_trip)
-            cells.append(f"{swing} / {error}")
-        yield [material, grip, f"{1e3 * round_trip:.0f}", *cells]
-
-
 WHICH = ("none", "delayed", "delayed-tdpa")
-TABLES = {"compared": compared, "damped": damped}
 
 
-def main(names: list[str]) -> None:
-    """Measure these tables, or all; print them and write them into the page."""
-    written = {}
-    for name in chosen(names, TABLES):
-        lines = []
-        for row in TABLES[name]():
-            lines.append("| " + " | ".join(row) + " |")
-            print(lines[-1], flush=True)
-            if len(lines) == 1:
-                lines.append("|" + " --- |" * len(row))
-        written[name] = "\n".join(lines) + "\n"
-    fill(PAGE, written)
+def main() -> None:
+    """Measure the table, print it and write it into the page."""
+    lines = []
+    for row in compared():
+        lines.append("| " + " | ".join(row) + " |")
+        print(lines[-1], flush=True)
+        if len(lines) == 1:
+            lines.append("|" + " --- |" * len(row))
+    fill(PAGE, {"compared": "\n".join(lines) + "\n"})
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:])
+    main()

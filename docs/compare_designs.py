@@ -1,8 +1,8 @@
 """Compare designs of a learner of contact maps, the shipped one and those that lost, and write what they gave.
 
 Usage: `.venv/bin/python docs/compare_designs.py [TABLE ...]`, without names for all tables; `--files` prints every
-recording instead of groups. The figures go into the blocks `design-TABLE` of `docs/contact-map.md`. It takes about
-three minutes on two cores.
+recording instead of groups. Where all tables were measured, some of their lines go into the block `designs` of
+`docs/contact-map.md`. It takes about three minutes on two cores.
 """
 
 from __future__ import annotations
@@ -115,6 +115,25 @@ TABLES: dict[str, dict[str, Design]] = {
 }
 """What is compared, table by table; the first line of each is what the others depart from."""
 
+ON_PAGE: dict[str, tuple[str, str]] = {
+    "shipped: law, coarse and fine map": ("experts", "shipped: law, coarse and fine map"),
+    "zero of the springs not given": ("experts", "the same, zero of the springs not given"),
+    "without the fine map": ("experts", "law and coarse map"),
+    "without the law": ("experts", "coarse and fine map"),
+    "without the coarse map": ("experts", "law and fine map"),
+    "equal weights": ("shares", "equal"),
+    "fitted to the whole file": ("learners", "the same, fitted to the whole file"),
+    "Gaussian process of 100 samples": ("learners", "Gaussian process of 100 samples"),
+    "local basis and ridge": ("learners", "local basis 1 mm, all features, ridge"),
+    "without memory": ("features", "neither (velocity)"),
+    "forgetting in 3 s": ("forgetting", "factor, 3 s"),
+    "clamped at the deepest": ("beyond", "clamped at the deepest"),
+}
+"""Lines of the page, by their titles there: table and design."""
+
+SHOWN = ("Foam, median", "Foam, worst", "Springs", "Rigid", "Skin", "Laws", "Sudden", "Materials")
+"""Columns of the page."""
+
 
 def errors(name: str, designs: dict[str, Design]) -> dict[str, tuple[float, float]]:
     """Error [%] and cost [us] of these designs on one recording."""
@@ -147,18 +166,34 @@ def figure(value: float) -> str:
     return f"{value:.1f}" if value < 100.0 else f"{min(value, 9999.0):.0f}"
 
 
-def summary(name: str, rows: dict[str, dict[str, tuple[float, float]]], designs: dict[str, Design]) -> str:
-    """One line for each design: median and worst of the foam, worst of each other group, cost."""
-    heads = ["Design", "Foam, median", "Foam, worst", *(key.capitalize() for key in list(COLUMNS)[1:]), "Cost [us]"]
-    lines = [heads, ["---", *["--:"] * (len(heads) - 1)]]
-    for title in designs:
-        by_name = {recording: row[title] for recording, row in rows.items()}
-        foam = [by_name[recording][0] for recording in COLUMNS["foam"]]
-        worst = [max(by_name[recording][0] for recording in COLUMNS[key]) for key in list(COLUMNS)[1:]]
-        costs = [cost for _, cost in by_name.values()]
-        cost = "–" if math.isnan(costs[0]) else f"{np.median(costs):.0f}"
-        lines.append([title, figure(float(np.median(foam))), figure(max(foam)), *map(figure, worst), cost])
-    return "\n".join("| " + " | ".join(line) + " |" for line in lines) + "\n"
+def cells(title: str, rows: dict[str, dict[str, tuple[float, float]]]) -> dict[str, str]:
+    """One design by the heads of its columns: median and worst of the foam, worst of each other group, cost."""
+    by_name = {recording: row[title] for recording, row in rows.items()}
+    foam = [by_name[recording][0] for recording in COLUMNS["foam"]]
+    others = list(COLUMNS)[1:]
+    worst = {key.capitalize(): figure(max(by_name[name][0] for name in COLUMNS[key])) for key in others}
+    costs = [cost for _, cost in by_name.values()]
+    cost = "–" if math.isnan(costs[0]) else f"{np.median(costs):.0f}"
+    return {
+        "Foam, median": figure(float(np.median(foam))),
+        "Foam, worst": figure(max(foam)),
+        **worst,
+        "Cost [us]": cost,
+    }
+
+
+def summary(lines: dict[str, dict[str, str]]) -> str:
+    """One line for each design, below the heads of its columns."""
+    heads = list(next(iter(lines.values())))
+    found = [["Design", *heads], ["---", *["--:"] * len(heads)]]
+    found += [[title, *line.values()] for title, line in lines.items()]
+    return "\n".join("| " + " | ".join(line) + " |" for line in found) + "\n"
+
+
+def shown(found: dict[str, dict[str, dict[str, str]]]) -> str:
+    """The lines and columns of the page, of the cells of all tables."""
+    lines = {title: found[table][design] for title, (table, design) in ON_PAGE.items()}
+    return summary({title: {head: line[head] for head in SHOWN} for title, line in lines.items()})
 
 
 def by_file(rows: dict[str, dict[str, tuple[float, float]]], designs: dict[str, Design]) -> str:
@@ -173,16 +208,18 @@ def by_file(rows: dict[str, dict[str, tuple[float, float]]], designs: dict[str, 
 
 
 def main(arguments: list[str]) -> None:
-    """Measure these tables, or all; print them and write them into the page."""
+    """Measure these tables, or all; print them, and write what the page shows of all of them."""
     names = chosen([word for word in arguments if word != "--files"], TABLES)
     found = measure(names)
     written = {}
     for name in names:
         rows = {recording: tables[name] for recording, tables in found.items()}
-        written[name] = summary(name, rows, TABLES[name])
-        print(f"{name}\n{by_file(rows, TABLES[name]) if '--files' in arguments else written[name]}", flush=True)
-    if PAGE.is_file():
-        fill(PAGE, {f"design-{name}": table for name, table in written.items()})
+        written[name] = {title: cells(title, rows) for title in TABLES[name]}
+        print(
+            f"{name}\n{by_file(rows, TABLES[name]) if '--files' in arguments else summary(written[name])}", flush=True
+        )
+    if PAGE.is_file() and len(written) == len(TABLES):
+        fill(PAGE, {"designs": shown(written)})
 
 
 if __name__ == "__main__":

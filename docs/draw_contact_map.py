@@ -11,12 +11,12 @@ from typing import Any
 
 import numpy as np
 
-from foretouch.identification import Learner, make_estimator, predict
+from foretouch.identification import Learner, predict
 from foretouch.identification.learner import LearntModel
 from foretouch.models import advance
 from foretouch.quantities.colours import DELAYED, css
 from foretouch.recordings import excerpt, read_recording
-from foretouch.report import COLOURS, delayed, lowest_mean, new_figure
+from foretouch.report import COLOURS, delayed_force, lowest_mean, new_figure
 
 IMAGE = Path(__file__).parent / "images" / "contact-map-foam.png"
 NAME = "tue/d-foam2"
@@ -42,7 +42,7 @@ def main() -> None:
 
 def learnt(recording: Any) -> LearntModel:
     """What is known after the whole file."""
-    learner = Learner(make_estimator("contact-map", "bank"), contact_floor=recording.contact_floor)
+    learner = Learner(contact_floor=recording.contact_floor)
     for time, position, force in zip(
         recording.time.tolist(), recording.position.tolist(), recording.force.tolist(), strict=True
     ):
@@ -83,10 +83,10 @@ def draw_depths(axes: Any, time: np.ndarray, position: np.ndarray, force: np.nda
 
 def draw_times(axes: Any, recording: Any, force: np.ndarray) -> None:
     """True, predicted and delayed force."""
-    learner = Learner(make_estimator("contact-map", "bank"), contact_floor=recording.contact_floor)
+    learner = Learner(contact_floor=recording.contact_floor)
     found = predict(recording, learner, delay=DELAY)
     time = recording.time - recording.time[0]
-    late = delayed(recording.time, force, DELAY)
+    late = delayed_force(recording.time, force, DELAY)
     predicted, deviation = found.force, found.standard_deviation
     axes.plot(time, late, color=css(DELAYED), linewidth=0.9, label=f"felt, {1e3 * DELAY:g} ms late")
     axes.plot(time, force, color="black", linewidth=1.2, label="felt")

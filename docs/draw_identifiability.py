@@ -86,7 +86,7 @@ def twin(alpha: float) -> tuple[Array, float, float]:
 def shares() -> dict[str, str]:
     """The blocks of the page."""
     rows = [
-        "| Presses | viscous share (RMS) | k | λ | n | α | largest correlation |",
+        "| Presses | viscous part (RMS) | k | λ | n | α | largest correlation |",
         "| --: | --: | --: | --: | --: | --: | --: |",
     ]
     for frequency in (0.1, 0.5, 2.0, 10.0):

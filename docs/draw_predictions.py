@@ -15,11 +15,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from foretouch.comparison import SIMULATED, simulate, unforeseeable
-from foretouch.identification import Learner, make_estimator
+from foretouch.identification import Learner
 from foretouch.quantities import Recording
 from foretouch.recordings import DATASETS, excerpt, read_recording
-from foretouch.report import Forces, finished, forces_under_delay, new_figure, score
-from foretouch.report.writing.drawing import DELAYED, PREDICTED, RENDERED, TRUE
+from foretouch.report import Forces, finished, forces_under_delay, new_figure, score_prediction
+from foretouch.report.drawing import DELAYED, PREDICTED, RENDERED, TRUE
 
 IMAGES = Path(__file__).parent / "images"
 SEEDS = (1, 2, 3)
@@ -49,7 +49,7 @@ SHOWN = (
 
 def predicted(recording: Recording, delay: float, offset: float | None = None) -> Forces:
     """With the estimator that is taken where none is named."""
-    learner = Learner(make_estimator("contact-map", "bank"), force_offset=offset, contact_floor=recording.contact_floor)
+    learner = Learner(force_offset=offset, contact_floor=recording.contact_floor)
     return forces_under_delay(recording, learner, delay)
 
 
@@ -61,7 +61,7 @@ def forces() -> Any:
         recording = read_recording(excerpt(shown.name))
         offset = zero_of(recording) if "spring" in shown.name else None
         found = predicted(recording, shown.delay, offset)
-        scores = score(
+        scores = score_prediction(
             found.time,
             found.measured,
             found.predicted,
@@ -153,7 +153,7 @@ def measured() -> Iterator[tuple[str, Any]]:
         offset = zero_of(recording) if entry.kind == "spring" else None
         found = predicted(recording, 0.02 if skin else 0.3, offset)
         window = {"score_from": 0.5, "score_to": 1.6} if skin else {}
-        scores = score(
+        scores = score_prediction(
             found.time,
             found.measured,
             found.predicted,

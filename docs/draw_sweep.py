@@ -24,6 +24,11 @@ HEADS = {
     "delayed": "delayed force",
     "delayed-tdpa": "delayed force, passivity controller",
 }
+LEFT_OUT = (
+    *("median_phantom_N", "simulated_s", "elapsed_s"),
+    *("guarded_contacts", "median_depth_lost_mm", "median_time_lost_s"),
+)
+"""Totals that the command prints and the page does not need."""
 
 
 def main(folder: Path) -> None:
@@ -34,6 +39,8 @@ def main(folder: Path) -> None:
     columns = [name for name in HEADS if name in content]
     lines = [f"| | {' | '.join(HEADS[name] for name in columns)} |", f"| --- |{' --: |' * len(columns)}"]
     for figure, (unit, words) in TOTALS.items():
+        if figure in LEFT_OUT:
+            continue
         lines.append(f"| {words} | {' | '.join(said(content[name][figure], unit) for name in columns)} |")
     told = said_of_crossovers(content.get("crossovers", ()))
     told += [f"Session {one['number']}: {one['objection']}: `{one['command']}`" for one in content["objections"]]

@@ -1,4 +1,4 @@
-"""Write docs/licences.md: every package of the lock, its licence as it states it, and what brings it.
+"""List every package of the lock, its licence as it states it, and what brings it: the table of `docs/licences.md`.
 
 .venv/bin/python docs/list_licences.py
 """
@@ -16,22 +16,6 @@ EXTRA = re.compile(r"extra == ['\"]([^'\"]+)['\"]")
 FAMILY = {"BSD": "BSD License", "": "not stated"}
 ANY = "any OSI-approved licence (its maintainers' words)"
 ELSEWHERE = "for other systems or versions of Python; not looked at here"
-
-HEAD = """# Licences
-
-foretouch itself is under Apache-2.0. Of others it holds the excerpts of [measured recordings](measured-recordings.md),
-under the MIT licence, with licence and origin beside them. The packages below are installed beside it, each under its
-own licence, and only those of the extras that you choose. This is what the packages of the lock state of themselves
-(`.venv/bin/python docs/list_licences.py` writes this page); *brought by* is what asks for a package,
-directly or through others: `base` is always there, `dev`, `docs` and `bench` are tools that no user needs.
-
-Copyleft among what `all` brings: `certifi` (MPL-2.0) and `tqdm` (MPL-2.0 in part), both unchanged and as files of
-their own. The extras `gamepad` (pygame) and `forcedimension` (forcedimension-core) are under the LGPL; `all` does not
-bring them.
-
-| Package | Version | Licence | Brought by |
-| --- | --- | --- | --- |
-"""
 
 
 def normal(name: str) -> str:
@@ -74,19 +58,22 @@ def brought(extras: tuple[str, ...]) -> set[str]:
     return {name for name, _ in there}
 
 
-def main() -> None:
+def rows() -> list[tuple[str, str, str, str]]:
+    """Name, version, licence and what brings it, of every package of the lock."""
     known = metadata.metadata("foretouch").get_all("Provides-Extra", [])
     base = brought(())
     by_extra = {extra: brought((extra,)) - base for extra in known if extra != "all"}
-    rows = []
+    found = []
     for name, version in LOCKED.findall((ROOT / "requirements.lock").read_text()):
-        by = "base" if name in base else ", ".join(f"`{extra}`" for extra in by_extra if name in by_extra[extra])
+        by = "base" if name in base else ", ".join(extra for extra in by_extra if name in by_extra[extra])
         try:
-            rows.append(f"| {name} | {version} | {licence(name)} | {by or 'the lock'} |")
+            stated = licence(name)
         except metadata.PackageNotFoundError:
-            rows.append(f"| {name} | {version} | {ELSEWHERE} | {by or 'the lock'} |")
-    (ROOT / "docs" / "licences.md").write_text(HEAD + "\n".join(rows) + "\n")
+            stated = ELSEWHERE
+        found.append((name, version, stated, by or "the lock"))
+    return found
 
 
 if __name__ == "__main__":
-    main()
+    for row in rows():
+        print(" | ".join(row))

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foretouch.quantities import Recording
-from foretouch.recordings import DATASETS, Dataset, excerpt, fetch, read_leader_motion, read_recording
+from foretouch.recordings import DATASETS, Dataset, excerpt, fetch_dataset, read_leader_motion, read_recording
 from foretouch.recordings.formats.published import LEVER, TORQUE_PER_VOLT, About, read_excerpt, write_excerpt
 
 Columns = dict[str, NDArray[np.float64]]
@@ -75,7 +75,7 @@ def is_right(dataset: Dataset) -> bool:
 
 def content(dataset: Dataset) -> tuple[About, Columns]:
     """What an excerpt holds of its original."""
-    original = fetch(dataset.name)
+    original = fetch_dataset(dataset.name)
     recording = read_recording(original)
     columns: Columns = {"time": recording.time, "position": recording.position, "force": recording.force}
     counts = AURORA

@@ -3,13 +3,13 @@
 `foretouch teleop` with a console runs once. In each round, one after another: nobody looks; the browser is stopped
 (SIGSTOP) while it is sent pictures; its tab has been closed while the handle was held; a browser draws and a mouse
 presses. Printed, and written into `docs/console.md`, is what leader and follower measured of themselves in these
-stretches, from the recording: the median over the rounds, and from which to which. The browser that draws does so in
+segments, from the recording: the median over the rounds and the largest. The browser that draws does so in
 software on the machine of the session, with the lowest priority (nice 19), and once more with the priority that it has.
 
 Beside it: in which share of its ticks the robot held its place for lack of a fresh command, and how wrong the predicted
 force was while it followed, as the console shows it beside the curve.
 
-Usage: `.venv/bin/python docs/measure_console.py [SECONDS of a stretch] [ROUNDS]`; 10 and 5 without.
+Usage: `.venv/bin/python docs/measure_console.py [SECONDS of a segment] [ROUNDS]`; 10 and 5 without.
 """
 
 from __future__ import annotations
@@ -45,10 +45,10 @@ LATE_NS = 1_500_000
 SETTLE = 2.0
 """Seconds that are not counted after something began or ended: a session that starts, a browser that goes."""
 
-Stretch = tuple[int, int]
+Segment = tuple[int, int]
 """From when to when [ns, monotonic clock, which is one for all processes of a machine]."""
 
-Runs = dict[str, Callable[[Printed, float], Stretch]]
+Runs = dict[str, Callable[[Printed, float], Segment]]
 """What the browser does, by name."""
 
 HELD = (Status.HOLDING, Status.UNLOADING, Status.RETREATING, Status.TOO_SLOW)
@@ -65,59 +65,58 @@ def main(seconds: float, rounds: int) -> None:
     """Print the table and fill the page."""
     from measured_blocks import fill  # notes which code this is, and the tests that use this script need no notes
 
-    log, stretches = run_all(RUNS, seconds, rounds)
-    measured = timing(log, stretches)
+    log, segments = run_all(RUNS, seconds, rounds)
+    measured = timing(log, segments)
+    held = felt(log, segments)
     lines = [
-        f"{rounds} rounds of {seconds:g} s each; period between ticks [ms], median over the rounds and range",
-        f"{'stretch':28}{'side':10}{'50 %':>8}{'99 %':>8}{'range':>14}{'late':>9}{'range':>16}",
+        f"{rounds} rounds of {seconds:g} s each; the median over the rounds, the largest in parentheses:\n",
+        "| Browser | Leader: period at 99 % [ms] | late [%] | Follower: period at 99 % [ms] | late [%] "
+        "| Robot held [%] | Error [%] |",
+        "| --- |" + " --: |" * 6,
     ]
-    for (name, side), of_rounds in measured.items():
-        (median, most, late), least, largest = (
-            np.median(of_rounds, axis=0),
-            of_rounds.min(axis=0),
-            of_rounds.max(axis=0),
-        )
-        mosts, lates = (f"{least[i]:.2f} to {largest[i]:.2f}" for i in (1, 2))
-        lines.append(f"{name:28}{side:10}{median:8.3f}{most:8.2f}{mosts:>14}{late:7.2f} %{lates:>14} %")
-    lines += ["", f"{'stretch':28}{'robot held':>12}{'range':>18}{'error':>9}{'range':>18}"]
-    for name, of_rounds in felt(log, stretches).items():
-        (held, error), least, largest = np.median(of_rounds, axis=0), of_rounds.min(axis=0), of_rounds.max(axis=0)
-        helds, errors = (f"{least[i]:.2f} to {largest[i]:.2f}" for i in (0, 1))
-        lines.append(f"{name:28}{held:10.2f} %{helds:>16} %{error:7.1f} %{errors:>16} %")
-    text = "\n".join(lines)
+    for name in segments:
+        timed = [cell for side in ("leader", "follower") for cell in over_rounds(measured[name, side][:, 1:])]
+        lines.append(f"| {' | '.join([name, *timed, *over_rounds(held[name])])} |")
+    text = "\n".join(lines) + "\n"
     print(text)
-    fill(PAGE, {"console": f"```text\n{text}\n```\n"})
+    fill(PAGE, {"console": text})
 
 
-def run_all(runs: Runs, seconds: float, rounds: int) -> tuple[SessionLog, dict[str, list[Stretch]]]:
+def over_rounds(of_rounds: np.ndarray) -> list[str]:
+    """The median over the rounds of each figure, the largest in parentheses."""
+    middle, largest = np.median(of_rounds, axis=0), of_rounds.max(axis=0)
+    return [f"{one:.2f} ({most:.2f})" for one, most in zip(middle, largest, strict=True)]
+
+
+def run_all(runs: Runs, seconds: float, rounds: int) -> tuple[SessionLog, dict[str, list[Segment]]]:
     """One session in which the browser did all that, by turns; and when it did."""
-    stretches: dict[str, list[Stretch]] = {name: [] for name in runs}
+    segments: dict[str, list[Segment]] = {name: [] for name in runs}
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "session.mcap"
         with session(path) as printed:
             for _ in range(rounds):
                 for name, behave in runs.items():
-                    stretches[name].append(behave(printed, seconds))
+                    segments[name].append(behave(printed, seconds))
         log = read_session(path)
-    return log, stretches
+    return log, segments
 
 
-def timing(log: SessionLog, stretches: dict[str, list[Stretch]]) -> dict[Key, np.ndarray]:
+def timing(log: SessionLog, segments: dict[str, list[Segment]]) -> dict[Key, np.ndarray]:
     """By what the browser did and side of the session: `figures` of each round."""
     return {
-        (name, side): np.array([figures(rows, stretch) for stretch in of_it])
-        for name, of_it in stretches.items()
+        (name, side): np.array([figures(rows, segment) for segment in of_it])
+        for name, of_it in segments.items()
         for side, rows in (("leader", log.leader), ("follower", log.follower))
     }
 
 
-def felt(log: SessionLog, stretches: dict[str, list[Stretch]]) -> dict[str, np.ndarray]:
+def felt(log: SessionLog, segments: dict[str, list[Segment]]) -> dict[str, np.ndarray]:
     """By what the browser did: how long the robot held [%], and the error of the predicted force [%], of each round."""
-    return {name: np.array([_felt(log, stretch) for stretch in of_it]) for name, of_it in stretches.items()}
+    return {name: np.array([_felt(log, segment) for segment in of_it]) for name, of_it in segments.items()}
 
 
-def _felt(log: SessionLog, stretch: Stretch) -> tuple[float, float]:
-    begin, end = stretch
+def _felt(log: SessionLog, segment: Segment) -> tuple[float, float]:
+    begin, end = segment
     follower = log.follower[(log.follower["time_ns"] > begin) & (log.follower["time_ns"] < end)]
     rows = log.rows()
     following = np.isin(rows.follower["status"], WITH_THE_COMMANDS)
@@ -143,29 +142,29 @@ def session(path: Path) -> Iterator[Printed]:
             running.send_signal(signal.SIGINT)
 
 
-def figures(rows: np.ndarray, stretch: Stretch) -> tuple[float, float, float]:
-    """Median and 99 % of the period [ms], and the share of late ticks [%]."""
-    begin, end = stretch
+def figures(rows: np.ndarray, segment: Segment) -> tuple[float, float, float]:
+    """Median and 99 % of the period [ms], and the ratio of late ticks [%]."""
+    begin, end = segment
     counted = rows[(rows["time_ns"] > begin) & (rows["time_ns"] < end)]
     late = 100.0 * float(np.mean(counted["period_ns"] > LATE_NS))
     p50, p99 = np.percentile(counted["period_ns"] * 1e-6, (50, 99))
     return float(p50), float(p99), late
 
 
-def watch(seconds: float, wait: Callable[[float], None] = time.sleep) -> Stretch:
-    """Let it settle; then the stretch."""
+def watch(seconds: float, wait: Callable[[float], None] = time.sleep) -> Segment:
+    """Let it settle; then the segment."""
     wait(SETTLE)
     begin = time.monotonic_ns()
     wait(seconds)
     return begin, time.monotonic_ns()
 
 
-def nobody(printed: Printed, seconds: float) -> Stretch:
+def nobody(printed: Printed, seconds: float) -> Segment:
     """No browser."""
     return watch(seconds)
 
 
-def one_that_presses(printed: Printed, seconds: float) -> Stretch:
+def one_that_presses(printed: Printed, seconds: float) -> Segment:
     """A browser that draws, and a mouse on the handle."""
     with open_page(printed.address()) as (page, _):
         print(f"page up {page.evaluate('performance.now()') / 1000:.1f} s after its address was opened")
@@ -174,14 +173,14 @@ def one_that_presses(printed: Printed, seconds: float) -> Stretch:
             return watch(seconds, lambda s: page.wait_for_timeout(1000 * s))
 
 
-def one_that_draws(printed: Printed, seconds: float) -> Stretch:
+def one_that_draws(printed: Printed, seconds: float) -> Segment:
     """A browser that draws, with the priority that it has."""
     with open_page(printed.address(), *LAPTOP) as (page, _):
         page.wait_for_timeout(1000 * LOADED)
         return watch(seconds, lambda s: page.wait_for_timeout(1000 * s))
 
 
-def one_that_stands_still(printed: Printed, seconds: float) -> Stretch:
+def one_that_stands_still(printed: Printed, seconds: float) -> Segment:
     """A browser whose processes are stopped: it reads nothing any more."""
     with open_page(printed.address()) as (page, _):
         stopped = processes_of(page)
@@ -194,7 +193,7 @@ def one_that_stands_still(printed: Printed, seconds: float) -> Stretch:
                 os.kill(pid, signal.SIGCONT)
 
 
-def one_that_is_closed(printed: Printed, seconds: float) -> Stretch:
+def one_that_is_closed(printed: Printed, seconds: float) -> Segment:
     """A tab that is closed while it holds the handle."""
     with open_page(printed.address()) as (page, _):
         take_handle(page, 8.0)
@@ -203,11 +202,11 @@ def one_that_is_closed(printed: Printed, seconds: float) -> Stretch:
 
 
 RUNS: Runs = {
-    "no browser": nobody,
-    "browser stopped (SIGSTOP)": one_that_stands_still,
+    "none": nobody,
+    "stopped (SIGSTOP)": one_that_stands_still,
     "tab closed while it presses": one_that_is_closed,
-    "browser, mouse presses": one_that_presses,
-    "browser, as it comes": one_that_draws,
+    "mouse presses": one_that_presses,
+    "as it comes": one_that_draws,
 }
 
 

@@ -14,22 +14,23 @@ import json
 import math
 import sys
 import tempfile
+from collections import Counter
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
-from statistics import median
 from time import monotonic
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 from measured_blocks import chosen, fill
 from measuring import Row, console, figure, foretouch, middle, table, two_at_a_time, worst
 from numpy.typing import NDArray
 
-from foretouch.identification import Learner, make_estimator
+from foretouch.identification import Learner
 from foretouch.quantities import Recording
 from foretouch.recordings import excerpt, read_recording
-from foretouch.report import score
+from foretouch.report import score_prediction
+from foretouch.reproduction import Verdict
 from foretouch.session import mediate
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -47,29 +48,24 @@ def datasets() -> dict[str, str]:
 
 def reach() -> str:
     """`foretouch predict` on every measured file, beside what others make of it, and whether a hand would feel it."""
-    rows, foams = [], []
+    rows = []
     for name, kind in datasets().items():
         origin = name.split("/")[0]
         options = CONDITIONS.get(origin, "--delay 0.3")
         found = json.loads(foretouch(f"predict --dataset {name} {options} --json"))
-        others = [None] * len(RIVALS) if kind == "free" else rivals(name, measured_comparison(origin, CHOSEN))[1:]
-        rows.append([f"`{name}`", kind, *measured_row(found), *map(figure, others), f"`{found['status']}`"])
-        if kind == "foam":
-            foams.append(found["prediction_error_percent"])
+        others = [None] * len(RIVALS) if kind == "free" else rivals(name, measured_comparison(origin))[1:]
+        rows.append([f"`{name}`", kind, *measured_row(found), *map(figure, others)])
         if kind == "spring":
             given = json.loads(foretouch(f"predict --dataset {name} {options} --force-offset {zero(name):.4f} --json"))
-            none = ["–"] * len(RIVALS)
-            rows.append([f"`{name}`, zero given", kind, *measured_row(given), *none, f"`{given['status']}`"])
-    error, blanks = median(foams), ["–"] * (5 + len(RIVALS))
-    rows.append(["all foam, median", "foam", figure(error), felt(error), *blanks, ""])
-    return table((*REACH_HEADS, "Status"), rows)
+            rows.append([f"`{name}`, zero given", kind, *measured_row(given), *["–"] * len(RIVALS)])
+    return table(REACH_HEADS, rows)
 
 
 def measured_row(found: dict[str, Any]) -> Row:
     """What `foretouch predict` gives."""
     error = found["prediction_error_percent"]
     late, force = found["delayed_force_error_percent"], found["contact_force_rms_N"]
-    return [figure(error), felt(error), *noticed(found), figure(force), figure(late)]
+    return [figure(error), felt(error), figure(found["within_jnd_percent"]), figure(force), figure(late)]
 
 
 def reach_simulated() -> str:
@@ -77,14 +73,14 @@ def reach_simulated() -> str:
 
     What failed, or was never reached, counts as worse than every number.
     """
-    found = [simulated_comparison(CHOSEN, seed) for seed in SEEDS]
+    found = [simulated_comparison(seed) for seed in SEEDS]
     rows = []
     for name in found[0]:
         banks = [results[name]["contact-map", "bank"]["predictions"] for results in found]
         said = [of_one[0] if of_one else {} for of_one in banks]
         errors = [one.get("foreseeable_prediction_error_percent") for one in said]
         error, by_seed = middle(errors), [felt(one) for one in errors]
-        keys = ("within_jnd_percent", "time_to_ten_percent_s", "largest_update_jump_N")
+        keys = ("within_jnd_percent", "largest_update_jump_N")
         others = zip(*(rivals(name, results, "foreseeable_") for results in found), strict=True)
         rows.append(
             [
@@ -98,9 +94,8 @@ def reach_simulated() -> str:
                 *(figure(middle(of_one)) for of_one in others),
             ]
         )
-    heads = [head for head in REACH_HEADS[4:] if head != FORCE]
     first = ("Recording", "All samples [%]", "Error [%]", "Worst seed [%]", "Felt", "By seed")
-    return table((*first, *heads), rows)
+    return table((*first, "Within JND [%]", "Largest jump [N]", *REACH_HEADS[REACH_HEADS.index(FORCE) + 1 :]), rows)
 
 
 SEEDS = range(101, 109)
@@ -116,8 +111,6 @@ CONDITIONS = {"aurora": "--delay 0.02 --score-from 0.5 --score-to 1.6"}
 RIVALS = (
     ("continuous-switching", "fprls"),
     ("continuous-switching", "rls"),
-    ("continuous-switching", "robust-fprls"),
-    ("continuous-switching", "exact"),
     ("continuous-switching", "offline"),
     ("contact-map", "offline"),
 )
@@ -136,11 +129,9 @@ REACH_HEADS = (
     "Error [%]",
     "Felt",
     "Within JND [%]",
-    "To 10 % [s]",
-    "Largest jump [N]",
     FORCE,
     "Delayed [%]",
-    *(f"`{name}` [%]" for _, name in RIVALS[:4]),
+    *(f"`{name}` [%]" for _, name in RIVALS[:2]),
     "Floor, law [%]",
     "Floor, map [%]",
 )
@@ -165,12 +156,6 @@ def felt(error: float | None) -> str:
     return "–" if error is None else next(word for word, most in FELT.items() if error <= most)
 
 
-def noticed(found: dict[str, Any]) -> Row:
-    """What an operator would notice."""
-    keys = ("within_jnd_percent", "time_to_ten_percent_s", "largest_update_jump_N")
-    return [figure(found[key]) for key in keys]
-
-
 def zero(name: str) -> float:
     """The zero that scoring takes, which no causal learner can know of what never leaves contact [N]."""
     from foretouch.report import lowest_mean
@@ -180,17 +165,16 @@ def zero(name: str) -> float:
 
 
 @cache
-def measured_comparison(origin: str, chosen: str = "") -> Results:
-    """`foretouch compare` on all files of one origin; every law by every estimator, if none are chosen."""
+def measured_comparison(origin: str) -> Results:
+    """`foretouch compare` of `CHOSEN` on all files of one origin."""
     names = [name for name, kind in datasets().items() if name.startswith(origin) and kind != "free"]
     chosen_files = " ".join(f"--dataset {name}" for name in names)
-    return comparison(f"compare {chosen_files} {CONDITIONS.get(origin, '--delay 0.3')} {chosen} --json")
+    return comparison(f"compare {chosen_files} {CONDITIONS.get(origin, '--delay 0.3')} {CHOSEN} --json")
 
 
-@cache
-def simulated_comparison(chosen: str = "", seed: int = 0) -> Results:
-    """`foretouch compare --simulated`."""
-    return comparison(f"compare --simulated --seed {seed} {chosen} --json")
+def simulated_comparison(seed: int) -> Results:
+    """`foretouch compare --simulated` of `CHOSEN`."""
+    return comparison(f"compare --simulated --seed {seed} {CHOSEN} --json")
 
 
 def comparison(arguments: str) -> Results:
@@ -199,30 +183,6 @@ def comparison(arguments: str) -> Results:
     for result in json.loads(foretouch(arguments))["results"]:
         found.setdefault(result["recording"], {})[result["model"], result["estimator"]] = result
     return found
-
-
-def identifications() -> str:
-    """`foretouch identify` on every measured file."""
-    rows = []
-    for name, kind in datasets().items():
-        if kind == "free":
-            continue  # refused: nothing is touched
-        options = "--model continuous-switching --estimator fprls"
-        found = json.loads(foretouch(f"identify --dataset {name} {options} --json"))
-        known = ((key, found["parameters"][key]) for key in ("ln_k", "s", "b1", "b2"))
-        numbers = ", ".join(f"{key} {value:.3g}" for key, value in known)
-        rows.append(
-            [
-                f"`{name}`",
-                kind,
-                f"{found['contact_samples']:,}",
-                figure(found["residual_rms_N"]),
-                figure(found["residual_percent"]),
-                numbers,
-            ]
-        )
-    heads = ("File", "Touched", "Contact samples", "Residual [N]", "Residual [%]", "Parameters at the end")
-    return table(heads, rows)
 
 
 def floors() -> str:
@@ -234,71 +194,46 @@ def floors() -> str:
     return table(("Foam", "Left by the best fit of the whole file [% of the force RMS]"), rows)
 
 
-def estimators() -> str:
-    """`foretouch compare` on every TU/e file."""
-    return compared(measured_comparison("tue"), "prediction_error_percent")
-
-
 def claims() -> str:
-    """`foretouch reproduce`: what the paper claims, and what became of it."""
-    rows = [[row["claim"], row["verdict"]] for row in json.loads(foretouch("reproduce --json"))]
-    return table(("Claim of the paper", "Verdict"), [[cell.replace("|", "\\|") for cell in row] for row in rows])
-
-
-def simulated() -> str:
-    """`foretouch compare --simulated`, without what nothing before t - delay could tell."""
-    return compared(simulated_comparison(), "foreseeable_prediction_error_percent")
-
-
-def compared(results: Results, key: str) -> str:
-    """One row for each law and estimator, one column for each recording."""
-    places = [Path(name).stem for name in results]
-    rows = []
-    for model, name in next(iter(results.values())):
-        predictions = [found[model, name]["predictions"] for found in results.values()]
-        rows.append([f"`{model}` `{name}`", *(figure(found[0][key]) if found else "–" for found in predictions)])
-    return table(("Law and estimator", *places), rows)
+    """`foretouch reproduce`: how many claims of the paper hold, and which do not."""
+    found = json.loads(foretouch("reproduce --json"))
+    counts = Counter(row["verdict"] for row in found)
+    counted = table(("Verdict", "Claims"), [[verdict, str(counts[verdict])] for verdict in get_args(Verdict)])
+    failed = [f"- {row['claim']}\n" for row in found if row["verdict"] == "does not hold"]
+    return f"{counted}\nThose that do not hold:\n\n{''.join(failed)}"
 
 
 def sessions() -> str:
-    """`foretouch simulate` for every material and operator, with some jitter too, beside the paper's estimator."""
-    operators = (("scripted", "0"), ("recorded", "0"), ("scripted", "0.0005"))
-    cases = [(material, *one) for material in json.loads(foretouch("materials list --json")) for one in operators]
+    """`foretouch simulate` for every material and operator, beside the paper's estimator."""
+    materials = json.loads(foretouch("materials list --json"))
+    cases = [(material, operator) for material in materials for operator in ("scripted", "recorded")]
     commands = [
-        f"simulate --duration 20 --material {material} --operator {operator} --jitter {jitter} {model} --json"
-        for material, operator, jitter in cases
+        f"simulate --duration 20 --material {material} --operator {operator} --jitter 0 {model} --json"
+        for material, operator in cases
         for model in ("", "--model continuous-switching")
     ]
     reports = map(json.loads, two_at_a_time(commands))
     rows = []
-    for (material, operator, jitter), found, paper in zip(cases, reports, reports, strict=True):
+    for (material, operator), found, paper in zip(cases, reports, reports, strict=True):
         rows.append(
             [
                 f"`{material}`",
                 operator,
-                f"{1e3 * float(jitter):g}",
-                figure(found["contact_force_rms_N"]),
                 figure(found["delayed_force_error_percent"]),
                 figure(paper["prediction_error_percent"]),
                 figure(found["prediction_error_percent"]),
                 figure(found["within_jnd_percent"]),
                 figure(found["time_to_ten_percent_s"]),
-                f"{found['clipped_ticks']:,}",
-                figure(found["model_bytes"]["per_s"] / 1e3),
             ]
         )
     heads = (
         "Material",
         "Operator",
-        "Jitter [ms]",
-        "Force RMS [N]",
         "Delayed error [%]",
         "Paper's error [%]",
         "Prediction error [%]",
         "Within JND [%]",
         "Within 10 % after [s]",
-        "Clipped ticks",
-        "Models [kB/s]",
     )
     return table(heads, rows)
 
@@ -314,32 +249,32 @@ def session() -> str:
 
 
 def mediation() -> str:
-    """Error of the predicted and of the mediated force on measured foam, where no bound is active and everywhere."""
+    """Error of the predicted and of the mediated force on measured foam, and the largest step of a tick."""
     rows = []
     for name, kind in datasets().items():
         if kind != "foam":
             continue
         recording = read_recording(excerpt(name))
-        learner = Learner(make_estimator("contact-map", "bank"), contact_floor=recording.contact_floor)
+        learner = Learner(contact_floor=recording.contact_floor)
         found = mediate(recording, learner, delay=0.3)
 
         def error(force: NDArray[np.float64], recording: Recording = recording) -> float | None:
             floor = recording.contact_floor
-            scores = score(recording.time, recording.force, force, force, contact_floor=floor, score_from=1.5)
+            scores = score_prediction(
+                recording.time, recording.force, force, force, contact_floor=floor, score_from=1.5
+            )
             return scores.prediction_error_percent
 
-        unbounded = np.where(found.bounded, found.predicted, found.mediated)
-        share, step = 100.0 * found.bounded.mean(), np.abs(found.step).max()
-        plain, free, all_of_it = error(found.predicted), error(unbounded), error(found.mediated)
-        rows.append([f"`{name}`", *map(figure, (plain, free, all_of_it, share, step))])
-    heads = ("Recording", "Predicted [%]", "Mediated, no bound active [%]", "Mediated [%]", "Bounded [% of time]")
+        step = np.abs(found.step).max()
+        rows.append([f"`{name}`", *map(figure, (error(found.predicted), error(found.mediated), step))])
+    heads = ("Recording", "Predicted [%]", "Mediated [%]")
     said = "`docs/measure_results.py mediation`, 50 models a second, 0.3 s late; the largest step is that of one tick:"
     return f"{said}\n\n" + table((*heads, "Largest step [N]"), rows)
 
 
 def first_touch() -> str:
     """Peak forces, depth lost and time lost by the guarded first touch, over the round trip, beside following."""
-    cases = [(material, trip) for material in ("foam-measured", "bone") for trip in (0.0, 0.1, 0.5, 1.0, 2.0)]
+    cases = [(material, trip) for material in ("foam-measured", "bone") for trip in (0.0, 0.5, 2.0)]
     commands = [
         f"simulate --grip normal --material {material} --duration 10 --position-delay {0.5 * round_trip} "
         f"--force-delay {0.5 * round_trip} --first-touch {way} --json"
@@ -347,14 +282,20 @@ def first_touch() -> str:
         for way in ("guarded", "follow")
     ]
     hands = (json.loads(said)["hand"] for said in two_at_a_time(commands))
-    peaks = ("peak_force_robot_N", "peak_force_hand_N")
     rows = []
     for (material, round_trip), guarded, follow in zip(cases, hands, hands, strict=True):
-        told = [guarded[key] for key in (*peaks, "depth_lost_mm", "time_lost_s")] + [follow[key] for key in peaks]
-        rows.append([material, figure(round_trip), *map(figure, told)])
-    heads = ("Material", "Round trip [s]", "Robot, guarded [N]", "Hand, guarded [N]", "Depth lost [mm]")
+        costs = [guarded[key] for key in ("peak_force_robot_N", "depth_lost_mm", "time_lost_s")]
+        rows.append([material, figure(round_trip), *map(figure, (*costs, follow["peak_force_robot_N"]))])
+    heads = (
+        "Material",
+        "Round trip [s]",
+        "Robot, guarded [N]",
+        "Depth lost [mm]",
+        "Time lost [s]",
+        "Robot, follow [N]",
+    )
     said = "`foretouch simulate --grip normal --duration 10`, peak forces of the whole session:"
-    return f"{said}\n\n" + table((*heads, "Time lost [s]", "Robot, follow [N]", "Hand, follow [N]"), rows)
+    return f"{said}\n\n" + table(heads, rows)
 
 
 def device_delay() -> str:
@@ -369,12 +310,10 @@ def device_delay() -> str:
     rows = []
     for (material, grip), late, prompt in zip(cases, reports, reports, strict=True):
         both = [(one["rendered_error_percent"], one["hand"]) for one in (late, prompt)]
-        told = [(error, hand["device_bound_percent"], 100 * hand["smallest_rendered_share"]) for error, hand in both]
-        energy = figure(1e6 * late["net_energy_J"]), figure(-1e6 * late["energy_bound_J"])
-        rows.append([material, grip, *(" / ".join(map(figure, pair)) for pair in zip(*told, strict=True)), *energy])
-    heads = ("Material", "Grip", "Rendered error [%]", "Not carried in full [% of contact]", "Least share [%]")
+        pairs = zip(*[(error, 100 * hand["smallest_rendered_share"]) for error, hand in both], strict=True)
+        rows.append([material, grip, *(" / ".join(map(figure, pair)) for pair in pairs)])
     said = "`foretouch simulate --grip GRIP --material MATERIAL --duration 12`, with 0.5 ms / with `--device-delay 0`:"
-    return f"{said}\n\n" + table((*heads, "Least E [uJ]", "Bound in that tick [uJ]"), rows)
+    return f"{said}\n\n" + table(("Material", "Grip", "Rendered error [%]", "Least ratio [%]"), rows)
 
 
 def guarded_peaks() -> str:
@@ -393,20 +332,12 @@ def guarded_peaks() -> str:
     return f"{said}\n\n" + table(("Material", "Approach speed [mm/s]", "Peak while guarded [N]"), rows)
 
 
-def replay() -> str:
-    """A recorded session under another delay, as it is printed."""
-    with tempfile.TemporaryDirectory() as folder:
-        foretouch("simulate --duration 20 --recording session.mcap", folder)
-        return console("replay session.mcap --force-delay 0.6 --position-delay 0.2", folder)
-
-
 def replays() -> str:
     """One session of a hand under several force delays: its motion fixed, and answering."""
     names = (
         "prediction_error_percent",
         "rendered_error_percent",
         "delayed_force_error_percent",
-        "max_rendered_force_N",
     )
     rows = []
     with tempfile.TemporaryDirectory() as folder:
@@ -419,17 +350,14 @@ def replays() -> str:
             rows.append(row)
     heads = ["Force delay [s]"]
     for loop in ("open", "closed"):
-        heads += [f"{loop}: predicted [%]", "felt [%]", "delayed [%]", "largest felt [N]"]
+        heads += [f"{loop}: predicted [%]", "felt [%]", "delayed [%]"]
     return table(tuple(heads), rows)
 
 
 MEASURE: dict[str, Callable[[], str]] = {
     "reach": reach,
     "reach-simulated": reach_simulated,
-    "identifications": identifications,
     "floors": floors,
-    "estimators": estimators,
-    "simulated": simulated,
     "claims": claims,
     "sessions": sessions,
     "foam": foam,
@@ -438,7 +366,6 @@ MEASURE: dict[str, Callable[[], str]] = {
     "first-touch": first_touch,
     "device-delay": device_delay,
     "guarded-peaks": guarded_peaks,
-    "replay": replay,
     "replays": replays,
 }
 

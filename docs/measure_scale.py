@@ -1,12 +1,10 @@
-"""Measure what one recording, one simulated session and one live session cost: the tables of `docs/scale.md`.
+"""Measure what one recording, one simulated session and one live session cost: the table of `docs/scale.md`.
 
-Usage: `.venv/bin/python docs/measure_scale.py [costs] [fleet]`; both without arguments, in about two minutes. `fleet`
-is calculated from the costs that stand in the page.
+Usage: `.venv/bin/python docs/measure_scale.py`; it takes about two minutes.
 """
 
 from __future__ import annotations
 
-import json
 import os
 import re
 import signal
@@ -20,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from measured_blocks import chosen, fill
+from measured_blocks import fill
 
 from foretouch import comparison
 from foretouch.comparison.combination import Combination, Scoring, try_combination
@@ -43,8 +41,8 @@ FLOWS = 3
 Costs = dict[str, float]
 
 
-def costs() -> tuple[str, Costs]:
-    """What is measured; as a table, and as numbers."""
+def costs() -> str:
+    """What is measured, as a table."""
     found = simulated() | live() | router()
     rows = [
         ("a recording of 60 s through `compare`, contact map, one delay", f"{found['recording_s']:.2f} s of one core"),
@@ -62,8 +60,7 @@ def costs() -> tuple[str, Costs]:
         ("a Zenoh router (in Python's binding)", f"{found['router_us']:.1f} us of a core a message"),
     ]
     table = "\n".join(f"| {what} | {cost} |" for what, cost in rows)
-    kept = f"<!-- costs: {json.dumps({name: round(value, 6) for name, value in found.items()})} -->"
-    return f"| What | Cost |\n| --- | --: |\n{table}\n\n{kept}\n", found
+    return f"| What | Cost |\n| --- | --: |\n{table}\n"
 
 
 def simulated() -> Costs:
@@ -232,44 +229,11 @@ def piped(script: str, *arguments: str) -> Iterator[Any]:
         process.wait(20)
 
 
-SIZES = (1, 10, 100, 1000)
-
-
-def fleet(found: Costs) -> str:
-    """Calculated: what so many sites cost, where each leader and follower has a machine of its own."""
-    rows = []
-    for count in SIZES:
-        messages = count * (found["forth_messages"] + found["back_messages"])
-        network = count * (found["forth_kbit"] + found["back_kbit"]) / 1e3
-        disk = count * found["recording_MB_per_min"] * 60.0 / 1e3
-        compared, simulated_again = (count * found[name] / SECONDS for name in ("recording_s", "session_s"))
-        rows.append(
-            f"| {count:,} | {network:,.1f} Mbit/s | {messages * found['router_us'] / 1e6:,.2f} | {disk:,.1f} GB |"
-            f" {compared:,.2f} | {simulated_again:,.2f} |"
-        )
-    head = (
-        "| Sites | Network at the router, each way added up | Cores for routers | Recordings an hour |"
-        " Core hours to compare an hour of each | Core hours to simulate an hour of each |"
-    )
-    return "\n".join((head, "| --: " * 6 + "|", *rows)) + "\n"
-
-
 def main() -> None:
-    """Measure what was asked for, and fill the page."""
-    names = chosen(sys.argv[1:], ("costs", "fleet"))
-    blocks = {}
-    if "costs" in names:
-        blocks["costs"], found = costs()
-    else:
-        kept = re.search(r"<!-- costs: (.*?) -->", PAGE.read_text())
-        if kept is None:
-            raise SystemExit("no costs stand in the page yet: measure them first")
-        found = json.loads(kept[1])
-    if "fleet" in names:
-        blocks["fleet"] = fleet(found)
-    for block in blocks.values():
-        print(block)
-    fill(PAGE, blocks)
+    """Measure, and fill the page."""
+    block = costs()
+    print(block)
+    fill(PAGE, {"costs": block})
 
 
 if __name__ == "__main__":

@@ -18,9 +18,9 @@ from joblib import Parallel, delayed
 from measured_blocks import chosen, fill
 
 from foretouch.messages import SessionLog
-from foretouch.report import look_at_scene, map_figure, pair, pose_figure, session_report
+from foretouch.report import look_at_scene, map_figure, pair, pose_figure, session_figures
 from foretouch.session import SessionSettings
-from foretouch.session.runners.simulated_scene import simulate_scene
+from foretouch.session.runners.lap import simulate_scene
 from foretouch.session.spatial import make_camera, make_scene, make_spatial_operator, make_spatial_robot
 
 mpl.use("Agg")
@@ -51,11 +51,10 @@ def run(duration: float, **changes: Any) -> SessionLog:
         raise SystemExit("without a camera there is nothing to measure")
     session = simulate_scene(
         settings,
-        scene,
+        make_spatial_operator(settings, scene, scene.nominal),
+        make_spatial_robot(settings, scene),
+        camera,
         duration=duration,
-        operator=make_spatial_operator(settings, scene, scene.nominal),
-        robot=make_spatial_robot(settings, scene),
-        camera=camera,
     )
     if camera is not None:
         camera.close()
@@ -91,7 +90,7 @@ def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
 
 
 def fused(fusion: str, seed: int) -> dict[str, Any]:
-    return session_report(run(LENGTH, scene="hill", fusion=fusion, seed=seed, bump=BUMP))
+    return session_figures(run(LENGTH, scene="hill", fusion=fusion, seed=seed, bump=BUMP))
 
 
 def fusion() -> str:
@@ -115,7 +114,6 @@ def fusion() -> str:
                     for name in ("false", "missed")
                 ),
                 f"{median(report['prediction_error_percent'] for report in reports):.0f}",
-                f"{median(report['rendered_error_percent'] for report in reports):.0f}",
                 f"{median(report['delayed_force_error_percent'] for report in reports):.0f}",
             )
         )
@@ -127,13 +125,16 @@ def fusion() -> str:
         "False contact [%] (over 20 ms)",
         "Missed [%] (over 20 ms)",
         "Prediction error [%]",
-        "Felt error [%]",
         "Delayed force [%]",
     )
     return table(head, rows)
 
 
 # --- images that fail -------------------------------------------------------------------------------------------------
+
+
+IMAGE_FAULTS = ("hand", "glare", "frozen", "dropped")
+"""The images that are hidden, blinded, stuck or gone."""
 
 
 def spoilt(fault: str, bump: float) -> dict[str, Any]:
@@ -144,45 +145,35 @@ def spoilt(fault: str, bump: float) -> dict[str, Any]:
     pose = look_at_scene(log, pair(log)).pose
     inside = (pose.time >= FAULT[0]) & (pose.time < FAULT[1])
     after = pose.time >= FAULT[1] + 0.5
-    jumps = log.leader["model_jump"]
     return {
         "during": (pose.place[inside].max(), pose.turn[inside].max()),
         "after": (pose.place[after].max(), pose.turn[after].max()),
-        "step": float(np.abs(log.leader["update_step"]).max()),
-        "jump": float(np.abs(jumps[np.isfinite(jumps)]).max()),
-        "report": session_report(log)["scene"],
+        "report": session_figures(log)["scene"],
     }
 
 
 def images() -> str:
-    """The same session with images that are good, hidden, blinded, stuck, and gone; and once more with a bump then."""
-    cases = [(fault, bump) for bump in (0.0, UNSEEN) for fault in ("none", "hand", "glare", "frozen", "dropped")]
-    found = Parallel(n_jobs=JOBS)(delayed(spoilt)(*case) for case in cases)
+    """The same session with good images and with four faults of them, with and without a bump meanwhile."""
+    cases = [(fault, bump) for bump in (0.0, UNSEEN) for fault in ("none", *IMAGE_FAULTS)]
+    found = dict(zip(cases, Parallel(n_jobs=JOBS)(delayed(spoilt)(*case) for case in cases), strict=True))
     rows = []
-    for (name, bump), one in zip(cases, found, strict=True):
-        pose, false = one["report"]["pose"], one["report"]["contacts"]["false"]
-        back = [found["recovered_s"] for found in pose["bumps"]]
-        rows.append(
-            (
-                name + (", bumped meanwhile" if bump else ""),
-                f"{one['during'][0]:.2f} / {one['during'][1]:.2f}",
-                f"{one['after'][0]:.2f} / {one['after'][1]:.2f}",
-                "-" if not back else "never" if back[0] is None else f"{back[0]:.2f}",
-                f"{pose['images_used']:,} / {pose['refused']:,}",
-                f"{one['jump']:.2f}",
-                f"{one['step']:.3f}",
-                f"{false['percent']:.2f} ({false['episodes']})",
+    for bump in (0.0, UNSEEN):
+        for name, faults in (("none fails", ("none",)), ("worst of the four faults", IMAGE_FAULTS)):
+            of_them = [found[fault, bump] for fault in faults]
+            errors = [np.max([one[when] for one in of_them], axis=0) for when in ("during", "after")]
+            back = [bumped["recovered_s"] for one in of_them for bumped in one["report"]["pose"]["bumps"]]
+            rows.append(
+                (
+                    name + (", bumped meanwhile" if bump else ""),
+                    *(f"{place:.2f} / {turn:.2f}" for place, turn in errors),
+                    "-" if not back else "never" if None in back else f"{most(back):.2f}",
+                )
             )
-        )
     head = (
         "Images",
         "Largest error meanwhile [mm / degrees]",
         "From 0.5 s after [mm / degrees]",
         "After the bump, right again in [s]",
-        "Used / refused",
-        "Largest jump of the model's force [N]",
-        "Of it let in, in one tick [N]",
-        "False contact [%] (over 20 ms)",
     )
     return table(head, rows)
 
@@ -195,8 +186,8 @@ def palpation() -> str:
     log = run(PALPATED, scene="phantom", seed=3, bump=BUMP)
     pairs = pair(log)
     found = look_at_scene(log, pairs)
-    whole = session_report(log)
-    again = session_report(log, score_from=SECOND)
+    whole = session_figures(log)
+    again = session_figures(log, score_from=SECOND)
     figures = whole["scene"]["map"]
     inclusion = figures["inclusion"]
     if found.map is None or found.scene is None:
@@ -233,7 +224,7 @@ def palpation() -> str:
 
 
 def held(scene: str, grip: str, force_delay: float) -> dict[str, Any]:
-    return session_report(run(LENGTH, scene=scene, grip=grip, force_delay=force_delay, seed=1, bump=BUMP))
+    return session_figures(run(LENGTH, scene=scene, grip=grip, force_delay=force_delay, seed=1, bump=BUMP))
 
 
 def hand() -> str:
@@ -253,7 +244,6 @@ def hand() -> str:
                 f"{1e6 * energy['net_energy_J']:.1f}",
                 f"{-1e6 * energy['energy_bound_J']:.1f}",
                 "yes" if energy["certificate_holds"] else "NO",
-                f"{swings['swings']} / {swings['free_swings']}",
                 "YES" if swings["oscillates"] else "no",
                 f"{report['scene']['forces']['total_hand_N']:.1f} / {report['scene']['forces']['total_robot_N']:.1f}",
                 shown(report["prediction_error_percent"]),
@@ -264,7 +254,6 @@ def hand() -> str:
         "Energy, least [uJ]",
         "Allowed [uJ]",
         "Kept in every tick",
-        "Swings, with / without force",
         "Oscillates",
         "Largest force, hand / robot [N]",
         "Prediction error [%]",

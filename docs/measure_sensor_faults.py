@@ -5,7 +5,7 @@
   stands still. The watch is told what tool weight and inertia make of the force.
 - `lying-sensors`, on the page on safety: what a follower does whose force sensor begins to lie while it presses a
   material with all that it may, told to be 30 mm deep, and two seconds later.
-- `blind-sensors`, on the same page: the same of faults that are there from the start, or come on the way out or in free
+- `blind-sensors`, on the same page: the same of faults from the start, or that come while it moves out or in free
   air, before the robot is told to go 30 mm deep once more.
 
 Usage: `.venv/bin/python docs/measure_sensor_faults.py [TABLE ...]`, without names for all; it takes some minutes.
@@ -127,15 +127,15 @@ BLIND: dict[str, Case] = {
     "half, from the start": Case(LIES_OF["half"], 0.0),
     "ends at 8 N, from the start": Case(LIES_OF["ends at 8 N"], 0.0),
     "drifts by -1 N/s, from the start": Case(LIES_OF["drifts by -1 N/s"], 0.0),
-    "dies on the way out, at 5 N": Case(DEAD, OUT, below=5.0, goes_out=True),
-    "dies on the way out, at 1 N": Case(DEAD, OUT, below=1.0, goes_out=True),
+    "dies while the probe moves out, at 5 N": Case(DEAD, OUT, below=5.0, goes_out=True),
+    "dies while the probe moves out, at 1 N": Case(DEAD, OUT, below=1.0, goes_out=True),
     "dies in the air, after a press": Case(DEAD, 0.5 * (OUT + IN), below=0.0, goes_out=True),
 }
 """Faults that are there before the robot presses; the last three go in a second time."""
 
 
-def pressed(case: Case, material: str, limit: float, tells: bool) -> tuple[float, float, SensorState]:
-    """Largest force under the fault [N], how long after the first touch under it that was found [s], and as what.
+def pressed(case: Case, material: str, limit: float, tells: bool) -> tuple[float, float]:
+    """Largest force under the fault [N], and how long after the first touch under it that was found [s].
 
     Infinite if it was not, negative if it was before. For a robot that goes out, the touch is the next one.
     """
@@ -143,7 +143,7 @@ def pressed(case: Case, material: str, limit: float, tells: bool) -> tuple[float
     settings = SessionSettings(material=material, model="kelvin-voigt", first_touch="follow")
     state, sample = follower.start(arm.specification, settings), arm.read()
     past: deque[float] = deque([sample.sensor_force], LATE)
-    largest, found, shown, what = 0.0, math.inf, 0.0, SensorState.GOOD
+    largest, found, shown = 0.0, math.inf, 0.0
     began = touched = math.inf
     for tick in range(1, round(1e3 * (PRESSED + LIES))):
         now, time = tick * 1_000_000, 1e-3 * tick
@@ -162,9 +162,9 @@ def pressed(case: Case, material: str, limit: float, tells: bool) -> tuple[float
             if raw.exact_force > 0.0 and not (case.goes_out and time < IN):
                 touched = min(touched, time)
             if state.watch.state is not SensorState.GOOD and math.isinf(found):
-                found, what = time, state.watch.state
+                found = time
         past.append(raw.sensor_force)
-    return largest, found if math.isinf(found) else found - touched, what
+    return largest, found if math.isinf(found) else found - touched
 
 
 def lying_sensors() -> str:
@@ -173,7 +173,7 @@ def lying_sensors() -> str:
 
 
 def blind_sensors() -> str:
-    """Table of what is there from the start, or begins on the way out or in free air."""
+    """Table of what is there from the start, or begins while it moves out or in free air."""
     return table_of(BLIND)
 
 
@@ -185,25 +185,18 @@ def last_of(waits: list[float]) -> str:
 
 
 def table_of(kinds: dict[str, Case]) -> str:
-    """What is found and how hard it presses, the worst of five materials."""
+    """When each is found if the drive tells its effort, and how hard it presses, the worst of five materials."""
     cases = [(kind, material, *drive) for kind in kinds for drive in DRIVES for material in PRESSED_MATERIALS]
     measured = Parallel(2)(delayed(pressed)(kinds[kind], *rest) for kind, *rest in cases)
     done = dict(zip(cases, measured, strict=True))
     lines = [
-        "| The sensor | Found as, with the effort | After [ms] | Largest force [N] | Without the effort | After [ms] "
-        "| Largest force [N] | Drive clipped at 15 N |",
-        "| --- | --- | --: | --: | --- | --: | --: | --: |",
+        "| The sensor | Found after [ms] | Largest force [N] | Without the effort [N] | Drive clipped at 15 N [N] |",
+        "| --- | --: | --: | --: | --: |",
     ]
     for kind in kinds:
-        cells = []
-        for drive in DRIVES:
-            found = [done[kind, material, *drive] for material in PRESSED_MATERIALS]
-            force = max(largest for largest, _, _ in found)
-            if drive[0] > 15.0:
-                names = sorted({what.name for _, _, what in found if what is not SensorState.GOOD})
-                cells += [", ".join(f"`{name}`" for name in names) or "–", last_of([when for _, when, _ in found])]
-            cells.append(f"{force:.1f}")
-        lines.append(f"| {kind} | {' | '.join(cells)} |")
+        found = [[done[kind, material, *drive] for material in PRESSED_MATERIALS] for drive in DRIVES]
+        forces = [f"{max(force for force, _ in each):.1f}" for each in found]
+        lines.append(f"| {kind} | {last_of([when for _, when in found[0]])} | {' | '.join(forces)} |")
     return "\n".join(lines) + "\n"
 
 

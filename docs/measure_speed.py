@@ -30,8 +30,7 @@ from measured_blocks import chosen, fill
 
 from foretouch.bench import BENCHMARKS, Row, run_benchmarks
 from foretouch.bench.benchmarks import profile, steps, streams, updates
-from foretouch.bench.rows import HEADS, cells
-from foretouch.bench.timing import interleave
+from foretouch.bench.timing import cells, interleave
 
 DOCS = Path(__file__).parent
 PAGE = DOCS / "speed.md"
@@ -56,28 +55,41 @@ def main(names: list[str]) -> None:
 
 
 def block(name: str, rows: list[Row], when: str) -> str:
-    """One benchmark's rows, ratios first, as a table of the page, and when they were measured."""
+    """One benchmark's rows as a list on the page, ratios first, and when they were measured.
+
+    The page shows rows of which something is asked, or ratios where nothing is; the command prints all.
+    """
     if name == "profile":
         lines = parts_table(rows)
     else:
-        lines = [f"| {' | '.join(HEADS)} |", "| --- | --: | --: | --: | --- | --- | --- |"]
-        lines += [f"| {' | '.join(cells(row))} |" for row in sorted(rows, key=lambda row: row.unit != "x")]
+        ratios = [row for row in rows if row.unit == "x"]
+        shown = [row for row in rows if row.reach is not None] or ratios
+        lines = [line(row) for row in sorted(shown, key=lambda row: row.unit != "x")]
     return f"`foretouch bench --only {name}`, {when}:\n\n" + "\n".join(lines) + "\n"
 
 
+def line(row: Row) -> str:
+    """One item of the list: the median, bold where it misses what is asked, and what is asked."""
+    what, median, _, _, unit, asked, _ = cells(row)
+    if row.reached is None:
+        return f"- {what}: {median} {unit}"
+    if row.reached:
+        return f"- {what}: {median} {unit} (asked: {asked})"
+    return f"- {what}: **{median} {unit}** (asked: {asked}, missed)"
+
+
 def parts_table(rows: list[Row]) -> list[str]:
-    """The parts of both steps, a line each, with what they buy."""
-    said = {row.what: cells(row)[1] for row in rows}
-    lines = ["| Part | 50 %: µs | % of the step | 99 %: µs | What it buys |", "| --- | --: | --: | --: | --- |"]
+    """Both steps and those of their parts that take a tenth of the step in either band; the figure has all parts."""
+    said, times_of = {row.what: cells(row)[1] for row in rows}, {row.what: row.figure for row in rows}
+    lines = ["| Part | 50 %: µs | 99 %: µs |", "| --- | --: | --: |"]
     for side, parts in profile.PARTS.items():
         whole = [said[profile.named(side, profile.STEP, percentile)] for percentile in profile.BANDS]
-        bare = said[profile.named(side, profile.WITHOUT, 99)]
-        note = f"Without clocks in it, the 99th percentile is {bare} µs."
-        lines.append(f"| **{side}: {profile.STEP}** | **{whole[0]}** | **100** | **{whole[1]}** | {note} |")
+        lines.append(f"| **{side}: {profile.STEP}** | **{whole[0]}** | **{whole[1]}** |")
         for part in parts:
-            times = [said[profile.named(side, part.name, percentile)] for percentile in profile.BANDS]
-            share = said[profile.named(side, part.name, 50, share=True)]
-            lines.append(f"| {part.name} | {times[0]} | {share} | {times[1]} | {part.buys} |")
+            names = [profile.named(side, part.name, percentile) for percentile in profile.BANDS]
+            steps_of = [profile.named(side, profile.STEP, percentile) for percentile in profile.BANDS]
+            if any(times_of[name] >= 0.1 * times_of[step] for name, step in zip(names, steps_of, strict=True)):
+                lines.append(f"| {part.name} | {said[names[0]]} | {said[names[1]]} |")
     return lines
 
 
@@ -94,9 +106,9 @@ def circumstances() -> str:
     if git is not None:
         asked = [git, "-C", str(DOCS), "rev-parse", "--short", "HEAD"]
         done = subprocess.run(asked, capture_output=True, text=True, check=False)
-        said += [f"commit {done.stdout.strip()}"] if done.returncode == 0 else []
+        said += [done.stdout.strip()] if done.returncode == 0 else []
     if hasattr(os, "getloadavg"):
-        said.append(f"{os.getloadavg()[0]:.1f} processes running or waiting on average before")
+        said.append(f"load {os.getloadavg()[0]:.1f}")
     return ", ".join(said)
 
 

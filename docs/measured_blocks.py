@@ -29,7 +29,7 @@ BLOCK = re.compile(
     r"<!-- measured: (?P<name>[a-z-]+)(?: of (?P<digest>\w+))? -->\n(?P<text>.*?)<!-- end -->", re.DOTALL
 )
 
-EARLIER = "*Measured on earlier code; the code as it is may give other figures.*\n\n"
+EARLIER = "*Measured on earlier code.*\n\n"
 """At the top of a block that is not of the code as it is."""
 
 UNKNOWN = "unknown"

@@ -23,13 +23,13 @@ IGNORED = (
     *("measured_blocks", "foretouch.console", "foretouch.errors", "foretouch.plugins", "foretouch.ros2"),
     *("foretouch.core.compiling", "foretouch.files"),
     *(f"foretouch.cli.{name}" for name in ("app", "options", "progress")),
-    *("foretouch.report.writing", "foretouch.report.scene.drawing"),
-    *("foretouch.comparison.delays", "foretouch.comparison.page", "foretouch.sweep.page"),
+    *("foretouch.report.writing", "foretouch.report.drawing", "foretouch.report.scene.section"),
+    *("foretouch.comparison.figures", "foretouch.comparison.page", "foretouch.sweep.page"),
     # devices that no simulated session has
     *(f"foretouch.devices.{name}" for name in ("browser", "force_dimension", "gamepad")),
     # what writes recordings, and formats that no measured file has
     *("foretouch.recordings.output", "foretouch.recordings.session.repair", "foretouch.recordings.session.writer"),
-    *(f"foretouch.recordings.formats.{name}" for name in ("bags", "cdr", "cdr_fields", "mcap_index", "topics")),
+    *(f"foretouch.recordings.formats.{name}" for name in ("bags", "cdr", "mcap", "mcap_index", "topics")),
     *(f"foretouch.recordings.meaning.{name}" for name in ("guess", "joining", "mapped", "mapping", "topic_choice")),
     "foretouch.recordings.formats.tables",
 )
@@ -52,24 +52,18 @@ SIMULATE = "foretouch.cli.commands.sessions:simulate"
 
 _OF_PAGES: dict[str, dict[str, tuple[str, ...]]] = {
     "README.md": {"session": ("measure_results:session", SIMULATE)},
-    "docs/baselines.md": {name: (f"compare_baselines:{name}",) for name in ("compared", "damped")},
+    "docs/baselines.md": {"compared": ("compare_baselines:compared",)},
     "docs/console.md": {"console": ("measure_console:main", *LIVE, "foretouch.cli.commands.watchers:console")},
     "docs/contact-map.md": {
         "floors": ("measure_results:floors", IDENTIFY, EXCERPT),
-        **dict.fromkeys(
-            [f"design-{name}" for name in ("experts", "learners", "features", "forgetting", "shares", "beyond")],
-            ("compare_designs:measure", "compare_designs:summary"),
-        ),
+        "designs": ("compare_designs:measure", "compare_designs:cells", "compare_designs:shown"),
     },
     "docs/faults.md": {"faults": ("measure_faults:main", "test_session_soak_fire", *LIVE)},
     "docs/identifiability.md": dict.fromkeys(("bounds", "twins"), ("draw_identifiability:shares",)),
-    "docs/replay.md": {name: (f"measure_results:{name}", SIMULATE, REPLAY) for name in ("replay", "replays")},
+    "docs/replay.md": {"replays": ("measure_results:replays", SIMULATE, REPLAY)},
     "docs/results.md": {
         "reach": ("measure_results:reach", PREDICT, COMPARE, EXCERPT),
         "reach-simulated": ("measure_results:reach_simulated", COMPARE),
-        "identifications": ("measure_results:identifications", IDENTIFY, EXCERPT),
-        "estimators": ("measure_results:estimators", COMPARE, EXCERPT),
-        "simulated": ("measure_results:simulated", COMPARE),
         "claims": (
             "measure_results:claims",
             *(f"foretouch.reproduction.{part}.*" for part in ("figures", "questions")),
@@ -79,14 +73,11 @@ _OF_PAGES: dict[str, dict[str, tuple[str, ...]]] = {
     },
     "docs/rooms/identification.md": {"sensor-faults": ("measure_sensor_faults:sensor_faults",)},
     "docs/rooms/vision.md": {"vision": ("measure_vision:main",)},
-    "docs/safety.md": {name: (f"measure_impacts:{name}",) for name in ("masses", "impacts", "sessions", "unloading")}
+    "docs/safety.md": {name: (f"measure_impacts:{name}",) for name in ("impacts", "sessions", "unloading")}
     | {"in-the-way": ("measure_impacts:in_the_way",)}
     | {"lying-sensors": ("measure_sensor_faults:lying_sensors",)}
     | {"blind-sensors": ("measure_sensor_faults:blind_sensors",)},
-    "docs/scale.md": {
-        "costs": ("measure_scale:costs", "foretouch.recordings.session.writer", *LIVE),
-        "fleet": ("measure_scale:fleet", "measure_scale:costs"),
-    },
+    "docs/scale.md": {"costs": ("measure_scale:costs", "foretouch.recordings.session.writer", *LIVE)},
     "docs/scenes.md": {name: (f"measure_scenes:{name}",) for name in ("fusion", "images", "palpation", "hand")},
     "docs/speed.md": {
         "machine": ("measure_speed:machine",),

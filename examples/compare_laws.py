@@ -5,13 +5,11 @@ python examples/compare_laws.py docs/examples/spring.csv
 
 import sys
 
-import foretouch
+from foretouch import ContactMap, ExactHuntCrossley, ExactKelvinVoigt, HuntCrossleyLogRLS, KelvinVoigtRLS, compare
 
 if __name__ == "__main__":  # the work is done by several processes
-    found = foretouch.compare(
-        [foretouch.file_case(path) for path in sys.argv[1:]],
-        models=["kelvin-voigt", "hunt-crossley", "contact-map"],
-        estimators=["rls", "exact", "log-rls", "bank"],
+    found = compare(
+        sys.argv[1:], estimators=[KelvinVoigtRLS, ExactKelvinVoigt, HuntCrossleyLogRLS, ExactHuntCrossley, ContactMap]
     )
     table = found.to_pandas()
     columns = ["model", "estimator", "residual_percent", "prediction_error_percent", "delayed_force_error_percent"]

@@ -5,21 +5,20 @@ python examples/estimate_in_a_loop.py
 
 import math
 
-import foretouch
+from foretouch import ExactHuntCrossley, HuntCrossley, Learner
 
-material = foretouch.make_model("hunt-crossley", (2600.0, 4000.0, 1.5))
-learner = foretouch.Learner(foretouch.make_estimator("hunt-crossley", "exact"), surface=0.0, force_offset=0.0)
+material = HuntCrossley(stiffness=2600.0, damping=4000.0, exponent=1.5)
+learner = Learner(ExactHuntCrossley())  # Learner() alone learns a contact map
 
-period = 0.001
-state = material.initial_state()
 for tick in range(6000):
-    time = tick * period
-    depth = 0.006 * (1.0 - math.cos(2.0 * math.pi * 0.7 * time)) - 0.002
+    time = 0.001 * tick
+    position = 0.006 * (1.0 - math.cos(2.0 * math.pi * 0.7 * time))  # [m], the surface at 2 mm
     velocity = 0.006 * 2.0 * math.pi * 0.7 * math.sin(2.0 * math.pi * 0.7 * time)
-    state, force, _ = foretouch.advance(material, state, depth, velocity, period)
-    learner.update(time, depth, force)  # never raises; what it did is its answer
+    force = float(material.force(position - 0.002, velocity))
+    learner.update(time, position, force)  # never raises; what it did is its answer
 
 learnt = learner.learnt()
 assert learnt.model is not None, learnt.reason
+print(f"surface at {1e3 * learnt.surface:.2f} mm")
 for name, true, found in zip(material.parameter_names, material.parameters, learnt.model.parameters, strict=True):
     print(f"{name}: {found:.4g} (true {true:.4g})")

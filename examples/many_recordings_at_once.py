@@ -7,7 +7,7 @@ import time
 
 import numpy as np
 
-from foretouch.identification import FPRLS
+from foretouch import FPRLS
 
 rng = np.random.default_rng(0)
 recordings, samples = 1000, 2000

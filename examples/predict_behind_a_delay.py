@@ -9,11 +9,12 @@ import foretouch
 
 path, delay = sys.argv[1], float(sys.argv[2] if len(sys.argv) > 2 else 0.3)
 recording = foretouch.read_recording(path)
-learner = foretouch.Learner(foretouch.make_estimator("contact-map", "bank"))
 
-predicted = foretouch.predict(recording, learner, delay=delay)
-late = foretouch.delayed(recording.time, recording.force, delay)
-scores = foretouch.score(recording.time, recording.force, predicted.force, late, contact_floor=recording.contact_floor)
+predicted = foretouch.predict(recording, delay=delay)
+late = foretouch.delayed_force(recording.time, recording.force, delay)
+scores = foretouch.score_prediction(
+    recording.time, recording.force, predicted.force, late, contact_floor=recording.contact_floor
+)
 
 print(f"behind {delay:g} s the predicted force is wrong by {scores.prediction_error_percent:.1f} % of the force's RMS,")
 print(f"the delayed force by {scores.delayed_force_error_percent:.1f} %")

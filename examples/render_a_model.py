@@ -5,16 +5,16 @@ python examples/render_a_model.py
 
 import math
 
-from foretouch import Predictor, make_model
+from foretouch import HuntCrossley, KelvinVoigt, Predictor
 
 predictor = Predictor()
 for tick in range(2000):
     time = 0.001 * tick
     hand = 0.01 * math.sin(math.pi * time)  # [m], growing into the material
     if tick == 300:  # a model arrives over the network, and where its surface is [m]
-        predictor.adopt(make_model("kelvin-voigt", (800.0, 3.0)), 0.002)
+        predictor.adopt(KelvinVoigt(stiffness=800.0, damping=3.0), surface=0.002)
     if tick == 600:  # and a better one
-        predictor.adopt(make_model("hunt-crossley", (3000.0, 1500.0, 1.4)), 0.0025)
+        predictor.adopt(HuntCrossley(stiffness=3000.0, damping=1500.0, exponent=1.4), surface=0.0025)
     force = predictor.update(time, hand)
     if tick % 100 == 0 and tick <= 1000:
         print(

@@ -11,8 +11,8 @@ settings = foretouch.SessionSettings(
 log = foretouch.simulate(settings, duration=8.0).log
 
 report = foretouch.session_report(log)
-print(f"stable: {report['stable']}")
-print(f"predicted force wrong by {report['prediction_error_percent']:.1f} % of the force's RMS,")
-print(f"the delayed force, never rendered, by {report['delayed_force_error_percent']:.1f} %")
+print(f"stable: {report.stable}")
+print(f"predicted force wrong by {report.prediction_error_percent:.1f} % of the force's RMS,")
+print(f"the delayed force, never rendered, by {report.delayed_force_error_percent:.1f} %")
 
 log.plot("predicted_force", "delayed_force", "rendered_force", "in_contact").savefig("session.png")

@@ -23,10 +23,7 @@ recording.plot("position", "force").savefig("walk-through-read.png")
 # A law with its own numbers: what the press determines has a standard error, what it does not determine is None.
 
 # %%
-learner = foretouch.Learner(
-    foretouch.make_estimator("continuous-switching", "exact"), contact_floor=recording.contact_floor
-)
-found = foretouch.identify(recording, learner, keep_history=True)
+found = foretouch.identify(recording, foretouch.ExactContinuousSwitching(), keep_history=True)
 for name, value in found.parameters.items():
     error = (found.standard_errors or {}).get(name)
     print(f"{name}: undetermined" if value is None or error is None else f"{name}: {value:.3g} ± {error:.1g}")
@@ -40,10 +37,11 @@ found.plot().savefig("walk-through-identified.png")
 
 # %%
 DELAY = 0.3
-learner = foretouch.Learner(foretouch.make_estimator("contact-map", "bank"), contact_floor=recording.contact_floor)
-predicted = foretouch.predict(recording, learner, delay=DELAY)
-late = foretouch.delayed(recording.time, recording.force, DELAY)
-scores = foretouch.score(recording.time, recording.force, predicted.force, late, contact_floor=recording.contact_floor)
+predicted = foretouch.predict(recording, delay=DELAY)
+late = foretouch.delayed_force(recording.time, recording.force, DELAY)
+scores = foretouch.score_prediction(
+    recording.time, recording.force, predicted.force, late, contact_floor=recording.contact_floor
+)
 print(
     f"predicted force wrong by {scores.prediction_error_percent:.1f} %,"
     f" the delayed one by {scores.delayed_force_error_percent:.1f} %"
@@ -58,7 +56,7 @@ predicted.plot("force", "standard_deviation").savefig("walk-through-predicted.pn
 settings = foretouch.SessionSettings(material="foam-measured", grip="normal", force_delay=DELAY, loss=0.02, seed=1)
 log = foretouch.simulate(settings, duration=8.0).log
 report = foretouch.session_report(log)
-print(f"stable: {report['stable']}; rendered force wrong by {report['rendered_error_percent']:.1f} %")
+print(f"stable: {report.stable}; rendered force wrong by {report.rendered_error_percent:.1f} %")
 
 # %% [markdown]
 # ## Plot

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import copy
 import functools
 import statistics
 from pathlib import Path
@@ -10,10 +11,12 @@ from pathlib import Path
 import grimp
 
 SOURCE = Path(__file__).resolve().parents[1] / "src" / "foretouch"
-FILES, LINES = 399, 77_150
-FLAT, LARGEST, MEDIAN = 12, 425, range(120, 221)
-PARAMETERS, LONG_SIGNATURES = 8, 24
-FIELDS, LARGE_CLASSES = 20, 8
+FILES, LINES = 385, 75_840
+FLAT, LARGEST, MEDIAN = 12, 417, range(120, 229)
+PARAMETERS, LONG_SIGNATURES = 8, 5
+FIELDS, LARGE_CLASSES = 20, 2
+RECORDS = ("sweep.outcome.Outcome", "report.writing.session_report.SessionReport")
+"""One row of a table and one JSON object: like a message, each is as large as what it says."""
 ONLY_NEIGHBOURS = 15
 """Modules that one neighbour alone imports, beside kernels and these folders, of which each file is one of many:"""
 ALTERNATIVES = ("cli.commands", "doctor", "reproduction.figures", "reproduction.questions", "bench.benchmarks")
@@ -49,12 +52,16 @@ def test_a_folder_holds_a_dozen_and_says_its_rule() -> None:
         assert said.partition("\n\n")[0].rstrip().endswith("."), f"{door}: say in one sentence what belongs here"
 
 
-def test_no_file_imports_one_that_imports_it() -> None:
-    graph, circles = imports(), []
-    for module in graph.modules:
-        above = graph.find_downstream_modules(module)
-        circles += [(module, below) for below in graph.find_modules_directly_imported_by(module) if below in above]
-    assert circles == [], "move what both need into one of them, or below both"
+def test_no_file_and_no_folder_imports_one_that_imports_it() -> None:
+    folders = copy.deepcopy(imports())
+    for door in SOURCE.glob("*/*/__init__.py"):
+        folders.squash_module(".".join(("foretouch", *door.parent.relative_to(SOURCE).parts)))
+    for graph in (imports(), folders):
+        circles = []
+        for module in graph.modules:
+            above = graph.find_downstream_modules(module)
+            circles += [(module, below) for below in graph.find_modules_directly_imported_by(module) if below in above]
+        assert circles == [], "move what both need into one of them, or below both"
 
 
 def test_what_one_neighbour_alone_imports_is_part_of_it() -> None:
@@ -86,6 +93,7 @@ def sizes(kind: type[ast.AST]) -> dict[str, int]:
 
 def test_signatures_and_classes_are_small() -> None:
     long = [name for name, count in sizes(ast.FunctionDef).items() if count > PARAMETERS]
-    large = [name for name, count in sizes(ast.ClassDef).items() if count > FIELDS]
+    classes = {name: count for name, count in sizes(ast.ClassDef).items() if name not in RECORDS}
+    large = [name for name, count in classes.items() if count > FIELDS and not name.startswith("messages.")]
     assert len(long) <= LONG_SIGNATURES, long
     assert len(large) <= LARGE_CLASSES, large

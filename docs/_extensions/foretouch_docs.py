@@ -1,10 +1,14 @@
 """Directives that take their content from the package itself, so that the pages cannot drift from it.
 
-- `room`: the public names of one room (its `__all__`), each with its docstring.
+- `room`: what one room may import, its folders, and its public names (its `__all__`), each with its docstring.
 - `quantities`: the table of `foretouch.quantities.QUANTITIES`.
-- `statuses`: the values of `status` that scoring can give.
+- `statuses`: the values of `status` that scoring can give; `robot-statuses`: those of a follower.
+- `channels`: the channels of a session.
 - `commands`: the help of every `foretouch` command.
-- `layers`: the rooms and their order, from pyproject.toml; `imports`: which of them a room may import.
+- `layers`: the rooms and their order, from pyproject.toml.
+- `figures`: every figure, with the text of the page that shows it.
+- `examples`: the programs of the folder examples, each with its first line.
+- `licences`: every package of the lock with its licence, from docs/list_licences.py.
 - `public-names`: what `import foretouch` gives, and the room of each name.
 """
 
@@ -14,6 +18,8 @@ import ast
 import importlib
 import inspect
 import os
+import re
+import runpy
 import tomllib
 from collections.abc import Iterator
 from pathlib import Path
@@ -24,13 +30,16 @@ from sphinx.pycode import ModuleAnalyzer
 from sphinx.util.docutils import SphinxDirective
 
 ROOT = Path(__file__).resolve().parents[2]
+FIGURE = re.compile(
+    r"\{(?:image|figure)\} (?:\.\./)?images/(?P<name>\S+\.png)\n:alt: (?P<text>.+)"
+    r"|!\[(?P<inline_text>[^]]+)\]\((?:\.\./)?images/(?P<inline_name>\S+\.png)\)"
+)
 
 
 class Generated(SphinxDirective):
     """A directive that writes reStructuredText; use it inside `eval-rst`."""
 
     required_arguments = 0
-    optional_arguments = 1
 
     def run(self) -> list[nodes.Node]:
         """Parse what `lines` gives."""
@@ -43,17 +52,15 @@ class Generated(SphinxDirective):
 
 
 class Room(Generated):
-    """The public names of a room."""
+    """What a room may import, its folders, and its public names."""
 
     required_arguments = 1
-    optional_arguments = 0
 
     def lines(self) -> Iterator[str]:
         room = self.arguments[0]
         module = importlib.import_module(room)
         homes = _homes(module)
-        yield f".. py:module:: {room}"
-        yield ""
+        yield from (*_imports(room.removeprefix("foretouch.")), "", *_folders(room), "", f".. py:module:: {room}", "")
         for name in sorted(module.__all__, key=lambda name: (_kind(getattr(module, name)), name.lower())):
             value = getattr(module, name)
             if inspect.isclass(value):
@@ -95,6 +102,32 @@ class Statuses(Generated):
             yield from (f"``{name}``", f"   {meaning[0].upper()}{meaning[1:]}.", "")
 
 
+class RobotStatuses(Generated):
+    """What a follower does with the commands."""
+
+    def lines(self) -> Iterator[str]:
+        from foretouch.messages import STATUS_SENTENCES
+
+        for status, sentence in STATUS_SENTENCES.items():
+            yield from (f"``{status.name}``", f"   The robot {sentence}.", "")
+
+
+class Channels(Generated):
+    """Every channel: its message, who sends it, and how often."""
+
+    def lines(self) -> Iterator[str]:
+        from foretouch.messages import CHANNELS
+
+        yield from (".. list-table::", "   :header-rows: 1", "   :widths: 15 50 15 20", "")
+        yield from ("   * - Channel", "     - Message", "     - From", "     - A second")
+        for channel in CHANNELS.values():
+            meaning = (inspect.getdoc(channel.kind) or "").splitlines()[0]
+            yield f"   * - ``{channel.name}``"
+            yield f"     - ``{channel.kind.__name__}``: {meaning}"
+            yield f"     - {channel.sender}"
+            yield f"     - {f'{channel.rate:g}' if channel.rate else 'on an event'}"
+
+
 class Commands(Generated):
     """The help of every command."""
 
@@ -123,19 +156,32 @@ class Layers(Generated):
         yield from (f"   {'  |  '.join(layer)}" for layer in _layers())
 
 
-class Imports(Generated):
-    """Which rooms a room may import."""
-
-    required_arguments = 1
-    optional_arguments = 0
+class Examples(Generated):
+    """The example programs."""
 
     def lines(self) -> Iterator[str]:
-        room, layers = self.arguments[0], _layers()
-        height = next(index for index, layer in enumerate(layers) if room in layer)
-        below = [f"``{name}``" for layer in layers[height + 1 :] for name in layer]
-        other = [f"``{name}``" for layer in layers[: height + 1] for name in layer if name != room]
-        yield f"| **May import** {', '.join(below) or 'nothing of foretouch'}."
-        yield f"| **Must not import** {', '.join(other)}." if other else ""
+        for path in sorted((ROOT / "examples").glob("*.py")):
+            first = (ast.get_docstring(ast.parse(path.read_text())) or "").split("\n")[0]
+            yield f"- ``{path.name}``: {first}"
+
+
+class Figures(Generated):
+    """Every figure, with the text of the page that shows it."""
+
+    def lines(self) -> Iterator[str]:
+        for name, (page, text) in shown_figures(ROOT / "docs").items():
+            yield from (f".. figure:: /images/{name}", f"   :alt: {text}", "", f"   {text}: :doc:`/{page}`", "")
+
+
+class Licences(Generated):
+    """The packages of the lock and their licences."""
+
+    def lines(self) -> Iterator[str]:
+        self.env.note_dependency(str(ROOT / "requirements.lock"))
+        listed = runpy.run_path(str(ROOT / "docs" / "list_licences.py"))["rows"]()
+        yield from (".. list-table::", "   :header-rows: 1", "")
+        for name, version, licence, by in [("Package", "Version", "Licence", "Brought by"), *listed]:
+            yield from (f"   * - {name}", f"     - {version}", f"     - {licence}", f"     - {by}")
 
 
 class PublicNames(Generated):
@@ -151,6 +197,34 @@ class PublicNames(Generated):
             link = f":py:obj:`~foretouch.{room}.{name}`" if room else f"``{name}``"
             text = inspect.getdoc(value) if room else "The version."
             yield from (f"   * - {link}", f"     - {room or ''}", f"     - {(text or '').splitlines()[0]}")
+
+
+def shown_figures(folder: Path) -> dict[str, tuple[str, str]]:
+    """By the file's name, the first page that shows a figure and the text that it has there."""
+    found: dict[str, tuple[str, str]] = {}
+    for page in sorted([*folder.glob("*.md"), *folder.glob("rooms/*.md")]):
+        for one in FIGURE.finditer(page.read_text()):
+            name, text = one["name"] or one["inline_name"], one["text"] or one["inline_text"]
+            found.setdefault(name, (str(page.relative_to(folder).with_suffix("")), text.strip()))
+    return dict(sorted(found.items()))
+
+
+def _imports(room: str) -> Iterator[str]:
+    """Which rooms a room may import, and which not."""
+    layers = _layers()
+    height = next(index for index, layer in enumerate(layers) if room in layer)
+    below = [f"``{name}``" for layer in layers[height + 1 :] for name in layer]
+    other = [f"``{name}``" for layer in layers[: height + 1] for name in layer if name != room]
+    yield f"| **May import** {', '.join(below) or 'nothing of foretouch'}."
+    if other:
+        yield f"| **Must not import** {', '.join(other)}."
+
+
+def _folders(room: str) -> Iterator[str]:
+    """What belongs in each folder of a room, by the docstring of its package."""
+    for path in sorted((ROOT / "src").joinpath(*room.split(".")).glob("*/__init__.py")):
+        text = ast.get_docstring(ast.parse(path.read_text())) or ""
+        yield f"- ``{path.parent.name}/``: {text.splitlines()[0]}"
 
 
 def _layers() -> list[list[str]]:
@@ -219,9 +293,13 @@ def setup(app: Sphinx) -> dict[str, bool]:
         "room": Room,
         "quantities": Quantities,
         "statuses": Statuses,
+        "robot-statuses": RobotStatuses,
+        "channels": Channels,
         "commands": Commands,
         "layers": Layers,
-        "imports": Imports,
+        "examples": Examples,
+        "figures": Figures,
+        "licences": Licences,
         "public-names": PublicNames,
     }
     for name, directive in directives.items():

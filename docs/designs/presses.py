@@ -15,7 +15,7 @@ from foretouch.identification import Conditioner
 from foretouch.models import MotionFilter
 from foretouch.quantities import Recording
 from foretouch.recordings import DATASETS, excerpt, list_datasets
-from foretouch.report import Forces, delayed, lowest_mean
+from foretouch.report import Forces, delayed_force, lowest_mean
 
 Array = NDArray[np.float64]
 
@@ -87,7 +87,7 @@ class Press:
     def error(self, predicted: Array) -> float:
         """As `foretouch predict` and `foretouch compare --simulated` score [% of the RMS of the force in contact]."""
         recording, skin = self.recording, self.delay < 0.1
-        known = delayed(recording.time, recording.force - self.zero, self.delay)
+        known = delayed_force(recording.time, recording.force - self.zero, self.delay)
         forces = Forces(recording.time, recording.position, recording.force, predicted, known, recording.contact_floor)
         hidden, begin = None, 1.5
         if self.truth is not None:

@@ -13,7 +13,7 @@ from designs.presses import Array, Press
 from scipy.optimize import nnls
 
 from foretouch.identification import ContactSample, Learner, predict
-from foretouch.identification.contact_map.bank import EXPERT_NAMES, ContactMapBank
+from foretouch.identification.contact_map.bank import EXPERT_NAMES, ContactMap
 from foretouch.identification.contact_map.learning import PERIOD, SCORED_FROM
 from foretouch.identification.contact_map.scores import (
     COARSE_DEPTH,
@@ -44,7 +44,7 @@ class Shipped:
         return _alone(press, tuple(self.experts), press.delay, self.told), self._cost(press)
 
     def _cost(self, press: Press) -> float:
-        recording, estimator = press.recording, ContactMapBank(experts=self.experts)
+        recording, estimator = press.recording, ContactMap(experts=self.experts)
         depth, force = recording.position - press.surface, press.force
         columns = (recording.time, depth, press.velocity, force, press.in_contact)
         samples = [ContactSample(*row) for row in zip(*(column.tolist() for column in columns), strict=True)]
@@ -59,7 +59,7 @@ def _alone(press: Press, experts: tuple[str, ...], delay: float, told: bool = Tr
     """Prediction of some experts of the shipped learner [N]."""
     recording = press.recording
     learner = Learner(
-        ContactMapBank(experts=experts),
+        ContactMap(experts=experts),
         force_offset=press.zero if press.zero_given and told else None,
         contact_floor=recording.contact_floor,
     )

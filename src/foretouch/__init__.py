@@ -3,12 +3,16 @@
 The public interface; what is not here may change without notice. Names are imported when they are first used, so that
 `import foretouch` costs nothing.
 
-- Recordings: `Recording`, `read_recording`, `read_with_notes`, `read_session`, `excerpt`, `fetch`
-- Contact models: `ContactModel`, `advance`, `make_model`
-- In a loop of your own: `Predictor`, `Renderer`, and `warm_up` before it
-- Identification: `make_estimator`, `Learner`, `identify`, `predict`
-- Scoring: `score`, `delayed`; `compare`, `file_case`
-- Sessions: `SessionSettings`, `simulate`, `make_robot`, `make_operator`, `session_report`, `SessionLog`
+- Recordings: `Recording`, `read_recording`, `read_with_notes`, `read_session`, `excerpt`, `fetch_dataset`
+- Contact laws: `ContactModel`, `advance`; `KelvinVoigt`, `HuntCrossley`, `ThresholdSwitching`, `ContinuousSwitching`,
+  `ContactMapModel`
+- Estimators: `Estimator`, `ContactSample`, `ContactSamples`; `ContactMap`, the default; `FPRLS`, `FPRLSOptions`,
+  `RobustFPRLS`, `KelvinVoigtRLS`, `HuntCrossleyLogRLS`, `ExactContinuousSwitching`, `ExactHuntCrossley`,
+  `ExactKelvinVoigt`
+- In a loop of your own: `Learner`, `Predictor`, `Renderer`, and `warm_up` before it
+- Of a recording: `identify`, `predict`, `delayed_force`, `score_prediction`; `compare` of many
+- Sessions: `SessionSettings`, `Frame`, `SensorFault`, `ImageFault`, `simulate`, `make_robot`, `make_operator`,
+  `SessionLog`, `session_report`, `SessionReport`
 - Errors: `ForetouchError`
 """
 
@@ -18,76 +22,109 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from foretouch.comparison import compare, file_case
+    from foretouch.comparison import compare
     from foretouch.errors import ForetouchError
-    from foretouch.identification import Learner, identify, make_estimator, predict
+    from foretouch.identification import (
+        FPRLS,
+        ContactMap,
+        ContactSample,
+        ContactSamples,
+        Estimator,
+        ExactContinuousSwitching,
+        ExactHuntCrossley,
+        ExactKelvinVoigt,
+        FPRLSOptions,
+        HuntCrossleyLogRLS,
+        KelvinVoigtRLS,
+        Learner,
+        RobustFPRLS,
+        identify,
+        predict,
+    )
     from foretouch.messages import SessionLog
-    from foretouch.models import ContactModel, Predictor, advance, make_model
-    from foretouch.quantities import Recording
-    from foretouch.recordings import excerpt, fetch, read_recording, read_session, read_with_notes
+    from foretouch.models import (
+        ContactMapModel,
+        ContactModel,
+        ContinuousSwitching,
+        HuntCrossley,
+        KelvinVoigt,
+        Predictor,
+        ThresholdSwitching,
+        advance,
+    )
+    from foretouch.quantities import Frame, Recording
+    from foretouch.recordings import excerpt, fetch_dataset, read_recording, read_session, read_with_notes
     from foretouch.rendering import Renderer
-    from foretouch.report import delayed, score, session_report
-    from foretouch.robot import make_robot
+    from foretouch.report import SessionReport, delayed_force, score_prediction, session_report
+    from foretouch.robot import SensorFault, make_robot
     from foretouch.session import SessionSettings, make_operator, simulate, warm_up
+    from foretouch.vision import ImageFault
 
 __version__ = "0.1.0"
 
-_HOME = {
-    "ForetouchError": "errors",
-    "compare": "comparison",
-    "file_case": "comparison",
-    "Recording": "quantities",
-    "read_recording": "recordings",
-    "read_session": "recordings",
-    "read_with_notes": "recordings",
-    "excerpt": "recordings",
-    "fetch": "recordings",
-    "ContactModel": "models",
-    "advance": "models",
-    "make_model": "models",
-    "Predictor": "models",
-    "Renderer": "rendering",
-    "make_estimator": "identification",
-    "Learner": "identification",
-    "identify": "identification",
-    "predict": "identification",
-    "score": "report",
-    "delayed": "report",
-    "session_report": "report",
-    "SessionLog": "messages",
-    "SessionSettings": "session",
-    "simulate": "session",
-    "warm_up": "session",
-    "make_operator": "session",
-    "make_robot": "robot",
+_ROOMS = {
+    "comparison": "compare",
+    "errors": "ForetouchError",
+    "identification": "FPRLS ContactMap ContactSample ContactSamples Estimator ExactContinuousSwitching "
+    "ExactHuntCrossley ExactKelvinVoigt FPRLSOptions HuntCrossleyLogRLS KelvinVoigtRLS Learner RobustFPRLS "
+    "identify predict",
+    "messages": "SessionLog",
+    "models": "ContactMapModel ContactModel ContinuousSwitching HuntCrossley KelvinVoigt Predictor "
+    "ThresholdSwitching advance",
+    "quantities": "Frame Recording",
+    "recordings": "excerpt fetch_dataset read_recording read_session read_with_notes",
+    "rendering": "Renderer",
+    "report": "SessionReport delayed_force score_prediction session_report",
+    "robot": "SensorFault make_robot",
+    "session": "SessionSettings make_operator simulate warm_up",
+    "vision": "ImageFault",
 }
+_HOME = {name: room for room, names in _ROOMS.items() for name in names.split()}
 
 __all__ = [
+    "FPRLS",
+    "ContactMap",
+    "ContactMapModel",
     "ContactModel",
+    "ContactSample",
+    "ContactSamples",
+    "ContinuousSwitching",
+    "Estimator",
+    "ExactContinuousSwitching",
+    "ExactHuntCrossley",
+    "ExactKelvinVoigt",
+    "FPRLSOptions",
     "ForetouchError",
+    "Frame",
+    "HuntCrossley",
+    "HuntCrossleyLogRLS",
+    "ImageFault",
+    "KelvinVoigt",
+    "KelvinVoigtRLS",
     "Learner",
     "Predictor",
     "Recording",
     "Renderer",
+    "RobustFPRLS",
+    "SensorFault",
     "SessionLog",
+    "SessionReport",
     "SessionSettings",
+    "ThresholdSwitching",
     "__version__",
     "advance",
     "compare",
-    "delayed",
+    "delayed_force",
     "excerpt",
-    "fetch",
-    "file_case",
+    "fetch_dataset",
     "identify",
-    "make_estimator",
-    "make_model",
     "make_operator",
     "make_robot",
     "predict",
     "read_recording",
     "read_session",
     "read_with_notes",
-    "score",
+    "score_prediction",
     "session_report",
     "simulate",
     "warm_up",

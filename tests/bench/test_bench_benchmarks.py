@@ -24,14 +24,13 @@ from foretouch.bench.benchmarks.commands import (
     write_recording,
     write_recordings,
 )
+from foretouch.bench.benchmarks.loops import CAUSES, LATE_NS, PERIOD_NS, causes, read_notes, side, ticks_of
 from foretouch.bench.benchmarks.steps import TapedSession
 from foretouch.bench.benchmarks.streams import Streamed, slope
 from foretouch.bench.benchmarks.updates import CALLED, SIDES, memory_growth, sheet, slide
 from foretouch.bench.children import measure_process
-from foretouch.bench.press import press, samples
-from foretouch.bench.rows import Scope
-from foretouch.bench.side import CAUSES, LATE_NS, PERIOD_NS, causes, read_notes, ticks_of
-from foretouch.bench.side import main as side
+from foretouch.bench.peers import press, samples
+from foretouch.bench.timing import Scope
 from foretouch.errors import ForetouchError
 from foretouch.identification import ContactSample, Estimator, Status
 from foretouch.messages.session_log import FOLLOWER_DTYPE
@@ -81,7 +80,7 @@ def test_every_late_tick_has_one_cause() -> None:
 def test_a_side_notes_its_collections(tmp_path: Path) -> None:
     import gc
 
-    from foretouch.bench.side import _noting
+    from foretouch.bench.benchmarks.loops import _noting
 
     with _noting(tmp_path / "notes.json"):
         before = time.monotonic_ns()

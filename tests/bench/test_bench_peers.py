@@ -8,8 +8,17 @@ from numpy.typing import NDArray
 
 from foretouch.bench.benchmarks.streams import Streams
 from foretouch.bench.benchmarks.updates import theta_of
-from foretouch.bench.peers import PEERS, RIVER_WITHOUT_FORGETTING, peer
-from foretouch.bench.press import FORGETTING_FACTOR, INITIAL_COVARIANCE, Press, Problem, press, recursion_over
+from foretouch.bench.peers import (
+    FORGETTING_FACTOR,
+    INITIAL_COVARIANCE,
+    PEERS,
+    RIVER_WITHOUT_FORGETTING,
+    Press,
+    Problem,
+    peer,
+    press,
+    recursion_over,
+)
 
 SIZE = 3_000
 

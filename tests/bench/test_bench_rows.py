@@ -12,8 +12,7 @@ from hypothesis import strategies as st
 from rich.console import Console
 
 from foretouch.bench import Row, render_table
-from foretouch.bench.rows import HEADS, cells
-from foretouch.bench.timing import spread
+from foretouch.bench.timing import HEADS, cells, spread
 
 FIGURES = st.floats(allow_nan=False, allow_infinity=False)
 

@@ -3,17 +3,13 @@
 from __future__ import annotations
 
 import importlib.util
-import json
 from pathlib import Path
 from types import ModuleType
-from typing import Any
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner, Result
+from typed_commands import output_of, refusal_of, run
 
-from foretouch.cli.app import app
-from foretouch.errors import ForetouchError
 from foretouch.recordings import read_calibration
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
@@ -28,25 +24,6 @@ def truth() -> ModuleType:
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module
-
-
-def run(*arguments: object) -> Result:
-    return CliRunner().invoke(app, [str(argument) for argument in arguments])
-
-
-def output_of(*arguments: object) -> dict[str, Any]:
-    result = run(*arguments, "--json")
-    assert result.exit_code == 0, result.exception
-    content = json.loads(result.stdout)
-    assert isinstance(content, dict)
-    return content
-
-
-def refusal_of(*arguments: object) -> str:
-    result = run(*arguments)
-    assert isinstance(result.exception, ForetouchError), result.output
-    assert "\n" not in str(result.exception)
-    return str(result.exception)
 
 
 def test_the_example_files_are_those_of_the_script(truth: ModuleType) -> None:

@@ -132,7 +132,7 @@ def test_the_page_and_the_help_list_the_exit_codes_that_there_are() -> None:
 def test_every_exit_code_in_the_code_is_listed() -> None:
     """Literal codes of `typer.Exit` and `sys.exit`, and named ones, as the modules define them."""
     found: set[int] = set()
-    for path in [*(SOURCE / "cli").glob("*.py")]:
+    for path in (SOURCE / "cli").rglob("*.py"):
         for node in ast.walk(ast.parse(path.read_text())):
             if isinstance(node, ast.Call) and ast.unparse(node.func) in ("typer.Exit", "sys.exit") and node.args:
                 (argument,) = node.args
@@ -215,3 +215,10 @@ def test_names_of_others_are_printed_in_one_safe_way(tmp_path: Path) -> None:
     assert done.exit_code == 0, done.output
     assert "\x1b" not in done.output
     assert r"b\x1b[2J.csv" in done.output
+
+
+@pytest.mark.parametrize("words", [("predict", "--bogus"), ("lead",), ("predict", "--delay", "x")])
+def test_what_was_typed_wrong_is_told_in_one_line(words: tuple[str, ...]) -> None:
+    result = foretouch_command(*words)
+    assert result.returncode == 2
+    assert re.fullmatch(r"foretouch: [^\n]+ \(see `[^`\n]+ --help`\)\n", result.stderr)

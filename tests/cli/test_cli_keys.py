@@ -10,9 +10,8 @@ from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import pytest
-from typer.testing import CliRunner, Result
+from typed_commands import good, run
 
-from foretouch.cli.app import app
 from foretouch.cli.commands.sides import _leader_name
 from foretouch.errors import ForetouchError, LinkError, SettingError
 from foretouch.link import KeyFolder
@@ -24,16 +23,6 @@ pytest.importorskip("cryptography")
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setenv("FORETOUCH_KEYS", str(tmp_path / "keys"))
     return tmp_path / "keys"
-
-
-def run(*arguments: object) -> Result:
-    return CliRunner().invoke(app, [str(argument) for argument in arguments])
-
-
-def good(*arguments: object) -> Result:
-    result = run(*arguments)
-    assert result.exit_code == 0, result.exception
-    return result
 
 
 def shown() -> dict[str, dict[str, object]]:

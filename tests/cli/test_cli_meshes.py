@@ -7,21 +7,16 @@ from typing import Any
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner, Result
+from typed_commands import run
 
 trimesh = pytest.importorskip("trimesh")
 pytest.importorskip("networkx")
 
-from foretouch.cli.app import app  # noqa: E402
 from foretouch.errors import InputError  # noqa: E402
 from foretouch.rendering import SurfaceProxy  # noqa: E402
 from foretouch.session.spatial import make_scene  # noqa: E402
 
 SIDE, BUMP = 0.08, 0.003
-
-
-def run(*arguments: object) -> Result:
-    return CliRunner().invoke(app, [str(argument) for argument in arguments])
 
 
 def sheet(scale: float = 1.0, move: tuple[float, float, float] = (0.0, 0.0, 0.0), *, inverted: bool = False) -> Any:

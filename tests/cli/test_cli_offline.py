@@ -12,15 +12,14 @@ from typing import Any
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner, Result
+from typed_commands import output_of, refusal_of, run
 
-from foretouch.cli.app import app
-from foretouch.cli.options import LAWS_HELP, SESSION_OPTIONS, SESSION_PANELS
-from foretouch.errors import ForetouchError
+from foretouch.errors import ForetouchError, SettingError
 from foretouch.identification import ESTIMATORS
 from foretouch.models import HuntCrossley
 from foretouch.recordings import read_recording, write_columns
 from foretouch.session import SessionSettings
+from foretouch.settings import DEFAULTS, LAWS_HELP, SETTINGS
 
 IDENTIFY_KEYS = {
     "model",
@@ -62,27 +61,6 @@ PREDICT_KEYS = {
 }
 
 
-def run(*arguments: object) -> Result:
-    return CliRunner().invoke(app, [str(argument) for argument in arguments])
-
-
-def output_of(*arguments: object) -> dict[str, Any]:
-    result = run(*arguments)
-    assert result.exit_code == 0, result.exception
-    content = json.loads(result.stdout)
-    assert isinstance(content, dict)
-    return content
-
-
-def refusal_of(*arguments: object) -> str:
-    """The error line of a command that must be refused."""
-    result = run(*arguments)
-    assert isinstance(result.exception, ForetouchError), result.output
-    assert not result.stdout
-    assert "\n" not in str(result.exception)
-    return str(result.exception)
-
-
 @pytest.fixture(scope="module")
 def press(tmp_path_factory: pytest.TempPathFactory) -> Path:
     time = np.arange(0.0, 5.0, 1e-3)
@@ -97,7 +75,7 @@ def press(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_identify_keeps_its_contract(press: Path) -> None:
-    content = output_of("identify", press, "--json")
+    content = output_of("identify", press)
     assert content.keys() == IDENTIFY_KEYS
     assert list(content["parameters"]) == PARAMETERS
     assert sum(content["map"]["shares"].values()) == pytest.approx(1.0, abs=1e-3)
@@ -111,7 +89,7 @@ def test_identify_keeps_its_contract(press: Path) -> None:
 def test_a_law_that_does_not_describe_the_recording_is_said_to(press: Path) -> None:
     """Its surface is said to be where the probe is almost deepest."""
     arguments = ("identify", press, "--surface", 0.018, "--model", "kelvin-voigt")
-    content = output_of(*arguments, "--json")
+    content = output_of(*arguments)
     assert content["residual_percent"] > 50.0
     said = f"its residual is {content['residual_percent']:.0f} % of the force in contact; check the signs of force"
     assert said in content["hint"]
@@ -119,7 +97,7 @@ def test_a_law_that_does_not_describe_the_recording_is_said_to(press: Path) -> N
 
 
 def test_a_force_that_falls_with_depth_has_a_status_and_a_hint(press: Path) -> None:
-    content = output_of("identify", press, "--flip", "--json")
+    content = output_of("identify", press, "--flip")
     assert content["status"] == "falls_with_depth"
     assert "give --flip-force if forces are negative under load, --flip if positions shrink" in content["hint"]
     assert run("identify", press, "--flip").stdout.splitlines()[-1].strip() == content["hint"]
@@ -130,18 +108,18 @@ def test_forces_that_are_negative_under_load_are_turned_round(press: Path, tmp_p
     turned = tmp_path / "turned.csv"
     columns = {"time_s": recording.time, "position_m": recording.position}
     write_columns(turned, columns | {"force_N": -recording.force})
-    arguments = ("--model", "kelvin-voigt", "--json")
+    arguments = ("--model", "kelvin-voigt")
     assert output_of("identify", turned, "--flip-force", *arguments) == output_of("identify", press, *arguments)
     results = []
     for given in ((turned, "--flip-force"), (press,)):
-        row = output_of("compare", *given, "--models", "kelvin-voigt", "--estimators", "rls", "--json")["results"][0]
+        row = output_of("compare", *given, "--models", "kelvin-voigt", "--estimators", "rls")["results"][0]
         results.append([value for name, value in row.items() if name.endswith("percent")])
     assert results[0] == results[1] != []
 
 
 def test_a_law_says_whether_its_errors_hold_that_of_the_surface(press: Path) -> None:
     arguments = ("identify", press, "--model", "kelvin-voigt", "--estimator")
-    alone, both = (output_of(*arguments, name, "--json") for name in ("rls", "offline"))
+    alone, both = (output_of(*arguments, name) for name in ("rls", "offline"))
     assert alone["standard_errors_with_surface"] is None
     assert both["standard_errors_with_surface"]["stiffness"] > both["standard_errors"]["stiffness"]
     assert "(each ± takes the surface for right: see surface_m)" in run(*arguments, "rls").stdout
@@ -162,7 +140,7 @@ def test_the_help_names_every_law() -> None:
 
 
 def test_a_map_is_told_in_a_few_numbers(press: Path) -> None:
-    content = output_of("identify", press, "--json", "--surface", 0.01)["map"]
+    content = output_of("identify", press, "--surface", 0.01)["map"]
     assert content["depth_visited_m"] == pytest.approx(0.0091, abs=5e-4)
     assert content["speed_visited_m_per_s"] == pytest.approx(0.05, rel=0.3)
     assert 0.0 < content["standard_deviation_N"] < 0.5
@@ -172,13 +150,13 @@ def test_a_map_is_told_in_a_few_numbers(press: Path) -> None:
     for depth, force, stiffness in places:
         assert force == pytest.approx(3000.0 * depth**1.4, rel=0.1)
         assert stiffness == pytest.approx(1.4 * 3000.0 * depth**0.4, rel=0.15)
-    other = output_of("identify", press, "--json", "--model", "continuous-switching")
+    other = output_of("identify", press, "--model", "continuous-switching")
     assert other["map"] is None
     assert other["estimator"] == "fprls"
 
 
 def test_identify_writes_the_parameters_at_every_sample(press: Path, tmp_path: Path) -> None:
-    content = output_of("identify", press, "--json", "--out", tmp_path / "p.csv")
+    content = output_of("identify", press, "--out", tmp_path / "p.csv")
     rows = list(csv.DictReader((tmp_path / "p.csv").read_text().splitlines()))
     assert len(rows) == 5000
     assert rows[0].keys() == {"time_s", "in_contact", *PARAMETERS}
@@ -195,7 +173,7 @@ PAIRS = [(model, name) for model in ESTIMATORS for name in ESTIMATORS[model]]
     [pytest.param(*pair, marks=pytest.mark.long) if pair[1] == "offline" else pair for pair in PAIRS],
 )
 def test_identify_takes_every_model_and_estimator(press: Path, model: str, estimator: str) -> None:
-    content = output_of("identify", press, "--model", model, "--estimator", estimator, "--json")
+    content = output_of("identify", press, "--model", model, "--estimator", estimator)
     assert (content["model"], content["estimator"], content["status"]) == (model, estimator, "ok")
     errors = content["standard_errors"]
     assert errors is None or errors.keys() == content["parameters"].keys()
@@ -225,7 +203,7 @@ def test_what_is_undetermined_has_no_standard_error(tmp_path: Path, estimator: s
     path = tmp_path / "noisy.csv"
     write_columns(path, {"time_s": time, "position_m": depth, "force_N": force})
     arguments = ("identify", path, "--model", "continuous-switching", "--estimator", estimator, "--surface", 0)
-    content = output_of(*arguments, "--json")
+    content = output_of(*arguments)
     undetermined = [name for name, value in content["parameters"].items() if value is None]
     assert undetermined
     errors = content["standard_errors"]
@@ -237,7 +215,7 @@ def test_what_is_undetermined_has_no_standard_error(tmp_path: Path, estimator: s
 
 def test_predict_keeps_its_contract(press: Path, tmp_path: Path) -> None:
     out = tmp_path / "forces.csv"
-    content = output_of("predict", press, "--delay", 0.3, "--json", "--out", out, "--surface", 0.01)
+    content = output_of("predict", press, "--delay", 0.3, "--out", out, "--surface", 0.01)
     assert content.keys() == PREDICT_KEYS
     assert content["status"] == "ok"
     assert content["delay_s"] == 0.3
@@ -251,7 +229,7 @@ def test_predict_keeps_its_contract(press: Path, tmp_path: Path) -> None:
 
 
 def test_a_delay_of_zero_leaves_no_delayed_error(press: Path) -> None:
-    assert output_of("predict", press, "--delay", 0, "--json")["delayed_force_error_percent"] == pytest.approx(0.0)
+    assert output_of("predict", press, "--delay", 0)["delayed_force_error_percent"] == pytest.approx(0.0)
 
 
 def test_units_and_direction_change_nothing_but_the_numbers_in_the_file(press: Path, tmp_path: Path) -> None:
@@ -260,7 +238,7 @@ def test_units_and_direction_change_nothing_but_the_numbers_in_the_file(press: P
     columns = {"time_s": table["time_s"], "position_m": -1e3 * table["position_m"], "force_N": 1e3 * table["force_N"]}
     write_columns(path, columns)
     units = ("--position-unit", "mm", "--force-unit", "mN", "--flip")
-    plain, other = (output_of("identify", *arguments, "--json") for arguments in ((press,), (path, *units)))
+    plain, other = (output_of("identify", *arguments) for arguments in ((press,), (path, *units)))
     for name in ("depths_m", "forces_N", "local_stiffness_N_per_m"):
         assert other["map"][name] == pytest.approx(plain["map"][name], rel=1e-3)
     for name, value in plain["parameters"].items():
@@ -276,7 +254,7 @@ def test_a_recording_that_never_touches(tmp_path: Path) -> None:
         path,
         {"time_s": time, "position_m": 0.01 * np.sin(time), "force_N": 0.2 + random.normal(0, 1e-3, time.size)},
     )
-    content = output_of("predict", path, "--json")
+    content = output_of("predict", path)
     assert content["status"] == "no_contact"
     assert content["prediction_error_percent"] is None
     assert "samples in contact, at least 50 are needed" in refusal_of("identify", path)
@@ -336,40 +314,40 @@ def test_a_refusal_is_one_line_and_exit_code_2(tmp_path: Path) -> None:
 
 
 def test_session_options_are_the_fields_and_defaults_of_the_settings() -> None:
-    defaults = {name: default for name, (_, default, _) in SESSION_OPTIONS.items()}
-    assert defaults.keys() == SessionSettings().as_text().keys()
-    assert SessionSettings(**defaults) == SessionSettings()
-    assert sorted(name for names in SESSION_PANELS.values() for name in names) == sorted(SESSION_OPTIONS)
+    assert SessionSettings(**DEFAULTS) == SessionSettings()
+    assert SETTINGS.keys() == SessionSettings().as_text().keys()
+    for name, declared in SETTINGS.items():
+        assert f"    {name}: {declared.sentence}" in str(SessionSettings.__doc__)
+        for rule, bound in declared.bounds.items():
+            beyond = bound + 1.0 if rule == "at_most" else bound - 1.0
+            with pytest.raises(SettingError, match=rf"^{name} = .*{bound:g}"):
+                SessionSettings(**{name: type(DEFAULTS[name])(beyond)})
     assert SessionSettings().estimator == "bank"
     assert SessionSettings(model="continuous-switching").estimator == "fprls"
 
 
 def test_every_measured_press_is_predicted(measured: Any) -> None:
     for name in ("tue/a-foam", "tue/a-spring", "tue/a-rigid"):
-        content = output_of("predict", measured(name), "--delay", 0.3, "--json")
+        content = output_of("predict", measured(name), "--delay", 0.3)
         assert content["contact_force_rms_N"] > 1.0
         assert content["prediction_error_percent"] > 0.0
         assert 70.0 < content["delayed_force_error_percent"] < 110.0
         assert content["status"] == ("offset_unobservable" if "spring" in name else "ok")
-    assert output_of("predict", measured("tue/a-free-motion"), "--json")["status"] == "no_contact"
-    skin = output_of(
-        "predict", measured("aurora/400-mN"), "--delay", 0.02, "--score-from", 0.5, "--score-to", 1.6, "--json"
-    )
+    assert output_of("predict", measured("tue/a-free-motion"))["status"] == "no_contact"
+    skin = output_of("predict", measured("aurora/400-mN"), "--delay", 0.02, "--score-from", 0.5, "--score-to", 1.6)
     assert skin["status"] == "ok"
 
 
 def test_a_measured_recording_is_named_instead_of_a_file(measured: Callable[[str], Path], tmp_path: Path) -> None:
     name, law = "tue/b-foam", ("--model", "kelvin-voigt", "--estimator", "rls")
     for command in ("identify", "predict"):
-        assert output_of(command, "--dataset", name, *law, "--json") == output_of(
-            command, measured(name), *law, "--json"
-        )
+        assert output_of(command, "--dataset", name, *law) == output_of(command, measured(name), *law)
     said = run("predict", "--dataset", name, *law, "--report", tmp_path / "page")
     assert said.stdout.startswith(f"{name}: kelvin-voigt by rls")
     assert name in (tmp_path / "page" / "index.html").read_text()
     found = output_of(
         "compare", "--dataset", name, "--dataset", "tue/a-rigid", "--models", "kelvin-voigt", "--estimators", "rls",
-        "--jobs", 1, "--json",
+        "--jobs", 1,
     )  # fmt: skip
     assert [result["recording"] for result in found["results"]] == [name, "tue/a-rigid"]
 

@@ -18,7 +18,7 @@ from foretouch.link import WaitingNote, followers
 STOPPED = """
 import os, signal, sys, time
 from foretouch.link import WaitingNote
-from foretouch.session.processes.news import release_command
+from foretouch.session.runners.news import release_command
 note, released = WaitingNote(), []
 signal.signal(signal.SIGUSR2, lambda *_: released.append(1))
 note.say(f"emergency stop (somebody): it is unloaded; to release it at rest: {release_command()}")

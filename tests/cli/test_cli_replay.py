@@ -7,16 +7,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner, Result
+from typed_commands import run
 
-from foretouch.cli.app import app
 from foretouch.errors import InputError, RecordingError, SettingError, UnknownNameError
 from foretouch.messages import encode
 from foretouch.recordings import read_session
-
-
-def run(*arguments: object) -> Result:
-    return CliRunner().invoke(app, [str(argument) for argument in arguments])
 
 
 @pytest.fixture(scope="module")

@@ -6,18 +6,13 @@ import json
 from pathlib import Path
 
 import pytest
-from typer.testing import CliRunner, Result
+from typed_commands import run
 
-from foretouch.cli.app import app
 from foretouch.errors import InputError, install_command
 from foretouch.messages import VERSION, Hello, LeaderSpace, LeaderState, Telemetry
 from foretouch.recordings import SessionWriter, read_session
 
 TOUCHES = ("--fusion", "contact", "--displacement", 0.003, "--turn", 0.02)
-
-
-def run(*arguments: object) -> Result:
-    return CliRunner().invoke(app, [str(argument) for argument in arguments])
 
 
 @pytest.fixture(scope="module")

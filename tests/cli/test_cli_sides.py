@@ -10,21 +10,16 @@ from pathlib import Path
 
 import msgspec
 import pytest
-from typer.testing import CliRunner, Result
+from typed_commands import run
 
 from foretouch.cli import as_typed
-from foretouch.cli.app import app
-from foretouch.cli.links import Endpoints
+from foretouch.cli.options import Endpoints
 from foretouch.errors import ForetouchError, LinkError, SettingError
 from foretouch.link import ZenohLink, free_endpoint
 from foretouch.messages import VERSION, Status, Telemetry
 
 BADLY_CALIBRATED = ("--listen", "tcp/127.0.0.1:7447", "--calibration", "no.toml", "--duration", 1)
 TELEMETRY = Telemetry(VERSION, 1, 1, 0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, False, False, 0, 1, 1)
-
-
-def run(*arguments: object) -> Result:
-    return CliRunner().invoke(app, [str(argument) for argument in arguments])
 
 
 @pytest.mark.parametrize(

@@ -41,7 +41,7 @@ def test_ctrl_c_while_something_is_imported_is_no_error_of_it() -> None:
     script = (
         "import sys, foretouch.cli.app as app\n"
         "from foretouch.cli import main\n"
-        "def importing():\n"
+        "def importing(**options):\n"
         "    try: raise KeyboardInterrupt\n"
         "    except KeyboardInterrupt as error: raise ImportError('initialization failed') from error\n"
         "app.app = importing\n"

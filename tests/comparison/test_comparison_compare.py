@@ -21,11 +21,21 @@ from foretouch.comparison.cases import Case, load, simulate
 from foretouch.comparison.combination import Combination, OnceLearnt, inseparable, measure, score_outside
 from foretouch.comparison.parallel import run_all
 from foretouch.errors import ForetouchError, InputError, SettingError, UnknownNameError
-from foretouch.identification import ESTIMATORS, Estimator, Learner, identify, make_estimator, predict
+from foretouch.identification import (
+    ESTIMATORS,
+    ContactMap,
+    Estimator,
+    ExactKelvinVoigt,
+    KelvinVoigtRLS,
+    Learner,
+    identify,
+    make_estimator,
+    predict,
+)
 from foretouch.models import HuntCrossley
 from foretouch.quantities import Recording
 from foretouch.recordings import read_recording, write_columns
-from foretouch.report import Forces, delayed, forces_under_delay, score, time_to_accuracy
+from foretouch.report import Forces, delayed_force, forces_under_delay, score_prediction, time_to_accuracy
 
 PAIR: dict[str, Any] = {"models": ("kelvin-voigt",), "estimators": ("rls",), "processes": 1}
 
@@ -57,6 +67,23 @@ def test_every_law_is_compared_by_every_estimator_that_it_has() -> None:
         (model, "offline") for model in ESTIMATORS if "offline" in ESTIMATORS[model]
     ]
     assert comparison.combinations(("kelvin-voigt", "kelvin-voigt"), ("rls",)) == [("kelvin-voigt", "rls")]
+
+
+def test_estimators_may_be_given_by_their_classes() -> None:
+    pairs = comparison.combinations(estimators=[ExactKelvinVoigt, ContactMap])
+    assert pairs == [("kelvin-voigt", "exact"), ("contact-map", "bank")]
+    with pytest.raises(InputError, match="all classes, each of its own law, or all names"):
+        comparison.combinations(estimators=[ExactKelvinVoigt, "rls"])
+    with pytest.raises(InputError, match="all classes, each of its own law, or all names"):
+        comparison.combinations(["kelvin-voigt"], [ExactKelvinVoigt])
+
+
+def test_recordings_may_be_given_by_their_paths(folder: Path) -> None:
+    path = folder / "press.csv"
+    by_path = comparison.compare([path], estimators=[KelvinVoigtRLS], processes=1)
+    by_case = comparison.compare([comparison.file_case(path)], models=["kelvin-voigt"], estimators=["rls"], processes=1)
+    assert by_path == by_case
+    assert by_path[0].status == "ok"
 
 
 def test_names_that_are_not_there_are_refused() -> None:
@@ -97,11 +124,11 @@ def test_the_figures_are_those_of_identify_and_predict(folder: Path) -> None:
     assert 1.0 < result.us_per_sample < 5e3
     for prediction, delay in zip(result.predictions, (0.1, 0.3), strict=True):
         predicted = predict(recording, fresh(recording), delay=delay)
-        expected = score(
+        expected = score_prediction(
             recording.time,
             recording.force,
             predicted.force,
-            delayed(recording.time, recording.force, delay),
+            delayed_force(recording.time, recording.force, delay),
             contact_floor=recording.contact_floor,
             position=recording.position,
         )

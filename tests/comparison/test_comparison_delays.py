@@ -19,7 +19,7 @@ from foretouch.identification import ESTIMATORS, Learner, make_estimator
 from foretouch.models import HuntCrossley
 from foretouch.quantities import Recording
 from foretouch.recordings import read_recording, write_columns
-from foretouch.report import forces_under_delay, score
+from foretouch.report import forces_under_delay, score_prediction
 
 DELAYS = (0.0, 0.1, 0.5)
 CHOSEN = {"models": ("hunt-crossley",), "estimators": ("exact", "log-rls", "offline")}
@@ -54,7 +54,7 @@ def results(files: list[Path]) -> list[comparison.Result]:
 def scored(recording: Recording, estimator: str, delay: float) -> tuple[float | None, float | None]:
     learner = Learner(make_estimator("hunt-crossley", estimator), contact_floor=recording.contact_floor)
     forces = forces_under_delay(recording, learner, delay)
-    found = score(
+    found = score_prediction(
         forces.time,
         forces.measured,
         forces.predicted,

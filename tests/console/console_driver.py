@@ -16,10 +16,11 @@ from typing import Any
 
 import numpy as np
 
-from foretouch.console.views.scene import CAMERA, FIELD_OF_VIEW, UNITS
+from foretouch.console.views.hold import HOME
+from foretouch.console.views.line import CAMERA, FIELD_OF_VIEW
+from foretouch.console.views.probes import UNITS
 from foretouch.console.views.shapes import HANDLE_HEIGHT
-from foretouch.console.views.space import HOME
-from foretouch.console.views.space_scene import HANDLE_SIZE, SPACE_CAMERA, SPACE_UNITS
+from foretouch.console.views.space import HANDLE_SIZE, SPACE_CAMERA
 from foretouch.devices import BrowserOperator, ScriptedOperator
 from foretouch.messages import (
     VERSION,
@@ -82,8 +83,6 @@ def open_page(
         page.goto(url)
         page.locator("canvas").first.wait_for(timeout=30_000)
         page.get_by_text(says).wait_for(timeout=30_000)
-        for close in page.locator(".mantine-Notification-closeButton").all():  # the advice on software rendering
-            close.click()
         try:
             yield page, requests
         finally:
@@ -94,8 +93,6 @@ def wait_until_shown(page: Any) -> None:
     """Wait until a page that was loaded without `open_page` shows the console and nothing over it."""
     page.locator("canvas").first.wait_for(timeout=30_000)
     page.get_by_text("Drag the blue handle down to press").wait_for(timeout=30_000)
-    for close in page.locator(".mantine-Notification-closeButton").all():
-        close.evaluate("button => button.click()")  # a slow renderer takes seconds to hold it still for the mouse
 
 
 def open_tab(page: Any, name: str) -> None:
@@ -163,10 +160,10 @@ def take_handle(page: Any, press_mm: float, seconds: float = 1.0, steps: int = 1
 @contextlib.contextmanager
 def held_in_space(page: Any, down_mm: float, seconds: float = 1.5, steps: int = 10) -> Iterator[None]:
     """Take the upward arrow of the handle in space with the mouse and push it down by `down_mm` [mm]; let go behind."""
-    x, y, z = (SPACE_UNITS * value for value in HOME)
+    x, y, z = (UNITS * value for value in HOME)
     grip = z + ARROW_SHARE * HANDLE_SIZE
     start = on_screen(page, (x, y, grip), SPACE_CAMERA)
-    end = on_screen(page, (x, y, grip - down_mm * 1e-3 * SPACE_UNITS), SPACE_CAMERA)
+    end = on_screen(page, (x, y, grip - down_mm * 1e-3 * UNITS), SPACE_CAMERA)
     page.mouse.move(*start)
     page.wait_for_timeout(500)
     page.mouse.down()

@@ -27,12 +27,12 @@ from console_driver import (
 )
 
 from foretouch.console import Console
-from foretouch.console.panels.panel import INSTRUCTION, NOT_LIVE
+from foretouch.console.panels.panel import CHOOSE_RECORDING, INSTRUCTION, NOT_LIVE
 from foretouch.console.panels.session import BY_HAND
 from foretouch.console.panels.stop import ASKING, LATCHED, READY
-from foretouch.console.sentences import STOPPED_INSTRUCTION
+from foretouch.console.sentences import NOTHING_LIVE, STOPPED_INSTRUCTION
 from foretouch.console.views.line import DRAG
-from foretouch.messages import Choice, EmergencyStop, Handle, Settings, Status, Stop
+from foretouch.messages import Choice, EmergencyStop, Handle, Message, Settings, Status, Stop
 
 pytest.importorskip("viser")
 pytest.importorskip("playwright")
@@ -289,6 +289,32 @@ def test_a_recording_is_played_and_its_bar_is_dragged_while_the_stop_stays_the_r
     page.get_by_role("button", name=READY).wait_for()
     page.get_by_role("button", name="Back to live").click()
     bench.wait_for(lambda: page.get_by_text(NOT_LIVE).count() == 0)
+
+
+def test_with_recordings_alone_nothing_pretends_to_stop_or_move_a_robot(bench, tmp_path):
+    simulated_session(tmp_path / "pressed.mcap")
+    sent: list[Message] = []
+    console = Console(0, sent.append, recordings=tmp_path, live=False)
+    ended = threading.Event()
+    drawing = threading.Thread(target=console.run, args=(ended.is_set,))
+    drawing.start()
+    try:
+        page = bench.page.context.browser.new_page(viewport={"width": 1280, "height": 720})
+        page.goto(console.url)
+        page.get_by_text(NOTHING_LIVE).wait_for()
+        page.keyboard.press("Space")
+        choose(page, "Recording", "pressed.mcap")
+        page.get_by_text(f"{NOT_LIVE}: pressed.mcap").wait_for()
+        page.get_by_role("button", name="Close the recording").click()
+        page.get_by_text(CHOOSE_RECORDING).wait_for()
+        assert page.get_by_text("stop", exact=False).count() == 0
+        assert handle_says(page) == ""
+        page.close()
+    finally:
+        ended.set()
+        drawing.join()
+        console.close()
+    assert sent == []
 
 
 def handle_says(page: Any) -> str:

@@ -9,21 +9,21 @@ from foretouch.console.panels.model import describe
 from foretouch.console.sentences import INSECURE
 from foretouch.identification import Learner, make_estimator
 from foretouch.messages import VERSION, ModelUpdate
-from foretouch.models import ContactMap
+from foretouch.models import ContactMapModel
 
 
 def update(law: str, parameters: tuple[float, ...], content: bytes = b"", *, valid: bool = True) -> ModelUpdate:
     return ModelUpdate(VERSION, 1, 0, 0, law, parameters, (), 0.01, valid, "why it is so", "bank", content)
 
 
-def learnt_map() -> ContactMap:
+def learnt_map() -> ContactMapModel:
     """Of a spring of 500 N/m, pressed 4 mm deep."""
     learner = Learner(make_estimator("contact-map", "bank"), surface=0.0, force_offset=0.0)
     for tick in range(1000):
         depth = 0.004 * (1.0 - abs(1.0 - tick / 500))
         learner.update(tick * 1e-3, depth, 500.0 * depth)
     model = learner.learnt().model
-    assert isinstance(model, ContactMap)
+    assert isinstance(model, ContactMapModel)
     return model
 
 

@@ -13,8 +13,8 @@ from console_driver import PRESS_DEPTH, SURFACE
 from foretouch.console import Console
 from foretouch.console.panels.forces import RENDERED, numbers_html, numbers_of
 from foretouch.console.panels.panel import felt
-from foretouch.console.views.line import STROKE
-from foretouch.console.views.scene import UNITS
+from foretouch.console.views.hold import STROKE
+from foretouch.console.views.probes import UNITS
 from foretouch.console.views.shapes import HANDLE_HEIGHT
 from foretouch.devices import GRIPS, INTENDED_FORCE
 from foretouch.messages import VERSION, Handle, Hello, LeaderState, Message, Status, Telemetry
@@ -138,7 +138,7 @@ def test_a_hand_that_is_apart_from_the_probe_is_a_ring_in_the_picture_and_no_num
     console.watch(leader(position=0.010, hand=0.0077, intended=0.0077))
     moment = console._watched.at_once()
     console._draw_scene(moment, True)
-    ring, probe = console._line._scene._hand, console._line._scene._probe
+    ring, probe = console._line._scene._hand, console._line._scene._probes.probe
     assert ring.visible
     assert (ring.position[2] - probe.position[2]) / UNITS == pytest.approx(0.0023)  # so much further out
     said = numbers_html(numbers_of(moment, moment.window(6.0), None, status="", warnings=()))

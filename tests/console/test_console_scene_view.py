@@ -8,6 +8,7 @@ import time
 from collections.abc import Callable, Iterator
 from html import escape
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import msgspec
@@ -19,7 +20,7 @@ from foretouch.console.panels.forces import numbers_html, numbers_of
 from foretouch.console.panels.image import NO_IMAGE, can_draw, missing_image
 from foretouch.console.plots import number
 from foretouch.console.views import fixture as shape
-from foretouch.console.views.space_scene import ANCHORS
+from foretouch.console.views.probes import ANCHORS
 from foretouch.console.views.stiffness_colours import StiffnessScale
 from foretouch.errors import install_command
 from foretouch.messages import VERSION, CameraImage, FollowerSpace, Hello, LeaderSpace, LeaderState
@@ -135,13 +136,13 @@ def test_labels_stand_on_the_outer_sides(console: Console) -> None:
     scene = console._space._scene
     assert scene is not None
     for probe, robot, left in ((0.0, 0.01, True), (0.0, -0.01, False), (0.0, 0.0005, False), (0.0, math.nan, False)):
-        scene.keep_apart(probe, robot)
-        scene.draw_probe((probe, 0.0, 0.0), (0.0, 0.0, 1.0), math.nan)
-        scene.draw_robot((0.02, 0.0, 0.0), (0.0, 0.0, 1.0))
-        anchors = scene._label.anchor, scene._ghost_label.anchor
-        assert anchors == (ANCHORS if left else ANCHORS[::-1])
-        assert (scene._label.position[0] < scene._probe.position[0]) == left
-        assert (scene._ghost_label.position[0] > scene._ghost.position[0]) == left
+        places = {"place_x": robot, "place_y": 0.0, "place_z": 0.0}
+        felt = SimpleNamespace(**places, force_x=0.0, force_y=0.0, force_z=1.0)
+        scene.draw_probes((probe, 0.0, 0.0), (0.0, 0.0, 1.0), math.nan, felt)  # type: ignore[arg-type]
+        shown = scene.probes
+        assert tuple(label.anchor for label in shown.labels) == (ANCHORS if left else ANCHORS[::-1])
+        assert (shown.labels[0].position[0] < shown.probe.position[0]) == left
+        assert (shown.labels[1].position[0] > shown.robot.position[0]) == left
 
 
 def test_nothing_is_not_negative(console: Console) -> None:
@@ -195,8 +196,8 @@ def test_small_scenes_are_drawn_as_they_are() -> None:
 
 def test_the_camera_goes_where_what_is_looked_at_is_seen(console: Console) -> None:
     """Sessions along a line and in space take turns where a recording of the other kind is looked at."""
-    from foretouch.console.views.scene import CAMERA
-    from foretouch.console.views.space_scene import SPACE_CAMERA
+    from foretouch.console.views.line import CAMERA
+    from foretouch.console.views.space import SPACE_CAMERA
     from foretouch.console.watched import Watched
 
     camera = console._server.initial_camera

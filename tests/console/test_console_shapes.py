@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from foretouch.console.views import shapes
-from foretouch.console.views.scene import height_on_axis
+from foretouch.console.views.line import height_on_axis
 
 
 @pytest.mark.parametrize(
@@ -20,8 +20,8 @@ from foretouch.console.views.scene import height_on_axis
         shapes.probe(0.1),
         shapes.handle(),
         shapes.hint(),
-        shapes.doubt(0.5, 0.7),
-        shapes.doubt(0.0, 0.0),
+        shapes.uncertainty(0.5, 0.7),
+        shapes.uncertainty(0.0, 0.0),
         shapes.arrow(2.0),
         shapes.arrow(0.0),
     ],

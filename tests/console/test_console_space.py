@@ -23,7 +23,7 @@ from foretouch.console.playback import RecordedWatch
 from foretouch.console.space_heard import SpaceHeard, newest_image
 from foretouch.console.views import fixture as shape
 from foretouch.console.views.fixture import along, wxyz_of
-from foretouch.console.views.space import HOME, REACH, SpaceHold
+from foretouch.console.views.hold import HOME, REACH, SpaceHold
 from foretouch.console.views.stiffness_colours import COLOURS, StiffnessScale, known_share, legend_html, levels_of
 from foretouch.console.watched import Watched
 from foretouch.messages import (
@@ -42,7 +42,7 @@ from foretouch.messages import (
 from foretouch.models import MaterialField
 from foretouch.recordings import SessionWriter, read_session
 from foretouch.session import SessionSettings
-from foretouch.session.runners.simulated_scene import simulate_scene
+from foretouch.session.runners.lap import simulate_scene
 from foretouch.session.spatial import make_camera, make_scene, make_spatial_operator, make_spatial_robot
 
 pytest.importorskip("mujoco")
@@ -61,7 +61,7 @@ def recorded(seconds: float) -> SessionLog:
     camera = make_camera(settings, scene, say=lambda line: None)
     operator = make_spatial_operator(settings, scene, scene.nominal)
     robot = make_spatial_robot(settings, scene)
-    return simulate_scene(settings, scene, duration=seconds, operator=operator, robot=robot, camera=camera).log
+    return simulate_scene(settings, operator, robot, camera, duration=seconds).log
 
 
 def messages_of(log: SessionLog) -> list[Any]:
@@ -228,7 +228,7 @@ def test_the_known_share_is_that_of_the_law() -> None:
     keys = random.integers(-4, 4, (60, 3))
     keys = np.unique(keys, axis=0)
     values = np.tile((2.0, 0.0, 0.0, 1.0), (len(keys), 1))
-    field = MaterialField(keys, values, mean=(1.0, 0.0, 0.0), doubt=1.0)
+    field = MaterialField(keys, values, mean=(1.0, 0.0, 0.0), uncertainty=1.0)
     points = random.uniform(-0.02, 0.02, (300, 3))
     stiffness, _ = field.stiffness_at(points)
     np.testing.assert_allclose(known_share(field, points), stiffness - 1.0, atol=1e-6)

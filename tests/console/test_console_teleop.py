@@ -106,8 +106,8 @@ def test_dragging_the_handle_presses_the_material(tmp_path: Path) -> None:
     surface = float(log.settings["surface"])
     rows = log.rows()
     half_seconds = (rows.leader["time_ns"] - rows.leader["time_ns"][0]) // 500_000_000
-    stretches = [np.flatnonzero(half_seconds == number) for number in np.unique(half_seconds)]
-    resting = [stretch for stretch in stretches if np.ptp(rows.leader["position"][stretch]) < 1e-4][1:-1]
+    segments = [np.flatnonzero(half_seconds == number) for number in np.unique(half_seconds)]
+    resting = [segment for segment in segments if np.ptp(rows.leader["position"][segment]) < 1e-4][1:-1]
     assert len(resting) >= 3, "the handle did not hold the leader still"
     held = np.concatenate(resting)
     depth = np.median(rows.follower["position"][held]) - surface
@@ -220,6 +220,8 @@ def test_an_emergency_stop_is_released_at_the_follower_and_a_killed_tab_lets_go(
         page.get_by_role("button", name=LATCHED).wait_for(timeout=20_000)
         page.get_by_text(re.compile(r"Emergency stop \(pressed in the console\): .* foretouch release \d+")).wait_for()
         page.wait_for_timeout(800)
+        page.get_by_text(re.compile(r"^foretouch release \d+$")).click()
+        assert re.fullmatch(r"foretouch release \d+", str(page.evaluate("getSelection().toString()")))  # to be copied
         words = [sys.executable, "-m", "foretouch", "release"]
         said = subprocess.run(words, input="y\nrelease\n", capture_output=True, text=True, check=True).stdout
         assert said.endswith("the robot follows again, slowly at first\n")

@@ -25,7 +25,7 @@ def test_the_local_stiffness_of_a_spring_is_its_own() -> None:
     figures = figures_of(update(1, "kelvin-voigt", (800.0, 2.0)), 0.005)
     assert figures is not None
     assert figures.stiffness == pytest.approx(800.0)
-    assert np.isnan(figures.deviation)  # a law of numbers alone carries no doubt
+    assert np.isnan(figures.deviation)  # a law of numbers alone carries no uncertainty
     assert figures.parameters == (800.0, 2.0)
 
 

@@ -110,7 +110,7 @@ def test_what_the_robots_side_says_of_itself_stands_until_its_status_changes() -
     trouble = "emergency stop (somebody): unloaded; to release it at rest: foretouch release 4711"
     heard = watched(state(), telemetry(status=Status.STOPPED), hello("follower", trouble=trouble))
     (said,) = robot_alerts(heard, NOW)
-    assert said == f"E{trouble[1:]} on the follower's machine."
+    assert said == f"E{trouble[1:]} on the follower's machine; there answer y, then type release."
     heard.take(telemetry(sequence=2, status=Status.RETURNING), NOW)
     assert robot_alerts(heard, NOW) == ()
     heard.take(telemetry(sequence=3, status=Status.HOLDING), NOW)
@@ -142,7 +142,8 @@ def test_a_sensor_fault_is_told_once() -> None:
         state(), fault, hello("follower", trouble=f"nothing is learnt: {sentence}; then foretouch release 4711")
     )
     assert robot_alerts(heard, NOW) == (
-        f"Nothing is learnt: {sentence}; then foretouch release 4711 on the follower's machine.",
+        f"Nothing is learnt: {sentence}; then foretouch release 4711 on the follower's machine; "
+        "there answer y, then type release.",
     )
 
 

@@ -69,3 +69,11 @@ def test_a_scaled_force_a_clutch_and_an_open_loop_are_none() -> None:
     ):
         hears(heard, 600, **changes)
         assert "withheld" not in status(heard)
+
+
+def test_a_force_reduced_by_less_than_half_is_said_with_its_part() -> None:
+    heard = session()
+    hears(heard, 600, rendered_force=2.8, energy=1e-5)
+    assert status(heard).startswith(f"The force is reduced by about 30 %: {UNPAID}; leave the surface")
+    hears(heard, 1, rendered_force=3.9, energy=1e-5)
+    assert "reduced" not in status(heard)

@@ -83,3 +83,12 @@ def test_one_runs_in_a_process_of_its_own(folder: Path) -> None:
     done = subprocess.run(words, cwd=folder, capture_output=True, text=True, timeout=120)
     assert (done.returncode, done.stderr) == (0, "")
     assert done.stdout.strip()
+
+
+def test_a_type_checker_knows_what_the_examples_use() -> None:
+    """Under --strict, so that every name at the top of the package is typed, and no result is Any by accident."""
+    paths = sorted(EXAMPLES.glob("*.py"))
+    options = ["--strict", "--cache-dir", str(ROOT / ".mypy_cache")]
+    command = [sys.executable, "-m", "mypy", *options, *map(str, paths)]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=600)
+    assert (done.returncode, done.stderr) == (0, ""), done.stdout

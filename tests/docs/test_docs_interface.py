@@ -169,7 +169,7 @@ def test_the_public_names_come_from_their_rooms() -> None:
         assert getattr(foretouch, name) is getattr(room, name)
         assert f"`{name}`" in (foretouch.__doc__ or ""), f"{name} is not named in the docstring of foretouch"
     assert set(foretouch._HOME) == set(foretouch.__all__) - {"__version__"}
-    assert dir(foretouch) == foretouch.__all__
+    assert dir(foretouch) == sorted(foretouch.__all__)
     with pytest.raises(AttributeError, match="no attribute 'touch'"):
         _ = foretouch.touch  # type: ignore[attr-defined]
 

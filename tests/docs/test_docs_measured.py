@@ -189,13 +189,13 @@ def test_every_block_has_its_sources_and_the_other_way_round(
     there = [block.key for block in docs.measured_blocks.blocks()]
     assert len(there) == len(set(there))
     assert set(there) == set(depends)
-    assert all(len(modules) > 1 for key, modules in depends.items() if key[1] not in ("machine", "fleet", "bounds"))
+    assert all(len(modules) > 1 for key, modules in depends.items() if key[1] not in ("machine", "bounds"))
 
 
 def test_blocks_depend_on_what_moves_their_figures(depends: dict[tuple[str, str], set[str]]) -> None:
     reach, sessions = depends["docs/results.md", "reach"], depends["docs/results.md", "sessions"]
     kernel = "foretouch.identification.contact_map.scores"
-    assert kernel in reach & sessions & depends["docs/contact-map.md", "design-experts"]
+    assert kernel in reach & sessions & depends["docs/contact-map.md", "designs"]
     assert "foretouch.session.safety.kernel" in sessions & depends["docs/safety.md", "impacts"]
     assert "foretouch.session.safety.kernel" not in reach
     assert "foretouch.rendering.renderer" in depends["docs/stability.md", "first-touch"]

@@ -15,7 +15,7 @@ from scipy.interpolate import BSpline
 
 from foretouch.errors import SettingError
 from foretouch.identification import ContactSample, Learner, Status, make_estimator, predict
-from foretouch.identification.contact_map.bank import EXPERT_NAMES, ContactMapBank
+from foretouch.identification.contact_map.bank import EXPERT_NAMES, ContactMap
 from foretouch.identification.contact_map.kernel import LARGEST_SHIFT
 from foretouch.identification.contact_map.learning import PERIOD
 from foretouch.identification.contact_map.prior import (
@@ -28,7 +28,7 @@ from foretouch.identification.contact_map.prior import (
     prior,
 )
 from foretouch.identification.contact_map.regression import fit, make_regression, whole_covariance
-from foretouch.models import ContactMap, HuntCrossley, advance
+from foretouch.models import ContactMapModel, HuntCrossley, advance
 from foretouch.models.contact_map.layout import (
     ABOVE,
     BELOW,
@@ -45,7 +45,7 @@ Array = NDArray[np.float64]
 KNOTS = [BELOW[kind] + ABOVE[kind] + 3 for kind in range(2)]
 
 
-def recorded(samples: Sequence[ContactSample], estimator: ContactMapBank) -> ContactMapBank:
+def recorded(samples: Sequence[ContactSample], estimator: ContactMap) -> ContactMap:
     for sample in samples:
         estimator.update(sample)
     return estimator
@@ -154,7 +154,7 @@ def test_the_coarse_map_alone_is_a_least_squares_fit_of_what_was_felt() -> None:
     memory = history(time, depth)
     force = 900.0 * np.maximum(depth, 0.0) + 20.0 * velocity + random.normal(0.0, 0.1, time.size)
     rows = zip(time.tolist(), depth.tolist(), velocity.tolist(), force.tolist(), strict=True)
-    bank = recorded([ContactSample(*row, True) for row in rows], ContactMapBank(experts=("coarse",)))
+    bank = recorded([ContactSample(*row, True) for row in rows], ContactMap(experts=("coarse",)))
 
     values = np.column_stack(
         [velocity / SPEED]
@@ -165,7 +165,7 @@ def test_the_coarse_map_alone_is_a_least_squares_fit_of_what_was_felt() -> None:
     weights, _ = batch(design, force, prior(0))
     expected = np.maximum(design @ weights, 0.0)
     model = bank.model
-    assert isinstance(model, ContactMap)
+    assert isinstance(model, ContactMapModel)
     assert bank.state == pytest.approx(tuple(memory[-1]), abs=1e-15)
     found = [advance(model, tuple(memory[k - 1]), depth[k], velocity[k], PERIOD)[1] for k in range(1, time.size)]
     np.testing.assert_allclose(found, expected[1:], rtol=1e-4, atol=1e-4)
@@ -180,11 +180,11 @@ def test_the_coarse_map_alone_is_a_least_squares_fit_of_what_was_felt() -> None:
     "experts", [EXPERT_NAMES, ("law",), ("coarse",), ("fine",), ("law", "fine"), ("fine", "coarse")]
 )
 def test_shares_are_of_those_that_are_asked_and_sum_to_one(experts: tuple[str, ...]) -> None:
-    bank, seen = ContactMapBank(experts=experts), []
+    bank, seen = ContactMap(experts=experts), []
     for sample in taps(3.0, rate=500.0):
         bank.update(sample)
         model = bank.model
-        if isinstance(model, ContactMap):
+        if isinstance(model, ContactMapModel):
             assert sum(model.shares) == pytest.approx(1.0, abs=1e-6)
             seen.append(bank.shares)
     assert len(seen) > 1000
@@ -198,12 +198,12 @@ def test_shares_are_of_those_that_are_asked_and_sum_to_one(experts: tuple[str, .
 @pytest.mark.parametrize(("experts", "said"), [((), ""), (("law", "best"), "law, best")])
 def test_experts_must_be_known(experts: tuple[str, ...], said: str) -> None:
     with pytest.raises(SettingError, match=rf"experts = '{said}': must be some of law, coarse, fine"):
-        ContactMapBank(experts=experts)
+        ContactMap(experts=experts)
 
 
 def test_a_horizon_below_zero_is_refused() -> None:
-    with pytest.raises(SettingError, match=r"horizon = -0\.1: must be finite and at least 0"):
-        ContactMapBank(horizon=-0.1)
+    with pytest.raises(SettingError, match=r"horizon = -0\.1: must lie between 0 and 2"):
+        ContactMap(horizon=-0.1)
 
 
 # --- what may not matter ----------------------------------------------------------------------------------------------
@@ -229,13 +229,13 @@ def test_where_the_origin_of_positions_is_does_not_matter() -> None:
     assert np.sqrt(np.mean((near - far) ** 2)) < 1e-4 * np.sqrt(np.mean(near**2))
 
 
-def learnt_on_taps(experts: tuple[str, ...]) -> ContactMapBank:
-    return recorded(list(taps(4.0, rate=500.0)), ContactMapBank(experts=experts))
+def learnt_on_taps(experts: tuple[str, ...]) -> ContactMap:
+    return recorded(list(taps(4.0, rate=500.0)), ContactMap(experts=experts))
 
 
-def forces_at(bank: ContactMapBank, positions: Array, surface: float) -> Array:
+def forces_at(bank: ContactMap, positions: Array, surface: float) -> Array:
     model = bank.model
-    assert isinstance(model, ContactMap)
+    assert isinstance(model, ContactMapModel)
     return np.array([advance(model, bank.state, place - surface, 0.02, 1e-3)[1] for place in positions.tolist()])
 
 
@@ -269,7 +269,7 @@ def test_reset_forgets_everything() -> None:
     assert bank.model is None
     assert bank.updates == 0
     assert all(math.isnan(value) for value in bank.state)
-    again, fresh = (recorded(list(taps(2.0)), each) for each in (bank, ContactMapBank()))
+    again, fresh = (recorded(list(taps(2.0)), each) for each in (bank, ContactMap()))
     assert again.model == fresh.model
     assert again.state == fresh.state
 
@@ -280,12 +280,12 @@ def test_reset_forgets_everything() -> None:
 @pytest.mark.parametrize("minutes", [3, pytest.param(10, marks=pytest.mark.long)])
 def test_minutes_of_taps_leave_the_covariance_one(minutes: int) -> None:
     """Symmetric, positive and bounded by the prior, though no step enforces it."""
-    bank = ContactMapBank()
+    bank = ContactMap()
     statuses = {bank.update(sample) for sample in taps(60.0 * minutes)}
     assert Status.RESTARTED not in statuses
     assert bank.updates > 14_000 * minutes
     model = bank.model
-    assert isinstance(model, ContactMap)
+    assert isinstance(model, ContactMapModel)
     assert np.isfinite(model._flat).all()
     for kind, covariance in enumerate(map(bank.covariance, ("coarse", "fine"))):
         scale = np.sqrt(np.diag(prior(kind)))
@@ -326,7 +326,7 @@ large = st.floats(-1e30, 1e30) | st.floats(-1e-2, 1e-2) | BAD
 @settings(max_examples=40)
 @given(st.lists(st.tuples(large, large, large, large, st.booleans()), max_size=20), st.booleans())
 def test_no_sample_whatever_raises(bad: list[tuple[float, float, float, float, bool]], begun: bool) -> None:
-    bank = recorded(list(taps(0.5)) if begun else [], ContactMapBank())
+    bank = recorded(list(taps(0.5)) if begun else [], ContactMap())
     for sample in bad:
         assert bank.update(ContactSample(*sample)) in Status
         model = bank.model
@@ -350,9 +350,9 @@ def test_no_sample_whatever_raises(bad: list[tuple[float, float, float, float, b
 )
 def test_one_absurd_sample_does_not_end_learning(field: str, number: float) -> None:
     samples = list(taps(6.0))
-    without = recorded(samples, ContactMapBank())
+    without = recorded(samples, ContactMap())
     samples[500] = samples[500]._replace(**{field: number})
-    bank, positions = recorded(samples, ContactMapBank()), np.linspace(0.0, 4e-3, 20)
+    bank, positions = recorded(samples, ContactMap()), np.linspace(0.0, 4e-3, 20)
     found, expected = forces_at(bank, positions, 0.0), forces_at(without, positions, 0.0)
     np.testing.assert_allclose(found, expected, rtol=0.0, atol=0.1 * expected.max())
 

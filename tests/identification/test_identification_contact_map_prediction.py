@@ -28,7 +28,7 @@ from foretouch.identification import (
     predict,
     predict_motion,
 )
-from foretouch.models import ContactMap, Predictor
+from foretouch.models import ContactMapModel, Predictor
 from foretouch.quantities import Recording
 from foretouch.recordings import list_datasets, read_recording
 from foretouch.report import Scores, lowest_mean
@@ -268,7 +268,7 @@ def test_measured_messages_are_small(measured: Callable[[str], Path], name: str)
     """At fifty a second, 50 kB/s are 1000 bytes; all but the map are less than 200."""
     recording = read_recording(measured(name))
     models = [learnt.model for _, learnt in published(recording, 1e9)]
-    sizes = [len(model.map) for model in models if isinstance(model, ContactMap)]
+    sizes = [len(model.map) for model in models if isinstance(model, ContactMapModel)]
     assert len(sizes) > 10
     assert max(sizes) < 800
 
@@ -338,17 +338,18 @@ def test_sudden_changes_are_said_when_they_are_felt() -> None:
         assert 0.0 < moment - change < 0.1
 
 
-# --- doubt ------------------------------------------------------------------------------------------------------------
+# --- uncertainty
+# ------------------------------------------------------------------------------------------------------------
 
 
-def test_doubt_on_measured_foam_is_honest(reached: Callable[[str], Reached]) -> None:
+def test_uncertainty_on_measured_foam_is_honest(reached: Callable[[str], Reached]) -> None:
     held = np.concatenate([reached(name).held() for name in FOAM])
     assert 0.55 < np.mean(held <= 1.0) < 0.85
     assert 0.85 < np.mean(held <= 2.0) < 0.995
 
 
 @pytest.mark.long
-def test_doubt_on_presses_held_out_is_honest(simulated: Callable[[str, int], Reached]) -> None:
+def test_uncertainty_on_presses_held_out_is_honest(simulated: Callable[[str, int], Reached]) -> None:
     held = np.concatenate([simulated(name, seed).held() for name in SIMULATED for seed in HELD_OUT])
     assert 0.55 < np.mean(held <= 1.0) < 0.85
     assert 0.85 < np.mean(held <= 2.0) < 0.995

@@ -15,8 +15,10 @@ from foretouch.identification import (
     ESTIMATORS,
     Conditioner,
     ContactSample,
+    ContactSamples,
     Estimator,
     Learner,
+    Status,
     identify,
     make_estimator,
 )
@@ -105,6 +107,17 @@ def test_its_model_can_cross_the_network_and_after_a_reset_the_same_samples_teac
 
 
 @cache
+def test_a_run_is_an_update_with_each_sample(estimator: Estimator) -> None:
+    samples = arbitrary_samples(300)
+    other = make_estimator(estimator.model_name, estimator.name)
+    done = [estimator.update(sample) for sample in samples]
+    columns = ContactSamples(*zip(*samples, strict=True))
+    assert [tuple(Status)[index] for index in other.run(columns)] == done
+    assert (other.updates, other.changes) == (estimator.updates, estimator.changes)
+    assert other.parameters == estimator.parameters
+    assert len(columns) == len(list(columns)) == 300
+
+
 def arbitrary_samples(count: int) -> list[ContactSample]:
     """Presses, held positions, jumps and nonsense, in turns."""
     random, found = np.random.default_rng(7), []

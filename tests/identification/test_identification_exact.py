@@ -16,10 +16,10 @@ from numpy.typing import NDArray
 from foretouch.errors import SettingError
 from foretouch.identification import (
     ContactSample,
+    ExactContinuousSwitching,
     ExactHuntCrossley,
     ExactKelvinVoigt,
-    ExactRecursive,
-    ExactRecursiveOptions,
+    ExactOptions,
     Learner,
     Status,
     fit_offline,
@@ -30,7 +30,7 @@ from foretouch.models import ContinuousSwitching
 from foretouch.recordings import read_recording
 from foretouch.report import lowest_mean
 
-WHITE = ExactRecursiveOptions(drift=0.0, surface_prior=0.0, surface_noise=0.0, ignorance_time=0.05)
+WHITE = ExactOptions(drift=0.0, surface_prior=0.0, surface_noise=0.0, ignorance_time=0.05)
 """A law that stays, on a surface that is known, with nothing but white noise."""
 
 NAMES = ("stiffness", "damping", "exponent", "switching")
@@ -53,7 +53,7 @@ def true_unknowns(law: Law, reference: float) -> NDArray[np.float64]:
 
 @pytest.mark.parametrize("law", [BETWEEN, (3000.0, 1500.0, 1.1, 0.3), (20000.0, 900.0, 1.2, 0.7)])
 def test_clean_data_gives_the_law(law: Law) -> None:
-    estimator = ExactRecursive()
+    estimator = ExactContinuousSwitching()
     feed(estimator, samples(law))
     assert list(estimator.parameters) == list(NAMES)
     errors, model = estimator.standard_errors, estimator.model
@@ -73,7 +73,7 @@ def test_clean_data_gives_the_law(law: Law) -> None:
 @pytest.mark.parametrize("law", [BETWEEN, (3000.0, 1500.0, 1.1, 0.3)])
 def test_with_white_noise_it_is_as_good_as_the_offline_fit(law: Law) -> None:
     data = samples(law, noise=0.05)
-    estimator, fit = ExactRecursive(WHITE), fit_offline(*columns(data))
+    estimator, fit = ExactContinuousSwitching(WHITE), fit_offline(*columns(data))
     feed(estimator, data)
     errors = estimator.standard_errors
     assert errors is not None
@@ -89,7 +89,7 @@ def test_standard_errors_are_honest(law: Law, noise: float) -> None:
     """Squared errors in the metric of the covariance, over 20 seeds, are chi-square of 80 degrees of freedom."""
     total = 0.0
     for seed in range(20):
-        estimator = ExactRecursive(WHITE)
+        estimator = ExactContinuousSwitching(WHITE)
         feed(estimator, samples(law, noise=noise, seed=seed, duration=3.0))
         error = estimator.unknowns[:4] - true_unknowns(law, estimator.reference_depth)
         total += float(error @ np.linalg.solve(estimator.covariance[:4, :4], error))
@@ -99,26 +99,26 @@ def test_standard_errors_are_honest(law: Law, noise: float) -> None:
 def test_defaults_never_promise_too_much() -> None:
     """Drift and an uncertain surface are allowed for: errors are smaller than said, and the truth is inside."""
     for seed in range(5):
-        estimator = ExactRecursive()
+        estimator = ExactContinuousSwitching()
         feed(estimator, samples(noise=0.1, seed=seed))
         error = estimator.unknowns[:4] - true_unknowns(BETWEEN, estimator.reference_depth)
         assert error @ np.linalg.solve(estimator.covariance[:4, :4], error) < 9.5
 
 
 def test_a_surface_found_late_is_corrected() -> None:
-    estimator = ExactRecursive()
+    estimator = ExactContinuousSwitching()
     feed(estimator, samples(surface_error=4e-4, noise=0.02))
     assert estimator.surface_correction == pytest.approx(4e-4, abs=5.0 * estimator.surface_error)
     assert estimator.surface_correction == pytest.approx(4e-4, abs=5e-5)
     assert estimator.parameters["stiffness"] == pytest.approx(BETWEEN[0], rel=0.03)
-    trusting = ExactRecursive()
+    trusting = ExactContinuousSwitching()
     trusting.trust_surface(True)
     feed(trusting, samples(surface_error=4e-4, noise=0.02))
     assert trusting.surface_correction == 0.0
 
 
 def test_a_surface_that_is_moved_changes_nothing() -> None:
-    estimator = ExactRecursive()
+    estimator = ExactContinuousSwitching()
     data = samples(noise=0.02)
     feed(estimator, data[:3000])
     before, correction = estimator.parameters, estimator.surface_correction
@@ -154,7 +154,7 @@ def test_a_sudden_change_is_relearnt_within_a_tenth_of_a_second(
     data, (time, depth, velocity) = samples(law, noise=noise), motion()
     true = force_of(law(time), depth, velocity)
     first = round(1000 * when) + 100
-    estimator = ExactRecursive()
+    estimator = ExactContinuousSwitching()
     feed(estimator, data[:first])
     assert estimator.changes >= 1
     square = 0.0
@@ -168,7 +168,7 @@ def test_a_sudden_change_is_relearnt_within_a_tenth_of_a_second(
 
 
 def test_spikes_are_not_taken_for_changes() -> None:
-    estimator = ExactRecursive()
+    estimator = ExactContinuousSwitching()
     data = samples(noise=0.02)
     feed(estimator, data[:3000])
     spiky = [
@@ -194,7 +194,7 @@ def test_the_gradual_change_of_the_papers_figure_8_is_followed(rate: float) -> N
     duration = 25.0
     data, (time, depth, velocity) = samples(law, noise=0.02, duration=duration, rate=rate), motion(duration, rate)
     true = force_of(law(time), depth, velocity)
-    estimator = ExactRecursive()
+    estimator = ExactContinuousSwitching()
     error, force = [], []
     for index, sample in enumerate(data):
         model = estimator.model
@@ -207,7 +207,7 @@ def test_the_gradual_change_of_the_papers_figure_8_is_followed(rate: float) -> N
 
 
 def test_free_air_and_a_held_position_freeze_it() -> None:
-    estimator = ExactRecursive()
+    estimator = ExactContinuousSwitching()
     data = samples(noise=0.02)
     feed(estimator, data[:3000])
     last = data[2999]
@@ -238,7 +238,7 @@ def test_what_cannot_be_told_apart_is_none() -> None:
     k, damping, n, alpha = 3000.0, 20.0, 0.9, 0.5
     force = k * depth ** (n + alpha) + damping * depth**n * velocity
     force += np.random.default_rng(0).normal(0.0, 0.02, time.size)
-    estimator = ExactRecursive()
+    estimator = ExactContinuousSwitching()
     rows = zip(time.tolist(), depth.tolist(), velocity.tolist(), force.tolist(), strict=True)
     feed(estimator, [ContactSample(*row, True) for row in rows])
     parameters = estimator.parameters
@@ -255,7 +255,7 @@ def test_what_cannot_be_told_apart_is_none() -> None:
 @pytest.mark.parametrize(("depth_scale", "force_scale"), [(1000.0, 10.0), (1e-2, 1e3), (0.3, 1e-3)])
 def test_units_do_not_matter(depth_scale: float, force_scale: float) -> None:
     data = samples(noise=0.02, duration=3.0)
-    plain, scaled = ExactRecursive(), ExactRecursive()
+    plain, scaled = ExactContinuousSwitching(), ExactContinuousSwitching()
     feed(plain, data)
     for t, x, v, f, contact in data:
         scaled.update(ContactSample(t, depth_scale * x, depth_scale * v, force_scale * f, contact))
@@ -278,7 +278,7 @@ def test_the_ends_of_the_family(estimator: ExactKelvinVoigt | ExactHuntCrossley,
 
 
 def test_compiled_and_interpreted_are_equal() -> None:
-    compiled, interpreted = ExactRecursive(), ExactRecursive()
+    compiled, interpreted = ExactContinuousSwitching(), ExactContinuousSwitching()
     plain = update.py_func  # type: ignore[attr-defined]
     for t, x, v, f, contact in samples(noise=0.02, duration=1.0):
         compiled.update(ContactSample(t, x, v, f, contact))
@@ -287,7 +287,7 @@ def test_compiled_and_interpreted_are_equal() -> None:
     np.testing.assert_allclose(interpreted.covariance, compiled.covariance, rtol=1e-5, atol=1e-12)
 
 
-def within_bounds(estimator: ExactRecursive) -> bool:
+def within_bounds(estimator: ExactContinuousSwitching) -> bool:
     elastic, viscous, s, alpha, surface = estimator.unknowns.tolist()
     good = elastic >= 0.0 and 0.0 <= viscous <= 20.0 * max(elastic, 1e-9) * (1.0 + 1e-12)
     return bool(good and 1.0 <= s < 2.0 and 0.0 <= alpha <= 1.0 and abs(surface) <= 0.5)
@@ -302,7 +302,7 @@ def within_bounds(estimator: ExactRecursive) -> bool:
 )
 @settings(max_examples=40)
 def test_arbitrary_samples_keep_the_bounds(rows: list[tuple[float, float, float, bool]]) -> None:
-    estimator = ExactRecursive()
+    estimator = ExactContinuousSwitching()
     for index, row in enumerate(rows):
         estimator.update(ContactSample(index * 1e-3, *row))
         if estimator.reference_depth > 0.0:
@@ -314,7 +314,7 @@ def test_arbitrary_samples_keep_the_bounds(rows: list[tuple[float, float, float,
 
 def endure(count: int) -> None:
     """Presses, jumps of law, held positions, spikes and nonsense; the covariance stays one, and bounded."""
-    estimator, random = ExactRecursive(), np.random.default_rng(1)
+    estimator, random = ExactContinuousSwitching(), np.random.default_rng(1)
     time, chunk = 0.0, 2000
     for _ in range(count // chunk):
         kind = random.integers(4)
@@ -362,22 +362,22 @@ def test_it_endures_ten_million_samples() -> None:
 
 def test_options_out_of_range_are_refused() -> None:
     with pytest.raises(SettingError, match="gate"):
-        ExactRecursiveOptions(gate=0.0)
+        ExactOptions(gate=0.0)
     with pytest.raises(SettingError, match="drift"):
-        ExactRecursiveOptions(drift=-1.0)
+        ExactOptions(drift=-1.0)
     with pytest.raises(SettingError, match="noise_memory"):
-        ExactRecursiveOptions(noise_memory=0.5)
+        ExactOptions(noise_memory=0.5)
 
 
 def test_the_learner_sends_the_corrected_surface() -> None:
-    learner = Learner(ExactRecursive(), force_offset=0.0)
+    learner = Learner(ExactContinuousSwitching(), force_offset=0.0)
     learner.update(-0.002, -0.005, 0.0)
     learner.update(-0.001, -0.005, 0.0)
     time, depth, velocity = motion()
     force = force_of(BETWEEN, depth, velocity)
     for row in zip(time.tolist(), (depth + 0.02).tolist(), force.tolist(), velocity.tolist(), strict=True):
         learner.update(*row)
-    assert isinstance(learner.estimator, ExactRecursive)
+    assert isinstance(learner.estimator, ExactContinuousSwitching)
     assert learner.learnt().surface == learner.conditioner.surface - learner.estimator.surface_correction
 
 
@@ -397,7 +397,7 @@ def test_measured_foam_and_spring_are_predicted_over_a_delay_of_300_ms(
 ) -> None:
     """Percent of the force RMS; no power law fits these foams better than 8 to 14 %."""
     recording = read_recording(measured(name))
-    estimator = ExactRecursive()
+    estimator = ExactContinuousSwitching()
     found = predict(recording, Learner(estimator, contact_floor=recording.contact_floor), delay=0.3).force
     learner_force = recording.force - lowest_mean(recording.time, recording.force)
     window = recording.time - recording.time[0] >= 1.5

@@ -13,6 +13,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from counted_depths import CountedDepths
+from fprls_numpy import fprls_many_numpy
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from linear_recordings import OPTIONS, Recorded, columns, recorded
@@ -25,16 +27,14 @@ from foretouch.identification import (
     RLS,
     ROBUST,
     ContactSample,
+    ContactSamples,
     ForgettingRLS,
     FPRLSOptions,
     RobustFPRLS,
     SelfPerturbingRLS,
     Status,
-    fprls_many,
 )
-from foretouch.identification.fprls_numpy import fprls_many_numpy
-from foretouch.identification.linear.linearised import LinearisedEstimator
-from foretouch.identification.linear.runs import STATUSES
+from foretouch.identification.linear.linearised import LinearisedEstimator, LinearRuns
 from foretouch.identification.linear.sample import update
 
 Array = NDArray[np.float64]
@@ -42,6 +42,21 @@ HERE = Path(__file__).parent
 SHORT, MANY = (400, 131) if not config.DISABLE_JIT else (60, 3)
 LONG = 1500 if not config.DISABLE_JIT else 100
 """Interpreted, a sample of a block of recordings takes 10 ms."""
+
+
+def fprls_many(*recordings: Any, options: FPRLSOptions | None = None, **more: Any) -> LinearRuns:
+    """Recordings side by side, each from the beginning."""
+    return FPRLS(options).run_many(*recordings, **more)
+
+
+def samples(recording: Any) -> ContactSamples:
+    """One recording; these estimators do not look at its times."""
+    return ContactSamples(np.zeros(len(recording[0])), *recording)
+
+
+def run(estimator: LinearisedEstimator, recording: Any) -> list[Status]:
+    """The recording at once: what was done with each sample."""
+    return [tuple(Status)[index] for index in estimator.run(samples(recording))]
 
 
 def by_sample(estimator: LinearisedEstimator, recording: Recorded) -> tuple[list[Status], Array]:
@@ -67,12 +82,10 @@ def test_a_recording_is_its_samples_one_by_one(name: str) -> None:
     recording = recorded(2500, 1)
     single, whole = FPRLS(OPTIONS[name]), FPRLS(OPTIONS[name])
     said, theta = by_sample(single, recording)
-    run = whole.run(*recording, every=True)
-    assert [STATUSES[code] for code in run.codes] == said
-    np.testing.assert_array_equal(run.every, theta)
-    np.testing.assert_array_equal(run.theta, theta[-1])
-    assert run.updates == whole.updates
-    assert all(run.count(status) == said.count(status) for status in Status)
+    assert run(whole, recording) == said
+    same(single, whole)
+    whole.reset()
+    np.testing.assert_array_equal(whole.trajectory(samples(recording)), theta)
     same(single, whole)
 
 
@@ -84,29 +97,30 @@ def test_many_recordings_are_each_by_itself(name: str) -> None:
     parallel = fprls_many(*columns(recordings), options=OPTIONS[name], every=True, parallel=True)
     for index, recording in enumerate(recordings):
         estimator = FPRLS(OPTIONS[name])
-        run = estimator.run(*recording, every=True)
-        np.testing.assert_array_equal(many.every[:, index], run.every)
-        np.testing.assert_array_equal(many.theta[index], run.theta)
+        np.testing.assert_array_equal(many.every[:, index], FPRLS(OPTIONS[name]).trajectory(samples(recording)))
+        said = run(estimator, recording)
+        np.testing.assert_array_equal(many.theta[index], estimator.linear_parameters)
         np.testing.assert_array_equal(many.unscaled_covariance[index], estimator.unscaled_covariance)
         variance = np.nan if estimator._variance is None else estimator._variance
         np.testing.assert_array_equal(many.residual_variance[index], variance)
-        assert many.updates[index] == run.updates
-        assert many.restarts[index] == run.count(Status.RESTARTED)
-        assert many.perturbations[index] == run.perturbations
+        assert many.updates[index] == estimator.updates
+        assert many.restarts[index] == said.count(Status.RESTARTED)
+        assert many.perturbations[index] == estimator.perturbations
     for field in ("theta", "unscaled_covariance", "residual_variance", "updates", "restarts", "perturbations", "every"):
         np.testing.assert_array_equal(getattr(parallel, field), getattr(many, field))
 
 
 def test_the_recordings_have_all_that_can_happen() -> None:
     """Else the tests above prove little."""
-    runs = {name: FPRLS(options).run(*recorded(2500, 1), every=True) for name, options in OPTIONS.items()}
+    estimators = {name: FPRLS(options) for name, options in OPTIONS.items()}
+    runs = {name: run(estimator, recorded(2500, 1)) for name, estimator in estimators.items()}
     for status in (Status.LEARNT, Status.FREE_AIR, Status.UNUSABLE):
-        assert all(run.count(status) > 20 for run in runs.values())
+        assert all(said.count(status) > 20 for said in runs.values())
     assert runs["gates"].count(Status.GATED) > 20
     assert runs["breaking"].count(Status.RESTARTED) > 5
     assert runs["as printed"].count(Status.RESTARTED) > 0
-    assert all((run.perturbations > 0) == (name != "no test") for name, run in runs.items())
-    paths = {run.every.tobytes() for run in runs.values()}
+    assert all((one.perturbations > 0) == (name != "no test") for name, one in estimators.items())
+    paths = {FPRLS(options).trajectory(samples(recorded(2500, 1))).tobytes() for options in OPTIONS.values()}
     assert len(paths) == len(OPTIONS)  # every option changes something
 
 
@@ -119,7 +133,7 @@ def test_all_linear_estimators_have_all_paths(make: Any) -> None:
     for index, recording in enumerate(recordings):
         single, whole = make(), make()
         by_sample(single, recording)
-        whole.run(*recording)
+        run(whole, recording)
         same(single, whole)
         np.testing.assert_array_equal(many.theta[index], single.linear_parameters)
 
@@ -150,7 +164,7 @@ def test_whatever_comes(rows: list[tuple[float, float, float, bool]], name: str)
     recording = (depth, velocity, force, touching)
     single, whole = FPRLS(OPTIONS[name]), FPRLS(OPTIONS[name])
     said, _ = by_sample(single, recording)
-    assert [STATUSES[code] for code in whole.run(*recording).codes] == said
+    assert run(whole, recording) == said
     same(single, whole)
     many = fprls_many(*(column[:, None] for column in recording), options=OPTIONS[name])
     np.testing.assert_array_equal(many.theta[0], single.linear_parameters)
@@ -161,13 +175,13 @@ def test_a_run_goes_on_where_samples_and_runs_before_it_ended() -> None:
     recording = recorded(3000, 2)
     parts = [tuple(column[begin:end] for column in recording) for begin, end in ((0, 700), (700, 701), (701, 3000))]
     whole, cut = FPRLS(), FPRLS()
-    whole.run(*recording)
-    cut.run(*parts[0])
+    run(whole, recording)
+    run(cut, parts[0])
     by_sample(cut, parts[1])
-    cut.run(*parts[2])
+    run(cut, parts[2])
     same(whole, cut)
     cut.reset()
-    assert cut.run(*recording).updates == whole.updates
+    run(cut, recording)
     same(whole, cut)
 
 
@@ -183,20 +197,20 @@ def test_numbers_of_other_types_are_learnt_from_without_compiling_anew() -> None
 
 def test_an_empty_recording_changes_nothing() -> None:
     estimator = FPRLS()
-    run = estimator.run([], [], [], every=True)
-    assert (run.theta == 0.0).all()
-    assert run.every.shape == (0, 4)
+    assert run(estimator, ([], [], [])) == []
+    assert estimator.linear_parameters == (0.0, 0.0, 0.0, 0.0)
+    assert estimator.trajectory(samples(([], [], []))).shape == (0, 4)
     assert fprls_many(np.empty((0, 3)), np.empty((0, 3)), np.empty((0, 3))).theta.shape == (3, 4)
 
 
 def test_without_contact_flags_what_has_no_depth_is_left_out() -> None:
     depth, velocity, force, _ = recorded(300, 7)
     plain, flagged = FPRLS(), FPRLS()
-    run = plain.run(depth, velocity, force)
-    flagged.run(depth, velocity, force, np.ones(300, bool))
+    said = run(plain, (depth, velocity, force))
+    run(flagged, (depth, velocity, force, np.ones(300, bool)))
     same(plain, flagged)
-    assert run.count(Status.FREE_AIR) == 0
-    assert run.count(Status.UNUSABLE) > 100
+    assert said.count(Status.FREE_AIR) == 0
+    assert said.count(Status.UNUSABLE) > 100
 
 
 PRINTED = FPRLSOptions(initial_covariance=100.0, perturbation=10.0)
@@ -245,12 +259,10 @@ def test_known_regressors_are_the_recursion_alone(parallel: bool) -> None:
 
 def test_the_histogram_of_depths_is_that_of_the_summary() -> None:
     """What was learnt at which depth, counted in the kernel and by the class that says what it means."""
-    from foretouch.identification.linear.recovery import DepthSummary
-
     depth = np.geomspace(2e-5, 0.9, 400)
     velocity, force = np.full(400, 0.1), np.full(400, 2.0)
-    estimator, summary = FPRLS(FPRLSOptions(perturbation=0.0, forgetting_rate=3.0)), DepthSummary()
-    estimator.run(depth, velocity, force)
+    estimator, summary = FPRLS(FPRLSOptions(perturbation=0.0, forgetting_rate=3.0)), CountedDepths()
+    run(estimator, (depth, velocity, force))
     for index, (x, v) in enumerate(zip(depth.tolist(), velocity.tolist(), strict=True)):
         summary.add(x, v, estimator.forgetting_factor(x - depth[index - 1] if index else 0.0))
     for ours, expected in zip(estimator._depths.seen, summary.seen, strict=True):
@@ -260,17 +272,15 @@ def test_the_histogram_of_depths_is_that_of_the_summary() -> None:
 @pytest.mark.parametrize(
     ("arrays", "name"),
     [
-        (([[1.0]], [1.0], [1.0]), "depth"),
-        (([1.0], [1.0, 2.0], [1.0]), "velocity"),
-        (([1.0], [1.0], [[1.0]]), "force"),
-        (([1.0], [1.0], [1.0], [True, False]), "in_contact"),
+        (([1.0], [[1.0]], [[1.0]]), "depth"),
+        (([[1.0]], [[1.0, 2.0]], [[1.0]]), "velocity"),
+        (([[1.0]], [[1.0]], [1.0]), "force"),
+        (([[1.0]], [[1.0]], [[1.0]], [[True, False]]), "in_contact"),
     ],
 )
 def test_arrays_that_do_not_fit_are_refused(arrays: Any, name: str) -> None:
     with pytest.raises(SettingError, match=f"shape of {name}"):
-        FPRLS().run(*arrays)
-    with pytest.raises(SettingError, match="depth"):
-        fprls_many([1.0], [1.0], [1.0])
+        FPRLS().run_many(*arrays)
     with pytest.raises(SettingError, match="rate"):
         FPRLS().run_regressors([[1.0]], [[1.0]], [1.0], [[1.0]], [[1.0]])
 
@@ -284,7 +294,8 @@ def everything(names: list[str]) -> list[str]:
         by_sample(single, recordings[0])
         numbers += single._state.tolist()
         whole = FPRLS(OPTIONS[name])
-        numbers += whole.run(*recordings[0]).theta.tolist()
+        run(whole, recordings[0])
+        numbers += whole.linear_parameters
         numbers += fprls_many(*columns(recordings), options=OPTIONS[name]).theta.ravel().tolist()
     return [number.hex() for number in numbers]
 
@@ -293,7 +304,7 @@ def test_interpreted_it_is_the_same_to_the_last_bit() -> None:
     """A process in which nothing is compiled."""
     names = ["as printed", "breaking", "all"]
     program = f"from test_identification_fprls_paths import everything\nprint(*everything({names!r}))"
-    environment = os.environ | {"NUMBA_DISABLE_JIT": "1", "PYTHONPATH": str(HERE)}
+    environment = os.environ | {"NUMBA_DISABLE_JIT": "1", "PYTHONPATH": os.pathsep.join([str(HERE), *sys.path])}
     done = subprocess.run(
         [sys.executable, "-c", program], env=environment, capture_output=True, text=True, timeout=300, check=False
     )

@@ -39,7 +39,7 @@ def slide(
 
 @pytest.mark.parametrize(("mu", "c"), [(0.4, 0.0), (0.15, 3.0), (0.9, 1.0), (0.0, 2.0)])
 @pytest.mark.parametrize("jitter", [0.0, 3e-3])
-def test_it_finds_what_was_simulated_within_its_doubt(mu: float, c: float, jitter: float) -> None:
+def test_it_finds_what_was_simulated_within_its_uncertainty(mu: float, c: float, jitter: float) -> None:
     estimator = FrictionEstimator()
     assert not estimator.known
     slide(estimator, mu, c, jitter=jitter)
@@ -58,7 +58,7 @@ def test_a_surface_that_changes_is_learnt_again() -> None:
     assert estimator.coefficient == pytest.approx(0.2, abs=0.1)
 
 
-def test_a_constant_speed_leaves_the_two_apart_to_doubt() -> None:
+def test_a_constant_speed_leaves_the_two_apart_to_uncertainty() -> None:
     estimator = FrictionEstimator()
     for _ in range(3000):
         estimator.update(1.0, (-0.45, 0.0, 0.0), (0.05, 0.0, 0.0), T)

@@ -93,7 +93,7 @@ def presses(conditioner, onsets):
     return conditioner
 
 
-def test_the_surface_carries_its_doubt():
+def test_the_surface_carries_its_uncertainty():
     assert math.isnan(Conditioner().surface_error)
     assert Conditioner(surface=0.01).surface_error == 0.0
     same = presses(Conditioner(), [0.01] * 4)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import io
 import os
 import subprocess
@@ -17,7 +18,7 @@ from hypothesis import strategies as st
 from presses import press
 
 from foretouch.errors import InputError, RecordingError
-from foretouch.identification import ContactMapBank, Learner, Status, identify, make_estimator
+from foretouch.identification import ContactMap, KelvinVoigtRLS, Learner, Status, identify, make_estimator, predict
 from foretouch.identification.learner import BLOCK, RawSamples, run_by_sample
 from foretouch.models import MotionFilter
 from foretouch.quantities import Recording
@@ -30,7 +31,7 @@ def columns(recording: Recording) -> tuple[np.ndarray, np.ndarray, np.ndarray, n
 
 def both(recording: Recording, **options: float) -> tuple[Learner, np.ndarray]:
     """Sample by sample and in one loop; everything that is told and remembered is compared."""
-    one, whole = Learner(ContactMapBank(), **options), Learner(ContactMapBank(), **options)
+    one, whole = Learner(ContactMap(), **options), Learner(ContactMap(), **options)
     slow, fast = run_by_sample(one, RawSamples(*columns(recording))), whole.run(*columns(recording))
     for name in ("in_contact", "contact_force_rms", "residual", "standard_deviation"):
         np.testing.assert_array_equal(getattr(fast, name), getattr(slow, name), name)
@@ -102,7 +103,7 @@ def test_an_offset_that_falls_with_each_sample() -> None:
 def test_more_than_one_block_and_in_pieces() -> None:
     recording = press(noise=0.02, duration=1.1 * BLOCK / 1000.0)
     one, residual = both(recording)
-    pieces = Learner(ContactMapBank())
+    pieces = Learner(ContactMap())
     begin, found = 0, []
     for end in (1, 700, 12_345, len(recording)):
         part = [None if column is None else column[begin:end] for column in columns(recording)]
@@ -120,7 +121,7 @@ def test_nothing_touched() -> None:
     assert np.isnan(residual).all()
     assert learner.learnt().reason == "nothing has been touched yet"
     with pytest.raises(RecordingError, match="0 samples in contact"):
-        identify(recording, Learner(ContactMapBank()))
+        identify(recording, Learner(ContactMap()))
 
 
 @settings(max_examples=15, deadline=None)
@@ -138,7 +139,7 @@ def test_no_numbers_and_wild_ones(bad: list[tuple[int, int, float]]) -> None:
     rows = [np.array(column) for column in columns(recording)[:3]]
     for place, column, value in bad:
         rows[column][place] = value
-    one, whole = Learner(ContactMapBank()), Learner(ContactMapBank())
+    one, whole = Learner(ContactMap()), Learner(ContactMap())
     slow, fast = run_by_sample(one, RawSamples(*rows, None)), whole.run(*rows)
     np.testing.assert_array_equal(fast.residual, slow.residual)
     np.testing.assert_array_equal(fast.in_contact, slow.in_contact)
@@ -188,8 +189,8 @@ def test_the_residual_is_that_of_the_model_before() -> None:
     from foretouch.models import advance
 
     recording = press(noise=0.02, duration=4.0)
-    residual = Learner(ContactMapBank()).run(*columns(recording)).residual
-    learner, seen, before = Learner(ContactMapBank()), 0, recording.time[0]
+    residual = Learner(ContactMap()).run(*columns(recording)).residual
+    learner, seen, before = Learner(ContactMap()), 0, recording.time[0]
     for index, (time, position, force) in enumerate(zip(*columns(recording)[:3], strict=True)):
         learnt = learner.learnt()
         sample = learner.update(time, position, force)
@@ -206,8 +207,8 @@ def test_the_residual_is_that_of_the_model_before() -> None:
 
 def test_columns_of_unlike_length_are_refused() -> None:
     with pytest.raises(InputError, match="columns of one length"):
-        Learner(ContactMapBank()).run(np.zeros(3), np.zeros(3), np.zeros(2))
-    empty = Learner(ContactMapBank()).run(np.zeros(0), np.zeros(0), np.zeros(0))
+        Learner(ContactMap()).run(np.zeros(3), np.zeros(3), np.zeros(2))
+    empty = Learner(ContactMap()).run(np.zeros(0), np.zeros(0), np.zeros(0))
     assert empty.residual.shape == (0,)
 
 
@@ -215,11 +216,11 @@ INTERPRETED = """
 import sys; sys.path.insert(0, {tests!r})
 import numpy as np
 from presses import press
-from foretouch.identification import ContactMapBank, Learner
+from foretouch.identification import ContactMap, Learner
 from foretouch.identification.learner import RawSamples, run_by_sample
 recording = press(noise=0.02, duration=1.2, rate=300.0, deepest=0.003)
 given = recording.time, recording.position, recording.force, None
-one, whole = Learner(ContactMapBank(), sensor_lag=0.01), Learner(ContactMapBank(), sensor_lag=0.01)
+one, whole = Learner(ContactMap(), sensor_lag=0.01), Learner(ContactMap(), sensor_lag=0.01)
 slow, fast = run_by_sample(one, RawSamples(*given)), whole.run(*given)
 np.testing.assert_array_equal(fast.residual, slow.residual)
 np.testing.assert_array_equal(whole.estimator._state, one.estimator._state)
@@ -240,7 +241,17 @@ def test_interpreted_it_is_the_same() -> None:
 
 def test_the_status_after_a_run_is_that_of_the_newest_sample() -> None:
     recording = press(duration=2.0)
-    learner = Learner(ContactMapBank())
+    learner = Learner(ContactMap())
     learner.run(recording.time[:500], recording.position[:500], recording.force[:500])
     assert learner.status is Status.FREE_AIR
     assert learner.sample.time == recording.time[499]
+
+
+def test_an_estimator_alone_and_none_stand_for_a_learner() -> None:
+    recording = dataclasses.replace(press(noise=0.02, duration=3.0), contact_floor=0.2)
+    assert isinstance(Learner().estimator, ContactMap)
+    whole = Learner(ContactMap(), contact_floor=0.2)
+    assert identify(recording) == identify(recording, ContactMap()) == identify(recording, whole)
+    one, other = predict(recording, KelvinVoigtRLS(), delay=0.1), Learner(KelvinVoigtRLS(), contact_floor=0.2)
+    assert one == predict(recording, other, delay=0.1)
+    assert predict(recording, delay=0.1) == predict(recording, Learner(contact_floor=0.2), delay=0.1)

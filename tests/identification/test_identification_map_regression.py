@@ -17,11 +17,18 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from foretouch.errors import InputError, SettingError
-from foretouch.identification import ContactMapBank, ContactSample, Estimator, ExactRecursive, Status
+from foretouch.identification import (
+    ContactMap,
+    ContactSample,
+    ContactSamples,
+    Estimator,
+    ExactContinuousSwitching,
+    Status,
+)
 from foretouch.identification.contact_map.regression import fade, fit, make_regression, whole_covariance
 from foretouch.identification.contact_map.scores import BEGIN_LAW, BEGIN_SETTINGS
 from foretouch.identification.exact.belief import law_numbers
-from foretouch.models import ContactMap
+from foretouch.models import ContactMapModel
 from foretouch.models.contact_map.layout import BELOW, COARSE, FINE, LARGEST_FEATURES, LENGTHS
 
 Array = NDArray[np.float64]
@@ -106,17 +113,16 @@ def pressed(size: int = 6000) -> list[ContactSample]:
     return found
 
 
-def columns(data: list[ContactSample]) -> tuple[Array, Array, Array, Array, NDArray[np.bool_]]:
-    time, depth, velocity, force = (np.array([row[k] for row in data]) for k in range(4))
-    return time, depth, velocity, force, np.array([row.in_contact for row in data])
+def columns(data: list[ContactSample]) -> ContactSamples:
+    return ContactSamples(*zip(*data, strict=True))
 
 
-@pytest.mark.parametrize("make", [ExactRecursive, ContactMapBank])
-def test_a_recording_at_once_is_the_same_bit_for_bit(make: type[ExactRecursive] | type[ContactMapBank]) -> None:
+@pytest.mark.parametrize("make", [ExactContinuousSwitching, ContactMap])
+def test_a_recording_at_once_is_the_same_bit_for_bit(make: type[ExactContinuousSwitching] | type[ContactMap]) -> None:
     data, one, whole = pressed(), make(), make()
     statuses = [one.update(sample) for sample in data]
     half = len(data) // 2
-    codes = np.concatenate([whole.run(*columns(part)) for part in (data[:half], data[half:])])
+    codes = np.concatenate([whole.run(columns(part)) for part in (data[:half], data[half:])])
     assert [list(Status)[code] for code in codes.tolist()] == statuses
     assert Status.CHANGED in statuses
     assert np.array_equal(one._state, whole._state, equal_nan=True)
@@ -124,24 +130,24 @@ def test_a_recording_at_once_is_the_same_bit_for_bit(make: type[ExactRecursive] 
     assert one.model == whole.model
 
 
-@pytest.mark.parametrize("make", [ExactRecursive, ContactMapBank])
-def test_columns_must_be_of_one_length(make: type[ExactRecursive] | type[ContactMapBank]) -> None:
-    time, depth, velocity, force, contact = columns(pressed())
+@pytest.mark.parametrize("make", [ExactContinuousSwitching, ContactMap])
+def test_columns_must_be_of_one_length(make: type[ExactContinuousSwitching] | type[ContactMap]) -> None:
+    time, depth, velocity, force, contact = columns(pressed()).columns
     with pytest.raises(InputError, match="must be columns of one length"):
-        make().run(time, depth, velocity, force[:-1], contact)
+        make().run(ContactSamples(time, depth, velocity, force[:-1], contact))
 
 
 def test_only_maps_have_weights() -> None:
     with pytest.raises(SettingError, match="expert = 'law': must be coarse or fine"):
-        ContactMapBank().covariance("law")
+        ContactMap().covariance("law")
 
 
 def test_the_law_in_the_map_is_that_of_the_exact_estimator() -> None:
-    bank, alone = ContactMapBank(), ExactRecursive()
+    bank, alone = ContactMap(), ExactContinuousSwitching()
     feed(bank, samples(noise=0.02, duration=1.0))
     law, model = bank._law.model, bank.model
     assert law is not None
-    assert isinstance(model, ContactMap)
+    assert isinstance(model, ContactMapModel)
     feed(alone, samples(noise=0.02, duration=1.0))
     numbers = np.zeros(4)
     assert law_numbers(alone._theta, alone._memory, alone._settings, numbers)
@@ -151,7 +157,7 @@ def test_the_law_in_the_map_is_that_of_the_exact_estimator() -> None:
     assert not law_numbers(np.zeros(5), np.zeros_like(alone._memory), alone._settings, numbers)
 
 
-@pytest.mark.parametrize("make", [ExactRecursive, ContactMapBank])
+@pytest.mark.parametrize("make", [ExactContinuousSwitching, ContactMap])
 def test_nothing_grows_with_the_samples(make: type[Estimator]) -> None:
     data, estimator = pressed(), make()
     feed(estimator, data[:2000])
@@ -169,8 +175,8 @@ INTERPRETED = """
 import json, sys
 sys.path.insert(0, {folder!r})
 from exact_samples import samples, feed
-from foretouch.identification import ContactMapBank
-bank = ContactMapBank()
+from foretouch.identification import ContactMap
+bank = ContactMap()
 feed(bank, samples(noise=0.02, duration=0.3))
 print(json.dumps([bank._flat.tolist(), bank.updates]))
 """
@@ -178,7 +184,7 @@ print(json.dumps([bank._flat.tolist(), bank.updates]))
 
 def test_compiled_and_interpreted_are_equal() -> None:
     """To nine digits of the largest weight: LLVM and Python may round a power or an exponential differently."""
-    bank = ContactMapBank()
+    bank = ContactMap()
     feed(bank, samples(noise=0.02, duration=0.3))
     script = INTERPRETED.format(folder=os.path.dirname(__file__))
     environment = {**os.environ, "NUMBA_DISABLE_JIT": "1"}

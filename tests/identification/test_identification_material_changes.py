@@ -6,7 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from foretouch.identification import ContactMapBank, Learner, Status, predict
+from foretouch.identification import ContactMap, Learner, Status, predict
 from foretouch.models import HuntCrossley, advance
 from foretouch.quantities import Recording
 from foretouch.robot import make_material
@@ -35,7 +35,7 @@ def pressed(law, *, moves=0.0, scale=1.0, at=CHANGE, duration=13.0):
 
 def said(recording):
     """When a change was said, by the learner of the follower."""
-    learner, times = Learner(ContactMapBank()), []
+    learner, times = Learner(ContactMap()), []
     samples = zip(recording.time.tolist(), recording.position.tolist(), recording.force.tolist(), strict=True)
     for time, position, force in samples:
         learner.update(time, position, force)
@@ -45,7 +45,7 @@ def said(recording):
 
 
 def error(recording, force, begin):
-    predicted = predict(recording, Learner(ContactMapBank()), delay=0.3).force
+    predicted = predict(recording, Learner(ContactMap()), delay=0.3).force
     later = recording.time >= begin
     return math.sqrt(np.mean((predicted - force)[later] ** 2) / np.mean(force[later & (force > 0.05)] ** 2))
 
@@ -86,7 +86,7 @@ def test_what_stays_as_it_is_never_changes():
 
 def test_a_surface_that_was_given_is_not_looked_for_again():
     recording, _ = pressed(RIGID_ENOUGH, moves=0.004)
-    learner = Learner(ContactMapBank(), surface=0.010)
+    learner = Learner(ContactMap(), surface=0.010)
     for sample in zip(recording.time.tolist(), recording.position.tolist(), recording.force.tolist(), strict=True):
         learner.update(*sample)
         assert learner.conditioner.surface == 0.010
@@ -94,12 +94,12 @@ def test_a_surface_that_was_given_is_not_looked_for_again():
 
 def test_a_material_that_has_gone_gives_no_force_until_it_is_touched_again():
     recording, _ = pressed(RIGID_ENOUGH, moves=0.1)
-    learner = Learner(ContactMapBank())
+    learner = Learner(ContactMap())
     for sample in zip(recording.time.tolist(), recording.position.tolist(), recording.force.tolist(), strict=True):
         learner.update(*sample)
     assert learner.estimator.changes == 1
     assert learner.learnt().model is None
-    assert not predict(recording, Learner(ContactMapBank()), delay=0.3).force[recording.time > 9.6].any()
+    assert not predict(recording, Learner(ContactMap()), delay=0.3).force[recording.time > 9.6].any()
 
 
 def spring(*, rate=1.0, duration=6.0, lost=(), spikes=(), stiffness=500.0):
@@ -123,7 +123,7 @@ def test_a_reading_that_is_lost_takes_nothing_away(length):
 
 def test_a_spike_ends_neither_contact_nor_the_search_for_changes():
     recording, force = spring(spikes=[(2.5, 0.004)], duration=8.0)
-    learner = Learner(ContactMapBank())
+    learner = Learner(ContactMap())
     touching = []
     for sample in zip(recording.time.tolist(), recording.position.tolist(), recording.force.tolist(), strict=True):
         touching.append(learner.update(*sample).in_contact)
@@ -137,13 +137,13 @@ def test_a_press_that_only_ever_goes_deeper_is_predicted():
     time = np.arange(0.0, 50.0, 0.005)
     depth = 2e-4 * (time - 5.0)
     force = 500.0 * np.maximum(depth, 0.0) + np.random.default_rng(0).normal(0.0, 0.01, time.size)
-    predicted = predict(Recording(time, 0.01 + depth, force), Learner(ContactMapBank()), delay=0.3).force
+    predicted = predict(Recording(time, 0.01 + depth, force), Learner(ContactMap()), delay=0.3).force
     assert abs(predicted[-1] - 500.0 * depth[-1]) < 0.05 * force.max()
 
 
 def test_the_law_of_what_has_gone_does_not_come_back():
     recording, _ = pressed(RIGID_ENOUGH, moves=0.1)
-    bank = ContactMapBank()
+    bank = ContactMap()
     learner = Learner(bank)
     for sample in zip(recording.time.tolist(), recording.position.tolist(), recording.force.tolist(), strict=True):
         learner.update(*sample)

@@ -1,4 +1,4 @@
-"""The learner of a field of materials: batch least squares, truth in space, doubt, changes, and hostile samples."""
+"""The learner of a field of materials: batch least squares, truth in space, uncertainty, changes, hostile samples."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ def test_a_field_that_changes_evenly_is_found(palpated: MaterialFieldLearner) ->
     assert len(learner.field) < 350
 
 
-def test_the_doubt_is_large_where_nobody_pressed(palpated: MaterialFieldLearner) -> None:
+def test_the_uncertainty_is_large_where_nobody_pressed(palpated: MaterialFieldLearner) -> None:
     field = palpated.field
     _, pressed, known = field.law_at((0.0, 0.0, 0.0))
     law, elsewhere, nothing = field.law_at((0.2, 0.0, 0.0))

@@ -32,7 +32,7 @@ from foretouch.identification import (
 )
 from foretouch.quantities import Recording
 from foretouch.recordings import list_datasets, read_recording
-from foretouch.report import delayed, score
+from foretouch.report import delayed_force, score_prediction
 
 pytestmark = pytest.mark.long
 FOAM = [dataset.name for dataset in list_datasets("foam") if dataset.seen]
@@ -51,9 +51,9 @@ def errors(recording: Recording, make: Callable[[], Estimator]) -> tuple[float, 
         one_step = 100.0 * found.residual_rms / found.contact_force_rms
     except RecordingError:
         one_step = math.nan  # no model at the end
-    late = delayed(recording.time, recording.force, DELAY)
+    late = delayed_force(recording.time, recording.force, DELAY)
     predicted = predict(recording, Learner(make()), delay=DELAY).force
-    scores = score(
+    scores = score_prediction(
         recording.time,
         recording.force,
         predicted,

@@ -9,7 +9,7 @@ import pytest
 
 from foretouch.identification import ContactSample, Learner, OfflineContactMap, Status, make_estimator, predict
 from foretouch.identification import offline_contact_map as room
-from foretouch.models import ContactMap, HuntCrossley, Predictor
+from foretouch.models import ContactMapModel, HuntCrossley, Predictor
 from foretouch.quantities import Recording
 
 RADIUS = 3e-4
@@ -67,7 +67,7 @@ def test_a_law_is_found_as_that_law() -> None:
     noise = np.random.default_rng(1).normal(0.0, 0.02, true.size)
     learner = fitted(Recording(recording.time, recording.position, true + noise), OfflineContactMap(), surface=0.01)
     model = learner.estimator.model
-    assert isinstance(model, ContactMap)
+    assert isinstance(model, ContactMapModel)
     assert model.shares[0] > 0.1
     assert model.exponent + model.switching == pytest.approx(1.4, abs=0.02)
     assert learner.estimator.standard_errors is not None

@@ -90,7 +90,7 @@ def test_only_models_that_arrive_are_used() -> None:
     assert forces.any()
     assert np.flatnonzero(found.jump).tolist() == [2500]
     assert found.jump[2500] == forces[2500]
-    assert np.isnan(found.standard_deviation).all()  # a power law carries no doubt
+    assert np.isnan(found.standard_deviation).all()  # a power law carries no uncertainty
     later = changed(recording, force_from=2.05)  # would show in the model that was lost
     np.testing.assert_array_equal(predict_motion(later, learner(), motion).force, forces)
 

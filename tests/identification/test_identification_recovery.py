@@ -6,17 +6,18 @@ import math
 
 import numpy as np
 import pytest
+from counted_depths import CountedDepths
 from hypothesis import given
 from hypothesis import strategies as st
 
 from foretouch.identification import RLS, ContactSample, FPRLSOptions, RobustOptions
-from foretouch.identification.linear.recovery import DepthSummary, recover
+from foretouch.identification.linear.recovery import recover
 
 SURE = 1e-12 * np.eye(4)
 
 
-def summary(depths: np.ndarray, velocities: np.ndarray) -> DepthSummary:
-    seen = DepthSummary()
+def summary(depths: np.ndarray, velocities: np.ndarray) -> CountedDepths:
+    seen = CountedDepths()
     for depth, velocity in zip(depths.tolist(), velocities.tolist(), strict=True):
         seen.add(depth, velocity)
     return seen
@@ -56,7 +57,7 @@ def test_the_limits_of_17_are_hunt_crossley_and_kelvin_voigt() -> None:
 
 
 @pytest.mark.parametrize(
-    ("linear", "doubt", "depths"),
+    ("linear", "uncertainty", "depths"),
     [
         ((8.0, 1.4, -0.5, 0.0), 1e-6, motion()),  # damping is negative
         ((8.0, 1.4, -2.0, 0.02), 1e-6, motion()),  # b1 and b2 contradict each other
@@ -66,9 +67,9 @@ def test_the_limits_of_17_are_hunt_crossley_and_kelvin_voigt() -> None:
     ],
 )
 def test_undetermined_is_an_answer(
-    linear: tuple[float, float, float, float], doubt: float, depths: tuple[np.ndarray, np.ndarray]
+    linear: tuple[float, float, float, float], uncertainty: float, depths: tuple[np.ndarray, np.ndarray]
 ) -> None:
-    found = recover(linear, doubt**2 * np.eye(4), summary(*depths))
+    found = recover(linear, uncertainty**2 * np.eye(4), summary(*depths))
     assert found[1:] == (None, None, None)
     assert found.stiffness == pytest.approx(math.exp(8.0))
 
@@ -122,7 +123,7 @@ def test_least_squares_finds_the_exact_law(alpha: float, options: dict[str, obje
     assert found["damping"] == pytest.approx(0.02 * 0.006**alpha / 0.01 * 3000.0, rel=0.3)
 
 
-def test_noise_makes_it_doubt_then_give_up() -> None:
+def test_noise_makes_it_uncertainty_then_give_up() -> None:
     """Standard errors of the recovered law are its spread, and a noise that drowns the damping leaves it open."""
     runs = []
     for seed in range(40):
@@ -146,7 +147,7 @@ def test_noise_makes_it_doubt_then_give_up() -> None:
 
 
 def test_old_depths_fade_with_what_was_learnt_there() -> None:
-    seen = DepthSummary()
+    seen = CountedDepths()
     for _ in range(1000):
         seen.add(0.002, 0.01, 0.99)
     for _ in range(100_000):

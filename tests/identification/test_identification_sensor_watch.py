@@ -135,7 +135,7 @@ def test_a_step_of_the_offset_of_a_still_probe(step: float) -> None:
 
 @pytest.mark.parametrize("step", [1.0, 5.0, -1.0])
 @pytest.mark.parametrize("begin", [2100, 2300, 2500, 2700])
-def test_a_step_of_the_offset_of_a_moving_probe_shows_on_the_way_out(step: float, begin: int) -> None:
+def test_a_step_of_the_offset_of_a_moving_probe_shows_on_the_leaving_work_of(step: float, begin: int) -> None:
     samples = free_air(4000, speed=0.04)
     found = states(changed(samples, begin, 4000, lambda one: (one[0], one[1], one[2] + step)))
     assert SensorState.OFFSET_STEP in found

@@ -14,7 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from foretouch.errors import SettingError
-from foretouch.link import Faults, FaultStage, SequenceCounter
+from foretouch.link import Faults, FaultStage
 
 MS = 1_000_000
 
@@ -348,9 +348,3 @@ def test_bad_faults_are_refused(name: str, value: float) -> None:
     settings: dict[str, Any] = {name: value}
     with pytest.raises(SettingError, match=f"{name} = {value}: .*must lie between"):
         Faults(**settings)
-
-
-def test_counting_by_sequence() -> None:
-    counter = SequenceCounter()
-    assert [counter.is_newest(n) for n in (1, 2, 5, 4, 6)] == [True, True, True, False, True]
-    assert (counter.newest, counter.received, counter.late, counter.lost) == (6, 5, 1, 1)

@@ -192,7 +192,7 @@ def telemetry(tick: int, command: int) -> Telemetry:
 def test_rows_pair_a_command_with_the_first_tick_that_applied_it() -> None:
     leader = [LeaderState(VERSION, s, s, 0.1 * s, 0, 0, 0, 0, 0, 0, 0.0, False, 0, 0) for s in range(1, 6)]
     follower = [telemetry(tick, command) for tick, command in enumerate((0, 1, 1, 3, 3, 4), start=1)]
-    rows = SessionLog.from_messages(leader, follower, [], {}, {}).rows()
+    rows = SessionLog.from_messages([*leader, *follower]).rows()
     assert rows.leader["sequence"].tolist() == [1, 3, 4]
     assert rows.follower["sequence"].tolist() == [2, 4, 6]
     assert rows.never_applied == 2

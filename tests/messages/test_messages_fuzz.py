@@ -15,7 +15,7 @@ import pytest
 from foretouch.errors import DecodeError, InputError, PeerVersionError
 from foretouch.identification import Learner, make_estimator
 from foretouch.messages import CHANNELS, VERSION, Message, ModelUpdate, decode, encode
-from foretouch.models import LAWS, ContactMap, ContactModel, advance, make_model
+from foretouch.models import LAWS, ContactMapModel, ContactModel, advance, make_model
 from foretouch.models.contact_map.layout import SIZE
 from foretouch.models.contact_map.wire import unpack
 
@@ -45,7 +45,7 @@ def valid_map() -> bytes:
         depth = 0.004 * (1.0 - abs(1.0 - tick / 500))
         learner.update(tick * 1e-3, depth, 500.0 * depth)
     model = learner.learnt().model
-    assert isinstance(model, ContactMap)
+    assert isinstance(model, ContactMapModel)
     return model.map
 
 

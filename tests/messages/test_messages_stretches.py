@@ -54,12 +54,12 @@ def session() -> SessionLog:
         command = 0 if epoch == 0 else late if epoch == 5 else late - 100
         follower.append(followed(tick, tick if run == 1 else tick - 279, command, epoch, run))
     models = [model(1, 0, 1), model(2, 5, 1), model(3, 7, 1), model(1, 0, 2), model(2, 7, 2)]
-    return SessionLog.from_messages(leader, follower, models, {"material": "foam"}, {"late": 1})
+    return SessionLog.from_messages([*leader, *follower, *models], {"material": "foam"}, {"late": 1})
 
 
-def test_each_stretch_has_one_process_of_either_side() -> None:
+def test_each_segment_has_one_process_of_either_side() -> None:
     log = session()
-    parts = log.stretches()
+    parts = log.segments()
     assert [(part.leader["epoch"][0], part.follower["run"][0]) for part in parts] == [(5, 1), (7, 1), (7, 2)]
     for part in parts:
         assert np.unique(part.leader["epoch"]).size == np.unique(part.follower["run"]).size == 1
@@ -70,7 +70,7 @@ def test_each_stretch_has_one_process_of_either_side() -> None:
 
 
 def test_what_is_said_before_the_other_side_is_heard_belongs_to_what_follows() -> None:
-    first, second, third = session().stretches()
+    first, second, third = session().segments()
     assert first.leader["run"][0] == 0 == first.follower["epoch"][0]
     assert second.leader["sequence"][0] == 1
     assert third.follower["sequence"][0] == 1
@@ -102,11 +102,11 @@ def test_the_longest_is_where_both_were_there() -> None:
 
 @pytest.mark.parametrize("epoch", [0, 3])
 @pytest.mark.parametrize("run", [0, 4])
-def test_a_session_without_a_restart_is_its_own_stretch(epoch: int, run: int) -> None:
+def test_a_session_without_a_restart_is_its_own_segment(epoch: int, run: int) -> None:
     leader = [led(tick, tick, epoch, run if tick > 5 else 0) for tick in range(1, 50)]
     follower = [followed(tick, tick, tick, epoch if tick > 5 else 0, run) for tick in range(1, 50)]
-    log = SessionLog.from_messages(leader, follower, [model(1, epoch, run)], {}, {})
-    assert log.stretches() == (log,)
+    log = SessionLog.from_messages([*leader, *follower, model(1, epoch, run)])
+    assert log.segments() == (log,)
     assert log.longest() is log
     assert log.rows().leader.size == 49
 
@@ -114,12 +114,12 @@ def test_a_session_without_a_restart_is_its_own_stretch(epoch: int, run: int) ->
 def test_a_side_that_never_heard_the_other_is_where_it_was_heard() -> None:
     leader = [led(tick, tick, 3, 0) for tick in range(1, 50)]  # nothing comes back
     follower = [followed(tick, tick, tick, 3, 4) for tick in range(1, 50)]
-    log = SessionLog.from_messages(leader, follower, [], {}, {})
-    assert log.stretches() == (log,)
+    log = SessionLog.from_messages([*leader, *follower])
+    assert log.segments() == (log,)
     strangers = [followed(tick, tick, 0, 0, 4) for tick in range(1, 50)]
-    apart = SessionLog.from_messages(leader, strangers, [], {}, {})
-    assert apart.stretches() == (apart,)
-    empty = SessionLog.from_messages([], [], [], {}, {})
+    apart = SessionLog.from_messages([*leader, *strangers])
+    assert apart.segments() == (apart,)
+    empty = SessionLog.from_messages([])
     assert empty.longest() is empty
     assert empty.rows().leader.size == 0
 

@@ -2,12 +2,11 @@
 
 import numpy as np
 
-from foretouch.models import ContactMap
+from foretouch.models import ContactMapModel
 from foretouch.models.contact_map.layout import (
     ABOVE,
     BELOW,
     COARSE,
-    DOUBT,
     FELT,
     FINE,
     HEADER,
@@ -20,6 +19,7 @@ from foretouch.models.contact_map.layout import (
     REACHED,
     SHARES,
     SIZE,
+    UNCERTAINTY,
     ZERO,
 )
 from foretouch.models.contact_map.wire import pack
@@ -32,7 +32,7 @@ def example_flat(shares=(0.3, 0.5, 0.2), *, seed=0):
     flat = np.zeros(SIZE)
     flat[FELT] = 1e30  # no force here is too large to be believed
     flat[LAW : LAW + 4] = PARAMETERS
-    flat[DOUBT : DOUBT + 2] = 0.01, 0.0025
+    flat[UNCERTAINTY : UNCERTAINTY + 2] = 0.01, 0.0025
     flat[SHARES : SHARES + 3] = shares
     flat[LAW_SPEED], flat[LOWEST], flat[REACHED] = 0.2, -4e-3, 8e-3
     random = np.random.default_rng(seed)
@@ -47,7 +47,7 @@ def example_flat(shares=(0.3, 0.5, 0.2), *, seed=0):
 
 def example_map(shares=(0.3, 0.5, 0.2), *, seed=0):
     """The same as a model."""
-    return ContactMap(*PARAMETERS, pack(example_flat(shares, seed=seed)))
+    return ContactMapModel(*PARAMETERS, pack(example_flat(shares, seed=seed)))
 
 
 def random_flat(seed, *, fine=True):
@@ -59,7 +59,7 @@ def random_flat(seed, *, fine=True):
     flat[LAW : LAW + 4] = random.uniform(100.0, 9000.0), random.uniform(0.0, 2000.0), *random.uniform(0.0, 1.5, 2)
     flat[LAW_SURFACE], flat[LAW_SPEED] = random.uniform(-1e-3, 1e-3), random.uniform(0.0, 0.3)
     flat[LOWEST], flat[REACHED] = random.uniform(-9e-3, 0.0), random.uniform(1e-4, 30e-3)
-    flat[DOUBT : DOUBT + 2] = random.uniform(0.0, 0.1, 2)
+    flat[UNCERTAINTY : UNCERTAINTY + 2] = random.uniform(0.0, 0.1, 2)
     shares = random.dirichlet((1.0, 1.0, 1.0)) * (1.0, 1.0, float(fine))
     flat[SHARES : SHARES + 3] = shares / shares.sum()
     for layout in (COARSE, FINE):

@@ -10,13 +10,12 @@ from example_maps import example_flat, example_map, random_flat, whole_flat
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from foretouch.models import ContactMap, ContinuousSwitching, HuntCrossley, KelvinVoigt, advance
+from foretouch.models import ContactMapModel, ContinuousSwitching, HuntCrossley, KelvinVoigt, advance
 from foretouch.models.contact_map.kernel import judge, locate, run, step
 from foretouch.models.contact_map.layout import (
     ABOVE,
     BELOW,
     COARSE,
-    DOUBT,
     EXPERTS,
     FEATURES,
     FINE,
@@ -37,6 +36,7 @@ from foretouch.models.contact_map.layout import (
     SPEED_REACH,
     STEEPEST,
     TIMES,
+    UNCERTAINTY,
 )
 from foretouch.models.contact_map.wire import pack
 
@@ -283,7 +283,7 @@ def test_the_force_is_the_experts_in_their_shares(seed: int, place: float, veloc
     assert force == pytest.approx(float(np.dot(flat[SHARES : SHARES + EXPERTS], experts)), rel=1e-12)
 
 
-def test_the_doubt_grows_where_nobody_has_been() -> None:
+def test_the_uncertainty_grows_where_nobody_has_been() -> None:
     model, depths = example_map(), np.array([4e-3, 8e-3, 10e-3, 20e-3, 40e-3])
     state = (0.0,) * MEMORY
     found = np.array([advance(model, state, depth, 0.0, 1e-3)[1:] for depth in depths.tolist()])
@@ -302,7 +302,7 @@ def test_any_motion_of_any_map_gives_a_finite_force_that_never_pulls(
     seed: int, state: tuple[float, ...], depth: float, velocity: float, period: float
 ) -> None:
     flat = random_flat(seed)
-    model = ContactMap(*flat[LAW : LAW + 4].tolist(), pack(flat))
+    model = ContactMapModel(*flat[LAW : LAW + 4].tolist(), pack(flat))
     after, force, deviation = advance(model, state, depth, velocity, period)
     assert math.isfinite(force)
     assert force >= 0.0
@@ -313,7 +313,7 @@ def test_any_motion_of_any_map_gives_a_finite_force_that_never_pulls(
 
 def test_a_model_runs_what_the_kernel_runs() -> None:
     flat = random_flat(3)
-    model = ContactMap(*flat[LAW : LAW + 4].tolist(), pack(flat))
+    model = ContactMapModel(*flat[LAW : LAW + 4].tolist(), pack(flat))
     memory, state = np.full(MEMORY, math.nan), ()
     for depth in np.linspace(-2e-3, 12e-3, 50).tolist():
         force, deviation = step(flat, memory, depth, 0.05, 1e-3)
@@ -321,4 +321,4 @@ def test_a_model_runs_what_the_kernel_runs() -> None:
         assert state == pytest.approx(tuple(memory), abs=1e-9)  # the origin is rounded on the wire
         assert (model_force, model_deviation) == pytest.approx((force, deviation), rel=1e-4, abs=1e-5)
     assert model.shares == pytest.approx(tuple(flat[SHARES : SHARES + EXPERTS]), rel=1e-6)
-    assert flat[DOUBT] > 0.0
+    assert flat[UNCERTAINTY] > 0.0

@@ -13,12 +13,11 @@ from hypothesis import strategies as st
 
 from foretouch.errors import SettingError
 from foretouch.messages import VERSION, ModelUpdate, decode, encode
-from foretouch.models import ContactMap, HuntCrossley, advance, make_model
+from foretouch.models import ContactMapModel, HuntCrossley, advance, make_model
 from foretouch.models.contact_map.kernel import step
 from foretouch.models.contact_map.layout import (
     ABOVE,
     BELOW,
-    DOUBT,
     HEADER,
     LAW,
     LAW_SPEED,
@@ -29,13 +28,14 @@ from foretouch.models.contact_map.layout import (
     REACHED,
     SHARES,
     SIZE,
+    UNCERTAINTY,
 )
 from foretouch.models.contact_map.wire import pack, unpack
 from foretouch.recordings.formats.cdr import Layout
 
 
-def model_of(flat: np.ndarray) -> ContactMap:
-    return ContactMap(*flat[LAW : LAW + 4].tolist(), pack(flat))
+def model_of(flat: np.ndarray) -> ContactMapModel:
+    return ContactMapModel(*flat[LAW : LAW + 4].tolist(), pack(flat))
 
 
 def forces(flat: np.ndarray, depths: np.ndarray, velocities: np.ndarray) -> np.ndarray:
@@ -102,7 +102,7 @@ def with_number(content: bytes, index: int, number: float) -> bytes:
 
 def refused(content: bytes) -> None:
     with pytest.raises(SettingError) as caught:
-        ContactMap(*PARAMETERS, content)
+        ContactMapModel(*PARAMETERS, content)
     assert str(caught.value) == f"map = '{len(content)} bytes': is no contact map"
 
 
@@ -136,7 +136,7 @@ def test_shares_that_are_none_are_refused(content: bytes, expert: int, share: fl
     refused(with_number(content, SHARES + expert, share))
 
 
-@pytest.mark.parametrize("index", [LAW, LAW + 1, LAW + 2, LAW + 3, LAW_SPEED, DOUBT, DOUBT + 1])
+@pytest.mark.parametrize("index", [LAW, LAW + 1, LAW + 2, LAW + 3, LAW_SPEED, UNCERTAINTY, UNCERTAINTY + 1])
 def test_what_cannot_be_negative_is_refused_negative(index: int) -> None:
     refused(with_number(GOOD[0], index, -1.0))
 
@@ -167,7 +167,7 @@ def test_a_map_of_any_numbers_is_refused_or_never_pulls(
     for index, number in changes:
         content = with_number(content, index % (len(content) // 4), number)
     try:
-        model = ContactMap(*PARAMETERS, content)
+        model = ContactMapModel(*PARAMETERS, content)
     except SettingError:
         return
     for place in (depth, 1e-3, 0.0):
@@ -177,11 +177,11 @@ def test_a_map_of_any_numbers_is_refused_or_never_pulls(
         assert math.isfinite(deviation)
 
 
-@pytest.mark.parametrize("name", ContactMap.parameter_names)
+@pytest.mark.parametrize("name", ContactMapModel.parameter_names)
 def test_numbers_of_the_law_are_checked(name: str) -> None:
-    numbers = dict(zip(ContactMap.parameter_names, PARAMETERS, strict=True)) | {name: -1.0}
+    numbers = dict(zip(ContactMapModel.parameter_names, PARAMETERS, strict=True)) | {name: -1.0}
     with pytest.raises(SettingError, match=rf"{name} = -1\.0: must be finite and at least 0"):
-        ContactMap(**numbers, map=GOOD[0])
+        ContactMapModel(**numbers, map=GOOD[0])
 
 
 def test_a_map_belongs_to_a_contact_map() -> None:
@@ -194,7 +194,7 @@ def test_a_map_belongs_to_a_contact_map() -> None:
 # --- messages ---------------------------------------------------------------------------------------------------------
 
 
-def message(model: ContactMap, state: tuple[float, ...]) -> ModelUpdate:
+def message(model: ContactMapModel, state: tuple[float, ...]) -> ModelUpdate:
     fields = {
         "version": VERSION,
         "sequence": 7,

@@ -13,7 +13,7 @@ from scipy.optimize import brentq, least_squares
 
 from foretouch.errors import SettingError
 from foretouch.models import NO_STATE, ContinuousSwitching, HuntCrossley, KelvinVoigt, advance
-from foretouch.reproduction.theory import (
+from foretouch.reproduction.theory.linearisation import (
     TABLE_1,
     fit_polynomial,
     linearisation_error,

@@ -19,7 +19,7 @@ RANDOM = np.random.default_rng(5)
 SHAPE = (5, 6, 4)
 GRID = np.stack(np.meshgrid(*[np.arange(n) - 2 for n in SHAPE], indexing="ij"), axis=-1).reshape(-1, 3)
 VALUES = RANDOM.uniform((100.0, 1e3, 0.0, 5.0), (900.0, 9e4, 800.0, 50.0), (len(GRID), 4)).astype(np.float32)
-FIELD = MaterialField(GRID, VALUES, mean=(400.0, 2e4, 100.0), doubt=500.0)
+FIELD = MaterialField(GRID, VALUES, mean=(400.0, 2e4, 100.0), uncertainty=500.0)
 H = FIELD.spacing
 
 
@@ -59,7 +59,7 @@ def test_at_a_node_it_is_the_node() -> None:
 
 
 @pytest.mark.parametrize("place", [(1.0, 0.0, 0.0), (1e30, -1e30, 0.0), (math.nan, 0.0, 0.0), (0.0, math.inf, 0.0)])
-def test_where_nothing_is_known_it_is_the_mean_with_its_doubt(place: tuple[float, float, float]) -> None:
+def test_where_nothing_is_known_it_is_the_mean_with_its_uncertainty(place: tuple[float, float, float]) -> None:
     assert FIELD.law_at(place) == (FIELD.mean, 500.0, False)
 
 
@@ -79,7 +79,7 @@ def test_it_survives_the_wire() -> None:
     assert again.to_bytes() == content
     assert again.law_at((0.001, 0.002, 0.003)) == FIELD.law_at((0.001, 0.002, 0.003))
     assert len(content) <= 24 * (len(FIELD) + 2)
-    nothing = MaterialField([], [], mean=(0.0, 0.0, 0.0), doubt=1e3)
+    nothing = MaterialField([], [], mean=(0.0, 0.0, 0.0), uncertainty=1e3)
     assert MaterialField.from_bytes(nothing.to_bytes()) == nothing
 
 
@@ -126,23 +126,23 @@ def node(value: float, at: int) -> list[list[float]]:
 @pytest.mark.parametrize("at", range(4))
 def test_numbers_out_of_range_are_refused(value: float, at: int) -> None:
     with pytest.raises(SettingError, match="must be finite, 0 to"):
-        MaterialField([(0, 0, 0)], node(value, at), mean=(1.0, 1.0, 1.0), doubt=1.0)
+        MaterialField([(0, 0, 0)], node(value, at), mean=(1.0, 1.0, 1.0), uncertainty=1.0)
     with pytest.raises(SettingError, match="must be finite, 0 to"):
-        MaterialField([], [], mean=node(value, at)[0][:3], doubt=node(value, at)[0][3])
+        MaterialField([], [], mean=node(value, at)[0][:3], uncertainty=node(value, at)[0][3])
 
 
 def test_too_many_too_far_and_twice_are_refused() -> None:
     many = [(i, 0, 0) for i in range(MOST_NODES + 1)]
     values = np.ones((MOST_NODES + 1, 4))
     with pytest.raises(SettingError, match="1024 at most"):
-        MaterialField(many, values, mean=(1.0, 1.0, 1.0), doubt=1.0)
-    assert len(MaterialField(many[1:], values[1:], mean=(1.0, 1.0, 1.0), doubt=1.0).to_bytes()) < 24 * 1024
+        MaterialField(many, values, mean=(1.0, 1.0, 1.0), uncertainty=1.0)
+    assert len(MaterialField(many[1:], values[1:], mean=(1.0, 1.0, 1.0), uncertainty=1.0).to_bytes()) < 24 * 1024
     with pytest.raises(SettingError, match="16 bits"):
-        MaterialField([(40_000, 0, 0)], values[:1], mean=(1.0, 1.0, 1.0), doubt=1.0)
+        MaterialField([(40_000, 0, 0)], values[:1], mean=(1.0, 1.0, 1.0), uncertainty=1.0)
     with pytest.raises(SettingError, match="different"):
-        MaterialField([(1, 2, 3)] * 2, values[:2], mean=(1.0, 1.0, 1.0), doubt=1.0)
+        MaterialField([(1, 2, 3)] * 2, values[:2], mean=(1.0, 1.0, 1.0), uncertainty=1.0)
     with pytest.raises(SettingError, match="spacing"):
-        MaterialField([], [], mean=(1.0, 1.0, 1.0), doubt=1.0, spacing=1e-6)
+        MaterialField([], [], mean=(1.0, 1.0, 1.0), uncertainty=1.0, spacing=1e-6)
 
 
 def test_a_law_is_there_within_a_tick_many_times_over() -> None:

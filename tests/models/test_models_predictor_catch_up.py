@@ -11,7 +11,7 @@ from example_maps import example_map
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from foretouch.models import ContactMap, HuntCrossley, Predictor
+from foretouch.models import ContactMapModel, HuntCrossley, Predictor
 from foretouch.models.contact_map.layout import MEMORY
 from foretouch.models.predictor import HISTORY, SLICE, STATE_TOLERANCE
 
@@ -34,7 +34,7 @@ class Course:
         return np.array([predictor.update(time, place) for time, place in columns])
 
 
-def states_of(course: Course, model: ContactMap, samples: int) -> list[tuple[float, ...]]:
+def states_of(course: Course, model: ContactMapModel, samples: int) -> list[tuple[float, ...]]:
     """What the material remembers after each sample, from the first one with a period on; the first is empty."""
     periods = np.diff(course.time, prepend=course.time[0])
     state, found = (), [(), ()]
@@ -115,13 +115,13 @@ def test_models_that_come_at_every_tick_do_not_keep_it_from_catching_up() -> Non
 
 def test_no_slice_is_longer_than_a_tick_can_bear(monkeypatch: pytest.MonkeyPatch) -> None:
     lengths: list[int] = []
-    remember = ContactMap.remember
+    remember = ContactMapModel.remember
 
-    def counting(model: ContactMap, state: object, depth: np.ndarray, period: np.ndarray) -> object:
+    def counting(model: ContactMapModel, state: object, depth: np.ndarray, period: np.ndarray) -> object:
         lengths.append(depth.size)
         return remember(model, state, depth, period)  # type: ignore[arg-type]
 
-    monkeypatch.setattr(ContactMap, "remember", counting)
+    monkeypatch.setattr(ContactMapModel, "remember", counting)
     course, predictor = Course(6000), Predictor()
     course.lead(predictor, 0, 5500)
     predictor.adopt(MAP, SURFACE, (0.0,) * MEMORY, 1000)
@@ -247,4 +247,4 @@ def test_a_predictor_is_never_told_a_force() -> None:
         "message",
     ]
     public = {name for name in dir(Predictor) if not name.startswith("_") and callable(getattr(Predictor, name))}
-    assert public == {"update", "adopt", "catch_up", "shift", "local_slopes", "exit_work", "disown"}
+    assert public == {"update", "adopt", "catch_up", "shift", "local_slopes", "leaving_work", "disown"}

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from foretouch.models import (
-    ContactMap,
+    ContactMapModel,
     ContactModel,
     ContinuousSwitching,
     HuntCrossley,
@@ -20,7 +20,7 @@ from foretouch.models import (
     QuadraticContact,
     ThresholdSwitching,
 )
-from foretouch.models.contact_map.calls import advance, exit_work, local_slopes
+from foretouch.models.contact_map.calls import advance, leaving_work, local_slopes
 from foretouch.models.contact_map.kernel import step
 from foretouch.models.contact_map.layout import LAW, MEMORY
 from foretouch.models.contact_map.wire import pack
@@ -41,24 +41,24 @@ limits = st.floats(0.1, 20.0) | st.just(math.inf)
 states = st.lists(st.floats(-5e-3, 10e-3), min_size=MEMORY, max_size=MEMORY).map(tuple)
 
 
-def a_map(seed: int) -> ContactMap:
+def a_map(seed: int) -> ContactMapModel:
     flat = random_flat(seed)
-    return ContactMap(*flat[LAW : LAW + 4].tolist(), pack(flat))
+    return ContactMapModel(*flat[LAW : LAW + 4].tolist(), pack(flat))
 
 
 @given(st.sampled_from(LAWS), depths, offsets, limits)
-def test_the_way_out_of_a_law_is_that_of_the_interface(
+def test_the_leaving_work_of_of_a_law_is_that_of_the_interface(
     law: ContactModel, depth: float, offset: float, largest: float
 ) -> None:
-    assert law.exit_work((), depth, offset, largest) == ContactModel.exit_work(law, (), depth, offset, largest)
+    assert law.leaving_work((), depth, offset, largest) == ContactModel.leaving_work(law, (), depth, offset, largest)
 
 
 @pytest.mark.parametrize("law", LAWS, ids=lambda law: law.law)
-def test_the_way_out_gives_back_what_is_stored(law: ContactModel) -> None:
+def test_the_leaving_work_of_gives_back_what_is_stored(law: ContactModel) -> None:
     depth = 8e-3
     places = np.linspace(0.0, depth, 20001)
     stored = np.trapezoid([law.advance((), x, 0.0, 1e-3)[1] for x in places.tolist()], places)
-    work, way = law.exit_work((), depth)
+    work, way = law.leaving_work((), depth)
     assert work == pytest.approx(stored, rel=5e-3)
     assert way == pytest.approx(depth + 2.5e-4 * (way > depth + 1e-4), rel=1e-9)
 
@@ -76,8 +76,10 @@ def test_a_call_of_the_map_is_the_kernel_s_step(
     assert all(type(number) is float for number in (*after, *rest))
 
 
-def way_out_by_steps(model: ContactMap, state: tuple[float, ...], depth: float, offset: float, largest: float):
-    """`ContactModel.exit_work` in steps of the model; at first no time passes."""
+def leaving_work_of_by_steps(
+    model: ContactMapModel, state: tuple[float, ...], depth: float, offset: float, largest: float
+):
+    """`ContactModel.leaving_work` in steps of the model; at first no time passes."""
 
     def felt(force: float) -> float:
         return max(min(force, largest) + offset, 0.0)
@@ -97,19 +99,19 @@ def way_out_by_steps(model: ContactMap, state: tuple[float, ...], depth: float, 
 
 
 @given(st.integers(0, 20), states, st.floats(-5e-3, 0.03), st.floats(-2.0, 5.0), limits)
-def test_the_way_out_of_a_map_is_one_of_its_steps(
+def test_the_leaving_work_of_of_a_map_is_one_of_its_steps(
     seed: int, state: tuple[float, ...], depth: float, offset: float, largest: float
 ) -> None:
     model = a_map(seed)
     state = model.advance(state, depth, 0.0, 1e-3)[0]  # one that belongs to this depth
-    work, way = model.exit_work(state, depth, offset, largest)
-    by_steps = way_out_by_steps(model, state, depth, offset, largest)
+    work, way = model.leaving_work(state, depth, offset, largest)
+    by_steps = leaving_work_of_by_steps(model, state, depth, offset, largest)
     assert work == pytest.approx(by_steps[0], rel=1e-6, abs=1e-12)
     if work > 1e-9:
         assert way == pytest.approx(by_steps[1], abs=1e-9)
 
 
-@pytest.mark.parametrize("call", [advance, local_slopes, exit_work], ids=lambda call: call.__name__)
+@pytest.mark.parametrize("call", [advance, local_slopes, leaving_work], ids=lambda call: call.__name__)
 @pytest.mark.parametrize("at", range(MEMORY))
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
 def test_a_memory_with_a_number_that_is_none_is_none(call, at, bad) -> None:
@@ -127,7 +129,7 @@ def test_a_memory_of_another_length_is_none(state: tuple[float, ...]) -> None:
     for name, arguments in (
         ("advance", (4e-3, 0.05, 1e-3)),
         ("local_slopes", (4e-3, 0.05, 1e-4)),
-        ("exit_work", (4e-3, 0.5, 10.0)),
+        ("leaving_work", (4e-3, 0.5, 10.0)),
     ):
         assert repr(getattr(model, name)(state, *arguments)) == repr(getattr(model, name)(untouched, *arguments))
 
@@ -138,7 +140,7 @@ def test_interpreted_calls_give_the_same(seed: int, state: tuple[float, ...], de
     for call, arguments in (
         (advance, (depth, velocity, 1e-3)),
         (local_slopes, (depth, velocity, 1e-4)),
-        (exit_work, (depth, 0.1, 10.0)),
+        (leaving_work, (depth, 0.1, 10.0)),
     ):
         plain = getattr(call, "py_func", call)  # without, nothing is compiled here
         compiled, interpreted = call(flat, state, *arguments), plain(flat, state, *arguments)

@@ -16,7 +16,7 @@ from plugin_packages import make_package
 from plugin_sessions import COMMAND, environment, run_with
 
 from foretouch.recordings import is_whole, read_session
-from foretouch.session.processes.news import HANGS_AFTER, LoopWatch, where
+from foretouch.session.runners.news import HANGS_AFTER, LoopWatch, where
 
 LONGEST = 60.0
 """Of a session that hangs [s]: about 3 to begin, 3 to 8 to be noticed, 8 to end; the rest is a busy machine's."""

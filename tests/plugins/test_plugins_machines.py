@@ -14,7 +14,7 @@ from wrong_robots import SPECIFICATION
 from foretouch.cli.app import app
 from foretouch.devices import UNKNOWN_REACH, BrowserOperator
 from foretouch.errors import SettingError
-from foretouch.report import session_report
+from foretouch.report import session_figures
 from foretouch.session import (
     SessionSettings,
     make_moved_robot,
@@ -76,7 +76,7 @@ def test_a_robot_that_says_what_it_presses_is_pressed_by_script() -> None:
     assert reach_texts(reach) == {"surface": "0.01", "press_depth": "0.008"}
     log = simulate(settings, duration=8.0, operator=operator_of(settings, reach), robot=robot).log
     assert log.settings["robot"] == "known"
-    report = session_report(log, score_from=5.0)  # the first presses are slow, into what the robot does not know
+    report = session_figures(log, score_from=5.0)  # the first presses are slow, into what the robot does not know
     assert report["contact_force_rms_N"] > 1.0
     assert report["prediction_error_percent"] < 10.0
     # The model that the last update brought is the spring of the robot.
@@ -133,7 +133,7 @@ def test_a_device_that_is_felt_is_rendered_as_stiff_as_it_carries() -> None:
     assert isinstance(device, Held)
     assert felt_device(device, settings) == device.specification
     log = simulate(settings, duration=6.0, operator=device, robot=robot).log
-    report = session_report(log)
+    report = session_figures(log)
     assert report["loop"] == "closed loop: a hand of its own holds the device held and feels the force"
     assert 0.5 < report["max_rendered_force_N"] <= 8.0  # its own limit
     assert log.leader["engaged"].any()

@@ -17,7 +17,7 @@ from foretouch.cli.app import app
 from foretouch.errors import SettingError
 from foretouch.plugins import PluginError
 from foretouch.recordings import read_session
-from foretouch.report import render_text, session_report, write_page
+from foretouch.report import render_text, session_figures, write_page
 from foretouch.session import SessionSettings, make_operator, make_session_robot, simulate
 from foretouch.session.conformance import Finding, check_named
 from foretouch.session.conformance.catalogue import watched
@@ -133,7 +133,7 @@ def test_a_loop_that_its_device_keeps_late_is_said_first(tmp_path: Path) -> None
     assert line.endswith(" of 1000 a second.")
     assert ran.out.index(line) < ran.out.index("Forces at equal command")
     assert line.replace("'", "&#x27;") in (tmp_path / "out" / "index.html").read_text()
-    timing = session_report(read_session(tmp_path / "s.mcap"))["timing"]["leader"]
+    timing = session_figures(read_session(tmp_path / "s.mcap"))["timing"]["leader"]
     assert timing["late_ticks"] > 0.9 * timing["ticks"]
     assert 50.0 < timing["ticks_per_s"] < 340.0
 
@@ -150,7 +150,7 @@ def test_an_operator_is_told_that_the_device_gives_no_position(tmp_path: Path) -
 @pytest.fixture
 def not_drawn(monkeypatch: pytest.MonkeyPatch) -> None:
     """Of each figure a page has its caption alone: a drawing takes longer than all else."""
-    monkeypatch.setattr("foretouch.report.writing.page.embedded", lambda figure, caption: caption)
+    monkeypatch.setattr("foretouch.report.writing.pages.embedded", lambda figure, caption: caption)
 
 
 @pytest.mark.usefixtures("not_drawn")
@@ -159,7 +159,7 @@ def test_where_the_device_gives_no_position_nothing_is_scored(install: Callable[
     settings = SessionSettings(operator="blind", material="hunt-crossley")
     operator = make_operator(settings, surface=0.01, press_depth=0.02, say=print)
     log = simulate(settings, duration=6.0, operator=operator, robot=make_session_robot(settings)[0]).log
-    report = session_report(log)
+    report = session_figures(log)
     assert report["nowhere_samples"] == 3000
     text = render_text(report)
     assert "The device gave no position in 3,000 of 6,000 ticks (50.0 %): the last one was held.\n" in text
@@ -182,7 +182,7 @@ def test_a_robot_of_another_package_is_named_in_place_of_a_material(
     (line,) = said
     assert line.startswith("operator: robot 'probe' does not say where its surface is, so a script stays in the air")
     log = simulate(settings, duration=3.0, operator=hand, robot=make_session_robot(settings)[0]).log
-    report = session_report(log)
+    report = session_figures(log)
     text = render_text(report)
     heading = text.splitlines()[0]
     assert heading.startswith("Session: 3.0 s, robot probe, operator browser, ")

@@ -25,11 +25,11 @@ def results() -> dict[str, object]:
     session = foretouch.simulate(settings, duration=1.5)
     depth = 0.01 * np.sin(2 * np.pi * 2.0 * TIME)
     recording = Recording(TIME, depth, 800.0 * np.maximum(depth, 0.0))
-    learner = foretouch.Learner(foretouch.make_estimator("contact-map", "bank"))
-    simple = foretouch.Learner(foretouch.make_estimator("kelvin-voigt", "rls"))
+    learner = foretouch.Learner()
+    simple = foretouch.Learner(foretouch.KelvinVoigtRLS())
     predicted = foretouch.predict(recording, simple, delay=0.1)
     found = foretouch.identify(recording, learner, keep_history=True)
-    known = foretouch.delayed(recording.time, recording.force, 0.1)
+    known = foretouch.delayed_force(recording.time, recording.force, 0.1)
     return {
         "settings": settings,
         "session": session,
@@ -40,7 +40,9 @@ def results() -> dict[str, object]:
         "identification": found,
         "map": found.model,
         "prediction": predicted,
-        "scores": foretouch.score(TIME, recording.force, predicted.force, known, contact_floor=0.05, score_from=0.0),
+        "scores": foretouch.score_prediction(
+            TIME, recording.force, predicted.force, known, contact_floor=0.05, score_from=0.0
+        ),
         "results": Results([Result(f"{n}.csv", "hunt-crossley", "rls", "ok") for n in range(50)]),
         "robot": foretouch.make_robot("hunt-crossley", seed=1),
         "learner": learner,
@@ -63,7 +65,7 @@ def test_whatever_is_public_shows_itself_in_ten_lines(results: dict[str, object]
 
 
 def test_what_learns_and_what_predicts_say_what_they_know() -> None:
-    learner = foretouch.Learner(foretouch.make_estimator("kelvin-voigt", "rls"), surface=0.0, force_offset=0.0)
+    learner = foretouch.Learner(foretouch.KelvinVoigtRLS(), surface=0.0, force_offset=0.0)
     assert repr(learner.estimator) == "KelvinVoigtRLS(name='rls', law='kelvin-voigt', updates=0)"
     predictor, renderer = foretouch.Predictor(), foretouch.Renderer()
     assert repr(predictor) == "Predictor(law=None, ticks=0, surface=0.0, position=0.0, force=0.0)"
@@ -82,7 +84,7 @@ def test_what_learns_and_what_predicts_say_what_they_know() -> None:
 
 
 def test_the_reason_beside_a_good_model_is_of_the_newest_sample_alone() -> None:
-    learner = foretouch.Learner(foretouch.make_estimator("kelvin-voigt", "rls"), surface=0.0, force_offset=0.0)
+    learner = foretouch.Learner(foretouch.KelvinVoigtRLS(), surface=0.0, force_offset=0.0)
     for tick, depth in enumerate(0.01 * np.sin(2 * np.pi * 2.0 * TIME[:400])):
         learner.update(1e-3 * tick, depth, 800.0 * max(depth, 0.0))
     learnt = learner.learnt()

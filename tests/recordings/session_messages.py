@@ -5,10 +5,21 @@ import sys
 import time
 from itertools import count
 
+import numpy as np
+
 from foretouch.messages import VERSION, Hello, LeaderState, ModelUpdate, Settings, Stop, Telemetry
 from foretouch.recordings import SessionWriter
 
 ODD = (float("nan"), float("inf"), -float("inf"), -0.0, 5e-324, 1.7976931348623157e308, 0.1, -1 / 3)
+
+
+def bits(value):
+    """A value such that equal means equal bit by bit."""
+    if isinstance(value, float):
+        return np.float64(value).tobytes()
+    if isinstance(value, (list, tuple)) or (hasattr(value, "typecode") and hasattr(value, "tobytes")):
+        return tuple(bits(item) for item in value)
+    return value
 
 
 def telemetry(tick):

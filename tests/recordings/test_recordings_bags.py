@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from made_bags import BEGIN, JOINT, LEVER, MAP, TYPES, WRENCH, joint, press, press_messages, wrench, write_bag
 from mcap.writer import Writer as McapWriter
+from refusals import refused
 from rosbags.rosbag2 import StoragePlugin
 
 from foretouch.errors import RecordingError
@@ -23,13 +24,6 @@ def by_map(tmp_path):
         return path
 
     return write
-
-
-def refused(path, **options):
-    with pytest.raises(RecordingError) as caught:
-        read_with_notes(path, **options)
-    assert "\n" not in str(caught.value)
-    return str(caught.value)
 
 
 @STORAGES

@@ -84,7 +84,9 @@ def write(path: Path, *lines: str) -> Path:
 
 
 def test_columns_stand_in_any_order_and_gravity_has_any_length(tmp_path: Path) -> None:
-    path = write(tmp_path / "p.csv", "gz,gx,gy,other,fz_N,fy_N,fx_N", "-9.81,0,0,x,3,2,1", "", "0,0,2,y,6,5,4")
+    path = write(
+        tmp_path / "p.csv", "gz,gx,gy,other,fz_N,fy_N,fx_N", "-9.81,0,0,x,3,2,1", "", ",,,,,,", "0,0,2,y,6,5,4"
+    )
     poses = read_poses(path)
     np.testing.assert_array_equal(poses.gravity, [[0, 0, -1], [0, 1, 0]])
     np.testing.assert_array_equal(poses.force, [[1, 2, 3], [4, 5, 6]])

@@ -5,9 +5,10 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from refusals import refusal, refused
 
-from foretouch.errors import RecordingError, RecordingWarning, UnknownNameError
-from foretouch.recordings import read_recording, read_with_notes
+from foretouch.errors import RecordingWarning, UnknownNameError
+from foretouch.recordings import RecordingOptions, read_recording, read_with_notes
 from foretouch.recordings.formats import tables as csv_table
 from foretouch.recordings.meaning.names import REQUIRED
 
@@ -22,14 +23,6 @@ def table(tmp_path):
         return path
 
     return write
-
-
-def refused(path, **options):
-    with pytest.raises(RecordingError) as caught:
-        read_recording(path, **options)
-    assert "\n" not in str(caught.value)
-    assert str(caught.value).startswith(str(path))
-    return caught.value
 
 
 def assert_good(recording):
@@ -88,6 +81,16 @@ def test_units_and_flip(table, unit, factor, force_unit, force_factor, flip):
     assert recording.time.tolist() == [0.0, 1.0]
 
 
+def test_options_are_one_object_or_are_named_and_not_both(table):
+    path, given = table(GOOD), RecordingOptions(position_unit="mm", flip=True)
+    found, named = read_recording(path, given), read_recording(path, position_unit="mm", flip=True)
+    assert found.position.tobytes() == named.position.tobytes() != read_recording(path).position.tobytes()
+    with pytest.raises(TypeError, match="options are given, and flip beside them"):
+        read_recording(path, given, flip=True)
+    with pytest.raises(TypeError, match="flop"):
+        read_recording(path, flop=True)
+
+
 @pytest.mark.parametrize("option", [{"position_unit": "inch"}, {"force_unit": "kg"}, {"force_channel": "other"}])
 def test_unknown_units_are_refused_with_those_there_are(table, option):
     with pytest.raises(UnknownNameError, match="choose one of"):
@@ -139,7 +142,7 @@ def test_unknown_units_are_refused_with_those_there_are(table, option):
 )
 def test_bad_tables_are_refused_with_row_and_rule(table, content, row, problem):
     path = table(content)
-    error = refused(path)
+    error = refusal(path)
     assert error.row == row
     assert re.search(problem, str(error)), str(error)
     assert row is None or f"row {row}: " in str(error)
@@ -152,12 +155,12 @@ def test_a_row_of_units_below_the_header(table):
         assert_good(read.recording)
         assert read.recording.first_row == 3
         assert "columns guessed" in read.notes[0]
-    assert refused(table(f"Time,Travel,Load\ns,mm,N\n{numbers}0.002,3,1\n")).row == 6
-    assert "the unit of Load is not known" in str(refused(table(f"Time,Travel,Load\ns,mm,\n{numbers}")))
+    assert refusal(table(f"Time,Travel,Load\ns,mm,N\n{numbers}0.002,3,1\n")).row == 6
+    assert "the unit of Load is not known" in refused(table(f"Time,Travel,Load\ns,mm,\n{numbers}"))
 
 
 def test_a_row_of_units_that_are_not_those_of_the_names(table):
-    error = str(refused(table(GOOD.replace("N\n", "N\ns,mm,N\n", 1))))
+    error = refused(table(GOOD.replace("N\n", "N\ns,mm,N\n", 1)))
     assert "column position_m is in m by its name, and in mm as the file states it elsewhere" in error
 
 
@@ -168,7 +171,7 @@ def test_remarks_above_the_header(table, above):
     for heading in (GOOD, "# " + GOOD):
         content = above + heading
         assert_good(read_recording(table(content)))
-        assert refused(table(content + "x,0,0\n")).row == content.count("\n") + 1
+        assert refusal(table(content + "x,0,0\n")).row == content.count("\n") + 1
 
 
 ROWS = "0.000,1,0.5\n0.001,2,0.75\n0.002,3,1\n"
@@ -196,7 +199,7 @@ def test_lines_on_the_sample_above_the_header_are_passed_over(table, above, head
     passed_over = "1 line above is passed over" if lines == 1 else f"{lines} lines above are passed over"
     assert f"the columns are named in line {row}; {passed_over}" in read.notes
     assert read.recording.first_row == row + header.count("\n")
-    error = refused(table(content + "x,0,0\n"))
+    error = refusal(table(content + "x,0,0\n"))
     assert error.row == content.count("\n") + 1
 
 
@@ -217,7 +220,7 @@ def test_lines_on_the_sample_beside_decimal_commas(table, separator):
     ],
 )
 def test_a_header_is_not_sought_where_none_is_likely(table, content, problem):
-    assert re.search(problem, str(refused(table(content))))
+    assert re.search(problem, refused(table(content)))
 
 
 def test_what_numpy_writes(tmp_path):
@@ -236,25 +239,25 @@ def test_a_guess_is_a_warning_and_a_stated_recording_is_none(table):
 
 def test_units_count_before_the_limit_of_one_metre(table):
     content = "time_s,position_m,force_N\n0,12.5,0\n1,1200,0\n"
-    assert "row 3: position 1.2 m" in str(refused(table(content), position_unit="mm"))
+    assert "row 3: position 1.2 m" in refused(table(content), position_unit="mm")
     assert read_recording(table(content), position_unit="um").position.tolist() == [12.5e-6, 1.2e-3]
 
 
 def test_files_that_are_no_recording(table, tmp_path):
-    assert "no such file" in str(refused(tmp_path / "absent.csv"))
+    assert "no such file" in refused(tmp_path / "absent.csv")
     assert "must end with one of .csv, .parquet, .mat, .ddf, .npz, .mcap, .h5, .hdf5, .db3, or be a rosbag2" in str(
-        refused(table(GOOD, "press.txt"))
+        refusal(table(GOOD, "press.txt"))
     )
     folder = tmp_path / "folder.csv"
     folder.mkdir()
-    assert "is no file" in str(refused(folder))
+    assert "is no file" in refused(folder)
     assert_good(read_recording(table(GOOD, "PRESS.CSV")))
 
 
 def test_options_of_other_formats_are_refused(table):
-    assert "--force-channel" in str(refused(table(GOOD), force_channel="logged"))
+    assert "--force-channel" in refused(table(GOOD), force_channel="logged")
     for suffix in (".ddf", ".mcap"):
-        assert "states its own units" in str(refused(table(b"", "press" + suffix), position_unit="mm"))
+        assert "states its own units" in refused(table(b"", "press" + suffix), position_unit="mm")
 
 
 numbers = st.floats(allow_nan=False, allow_infinity=False, width=64)
@@ -287,4 +290,4 @@ def test_a_long_table_takes_the_fast_way(tmp_path):
     assert csv_table.CsvTable(path).read_fast(REQUIRED)["force_N"].size == count
     with path.open("a") as file:
         file.write("1000,0.1,oops\n")
-    assert refused(path).row == count + 2
+    assert refusal(path).row == count + 2

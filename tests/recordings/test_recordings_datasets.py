@@ -9,7 +9,7 @@ from threading import Thread
 import pytest
 
 from foretouch.errors import DatasetError, MissingExtraError, UnknownNameError
-from foretouch.recordings import DATA_DIR, DATASETS, datasets, fetch, fetch_all, list_datasets
+from foretouch.recordings import DATA_DIR, DATASETS, datasets, excerpt, fetch_all, fetch_dataset, list_datasets
 
 NAME = "aurora/400-mN"
 
@@ -93,9 +93,15 @@ def test_all_of_a_kind_are_fetched_in_order(published, elsewhere, monkeypatch):
     assert fetch_all("skin") == paths
 
 
-def test_an_unknown_name_is_refused_with_those_there_are():
+@pytest.mark.parametrize("take", [fetch_dataset, excerpt])
+def test_an_unknown_name_is_refused_with_those_there_are(take):
     with pytest.raises(UnknownNameError, match="unknown dataset 'foam': choose one of aurora/100-mN, "):
-        fetch("foam")
+        take("foam")
+
+
+def test_an_unknown_kind_is_refused_with_those_there_are():
+    with pytest.raises(UnknownNameError, match="choose one of foam, free, rigid, skin, spring"):
+        list_datasets("wood")
 
 
 def test_a_data_folder_serves_without_network_or_pooch(published, elsewhere, monkeypatch):
@@ -104,9 +110,9 @@ def test_a_data_folder_serves_without_network_or_pooch(published, elsewhere, mon
     path.write_bytes(published)
     monkeypatch.setenv(DATA_DIR, str(elsewhere / "store"))
     monkeypatch.setitem(sys.modules, "pooch", None)
-    assert fetch(NAME) == path
+    assert fetch_dataset(NAME) == path
     with pytest.raises(MissingExtraError, match="pooch"):
-        fetch("tue/a-foam")
+        fetch_dataset("tue/a-foam")
 
 
 def test_a_wrong_file_in_the_data_folder_is_refused(elsewhere, monkeypatch):
@@ -116,17 +122,17 @@ def test_a_wrong_file_in_the_data_folder_is_refused(elsewhere, monkeypatch):
     wrong.write_text("something else")
     monkeypatch.setenv(DATA_DIR, str(elsewhere))
     with pytest.raises(DatasetError, match="is not aurora/400-mN: its SHA-256 differs"):
-        fetch(NAME)
+        fetch_dataset(NAME)
 
 
 def test_a_data_folder_that_is_none_is_refused(elsewhere, monkeypatch):
     monkeypatch.setenv(DATA_DIR, str(elsewhere / "absent"))
     with pytest.raises(DatasetError, match="is no folder"):
-        fetch(NAME)
+        fetch_dataset(NAME)
 
 
 def test_without_network_one_line_says_what_to_do(elsewhere):
-    for attempt in (lambda: fetch(NAME), lambda: fetch_all("skin")):
+    for attempt in (lambda: fetch_dataset(NAME), lambda: fetch_all("skin")):
         with pytest.raises(DatasetError) as caught:
             attempt()
         assert re.search(r"is not here and could not be fetched.*refused.*FORETOUCH_DATA_DIR", str(caught.value))
@@ -134,17 +140,17 @@ def test_without_network_one_line_says_what_to_do(elsewhere):
 
 
 def test_the_origin_is_asked_once_and_then_the_cache(origin, elsewhere, monkeypatch):
-    path = fetch(NAME)
+    path = fetch_dataset(NAME)
     assert path.read_bytes() == origin.read_bytes()
     assert elsewhere / "cache" in path.parents
     monkeypatch.setattr(datasets, "HOST", "http://127.0.0.1:9")
-    assert fetch(NAME) == path
+    assert fetch_dataset(NAME) == path
 
 
 def test_what_the_origin_changed_is_not_taken(origin):
     origin.write_text("another version")
     with pytest.raises(DatasetError, match="what came has another SHA-256"):
-        fetch(NAME)
+        fetch_dataset(NAME)
     origin.unlink()
     with pytest.raises(DatasetError, match="404"):
-        fetch(NAME)
+        fetch_dataset(NAME)

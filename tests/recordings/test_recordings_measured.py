@@ -5,8 +5,8 @@ import pytest
 from measured_formats import LEVER, signals, write_aurora, write_tue
 from scipy.io import savemat
 
-from foretouch.errors import RecordingError, UnknownNameError
-from foretouch.recordings import list_datasets, read_leader_motion, read_recording
+from foretouch.errors import RecordingError
+from foretouch.recordings import read_leader_motion, read_recording
 
 
 @pytest.fixture
@@ -119,8 +119,3 @@ def test_a_mat_file_of_something_else_is_refused(tmp_path, content, problem):
 def test_reading_a_leader_motion_that_is_not_there(tmp_path):
     with pytest.raises(RecordingError, match="cannot be read: "):
         read_leader_motion(tmp_path / "absent.mat")
-
-
-def test_unknown_kind_of_dataset():
-    with pytest.raises(UnknownNameError, match="choose one of foam, free, rigid, skin, spring"):
-        list_datasets("wood")

@@ -53,7 +53,7 @@ def same(one: object, other: object) -> bool:
 def test_a_narrow_reading_finds_the_samples_of_the_whole_log(path: Path) -> None:
     whole, narrow = follower_samples(read_session(path)), follower_samples(read_samples(path))
     assert same(whole, narrow)
-    assert (whole.stretches, whole.leader_starts, whole.follower_starts) == (2, 2, 2)
+    assert (whole.segments, whole.leader_starts, whole.follower_starts) == (2, 2, 2)
     assert whole.faults.tolist() == [1, 3]
     assert whole.fault_counts.tolist() == [1, 2]
     assert whole.time.size == 601 - 3

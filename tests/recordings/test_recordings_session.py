@@ -7,7 +7,6 @@ from collections import Counter, defaultdict
 from pathlib import Path
 
 import msgspec
-import numpy as np
 import pytest
 import session_messages as made
 from hypothesis import given
@@ -15,6 +14,7 @@ from hypothesis import strategies as st
 from mcap.reader import make_reader
 from mcap.writer import Writer
 from mcap_ros2.decoder import DecoderFactory
+from session_messages import bits
 
 from foretouch.errors import MissingExtraError, RecordingError
 from foretouch.messages import (
@@ -43,21 +43,12 @@ def decoded(path):
         return [got[1:] for got in reader.iter_decoded_messages(log_time_order=False)]
 
 
-def bits(value):
-    """A value such that equal means equal bit by bit."""
-    if isinstance(value, float):
-        return np.float64(value).tobytes()
-    if isinstance(value, (list, tuple)) or (hasattr(value, "typecode") and hasattr(value, "tobytes")):
-        return tuple(bits(item) for item in value)
-    return value
-
-
 def expected_log(ticks):
     messages = [message for message, _ in made.session(ticks)]
     by_kind = defaultdict(list)
     for message in messages:
         by_kind[type(message)].append(message)
-    return SessionLog.from_messages(by_kind[LeaderState], by_kind[Telemetry], by_kind[ModelUpdate], {}, {})
+    return SessionLog.from_messages([*by_kind[LeaderState], *by_kind[Telemetry], *by_kind[ModelUpdate]])
 
 
 def assert_same(log, expected):
@@ -101,7 +92,7 @@ def test_processes_news_and_emergency_stops_read_back(tmp_path):
     assert log.news == {"control": ("anna",), "stopped": (stop.reason,)}
     assert log.counts == {"commands_stale": 4}
     assert log.settings == {}
-    first, second = log.stretches()
+    first, second = log.segments()
     assert set(first.leader["epoch"]) == {8}
     assert set(second.follower["run"]) == {10}
     assert [model.run for model in log.models] == [9, 10]
@@ -175,9 +166,7 @@ def test_a_killed_writer_leaves_what_was_flushed(tmp_path, flushed):
     log = read_session(path)
     assert log.counts == {"truncated": 1}
     ticks = range(1, flushed + 1)
-    whole = SessionLog.from_messages(
-        [made.leader_state(tick) for tick in ticks], [made.telemetry(tick) for tick in ticks], [], {}, {}
-    )
+    whole = SessionLog.from_messages(one for tick in ticks for one in (made.leader_state(tick), made.telemetry(tick)))
     assert_same(log, whole)
 
 
@@ -212,17 +201,6 @@ def test_a_tail_that_was_never_written_counts_as_cut(tmp_path):
     log = read_session(path)
     assert log.counts == {"truncated": 1}
     assert log.follower.size == 100
-
-
-def test_a_damaged_block_is_refused(tmp_path):
-    path = tmp_path / "session.mcap"
-    made.write_session(path, 300)
-    content = bytearray(path.read_bytes())
-    content[len(content) // 3] ^= 0xFF
-    path.write_bytes(content)
-    with pytest.raises(RecordingError, match=r"the block at byte \d+ is damaged") as caught:
-        read_session(path)
-    assert "\n" not in str(caught.value)
 
 
 @pytest.mark.usefixtures("read_apart")
@@ -397,28 +375,6 @@ def test_a_file_that_cannot_be_written_gives_one_line(tmp_path):
 def test_a_full_disk_gives_one_line():
     with pytest.raises(RecordingError, match="/dev/full: cannot be written: No space left on device"):
         SessionWriter("/dev/full")
-
-
-def test_a_disk_that_fills_up_gives_one_line(tmp_path):
-    """A real limit on the size of files, in a process of its own."""
-    code = (
-        "import resource, signal, sys\n"
-        f"sys.path.insert(0, {str(Path(made.__file__).parent)!r})\n"
-        "from session_messages import write_session\n"
-        "signal.signal(signal.SIGXFSZ, signal.SIG_IGN)\n"
-        "resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, 100_000))\n"
-        "try:\n"
-        "    write_session(sys.argv[1], 2000)\n"
-        "except Exception as error:\n"
-        "    print(type(error).__name__, error)\n"
-    )
-    path = tmp_path / "session.mcap"
-    done = subprocess.run([sys.executable, "-c", code, str(path)], capture_output=True, text=True, check=True)
-    assert done.stdout == f"RecordingError {path}: cannot be written: File too large\n"
-    log = read_session(path)
-    assert log.counts == {"truncated": 1}
-    assert 0 < log.follower.size < 2000
-    assert log.follower.tobytes() == expected_log(2000).follower[: log.follower.size].tobytes()
 
 
 def test_a_missing_package_is_named(tmp_path, monkeypatch):

@@ -11,6 +11,7 @@ import session_messages as made
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 from scipy.spatial.transform import Rotation
+from session_messages import bits
 
 from foretouch.messages import (
     FOLLOWER_SPACE_DTYPE,
@@ -45,7 +46,9 @@ def picture(tick):
 
 def session():
     """Messages of both sides and of the camera, with the times at which they were recorded [ns]."""
-    field = MaterialField([(0, 0, 0), (1, 0, -3)], [(300.0, 4e4, 20.0, 9.0)] * 2, mean=(250.0, 0.0, 0.0), doubt=1e3)
+    field = MaterialField(
+        [(0, 0, 0), (1, 0, -3)], [(300.0, 4e4, 20.0, 9.0)] * 2, mean=(250.0, 0.0, 0.0), uncertainty=1e3
+    )
     for tick in range(1, TICKS + 1):
         now = tick * 1_000_000
         yield made.leader_state(tick), now
@@ -76,14 +79,6 @@ def path(tmp_path):
 
 def of(kind):
     return [message for message, _ in session() if type(message) is kind]
-
-
-def bits(value):
-    if isinstance(value, float):
-        return np.float64(value).tobytes()
-    if isinstance(value, (list, tuple)) or hasattr(value, "typecode"):
-        return tuple(bits(item) for item in value)
-    return value
 
 
 def whole(messages):

@@ -7,20 +7,13 @@ import numpy as np
 import pandas
 import pytest
 from made_bags import press
+from refusals import refused
 from scipy.io import savemat
 
-from foretouch.errors import MissingExtraError, RecordingError
+from foretouch.errors import MissingExtraError
 from foretouch.recordings import inspect_recording, read_recording, read_with_notes
 
 TIME, POSITION, FORCE = press(0.2)
-
-
-def refused(path, **options):
-    with pytest.raises(RecordingError) as caught:
-        read_with_notes(path, **options)
-    assert "\n" not in str(caught.value)
-    assert str(caught.value).startswith(str(options.get("map_file", path))) or str(caught.value).startswith(str(path))
-    return str(caught.value)
 
 
 def assert_press(recording, rtol=1e-15):

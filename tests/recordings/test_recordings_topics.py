@@ -5,10 +5,10 @@ import re
 import numpy as np
 import pytest
 from made_bags import BEGIN, JOINT, MAP, STORE, TYPES, WRENCH, header, joint, press, press_messages, wrench, write_bag
+from refusals import refused
 from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
 from rosbags.rosbag2 import Reader, StoragePlugin, Writer, reader, storage_mcap, storage_sqlite3
 
-from foretouch.errors import RecordingError
 from foretouch.recordings import inspect_recording, inspection, open_source, read_with_notes
 
 POSE = "geometry_msgs/msg/PoseStamped"
@@ -35,13 +35,6 @@ def pressed(seconds=2.0, *, position="/tool/pose", force="/ft/wrench"):
         if tick % 10 == 0:
             yield position, POSE, at, pose(at, z=depth[tick])
         yield force, WRENCH, at, wrench(at, forces[tick])
-
-
-def refused(path, **options):
-    with pytest.raises(RecordingError) as caught:
-        read_with_notes(path, **options)
-    assert "\n" not in str(caught.value)
-    return str(caught.value)
 
 
 @pytest.mark.parametrize("name", ["/stage/z", "/stage/position", "/a/d"])
@@ -203,7 +196,7 @@ def on_two_clocks(apart_ns, *, jitter_ns=0, seed=3):
         (20_000_000, 60_000_000, ""),
     ],
 )
-def test_a_small_distance_of_clocks_is_said_where_it_is_more_than_its_doubt(tmp_path, apart, jitter, said):
+def test_a_small_distance_of_clocks_is_said_where_it_is_more_than_its_uncertainty(tmp_path, apart, jitter, said):
     """4 ms are one sample of positions; a jitter of 60 ms has a middle half of 30 ms."""
     (tmp_path / "map.toml").write_text(MAP)
     bag = write_bag(tmp_path / "bag", sorted(on_two_clocks(apart, jitter_ns=jitter), key=lambda one: one[2]))

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from foretouch.devices import DeviceSpecification
 from foretouch.models import (
-    ContactMap,
+    ContactMapModel,
     ContactModel,
     ContinuousSwitching,
     HuntCrossley,
@@ -34,7 +34,9 @@ SMALLEST_COUNT = 1e-6
 ROUNDING = 1e-12
 
 _FLATS = [random_flat(seed) for seed in range(8)]
-MAPS = [example_map(), example_map((0.0, 0.0, 1.0))] + [ContactMap(*flat[2:6].tolist(), pack(flat)) for flat in _FLATS]
+MAPS = [example_map(), example_map((0.0, 0.0, 1.0))] + [
+    ContactMapModel(*flat[2:6].tolist(), pack(flat)) for flat in _FLATS
+]
 
 
 def powers(lowest: float, largest: float) -> st.SearchStrategy[float]:
@@ -258,7 +260,7 @@ class Run:
     def adopt(self, model: ContactModel | None, surface: float, state: tuple[float, ...] = (), late: int = 0) -> None:
         self.messages += 1
         tick = max(self.renderer.predictor.ticks - late, 0)
-        state = state if isinstance(model, ContactMap) else ()
+        state = state if isinstance(model, ContactMapModel) else ()
         self.renderer.adopt(model, surface, state, tick, self.messages)
 
     def press_or_let_go(self, renderer: Renderer, hand: float) -> None:

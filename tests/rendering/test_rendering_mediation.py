@@ -23,7 +23,7 @@ def update(mediation, wanted, jump=0.0, *, work=0.0, way=1e-3, energy=1.0, bound
         period,
         energy=energy,
         bound=bound,
-        exit_work=lambda offset: (work, way) if way > 0 else (0.0, 0.0),
+        leaving_work=lambda offset: (work, way) if way > 0 else (0.0, 0.0),
     )
 
 
@@ -150,4 +150,4 @@ def test_nothing_is_asked_of_a_model_that_gives_no_force():
     def fail(offset):
         raise AssertionError("out of contact")
 
-    assert mediation.update(0.0, -2.0, TICK, energy=0.0, bound=0.0, exit_work=fail) == pytest.approx(1.92)
+    assert mediation.update(0.0, -2.0, TICK, energy=0.0, bound=0.0, leaving_work=fail) == pytest.approx(1.92)

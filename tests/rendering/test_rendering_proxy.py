@@ -45,7 +45,7 @@ def test_without_a_place_the_scale_alone_puts_it():
 
 
 @given(scales, st.floats(0.0, 1.0), st.floats(0.0, 0.05))
-def test_what_yielded_comes_back_on_the_way_out(scale, share, way):
+def test_what_yielded_comes_back_on_the_leaving_work_of(scale, share, way):
     """With one share, in and out are the same way."""
     proxy = Proxy(scale)
     proxy.engage(0.0, 0.0)

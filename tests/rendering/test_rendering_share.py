@@ -78,30 +78,30 @@ LAWS = [KelvinVoigt(800.0, 5.0), HuntCrossley(3000.0, 200.0, 1.4), ContinuousSwi
 @pytest.mark.parametrize("law", LAWS, ids=lambda law: law.law)
 @pytest.mark.parametrize("offset", [0.0, -0.7])
 @pytest.mark.parametrize("depth", [5e-4, 3.3e-3, 4e-3, 9e-3])
-def test_the_way_out_gives_back_the_integral_of_the_force_at_rest(law, depth, offset):
+def test_the_leaving_work_of_gives_back_the_integral_of_the_force_at_rest(law, depth, offset):
     def force(x):
         return max(float(law.force(x, 0.0)) + offset, 0.0)
 
     zero = (max(-offset, 0.0) / law.general_form[0]) ** (1.0 / sum(law.general_form[2:]))
     exact = quad(force, min(zero, depth), depth)[0]
-    work, way = law.exit_work((), depth, offset)
+    work, way = law.leaving_work((), depth, offset)
     assert work == pytest.approx(exact, rel=0.01, abs=0.004 * depth)
     assert way == pytest.approx(depth, abs=2.6e-4)
 
 
 def test_outside_nothing_comes_back():
     for law in LAWS:
-        assert law.exit_work((), -1e-3) == (0.0, 0.0)
-        assert law.exit_work((), 0.0) == (0.0, 0.0)
+        assert law.leaving_work((), -1e-3) == (0.0, 0.0)
+        assert law.leaving_work((), 0.0) == (0.0, 0.0)
 
 
 @pytest.mark.parametrize("offset", [0.0, -0.5, 0.5])
-def test_the_way_out_of_a_map_is_that_of_a_fine_walk(offset):
+def test_the_leaving_work_of_of_a_map_is_that_of_a_fine_walk(offset):
     """Sixteen slices against 2000, with what the material remembers passing at 50 mm/s."""
     model, state = example_map((0.2, 0.8, 0.0)), ()
     for depth in np.linspace(0.0, 6e-3, 300):
         state, _, _ = advance(model, state, depth, 0.02, TICK)
-    work, way = model.exit_work(state, 6e-3, offset)
+    work, way = model.leaving_work(state, 6e-3, offset)
     depths = np.linspace(6e-3, 0.0, 2001)
     forces = [model.advance(state, 6e-3, 0.0, TICK)[1]]
     for depth in depths[1:]:

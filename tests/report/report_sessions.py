@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import cache
 
+import msgspec
 import numpy as np
 
 from foretouch.messages import VERSION, LeaderState, ModelUpdate, SessionLog, Telemetry
@@ -136,7 +137,7 @@ def make_session(
         "position_delay": "0.08",
         "force_delay": "0.3",
     }
-    log = SessionLog.from_messages(leader, follower, sent, settings, {"leader_lost": 2, "follower_lost": 3})
+    log = SessionLog.from_messages([*leader, *follower, *sent], settings, {"leader_lost": 2, "follower_lost": 3})
     log.leader.flags.writeable = log.follower.flags.writeable = False
     return log
 
@@ -161,8 +162,9 @@ def repeated(log: SessionLog, times: int) -> SessionLog:
 
 def later(model: ModelUpdate, models: int, ticks: int) -> ModelUpdate:
     """The same model, sent after so many others and so many ticks."""
-    values = {name: getattr(model, name) for name in model.__struct_fields__}
-    values["sequence"] += models
-    values["time_ns"] += ticks * TICK
-    values["command_sequence"] += ticks
-    return ModelUpdate(**values)
+    return msgspec.structs.replace(
+        model,
+        sequence=model.sequence + models,
+        time_ns=model.time_ns + ticks * TICK,
+        command_sequence=model.command_sequence + ticks,
+    )

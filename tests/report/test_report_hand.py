@@ -13,9 +13,11 @@ import pytest
 from report_sessions import make_session
 
 from foretouch.messages import SessionLog
-from foretouch.report import free_hand, oscillation, pair, render_text, session_report, write_page
-from foretouch.report.hand import apart
-from foretouch.report.writing import page
+from foretouch.rendering.withheld import OWED, UNPAID
+from foretouch.report import free_hand, oscillation, pair, render_text, session_figures, write_page
+from foretouch.report.sections.forces import scoring_findings
+from foretouch.report.sections.hand import apart, withheld_figures
+from foretouch.report.writing import pages
 from foretouch.robot import make_robot
 from foretouch.session import SessionSettings, make_operator, simulate
 
@@ -40,12 +42,12 @@ def delayed() -> SessionLog:
 
 @pytest.fixture(scope="module")
 def told(ours: SessionLog) -> dict[str, Any]:
-    return session_report(ours)
+    return session_figures(ours)
 
 
 @pytest.fixture(scope="module")
 def delayed_told(delayed: SessionLog) -> dict[str, Any]:
-    return session_report(delayed)
+    return session_figures(delayed)
 
 
 def guarded(log: SessionLog, start: int, end: int) -> SessionLog:
@@ -88,12 +90,12 @@ def test_an_account_that_is_not_true_is_said(
 ) -> None:
     leader = delayed.leader.copy()
     leader["energy"] = np.maximum(leader["energy"], -leader["energy_bound"])
-    report = session_report(replace(delayed, leader=leader))
+    report = session_figures(replace(delayed, leader=leader))
     assert report["net_energy_J"] == pytest.approx(delayed_told["net_energy_J"])
     assert "more than the energy account allows, and the leader's account of energy is not what" in render_text(report)
     leader = ours.leader.copy()
     leader["energy"] += 1e-6 * (leader["energy"] > 0.0)
-    report = session_report(replace(ours, leader=leader))
+    report = session_figures(replace(ours, leader=leader))
     assert report["stable"] is False
     said = "Unstable: the leader's account of energy is not what its forces and positions add up to."
     assert said in render_text(report)
@@ -103,7 +105,7 @@ def test_where_nothing_was_touched() -> None:
     """A heavy device without damping swings in the hand by itself: that is no oscillation of the coupling."""
     heavy = {"device_mass": 10.0, "device_damping": 0.1, "device_friction": 0.0, "grip": "soft"}
     log = simulated(10.0, clutch="0.5:10", **heavy)
-    report = session_report(log)
+    report = session_figures(log)
     swings = report["hand"]["oscillation"]
     assert report["stable"] is True
     assert swings["swings"] <= swings["free_swings"]
@@ -116,7 +118,7 @@ def test_where_nothing_was_touched() -> None:
     never = replace(log, leader=log.leader.copy())
     never.leader["engaged"] = False
     assert "Stable, but hand and robot were never coupled, and nothing was touched." in render_text(
-        session_report(never)
+        session_figures(never)
     )
 
 
@@ -125,13 +127,16 @@ def test_a_hand_that_nobody_knows_is_compared_with_what_it_means(ours: SessionLo
         assert free_hand(replace(ours, settings=settings)) is None
 
 
-def test_most_of_the_contact_was_guarded(ours: SessionLog, told: dict[str, Any]) -> None:
+def test_contact_that_was_guarded_is_told_with_its_share(ours: SessionLog, told: dict[str, Any]) -> None:
     everything = guarded(ours, 0, ours.follower.size)
-    report = session_report(everything)
+    report = session_figures(everything)
     assert report["hand"]["guarded_contact_percent"] == 100.0
     assert "The guard held the robot back in 100 % of the contact time" in render_text(report)
-    assert told["hand"]["guarded_contact_percent"] < 50.0
-    assert "The guard held" not in render_text(told)
+    never = guarded(ours, 0, 0)
+    never.follower["guarded"] = False
+    assert "The guard held" not in render_text(session_figures(never))
+    share = f"{told['hand']['guarded_contact_percent']:.3g} % of the contact time: the hand felt nothing then"
+    assert f"The guard held the robot back in {share}" in render_text(told)
 
 
 def test_a_force_where_the_robot_touched_nothing(ours: SessionLog, told: dict[str, Any]) -> None:
@@ -148,17 +153,17 @@ def test_a_force_where_the_robot_touched_nothing(ours: SessionLog, told: dict[st
         leader["rendered_force"][ticks[:count]] = force
         return replace(ours, leader=leader)
 
-    report = session_report(felt(60, 1.5))
+    report = session_figures(felt(60, 1.5))
     assert report["hand"]["largest_phantom_N"] == 1.5
     assert "The hand felt up to 1.50 N where the robot touched nothing." in render_text(report)
     for quiet in (felt(40, 1.5), felt(60, 0.2), guarded(felt(60, 1.5), 0, ours.follower.size)):
-        assert session_report(quiet)["hand"]["largest_phantom_N"] == 0.0
+        assert session_figures(quiet)["hand"]["largest_phantom_N"] == 0.0
 
 
 @pytest.fixture
 def not_drawn(monkeypatch: pytest.MonkeyPatch) -> None:
     """Of each figure the page has its caption alone: a drawing takes longer than all else."""
-    monkeypatch.setattr(page, "embedded", lambda figure, caption: caption)
+    monkeypatch.setattr(pages, "embedded", lambda figure, caption: caption)
 
 
 @pytest.mark.usefixtures("not_drawn")
@@ -188,7 +193,7 @@ def test_of_a_baseline_nothing_is_said_that_nobody_computed(delayed: SessionLog)
     old = replace(delayed, leader=delayed.leader.copy())
     old.leader["rendered_share"] = 1.0
     for log in (delayed, old):
-        report = session_report(log)
+        report = session_figures(log)
         assert {report[name] for name in report if "update_jump" in name or "model_jump" in name} == {None}
         for name in ("device_bound_percent", "smallest_rendered_share", "largest_energy_cut_N"):
             assert report["hand"][name] is None
@@ -201,7 +206,7 @@ def test_of_a_baseline_nothing_is_said_that_nobody_computed(delayed: SessionLog)
 
 
 def test_a_controller_does_not_render_the_delayed_force_itself(delayed: SessionLog) -> None:
-    report = session_report(replace(delayed, settings=delayed.settings | {"baseline": "delayed-tdpa"}))
+    report = session_figures(replace(delayed, settings=delayed.settings | {"baseline": "delayed-tdpa"}))
     text = render_text(report)
     assert "the delayed force was rendered, as far as a passivity controller let it" in text
     assert "delayed (before the controller)" in text
@@ -210,7 +215,7 @@ def test_a_controller_does_not_render_the_delayed_force_itself(delayed: SessionL
 
 def test_a_delayed_force_in_an_open_loop_is_given_to_nobody() -> None:
     """It would give out energy along this motion; but nobody holds what could be unstable."""
-    report = session_report(simulated(4.0, baseline="delayed"))
+    report = session_figures(simulated(4.0, baseline="delayed"))
     assert report["hand"]["certificate_holds"] is False
     assert report["stable"] is None
     text = render_text(report)
@@ -228,29 +233,29 @@ def test_the_page_shows_hand_and_energy(ours: SessionLog, tmp_path: Path, told: 
 @pytest.mark.usefixtures("not_drawn")
 def test_the_page_of_an_open_loop_shows_neither(tmp_path: Path) -> None:
     open_loop = make_session(2.5)
-    text = write_page(tmp_path, open_loop, session_report(open_loop)).read_text()
+    text = write_page(tmp_path, open_loop, session_figures(open_loop)).read_text()
     assert "True, predicted" in text
     assert "The hand: what it meant" not in text
     assert "Energy account of the session" not in text
 
 
 def test_the_rendered_force_is_scored_in_the_robots_newtons(ours: SessionLog) -> None:
-    report = session_report(ours)
+    report = session_figures(ours)
     assert report["rendered_error_percent"] < 25.0
     told = replace(ours, settings=ours.settings | {"force_scale": "1"})
-    assert session_report(told)["rendered_error_percent"] > 40.0
+    assert session_figures(told)["rendered_error_percent"] > 40.0
 
 
 def test_a_force_that_is_no_number_is_not_stable(ours: SessionLog) -> None:
     leader = ours.leader.copy()
     leader["rendered_force"][-1] = np.nan
-    report = session_report(replace(ours, leader=leader))
+    report = session_figures(replace(ours, leader=leader))
     assert report["stable"] is False
     assert "a force was not a finite number" in render_text(report)
 
 
 def test_old_sessions_kept_no_account() -> None:
-    report = session_report(make_session(2.5))
+    report = session_figures(make_session(2.5))
     assert report["stable"] is None
     assert report["net_energy_J"] is None
     assert "not known: nobody kept an account" in render_text(report)
@@ -262,11 +267,11 @@ def test_guarded_rows_are_counted_and_not_scored() -> None:
     leader = log.leader.copy()
     leader["predicted_force"][2000:2200] = 50.0
     wrong = replace(log, leader=leader)
-    assert session_report(wrong)["prediction_error_percent"] > 100.0
-    report = session_report(guarded(wrong, 2080, 2280))
+    assert session_figures(wrong)["prediction_error_percent"] > 100.0
+    report = session_figures(guarded(wrong, 2080, 2280))
     assert report["prediction_error_percent"] == pytest.approx(0.0, abs=0.01)
     assert report["guarded_samples"] == 200
-    assert report["scored_samples"] < session_report(log)["scored_samples"]
+    assert report["scored_samples"] < session_figures(log)["scored_samples"]
 
 
 def test_rows_without_a_hand_on_the_handle_are_not_scored() -> None:
@@ -276,7 +281,7 @@ def test_rows_without_a_hand_on_the_handle_are_not_scored() -> None:
     leader["engaged"][2000:2200] = False
     leader["position"][:50] = np.nan
     leader["engaged"][:50] = False
-    report = session_report(replace(log, leader=leader))
+    report = session_figures(replace(log, leader=leader))
     assert report["prediction_error_percent"] == pytest.approx(0.0, abs=0.01)
     assert report["engaged_percent"] == pytest.approx(100.0 * (1.0 - 250 / 4000))
     assert report["tracking_error"]["max_mm"] == pytest.approx(0.0, abs=1e-9)
@@ -289,15 +294,15 @@ def test_what_the_guard_took_away() -> None:
     free = int(np.flatnonzero(~log.follower["in_contact"][start:])[0]) + start
     begun = guarded(log, start - 40, free - 30)  # held back in the air already
     flicker = guarded(begun, free - 10, free)  # lets go for a moment
-    report = session_report(flicker)
+    report = session_figures(flicker)
     assert report["guarded_contacts"] == 1
     assert report["guarded_s"] == pytest.approx(1e-3 * (free - start + 40 - 20))
     assert report["hand"]["depth_lost_mm"] == pytest.approx(2.0)
     assert report["hand"]["time_lost_s"] == pytest.approx(1e-3 * (free - start))
-    air = session_report(guarded(log, start - 40, start))
+    air = session_figures(guarded(log, start - 40, start))
     assert air["guarded_contacts"] == 0
     assert air["guarded_s"] == pytest.approx(0.04)
-    assert session_report(log)["hand"]["peak_force_guarded_N"] is None
+    assert session_figures(log)["hand"]["peak_force_guarded_N"] is None
     assert air["hand"]["depth_lost_mm"] == air["hand"]["time_lost_s"] == 0.0
 
 
@@ -321,8 +326,67 @@ def test_share_that_the_device_could_carry(ours: SessionLog) -> None:
     leader["rendered_share"] = 1.0
     leader["rendered_force"] = 0.0  # so little is carried that nothing is felt
     leader["rendered_share"][felt[: felt.size // 4]] = 0.5
-    hand = session_report(replace(ours, leader=leader))["hand"]
+    hand = session_figures(replace(ours, leader=leader))["hand"]
     assert hand["device_bound_percent"] == pytest.approx(25.0, abs=0.1)
     assert hand["smallest_rendered_share"] == 0.5
-    said = render_text(session_report(replace(ours, leader=leader)))
+    said = render_text(session_figures(replace(ours, leader=leader)))
     assert "% of contact the device could not carry the model: it felt softer, down to 50.0 % of its stiffness." in said
+
+
+def without_force(log: SessionLog, begin: int, end: int, energy: float = -1e-3, **settings: str) -> SessionLog:
+    """The same with a hand that is given nothing in these ticks."""
+    leader = log.leader.copy()
+    leader["rendered_force"] = leader["predicted_force"]
+    leader["hand_position"] = leader["position"]
+    leader["energy"][begin:end], leader["rendered_force"][begin:end] = energy, 0.0
+    return replace(log, leader=leader, settings=log.settings | {"grip": "normal"} | settings)
+
+
+def test_withheld_force_is_told_with_share_segment_and_reason() -> None:
+    log = without_force(make_session(), 500, 3500)
+    report = session_figures(log)
+    hand, felt = report["hand"], np.flatnonzero(log.leader["predicted_force"] >= 0.5)
+    inside = felt[(felt >= 500) & (felt < 3500)]
+    assert hand["withheld_percent"] == pytest.approx(100.0 * inside.size / felt.size)
+    assert hand["longest_withheld_s"] == pytest.approx(1e-3 * (inside[-1] - inside[0]))
+    assert hand["longest_withheld_at_s"] == pytest.approx(1e-3 * inside[0])
+    assert hand["withheld_because"] == OWED
+    said = render_text(report)
+    assert "% of contact the force was withheld: the hand was given less than half of the model's. At longest" in said
+    assert OWED in said
+    assert "  withheld   in " in said
+
+
+def test_what_is_not_paid_for_has_another_reason() -> None:
+    log = without_force(make_session(), 500, 3500, energy=1e-6)
+    assert withheld_figures(log.leader, 1.0)["withheld_because"] == UNPAID
+
+
+def test_a_short_cut_is_not_withheld() -> None:
+    log = make_session()
+    first = int(np.flatnonzero(log.leader["predicted_force"] >= 0.5)[0])
+    report = session_figures(without_force(log, first, first + 400))
+    assert report["hand"]["withheld_percent"] == 0.0
+    assert report["hand"]["longest_withheld_s"] is None
+    assert "was withheld" not in render_text(report)
+
+
+@pytest.mark.parametrize("settings", [{"grip": "none"}, {"baseline": "delayed"}])
+def test_where_no_hand_feels_a_model_nothing_is_withheld(settings: dict[str, str]) -> None:
+    assert session_figures(without_force(make_session(), 500, 3500, **settings))["hand"]["withheld_percent"] is None
+
+
+@pytest.mark.parametrize(("rendered", "said"), [(76.4, True), (63.9, False), (12.0, False)])
+def test_a_rendered_force_that_is_worse_than_the_delayed_one_is_said_to_be(rendered: float, said: bool) -> None:
+    figures: dict[str, Any] = {
+        "status": "ok",
+        "prediction_error_percent": 4.5,
+        "rendered_error_percent": rendered,
+        "delayed_force_error_percent": 63.8,
+        "rendered_within_jnd_percent": 68.0,
+        "within_jnd_percent": 92.0,
+        "missed_contact_percent": 0.0,
+    }
+    found = [finding for finding in scoring_findings(figures) if "rendered force is worse" in finding.text]
+    assert len(found) == said
+    assert not any(finding.good for finding in found)

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import msgspec
 import pytest
 from report_sessions import make_session
 
 from foretouch.errors import plural
 from foretouch.quantities import measured, parameter_unit
-from foretouch.report import IDLE_LAW, render_text, session_report
+from foretouch.report import IDLE_LAW, render_text, session_figures
 from foretouch.report.numbers import parameter_text
 
 
@@ -51,8 +52,8 @@ def test_parameters_have_their_units() -> None:
 def test_what_a_session_could_not_determine_is_undetermined() -> None:
     log = make_session(3.0)
     errors = (38.0, float("nan"), 0.003)
-    told = replace(log, models=tuple(replace_errors(model, errors) for model in log.models))
-    report = session_report(told)
+    told = replace(log, models=tuple(msgspec.structs.replace(model, standard_errors=errors) for model in log.models))
+    report = session_figures(told)
     assert report["parameters"] == {"stiffness": 3000.0, "damping": None, "exponent": 1.4}
     assert report["standard_errors"] == {"stiffness": 38.0, "damping": None, "exponent": 0.003}
     text = render_text(report)
@@ -63,15 +64,9 @@ def test_what_a_session_could_not_determine_is_undetermined() -> None:
         places = dict.fromkeys(("depths_m", "local_stiffness_N_per_m", "forces_N"), ())
         figures = {"depth_visited_m": 0.0, "speed_visited_m_per_s": 0.0, "standard_deviation_N": None}
         assert (IDLE_LAW in render_text({**report, "map": {"shares": shares, **places, **figures}})) == idle
-    plain = session_report(log)  # a session of old tells no errors
+    plain = session_figures(log)  # a session of old tells no errors
     assert plain["standard_errors"] is None
     assert plain["parameters"]["damping"] == 1500.0
-
-
-def replace_errors(model: object, errors: tuple[float, ...]) -> object:
-    from msgspec.structs import replace as changed
-
-    return changed(model, standard_errors=errors)
 
 
 def test_one_is_singular() -> None:

@@ -21,8 +21,8 @@ from foretouch.report import (
     largest_jump,
     render_text,
     rendered_jump,
-    score,
-    session_report,
+    score_prediction,
+    session_figures,
     time_to_accuracy,
 )
 
@@ -57,7 +57,7 @@ def test_two_laws_switched_at_a_known_sample(factor: float, at: float, delay: fl
     expected[start] = first.force(depth[start], velocity[start])
     expected[switch] = second.force(depth[switch], velocity[switch]) - first.force(depth[switch], velocity[switch])
     np.testing.assert_allclose(forces.jump, expected, rtol=1e-9, atol=1e-12)
-    scores = score(time, forces.measured, forces.predicted, forces.delayed, contact_floor=0.05, offset=0.0)
+    scores = score_prediction(time, forces.measured, forces.predicted, forces.delayed, contact_floor=0.05, offset=0.0)
     figures = forces.perception(scores)
     where = int(np.abs(expected).argmax())
     assert figures["largest_update_jump_N"] == pytest.approx(abs(expected[where]))
@@ -173,7 +173,7 @@ def test_too_little_contact_is_never_accurate() -> None:
 
 def test_a_session_whose_first_model_comes_in_free_air() -> None:
     log = make_session()
-    report = session_report(log)
+    report = session_figures(log)
     assert report["largest_update_jump_N"] == pytest.approx(np.abs(log.leader["model_jump"]).max())
     assert 0.0 < report["time_to_ten_percent_s"] < 0.5  # the models arrive 0.32 s after the start
     assert "within 10 % over half a second of contact" in render_text(report)
@@ -197,24 +197,24 @@ def test_a_session_whose_model_is_halved() -> None:
     where = int(np.flatnonzero(log.leader["model_jump"])[0])
     size = float(log.leader["predicted_force"][where])
     assert size > 0.5
-    report = session_report(log)
+    report = session_figures(log)
     assert report["largest_update_jump_N"] == pytest.approx(size)
     assert report["largest_update_jump_N_per_s"] == pytest.approx(1e3 * size)
     assert report["largest_update_jump_at_s"] == pytest.approx(1e-3 * where)
     assert report["largest_rendered_update_jump_N"] == pytest.approx(size)
     assert report["time_to_ten_percent_s"] > 1.0
-    held = session_report(switching_session(limit=0.5 * size))
+    held = session_figures(switching_session(limit=0.5 * size))
     assert held["largest_rendered_update_jump_N"] < 0.2 * size
 
 
 def test_a_model_that_is_wrong_throughout_is_never_accurate() -> None:
-    report = session_report(make_session(stiffness=1.2))
+    report = session_figures(make_session(stiffness=1.2))
     assert report["time_to_ten_percent_s"] is None
     assert "never" in render_text(report)
 
 
 def test_a_session_without_models_has_no_jump() -> None:
-    report = session_report(make_session(2.5, models=False))
+    report = session_figures(make_session(2.5, models=False))
     assert report["largest_update_jump_N"] == report["largest_rendered_update_jump_N"] == 0.0
     assert report["largest_update_jump_at_s"] is None
     assert "moved the force by at most 0.00 N (0.00 N/s)\n" in render_text(report)

@@ -6,6 +6,7 @@ import itertools
 from dataclasses import replace
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
 from report_sessions import make_session
@@ -23,7 +24,7 @@ from foretouch.messages import (
     Telemetry,
 )
 from foretouch.recordings import SessionWriter, read_session
-from foretouch.report import render_text, session_report
+from foretouch.report import render_text, session_figures
 from foretouch.report.numbers import figure
 
 MS = 1_000_000
@@ -32,21 +33,12 @@ SHORT, LONG = 3.0, 5.0
 
 def as_process(log: SessionLog, epoch: int, run: int, since_ms: int) -> list[Message]:
     """The messages of a session of two processes that began so long after another."""
-    found: list[Message] = []
-    for row in log.leader.tolist():
-        found.append(LeaderState(VERSION, *row))
-    for row in log.follower.tolist():
-        found.append(Telemetry(VERSION, *row))
-    found += log.models
-    moved: list[Message] = []
-    for message in found:
-        moved.append(replace_fields(message, time_ns=message.time_ns + since_ms * MS, epoch=epoch, run=run))
-    return moved
-
-
-def replace_fields(message: Message, **changes: object) -> Message:
-    values = {name: getattr(message, name) for name in message.__struct_fields__}
-    return type(message)(**{**values, **changes})
+    found: list[Message] = [LeaderState(VERSION, *row) for row in log.leader.tolist()]
+    found += [Telemetry(VERSION, *row) for row in log.follower.tolist()]
+    return [
+        msgspec.structs.replace(message, time_ns=message.time_ns + since_ms * MS, epoch=epoch, run=run)
+        for message in (*found, *log.models)
+    ]
 
 
 def hello(role: str, process: int, time_ns: int, **texts: str) -> Hello:
@@ -73,15 +65,15 @@ def regripped(tmp_path_factory: pytest.TempPathFactory) -> SessionLog:
     return read_session(path)
 
 
-def test_each_stretch_has_what_its_own_processes_said(regripped: SessionLog) -> None:
-    told = [(one.settings["grip"], one.settings["material"]) for one in regripped.stretches()]
+def test_each_segment_has_what_its_own_processes_said(regripped: SessionLog) -> None:
+    told = [(one.settings["grip"], one.settings["material"]) for one in regripped.segments()]
     assert told == [("none", "foam-measured"), ("normal", "hunt-crossley")]
     assert regripped.settings["grip"] == "normal"  # as it was said last
     assert regripped.longest().settings["material"] == "foam-measured"
 
 
-def test_the_report_is_about_its_stretch_and_tells_of_each(regripped: SessionLog) -> None:
-    report = session_report(regripped)
+def test_the_report_is_about_its_segment_and_tells_of_each(regripped: SessionLog) -> None:
+    report = session_figures(regripped)
     assert report["settings"]["grip"] == "none"
     assert report["settings"]["material"] == "foam-measured"
     assert report["prediction_error_percent"] < 1.0
@@ -89,7 +81,7 @@ def test_the_report_is_about_its_stretch_and_tells_of_each(regripped: SessionLog
     assert "Open loop" in text
     assert "Unstable" not in text
     assert "material foam-measured" in text.splitlines()[0]
-    first, second = report["stretches"]["each"]
+    first, second = report["segments"]["each"]
     assert [first["reported"], second["reported"]] == [True, False]
     assert second["settings"]["material"] == "hunt-crossley"
     assert second["settings"]["grip"] == "normal"
@@ -100,7 +92,7 @@ def test_the_report_is_about_its_stretch_and_tells_of_each(regripped: SessionLog
     assert "material hunt-crossley, grip normal" in text
 
 
-def test_a_network_that_changed_divides_a_stretch(tmp_path: Path) -> None:
+def test_a_network_that_changed_divides_a_segment(tmp_path: Path) -> None:
     log = make_session(6.0)
     path, changed = tmp_path / "delay.mcap", 2000
     led, followed = (int(rows["time_ns"][changed]) for rows in (log.leader, log.follower))
@@ -122,7 +114,7 @@ def test_a_network_that_changed_divides_a_stretch(tmp_path: Path) -> None:
         for number, message in enumerate(said):
             writer.write(message, number)
     read = read_session(path)
-    assert len(read.stretches()) == 1
+    assert len(read.segments()) == 1
     before, after = read.phases()
     assert (before.settings["position_delay"], before.settings["force_delay"]) == ("0.08", "0.3")
     assert (after.settings["position_delay"], after.settings["force_delay"]) == ("0.5", "0.6")
@@ -131,35 +123,35 @@ def test_a_network_that_changed_divides_a_stretch(tmp_path: Path) -> None:
     assert before.follower.size + after.follower.size == log.follower.size
     assert 2000 <= before.leader.size <= 2100  # both changed within a moment: one change, and after it all is settled
     assert after.follower["command_sequence"][0] == after.leader["sequence"][0]
-    report = session_report(read)
+    report = session_figures(read)
     assert report["settings"]["force_delay"] == "0.6"
     assert report["duration_s"] == pytest.approx(4.0, abs=0.1)
     assert report["prediction_error_percent"] < 1.0  # the models before the change are still known
     assert report["commands"]["never_applied"] == 80
     text = render_text(report)
     assert "position delay 0.5 s, force delay 0.6 s" in text.splitlines()[0]
-    assert "settings changed 1 time; figures are of the longest stretch (number 2)" in text
-    low, high = sorted(one["rendered_error_percent"] for one in report["stretches"]["each"])
-    assert f"The rendered force was wrong by {figure(low)} to {figure(high)} %, by stretch." in text
-    assert [one["settings"]["force_delay"] for one in report["stretches"]["each"]] == ["0.3", "0.6"]
+    assert "settings changed 1 time; figures are of the longest segment (number 2)" in text
+    low, high = sorted(one["rendered_error_percent"] for one in report["segments"]["each"])
+    assert f"The rendered force was wrong by {figure(low)} to {figure(high)} %, by segment." in text
+    assert [one["settings"]["force_delay"] for one in report["segments"]["each"]] == ["0.3", "0.6"]
 
 
 def test_a_session_without_changes_has_one_phase() -> None:
     log = make_session(2.0)
     assert log.phases() == (log,)
-    assert session_report(log)["stretches"]["each"] == []
-    assert "each with its own settings" not in render_text(session_report(log))
+    assert session_figures(log)["segments"]["each"] == []
+    assert "each with its own settings" not in render_text(session_figures(log))
 
 
 def test_who_delays_what_says_how_long() -> None:
     """Of two processes that were started by hand, each knows the delay of what it receives."""
-    from foretouch.cli.commands.sides import LEADER_SAYS
     from foretouch.session import SessionSettings
+    from foretouch.settings import LEADER_SETTINGS
 
     theirs, ours = SessionSettings(position_delay=0.05), SessionSettings(force_delay=0.0)
     hellos = Hellos()
-    follower = {name: text for name, text in theirs.as_text().items() if name not in LEADER_SAYS}
-    leader = {name: text for name, text in ours.as_text().items() if name in LEADER_SAYS}
+    follower = {name: text for name, text in theirs.as_text().items() if name not in LEADER_SETTINGS}
+    leader = {name: text for name, text in ours.as_text().items() if name in LEADER_SETTINGS}
     for role, process, texts in itertools.chain(*[(("leader", 5, leader), ("follower", 105, follower))] * 3):
         hellos.take(hello(role, process, 0, **texts))
     assert hellos.settings["force_delay"] == "0.0"
@@ -184,14 +176,14 @@ def test_one_stop_of_a_late_loop_is_one_stop(late: int) -> None:
     kept = np.ones(follower.size, dtype=np.bool_)
     kept[1000:3000] = np.arange(2000) % late == 0
     log = replace(log, follower=follower[kept])
-    stopped = session_report(log)["safety"]["statuses"]["stopped"]
+    stopped = session_figures(log)["safety"]["statuses"]["stopped"]
     assert stopped["times"] == 1
     assert stopped["seconds"] == pytest.approx(2.0, abs=1e-6)
 
 
 def test_the_headline_is_what_the_hand_feels() -> None:
     """A limit of 2 N: the prediction is right, and what the hand is given is not."""
-    report = session_report(make_session(limit=2.0))
+    report = session_figures(make_session(limit=2.0))
     text = render_text(report)
     rendered, delayed = report["rendered_error_percent"], report["delayed_force_error_percent"]
     assert f"The rendered force is wrong by {figure(rendered)} %, the predicted one by " in text

@@ -11,8 +11,8 @@ import pytest
 from report_sessions import make_session
 
 from foretouch.messages import SessionLog
-from foretouch.report import compare_replay, contacts, render_replay, replay_figure, session_report, write_replay_page
-from foretouch.report.replay import hand_begins_ns
+from foretouch.report import compare_replay, contacts, render_replay, replay_figure, session_figures, write_replay_page
+from foretouch.report.writing.replay import hand_begins_ns
 
 NOTES = ("nobody would have moved otherwise", "the robot is simulated again")
 
@@ -54,7 +54,7 @@ def test_both_reports_and_what_differs(logs: tuple[SessionLog, SessionLog]) -> N
     assert content["notes"] == [NOTES[1]]
     assert content["settings"] == {"force_delay": {"recorded": "0.3", "replayed": "0.6"}}
     for name, log in zip(("recorded", "replayed"), logs, strict=True):
-        assert content[name] == session_report(log)
+        assert content[name] == session_figures(log)
     assert content["replayed"]["loop"].startswith("open loop")
 
 

@@ -8,6 +8,7 @@ from html import escape
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 import pytest
 from report_sessions import make_session
@@ -15,11 +16,10 @@ from report_sessions import make_session
 from foretouch.identification import SENSOR_SENTENCES, SensorState
 from foretouch.messages import STATUS_SENTENCES, VERSION, EmergencyStop, SessionLog, Status
 from foretouch.recordings import follower_samples
-from foretouch.report import pair, render_text, session_report, write_page
+from foretouch.report import left_out, pair, render_text, session_figures, write_page
+from foretouch.report.drawing import thinned
 from foretouch.report.energy import energy_account
 from foretouch.report.statuses import follower_away, trusted
-from foretouch.report.writing.safety_text import left_out
-from foretouch.report.writing.thinning import thinned
 
 TITLE = "What the robot did beside following"
 
@@ -29,10 +29,10 @@ def quiet() -> SessionLog:
     return make_session(4.0, noise=0.01)
 
 
-def with_status(log: SessionLog, *stretches: tuple[int, int, Status]) -> SessionLog:
+def with_status(log: SessionLog, *segments: tuple[int, int, Status]) -> SessionLog:
     """The same, the follower's ticks of these ranges having another status."""
     follower = log.follower.copy()
-    for begin, end, status in stretches:
+    for begin, end, status in segments:
         follower["status"][begin:end] = status
     return replace(log, follower=follower)
 
@@ -46,7 +46,7 @@ def with_fault(log: SessionLog, begin: int, end: int, state: SensorState, force:
 
 
 def test_a_session_in_which_nothing_happened_says_nothing(quiet: SessionLog) -> None:
-    report = session_report(with_status(quiet, (0, 80, Status.UNLOADING), (80, 82, Status.RETURNING)))
+    report = session_figures(with_status(quiet, (0, 80, Status.UNLOADING), (80, 82, Status.RETURNING)))
     assert report["safety"] == {
         "statuses": {},
         "sensor_faults": {},
@@ -57,9 +57,9 @@ def test_a_session_in_which_nothing_happened_says_nothing(quiet: SessionLog) -> 
         "step_failures": 0,
     }
     assert report["away_samples"] == report["faulty_samples"] == 0
-    assert report["stretches"]["count"] == 1
+    assert report["segments"]["count"] == 1
     assert TITLE not in render_text(report)
-    assert render_text(report) == render_text(session_report(quiet))
+    assert render_text(report) == render_text(session_figures(quiet))
     assert left_out(follower_samples(quiet)) == []
 
 
@@ -73,7 +73,7 @@ def test_times_and_seconds_of_what_the_robot_did(quiet: SessionLog) -> None:
         (2100, 2500, Status.UNLOADING),
         (3000, 3100, Status.SHADOW),
     )
-    report = session_report(log)
+    report = session_figures(log)
     found = report["safety"]["statuses"]
     assert set(found) == {"returning", "holding", "unloading"}
     assert found["holding"]["times"] == 2
@@ -95,7 +95,7 @@ def test_only_where_the_robot_is_with_the_commands_is_scored(quiet: SessionLog, 
     leader = quiet.leader.copy()
     leader["predicted_force"][2000:2500] += 30.0
     log = with_status(replace(quiet, leader=leader), (2080, 2580, status))
-    error = session_report(log)["prediction_error_percent"]
+    error = session_figures(log)["prediction_error_percent"]
     if status in (Status.FOLLOWING, Status.SHADOW):
         assert error > 200.0
     elif status is not Status.GUARDED:  # which its own flag tells
@@ -107,11 +107,11 @@ def test_a_failing_sensor_is_left_out_with_the_moment_before_it_was_found(quiet:
     follower = log.follower.copy()
     follower["sensor_force"][2499] = -20.0  # the first spike is seen one sample late
     log = replace(log, follower=follower)
-    report = session_report(log)
+    report = session_figures(log)
     assert report["faulty_samples"] == 500
-    assert report["samples"] == session_report(quiet)["samples"] - 600
+    assert report["samples"] == session_figures(quiet)["samples"] - 600
     assert report["prediction_error_percent"] == pytest.approx(
-        session_report(quiet)["prediction_error_percent"], abs=0.2
+        session_figures(quiet)["prediction_error_percent"], abs=0.2
     )
     times = pair(log).follower["sequence"]
     assert not ((times > 2400) & (times <= 3000)).any()
@@ -127,12 +127,12 @@ def test_a_failing_sensor_is_left_out_with_the_moment_before_it_was_found(quiet:
 @pytest.mark.parametrize("force", [float("nan"), float("inf"), 50.0])
 def test_whatever_a_failing_sensor_shows_there_is_a_report(quiet: SessionLog, force: float, tmp_path: Path) -> None:
     log = with_fault(quiet, 1500, 4000, SensorState.NOT_FINITE, force)
-    report = session_report(log)
+    report = session_figures(log)
     json.dumps(report, allow_nan=False)
     assert render_text(report)
     everything = with_fault(quiet, 0, 4000, SensorState.STUCK, force)
-    assert session_report(everything)["status"] == "nothing_to_score"
-    assert "nothing_to_score" in render_text(session_report(everything))
+    assert session_figures(everything)["status"] == "nothing_to_score"
+    assert "nothing_to_score" in render_text(session_figures(everything))
 
 
 def test_two_faults_have_a_moment_each(quiet: SessionLog) -> None:
@@ -140,7 +140,7 @@ def test_two_faults_have_a_moment_each(quiet: SessionLog) -> None:
     good = trusted(log.follower, log.follower)
     bad = np.flatnonzero(~good)
     assert bad.tolist() == [*range(900, 1100), *range(1900, 2100)]
-    assert set(session_report(log)["safety"]["sensor_faults"]) == {"spike", "stuck"}
+    assert set(session_figures(log)["safety"]["sensor_faults"]) == {"spike", "stuck"}
 
 
 def test_refusals_control_and_stops_are_said(quiet: SessionLog) -> None:
@@ -150,10 +150,10 @@ def test_refusals_control_and_stops_are_said(quiet: SessionLog) -> None:
     log = replace(
         quiet,
         counts=counts,
-        emergencies=(stop, replace_sequence(stop, 2)),
+        emergencies=(stop, msgspec.structs.replace(stop, sequence=2)),
         news={"control": ("anna", "bert"), "stopped": ("somebody shouted at anna", "asked for by signal")},
     )
-    report = session_report(log)
+    report = session_figures(log)
     assert report["safety"]["refused_commands"] == {
         "stale": 12,
         "future": 1,
@@ -167,10 +167,6 @@ def test_refusals_control_and_stops_are_said(quiet: SessionLog) -> None:
     assert "control    was held by anna, then bert" in text
     assert text.count("Emergency stop: somebody shouted at anna; asked for by signal.") == 1
     assert text.index("Emergency stop") < text.index("Forces at equal command")
-
-
-def replace_sequence(stop: EmergencyStop, sequence: int) -> EmergencyStop:
-    return EmergencyStop(stop.version, sequence, stop.time_ns, stop.reason)
 
 
 def twice(first: SessionLog, second: SessionLog) -> SessionLog:
@@ -187,48 +183,48 @@ def twice(first: SessionLog, second: SessionLog) -> SessionLog:
     return SessionLog(leader, follower, (), first.settings, first.counts)
 
 
-def test_a_stop_is_said_with_the_stretch_in_which_it_was_pressed(quiet: SessionLog) -> None:
+def test_a_stop_is_said_with_the_segment_in_which_it_was_pressed(quiet: SessionLog) -> None:
     """It lasts into the next one, of which the figures are, until somebody releases it."""
     short = make_session(2.0)
     log = twice(with_status(short, (1500, 2000, Status.STOPPED)), with_status(quiet, (0, 300, Status.STOPPED)))
-    text = render_text(session_report(replace(log, news={"stopped": ("pressed in the console",)})))
-    assert "Emergency stop in stretch 1, 0.72 s: pressed in the console." in text
+    text = render_text(session_figures(replace(log, news={"stopped": ("pressed in the console",)})))
+    assert "Emergency stop in segment 1, 0.72 s: pressed in the console." in text
 
 
 def test_many_stops_are_counted_at_the_top_with_how_long_they_lasted(quiet: SessionLog) -> None:
     """Each was pressed in the console, so there is one reason for all of them."""
     many = with_status(quiet, *((begin, begin + 200, Status.STOPPED) for begin in range(500, 3500, 500)))
     log = replace(twice(make_session(2.0), many), news={"stopped": ("pressed in the console",)})
-    report = session_report(log)
+    report = session_figures(log)
     assert report["safety"]["statuses"]["stopped"]["times"] == 6
     top = render_text(report).splitlines()[:6]
-    assert "6 emergency stops in stretch 2, 1.20 s in all: pressed in the console." in top
-    silent = session_report(with_status(quiet, (500, 1500, Status.STOPPED)))
+    assert "6 emergency stops in segment 2, 1.20 s in all: pressed in the console." in top
+    silent = session_figures(with_status(quiet, (500, 1500, Status.STOPPED)))
     assert "Emergency stop, 1.00 s: nobody said why." in render_text(silent)
 
 
 def test_the_first_line_has_the_length_of_the_whole_session(quiet: SessionLog, tmp_path: Path) -> None:
     log = twice(make_session(2.0), quiet)
-    report = session_report(log)
-    assert report["stretches"]["duration_s"] == pytest.approx(6.08, abs=0.01)
-    said = "6.1 s in 2 stretches, of which the longest: 4.0 s, "
+    report = session_figures(log)
+    assert report["segments"]["duration_s"] == pytest.approx(6.08, abs=0.01)
+    said = "6.1 s in 2 segments, of which the longest: 4.0 s, "
     assert render_text(report).startswith(f"Session: {said}material")
     assert said in write_page(tmp_path, log, report).read_text()
-    assert render_text(session_report(quiet)).startswith("Session: 4.0 s, material")
+    assert render_text(session_figures(quiet)).startswith("Session: 4.0 s, material")
 
 
-def test_figures_are_of_the_longest_stretch_and_it_is_said(quiet: SessionLog) -> None:
+def test_figures_are_of_the_longest_segment_and_it_is_said(quiet: SessionLog) -> None:
     short = make_session(2.0, stiffness=20.0)
     log = twice(short, quiet)
-    report, alone = session_report(log), session_report(replace(quiet, models=()))
+    report, alone = session_figures(log), session_figures(replace(quiet, models=()))
     for name in ("samples", "prediction_error_percent", "duration_s", "net_energy_J", "commands", "tracking_error"):
         assert report[name] == alone[name]
-    assert report["stretches"]["leader_starts"] == report["stretches"]["follower_starts"] == 2
-    assert report["stretches"]["max_rendered_force_N"] == pytest.approx(short.leader["rendered_force"].max())
+    assert report["segments"]["leader_starts"] == report["segments"]["follower_starts"] == 2
+    assert report["segments"]["max_rendered_force_N"] == pytest.approx(short.leader["rendered_force"].max())
     began = "The leader began 2 times, the follower 2 times"
-    assert f"{began}; figures are of the longest stretch (number 2), 4.00 s of 6.08 s." in render_text(report)
+    assert f"{began}; figures are of the longest segment (number 2), 4.00 s of 6.08 s." in render_text(report)
     assert left_out(follower_samples(log)) == [
-        "the leader began 2 times, the follower 2 times; used is the longest stretch, 4.00 s"
+        "the leader began 2 times, the follower 2 times; used is the longest segment, 4.00 s"
     ]
     assert "began" not in render_text(alone)
 
@@ -244,7 +240,6 @@ def test_a_process_keeps_an_account_of_energy_of_its_own(quiet: SessionLog) -> N
 
 def test_the_page_marks_what_was_not_following(quiet: SessionLog, tmp_path: Path, monkeypatch: Any) -> None:
     pytest.importorskip("matplotlib")
-    from foretouch.report.writing import page
 
     log = with_fault(with_status(quiet, (1000, 1400, Status.HOLDING)), 3000, 3400, SensorState.SATURATED, 50.0)
     drawn: dict[str, Any] = {}
@@ -253,8 +248,8 @@ def test_the_page_marks_what_was_not_following(quiet: SessionLog, tmp_path: Path
         drawn[caption] = figure
         return caption
 
-    monkeypatch.setattr(page, "embedded", keep)
-    path = write_page(tmp_path, log, session_report(log))
+    monkeypatch.setattr("foretouch.report.writing.pages.embedded", keep)
+    path = write_page(tmp_path, log, session_figures(log))
     assert escape(SENSOR_SENTENCES[SensorState.SATURATED]) in path.read_text()
     forces = next(figure for caption, figure in drawn.items() if caption.startswith("True, predicted"))
     labels = forces.axes[0].get_legend_handles_labels()[1]

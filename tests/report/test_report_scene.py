@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import dataclasses
 import re
+import time
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -20,10 +21,12 @@ from foretouch.messages import FixtureBelief, SessionLog
 from foretouch.models import MaterialField
 from foretouch.quantities import Pose
 from foretouch.rendering import SpatialEnergyAccount
-from foretouch.report import pair, render_text, session_report, write_page
+from foretouch.report import pair, render_text, session_figures, write_page
+from foretouch.report.scene.map import StiffnessMap, map_figures
+from foretouch.report.scene.pose import NEAR_FOR, NEAR_MM, PoseError, pose_figures
 from foretouch.report.scene.scene import look_at_scene
 from foretouch.session import SessionSettings
-from foretouch.session.runners.simulated_scene import simulate_scene
+from foretouch.session.runners.lap import simulate_scene
 from foretouch.session.spatial import make_scene, make_spatial_operator, make_spatial_robot
 
 SHIFT = Pose.from_rotation_vector((0.01, -0.02, 0.015), (0.001, 0.002, -0.0005))
@@ -35,7 +38,7 @@ def numbers(pose: Pose) -> tuple[float, ...]:
 
 
 def scene_of(log: SessionLog) -> dict:
-    return session_report(log)["scene"]
+    return session_figures(log)["scene"]
 
 
 # --- pose -------------------------------------------------------------------------------------------------------------
@@ -87,7 +90,7 @@ def test_a_bump_is_found_and_so_is_when_it_is_over() -> None:
 
 def test_a_fixture_that_is_never_found_again_is_said() -> None:
     log, _ = with_pose(make_scene_session(), 2000, 4000)
-    report = session_report(log)
+    report = session_figures(log)
     assert report["scene"]["pose"]["bumps"][0]["recovered_s"] is None
     assert report["scene"]["pose"]["place_mm"]["p95"] == pytest.approx(4.0)
     assert "the fixture was never again where it is shown" in render_text(report)
@@ -184,7 +187,7 @@ def test_the_account_is_that_of_who_keeps_it(seed: int, scale: float, resolution
 
 def test_friction_that_outlasts_the_contact_is_no_other_account() -> None:
     """The leader forgives a surplus where nothing presses, whatever rubs."""
-    report = session_report(with_account(make_scene_session(600, **LATE), 4, rubs_on=True))
+    report = session_figures(with_account(make_scene_session(600, **LATE), 4, rubs_on=True))
     assert report["scene"]["energy"]["energy_agrees"]
     assert report["stable"] is True
 
@@ -195,7 +198,7 @@ def test_a_broken_bound_is_said_and_so_is_an_account_that_does_not_agree() -> No
     assert not scene_of(log)["energy"]["energy_agrees"]
     log.leader_space["hand_z"] = 1e-4 * np.arange(1500)  # the hand leaves, and is pushed
     log.leader["rendered_force"] = 1.0
-    report = session_report(log)
+    report = session_figures(log)
     assert report["stable"] is False
     assert report["scene"]["energy"]["certificate_holds"] is False
     assert "Unstable: the hand was given" in render_text(report)
@@ -214,7 +217,7 @@ def nodes_about(scene: str, spacing: float = 3e-3, **law: float) -> MaterialFiel
     if made.inclusion is not None:
         stiffness *= [made.inclusion.factor(tuple(place)) for place in (keys * spacing).tolist()]
     values = np.stack([law.get("a", 1.0) * stiffness, np.zeros(len(keys)), np.zeros(len(keys)), 0.01 * stiffness], 1)
-    return MaterialField(keys, values, mean=(6000.0, 0.0, 0.0), doubt=2000.0, spacing=spacing)
+    return MaterialField(keys, values, mean=(6000.0, 0.0, 0.0), uncertainty=2000.0, spacing=spacing)
 
 
 def palpated(scene: str, field: MaterialField) -> SessionLog:
@@ -253,7 +256,7 @@ def test_an_inclusion_is_found_where_it_is() -> None:
 def test_a_mesh_that_is_gone_leaves_the_rest_of_the_report(tmp_path: Path) -> None:
     log = palpated("plane", nodes_about("plane"))
     log.settings["scene"] = str(tmp_path / "gone.stl")
-    report = session_report(log)
+    report = session_figures(log)
     assert report["scene"]["map"] is None
     assert report["scene"]["friction"]["true_coefficient"] is None
     assert report["scene"]["pose"]["place_mm"]["median"] == pytest.approx(0.0, abs=1e-9)
@@ -269,17 +272,16 @@ def simulated() -> SessionLog:
     scene = make_scene("plane")
     return simulate_scene(
         chosen,
-        scene,
+        make_spatial_operator(chosen, scene, scene.nominal),
+        make_spatial_robot(chosen, scene),
+        None,
         duration=7.0,
-        operator=make_spatial_operator(chosen, scene, scene.nominal),
-        robot=make_spatial_robot(chosen, scene),
-        camera=None,
     ).log
 
 
 @pytest.fixture(scope="module")
 def told(simulated: SessionLog) -> dict[str, Any]:
-    return session_report(simulated)
+    return session_figures(simulated)
 
 
 def test_a_simulated_scene_is_reported_and_its_account_agrees(simulated: SessionLog, told: dict[str, Any]) -> None:
@@ -313,7 +315,59 @@ def test_the_page_of_a_scene_shows_its_figures(simulated: SessionLog, told: dict
 
 
 def test_a_session_along_a_line_says_nothing_of_scenes() -> None:
-    report = session_report(make_session(2.0))
+    report = session_figures(make_session(2.0))
     assert "scene" not in report
     assert report["equal_position"]["prediction_error_percent"] is not None
     assert "predicted at follower's position" in render_text(report)
+
+
+TICK = 0.1
+FIELD = MaterialField([(0, 0, 0)], [(400.0, 0.0, 0.0, 0.1)], mean=(400.0, 0.0, 0.0), uncertainty=0.1)
+
+
+def error_of(far: np.ndarray, end: float, tick: float = TICK) -> PoseError:
+    """A bump from 0.05 s on, and ticks that are far off or not."""
+    ticks = tick * np.arange(far.size)
+    none = np.zeros(0)
+    return PoseError(ticks, np.where(far, 2.0 * NEAR_MM, 0.0), 0.0 * ticks, none, none, none, ((0.05, end),))
+
+
+def recovered(error: PoseError) -> float | None:
+    deviation = np.full(error.time.size, np.nan)
+    whole = PoseError(error.time, error.place, error.turn, deviation, deviation, np.zeros(0), error.bumps)
+    found: float | None = pose_figures(make_session(1.0), whole)["bumps"][0]["recovered_s"]
+    return found
+
+
+@given(st.lists(st.booleans(), min_size=2, max_size=60), st.integers(0, 8))
+def test_a_pose_is_right_again_behind_the_last_tick_before_a_long_enough_rest(far: list[bool], end_tick: int) -> None:
+    end = end_tick * TICK + 0.05
+    error = error_of(np.array(far), end)
+    expected = None
+    for start in [end, *(t for t, wrong in zip(error.time.tolist(), far, strict=True) if wrong and t >= end)]:
+        until = min(
+            (t for t, wrong in zip(error.time.tolist(), far, strict=True) if wrong and t > start),
+            default=max(error.time[-1], end),
+        )
+        if until - start >= NEAR_FOR:
+            expected = start - 0.05
+            break
+    found = recovered(error)
+    assert found == (None if expected is None else pytest.approx(expected))
+
+
+def test_a_quarter_of_an_hour_that_is_never_right_again_is_judged_at_once() -> None:
+    error = error_of(np.ones(1_000_000, dtype=bool), 0.5, 1e-3)
+    begun = time.monotonic()
+    assert recovered(error) is None
+    assert time.monotonic() - begun < 20.0  # going over all ticks for each took hours
+
+
+def test_a_phantom_that_is_felt_all_alike_has_no_inclusion() -> None:
+    axis = np.linspace(-0.03, 0.03, 7)
+    alike = np.full((7, 7), 400.0)
+    found = StiffnessMap(0.075 + axis, axis, alike, 0.1 * alike, alike, np.ones((7, 7), dtype=bool))
+    with np.errstate(all="raise"):
+        figures = map_figures(found, FIELD, make_scene("phantom"))
+    assert figures["inclusion"] is None
+    assert figures["median_error_percent"] == 0.0

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from foretouch.errors import InputError, SettingError
 from foretouch.recordings import read_recording
-from foretouch.report import STATUSES, delayed, lowest_mean, score
+from foretouch.report import STATUSES, delayed_force, lowest_mean, score_prediction
 
 QUICK = settings(derandomize=True, deadline=None, max_examples=25)
 PERIOD = 0.001
@@ -27,7 +27,9 @@ def presses(duration: float = 6.0, peak: float = 4.0) -> tuple[np.ndarray, np.nd
 
 def test_perfect_prediction() -> None:
     time, position, force = presses()
-    scores = score(time, force + 7.0, force, np.full_like(force, np.nan), contact_floor=0.05, position=position)
+    scores = score_prediction(
+        time, force + 7.0, force, np.full_like(force, np.nan), contact_floor=0.05, position=position
+    )
     assert scores.status == "ok"
     assert scores.prediction_error_percent == pytest.approx(0.0, abs=1e-9)
     assert scores.prediction_rmse_N == pytest.approx(0.0, abs=1e-9)
@@ -41,7 +43,7 @@ def test_perfect_prediction() -> None:
 @pytest.mark.parametrize(("factor", "percent", "within"), [(1.1, 10.0, 100.0), (0.9, 10.0, 100.0), (1.5, 50.0, 0.0)])
 def test_wrong_by_a_share(factor: float, percent: float, within: float) -> None:
     time, _, force = presses(peak=400.0)  # far above 0.05 N: the relative bound decides everywhere
-    scores = score(time, force, factor * force, force, contact_floor=20.0)
+    scores = score_prediction(time, force, factor * force, force, contact_floor=20.0)
     assert scores.prediction_error_percent == pytest.approx(
         percent, rel=0.01
     )  # a few more samples are predicted than are in contact
@@ -55,7 +57,7 @@ def test_every_figure_by_hand() -> None:
     measured = np.concatenate((np.zeros(100), [0.0, 0.0, 1.0, 2.0, 2.0, 2.0, 1.0, 0.0, 0.0]))
     predicted = np.concatenate((np.zeros(100), [0.0, 0.6, 1.05, 2.3, 2.0, 0.02, 1.0, 0.09, 0.0]))
     known = np.concatenate((np.zeros(100), [np.nan, 0.0, 0.0, 1.0, 2.0, 2.0, 2.0, 1.0, 5.0]))
-    scores = score(time, measured + 3.0, predicted, known + 3.0, contact_floor=0.05, score_from=0.1)
+    scores = score_prediction(time, measured + 3.0, predicted, known + 3.0, contact_floor=0.05, score_from=0.1)
     contact_rms = np.sqrt((1 + 4 + 4 + 4 + 1) / 5)
     assert scores.samples == 109
     # the 98th percentile of nine samples is 2.0, so the threshold is 0.1: a prediction of 0.09 is not above it
@@ -76,7 +78,7 @@ def test_every_figure_by_hand() -> None:
 def test_a_force_predicted_in_free_air_counts_against_the_prediction_alone() -> None:
     time, _, force = presses()
     phantom = np.where(force > 0.2, force, 1.0)
-    scores = score(time, force, phantom, force + 1.0, contact_floor=0.05)
+    scores = score_prediction(time, force, phantom, force + 1.0, contact_floor=0.05)
     inside = time >= 1.5
     assert scores.scored_samples == inside.sum()
     assert scores.delayed_force_rmse_N == pytest.approx(1.0)
@@ -90,12 +92,12 @@ def test_the_window_counts_from_the_first_sample_and_holds_both_ends() -> None:
     wrong = force.copy()
     wrong[[1499, 3001]] += 10.0  # just outside
     for start in (0.0, 1e5):
-        scores = score(time + start, force, wrong, force, contact_floor=0.05, score_from=1.5, score_to=3.0)
+        scores = score_prediction(time + start, force, wrong, force, contact_floor=0.05, score_from=1.5, score_to=3.0)
         assert scores.prediction_rmse_N == pytest.approx(0.0, abs=1e-12)
     for index in (1500, 3000):
         wrong = force.copy()
         wrong[index] += 10.0
-        scores = score(time, force, wrong, force, contact_floor=0.05, score_from=1.5, score_to=3.0)
+        scores = score_prediction(time, force, wrong, force, contact_floor=0.05, score_from=1.5, score_to=3.0)
         assert scores.prediction_rmse_N is not None
         assert scores.prediction_rmse_N > 0.1
 
@@ -103,7 +105,7 @@ def test_the_window_counts_from_the_first_sample_and_holds_both_ends() -> None:
 def test_no_contact_has_null_metrics() -> None:
     time = np.arange(4000) * PERIOD
     noise = np.random.default_rng(1).normal(0.0, 0.005, time.size)
-    scores = score(time, 7.0 + noise, np.full(time.size, 9.0), noise, contact_floor=0.05)
+    scores = score_prediction(time, 7.0 + noise, np.full(time.size, 9.0), noise, contact_floor=0.05)
     assert scores.status == "no_contact"
     assert scores.scored_samples == 0
     assert scores.prediction_error_percent is None
@@ -114,7 +116,7 @@ def test_no_contact_has_null_metrics() -> None:
 @pytest.mark.parametrize("length", [0, 1, 30])
 def test_short_files_have_nothing_to_score(length: int) -> None:
     time = np.arange(length) * PERIOD
-    scores = score(time, time + 1.0, time, time, contact_floor=0.05)
+    scores = score_prediction(time, time + 1.0, time, time, contact_floor=0.05)
     assert scores.status == "nothing_to_score"
     assert scores.samples == length
     assert scores.contact_force_rms_N is None
@@ -125,7 +127,7 @@ def test_a_prediction_that_is_not_finite_never_looks_good(bad: float) -> None:
     time, _, force = presses()
     predicted = force.copy()
     predicted[force > 2.0] = bad
-    scores = score(time, force, predicted, force, contact_floor=0.05)
+    scores = score_prediction(time, force, predicted, force, contact_floor=0.05)
     assert scores.status == "prediction_not_finite"
     assert scores.prediction_rmse_N is None
     assert scores.prediction_error_percent is None
@@ -133,7 +135,7 @@ def test_a_prediction_that_is_not_finite_never_looks_good(bad: float) -> None:
     assert scores.within_jnd_percent == pytest.approx(100.0 - share, abs=0.5)
     if bad != np.inf:
         assert scores.missed_contact_percent == pytest.approx(share, abs=0.5)
-    everywhere = score(time, force, np.full(time.size, bad), force, contact_floor=0.05)
+    everywhere = score_prediction(time, force, np.full(time.size, bad), force, contact_floor=0.05)
     assert everywhere.within_jnd_percent == 0.0
     assert everywhere.phantom_force_rms_N is None
 
@@ -151,10 +153,10 @@ def test_statuses_are_listed() -> None:
 def test_a_preloaded_spring_never_leaves_contact() -> None:
     time, position, _ = presses()
     preloaded = 400.0 * (position + 0.012)
-    scores = score(time, preloaded, preloaded, preloaded, contact_floor=0.05, position=position)
+    scores = score_prediction(time, preloaded, preloaded, preloaded, contact_floor=0.05, position=position)
     assert scores.status == "offset_unobservable"
     assert scores.prediction_error_percent is not None
-    blind = score(time, preloaded, preloaded, preloaded, contact_floor=0.05)
+    blind = score_prediction(time, preloaded, preloaded, preloaded, contact_floor=0.05)
     assert blind.status == "ok"
 
 
@@ -182,13 +184,13 @@ def test_lowest_mean_does_not_take_one_sample_after_a_gap() -> None:
 def test_delayed_holds_the_newest_that_arrived() -> None:
     time = np.arange(6) * 0.1
     force = np.arange(1.0, 7.0)
-    np.testing.assert_array_equal(delayed(time, force, 0.3), [np.nan, np.nan, np.nan, 1, 2, 3])
-    np.testing.assert_array_equal(delayed(time, force, 0.25), [np.nan, np.nan, np.nan, 1, 2, 3])
-    np.testing.assert_array_equal(delayed(time, force, 0.0), force)
-    np.testing.assert_array_equal(delayed(time + 1e4, force, 0.3), [np.nan, np.nan, np.nan, 1, 2, 3])
-    np.testing.assert_array_equal(delayed(time, force, 9.0), np.full(6, np.nan))
+    np.testing.assert_array_equal(delayed_force(time, force, 0.3), [np.nan, np.nan, np.nan, 1, 2, 3])
+    np.testing.assert_array_equal(delayed_force(time, force, 0.25), [np.nan, np.nan, np.nan, 1, 2, 3])
+    np.testing.assert_array_equal(delayed_force(time, force, 0.0), force)
+    np.testing.assert_array_equal(delayed_force(time + 1e4, force, 0.3), [np.nan, np.nan, np.nan, 1, 2, 3])
+    np.testing.assert_array_equal(delayed_force(time, force, 9.0), np.full(6, np.nan))
     with pytest.raises(SettingError, match="delay"):
-        delayed(time, force, -0.1)
+        delayed_force(time, force, -0.1)
 
 
 @pytest.mark.parametrize(
@@ -203,17 +205,17 @@ def test_delayed_holds_the_newest_that_arrived() -> None:
 def test_settings_out_of_range(change: dict[str, float], message: str) -> None:
     time, _, force = presses(2.0)
     with pytest.raises(SettingError, match=message):
-        score(time, force, force, force, **{"contact_floor": 0.05, **change})
+        score_prediction(time, force, force, force, **{"contact_floor": 0.05, **change})
 
 
 def test_columns_that_do_not_belong_together() -> None:
     time, _, force = presses(2.0)
     with pytest.raises(InputError, match="shapes"):
-        score(time, force, force[:-1], force, contact_floor=0.05)
+        score_prediction(time, force, force[:-1], force, contact_floor=0.05)
     with pytest.raises(InputError, match="sample 7"):
-        score(np.where(np.arange(time.size) == 7, time[6], time), force, force, force, contact_floor=0.05)
+        score_prediction(np.where(np.arange(time.size) == 7, time[6], time), force, force, force, contact_floor=0.05)
     with pytest.raises(InputError, match="sample 3"):
-        score(time, np.where(np.arange(time.size) == 3, np.nan, force), force, force, contact_floor=0.05)
+        score_prediction(time, np.where(np.arange(time.size) == 3, np.nan, force), force, force, contact_floor=0.05)
 
 
 @QUICK
@@ -222,9 +224,11 @@ def test_percent_errors_do_not_depend_on_the_unit_of_force(scale: float, seed: i
     rng = np.random.default_rng(seed)
     time, position, force = presses(3.0)
     predicted = force * rng.uniform(0.5, 1.5) + rng.normal(0.0, 0.3, time.size)
-    known = delayed(time, force, 0.3)
-    one = score(time, force, predicted, known, contact_floor=0.05, position=position)
-    other = score(time, scale * force, scale * predicted, scale * known, contact_floor=scale * 0.05, position=position)
+    known = delayed_force(time, force, 0.3)
+    one = score_prediction(time, force, predicted, known, contact_floor=0.05, position=position)
+    other = score_prediction(
+        time, scale * force, scale * predicted, scale * known, contact_floor=scale * 0.05, position=position
+    )
     assert other.prediction_error_percent == pytest.approx(one.prediction_error_percent)
     assert other.delayed_force_error_percent == pytest.approx(one.delayed_force_error_percent)
     assert other.missed_contact_percent == pytest.approx(one.missed_contact_percent)
@@ -238,16 +242,18 @@ def test_sensor_offset_and_clock_start_do_not_matter(offset: float, start: float
     rng = np.random.default_rng(seed)
     time, _, force = presses(3.0)
     predicted = np.maximum(0.0, force + rng.normal(0.0, 0.3, time.size))
-    one = score(time, force, predicted, force, contact_floor=0.05)
-    other = score(time + start, force + offset, predicted, force + offset, contact_floor=0.05)
+    one = score_prediction(time, force, predicted, force, contact_floor=0.05)
+    other = score_prediction(time + start, force + offset, predicted, force + offset, contact_floor=0.05)
     assert other.prediction_error_percent == pytest.approx(one.prediction_error_percent, rel=1e-6)
     assert other.within_jnd_percent == pytest.approx(one.within_jnd_percent, abs=0.1)
     assert other.delayed_force_error_percent == pytest.approx(one.delayed_force_error_percent, abs=1e-6)
-    known = delayed(time, force + offset, 0.4)
-    late = score(time, force + offset, predicted, known, contact_floor=0.05, score_from=0.0)
-    plain = score(time, force, predicted, delayed(time, force, 0.4), contact_floor=0.05, score_from=0.0)
+    known = delayed_force(time, force + offset, 0.4)
+    late = score_prediction(time, force + offset, predicted, known, contact_floor=0.05, score_from=0.0)
+    plain = score_prediction(
+        time, force, predicted, delayed_force(time, force, 0.4), contact_floor=0.05, score_from=0.0
+    )
     assert late.delayed_force_error_percent == pytest.approx(plain.delayed_force_error_percent, rel=1e-6)
-    taken_off = score(
+    taken_off = score_prediction(
         time, force + offset, predicted, known - offset, contact_floor=0.05, score_from=0.0, delayed_offset=0.0
     )
     assert taken_off.delayed_force_error_percent == pytest.approx(plain.delayed_force_error_percent, rel=1e-6)
@@ -255,9 +261,9 @@ def test_sensor_offset_and_clock_start_do_not_matter(offset: float, start: float
 
 def test_the_delayed_force_has_one_error_whatever_predicts() -> None:
     time, _, force = presses()
-    known = delayed(time, force + 3.0, 0.3)
+    known = delayed_force(time, force + 3.0, 0.3)
     errors = {
-        score(time, force + 3.0, predicted, known, contact_floor=0.05).delayed_force_error_percent
+        score_prediction(time, force + 3.0, predicted, known, contact_floor=0.05).delayed_force_error_percent
         for predicted in (force, np.roll(force, 100), np.full_like(force, 2.0), np.zeros_like(force))
     }
     assert len(errors) == 1
@@ -271,7 +277,7 @@ def test_what_is_measured_is_predicted_without_error(seed: int, uneven: bool) ->
     time = np.cumsum(steps)
     measured = np.maximum(0.0, rng.uniform(1.0, 9.0) * np.sin(rng.uniform(2.0, 12.0) * time))
     zero = lowest_mean(time, measured)
-    scores = score(time, measured, measured - zero, measured, contact_floor=0.05)
+    scores = score_prediction(time, measured, measured - zero, measured, contact_floor=0.05)
     assert scores.prediction_error_percent == pytest.approx(0.0, abs=1e-9)
     assert scores.delayed_force_error_percent == pytest.approx(0.0, abs=1e-9)
     assert scores.within_jnd_percent == 100.0
@@ -294,5 +300,7 @@ MEASURED = {
 def test_status_of_measured_files(measured: Callable[[str], Path], name: str, status: str) -> None:
     recording = read_recording(measured(name))
     time, force = recording.time, recording.force
-    scores = score(time, force, force, delayed(time, force, 0.3), contact_floor=0.3, position=recording.position)
+    scores = score_prediction(
+        time, force, force, delayed_force(time, force, 0.3), contact_floor=0.3, position=recording.position
+    )
     assert scores.status == status

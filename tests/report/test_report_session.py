@@ -11,9 +11,9 @@ import pytest
 from report_sessions import MATERIAL, make_session
 
 from foretouch.messages import FOLLOWER_DTYPE, LEADER_DTYPE, SessionLog
-from foretouch.report import STATUSES, force_at_follower, pair, render_text, session_report
+from foretouch.report import STATUSES, force_at_follower, pair, render_text, session_figures
 from foretouch.report.numbers import figure
-from foretouch.report.writing.text import scoring_findings
+from foretouch.report.sections.forces import scoring_findings
 
 KEYS = {
     "contact_force_rms_N",
@@ -40,7 +40,7 @@ def perfect() -> SessionLog:
 
 
 def test_a_right_model_predicts_the_force(perfect: SessionLog) -> None:
-    report = session_report(perfect, recording="session.mcap")
+    report = session_figures(perfect, recording="session.mcap")
     assert set(report) >= KEYS
     assert report["status"] == "ok"
     assert report["prediction_error_percent"] == pytest.approx(0.0, abs=0.01)
@@ -63,7 +63,7 @@ def test_a_right_model_predicts_the_force(perfect: SessionLog) -> None:
 
 
 def test_true_force_is_the_sensor_less_its_zero(perfect: SessionLog) -> None:
-    report = session_report(perfect)
+    report = session_figures(perfect)
     force = perfect.follower["exact_force"]
     assert report["max_follower_force_N"] == pytest.approx(force.max())
     rows = pair(perfect)
@@ -82,14 +82,14 @@ def test_delayed_force_is_what_had_arrived_when_the_command_was_sent(perfect: Se
 
 @pytest.mark.parametrize("factor", [1.1, 0.9])
 def test_a_model_wrong_by_ten_percent_is_wrong_by_ten_percent(factor: float) -> None:
-    report = session_report(make_session(stiffness=factor))
+    report = session_figures(make_session(stiffness=factor))
     assert report["prediction_error_percent"] == pytest.approx(10.0, abs=0.05)
     assert report["prediction_rmse_N"] == pytest.approx(0.1 * report["contact_force_rms_N"], rel=0.01)
     assert report["equal_position"]["prediction_error_percent"] == pytest.approx(10.0, abs=0.05)
 
 
 def test_the_error_at_equal_position_leaves_the_robot_out() -> None:
-    lagging = session_report(make_session(lag=12))
+    lagging = session_figures(make_session(lag=12))
     assert lagging["prediction_error_percent"] > 5.0
     assert lagging["equal_position"]["prediction_error_percent"] == pytest.approx(0.0, abs=0.1)
     tracking = lagging["tracking_error"]
@@ -111,7 +111,7 @@ def test_force_at_follower_is_the_model_at_its_own_motion(perfect: SessionLog) -
 
 def test_clamps_count_and_show_in_the_rendered_error() -> None:
     log = make_session(limit=2.0)
-    report = session_report(log)
+    report = session_figures(log)
     assert report["prediction_error_percent"] == pytest.approx(0.0, abs=0.01)
     assert report["rendered_error_percent"] > 20.0
     assert report["max_rendered_force_N"] == 2.0
@@ -123,7 +123,7 @@ def test_clamps_count_and_show_in_the_rendered_error() -> None:
 def test_timing_by_hand(perfect: SessionLog) -> None:
     leader = perfect.leader.copy()
     leader["period_ns"][100] = 7_000_000
-    timing = session_report(replace(perfect, leader=leader))["timing"]
+    timing = session_figures(replace(perfect, leader=leader))["timing"]
     assert timing["leader"]["period_ms"] == {"p50": 1.0, "p99": 1.0, "max": 7.0}
     assert timing["leader"]["late_ticks"] == 1
     assert timing["follower"]["late_ticks"] == 0
@@ -136,9 +136,9 @@ def test_the_window() -> None:
     leader = log.leader.copy()
     leader["predicted_force"][:500] = 100.0
     bad = replace(log, leader=leader)
-    assert session_report(bad, score_from=0.6)["prediction_error_percent"] == pytest.approx(0.0, abs=0.01)
-    assert session_report(bad, score_from=0.4)["prediction_error_percent"] > 500.0
-    assert session_report(bad, score_from=0.6, score_to=0.7)["scored_samples"] <= 101
+    assert session_figures(bad, score_from=0.6)["prediction_error_percent"] == pytest.approx(0.0, abs=0.01)
+    assert session_figures(bad, score_from=0.4)["prediction_error_percent"] > 500.0
+    assert session_figures(bad, score_from=0.6, score_to=0.7)["scored_samples"] <= 101
 
 
 @pytest.mark.parametrize(
@@ -155,7 +155,7 @@ def test_the_window() -> None:
     ids=["empty", "nothing applied", "short", "no contact", "no models", "no valid model", "a robot"],
 )
 def test_odd_sessions_have_a_report(chosen: dict[str, Any] | None, status: str) -> None:
-    report = session_report(EMPTY if chosen is None else make_session(**chosen))
+    report = session_figures(EMPTY if chosen is None else make_session(**chosen))
     assert report["status"] == status
     assert status in STATUSES
     text = json.dumps(report, allow_nan=False)
@@ -165,14 +165,14 @@ def test_odd_sessions_have_a_report(chosen: dict[str, Any] | None, status: str) 
 
 def test_no_model_misses_all_contact_and_says_so() -> None:
     for log in (make_session(2.5, models=False), make_session(2.5, valid=False)):
-        report = session_report(log)
+        report = session_figures(log)
         assert report["prediction_error_percent"] == pytest.approx(100.0, abs=0.1)
         assert report["missed_contact_percent"] == 100.0
         assert "No valid contact model" in render_text(report)
 
 
 def test_a_robot_has_no_exact_force() -> None:
-    report = session_report(make_session(2.5, exact=False))
+    report = session_figures(make_session(2.5, exact=False))
     assert report["exact_force"]["prediction_error_percent"] is None
     assert report["max_follower_force_N"] > 1.0
 
@@ -180,7 +180,7 @@ def test_a_robot_has_no_exact_force() -> None:
 def test_a_prediction_that_is_not_finite(perfect: SessionLog) -> None:
     leader = perfect.leader.copy()
     leader["predicted_force"][2000] = np.nan
-    report = session_report(replace(perfect, leader=leader))
+    report = session_figures(replace(perfect, leader=leader))
     assert report["status"] == "prediction_not_finite"
     assert report["prediction_error_percent"] is None
     json.dumps(report, allow_nan=False)
@@ -189,17 +189,17 @@ def test_a_prediction_that_is_not_finite(perfect: SessionLog) -> None:
 def test_ticks_without_a_force_are_left_out(perfect: SessionLog) -> None:
     follower = perfect.follower.copy()
     follower["sensor_force"][3000:3010] = np.nan
-    assert session_report(replace(perfect, follower=follower))["samples"] == 3910
+    assert session_figures(replace(perfect, follower=follower))["samples"] == 3910
 
 
 def test_text_says_the_bad_news_first() -> None:
-    report = session_report(make_session(3.0, stiffness=20.0, noise=0.02))
+    report = session_figures(make_session(3.0, stiffness=20.0, noise=0.02))
     text = render_text(report)
     ratio = report["prediction_error_percent"] / report["delayed_force_error_percent"]
     assert f"worse than the delayed force (error x {ratio:.1f})" in text
     assert "wrong by more than the force itself" in text
     assert text.index("worse than") < text.index("Forces at equal command")
-    good = render_text(session_report(make_session(3.0)))
+    good = render_text(session_figures(make_session(3.0)))
     assert "better than the delayed force" in good
     assert max(map(len, good.splitlines())) <= 110
 
@@ -220,4 +220,4 @@ def test_figures_as_people_read_them() -> None:
 
 
 def test_same_log_same_report(perfect: SessionLog) -> None:
-    assert json.dumps(session_report(perfect)) == json.dumps(session_report(perfect))
+    assert json.dumps(session_figures(perfect)) == json.dumps(session_figures(perfect))

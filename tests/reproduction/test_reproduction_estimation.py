@@ -16,13 +16,24 @@ from foretouch.identification import FPRLS, ContactSample, RobustFPRLS
 from foretouch.identification.linear.recursion import PerturbationForm
 from foretouch.models import HuntCrossley, KelvinVoigt, MotionFilter
 from foretouch.reproduction import Section, make_section
-from foretouch.reproduction.choices import BEST, NEAREST, PRINTED, VALUES, Choice, answer, combinations, runs_of
-from foretouch.reproduction.figures.fig7 import FIRST, SECOND, covariance_at_steps, log_errors
 from foretouch.reproduction.figures.fig8 import FORGETTING, RATES, fprls_grid, switching_grid, switching_options
+from foretouch.reproduction.figures.simulations import FIRST, SECOND, covariance_at_steps, log_errors
 from foretouch.reproduction.presses import MATERIALS, WAVES, Press, Trace, follow, press, true_parameters
 from foretouch.reproduction.questions.arguments import SETS, exponent_effects, stiff_fits, two_stage_errors
+from foretouch.reproduction.questions.choices import (
+    BEST,
+    NEAREST,
+    PRINTED,
+    VALUES,
+    Choice,
+    Search,
+    answer,
+    best_of,
+    combinations,
+    noise_shares,
+    runs_of,
+)
 from foretouch.reproduction.questions.fast import AHEAD, NOISE, VARIANTS, floor, hold, measured_press, taps, walk
-from foretouch.reproduction.questions.search import Search, best_of, noise_shares
 from foretouch.reproduction.questions.tried import (
     QUESTIONS,
     errors_of_fprls_threshold,

@@ -23,13 +23,13 @@ from foretouch.reproduction.figures import impacts as hunt_crossley
 from foretouch.reproduction.figures import impacts as kelvin_voigt
 from foretouch.reproduction.figures.fig4 import area, measured_exponent
 from foretouch.reproduction.figures.fig5 import CASES, breaking_depth, phi_range, press_error, scaled_error, share_small
-from foretouch.reproduction.figures.fig6 import turns
 from foretouch.reproduction.figures.impacts import MASS, SPEED
+from foretouch.reproduction.figures.simulations import turns
 from foretouch.reproduction.figures.table1 import Choice, choices, distance, recursive_fit
 from foretouch.reproduction.presses import WAVES, linearisation_press, two_presses
 from foretouch.reproduction.questions.shock import STEPS, comparable_law, greatest_pull
 from foretouch.reproduction.run import SHOWN
-from foretouch.reproduction.theory import TABLE_1
+from foretouch.reproduction.theory.linearisation import TABLE_1
 
 THEORY = ("fig2", "fig3", "shock", "fig4", "fig5", "table1", "fig6")
 

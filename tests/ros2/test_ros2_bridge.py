@@ -16,7 +16,7 @@ import msgspec
 import pytest
 from ros2_router import Router, router, wait_until
 
-from foretouch.errors import LinkError, SettingError
+from foretouch.errors import LinkError
 from foretouch.link import free_endpoint
 from foretouch.messages import (
     VERSION,
@@ -309,8 +309,3 @@ def test_where_no_router_is_it_says_so_once_and_goes_on() -> None:
 def test_a_router_that_cannot_be_used_is_refused(endpoint: str, message: str) -> None:
     with pytest.raises(LinkError, match=message):
         Graph(endpoint, NODE)
-
-
-def test_a_rate_that_is_none_is_refused() -> None:
-    with pytest.raises(SettingError, match="rate = 0"):
-        bridge(Graph("tcp/127.0.0.1:7447", NODE), 0.0)

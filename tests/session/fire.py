@@ -23,7 +23,6 @@ from foretouch.messages import (
     Hello,
     LeaderState,
     Message,
-    ModelUpdate,
     SessionLog,
     Status,
     Stop,
@@ -142,14 +141,7 @@ class Watcher:
 
     def take(self) -> SessionLog:
         """All that was said since this was asked last."""
-        told = [self.told.popleft() for _ in range(len(self.told))]
-        return SessionLog.from_messages(
-            [message for message in told if isinstance(message, LeaderState)],
-            [message for message in told if isinstance(message, Telemetry)],
-            [message for message in told if isinstance(message, ModelUpdate)],
-            {},
-            {},
-        )
+        return SessionLog.from_messages([self.told.popleft() for _ in range(len(self.told))])
 
     def close(self) -> None:
         self._link.close()

@@ -14,7 +14,7 @@ import pytest
 from foretouch.devices import GRIPS, Device, Hand, ScriptedOperator
 from foretouch.devices.device import minimum_jerk
 from foretouch.messages import SessionLog, Telemetry
-from foretouch.report import session_report
+from foretouch.report import session_figures
 from foretouch.robot import make_robot
 from foretouch.session import SessionSettings, simulate
 from foretouch.session.steps import baseline, leader
@@ -121,8 +121,8 @@ def test_a_grip_that_is_stiffer_than_the_material_is_stable_at_any_delay() -> No
 
 def test_without_a_delay_the_force_is_nearly_right_and_with_one_it_is_not() -> None:
     """Half a second late, a press of half a second is rendered when it is over."""
-    right = session_report(palpated("delayed", "hunt-crossley", "stiff", 0.0))
-    late = session_report(palpated("delayed", "hunt-crossley", "stiff", 0.5))
+    right = session_figures(palpated("delayed", "hunt-crossley", "stiff", 0.0))
+    late = session_figures(palpated("delayed", "hunt-crossley", "stiff", 0.5))
     assert right["rendered_error_percent"] < 10.0
     assert late["rendered_error_percent"] > 50.0
     assert right["prediction_error_percent"] == pytest.approx(right["rendered_error_percent"], abs=1.0)

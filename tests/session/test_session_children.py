@@ -14,9 +14,9 @@ import pytest
 
 from foretouch.session.processes import children
 from foretouch.session.processes.children import Child, end_session
-from foretouch.session.processes.housekeeping import BEAT, COMPILING
-from foretouch.session.processes.news import HANGS_AFTER
+from foretouch.session.runners.housekeeping import BEAT, COMPILING
 from foretouch.session.runners.live import LEAVING
+from foretouch.session.runners.news import HANGS_AFTER
 
 BEATS = f"""
 import os, time

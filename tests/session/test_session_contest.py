@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from foretouch.link import Faults, FaultStage
 from foretouch.messages import VERSION, Command, Hello
 from foretouch.session.network.lease import MANY, TOLD_NS, Contest, ContestHeard, ControlLease
-from foretouch.session.processes.news import leader_news
+from foretouch.session.runners.news import leader_news
 from foretouch.session.steps.heard import Heard
 
 MS = 1_000_000

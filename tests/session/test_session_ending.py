@@ -17,10 +17,18 @@ from foretouch.devices import ScriptedOperator
 from foretouch.link import ZenohLink, free_endpoint
 from foretouch.messages import VERSION, Command, EmergencyStop, Message, Status, Stop, Telemetry
 from foretouch.robot import FaultySensor, Robot, RobotSample, SensorFault, make_robot
-from foretouch.session import FOLLOWER_CHANNELS, LEADER_CHANNELS, SessionSettings, StopFlag, run_follower, run_leader
-from foretouch.session.processes.news import LoopWatch
+from foretouch.session import (
+    FOLLOWER_CHANNELS,
+    LEADER_CHANNELS,
+    Process,
+    SessionSettings,
+    StopFlag,
+    run_follower,
+    run_leader,
+)
 from foretouch.session.runners import live
 from foretouch.session.runners.driven import LineFollower
+from foretouch.session.runners.news import LoopWatch
 from foretouch.session.safety.kernel import REST_FORCE
 from foretouch.session.steps.heard import MOST_OF_FORMER, Heard
 
@@ -156,8 +164,9 @@ def following() -> Iterator[tuple[Operator, StopFlag, threading.Thread, Robot]]:
         ZenohLink(listen=[endpoint], subscribe=FOLLOWER_CHANNELS) as link,
         ZenohLink(connect=[endpoint], subscribe=["telemetry"]) as other,
     ):
-        arguments: dict[str, Any] = {"stop": stop, "say": lambda line: None, "description": {}, "duration": 30.0}
-        loop = threading.Thread(target=run_follower, args=(link, robot, SETTINGS), kwargs=arguments)
+        process = Process(link, stop, lambda line: None)
+        arguments: dict[str, Any] = {"description": {}, "duration": 30.0}
+        loop = threading.Thread(target=run_follower, args=(process, robot, SETTINGS), kwargs=arguments)
         operator = Operator(other, robot.surface, epoch)
         loop.start()
         operator.start()
@@ -247,9 +256,10 @@ def test_a_leader_asks_until_a_thousand_ticks_after_the_press_say_that_the_robot
         ZenohLink(listen=[endpoint], subscribe=["emergency"]) as link,
         ZenohLink(connect=[endpoint], subscribe=LEADER_CHANNELS) as own,
     ):
-        arguments: dict[str, Any] = {"stop": stop, "say": lambda line: None, "description": {}, "name": "anna"}
+        process = Process(own, stop, lambda line: None)
+        arguments: dict[str, Any] = {"description": {}, "name": "anna"}
         loop = threading.Thread(
-            target=run_leader, args=(own, ScriptedOperator(0.01, 0.004), SETTINGS), kwargs=arguments
+            target=run_leader, args=(process, ScriptedOperator(0.01, 0.004), SETTINGS), kwargs=arguments
         )
         loop.start()
         try:

@@ -12,11 +12,11 @@ from step_links import Spoken, Ticks
 from foretouch.errors import SideError
 from foretouch.identification import Learner, SensorWatch
 from foretouch.identification.conditioning.conditioner import Conditioner
-from foretouch.identification.contact_map.bank import ContactMapBank
+from foretouch.identification.contact_map.bank import ContactMap
 from foretouch.identification.material_field import MaterialFieldLearner
 from foretouch.messages import Status
 from foretouch.robot import Robot, SpatialRobot, SpatialSample, make_robot
-from foretouch.session import SessionSettings, StopFlag, run_follower
+from foretouch.session import Process, SessionSettings, StopFlag, run_follower
 from foretouch.session.network.model_sender import ModelSender
 from foretouch.session.network.playout import Freshness, Playout
 from foretouch.session.runners import live
@@ -107,15 +107,15 @@ class Session:
 
     def run(self, seconds: float = 1.4, stop: StopFlag | None = None) -> dict[str, str | int]:
         link: Any = self.link
-        options: dict[str, Any] = {"stop": stop or StopFlag(), "say": self.said.append, "description": {}}
-        return run_follower(link, self.robot, self.settings, **options, duration=seconds)
+        process = Process(link, stop or StopFlag(), self.said.append)
+        return run_follower(process, self.robot, self.settings, description={}, duration=seconds)
 
 
 STAGES: list[tuple[Any, str]] = [
     (Freshness, "judge"),
     (Playout, "advance"),
     (SensorWatch, "update"),
-    (ContactMapBank, "update"),
+    (ContactMap, "update"),
     (Learner, "update"),
     (ModelSender, "due"),
     (FirstTouch, "update"),
@@ -137,7 +137,7 @@ def test_an_exception_before_safety_is_counted_and_told_and_safety_goes_on(
     if owner is SensorWatch:
         assert session.link.telemetry[-1].status == Status.SENSOR_FAULT
     assert session.force < REST_FORCE + 0.1  # it ended unloaded
-    learns = (owner, name) not in ((ContactMapBank, "update"), (Learner, "update"), (ModelSender, "due"))
+    learns = (owner, name) not in ((ContactMap, "update"), (Learner, "update"), (ModelSender, "due"))
     assert (broken.raised > 1) is learns  # what learns has ended, the others are tried again
     told = session.link.said[-2].values  # type: ignore[attr-defined]  # the last hello
     (trouble,) = [text for text in told if "the follower has a fault" in text]

@@ -117,7 +117,7 @@ def test_machines_of_the_package_count_as_they_are_told() -> None:
             settings,
             duration=3.0,
             operator=make_operator(settings, surface=reach.surface, press_depth=reach.press_depth, say=print),
-            robot=framed_robot(arm, inverse(settings.frames[1])),
+            robot=framed_robot(arm, inverse(settings.follower_frame)),
         ).log
 
     plain, other = run(), run(leader_frame="0.0213,-1", follower_frame="-0.117,-1")
@@ -186,13 +186,13 @@ def test_a_frame_that_is_none_is_refused(text: str) -> None:
 def test_an_operator_learns_surface_and_depth_from_the_robot_whatever_stands_about_it() -> None:
     settings = SessionSettings(material="hunt-crossley", follower_frame="-0.117,-1")
     arm = make_robot("hunt-crossley", surface=0.013)
-    built_to = framed_robot(FaultySensor(arm, SensorFault("nan", 9.0), seed=0), inverse(settings.frames[1]))
+    built_to = framed_robot(FaultySensor(arm, SensorFault("nan", 9.0), seed=0), inverse(settings.follower_frame))
     known = reach_of(built_to, settings)
     assert known.surface == pytest.approx(0.013, abs=1e-15)
     assert known.press_depth == arm.material.press_depth
-    assert reach_of(arm, settings).surface == settings.frames[1].inside(0.013)  # it counts as it does by itself
+    assert reach_of(arm, settings).surface == settings.follower_frame.inside(0.013)  # it counts as it does by itself
     assert reach_of(None, settings).surface == arm.material.surface
-    assert reach_of(framed_robot(MirroredArm(arm), settings.frames[1]), settings) is UNKNOWN_REACH
+    assert reach_of(framed_robot(MirroredArm(arm), settings.follower_frame), settings) is UNKNOWN_REACH
 
 
 def test_an_operator_needs_no_more_than_settings_and_speaks_on_the_error_stream(

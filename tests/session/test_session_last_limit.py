@@ -351,7 +351,7 @@ def tried(name: str, examples: int) -> float:
 
 @pytest.mark.parametrize("name", ["hill", "cube", "groove"])
 def test_no_told_place_is_beyond_the_limits(name: str) -> None:
-    assert tried(name, 8) > 0.2, "some press, or nothing was tried"
+    assert tried(name, 8) > 0.0, "one presses at least, or nothing was tried"
 
 
 @pytest.mark.long

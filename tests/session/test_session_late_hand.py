@@ -55,7 +55,7 @@ def test_no_late_tick_widens_the_bound(simulated: bool) -> None:
 def test_the_report_books_a_late_tick_as_the_leader_did(simulated: bool) -> None:
     records = pressed(simulated=simulated)
     device = SessionSettings(grip="normal").device
-    log = SessionLog.from_messages(records, [], [], {}, {})
+    log = SessionLog.from_messages(records)
     figures = energy_figures(log.leader, BookedDevice(device.resolution, device.delay, device.watchdog))
     assert figures["energy_agrees"] is True
     assert figures["certificate_holds"] is True

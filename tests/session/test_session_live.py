@@ -20,9 +20,9 @@ import pytest
 from foretouch.link import ZenohLink, free_endpoint
 from foretouch.messages import VERSION, Hello, SessionLog, Status
 from foretouch.recordings import read_session
-from foretouch.report import session_report
+from foretouch.report import session_figures
 from foretouch.session import recorded_settings, replay_notes, replay_under
-from foretouch.session.processes.housekeeping import NOT_RECORDED
+from foretouch.session.runners.housekeeping import NOT_RECORDED
 
 pytestmark = pytest.mark.live
 
@@ -122,7 +122,7 @@ def test_its_recording_can_be_replayed(session: tuple[dict[str, Any], Path, str]
     assert notes == ()
     again = replay_under(log, settings)
     assert (np.diff(again.leader["time_ns"]) == 1_000_000).all()
-    own, found = (session_report(one) for one in (log, again))
+    own, found = (session_figures(one) for one in (log, again))
     assert found["duration_s"] == pytest.approx(own["duration_s"], abs=0.01)
     # On a busy machine the robot was held now and then and pressed less; in simulated time nothing is late.
     held = (log.longest().follower["status"] != Status.FOLLOWING).any()

@@ -11,7 +11,7 @@ import pytest
 from foretouch.identification import Learner, make_estimator, predict
 from foretouch.quantities import Recording
 from foretouch.recordings import read_recording
-from foretouch.report import score
+from foretouch.report import score_prediction
 from foretouch.session import mediate
 
 
@@ -25,13 +25,13 @@ def test_mediation_costs_a_point_at_most_where_no_bound_is_active(name: str, mea
     found = mediate(recording, learner(), delay=0.3)
     assert np.abs(found.step).max() <= 0.1
     window = {"contact_floor": recording.contact_floor, "score_from": 1.5}
-    plain = score(recording.time, recording.force, found.predicted, found.predicted, **window)
+    plain = score_prediction(recording.time, recording.force, found.predicted, found.predicted, **window)
     free = ~found.bounded
     allowed = np.where(found.bounded, found.predicted, found.mediated)
-    mediated = score(recording.time, recording.force, allowed, found.predicted, **window)
+    mediated = score_prediction(recording.time, recording.force, allowed, found.predicted, **window)
     assert free[plain.in_contact].mean() > 0.5
     assert mediated.prediction_error_percent < plain.prediction_error_percent + 1.0
-    everywhere = score(recording.time, recording.force, found.mediated, found.predicted, **window)
+    everywhere = score_prediction(recording.time, recording.force, found.mediated, found.predicted, **window)
     assert everywhere.prediction_error_percent < plain.prediction_error_percent + 2.0
 
 

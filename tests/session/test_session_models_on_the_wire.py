@@ -12,11 +12,11 @@ from hypothesis import strategies as st
 
 from foretouch.devices import ScriptedOperator
 from foretouch.identification import ContactSample, Estimator, Learner, Status
-from foretouch.identification.contact_map.bank import ContactMapBank
+from foretouch.identification.contact_map.bank import ContactMap
 from foretouch.messages import VERSION, Command, ModelUpdate, SessionLog, encode
 from foretouch.models import ContactModel, KelvinVoigt, make_model
 from foretouch.models.predictor import STATE_TOLERANCE
-from foretouch.report import session_report
+from foretouch.report import session_figures
 from foretouch.robot import FaultySensor, RobotSample, SensorFault, make_robot
 from foretouch.session import SessionSettings, replay, simulate
 from foretouch.session.network.model_sender import RoundTrip
@@ -87,7 +87,7 @@ class Flickering(Estimator):
         return KelvinVoigt(500.0, 1.0) if self.updates % 2 else None
 
 
-class Counting(ContactMapBank):
+class Counting(ContactMap):
     """Counts how often its model is asked for."""
 
     asked = 0
@@ -106,7 +106,7 @@ def session() -> SessionLog:
 def test_a_session_s_models_stay_within_fifty_kilobytes_a_second(session: SessionLog) -> None:
     assert bytes_in_worst_second(list(session.models)) <= 50_000
     sizes = [len(encode(model)) for model in session.models]
-    said = session_report(session)["model_bytes"]
+    said = session_figures(session)["model_bytes"]
     assert said == {"per_s": pytest.approx(sum(sizes) / 5.999), "p50": np.median(sizes), "max": max(sizes)}
 
 
@@ -159,7 +159,7 @@ def test_a_map_is_packed_for_the_models_that_are_sent_and_no_others() -> None:
 
 
 def test_a_change_of_the_material_is_sent_at_once_and_told_for_two_seconds() -> None:
-    pressing = Pressing(ContactMapBank(), {0: 400.0, 5000: 1600.0})
+    pressing = Pressing(ContactMap(), {0: 400.0, 5000: 1600.0})
     pressing.run(5000)
     before = pressing.state.learner.estimator.changes
     models = []
@@ -208,7 +208,7 @@ def test_one_message_after_a_burst_of_losses_says_it_all(session: SessionLog) ->
 
 def test_the_delay_that_the_estimator_is_told_is_the_round_trip_and_replay_tells_the_same() -> None:
     log = simulated(4.0, material="hunt-crossley", position_delay=0.03, force_delay=0.1)
-    estimator = ContactMapBank()
+    estimator = ContactMap()
     again = replay(log, Learner(estimator), delay=0.1)
     assert estimator.horizon == pytest.approx(0.131, abs=0.002)
     np.testing.assert_array_equal(again.predicted.force, log.leader["predicted_force"])

@@ -13,11 +13,11 @@ import pytest
 
 from foretouch.link import ZenohLink, free_endpoint
 from foretouch.messages import LEAVES, Hello, Status
-from foretouch.session import SessionSettings, StopFlag, make_session_robot
+from foretouch.session import Process, SessionSettings, StopFlag, make_session_robot
 from foretouch.session.processes import children, processes
 from foretouch.session.processes.children import Child
-from foretouch.session.processes.housekeeping import NOT_RECORDED, WELCOME, Housekeeper
-from foretouch.session.processes.news import ANEW, QUIET, Repeats, follower_news, leader_news
+from foretouch.session.runners.housekeeping import NOT_RECORDED, WELCOME, Housekeeper
+from foretouch.session.runners.news import ANEW, QUIET, Repeats, follower_news, leader_news
 from foretouch.session.steps import follower
 from foretouch.session.steps.heard import Heard
 
@@ -93,7 +93,7 @@ def test_an_end_that_takes_long_says_what_it_waits_for(tmp_path: Path, monkeypat
 def test_a_side_hears_that_its_leader_leaves_and_says_at_the_end_how_to_record() -> None:
     endpoint, said = free_endpoint(), []
     with ZenohLink(listen=[endpoint], subscribe=["hello"]) as link, ZenohLink(connect=[endpoint]) as leader:
-        house = Housekeeper(link, "follower", dict, StopFlag(), said.append)
+        house = Housekeeper(Process(link, StopFlag(), said.append), "follower", dict)
         assert not house.leader_leaves
         house.start()
         for texts, leaves in (({LEAVES: "yes"}, True), ({}, False)):

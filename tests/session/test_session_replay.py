@@ -26,11 +26,11 @@ class Heard(Lap):
 
     def log(self) -> SessionLog:
         self.keep()
-        return SessionLog.from_messages(self.records, self.telemetry, [], self.settings.as_text(), {})
+        return SessionLog.from_messages([*self.records, *self.telemetry], self.settings.as_text())
 
 
 def own_error(lap: Heard) -> np.ndarray:
-    """What the replay of the longest stretch predicts less what its leader did [N]."""
+    """What the replay of the longest segment predicts less what its leader did [N]."""
     log = lap.log()
     again = replay(log, Learner(lap.settings.make_estimator()), delay=lap.settings.force_delay)
     return again.predicted.force - log.longest().leader["predicted_force"]

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from foretouch.errors import RecordingError, SettingError, UnknownNameError
 from foretouch.messages import EmergencyStop, SessionLog, Status
-from foretouch.report import session_report
+from foretouch.report import session_figures
 from foretouch.session import (
     CLOSED_LOOP,
     FIXED_MOTION,
@@ -94,23 +94,23 @@ def test_under_its_own_settings_a_session_comes_out_bit_by_bit(changes: dict[str
 def test_so_does_one_whose_hand_was_moved_and_whose_motion_is_fixed_now(felt: SessionLog) -> None:
     out = again(felt)
     assert_same(out, felt)
-    assert session_report(out)["loop"].startswith("open loop")
+    assert session_figures(out)["loop"].startswith("open loop")
 
 
 def test_so_does_one_whose_hand_answers(felt: SessionLog) -> None:
     out = again(felt, closed_loop=True)
     assert not felt.leader["engaged"][3700:3800].all()  # the clutch was pressed, and is again
     assert_same(out, felt)
-    assert session_report(out)["loop"].startswith("closed loop")
+    assert session_figures(out)["loop"].startswith("closed loop")
 
 
 @pytest.mark.long
 def test_a_longer_force_delay_makes_the_delayed_force_worse_and_the_prediction_little() -> None:
     pressed = recorded(8.0)
-    before, after = session_report(pressed), session_report(again(pressed, force_delay=0.6))
+    before, after = session_figures(pressed), session_figures(again(pressed, force_delay=0.6))
     assert after["delayed_force_error_percent"] > 1.2 * before["delayed_force_error_percent"]
     late = {"score_from": 4.0}  # what was touched first is known one delay later
-    before, after = (session_report(log, **late) for log in (pressed, again(pressed, force_delay=0.6)))
+    before, after = (session_figures(log, **late) for log in (pressed, again(pressed, force_delay=0.6)))
     assert after["prediction_error_percent"] < 1.3 * before["prediction_error_percent"] + 1.0
 
 
@@ -167,7 +167,7 @@ def test_under_another_delay_true_and_predicted_force_stay_at_equal_command(posi
     force = before.follower["sensor_force"][200 + offset : 3000 + offset]
     np.testing.assert_array_equal(rows.follower["sensor_force"][200:3000], force)
     # The simulated robot, which does follow, feels the same but for its noise.
-    report, answered = session_report(out), session_report(again(simulated, position_delay=position_delay))
+    report, answered = session_figures(out), session_figures(again(simulated, position_delay=position_delay))
     for figure in ("prediction_error_percent", "delayed_force_error_percent"):
         assert report[figure] == pytest.approx(answered[figure], abs=1.5)
 
@@ -185,7 +185,7 @@ def test_what_was_not_believed_is_not_learnt_again_and_what_comes_after_is() -> 
     out = again(on_a_real_robot(replace(log, follower=follower)))
     assert out.follower["validity"][2500:2600].all()
     assert not out.follower["validity"][3200:].any()
-    assert session_report(out)["prediction_error_percent"] < 40.0
+    assert session_figures(out)["prediction_error_percent"] < 40.0
 
 
 def test_a_robot_that_somebody_else_moved_goes_its_way_again() -> None:
@@ -202,7 +202,7 @@ def test_a_robot_that_somebody_else_moved_goes_its_way_again() -> None:
         models += [] if said.model is None else [said.model]
         sample = robot.exchange(math.nan)
     texts = settings.as_text() | {"operator": "shadow", "surface": str(material.surface)}
-    log = SessionLog.from_messages(records, telemetry, models, texts, {})
+    log = SessionLog.from_messages([*records, *telemetry, *models], texts)
     out = again(log)
     assert set(out.follower["status"]) == {Status.SHADOW}
     assert np.isnan(out.follower["desired_position"]).all()
@@ -211,8 +211,8 @@ def test_a_robot_that_somebody_else_moved_goes_its_way_again() -> None:
     for kind in ("predicted_force", "delayed_force"):
         apart = np.abs(out.leader[kind] - log.leader[kind][: out.leader.size])
         assert np.percentile(apart, 99.0) < 0.1
-    assert session_report(out)["prediction_error_percent"] == pytest.approx(
-        session_report(log)["prediction_error_percent"], abs=1.0
+    assert session_figures(out)["prediction_error_percent"] == pytest.approx(
+        session_figures(log)["prediction_error_percent"], abs=1.0
     )
 
 
@@ -234,7 +234,7 @@ def test_a_session_in_real_time_is_replayed_on_an_even_clock(pressed: SessionLog
     np.testing.assert_allclose(out.leader["hand_position"][kept - kept[0]], leader["hand_position"], atol=1e-12)
     between = out.leader["hand_position"][: late.size - kept[0]] - pressed.leader["hand_position"][kept[0] :]
     assert np.abs(between).max() < 2e-6
-    own, found = session_report(pressed), session_report(out)
+    own, found = session_figures(pressed), session_figures(out)
     assert found["prediction_error_percent"] == pytest.approx(own["prediction_error_percent"], abs=1.5)
     assert "the session was in real time: its late ticks are not late again" in replay_notes(log, SessionSettings())
 
@@ -319,7 +319,7 @@ def test_what_a_material_answered_is_played_where_its_package_is_not_installed(p
     again = replay_under(log, settings)
     assert again.settings["material"] == "a gel"
     assert "the robot's motion is fixed too" in " / ".join(replay_notes(log, settings))
-    assert session_report(log)["settings"]["material"] == "a gel"
+    assert session_figures(log)["settings"]["material"] == "a gel"
 
 
 def test_a_scene_of_a_material_whose_package_is_not_installed_is_not_run_again() -> None:
@@ -358,7 +358,7 @@ def test_a_played_hand_is_where_it_was_at_every_recorded_tick_and_between_them_o
     gaps: list[int], seed: int
 ) -> None:
     random = np.random.default_rng(seed)
-    leader = np.zeros(len(gaps), dtype=SessionLog.from_messages([], [], [], {}, {}).leader.dtype)
+    leader = np.zeros(len(gaps), dtype=SessionLog.from_messages([]).leader.dtype)
     leader["time_ns"] = np.cumsum(gaps) * MS // 100 + 10**13
     leader["hand_position"] = random.normal(0.0, 0.01, len(gaps))
     leader["exact_hand_position"] = np.nan

@@ -19,7 +19,7 @@ GRIP_OR_NONE = pytest.mark.parametrize("grip", [pytest.param("none", marks=pytes
 
 
 def statuses(said: list[Telemetry]) -> list[Status]:
-    """What the follower did, each stretch once."""
+    """What the follower did, each segment once."""
     return [Status(status) for status, _ in itertools.groupby(one.status for one in said)]
 
 

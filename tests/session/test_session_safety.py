@@ -175,16 +175,16 @@ def test_an_emergency_stop_goes_back_without_a_force() -> None:
     assert pressed.forces[-1] == 0.0
 
 
-def test_a_force_that_is_in_doubt_is_not_pressed_towards() -> None:
+def test_a_force_that_is_in_uncertainty_is_not_pressed_towards() -> None:
     limits = SafetyLimits()
-    for doubtful in (False, True):
+    for uncertain in (False, True):
         safety, path = Safety(limits, TICK), []
         for tick in range(300):
             told = safety.update(
-                0.01, 0.0, 1.0, True, surface=0.0, silence=0.0, faulty=False, doubtful=doubtful and tick > 50
+                0.01, 0.0, 1.0, True, surface=0.0, silence=0.0, faulty=False, uncertain=uncertain and tick > 50
             )
             path.append(told)
-        assert (max(path) - path[60] > 1e-4) is not doubtful
+        assert (max(path) - path[60] > 1e-4) is not uncertain
 
 
 def test_every_status_has_a_sentence() -> None:

@@ -15,10 +15,11 @@ from hypothesis import strategies as st
 
 from foretouch.link import ZenohLink, free_endpoint
 from foretouch.messages import VERSION, Command, EmergencyStop, SessionLog, Status, Telemetry
-from foretouch.report import session_report
+from foretouch.report import session_figures
 from foretouch.robot import MovedRobot, Robot, RobotSample, make_robot
 from foretouch.session import (
     SHADOW_CHANNELS,
+    Process,
     SessionSettings,
     StopFlag,
     framed_robot,
@@ -28,8 +29,8 @@ from foretouch.session import (
     simulate,
 )
 from foretouch.session.network.playout import Arrival
-from foretouch.session.processes.news import leader_news, shadow_news
 from foretouch.session.runners import shadow
+from foretouch.session.runners.news import leader_news, shadow_news
 from foretouch.session.runners.shadow import SCORED_AFTER, ShadowScore
 from foretouch.session.steps import leader
 
@@ -66,7 +67,7 @@ def watched(settings: SessionSettings, seconds: float) -> tuple[SessionLog, shad
         models += [] if said.model is None else [said.model]
         sample = robot.exchange(math.nan)
     texts = settings.as_text() | {"surface": str(material.surface)}
-    return SessionLog.from_messages(records, telemetry, models, texts, {}), state
+    return SessionLog.from_messages([*records, *telemetry, *models], texts), state
 
 
 @pytest.fixture(scope="module")
@@ -115,12 +116,12 @@ def test_models_and_forces_come_as_late_as_the_settings_say(day: tuple[SessionLo
 
 def test_it_predicts_as_a_session_does(day: tuple[SessionLog, shadow.State]) -> None:
     log, state = day
-    report = session_report(log)
+    report = session_figures(log)
     assert report["status"] == "ok"
     assert report["tracking_error"]["max_mm"] == 0.0
     robot = make_robot("hunt-crossley", seed=0)
     hand = make_operator(SETTINGS, surface=robot.surface, press_depth=robot.material.press_depth, say=pytest.fail)
-    session = session_report(simulate(SETTINGS, duration=7.0, operator=hand, robot=robot).log)
+    session = session_figures(simulate(SETTINGS, duration=7.0, operator=hand, robot=robot).log)
     assert report["prediction_error_percent"] < 1.2 * session["equal_position"]["prediction_error_percent"] + 1.0
     assert report["delayed_force_error_percent"] > 5.0 * report["prediction_error_percent"]
     score = state.score
@@ -150,7 +151,7 @@ def test_the_hand_s_settings_have_no_part_in_it() -> None:
 def test_a_robot_that_counts_outwards_is_watched_like_any_other() -> None:
     settings = replace(SETTINGS, follower_frame="0.1,-1")
     robot, material = make_moved_robot(settings, say=pytest.fail)
-    robot = framed_robot(robot, settings.frames[1])
+    robot = framed_robot(robot, settings.follower_frame)
     deepest = max(robot.exchange(math.nan).position for _ in range(3000))
     assert material.surface < deepest < material.surface + 1.2 * material.press_depth
 
@@ -236,7 +237,7 @@ def test_whatever_comes_over_the_network_the_robot_is_told_nothing() -> None:
         insistent = threading.Thread(target=insist)
         insistent.start()
         try:
-            run_shadow(link, robot, SETTINGS, stop=StopFlag(), say=said.append, description={}, duration=2.5)
+            run_shadow(Process(link, StopFlag(), said.append), robot, SETTINGS, description={}, duration=2.5)
         finally:
             ended.set()
             insistent.join()

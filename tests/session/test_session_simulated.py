@@ -19,7 +19,7 @@ from foretouch.identification import ESTIMATORS, Learner, make_estimator
 from foretouch.messages import SessionLog, encode
 from foretouch.models import Predictor
 from foretouch.recordings import SessionWriter, read_session
-from foretouch.report import session_report
+from foretouch.report import session_figures
 from foretouch.robot import MATERIALS, make_robot
 from foretouch.session import SessionSettings, SimulatedSession, replay, simulate
 from foretouch.session.runners.warm_up import KERNELS, warm_up
@@ -138,7 +138,7 @@ def test_every_material_is_pressed_within_the_clamps(material: str) -> None:
 
 def test_the_robot_follows_within_two_milliseconds_where_it_has_been_before(session: SimulatedSession) -> None:
     """In the first three presses it goes slowly in through what it does not know."""
-    tracking = session_report(session.log, score_from=5.0)["tracking_error"]
+    tracking = session_figures(session.log, score_from=5.0)["tracking_error"]
     assert 0.0 < tracking["lag_ms"] <= 2.0
     assert tracking["rms_mm"] < 0.1
 
@@ -157,7 +157,9 @@ def test_faults_are_counted() -> None:
     assert 0.07 < lost < 0.13
     assert log.counts["commands_late"] > 0
     assert log.counts["telemetry_lost"] > 200
-    assert session_report(log)["messages"]["lost"] == sum(n for name, n in log.counts.items() if name.endswith("_lost"))
+    assert session_figures(log)["messages"]["lost"] == sum(
+        n for name, n in log.counts.items() if name.endswith("_lost")
+    )
 
 
 @pytest.mark.parametrize("jitter", [0.005, *(pytest.param(jitter, marks=pytest.mark.long) for jitter in (0.0, 0.0005))])
@@ -189,7 +191,7 @@ def test_a_still_hand_in_free_air_feels_nothing() -> None:
     log = simulate(SessionSettings(), duration=2.0, operator=Still(), robot=robot).log
     assert log.leader["rendered_force"].max() == 0.0
     assert not log.follower["in_contact"].any()
-    report = session_report(log, score_from=0.0)
+    report = session_figures(log, score_from=0.0)
     assert report["status"] == "no_contact"
     assert report["prediction_error_percent"] is None
 
@@ -197,7 +199,7 @@ def test_a_still_hand_in_free_air_feels_nothing() -> None:
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"position_delay": -0.1}, r"position_delay = -0\.1: must lie between 0 and 10 s"),
+        ({"position_delay": -0.1}, r"position_delay = -0\.1: must lie between 0 and 10"),
         ({"force_delay": float("nan")}, "force_delay = nan"),
         ({"loss": 2.0}, "loss = 2.0"),
         ({"model_rate": 0.0}, "model_rate = 0.0"),

@@ -15,6 +15,7 @@ from foretouch.errors import InputError, SettingError
 from foretouch.messages import SessionLog
 from foretouch.quantities import Frame
 from foretouch.recordings import read_session
+from foretouch.report import session_figures
 from foretouch.robot import FaultySensor, MovedRobot, RcmArm, Robot, RobotSample, SensorFault, make_material, make_robot
 from foretouch.session import FramedDevice, FramedRobot, SessionSettings, inverse, make_operator, simulate
 
@@ -65,7 +66,7 @@ def test_a_session_equals_its_repetition_whatever_the_computer_took(scene: str) 
     assert one.log.rows() == other.log.rows()
     assert hash(one) == hash(other)
     assert hash(one.log) == hash(other.log)
-    reports = [foretouch.session_report(session.log) for session in (one, other)]
+    reports = [session_figures(session.log) for session in (one, other)]
     assert reports[0] != reports[1]
     for report in reports:
         del report["timing"]
@@ -174,7 +175,7 @@ def test_the_log_names_a_material_of_the_callers_own() -> None:
     material = dataclasses.replace(make_material("hunt-crossley"), name="my gel")
     log = simulate(SETTINGS, duration=SECONDS, robot=make_robot(material)).log
     assert log.settings["material"] == "my gel"
-    assert foretouch.session_report(log)["settings"]["material"] == "my gel"
+    assert foretouch.session_report(log).settings["material"] == "my gel"
 
 
 def test_what_is_made_for_a_session_is_closed_after_it_and_what_is_brought_is_not(

@@ -112,7 +112,6 @@ def print_table(outcomes: dict[str, list[Outcome]]) -> None:
         "robot [N]",
         "unloaded [N]",
         "change [N]",
-        "beyond [J]",
         "error [%]",
     )
     print("\n| " + " | ".join(columns) + " |\n" + "| --- " * len(columns) + "|")  # noqa: T201
@@ -127,7 +126,6 @@ def print_table(outcomes: dict[str, list[Outcome]]) -> None:
             f"{max(one.force for one in many):.1f}",
             f"{max(one.unloaded for one in many):.2f}",
             f"{max(one.change for one in many):.3f}",
-            f"{max(0.0, *(one.beyond for one in many)):.0e}",
             f"{statistics.median(errors):.0f}, {max(errors):.0f}" if errors else "",
         )
         print("| " + " | ".join(map(str, cells)) + " |")  # noqa: T201

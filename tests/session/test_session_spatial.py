@@ -30,7 +30,7 @@ from foretouch.rendering.surfaces import Plane
 from foretouch.robot import MATERIALS, GantryArm, MissingGraphicsError, graphics_library, make_material
 from foretouch.session import SessionSettings
 from foretouch.session.runners.driven import drive_leader
-from foretouch.session.runners.simulated_scene import simulate_scene
+from foretouch.session.runners.lap import simulate_scene
 from foretouch.session.spatial import (
     follower,
     leader,
@@ -66,11 +66,10 @@ def run(duration: float, *, camera: bool = True, **changes: Any) -> SessionLog:
     drawn = make_camera(settings, scene, say=print) if camera and settings.fusion in ("full", "image") else None
     return simulate_scene(
         settings,
-        scene,
+        make_spatial_operator(settings, scene, scene.nominal),
+        make_spatial_robot(settings, scene),
+        drawn,
         duration=duration,
-        operator=make_spatial_operator(settings, scene, scene.nominal),
-        robot=make_spatial_robot(settings, scene),
-        camera=drawn,
     ).log
 
 
@@ -118,14 +117,14 @@ def test_forces_are_predicted_where_the_delayed_ones_are_wrong(seen: SessionLog)
 
 @sees
 @pytest.mark.long
-def test_a_rendered_force_has_its_doubt_which_shrinks_where_the_hand_has_been(seen: SessionLog) -> None:
+def test_a_rendered_force_has_its_uncertainty_which_shrinks_where_the_hand_has_been(seen: SessionLog) -> None:
     leader = seen.leader
     pressed = leader["predicted_force"] > 0.3
-    doubt = leader["standard_deviation"][pressed] / leader["predicted_force"][pressed]
-    assert np.isfinite(doubt).all()
-    assert (doubt > 0.0).all()
+    uncertainty = leader["standard_deviation"][pressed] / leader["predicted_force"][pressed]
+    assert np.isfinite(uncertainty).all()
+    assert (uncertainty > 0.0).all()
     time = leader["time_ns"][pressed] * 1e-9
-    assert np.median(doubt[time > 9.0]) < 0.7 * np.median(doubt[time < 6.0])
+    assert np.median(uncertainty[time > 9.0]) < 0.7 * np.median(uncertainty[time < 6.0])
 
 
 def is_gentle(log: SessionLog) -> bool:
@@ -167,8 +166,8 @@ def test_a_hidden_board_ages_and_nothing_jumps() -> None:
     assert age[1400] < 0.3
     assert age[4200] > 2.2
     assert age[4900] < 0.5
-    doubt = log.leader_space["fixture_deviation"]
-    assert doubt[4200] > doubt[1700]
+    uncertainty = log.leader_space["fixture_deviation"]
+    assert uncertainty[4200] > uncertainty[1700]
     steps = [
         pose(a, "fixture").distance(pose(b, "fixture"))
         for a, b in zip(log.leader_space[1400:], log.leader_space[1401:], strict=False)
@@ -359,13 +358,13 @@ def test_a_belief_moves_no_coordinate_and_a_place_comes_back(beliefs: list, plac
     first = along.follow(place)
     for belief in beliefs:
         along.believe(belief)
-        footing = along.follow(place)
-        assert footing.along == pytest.approx(first.along, abs=1e-12)
-        np.testing.assert_allclose(footing.place_at(footing.along), place, atol=1e-12)
+        closest = along.follow(place)
+        assert closest.along == pytest.approx(first.along, abs=1e-12)
+        np.testing.assert_allclose(closest.place_at(closest.along), place, atol=1e-12)
         exact = Pose.from_rotation_vector(belief[3:], belief[:3]).inverse().apply(place)[2]
-        assert footing.depth == pytest.approx(-exact, abs=1e-12)
-        deeper = along.follow(footing.place_at(footing.along + 1e-3))
-        assert deeper.depth == pytest.approx(footing.depth + 1e-3, abs=1e-9)
+        assert closest.depth == pytest.approx(-exact, abs=1e-12)
+        deeper = along.follow(closest.place_at(closest.along + 1e-3))
+        assert deeper.depth == pytest.approx(closest.depth + 1e-3, abs=1e-9)
         along.follow(place)
 
 

@@ -18,8 +18,8 @@ from foretouch.errors import PeerVersionError
 from foretouch.link import ZenohLink, free_endpoint
 from foretouch.link.zenoh_link import PATIENCE
 from foretouch.messages import VERSION, Hello, Hellos, Message, ModelUpdate, encode
-from foretouch.session import Housekeeper, StopFlag, wait_for_hello
-from foretouch.session.processes.housekeeping import NOT_RECORDED
+from foretouch.session import Housekeeper, Process, StopFlag, wait_for_hello
+from foretouch.session.runners.housekeeping import NOT_RECORDED
 from foretouch.session.steps.heard import MOST_FORMER, Heard
 
 pytestmark = pytest.mark.network
@@ -56,7 +56,7 @@ def stranger() -> Iterator[tuple[ZenohLink, Any]]:
 def test_memory_does_not_grow_with_hellos(stranger: tuple[ZenohLink, Any], kind: str, count: int) -> None:
     link, session = stranger
     said: list[str] = []
-    house = Housekeeper(link, "follower", dict, StopFlag(), said.append, news=lambda heard: str(len(heard)))
+    house = Housekeeper(Process(link, StopFlag(), said.append), "follower", dict, news=lambda heard: str(len(heard)))
     watched, hellos = Watched(), Hellos()
     house.start()
     waiting = threading.Thread(target=wait_for_hello, args=(link, {"leader"}, flag := StopFlag()))
@@ -139,7 +139,7 @@ def test_processes_of_one_parent_are_of_one_version(stranger: tuple[ZenohLink, A
 def test_what_is_too_large_is_said_once_and_counted(stranger: tuple[ZenohLink, Any]) -> None:
     link, _ = stranger
     said: list[str] = []
-    house = Housekeeper(link, "follower", dict, StopFlag(), said.append)
+    house = Housekeeper(Process(link, StopFlag(), said.append), "follower", dict)
     large: Message = ModelUpdate(VERSION, 1, 1, 0, "x", (0.5,) * 4000, (0.5,) * 4000, 0.0, True, "", "", b"")
     for _ in range(3):
         link.publish(large)
@@ -167,12 +167,9 @@ def test_a_side_without_a_parent_says_who_is_there_that_a_stop_is_over_and_why_i
     said: list[str] = []
     trouble = ["", "emergency stop (asked)", ""]
     house = Housekeeper(
-        Saying(leader="anna"),  # type: ignore[arg-type]
+        Process(Saying(leader="anna"), StopFlag(), said.append, parent),  # type: ignore[arg-type]
         "follower",
         dict,
-        StopFlag(),
-        said.append,
-        parent,
         lambda heard: trouble.pop(0),
         over=lambda: "the robot follows",
     )

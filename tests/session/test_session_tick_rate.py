@@ -13,11 +13,11 @@ from step_links import Spoken
 
 from foretouch.messages import STATUS_SENTENCES, Status
 from foretouch.robot import Robot, RobotSample, make_robot
-from foretouch.session import SessionSettings, StopFlag, run_follower
+from foretouch.session import Process, SessionSettings, StopFlag, run_follower
 from foretouch.session.conformance.robot_checks import check_robot
-from foretouch.session.processes.news import follower_news
 from foretouch.session.runners import live, loop_timer, shadow
 from foretouch.session.runners.loop_timer import LoopTimer, let_pass
+from foretouch.session.runners.news import follower_news
 from foretouch.session.steps.sensing import LEAST_RATE, LONGEST_NS, WINDOW, TickRate
 
 MS = 1_000_000
@@ -91,9 +91,10 @@ def test_a_loop_keeps_its_pace_with_a_driver_that_waits_for_its_cycle_also_after
     run: Any = {"follower": run_follower, "shadow": shadow.run_shadow}[side]
     monkeypatch.setattr(live if side == "follower" else shadow, "LoopTimer", Timer)
     monkeypatch.setattr(live if side == "follower" else shadow, "link_counts", lambda *_: {})
-    link, said = Spoken(lambda now: 0.001), list[str]()
-    options: dict[str, Any] = {"stop": StopFlag(), "say": said.append, "description": {}, "duration": 1.0}
-    run(link, robot, SessionSettings(material="hunt-crossley"), **options)
+    link: Any = Spoken(lambda now: 0.001)
+    said: list[str] = []
+    process = Process(link, StopFlag(), said.append)
+    run(process, robot, SessionSettings(material="hunt-crossley"), description={}, duration=1.0)
     assert len(link.telemetry) >= 950  # of 1000; 40 are gone in one delay
     assert abs(len(link.telemetry) - robot.made) <= 1
 
@@ -208,10 +209,10 @@ def test_a_driver_that_really_waits_for_its_cycle_keeps_the_pace_of_the_machine(
         robot = Waiting()
         robot.waits = waits
         link: Any = Spoken(lambda now: 0.001)
-        options: dict[str, Any] = {"stop": StopFlag(), "say": lambda line: None, "description": {}, "duration": 1.5}
+        process = Process(link, StopFlag(), lambda line: None)
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr(live, "link_counts", lambda *_: {})
-            run_follower(link, robot, SessionSettings(material="hunt-crossley"), **options)
+            run_follower(process, robot, SessionSettings(material="hunt-crossley"), description={}, duration=1.5)
         return len(link.telemetry)
 
     assert ticks(True) > ticks(False) / 5

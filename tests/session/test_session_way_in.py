@@ -16,7 +16,7 @@ from foretouch.session import SessionSettings
 from foretouch.session.runners.warm_up_scene import SPECIFICATION
 from foretouch.session.spatial import follower, make_scene, tracker
 from foretouch.session.spatial.scenes import NOMINAL, KnownSurface
-from foretouch.session.spatial.way_in import LARGEST_DOUBT, LARGEST_TURN, LEAST_TURN, PoseDoubt
+from foretouch.session.spatial.way_in import LARGEST_TURN, LARGEST_UNCERTAINTY, LEAST_TURN, PoseUncertainty
 
 MS = 1_000_000
 UP = (0.0, 0.0, 1.0)
@@ -92,7 +92,7 @@ def test_three_touches_free_the_air_over_a_plane_and_one_near_it_until_a_surface
     for height in np.linspace(0.01, -0.005, 100).tolist():
         feeler.go(0.005, 0.0, height)
     feeler.go(0.005, 0.0, -0.005, ticks=100)
-    assert feeler.over(-0.015, 0.015) > 0.9 * LARGEST_DOUBT
+    assert feeler.over(-0.015, 0.015) > 0.9 * LARGEST_UNCERTAINTY
     feeler.press(0.005, 0.0, -0.008)
     assert feeler.over(0.005, 0.001) < 2e-3
     assert feeler.over(-0.015, 0.015) > 0.005
@@ -109,7 +109,7 @@ def test_a_touch_in_free_air_speaks_against_all_that_was_felt() -> None:
     for height in np.linspace(0.01, -0.0005, 100).tolist():
         feeler.go(0.005, 0.0, 0.006 + height, 500.0 * max(-height, 0.0))
     assert feeler.tracking.contacts == len(CORNERS), "that is not yet a touch"
-    assert feeler.over(-0.015, 0.015) > 0.9 * LARGEST_DOUBT
+    assert feeler.over(-0.015, 0.015) > 0.9 * LARGEST_UNCERTAINTY
     feeler.press(0.005, 0.0, 0.006)
     assert feeler.over(0.005, 0.001) < 2e-3, "there it was felt now"
     assert feeler.over(-0.015, 0.015) > 0.01
@@ -119,34 +119,34 @@ def covariance(place: Sequence[float], turn: Sequence[float]) -> tuple[float, ..
     return tuple(np.diag(np.square((*place, *turn))).ravel().tolist())
 
 
-def test_the_doubt_is_of_the_height_alone_and_a_turn_about_the_normal_inclines_nothing() -> None:
-    doubt = PoseDoubt(Plane())
-    doubt.believe(covariance((0.02, 0.02, 1e-4), (1e-3, 1e-3, 0.3)))
-    nearer, turn = doubt.at((0.05, 0.0, 0.0), UP)
+def test_the_uncertainty_is_of_the_height_alone_and_a_turn_about_the_normal_inclines_nothing() -> None:
+    uncertainty = PoseUncertainty(Plane())
+    uncertainty.believe(covariance((0.02, 0.02, 1e-4), (1e-3, 1e-3, 0.3)))
+    nearer, turn = uncertainty.at((0.05, 0.0, 0.0), UP)
     assert nearer == pytest.approx(3.0 * math.hypot(1e-4, 5e-5) + 5e-4, rel=1e-9)
     assert turn == LEAST_TURN
-    assert doubt.at((0.05, 0.0, 0.0), (1.0, 0.0, 0.0))[0] == pytest.approx(3.0 * 0.02 + 5e-4, rel=1e-3)
+    assert uncertainty.at((0.05, 0.0, 0.0), (1.0, 0.0, 0.0))[0] == pytest.approx(3.0 * 0.02 + 5e-4, rel=1e-3)
 
 
 @pytest.mark.parametrize("told", [(), (1.0,) * 6, (math.nan,) * 36, (-1.0,) * 36, (1e300,) * 36])
 def test_what_is_no_covariance_says_nothing(told: tuple[float, ...]) -> None:
-    doubt = PoseDoubt(Plane())
-    doubt.believe(told)
-    assert doubt.at((0.01, 0.02, 0.0), UP) == (LARGEST_DOUBT, LARGEST_TURN)
+    uncertainty = PoseUncertainty(Plane())
+    uncertainty.believe(told)
+    assert uncertainty.at((0.01, 0.02, 0.0), UP) == (LARGEST_UNCERTAINTY, LARGEST_TURN)
 
 
 def flat(surface: Surface) -> bool:
     return surface.relief() == (0.0, 0.0)
 
 
-def test_a_hill_is_doubted_where_it_may_stand_elsewhere_along_itself() -> None:
+def test_a_hill_is_uncertain_where_it_may_stand_elsewhere_along_itself() -> None:
     plane, hill = make_scene("plane").surface, make_scene("hill").surface
     assert flat(plane)
     assert not flat(hill)
     sine, relief = hill.relief()
     assert 0.12 < sine < 0.15  # the steepest slope, 4 / 18 exp(-1 / 2), of which the grid sees the chords
     assert 3.9e-3 < relief <= 4e-3
-    doubt = PoseDoubt(hill)
+    uncertainty = PoseUncertainty(hill)
     for along, least, most in ((2e-4, 0.5e-3, 1e-3), (0.02, 4e-3, 6e-3)):
-        doubt.believe(covariance((along, along, 1e-5), (1e-5, 1e-5, 1e-5)))
-        assert least < doubt.at((0.075, 0.0, 0.004), UP)[0] < most
+        uncertainty.believe(covariance((along, along, 1e-5), (1e-5, 1e-5, 1e-5)))
+        assert least < uncertainty.at((0.075, 0.0, 0.004), UP)[0] < most

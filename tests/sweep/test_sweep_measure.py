@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from foretouch.sweep.run import felt_stiffness
+from foretouch.sweep.outcome import felt_stiffness
 
 Array = NDArray[np.float64]
 

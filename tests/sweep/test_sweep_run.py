@@ -18,7 +18,7 @@ from foretouch.errors import InputError
 from foretouch.messages import SessionLog
 from foretouch.recordings import read_session
 from foretouch.sweep import Outcome, Plan, draw_case, replay_session, run_case, run_sweep
-from foretouch.sweep.run import digest, log_of, measure
+from foretouch.sweep.outcome import digest, log_of, measure
 from foretouch.sweep.sweep import FILE_NAME, SHOWING, Store, read_store
 
 PLAN = Plan(12, 2, 4.0)
@@ -207,7 +207,7 @@ def test_rows_are_stale_by_what_made_them_and_by_nothing_that_only_shows_them() 
     asked = (foretouch.report.hand_figures, foretouch.report.pair, foretouch.report.update_jumps)
     roots = {function.__module__ for function in asked} | {"foretouch.report.session"}  # that for its contact floor
     made = set().union(*(reached(root, "report") for root in roots))
-    made |= reached("foretouch.sweep.run", "sweep") | reached("foretouch.sweep.sweep", "sweep")
+    made |= reached("foretouch.sweep.outcome", "sweep") | reached("foretouch.sweep.sweep", "sweep")
     source = Path(foretouch.report.__file__).parents[1]
     for room in ("report", "sweep"):
         for path in (source / room).rglob("*.py"):

@@ -103,14 +103,14 @@ def test_wrong_images_that_do_not_agree_never_open_it() -> None:
         assert known.update(image(random, wrong, 0.033 * tick)) is Verdict.REFUSED
 
 
-def test_the_doubt_grows_while_nothing_is_seen_and_stays_bounded() -> None:
+def test_the_uncertainty_grows_while_nothing_is_seen_and_stays_bounded() -> None:
     random = np.random.default_rng(7)
     known = FixtureFilter(Fixture(), Pose.identity())
     assert "has not been seen" in known.state(0.0).sentence(0.0)
     known.update(image(random, Pose.identity(), 0.1))
-    doubts = [np.diag(known.state(now).pose_covariance)[0] for now in (0.1, 1.0, 10.0, 1e12)]
-    assert doubts == sorted(doubts)
-    assert doubts[0] < doubts[1] < doubts[2] < doubts[3] <= 0.25 + 1e-9
+    uncertainties = [np.diag(known.state(now).pose_covariance)[0] for now in (0.1, 1.0, 10.0, 1e12)]
+    assert uncertainties == sorted(uncertainties)
+    assert uncertainties[0] < uncertainties[1] < uncertainties[2] < uncertainties[3] <= 0.25 + 1e-9
     assert "4.9 s ago" in known.state(5.0).sentence(5.0)
 
 

@@ -1,9 +1,8 @@
 """How fast everything is on the user's machine, beside peers and beside what is asked for."""
 
-from foretouch.bench.benchmarks import BENCHMARKS, benchmark
+from foretouch.bench.benchmarks import BENCHMARKS, benchmark, run_benchmarks
 from foretouch.bench.check import Checked, check, read_baseline
-from foretouch.bench.rows import Row, Scope, render_table
-from foretouch.bench.run import run_benchmarks
+from foretouch.bench.timing import Row, Scope, render_table
 
 __all__ = [
     "BENCHMARKS",

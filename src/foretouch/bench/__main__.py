@@ -8,17 +8,12 @@ import msgspec
 
 from foretouch.bench.benchmarks import benchmark
 from foretouch.bench.children import interruptible
-from foretouch.bench.rows import Row, Scope
+from foretouch.bench.timing import Row, Scope
 from foretouch.errors import MissingExtraError
 
 
 def main(name: str, *options: str) -> None:
-    """Measure, print, and say what is left out on the error stream.
-
-    Args:
-        name: Of the benchmark.
-        *options: ``--full``.
-    """
+    """Measure one benchmark, with ``--full`` or without; print, and say what is left out on the error stream."""
 
     def say(text: str) -> None:
         sys.stderr.write(f"foretouch: {text}\n")
@@ -27,7 +22,7 @@ def main(name: str, *options: str) -> None:
     try:
         with interruptible():
             rows = benchmark(name)(Scope("--full" in options, say))
-    except KeyboardInterrupt:  # by who started it, who says so
+    except KeyboardInterrupt:  # whoever started it reports it
         sys.exit(130)
     except MissingExtraError as error:
         say(f"{name} is left out: {error}")

@@ -3,7 +3,7 @@
 Seconds depend on the machine, these ratios hardly. What noise adds to a time is never negative, so that the least of
 many interleaved rounds is what is compared: a machine that is busy half of the time still has quiet rounds. A ratio
 fails beyond its baseline times a band. The band leaves room for what differs between machines and versions of Python;
-what is asked is that nobody makes anything twice as slow unseen.
+the purpose is that nothing becomes twice as slow unnoticed.
 """
 
 from __future__ import annotations
@@ -19,18 +19,18 @@ import numpy as np
 from foretouch.bench.benchmarks.steps import TapedSession
 from foretouch.bench.benchmarks.updates import CALLED, bare, theta_of, update_all
 from foretouch.bench.benchmarks.updates import map_contestant as map_over_recording
-from foretouch.bench.press import Problem, press, rank_one_updates, recursion_over, samples
+from foretouch.bench.peers import Problem, press, rank_one_updates, recursion_over, samples
 from foretouch.bench.timing import Contestant, once
 from foretouch.errors import RecordingError
 
 BAND, SHORT_BAND = 1.6, 2.5
-"""A ratio may be so many times its baseline; the short form has few rounds."""
+"""Largest ratio to the baseline, full and short form; the short form has few rounds."""
 
 STALE = 0.8
-"""What is below so many times its baseline is so by more than noise, and might become slower unseen."""
+"""A ratio below this fraction of its baseline is so by more than noise: a later slowdown would go unnoticed."""
 
 ROUNDS, SHORT_ROUNDS, TURNS, ATTEMPTS = 40, 4, 6, 3
-"""Rounds have one session and so many turns of all else; and how often rounds are added where a ratio is beyond."""
+"""Rounds, full and short form; runs in a round of all but the session; and attempts at a ratio that fails."""
 
 CALLS, RECORDED, MATRICES = 2_000, 20_000, 100
 """Work of one turn: calls, samples of a recording, matrices."""
@@ -56,10 +56,10 @@ class Checked:
     """One ratio beside its baseline.
 
     Attributes:
-        name: Of the ratio.
+        name: Name of the ratio.
         ratio: As measured now; None where the baseline names what is not measured any more.
-        baseline: As it was; None where it is new.
-        band: How many times the baseline is allowed.
+        baseline: Stored ratio; None where it is new.
+        band: Largest allowed multiple of the baseline.
     """
 
     name: str
@@ -89,11 +89,7 @@ class Checked:
 
 
 def measure_ratios(*, short: bool) -> Measured:
-    """Ours over a bare compiled loop, each the least of interleaved rounds.
-
-    Args:
-        short: A few seconds; else a minute.
-    """
+    """Ours over a bare compiled loop, each the least of interleaved rounds, in seconds (`short`) or a minute."""
     return _ratios(_least(short, {}))
 
 
@@ -134,13 +130,7 @@ def _least(short: bool, before: Mapping[str, float]) -> dict[str, float]:
 
 
 def compare(measured: Mapping[str, float], baseline: Mapping[str, float], band: float) -> list[Checked]:
-    """Every ratio of either beside the other.
-
-    Args:
-        measured: Ratio by name.
-        baseline: The same, as committed.
-        band: How many times the baseline is allowed.
-    """
+    """Every ratio beside its baseline, for all names of either; up to `band` times the baseline is allowed."""
     names = dict.fromkeys((*measured, *baseline))
     return [Checked(name, measured.get(name), baseline.get(name), band) for name in names]
 
@@ -169,11 +159,7 @@ def check(baseline: Path | None = None, *, short: bool = False) -> list[Checked]
 
 
 def read_baseline(path: Path | None = None) -> Measured:
-    """Ratio by name from a file; from the committed one where none is given.
-
-    Raises:
-        RecordingError: It cannot be read, or is no table of numbers.
-    """
+    """Ratio by name from a file, the committed one by default; a RecordingError where it cannot be read."""
     try:
         content = (files("foretouch.bench") / "baseline.json").read_bytes() if path is None else path.read_bytes()
         return msgspec.json.decode(content, type=Measured)
@@ -182,14 +168,7 @@ def read_baseline(path: Path | None = None) -> Measured:
 
 
 def try_to_write(path: Path) -> None:
-    """See whether a baseline can be kept there, before a minute is spent on it; what is there stays as it is.
-
-    Args:
-        path: The file.
-
-    Raises:
-        RecordingError: It cannot be written.
-    """
+    """See that a baseline can be kept there, before a minute is spent on it; else a RecordingError."""
     new = not path.exists()
     try:
         with path.open("ab"):
@@ -201,15 +180,7 @@ def try_to_write(path: Path) -> None:
 
 
 def write_baseline(path: Path, measured: Mapping[str, float]) -> None:
-    """Keep ratios, to three figures.
-
-    Args:
-        path: The file; one that is there is replaced.
-        measured: Ratio by name.
-
-    Raises:
-        RecordingError: It cannot be written.
-    """
+    """Write ratios to three figures, over a file that is there; a RecordingError where it cannot be written."""
     rounded = {name: float(f"{ratio:.3g}") for name, ratio in measured.items()}
     try:
         path.write_bytes(msgspec.json.format(msgspec.json.encode(rounded), indent=2) + b"\n")

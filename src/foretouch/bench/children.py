@@ -1,4 +1,4 @@
-"""Fresh processes: timed, with what they did to memory, and none that outlives who started it."""
+"""Fresh processes, timed and with their use of memory; none outlives its parent."""
 
 from __future__ import annotations
 
@@ -24,20 +24,20 @@ ONE_THREAD = dict.fromkeys(
 """No pool of threads takes a core that another contestant has."""
 
 GRACE = 5.0
-"""Who is asked to end is killed after so long [s]."""
+"""Time after which a process that was asked to end is killed [s]."""
 
 ENDINGS = (signal.SIGTERM, signal.SIGHUP)
-"""That end a process, besides SIGINT: its children, in sessions of their own, hear nothing of them."""
+"""Signals that end a process, besides SIGINT: its children, in sessions of their own, do not receive them."""
 
 SHOWN = 4
-"""So many arguments of a process that failed are named."""
+"""Number of arguments shown of a process that failed."""
 
 
 class Ended(NamedTuple):
     """A process that has ended well.
 
     Attributes:
-        seconds: From its start to its end, start-up included.
+        seconds: Time from its start to its end, start-up included [s].
         peak: Most memory that it held at once [bytes].
         output: What it printed.
     """
@@ -54,22 +54,13 @@ class Children:
         self._running: list[subprocess.Popen[Any]] = []
 
     def start(self, command: Sequence[str], **options: Any) -> subprocess.Popen[Any]:
-        """Start one, with nothing to read and one thread a pool.
-
-        Args:
-            command: And its arguments.
-            **options: Of `subprocess.Popen`.
-        """
+        """Start a command, with nothing to read and one thread a pool, and with options of `subprocess.Popen`."""
         given = {"stdin": subprocess.DEVNULL, "env": environment(), "start_new_session": True, **options}
         self._running.append(subprocess.Popen(command, **given))
         return self._running[-1]
 
     def end(self, grace: float) -> None:
-        """Ask all to end that have not, and kill what is left of them and of what they started.
-
-        Args:
-            grace: All of them together have so long [s].
-        """
+        """Ask all to end that have not, and kill what is left of them and of their children after `grace` [s]."""
         asked = [process for process in self._running if process.poll() is None]
         for process in asked:
             _signal(process, signal.SIGTERM)
@@ -86,17 +77,13 @@ class Children:
 
 
 def _signal(process: subprocess.Popen[Any], number: int) -> None:
-    with contextlib.suppress(ProcessLookupError, PermissionError):  # nobody is left
+    with contextlib.suppress(ProcessLookupError, PermissionError):  # none is left
         os.killpg(process.pid, number)
 
 
 @contextlib.contextmanager
 def children(grace: float = GRACE) -> Iterator[Children]:
-    """Start processes; however this ends, none of them is left.
-
-    Args:
-        grace: As of `Children.end`.
-    """
+    """Start processes; however this ends, none of them is left after a time of grace [s]."""
     started = Children()
     try:
         yield started
@@ -107,7 +94,7 @@ def children(grace: float = GRACE) -> Iterator[Children]:
 
 @contextlib.contextmanager
 def _undisturbed() -> Iterator[None]:
-    """Whoever is impatient does not leave processes behind."""
+    """Ignore signals, so that an impatient Ctrl-C leaves no processes behind."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -121,7 +108,7 @@ def _undisturbed() -> Iterator[None]:
 
 @contextlib.contextmanager
 def interruptible() -> Iterator[None]:
-    """SIGTERM and SIGHUP are as Ctrl-C meanwhile: `KeyboardInterrupt`, so that everything on the way out is done."""
+    """Treat SIGTERM and SIGHUP like Ctrl-C meanwhile: `KeyboardInterrupt`, so that all cleaning up is done."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -138,16 +125,12 @@ def interruptible() -> Iterator[None]:
 
 
 def environment() -> dict[str, str]:
-    """That of this process, with one thread a pool."""
+    """Environment of this process, with one thread a pool."""
     return {**os.environ, **ONE_THREAD}
 
 
 def measure_process(arguments: Sequence[str]) -> Ended:
-    """Run Python with these arguments and wait for its end.
-
-    Raises:
-        ForetouchError: It ended otherwise than well.
-    """
+    """Run Python with these arguments and wait for its end; a ForetouchError where it did not end well."""
     with (
         tempfile.TemporaryDirectory() as folder,
         tempfile.TemporaryFile("w+") as out,
@@ -167,7 +150,7 @@ def measure_process(arguments: Sequence[str]) -> Ended:
 
 
 def last_line(said: str) -> str:
-    """The last line of what a process said, which is why it failed."""
+    """The last line of a process's output, which is why it failed."""
     return (said.strip().splitlines() or ["it said nothing"])[-1]
 
 

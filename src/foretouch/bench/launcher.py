@@ -1,7 +1,7 @@
 """A small process that starts one, times it and asks for its memory: `launcher.py RESULT COMMAND ...`.
 
-A process counts as its own what whoever started it held at that moment. So whoever starts it must be small: this file
-imports nothing but Python's own, and is run by its path.
+The memory counted for a process includes what its parent held when it was started. So the parent must be small: this
+file imports nothing but the standard library, and is run by its path.
 """
 
 from __future__ import annotations
@@ -14,12 +14,7 @@ import time
 
 
 def main(result: str, *command: str) -> None:
-    """Run a command and write seconds, most memory (as the system counts it) and exit code into a file.
-
-    Args:
-        result: The file.
-        *command: To run.
-    """
+    """Run a command and write seconds, most memory (as the system counts it) and exit code into the file `result`."""
     start = time.perf_counter()
     child = subprocess.Popen(command)
     _, status, used = os.wait4(child.pid, 0)

@@ -1,4 +1,8 @@
-r"""What ours is held against: recursive least squares by padasip, filterpy and river, and the processor's bound.
+r"""The press that benchmarks identify, and what ours is held against: peers, the processor's bound and plain loops.
+
+The press goes in and out at constant speed, so that the paper's mu is one number. The plain loops are compiled, written
+as anybody would, and many recordings at once in NumPy, every operation over all streams. Recursive least squares are by
+padasip, filterpy and river.
 
 The peers all begin at theta_0 = 0 and P_0 = p I and forget by the same constant mu, as the paper's (20) without its
 perturbation. Each is given a sample a call, which is what its interface has. What each calls these differs:
@@ -9,7 +13,7 @@ perturbation. Each is given a sample a call, which is what its interface has. Wh
 - river `BayesianLinearRegression`: `smoothing` = mu weights a sample by (1 - mu) beta, so beta = 1 / (1 - mu); its
   prior with smoothing is I / `alpha` as a precision, so alpha = p. It inverts a matrix in each step. Without smoothing,
   mu = 1, it does not: then beta = 1, and its prior is I / alpha as a covariance, so alpha = 1 / p. It learns alone,
-  `learn_one`: nobody asks it for the prediction before.
+  `learn_one`, without a prediction before.
 
 The bound says how fast equation (20) can be on this machine, from what a step waits for. From the covariance before a
 sample to that after it leads one chain in which each operation needs the one before:
@@ -38,18 +42,161 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from statistics import median
 from time import perf_counter
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import types
 from numba.extending import intrinsic, overload
 from numpy.typing import NDArray
 
-from foretouch.bench.press import FORGETTING_FACTOR, INITIAL_COVARIANCE, Problem
 from foretouch.core.compiling import compiled
 from foretouch.errors import install_command
+from foretouch.identification import ContactSample, FPRLSOptions
+from foretouch.identification.linear.estimators import forgetting_by_distance
 
 Array = NDArray[np.float64]
+
+PERIOD, SPEED, SHALLOWEST, DEEPEST = 1e-3, 0.02, 2e-3, 10e-3
+"""Time between samples [s], speed of the probe [m/s], and its depths [m]."""
+
+STIFFNESS, DAMPING, EXPONENT = 2000.0, 100.0, 1.4
+"""Parameters of the Hunt-Crossley law that is pressed: k [N/m^n], lambda [N s/m^(n+1)], n."""
+
+INITIAL_COVARIANCE = 1e6
+"""P_0 = this times I, the paper's, for ours and for the peers."""
+
+OPTIONS = FPRLSOptions(initial_covariance=INITIAL_COVARIANCE, perturbation=0.0)
+"""Options without the self-perturbing test, which no peer has."""
+
+FORGETTING_FACTOR = forgetting_by_distance(OPTIONS.forgetting_rate, SPEED * PERIOD)
+"""The paper's mu at this speed."""
+
+
+class Press(NamedTuple):
+    """Conditioned columns of a press, each of shape (n,): time [s], depth [m], velocity [m/s] and force [N]."""
+
+    time: Array
+    depth: Array
+    velocity: Array
+    force: Array
+
+
+class Problem(NamedTuple):
+    """The same press as a linear problem, which the peers are given ready-made: theta from Phi and ln F.
+
+    Regressors are (1, ln x, v, v / x), shape (n, 4), and targets ln F, shape (n,).
+    """
+
+    regressors: Array
+    targets: Array
+
+    @classmethod
+    def of(cls, pressed: Press) -> Problem:
+        """The linearised law (18) on a press."""
+        depth, velocity = pressed.depth, pressed.velocity
+        return cls(
+            np.column_stack([np.ones_like(depth), np.log(depth), velocity, velocity / depth]), np.log(pressed.force)
+        )
+
+
+def press(size: int, deepest: float = DEEPEST, noise: float = 0.01) -> Press:
+    """A press of a Hunt-Crossley material, in and out between 2 mm and the deepest [m], at 20 mm/s and 1 kHz.
+
+    It has `size` samples; the noise is a standard deviation of ln F.
+    """
+    time: Array = PERIOD * np.arange(size, dtype=np.float64)
+    phase = np.mod(SPEED * time / (deepest - SHALLOWEST), 2.0)
+    depth = SHALLOWEST + (deepest - SHALLOWEST) * np.where(phase < 1.0, phase, 2.0 - phase)
+    velocity: Array = np.where(phase < 1.0, SPEED, -SPEED)
+    errors = noise * np.random.default_rng(0).standard_normal(size)
+    force: Array = np.exp(errors) * depth**EXPONENT * (STIFFNESS + DAMPING * velocity)
+    return Press(time, depth, velocity, force)
+
+
+def samples(pressed: Press) -> list[ContactSample]:
+    """What `update` takes, one a sample."""
+    columns = [column.tolist() for column in pressed]
+    return [ContactSample(time, depth, speed, force, True) for time, depth, speed, force in zip(*columns, strict=True)]
+
+
+def _recursion(regressors: Array, targets: Array, forgetting_factor: float, initial_covariance: float) -> Array:
+    """Equation (20) with a constant mu, loop by loop over whole matrices."""
+    samples, size = regressors.shape
+    theta = np.zeros(size)
+    covariance = initial_covariance * np.eye(size)
+    projected = np.empty(size)
+    for k in range(samples):
+        innovation, denominator = targets[k], forgetting_factor
+        for i in range(size):
+            innovation -= regressors[k, i] * theta[i]
+            total = 0.0
+            for j in range(size):
+                total += covariance[i, j] * regressors[k, j]
+            projected[i] = total
+            denominator += regressors[k, i] * total
+        for i in range(size):
+            gain = projected[i] / denominator
+            theta[i] += gain * innovation
+            for j in range(size):
+                covariance[i, j] = (covariance[i, j] - gain * projected[j]) / forgetting_factor
+    return theta
+
+
+_compiled = compiled(_recursion)
+
+
+def recursion_over(problem: Problem) -> Array:
+    """Theta after a whole problem, shape (4,), from theta_0 = 0, with the constants of this module."""
+    return _compiled(problem.regressors, problem.targets, FORGETTING_FACTOR, INITIAL_COVARIANCE)
+
+
+def _add(state: Array, one: float, other: float, third: float, fourth: float) -> int:
+    state[0] += one * other + third * fourth
+    return 1
+
+
+bare_call = compiled(_add)
+"""A compiled call with an array and four numbers that does next to nothing: what any call from Python costs."""
+
+
+def _enlarge(matrix: Array, vector: Array, rounds: int) -> None:
+    for _ in range(rounds):
+        for i in range(vector.size):
+            for j in range(vector.size):
+                matrix[i, j] += vector[i] * vector[j]
+
+
+_compiled_enlarge = compiled(_enlarge)
+
+
+def rank_one_updates(rounds: int) -> Array:
+    """Sum of as many outer products of 256 numbers as there are rounds, shape (256, 256).
+
+    That is half a megabyte that is read and written, as a covariance's is. Code that shares a cache with other programs
+    becomes slower with them, where small loops do not: it is held against this.
+    """
+    matrix = np.zeros((256, 256))
+    _compiled_enlarge(matrix, np.linspace(0.0, 1.0, 256), rounds)
+    return matrix
+
+
+def recursion_over_many(regressors: Array, targets: Array, forgetting_factor: Array) -> Array:
+    """Theta of n streams by equation (20) without its perturbation, shape (n, 4), from theta_0 = 0 and P_0 = p I.
+
+    Regressors Phi have shape (m, 4, n), streams innermost, as it is fastest; targets ln F and mu have shape (m, n).
+    """
+    _, size, streams = regressors.shape
+    theta = np.zeros((size, streams))
+    covariance = np.zeros((size, size, streams))
+    covariance[range(size), range(size)] = INITIAL_COVARIANCE
+    for regressor, target, mu in zip(regressors, targets, forgetting_factor, strict=True):
+        projected = (covariance * regressor).sum(axis=1)
+        gain = projected / (mu + (regressor * projected).sum(axis=0))
+        theta += gain * (target - (regressor * theta).sum(axis=0))
+        covariance -= gain[:, None] * projected
+        covariance /= mu
+    return theta.T
+
 
 Peer = Callable[[], Array]
 """Runs the whole problem from the beginning and returns the last theta, shape (4,)."""
@@ -118,17 +265,11 @@ PEERS: dict[str, Callable[[Problem], Peer]] = {
     "river": _river,
     RIVER_WITHOUT_FORGETTING: _river_without_forgetting,
 }
-"""By name."""
+"""The peers by name."""
 
 
 def peer(name: str, problem: Problem, say: Callable[[str], None]) -> Peer | None:
-    """A peer on a problem; None, said in one line, where its package is not installed.
-
-    Args:
-        name: Of `PEERS`.
-        problem: What it is given.
-        say: Told why it is left out.
-    """
+    """A peer of `PEERS` on a problem; None where its package is not installed, which one line reports."""
     try:
         return PEERS[name](problem)
     except ImportError as error:
@@ -195,14 +336,7 @@ CHAINS: tuple[Chain, ...] = tuple(compiled(error_model="numpy")(chain) for chain
 
 @dataclass(frozen=True, slots=True)
 class Latencies:
-    """Nanoseconds from the operands of an operation to its result.
-
-    Args:
-        sum: Of an addition.
-        product: Of a multiplication.
-        fma: Of a fused multiply-add.
-        divide: Of a division.
-    """
+    """Nanoseconds from the operands of a sum, a product, a fused multiply-add and a division to its result."""
 
     sum: float
     product: float
@@ -221,11 +355,7 @@ class Latencies:
 
 
 def measure_latencies(rounds: int = ROUNDS) -> Latencies:
-    """Latencies of this machine: medians of compiled chains of 200,000 dependent operations, by turns.
-
-    Args:
-        rounds: How often each chain is timed.
-    """
+    """Latencies of this machine: medians over rounds of compiled chains of 200,000 dependent operations, by turns."""
     times: list[list[float]] = [[] for _ in CHAINS]
     for chain in CHAINS:
         chain(1.0, 1.0000000001, 10)

@@ -14,7 +14,7 @@ POOLS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_M
 """Sizes of the libraries' thread pools, by variable of the environment."""
 
 INTERRUPTED = 130
-"""Exit code after Ctrl-C, as a shell gives it to whom SIGINT (2) ended: 128 + 2."""
+"""Exit code after Ctrl-C, as a shell gives it for a process ended by SIGINT (2): 128 + 2."""
 
 
 def main() -> None:
@@ -26,11 +26,20 @@ def main() -> None:
     for pool in POOLS:
         os.environ.setdefault(pool, "1")
     try:
+        import typer
+
         from foretouch.cli.app import app
         from foretouch.errors import ForetouchError, SideError
 
         try:
-            app()
+            code = app(standalone_mode=False)  # that of `typer.Exit`, else None
+            sys.exit(code)
+        except typer.Abort:
+            sys.stderr.write("foretouch: aborted\n")
+            sys.exit(1)
+        except typer.TyperException as error:
+            sys.stderr.write(usage_line(error))
+            sys.exit(2)
         except SideError as error:
             import traceback
 
@@ -41,7 +50,7 @@ def main() -> None:
             sys.stderr.write(f"foretouch: {as_typed(error, sys.argv[1:])}\n")
             sys.exit(2)
         except BrokenPipeError:
-            raise  # who reads has gone: Typer ends quietly
+            raise  # the reader has gone: Typer ends quietly
         except OSError as error:
             if not _was_output(error):
                 raise
@@ -62,16 +71,30 @@ def main() -> None:
 
 
 def as_typed(error: ForetouchError, words: Sequence[str]) -> str:
-    """What an error says; a setting in it has the name of the option by which it was given.
+    """Text of an error; a setting in it has the name of the option by which it was given.
 
     Args:
-        error: Of a command.
-        words: With which it was called.
+        error: Error of a command.
+        words: Words with which it was called.
     """
     name = getattr(error, "name", "")
     option = f"--{name.replace('_', '-')}"
     given = bool(name) and any(word == option or word.startswith(f"{option}=") for word in words)
     return option + str(error).removeprefix(name) if given else str(error)
+
+
+def usage_line(error: Exception) -> str:
+    """One line on a command that was typed wrong; the whole help where a group was called without a command.
+
+    Args:
+        error: Error of the parser of the command line.
+    """
+    message = str(getattr(error, "format_message", lambda: error)())
+    context = getattr(error, "ctx", None)
+    if "Usage:" in message:
+        return f"{message}\n"
+    hint = f" (see `{context.command_path} --help`)" if context is not None else ""
+    return f"foretouch: {' '.join(message.split()).rstrip('.')}{hint}\n"
 
 
 def _was_output(error: OSError) -> bool:
@@ -83,7 +106,7 @@ def _was_output(error: OSError) -> bool:
 
 
 def _was_interrupted(error: BaseException | None) -> bool:
-    """Whether Ctrl-C is behind an error: what is being imported then may raise one of its own."""
+    """Whether Ctrl-C is behind an error: a module being imported then may raise another one."""
     while error is not None and not isinstance(error, KeyboardInterrupt):
         error = error.__cause__ or error.__context__
     return error is not None

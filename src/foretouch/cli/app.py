@@ -1,4 +1,4 @@
-"""The command `foretouch`: all commands gathered, their help under headings, and what an exit code says."""
+"""The command `foretouch`: all commands gathered, their help under headings, and the meaning of exit codes."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ EXIT_CODES: dict[int, tuple[str, str]] = {
     1: (
         "done, and the answer is no",
         "Done, and the answer is no: `doctor` found something bad, `stop` stopped nothing, a benchmark became slower, "
-        "a session of a sweep has objections, no comparison came off. Or a process of a session failed",
+        "a session of a sweep has objections, no comparison succeeded. Or a process of a session failed",
     ),
     2: (
         "bad input, or something is missing",
@@ -53,7 +53,7 @@ class PanelledCommand(TyperCommand):
     """A command whose help puts options under the heading that each names as its `rich_help_panel`, in plain text."""
 
     def format_options(self, ctx: Any, formatter: Any) -> None:
-        """Write all options, those without a heading of their own first."""
+        """Write all options, those without a heading first."""
         panels: dict[str, list[tuple[str, str]]] = {}
         for parameter in self.get_params(ctx):
             record = parameter.get_help_record(ctx)

@@ -11,48 +11,67 @@ import shlex
 import sys
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from foretouch.errors import SettingError, printable
+from foretouch.errors import LinkError, SettingError, printable
+from foretouch.settings import DEFAULTS, KINDS, SETTINGS
+
+if TYPE_CHECKING:
+    from foretouch.link import ZenohLink
+    from foretouch.messages import Message
+    from foretouch.session import SessionSettings
 
 
-def with_parameters(command: Callable[..., None], parameters: Sequence[inspect.Parameter]) -> Callable[..., None]:
-    """Say which arguments a command takes, where `inspect.signature` and Typer look for them.
+Command = Callable[..., None]
+
+
+def with_options(**makers: Callable[..., Any]) -> Callable[[Command], Command]:
+    """Give a command groups of options that it receives as one argument each.
 
     Args:
-        command: That takes any; it is changed.
-        parameters: With their annotations.
-
-    Returns:
-        The command.
+        **makers: By the name of the command's parameter, the class or function that makes its argument, whose
+            parameters are the options, with their defaults and annotations. They replace that parameter in order.
     """
-    vars(command)["__signature__"] = inspect.Signature(parameters)
-    command.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
-    return command
+
+    def decorate(command: Command) -> Command:
+        groups = {name: _parameters(maker) for name, maker in makers.items()}
+
+        @functools.wraps(command)
+        def run(**given: Any) -> None:
+            made = {name: makers[name](**{one.name: given.pop(one.name) for one in groups[name]}) for name in makers}
+            command(**made, **given)
+
+        own = _parameters(command, *makers)
+        return _taking(run, [each for one in own for each in groups.get(one.name, [one])])
+
+    return decorate
 
 
-LAWS_HELP = (
-    "Contact law: contact-map, or continuous-switching (the paper's), hunt-crossley, kelvin-voigt, "
-    "threshold-switching, quadratic (that of scenes)."
-)
-ModelName = Annotated[str, typer.Option("--model", help=LAWS_HELP)]
-EstimatorName = Annotated[
-    str | None,
-    typer.Option("--estimator", help="Estimator; without it the law's own. A wrong name lists them all."),
-]
+def _parameters(function: Callable[..., Any], *made: str) -> list[inspect.Parameter]:
+    """What a function takes, for Typer; the types of what is made, and returned, may be imported for mypy alone."""
+    for name in (*made, "return"):
+        function.__annotations__.pop(name, None)
+    taken = inspect.signature(function, eval_str=True).parameters.values()
+    return [one.replace(kind=inspect.Parameter.KEYWORD_ONLY) for one in taken]
+
+
+def _taking(function: Callable[..., Any], parameters: Sequence[inspect.Parameter]) -> Callable[..., Any]:
+    """The function, with its parameters where `inspect.signature` and Typer look for them."""
+    vars(function)["__signature__"] = inspect.Signature(parameters)
+    function.__annotations__ = {one.name: one.annotation for one in parameters}
+    return function
+
+
 Duration = Annotated[float | None, typer.Option(help="End after so long [s]; without it, Ctrl-C ends.")]
 ReportDirectory = Annotated[Path | None, typer.Option("--report", help="Folder for the page with the figures.")]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object instead of text.")]
 Listen = Annotated[
     list[str] | None,
     typer.Option(help="Endpoint to listen on, such as tcp/127.0.0.1:7447; between machines tls/HOST:PORT."),
-]
-Cluster = Annotated[
-    str | None,
-    typer.Option(help="Address of a Dask scheduler, such as tcp://HOST:8786: its workers do it (extra cluster)."),
 ]
 Connect = Annotated[list[str] | None, typer.Option(help="Endpoint to connect to; may be given more than once.")]
 Insecure = Annotated[
@@ -63,25 +82,17 @@ KeysFolder = Annotated[
     typer.Option("--keys", help="Folder of keys; without it FORETOUCH_KEYS, or ~/.config/foretouch/keys."),
 ]
 Parent = Annotated[int | None, typer.Option(hidden=True)]
-PositionUnit = Annotated[
-    str | None, typer.Option(help="Unit of positions, where the file states none: m, cm, mm or um; position_m: m.")
+ScoreTo = Annotated[float | None, typer.Option(help="Scoring ends [s after the first sample].")]
+ContactFloor = Annotated[
+    float | None, typer.Option(help="Least force that counts as contact [N]; TU/e 0.3, Aurora 0.005, others 0.05.")
 ]
-ForceUnit = Annotated[
-    str | None, typer.Option(help="Unit of forces, where the file states none: N, mN, cN or kN; force_N: N.")
-]
-Flip = Annotated[bool, typer.Option("--flip", help="Positions in the file shrink with depth.")]
-FlipForce = Annotated[bool, typer.Option("--flip-force", help="Forces in the file are negative under load.")]
-ForceChannel = Annotated[str, typer.Option(help="Force of a TU/e file: raw bridge or logged torque.")]
-Surface = Annotated[str, typer.Option(help="Position of the surface [m], or auto.")]
-ForceOffset = Annotated[str, typer.Option(help="Force in free air [N], or auto.")]
-SensorLag = Annotated[float, typer.Option(help="How late forces are against positions [s], where it is known.")]
 
 
 def make_folder(path: Path) -> None:
     """Make a folder for results, before anything is computed that would be lost.
 
-    Below the folder that one stands in, those above it are made with it; elsewhere the one above must be there, so that
-    a slip in a path makes nothing where nobody looks.
+    Below the working directory its parents are made with it; elsewhere the parent must exist, so that a slip in a path
+    makes no folder that goes unnoticed.
 
     Raises:
         SettingError: It cannot be made or written to.
@@ -96,11 +107,11 @@ def make_folder(path: Path) -> None:
 
 
 def made_by(recordings: Sequence[Path] = (), **what: Any) -> dict[str, Any]:
-    """What makes a page, for its end: this command as it was given, the recordings, and what else is said of it.
+    """Origin of a page, for its end: this command as it was given, the recordings, and further values.
 
     Args:
-        recordings: That are read; of files a checksum says which.
-        **what: By name; None is not said.
+        recordings: Recordings that are read; files are identified by a checksum.
+        **what: Further values by name; None is left out.
     """
     said: dict[str, Any] = {"command": shlex.join(["foretouch", *sys.argv[1:]])}
     if recordings:
@@ -174,164 +185,113 @@ def _bounded(value: Any) -> Any:
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
-SESSION_OPTIONS: dict[str, tuple[type, object, str]] = {
-    "material": (str, "foam-measured", "What the simulated robot presses: `foretouch materials list`, or a plug-in's."),
-    "operator": (str, "scripted", "Who moves it: scripted, recorded, browser, gamepad, force-dimension, or a plug-in."),
-    "model": (str, "contact-map", LAWS_HELP),
-    "estimator": (str, "", "Estimator; without it the law's own. A wrong name lists them all."),
-    "position_delay": (float, 0.08, "One-way delay of positions, leader to follower [s]."),
-    "force_delay": (float, 0.3, "One-way delay of models and telemetry, follower to leader [s]."),
-    "jitter": (float, 0.0, "Largest change of either delay, to both sides [s]."),
-    "loss": (float, 0.0, "Share of messages lost, 0 to 1."),
-    "outage": (float, 0.0, "Length of one outage in every 10 s [s]."),
-    "seed": (int, 0, "Of sensors, operator and network."),
-    "model_rate": (float, 50.0, "Models a second while nothing changes [1/s]."),
-    "burst": (float, 1.0, "Mean length of a burst of losses [messages]; 1 loses each by itself."),
-    "reorder": (float, 0.0, "Share of messages that later ones overtake, 0 to 1."),
-    "duplicate": (float, 0.0, "Share of messages that come twice, 0 to 1."),
-    "stall": (float, 0.0, "Length of one stall in every 10 s, at whose end all that was held comes at once [s]."),
-    "grip": (str, "none", "Hand that the force moves: soft, normal or stiff; none for the operator's motion as it is."),
-    "device_mass": (float, 0.1, "Of the device in the hand [kg]."),
-    "device_damping": (float, None, "Viscous friction of the device [N s/m]; simulated 2, in your hand 0.1 at first."),
-    "device_friction": (float, 0.1, "Coulomb friction of the device [N]."),
-    "device_resolution": (float, 1e-5, "Count of the device's encoder [m]."),
-    "device_delay": (
-        float,
-        None,
-        "From reading a position until its force acts [s]; simulated 5e-4, in your hand a tick.",
-    ),
-    "device_watchdog": (float, 0.02, "When the device drops a force that nobody renews [s]; 0 for never."),
-    "largest_stiffness": (float, 0.0, "Largest local stiffness rendered [N/m]; 0 for what the device carries."),
-    "position_scale": (float, 1.0, "Follower's motion for the hand's."),
-    "force_scale": (float, 1.0, "Hand's force for the follower's."),
-    "clutch": (str, "", "When the hand presses the clutch [s]: START:END,START:END."),
-    "leader_frame": (str, "0,1", "ORIGIN,DIRECTION: where the device has 0 [m], and -1 if it counts outwards."),
-    "follower_frame": (str, "0,1", "ORIGIN,DIRECTION: where the robot has 0 [m], and -1 if it counts outwards."),
-    "first_touch": (str, "auto", "Of an unknown surface: guarded or follow; auto guards with a grip or a real robot."),
-    "approach_speed": (float, 0.02, "Of a guarded follower before it knows a surface [m/s]."),
-    "guarded_force": (float, 2.0, "At which a guarded follower holds [N]."),
-    "force_ceiling": (float, 15.0, "Contact force that the follower never holds more than [N]."),
-    "stiffest": (float, 1e5, "What it has not gone through yet counts as so stiff [N/m]."),
-    "most_damped": (
-        float,
-        500.0,
-        "And as so damped at once [N s/m]; with more it goes slower into it.",
-    ),
-    "largest_depth": (float, 0.05, "Deepest below a surface that the follower has felt [m]."),
-    "largest_speed": (float, 0.25, "Of the follower [m/s]."),
-    "largest_acceleration": (float, 40.0, "Of the follower [m/s^2]."),
-    "largest_jerk": (float, 1e5, "Of the follower [m/s^3]."),
-    "return_speed": (float, 0.05, "Of the follower, inwards, back to commands that it did not follow [m/s]."),
-    "queueing_allowance": (float, 0.5, "A command that waited longer than this on its way is stale [s]."),
-    "hold_after": (float, 0.05, "Time without a fresh command after which the follower holds [s]."),
-    "unload_after": (float, 0.5, "And after which it does what --on-silence says [s]."),
-    "on_silence": (str, "unload", "unload: go back until next to nothing is felt; retreat: go out the way in."),
-    "sensor_fault": (str, "", "KIND:BEGIN:END [s]: the robot's sensors fail meanwhile, such as stuck:5:8."),
-    "scene": (str, "", "In three dimensions: plane, hill, phantom, or the file of a mesh (.stl, .obj, .ply)."),
-    "fusion": (str, "full", "Of what the fixture's pose is made: full, image, contact or none."),
-    "displacement": (float, 0.02, "A simulated fixture stands at most so far from where it is believed [m]."),
-    "turn": (float, 0.175, "And is turned by at most so much [rad]."),
-    "bump": (float, 0.0, "When the fixture is bumped [s]; 0 for never."),
-    "camera_delay": (float, 0.06, "From an image's exposure until it has been read [s]."),
-    "image_fault": (str, "", "KIND:BEGIN:END [s]: hand, glare, frozen or dropped images meanwhile."),
-    "robot": (str, "simulated", "The follower's: simulated, or a plug-in's: `foretouch plugins`."),
-    "calibration": (
-        str,
-        "",
-        "TOML file of `foretouch calibrate` for the robot's sensor; read where the robot is.",
-    ),
-    "baseline": (str, "none", "Render the delayed force instead, for comparison: delayed or delayed-tdpa."),
-}
-"""Type, default and help of every option that becomes a field of `foretouch.session.SessionSettings`."""
-
-SESSION_PANELS: dict[str, tuple[str, ...]] = {
-    "What is pressed and learnt": ("material", "model", "estimator", "model_rate", "seed"),
-    "Operator, hand and device": (
-        "operator",
-        "grip",
-        "device_mass",
-        "device_damping",
-        "device_friction",
-        "device_resolution",
-        "device_delay",
-        "device_watchdog",
-        "clutch",
-        "leader_frame",
-    ),
-    "What the hand is given": ("position_scale", "force_scale", "largest_stiffness", "baseline"),
-    "Robot": (
-        "robot",
-        "calibration",
-        "first_touch",
-        "approach_speed",
-        "guarded_force",
-        "follower_frame",
-        "sensor_fault",
-    ),
-    "In three dimensions": ("scene", "fusion", "displacement", "turn", "bump", "camera_delay", "image_fault"),
-    "Safety at the robot": (
-        "force_ceiling",
-        "stiffest",
-        "most_damped",
-        "largest_depth",
-        "largest_speed",
-        "largest_acceleration",
-        "largest_jerk",
-        "return_speed",
-        "queueing_allowance",
-        "hold_after",
-        "unload_after",
-        "on_silence",
-    ),
-    "Network": (
-        "position_delay",
-        "force_delay",
-        "jitter",
-        "loss",
-        "burst",
-        "reorder",
-        "duplicate",
-        "stall",
-        "outage",
-    ),
-}
-"""Under which heading of the help each of them stands, and in which order."""
-
-
-def with_session_settings(**defaults: object) -> Callable[[Callable[..., None]], Callable[..., None]]:
-    """Give a command all of `SESSION_OPTIONS`; it receives them as one argument, ``settings``.
+def session_settings(**defaults: object) -> Callable[..., SessionSettings]:
+    """Makes the settings of a session from options, for `with_options`.
 
     Args:
-        **defaults: Defaults of this command that differ from the common ones.
+        **defaults: Those of the command that differ from the common ones.
     """
 
-    def decorate(command: Callable[..., None]) -> Callable[..., None]:
-        @functools.wraps(command)
-        def run(**arguments: Any) -> None:
-            from foretouch.session import SessionSettings
+    def make(**given: Any) -> SessionSettings:
+        from foretouch.session import SessionSettings
 
-            settings = SessionSettings(**{name: arguments.pop(name) for name in SESSION_OPTIONS})
-            command(settings=settings, **arguments)
+        return SessionSettings(**given)
 
-        own = [
-            parameter
-            for parameter in inspect.signature(command, eval_str=True).parameters.values()
-            if parameter.name != "settings"
-        ]
-        shared = [
-            _option(name, panel, defaults.get(name, SESSION_OPTIONS[name][1]))
-            for panel, names in SESSION_PANELS.items()
-            for name in names
-        ]
-        parameters = [parameter.replace(kind=inspect.Parameter.KEYWORD_ONLY) for parameter in own] + shared
-        return with_parameters(run, parameters)
+    return _taking(make, [_option(name, one.group, (DEFAULTS | defaults)[name]) for name, one in SETTINGS.items()])
 
-    return decorate
+
+def changed_settings(panel: str, *names: str) -> Callable[..., dict[str, Any]]:
+    """Maker of a mapping of the settings that are given as options, without defaults, for `with_options`.
+
+    Args:
+        panel: Heading of the help.
+        *names: Names of the settings.
+    """
+
+    def make(**given: Any) -> dict[str, Any]:
+        return {name: value for name, value in given.items() if value is not None}
+
+    return _taking(make, [_option(name, panel, None) for name in names])
 
 
 def _option(name: str, panel: str, default: object) -> inspect.Parameter:
-    """One of `SESSION_OPTIONS` as an argument of a command."""
-    kind, _, text = SESSION_OPTIONS[name]
-    # The type is a value of the table: no checker can follow it, Typer does.
-    option = Annotated[kind, typer.Option(help=text, rich_help_panel=panel)]  # type: ignore[valid-type]
+    """A setting as an argument of a command."""
+    kind: Any = {"str": str, "int": int}.get(KINDS[name], float)
+    option = Annotated[kind, typer.Option(help=SETTINGS[name].sentence, rich_help_panel=panel)]
     return inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=option)
+
+
+ENDED = "the session was ended"
+"""Why a process that only listens has ended without being asked to."""
+
+ANY_USER = "every user of this machine may command there"
+
+
+@dataclass(frozen=True)
+class Endpoints:
+    """Endpoints of a process by the options; without `keys` its keys are in the usual folder."""
+
+    listen: Listen = None
+    connect: Connect = None
+    insecure: Insecure = False
+    keys: KeysFolder = None
+
+    def __str__(self) -> str:
+        return ", ".join(self.all)
+
+    @property
+    def all(self) -> tuple[str, ...]:
+        """Those to listen on, and those to connect to."""
+        return (*(self.listen or ()), *(self.connect or ()))
+
+
+def open_link(
+    process: str,
+    endpoints: Endpoints,
+    channels: Sequence[str],
+    watch: Callable[[Message], None] | None = None,
+) -> ZenohLink:
+    """The link of one process, with its keys where an endpoint asks for them; prints its warnings.
+
+    Args:
+        process: leader, follower, or the name of a watcher.
+        endpoints: At least one.
+        channels: Channels that it receives.
+        watch: Called with each message that arrives, instead of keeping them.
+
+    Raises:
+        LinkError: No endpoint, or one that cannot be used.
+        SettingError: Keys that are not there or not good.
+    """
+    from foretouch.link import ROLES, ZenohLink, is_encrypted, load_credentials
+
+    if not endpoints.all:
+        raise LinkError("no endpoint: give --listen or --connect, for example --connect tcp/127.0.0.1:7447")
+    role = process if process in ROLES else "watcher"
+    credentials = load_credentials(role, endpoints.keys) if any(map(is_encrypted, endpoints.all)) else None
+    link = ZenohLink(
+        listen=endpoints.listen or (),
+        connect=endpoints.connect or (),
+        subscribe=channels,
+        insecure=endpoints.insecure,
+        credentials=credentials,
+        watch=watch,
+    )
+    if credentials is not None and credentials.warning:
+        say(f"{process}: {credentials.warning}")
+    if link.insecure:
+        say(f"{process}: INSECURE: nothing is encrypted and nobody is checked; anybody on this network may command")
+    return link
+
+
+def unchecked(endpoints: Endpoints) -> str:
+    """One line for a follower that may be commanded without a certificate, from its own machine; "" for others."""
+    from foretouch.link import is_encrypted, is_exposed
+
+    here = [endpoint for endpoint in endpoints.all if not is_encrypted(endpoint) and not is_exposed(endpoint)]
+    return f"no certificate is asked for on {', '.join(here)}: {ANY_USER}" if here else ""
+
+
+def insecurity(link: ZenohLink) -> dict[str, str]:
+    """Text in the `Hello` of an insecure process, for console, recording and report."""
+    return {"insecure": "yes"} if link.insecure else {}

@@ -1,4 +1,4 @@
-"""How far something is that takes more than a moment: a bar on a terminal, and nothing for those who have none."""
+"""Progress of work that takes more than a moment: a bar on a terminal, and nothing elsewhere."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class Bar:
 
     Args:
         title: What is being done.
-        refreshing: Whether a thread keeps it moving; without one, it is drawn when it is told something, and disturbs
+        refreshing: Whether a thread keeps it moving; without one, it is drawn when it is updated, and disturbs
             no measurement meanwhile.
 
     Attributes:
@@ -42,12 +42,12 @@ class Bar:
         self._task: Any = None
 
     def update(self, done: float, total: float | None, title: str = "") -> None:
-        """Say how far it is.
+        """Update the progress.
 
         Args:
-            done: In the same unit as `total`.
-            total: None where nobody knows.
-            title: What is being done now; without one, the bar's own.
+            done: Work done, in the unit of `total`.
+            total: Whole work; None where it is unknown.
+            title: What is being done now; without one, the bar's title.
         """
         if not self.shown:
             return
@@ -58,7 +58,7 @@ class Bar:
         self._drawn.update(self._task, **self._state, refresh=not self._refreshing)
 
     def pulse(self) -> None:
-        """Be shown from `SHOWN_AFTER` on while something runs that says nothing of itself."""
+        """Be shown from `SHOWN_AFTER` on while something runs that reports no progress."""
         if self.shown:
             self._waits = threading.Timer(SHOWN_AFTER, self._draw)
             self._waits.daemon = True
@@ -128,13 +128,13 @@ def progress_bar(title: str, *, refreshing: bool = True) -> Iterator[Bar]:
 
 
 def pulsing(title: str, work: Callable[Given, Made], *given: Given.args, **named: Given.kwargs) -> Made:
-    """Do something that says nothing of how far it is, under a bar that only shows that it goes on.
+    """Do work that reports no progress, under a bar that only shows that it goes on.
 
     Args:
         title: What is being done.
-        work: Does it.
-        *given: For `work`.
-        **named: For `work`.
+        work: Function that does it.
+        *given: Arguments for `work`.
+        **named: Keyword arguments for `work`.
     """
     with progress_bar(title) as bar:
         bar.pulse()
@@ -142,7 +142,7 @@ def pulsing(title: str, work: Callable[Given, Made], *given: Given.args, **named
 
 
 def compile_first() -> bool:
-    """Compile everything on the first use, with a line that says so, a bar on a terminal and elsewhere some lines.
+    """Compile everything on the first use, with a line on it, then a bar on a terminal and some lines elsewhere.
 
     Returns:
         Whether everything has been compiled now.

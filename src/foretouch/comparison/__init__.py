@@ -3,7 +3,7 @@
 from foretouch.comparison.cases import SIMULATED, Case, Simulated, file_case, simulate, simulated_case, simulated_cases
 from foretouch.comparison.combination import SWEEP, Scoring
 from foretouch.comparison.compare import Results, combinations, compare
-from foretouch.comparison.delays import Curve, delay_curves, delay_figure, delayed_force_curve, floors
+from foretouch.comparison.figures import Curve, delay_curves, delay_figure, delayed_force_curve, floors
 from foretouch.comparison.page import write_comparison_page
 from foretouch.comparison.result import LocalStiffness, Prediction, Result, render_table
 from foretouch.comparison.truth import Convergence, ParameterError, Truth, convergence, unforeseeable

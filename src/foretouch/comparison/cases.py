@@ -9,11 +9,11 @@ from __future__ import annotations
 import os
 import zlib
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from os import PathLike
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple, Unpack
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,7 +26,9 @@ from foretouch.errors.checks import require_path
 from foretouch.messages import SessionLog
 from foretouch.models import ContactModel, ContinuousSwitching, HuntCrossley, KelvinVoigt, MemorylessLaw, advance
 from foretouch.quantities import ByValue, Recording
-from foretouch.recordings import is_session, read_session, read_with_notes
+from foretouch.recordings import RecordingOptions, is_session, read_session, read_with_notes
+from foretouch.recordings.meaning.names import ReadingKeywords
+from foretouch.recordings.reading import options_of
 from foretouch.robot import make_material
 
 Array = NDArray[np.float64]
@@ -58,7 +60,7 @@ class Scenario:
         duration: [s].
         motion: Position of the probe [m] from the time [s], the surface [m] and a seed.
         law: The law at a time [s], or the one that holds throughout.
-        changes: When it changes suddenly [s].
+        changes: Times of its sudden changes [s].
     """
 
     duration: float
@@ -73,7 +75,7 @@ class Scenario:
 
 @dataclass(frozen=True, eq=False)
 class Simulated(ByValue):
-    """A simulated recording and what nobody who reads it knows.
+    """A simulated recording and the truth, which its reader does not know.
 
     Attributes:
         recording: Noisy, without velocity, with an offset; nothing in it says where the surface is.
@@ -92,7 +94,7 @@ def simulate(name: str, *, seed: int = 0) -> Simulated:
 
     Args:
         name: One of `SIMULATED`.
-        seed: Of surface, offset, noise and of the presses, not negative.
+        seed: Seed of surface, offset, noise and of the presses, not negative.
 
     Raises:
         UnknownNameError: No such recording.
@@ -142,7 +144,7 @@ def _presses(press_depth: float) -> Callable[[Array, float, int], Array]:
 
 
 def _approach(time: Array, surface: float, clearance: float) -> Array:
-    """From 0 to a place above the surface, smoothly and well within the second of free air."""
+    """Move from 0 to a position above the surface, smoothly and well within the second of free air."""
     return (surface - clearance) * _ramp(time / 0.6)
 
 
@@ -170,14 +172,14 @@ def _ramp(fraction: Array) -> Array:
 
 
 def _gradual(time: float) -> ContactModel:
-    """From Hunt-Crossley to Kelvin-Voigt in 25 s, as in Fig. 8 of the paper."""
+    """Change from Hunt-Crossley to Kelvin-Voigt in 25 s, as in Fig. 8 of the paper."""
     t = min(max(time - FREE_AIR, 0.0), GRADUAL_DURATION)
     share = t / GRADUAL_DURATION
     return ContinuousSwitching(3000.0 + 120.0 * t, 1500.0 - 40.0 * t, 1.4 * (1.0 - share), share)
 
 
 def _sudden(time: float) -> ContactModel:
-    """From Hunt-Crossley to Kelvin-Voigt in two steps, as in Fig. 7c of the paper."""
+    """Change from Hunt-Crossley to Kelvin-Voigt in two steps, as in Fig. 7c of the paper."""
     return (HUNT_CROSSLEY, BETWEEN, KELVIN_VOIGT)[sum(time >= FREE_AIR + change for change in CHANGES)]
 
 
@@ -211,15 +213,10 @@ class Case:
 
     Attributes:
         name: For tables: the file as it was given, or the name of the simulated recording.
-        path: Of the file, absolute, for a worker may run elsewhere; empty where it is simulated.
+        path: Path of the file, absolute, for a worker may run elsewhere; empty where it is simulated.
         simulated: Whether it is simulated, with known truth.
-        seed: Of a simulated one.
-        position_unit: Of the file, as `read_recording`.
-        force_unit: Of the file.
-        flip: Of the file.
-        flip_force: Of the file.
-        force_channel: Of the file.
-        map_file: Map of its columns or topics, absolute, empty for none.
+        seed: Seed of a simulated one.
+        options: How the file is read; a map of its columns or topics by its absolute path.
         changed_ns: When the file was changed last, so that a worker does not take an old one for it.
     """
 
@@ -227,17 +224,12 @@ class Case:
     path: str = ""
     simulated: bool = False
     seed: int = 0
-    position_unit: str | None = None
-    force_unit: str | None = None
-    flip: bool = False
-    flip_force: bool = False
-    force_channel: str = "raw"
-    map_file: str = ""
+    options: RecordingOptions = field(default_factory=RecordingOptions)
     changed_ns: int = 0
 
     @property
     def score_from(self) -> float:
-        """When scoring begins if nothing else is asked for [s]."""
+        """Start of scoring where none is given [s]."""
         return 3.0 if self.simulated else 1.5
 
 
@@ -246,8 +238,8 @@ class Loaded(NamedTuple):
 
     Attributes:
         recording: What the follower felt.
-        truth: Where it is known.
-        log: Of a file that holds a session: the prediction is then made on the leader's motion.
+        truth: The truth, where it is known.
+        log: Log of a file that holds a session: the prediction is then made on the leader's motion.
     """
 
     recording: Recording
@@ -255,27 +247,31 @@ class Loaded(NamedTuple):
     log: SessionLog | None = None
 
 
-def file_case(path: str | PathLike[str], **units: Any) -> Case:
+def file_case(
+    path: str | PathLike[str], options: RecordingOptions | None = None, **named: Unpack[ReadingKeywords]
+) -> Case:
     """A recording in a file.
 
     Args:
-        path: Any that `read_recording` takes.
-        **units: As `read_recording` takes them.
+        path: Path of any file that `read_recording` takes.
+        options: How it is to be read, where the file does not say so by itself.
+        **named: In place of `options`, its attributes by name, as `read_recording` takes them.
 
     Returns:
         A case, also where the file is missing or cannot be read: its combinations fail with that reason.
 
     Raises:
-        ArgumentTypeError: A path that is none.
+        UnknownNameError: A unit or force channel that is not known.
+        ArgumentTypeError: A path or a unit that is none.
     """
     require_path("path", path)
-    given = units.pop("map_file", None)
-    if given is not None:
-        require_path("map_file", given)
-    files = [Path(path), *([Path(given)] if given else [])]
+    options = options_of(options, named)
+    files = [Path(path)]
+    if options.map_file is not None:
+        files.append(Path(options.map_file))
+        options = replace(options, map_file=os.path.abspath(options.map_file))
     changed = max(file.stat().st_mtime_ns if file.exists() else 0 for file in files)
-    map_file = os.path.abspath(given) if given else ""
-    return Case(str(path), path=os.path.abspath(path), map_file=map_file, changed_ns=changed, **units)
+    return Case(str(path), path=os.path.abspath(path), options=options, changed_ns=changed)
 
 
 def simulated_case(name: str, seed: int = 0) -> Case:
@@ -300,22 +296,13 @@ def simulated_cases(seed: int = 0) -> list[Case]:
 
 @lru_cache(maxsize=2)
 def load(case: Case) -> Loaded:
-    """The recording of a case; the newest two are kept, for a worker is given all estimators of one recording in turn.
+    """The recording of a case, or a ForetouchError where its file cannot be used.
 
-    Raises:
-        ForetouchError: The file cannot be used.
+    The newest two are kept, for a worker is given all estimators of one recording in turn.
     """
     if case.simulated:
         made = simulate(case.name, seed=case.seed)
         return Loaded(made.recording, made.truth)
-    read = read_with_notes(
-        case.path,
-        position_unit=case.position_unit,
-        force_unit=case.force_unit,
-        flip=case.flip,
-        flip_force=case.flip_force,
-        force_channel=case.force_channel,
-        map_file=case.map_file or None,
-    )
-    log = read_session(case.path) if not case.map_file and is_session(case.path) else None
+    read = read_with_notes(case.path, case.options)
+    log = read_session(case.path) if case.options.map_file is None and is_session(case.path) else None
     return Loaded(read.recording, log=log)

@@ -25,7 +25,7 @@ from foretouch.identification import ContactSample, Learner, LearntModel, identi
 from foretouch.identification.estimator import Estimator
 from foretouch.models import Predictor
 from foretouch.quantities import Recording
-from foretouch.report import Forces, Scores, forces_under_delay, lowest_mean, require_delay_within, score
+from foretouch.report import Forces, Scores, forces_under_delay, lowest_mean, require_delay_within, score_prediction
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -39,7 +39,7 @@ class OnceLearnt(Learner):
 
     Args:
         make: Makes a fresh estimator.
-        contact_floor: Of the recording [N], as `Learner`.
+        contact_floor: Contact floor of the recording [N], as in `Learner`.
     """
 
     def __init__(self, make: Callable[[], Estimator], *, contact_floor: float) -> None:
@@ -51,7 +51,7 @@ class OnceLearnt(Learner):
 
     @property
     def memory(self) -> Sequence[LearntModel]:
-        """What was known after each sample of the recording so far."""
+        """The models known after each sample of the recording up to now."""
         return self._memory
 
     def learn(self, recording: Recording) -> None:
@@ -85,15 +85,10 @@ class OnceLearnt(Learner):
 
 
 def whole_file_force(recording: Recording, estimator: Estimator, known: Learner) -> Array:
-    """Force that a fit of the whole recording gives along its motion: no delay, and nothing causal about it.
+    """Force [N] of a fit of the whole recording along its motion, shape (n,): no delay, and nothing causal about it.
 
-    Args:
-        recording: n samples.
-        estimator: Fresh.
-        known: A learner that has learnt the recording: where the surface is and what the force in free air is.
-
-    Returns:
-        Force [N], shape (n,); 0 where nothing could be fitted.
+    It is 0 where nothing could be fitted. The estimator is fresh; `known` has learnt the recording: where the surface
+    is and what the force in free air is.
     """
     found = known.conditioner
     learner = Learner(
@@ -126,7 +121,7 @@ def score_outside(
     score_to: float | None = None,
     contact_floor: float | None = None,
 ) -> Scores:
-    """Score a prediction as `score` does, on those samples that are not left out.
+    """Score a prediction as `score_prediction` does, on those samples that are not left out.
 
     The zero of the measured force is found in all samples, errors and contact force in those that stay.
 
@@ -134,16 +129,16 @@ def score_outside(
         forces: Columns of shape (n,).
         left_out: Flags of shape (n,), None for none.
         score_from: Start of the window [s after the first sample].
-        score_to: Its end [s after the first sample], None for the last sample.
+        score_to: End of the window [s after the first sample], None for the last sample.
         contact_floor: Smallest force that counts as contact [N]; None takes that of the recording.
 
     Raises:
-        SettingError: As `score`.
+        SettingError: As `score_prediction`.
     """
     kept = np.ones(forces.time.size, dtype=np.bool_) if left_out is None else ~left_out
     time = forces.time[kept]
     moved = float(time[0] - forces.time[0]) if time.size else 0.0
-    return score(
+    return score_prediction(
         time,
         forces.measured[kept],
         forces.predicted[kept],
@@ -170,12 +165,12 @@ EXPONENTS: Final = ("exponent", "switching", "s")
 
 @dataclass(frozen=True)
 class Scoring:
-    """How predictions are scored.
+    """Settings of how predictions are scored.
 
     Attributes:
-        delays: Of the forces [s], 0 or more, at least one.
+        delays: Delays of the forces [s], 0 or more, at least one.
         score_from: Start of the window [s after the first sample]; None: 1.5, simulated recordings 3.
-        score_to: Its end, None for the last sample.
+        score_to: End of the window, None for the last sample.
         contact_floor: Smallest force that counts as contact [N]; None takes that of the recording.
 
     Raises:
@@ -204,14 +199,7 @@ class Scoring:
 
 @dataclass(frozen=True)
 class Combination:
-    """What one worker does at a time.
-
-    Attributes:
-        case: The recording.
-        model: Name of the law.
-        estimator: Name of the estimator.
-        scoring: How predictions are scored.
-    """
+    """One law by one estimator on one case, and the scoring: what one worker does at a time."""
 
     case: Case
     model: str
@@ -238,8 +226,7 @@ def failed(job: Combination, reason: str) -> Result:
 def measure(job: Combination) -> Result:
     """Measure one combination.
 
-    Raises:
-        ForetouchError: The recording cannot be read, is no longer than a delay, or nothing can be identified from it.
+    A ForetouchError says that the recording cannot be read, is no longer than a delay, or lets nothing be identified.
     """
     loaded = load(job.case)
     for delay in job.scoring.delays:

@@ -5,19 +5,20 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import asdict
+from os import PathLike
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from foretouch.comparison.cases import Case
+from foretouch.comparison.cases import Case, file_case
 from foretouch.comparison.combination import Combination, Scoring, failed, try_combination
 from foretouch.comparison.figures import matrix_figure
 from foretouch.comparison.parallel import run_all
 from foretouch.comparison.result import Result
 from foretouch.errors import InputError, UnknownNameError, plural
 from foretouch.errors.checks import require, require_type
-from foretouch.identification import all_estimators, load_estimator
+from foretouch.identification import Estimator, all_estimators, load_estimator
 from foretouch.quantities import as_frame
 
 if TYPE_CHECKING:
@@ -27,11 +28,11 @@ if TYPE_CHECKING:
 Progress = Callable[[int, int, Result], None]
 
 FEW = 8
-"""So many results are shown in the representation of all."""
+"""Number of results shown in the representation of all."""
 
 
 _IN_A_ROW = ("recording", "model", "estimator", "status", "reason", "samples", "contact_samples", "residual_percent")
-"""Of each result, in `Results.rows`."""
+"""Fields of each result in `Results.rows`."""
 
 
 class Results(list[Result]):
@@ -87,34 +88,42 @@ class Results(list[Result]):
         return figure
 
 
-def combinations(models: Sequence[str] = (), estimators: Sequence[str] = ()) -> list[tuple[str, str]]:
+def combinations(models: Sequence[str] = (), estimators: Sequence[str | type[Estimator]] = ()) -> list[tuple[str, str]]:
     """Pairs of law and estimator that exist.
 
     Args:
         models: Names of laws; empty for all.
-        estimators: Names of estimators; empty for all.
+        estimators: Names of estimators, of all laws that have one so named; or their classes, each of its own law;
+            empty for all.
 
     Raises:
         UnknownNameError: No such law, or an estimator that none of these laws has.
+        InputError: Names and classes together, or names of laws beside classes, which have their own.
     """
+    kinds = [one for one in estimators if isinstance(one, type) and issubclass(one, Estimator)]
+    if kinds:
+        if models or len(kinds) < len(estimators):
+            raise InputError("estimators are all classes, each of its own law, or all names beside those of models")
+        return [pair for kind in kinds for pair in combinations([kind.model_name], [kind.name])]
+    names = [str(one) for one in estimators]
     there = all_estimators()  # with those that other packages bring
     for model in models:
         if model not in there:
             raise UnknownNameError("model", model, there)
     chosen = list(dict.fromkeys(models)) or list(there)
     known = {name for model in chosen for name in there[model]}
-    for estimator in estimators:
+    for estimator in names:
         if estimator not in known:
             load_estimator(estimator)  # says what is wrong with another package's
             raise UnknownNameError(f"estimator for {', '.join(chosen)}", estimator, known)
-    return [(model, name) for model in chosen for name in there[model] if not estimators or name in estimators]
+    return [(model, name) for model in chosen for name in there[model] if not names or name in names]
 
 
 def compare(
-    cases: Sequence[Case],
+    recordings: Sequence[Case | str | PathLike[str]],
     *,
     models: Sequence[str] = (),
-    estimators: Sequence[str] = (),
+    estimators: Sequence[str | type[Estimator]] = (),
     scoring: Scoring | None = None,
     processes: int | None = None,
     cluster: str | None = None,
@@ -124,28 +133,27 @@ def compare(
     """Measure every combination of law and estimator on every recording.
 
     Args:
-        cases: The recordings.
+        recordings: Paths, or cases (`file_case` of a path whose units are to be given, `simulated_case`).
         models: Names of laws; empty for all.
-        estimators: Names of estimators; empty for all.
+        estimators: Names or classes, as of `combinations`; empty for all.
         scoring: Delays, window and floor.
-        processes: At a time; None for as many as there are cores.
+        processes: Number at a time; None for as many as there are cores.
         cluster: Address of a Dask scheduler whose workers do it; None for this machine.
-        progress: Called with the number of results so far, that of all, and the newest.
-        say: Told, in a line for people, where a cluster has no workers left and new ones are waited for.
+        progress: Called with the number of results there are, the total, and the newest.
+        say: Called with a line for people where a cluster has no workers left and new ones are awaited.
 
     Returns:
         One result for each combination, those that failed too, in the order of the recordings.
 
     Raises:
         InputError: No recordings.
-        ArgumentTypeError: Cases or names that are none.
+        ArgumentTypeError: Recordings or names that are none.
         UnknownNameError: As `combinations`.
         LinkError: No scheduler answers there, or it has no workers.
         MissingExtraError: The package ``distributed`` is not installed.
     """
-    require_type("cases", cases, Sequence, "a list of cases: file_case makes one of a path")
-    for case in cases:
-        require_type("case", case, Case, "a case: file_case makes one of a path")
+    require_type("recordings", recordings, (list, tuple), "a list of paths, or of cases")
+    cases = [one if isinstance(one, Case) else file_case(one) for one in recordings]
     for name, names in (("models", models), ("estimators", estimators)):
         require_type(name, names, Sequence, "a list of names; leave it out for all")
     if processes is not None:

@@ -10,32 +10,21 @@ from os import PathLike
 from pathlib import Path
 from typing import Any
 
-from foretouch.comparison.delays import delay_figure
-from foretouch.comparison.figures import MOST_RECORDINGS, matrix_figure
+from foretouch.comparison.figures import MOST_RECORDINGS, delay_figure, matrix_figure
 from foretouch.comparison.result import Prediction, Result, convergence_text, note, parameter_text, same_reason
 from foretouch.errors import plural
 from foretouch.report import embedded, table, write_html
 
 MOST_MATRICES = 3
-"""With more delays than this, only the one that is the nearest to 0.3 s has matrices of its own."""
+"""Largest number of delays that all have matrices; with more, only the one nearest to 0.3 s has them."""
 
 
 def write_comparison_page(
     directory: str | PathLike[str], results: Sequence[Result], made: Mapping[str, Any] | None = None
 ) -> Path:
-    """Write plots and tables of a comparison as ``index.html``.
+    """Write plots and tables of a comparison as ``index.html`` in a folder, which is made if it is not there.
 
-    Args:
-        directory: Made if it is not there.
-        results: As `compare` gave them, at least one.
-        made: What made it, for the end of the page, as `write_html` takes it.
-
-    Returns:
-        Path of the page.
-
-    Raises:
-        InputError: The folder cannot be made or the page cannot be written.
-        MissingExtraError: Matplotlib is not installed.
+    Results are as `compare` gave them, at least one; `made` and the errors are those of `write_html`.
     """
     failed = sum(result.status != "ok" for result in results)
     recordings = len({result.recording for result in results})

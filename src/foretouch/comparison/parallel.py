@@ -1,4 +1,4 @@
-"""Many jobs on all cores, or on a Dask cluster that somebody started; a worker that dies takes no result with it."""
+"""Many jobs on all cores, or on a Dask cluster that is already running; a worker that dies takes no result with it."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ Job = TypeVar("Job")
 Outcome = TypeVar("Outcome")
 
 PATIENCE = 5.0
-"""A scheduler answers within so long [s], or there is none; connecting, with all its questions, takes twice that."""
+"""Time within which a scheduler answers, or there is none [s]; connecting, with all its questions, takes twice that."""
 
 ABSENCE = 60.0
-"""Without any worker for so long [s], nobody waits for one any more."""
+"""Time without any worker after which waiting for one ends [s]."""
 
 NOTICE = 1.0
-"""How often the scheduler is asked for its workers while no outcome comes [s]."""
+"""Period at which the scheduler is asked for its workers while no outcome comes [s]."""
 
 POLL = 0.02
-"""Between two looks for outcomes [s]."""
+"""Time between two polls for outcomes [s]."""
 
 
 def run_on_cluster(
@@ -39,27 +39,13 @@ def run_on_cluster(
     lost: Callable[[Job, str], Outcome],
     say: Callable[[str], None] = lambda line: None,
 ) -> Iterator[tuple[int, Outcome]]:
-    """Do all jobs on the workers of a Dask scheduler.
+    """Do all jobs on the workers of a Dask scheduler at an address such as ``tcp://HOST:8786``; else as `run_all`.
 
     Workers need the same foretouch, and files under the same paths: what is sent is a path, not its samples. Each
     should have one thread, for a job does not let go of the interpreter (`dask worker ADDRESS --nworkers 8 --nthreads
     1`). A job whose worker dies is tried on others; by Dask's own setting (`distributed.scheduler.allowed-failures`,
     3) the fourth death ends it, and it alone is lost. Where all workers are gone, new ones are waited for, `ABSENCE`
-    long; then what is left is lost, and at once where the scheduler itself goes.
-
-    Args:
-        work: Does one job; it does not raise.
-        jobs: In the order in which they are begun.
-        address: Of the scheduler, as it prints it: `tcp://HOST:8786`.
-        lost: Outcome of a job that no worker could do, from the job and the reason.
-        say: Told, in a line for people, that workers are waited for.
-
-    Yields:
-        Place of the job in `jobs` and its outcome, as they are done.
-
-    Raises:
-        LinkError: The address is none, no scheduler answers there, or it has no worker.
-        MissingExtraError: The package ``distributed`` is not installed.
+    long, and `say` is called with a line for people; then what is left is lost, and at once where the scheduler goes.
     """
     try:
         from distributed import as_completed
@@ -103,8 +89,8 @@ class _Watch:
     """Whether outcomes can still be expected.
 
     Args:
-        client: Of the scheduler.
-        say: Told when there are no workers any more.
+        client: Client of the scheduler.
+        say: Called when there are no workers any more.
     """
 
     def __init__(self, client: Any, say: Callable[[str], None]) -> None:
@@ -139,11 +125,7 @@ class _Watch:
 
 
 def _check(address: str) -> None:
-    """Refuse what is no address, before a client is made that would not know how to end.
-
-    Raises:
-        LinkError: It has no host, no port, or a way of talking that is not Dask's.
-    """
+    """Refuse what is no address with a LinkError, before a client is made that would not know how to end."""
     from distributed.comm.addressing import get_address_host_port
 
     try:
@@ -157,11 +139,7 @@ def _check(address: str) -> None:
 
 
 def _connected(address: str) -> Any:
-    """A client of the scheduler, or a word why there is none, in a thread of its own: what says nothing holds it up.
-
-    Raises:
-        LinkError: No scheduler answers there.
-    """
+    """A client of the scheduler, made in a thread of its own so that silence holds nothing up; else a LinkError."""
     from distributed import Client
 
     class Attempt(Client):  # type: ignore[misc]
@@ -191,7 +169,7 @@ def _connected(address: str) -> Any:
 
 @contextmanager
 def _without_its_log() -> Iterator[None]:
-    """What the client logs on the error stream is said here in outcomes and errors."""
+    """Silence what the client logs on the error stream: outcomes and errors report it."""
     loggers = [logging.getLogger(name) for name in ("distributed", "distributed.client", "tornado", "asyncio")]
     levels = [logger.level for logger in loggers]
     for logger in loggers:
@@ -232,7 +210,7 @@ def run_all(
     Args:
         work: Does one job; it does not raise.
         jobs: In the order in which they are begun.
-        processes: At a time; None for as many as there are cores. 1 works in this process.
+        processes: Number at a time; None for as many as there are cores. 1 works in this process.
         cluster: Address of a Dask scheduler whose workers do them; None for this machine's.
         lost: Outcome of a job whose process died, from the job and the reason.
         say: As of `run_on_cluster`.
@@ -292,7 +270,7 @@ def _deaf_to_interrupts() -> Iterator[None]:
     from multiprocessing import resource_tracker
 
     resource_tracker.ensure_running()  # before, for where this starts the tracker it lifts any mask
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # inherited; heard here a moment later
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # inherited; unblocked here a moment later
     try:
         yield
     finally:

@@ -20,25 +20,25 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Prediction:
-    """Errors under one delay, as shares of the contact-force RMS [%]; None where there is nothing to measure.
+    """Errors at one delay, as ratios to the contact-force RMS [%]; None where there is nothing to measure.
 
     Attributes:
-        delay_s: Of the forces [s].
-        prediction_error_percent: Of the predicted force.
-        delayed_force_error_percent: Of the delayed force, over the same samples.
-        within_jnd_percent: Share of contact samples whose error a hand cannot tell [%].
+        delay_s: Delay of the forces [s].
+        prediction_error_percent: Error of the predicted force.
+        delayed_force_error_percent: Error of the delayed force, over the same samples.
+        within_jnd_percent: Fraction of contact samples whose error a hand cannot notice [%].
         status: As in `foretouch.report.STATUSES`.
-        unforeseeable_percent: Share of the recording's samples that nothing before t - delay could tell [%]; None where
-            the truth is not known, as the next two.
-        foreseeable_prediction_error_percent: Of the predicted force without these samples.
-        foreseeable_delayed_force_error_percent: Of the delayed force without them.
-        whole_file_error_percent: Of the force that a fit of the whole recording gives, which knows no delay: a floor.
+        unforeseeable_percent: Fraction of samples that nothing before t - delay could predict [%]; None where the truth
+            is not known, as the next two.
+        foreseeable_prediction_error_percent: Error of the predicted force without these samples.
+        foreseeable_delayed_force_error_percent: Error of the delayed force without them.
+        whole_file_error_percent: Error of the force from a fit of the whole recording, which knows no delay: a floor.
             None where the estimator is not such a fit, as the next.
-        foreseeable_whole_file_error_percent: The same without the samples that nothing before t - delay could tell.
+        foreseeable_whole_file_error_percent: The same error without the unforeseeable samples.
         largest_update_jump_N: Largest change of the predicted force that a new model made at one sample [N]; None where
             nothing was predicted, as the next two.
-        largest_update_jump_N_per_s: Largest rate of one [N/s].
-        largest_update_jump_at_s: When the largest came, since the first sample [s]; None where no model changed it.
+        largest_update_jump_N_per_s: Largest rate of such a change [N/s].
+        largest_update_jump_at_s: Time of the largest change since the first sample [s]; None where no model changed it.
         time_to_ten_percent_s: From the first touch until half a second of contact is predicted within 10 % [s]; None
             where it never is.
     """
@@ -64,9 +64,9 @@ class LocalStiffness:
     """Slope of the force over depth at rest, by which laws of different exponents can be compared [N/m].
 
     Attributes:
-        depth_m: At half of the deepest press.
-        estimated: None without a model.
-        true: Of the law that holds at the end.
+        depth_m: Depth at half of the deepest press [m].
+        estimated: Estimated value; None without a model.
+        true: Value of the law that holds at the end.
         error_percent: Estimated less true.
     """
 
@@ -86,18 +86,19 @@ class Result(Brief):
         estimator: Name of the estimator.
         status: ``"ok"`` or ``"failed"``.
         reason: Why it failed, None if it did not.
-        samples: Of the recording.
-        contact_samples: As the estimator's conditioning judges it.
-        residual_percent: One-step error: RMS residual as a share of the RMS force over the same samples [%].
+        samples: Number of samples of the recording.
+        contact_samples: Number of samples that the estimator's conditioning takes for contact.
+        residual_percent: One-step error: RMS residual as a ratio to the RMS force over the same samples [%].
         us_per_sample: Time of `identify` [us], which keeps every parameter at every sample; beside other jobs. ``==``
             leaves it out.
         parameters: The law's numbers after the last sample; None where undetermined.
-        standard_errors: By name, None where there are none.
-        warnings: One sentence for each parameter that cannot be told from the others.
+        standard_errors: Standard errors by name, None where there are none.
+        warnings: One sentence for each parameter that cannot be separated from the others.
         predictions: One for each delay.
-        convergence: After the first touch and each change; empty where the truth is not known, as what follows.
-        parameter_errors: By name.
-        local_stiffness: None where no law is the true one.
+        convergence: Convergence after the first touch and each change; empty where the truth is not known, as what
+            follows.
+        parameter_errors: Errors of the parameters by name.
+        local_stiffness: Error of the local stiffness; None where no law is the true one.
     """
 
     recording: str
@@ -118,13 +119,13 @@ class Result(Brief):
     local_stiffness: LocalStiffness | None = None
 
     def as_row(self) -> dict[str, Any]:
-        """As plain values for JSON: no NaN, no infinity."""
+        """The result as plain values for JSON: no NaN, no infinity."""
         row: dict[str, Any] = _finite(asdict(self))
         return row
 
 
 def _finite(value: Any) -> Any:
-    """The same with None for every number that is not finite."""
+    """The value with None for every number that is not finite."""
     if isinstance(value, float):
         return value if math.isfinite(value) else None
     if isinstance(value, dict):
@@ -138,13 +139,9 @@ NEVER = "never"
 
 
 def render_table(results: Sequence[Result]) -> str:
-    """The results for a terminal: a block for each recording, and the medians over all recordings.
+    """The results for a terminal, without a last line break: a block for each recording, and the medians over all.
 
-    Args:
-        results: As `compare` gave them, those of one recording together.
-
-    Returns:
-        Lines without a last line break.
+    Results are as `compare` gave them, those of one recording together.
     """
     blocks = [_block(name, list(rows)) for name, rows in groupby(results, key=lambda result: result.recording)]
     if len(blocks) > 1:

@@ -1,4 +1,4 @@
-"""What can be said of an estimate where the truth is known."""
+"""Errors of an estimate where the truth is known."""
 
 from __future__ import annotations
 
@@ -13,25 +13,25 @@ from numpy.typing import NDArray
 from foretouch.identification import LearntModel
 from foretouch.models import ContactModel, HuntCrossley, KelvinVoigt, MemorylessLaw, MotionFilter, advance
 from foretouch.quantities import ByValue, Recording
-from foretouch.report import delayed
+from foretouch.report import delayed_force
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 LEARNING_TIME: Final = 0.1
-"""What is granted for learning a changed law, beyond the delay [s]."""
+"""Time granted for learning a changed law, beyond the delay [s]."""
 
 CONVERGED_SPAN: Final = 0.5
-"""What has converged foretells so long [s] ..."""
+"""Time over which a converged estimate predicts the force [s]."""
 
 CONVERGED_ERROR: Final = 0.10
-"""... with at most this error, as a share of the true force."""
+"""Largest error of this prediction, as a ratio to the true force."""
 
 CONVERGED_STEP: Final = 0.02
-"""Convergence is looked for at this distance [s]."""
+"""Time between the moments at which convergence is tested [s]."""
 
 CONVERGED_SAMPLES: Final = 100
-"""So many samples of the span are looked at."""
+"""Number of samples of the span that are examined."""
 
 HOLDS: Final[dict[str, tuple[str, ...]]] = {
     "kelvin-voigt": ("kelvin-voigt", "threshold-switching", "continuous-switching"),
@@ -46,10 +46,10 @@ class Truth(ByValue):
     """What is behind a simulated recording.
 
     Attributes:
-        depth: Of the probe below the surface [m], shape (n,).
+        depth: Depth of the probe below the surface [m], shape (n,).
         force: On the probe [N], without noise and offset, shape (n,).
         law: The law that holds at the last sample, None where the material is none of the laws.
-        changes: When the law changed suddenly [s].
+        changes: Times of sudden changes of the law [s].
     """
 
     depth: Array
@@ -60,7 +60,7 @@ class Truth(ByValue):
 
 @dataclass(frozen=True)
 class Convergence:
-    """How long an estimate took after a change.
+    """The time that an estimate took after a change.
 
     Attributes:
         event_s: When the change was felt first: at the first sample in contact [s]; the first touch counts as one.
@@ -76,9 +76,9 @@ class ParameterError:
     """One number of an estimated law beside the true one.
 
     Attributes:
-        estimated: None where it is undetermined.
-        true: Its true value, at the last sample.
-        error: Estimated less true, as a share of the true one for `stiffness` and `damping` [%], else as it is.
+        estimated: Estimated value; None where it is undetermined.
+        true: True value, at the last sample.
+        error: Estimated less true, as a ratio to the true one for `stiffness` and `damping` [%], else as it is.
     """
 
     estimated: float | None
@@ -87,7 +87,7 @@ class ParameterError:
 
 
 def unforeseeable(time: Array, depth: Array, delay: float, changes: Sequence[float] = ()) -> Flags:
-    r"""Samples whose force nothing before t - delay could tell, whoever learns.
+    r"""Samples whose force nothing before t - delay could predict, with any estimator.
 
     Those are, from the truth,
 
@@ -100,7 +100,7 @@ def unforeseeable(time: Array, depth: Array, delay: float, changes: Sequence[flo
         time: [s], increasing, shape (n,).
         depth: True depth [m], shape (n,).
         delay: d, of the forces [s], 0 or more.
-        changes: When the law changed without notice [s].
+        changes: Times at which the law changed without notice [s].
 
     Returns:
         Flags, shape (n,).
@@ -108,7 +108,7 @@ def unforeseeable(time: Array, depth: Array, delay: float, changes: Sequence[flo
     Raises:
         SettingError: A delay below 0.
     """
-    reached = np.nan_to_num(delayed(time, np.maximum.accumulate(np.maximum(depth, 0.0)), delay), nan=0.0)
+    reached = np.nan_to_num(delayed_force(time, np.maximum.accumulate(np.maximum(depth, 0.0)), delay), nan=0.0)
     flags: Flags = (depth > 0.0) & (depth > reached)
     for change in changes:
         felt = _felt(time, depth, change)
@@ -125,7 +125,7 @@ def convergence(recording: Recording, truth: Truth, learnt: Sequence[LearntModel
 
     Args:
         recording: n samples.
-        truth: Of the recording.
+        truth: Truth of the recording.
         learnt: What was known after each sample, n of them.
 
     Returns:
@@ -173,10 +173,7 @@ def parameter_errors(
 ) -> dict[str, ParameterError]:
     """Errors of a law's numbers, by name; empty where the law that is estimated cannot be the true one.
 
-    Args:
-        model_name: Of the law that is estimated, as on the command line.
-        parameters: By name, None where undetermined.
-        truth: Of the recording.
+    Its name is as on the command line; its parameters are None where undetermined.
     """
     law = truth.law
     if law is None or model_name not in HOLDS[law.law]:
@@ -195,11 +192,9 @@ def parameter_errors(
 
 
 def local_stiffness(model: ContactModel, depth: float) -> float:
-    """Slope of a resting law's force over depth [N/m], by which laws of different exponents can be compared.
+    """Slope of a resting, untouched law's force over depth [N/m] at a positive depth [m].
 
-    Args:
-        model: The law, as untouched.
-        depth: Where [m], positive.
+    Laws of different exponents can be compared by it.
     """
     step = 1e-3 * depth
     forces = [advance(model, model.initial_state(), depth + side * step, 0.0, 1e-3)[1] for side in (-1.0, 1.0)]

@@ -16,21 +16,23 @@ from foretouch.console.library import Library
 from foretouch.console.panels.forces import numbers_of
 from foretouch.console.panels.model import describe
 from foretouch.console.panels.network import NetworkFaults, Speech
-from foretouch.console.panels.panel import INSTRUCTION, WATCH_RECORDING, Actions, Panel, felt
+from foretouch.console.panels.panel import CHOOSE_RECORDING, INSTRUCTION, WATCH_RECORDING, Actions, Panel, felt
 from foretouch.console.panels.stop import ASKING, LATCHED, READY, UNABLE, EmergencyCall
 from foretouch.console.plots import SECONDS
 from foretouch.console.sentences import (
     ENDED_INSTRUCTION,
     ENDING_INSTRUCTION,
     HAS_ENDED,
+    NOTHING_LIVE,
     hindrance,
     lateness,
     robot_alerts,
     session_status,
     warnings,
 )
-from foretouch.console.views.line import Hold, LineView
-from foretouch.console.views.space import SPACE_INSTRUCTION, SpaceHold, SpaceView
+from foretouch.console.views.hold import Hold, SpaceHold
+from foretouch.console.views.line import LineView
+from foretouch.console.views.space import SPACE_INSTRUCTION, SpaceView
 from foretouch.console.watched import SUPERVISOR, Watched
 from foretouch.errors import MissingExtraError, one_line
 from foretouch.link import new_press
@@ -40,37 +42,38 @@ ROUND_PERIOD, PLOT_PERIOD, TEXT_PERIOD, LIST_PERIOD = 1 / 30, 1 / 12, 1 / 6, 2.0
 """How often it is looked whether a picture is due, and forces, numbers with the other plots, and the list of recordings
 are sent to the browser at most [s]."""
 LOOK_PERIOD = 0.5
-"""So often it is asked how late the loops are [s]."""
+"""Period at which it is asked how late the loops are [s]."""
 LAST_WORD = 0.3
-"""So long the pages have to hear that the session has ended [s]."""
+"""Time that the pages have to learn that the session has ended [s]."""
 UNSEEN_PERIOD = 0.5
 """Where there is no browser [s]: what the first sees when it comes is not older."""
 ANSWERS = (Status.STOPPED, Status.SHADOW)
-"""After these nobody has to ask for an emergency stop any more: it is there, or not to be had."""
+"""Statuses that answer a request for an emergency stop: the robot has stopped, or cannot be stopped from here."""
 INTRODUCTION = {"position_delay", "force_delay", "operator"}
-"""Settings that both sides must have said before the panel speaks of the session."""
+"""Settings that both sides must have sent before the panel describes the session."""
 CHOICES = ("material", "operator", "grip")
 
 
 class Console:
     """A session in a browser.
 
-    It stands in nobody's way: `watch` only stores, `run` draws what is newest, and what the person does goes out as
+    It never blocks: `watch` only stores, `run` draws the newest state, and actions of the person go out as
     `Handle`, `Settings`, `Choice`, `Stop` and `EmergencyStop`, each in order, from whichever thread notices it.
 
     Surface and press depth come from `Hello` (settings ``surface`` and ``press_depth`` [m]), the surface from the
     newest valid model once there is one; the sliders begin at the session's delays and faults. With an ``operator``
     other than ``browser`` handle and clutch are hidden. A browser that is gone lets go of both.
 
-    The emergency stop is asked for every 50 ms until telemetry says that the robot has stopped, whatever becomes of the
-    browser, and whatever is shown. Of several leaders the one is shown that the robot obeys.
+    The emergency stop is requested every 50 ms until telemetry reports that the robot has stopped, whatever happens to
+    the browser, and whatever is shown. Of several leaders, the one that the robot obeys is shown.
 
     Args:
         port: TCP port; 0 takes a free one.
-        publish: Called with every message that the person causes. It should return at once.
+        publish: Called with every message that an action causes. It should return at once.
         host: Address to listen on.
         recordings: Folder whose recordings can be looked at, or several.
-        names: Names of hosts, beside those of this machine itself, under which a browser may reach it.
+        live: Whether a session may be received; else there are only recordings, and no emergency stop.
+        names: Names of hosts, beside those of this machine, under which a browser may reach it.
         say: Prints one line for people: whenever an address was used, the next one.
 
     Attributes:
@@ -91,6 +94,7 @@ class Console:
         host: str = "127.0.0.1",
         recordings: Path | str | Sequence[Path | str] = ".",
         names: Sequence[str] = (),
+        live: bool = True,
         say: Callable[[str], None] = lambda line: None,
     ) -> None:
         require_free_port(port, host)
@@ -111,7 +115,8 @@ class Console:
         self._press = 0  # the number of the press that is asked for
         self._emergency = EmergencyCall(lambda: self._speech.emergency(self._press))
         self._line = LineView(self._server, self._watched, Hold(self._watched, self._speech))
-        self._panel = Panel(self._server, self._actions())
+        self._live = live
+        self._panel = Panel(self._server, self._actions(), live=live)
         space_hold = SpaceHold(self._watched, self._speech)
         self._space = SpaceView(self._server, self._panel.image, self._panel.tabs, space_hold)
         self._server.on_client_disconnect(self._browser_gone)
@@ -129,10 +134,10 @@ class Console:
             self._emergency.answered()
 
     def run(self, should_stop: Callable[[], bool]) -> None:
-        """Draw until told to stop.
+        """Draw until stopped.
 
         Args:
-            should_stop: Asked 30 times a second.
+            should_stop: Called 30 times a second.
         """
         next_round, drawn = time.monotonic(), -math.inf
         while not should_stop():
@@ -200,7 +205,7 @@ class Console:
         """End the server.
 
         Args:
-            ended: Whether the session has ended, which the pages then say; else that they do not reach the console.
+            ended: Whether the session has ended, which the pages then show; else that they do not reach the console.
         """
         self._emergency.close()
         if ended:
@@ -212,7 +217,7 @@ class Console:
         with contextlib.redirect_stdout(io.StringIO()):
             self._server.stop()
 
-    # What the person does. The viewer calls these from its own thread.
+    # Actions of the person. The viewer calls these from its thread.
 
     def _actions(self) -> Actions:
         return Actions(
@@ -268,12 +273,14 @@ class Console:
         self._panel.session.ending()
 
     def _press_emergency(self) -> None:
+        if not self._live:
+            return
         if not self._emergency.asking:
             self._press = new_press()
         self._emergency.press()
         self._show_alarm(time.monotonic())
 
-    # What the session, or a recording, says.
+    # Display of the session, or of a recording.
 
     @property
     def _shown(self) -> Watched:
@@ -288,13 +295,14 @@ class Console:
 
     @property
     def _by_mouse(self) -> bool:
-        return self._watched.operator == "browser"
+        return self._live and self._watched.operator == "browser"
 
     def _hindrance(self, now: float) -> str:
         """Why pressing cannot help now, "" where it can."""
-        return self._ending or hindrance(self._watched, now)
+        return self._ending or (hindrance(self._watched, now) if self._live else CHOOSE_RECORDING)
 
     def _draw_scene(self, shown: Watched, live: bool, *, useful: bool = True) -> None:
+        live = live and self._live  # without a session there is no handle
         if self._space.draw(shown, live=live, useful=useful):
             self._line.hide()
         else:
@@ -327,7 +335,7 @@ class Console:
         self._space.write(shown, now, live=playback is None)
 
     def _show_session(self, now: float) -> None:
-        """What runs; and, whenever both sides have said something new, where the sliders are."""
+        """Show the running session, and set the sliders when both sides have sent new values."""
         watched, settings = self._watched, self._watched.settings
         live = self._library.playback is None
         supervised = watched.supervised(now)
@@ -348,9 +356,9 @@ class Console:
         self._panel.network.put({name: watched.setting(name, 0.0) for name in new})
 
     def _instruct(self, live: bool, now: float) -> None:
-        """What there is to do, and whom the force moves."""
+        """Show what there is to do, and which hand the force moves."""
         watched = self._shown
-        by_mouse = watched.operator == "browser"
+        by_mouse = self._live and watched.operator == "browser"
         self._panel.offer_clutch(self._by_mouse and live)
         by_hand = SPACE_INSTRUCTION if watched.in_space else INSTRUCTION
         if watched.in_space:
@@ -364,11 +372,11 @@ class Console:
         watched = self._watched
         label = LATCHED if watched.stopped else UNABLE if watched.shadowed else READY
         standing = (self._standing,) if self._standing else ()
-        alerts = (*robot_alerts(watched, now), *standing)
+        alerts = (*(robot_alerts(watched, now) if self._live else ()), *standing)
         self._panel.alarm.show(ASKING if self._emergency.asking else label, alerts)
 
     def _status(self, now: float) -> str:
         """One line: what the session is doing."""
-        if self._ending:
-            return self._ending
+        if self._ending or not self._live:
+            return self._ending or NOTHING_LIVE
         return session_status(self._watched, now, held=self._holding.held, clutched=self._holding.clutched)

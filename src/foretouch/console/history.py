@@ -13,23 +13,23 @@ from foretouch.console.window import NAN, Array, Window, empty_window, window_of
 from foretouch.messages import CHANNELS, COUNT_PREFIX, WITH_THE_COMMANDS, LeaderState, Telemetry
 
 OVER = 2.5
-"""A share is taken over so long [s]."""
+"""Time over which a percentage of lost messages is taken [s]."""
 KEPT = 10.0
-"""[s]."""
+"""Percentages are kept for this time [s]."""
 MOST = 1024
-"""Each side says its counters twice a second; of more, the newest are kept."""
+"""Number of counters kept per side, the newest; each side sends them twice a second."""
 COUNTERS = {"follower": ("commands_lost", CHANNELS["command"].rate), "leader": ("telemetry_lost", 1000.0)}
-"""By who counts: what, and how many a second would be all."""
+"""By the side that counts: the counter, and the messages a second of which it counts the lost ones."""
 
 
 LATE_NS = 1_500_000
-"""A tick is late that begins so long after the one before [ns]."""
+"""A tick is late if it begins more than this after the one before [ns]."""
 LOOKS = 6
-"""The share of late ticks is taken over so many looks."""
+"""The percentage of late ticks is taken over this many looks."""
 LATE = 5.0
-"""A machine is said to be late from this share of late ticks on [%]; a quiet one has about 1 %."""
+"""Fraction of late ticks from which a machine is reported as late [%]; a quiet one has about 1 %."""
 GIVE_WAY, TAKE_BACK = 0.6, 1.15
-"""By how much a picture rate changes at a look while the loops are late, and while they are not."""
+"""Factors on the picture rate at a look while the loops are late, and while they are not."""
 SLOWEST, FASTEST = 4.0, 30.0
 """Pictures a second. Fewer than the slowest, and the page could not tell a slow console from one that is gone."""
 
@@ -39,8 +39,8 @@ class LossTrace(NamedTuple):
 
     Attributes:
         time: Seconds before now, increasing.
-        there: Share of the commands that were lost shortly before [%]; NaN where nobody has said.
-        back: Share of the telemetry [%].
+        there: Fraction of the commands that were lost shortly before [%]; NaN where it is unknown.
+        back: Fraction of the telemetry that was lost [%].
     """
 
     time: Array
@@ -49,7 +49,7 @@ class LossTrace(NamedTuple):
 
 
 class Losses:
-    """Counters of both sides as they come, and the shares that they make.
+    """Counters of both sides as they come, and the fractions computed from them.
 
     One thread stores, another reads.
     """
@@ -60,12 +60,12 @@ class Losses:
         self._newest = dict.fromkeys(COUNTERS, NAN)
 
     def take(self, role: str, texts: Mapping[str, str], now: float) -> None:
-        """A side has said its counters.
+        """Store the counters that a side has sent.
 
         Args:
-            role: Of the side.
-            texts: Of its `Hello`.
-            now: When it was heard [s].
+            role: Role of the side.
+            texts: Texts of its `Hello`.
+            now: Time at which it was received [s].
         """
         if role not in COUNTERS:
             return
@@ -93,14 +93,14 @@ class Losses:
 
 
 class Lateness:
-    """How late the ticks of both sides are, and how many pictures a second leave them their processor.
+    """Lateness of the ticks of both sides, and the number of pictures per second that leaves them their processor.
 
-    Who draws on the machine of the loops takes its time from them; so while they are late fewer pictures are drawn.
+    Drawing on the machine of the loops takes processor time from them; while they are late, fewer pictures are drawn.
     One thread calls `take`, another `look`.
 
     Attributes:
-        late: Share of late ticks over the last looks [%], by side.
-        pictures: So many a second are to be drawn.
+        late: Fraction of late ticks over the last looks [%], by side.
+        pictures: Number of pictures to draw per second.
     """
 
     def __init__(self) -> None:
@@ -110,13 +110,13 @@ class Lateness:
         self.pictures = FASTEST / 2
 
     def take(self, side: str, period_ns: int) -> None:
-        """Count a tick of a side that began so long after the one before [ns]."""
+        """Count a tick of a side, given the time since the beginning of the one before [ns]."""
         counted = self._counted[side]
         counted[0] += 1
         counted[1] += period_ns > LATE_NS
 
     def look(self) -> None:
-        """Take the shares, and more or fewer pictures; to be called about twice a second."""
+        """Update the fractions and the number of pictures; to be called about twice a second."""
         now = {side: (ticks, late) for side, (ticks, late) in self._counted.items()}
         if self._looks:
             newest = _shares(self._looks[-1], now)
@@ -128,7 +128,7 @@ class Lateness:
 
 
 def _shares(before: Mapping[str, tuple[int, int]], now: Mapping[str, tuple[int, int]]) -> dict[str, float]:
-    """Share of late ticks [%] between two counts, of each side that made any."""
+    """Fraction of late ticks [%] between two counts, for each side that made any."""
     made = {side: (now[side][0] - before[side][0], now[side][1] - before[side][1]) for side in now}
     return {side: 100.0 * late / ticks for side, (ticks, late) in made.items() if ticks}
 
@@ -144,7 +144,7 @@ class History:
     older lap from those of this one, and a picture shows one such sample for one frame at worst.
 
     Args:
-        length: Ticks that are kept.
+        length: Number of ticks kept.
     """
 
     def __init__(self, length: int = 8192) -> None:
@@ -182,8 +182,8 @@ class History:
         """Store one follower tick; of the ticks that applied one command, the first counts.
 
         Args:
-            telemetry: Of the tick.
-            applies: Whether what it applied was a command of the leader that is stored here.
+            telemetry: Telemetry of the tick.
+            applies: Whether the command that it applied was one of the leader stored here.
         """
         row = telemetry.sequence % self._length
         self._position[row] = telemetry.position
@@ -207,8 +207,8 @@ class History:
         """The newest `seconds` in at most `points` points, always the same ticks while they stay in the window.
 
         Args:
-            seconds: How far back.
-            points: At most so many.
+            seconds: Length of the window [s].
+            points: Largest number of points.
             newest: Sequence of the leader's tick at which the window ends; 0 for the newest that is here.
         """
         newest = newest or self._newest

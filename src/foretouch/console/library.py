@@ -1,4 +1,4 @@
-"""The recordings in some folders, and the one that is looked at: read and run again on threads of their own."""
+"""The recordings in some folders, and the one that is looked at: read and run again on separate threads."""
 
 from __future__ import annotations
 
@@ -17,19 +17,19 @@ from foretouch.messages import SessionLog
 
 PATTERN = "*.mcap"
 MOST = 50
-"""So many of the newest are listed."""
+"""Largest number of recordings that are listed, the newest first."""
 NOT_YET = "It is being recorded just now: it shows what there was when it was chosen. Choose it again for more."
-"""Of the file that a recorder is writing."""
+"""Note on the file that a recorder is writing."""
 
 
 class Library:
-    """What can be looked at, and what is.
+    """The recordings that can be looked at, and the one that is.
 
-    Reading a recording takes as long as it takes, on a thread of its own; meanwhile and afterwards `note` says in one
-    line how it went. What cannot be read is a line, no error.
+    A recording is read on a separate thread; meanwhile and afterwards `note` gives its progress and result in one
+    line. An unreadable one gives a line, no error.
 
     Args:
-        folders: Of the recordings; one that is named twice counts once.
+        folders: Folders of the recordings; one that is named twice counts once.
 
     Attributes:
         playback: The recording that is looked at, None for none.
@@ -45,9 +45,9 @@ class Library:
         self.playback: Playback | None = None
 
     def names(self) -> tuple[str, ...]:
-        """Of the recordings, the newest first: files of these folders, no pipe, no device and no link out of them.
+        """Names of the recordings, the newest first: files of these folders, no pipes, devices or links out of them.
 
-        Of several folders, that of a file stands before its name, but for the current one.
+        With several folders, that of a file stands before its name, but for the current one.
         """
         return tuple(self._listed())
 
@@ -76,7 +76,7 @@ class Library:
 
     @property
     def note(self) -> str:
-        """What there is to say in one line, how far it is while something is read or run; "" for nothing."""
+        """Status in one line, with the progress while something is read or run; "" for none."""
         if not self.busy or not self._said.endswith("…"):
             return self._said
         done = f" {100.0 * self._share:.0f} %," if math.isfinite(self._share) else ""
@@ -150,7 +150,7 @@ class Library:
         self.playback, self.note = None, ""
 
     def wait(self, timeout: float = 60.0) -> None:
-        """Wait until nothing is read any more, for at most so long [s]."""
+        """Wait until nothing is read any more, for at most this time [s]."""
         if self._job is not None:
             self._job.join(timeout)
 

@@ -14,7 +14,7 @@ from foretouch.messages import ModelUpdate
 from foretouch.models import ContactModel, advance, make_model
 
 STEP = 0.1
-"""Half the distance over which a local stiffness is taken, as a share of the depth."""
+"""Half the distance over which a local stiffness is taken, as a fraction of the depth."""
 PERIOD = 1e-3
 MOST = 512
 """Models whose figures are remembered."""
@@ -26,11 +26,11 @@ class ModelFigures(NamedTuple):
     """A model in numbers that can be drawn over time.
 
     Attributes:
-        names: Of the law's parameters.
+        names: Names of the law's parameters.
         parameters: Their values.
         errors: Standard error of each, NaN where it is not known.
         stiffness: Local stiffness dF/dx at the depth asked for, at rest [N/m].
-        deviation: Its standard deviation [N/m]; NaN where the model carries no doubt.
+        deviation: Its standard deviation [N/m]; NaN where the model carries no uncertainty.
     """
 
     names: tuple[str, ...]
@@ -47,7 +47,7 @@ class ModelTrace(NamedTuple):
         time: Seconds before now, increasing, shape (n,).
         stiffness: Local stiffness [N/m], shape (n,).
         deviation: Its standard deviation [N/m], NaN where none is known, shape (n,).
-        names: Of the parameters of the newest law.
+        names: Names of the parameters of the newest law.
         parameters: Their values, NaN under another law, shape (n, number of names).
         errors: Their standard errors, NaN where they are not known, of the same shape.
     """
@@ -65,11 +65,11 @@ def figures_of(update: ModelUpdate, depth: float) -> ModelFigures | None:
 
     .. math:: K = \frac{F(x + h) - F(x - h)}{2 h}, \quad \sigma_K = |K| \frac{\sigma_F(x)}{F(x)}
 
-    with the probe at rest, h a tenth of x. What the model says of its doubt is of the force; that of the stiffness is
-    taken in the same proportion, as if all forces were too large or too small by one factor.
+    with the probe at rest, h a tenth of x. The model's uncertainty is that of the force; that of the stiffness
+    is taken in the same proportion, as if all forces were too large or too small by one factor.
 
     Args:
-        update: As it came.
+        update: Update as received.
         depth: x, below the model's surface [m].
     """
     if not update.valid:
@@ -87,11 +87,11 @@ def figures_of(update: ModelUpdate, depth: float) -> ModelFigures | None:
 def _stiffness(model: ContactModel, depth: float) -> tuple[float, float]:
     """Local stiffness and its standard deviation [N/m]."""
     step = STEP * depth
-    (_, force, doubt), (_, more, _), (_, less, _) = (
+    (_, force, uncertainty), (_, more, _), (_, less, _) = (
         advance(model, model.initial_state(), x, 0.0, PERIOD) for x in (depth, depth + step, depth - step)
     )
     stiffness = (more - less) / (2.0 * step)
-    return stiffness, abs(stiffness) * doubt / force if force > 0.0 else NAN
+    return stiffness, abs(stiffness) * uncertainty / force if force > 0.0 else NAN
 
 
 def trace_of(
@@ -149,7 +149,7 @@ class ModelsSeen:
             updates.pop(next(iter(updates)))
 
     def adopt(self, time: float, sequence: int) -> None:
-        """The leader says which model is its newest, at a time [s]."""
+        """Store which model is the leader's newest at a time [s]."""
         if sequence != self._newest:
             self._newest = sequence
             self._adopted.append((time, sequence))

@@ -33,25 +33,25 @@ TRACE_STRIDE = 50
 
 
 class RecordedSpace(SpaceHeard):
-    """What was heard in space at a moment; see `SpaceHeard`.
+    """Messages received in space at a moment; see `SpaceHeard`.
 
-    Of the robot's side it is what the operator's had heard by then: two recorded clocks need not agree.
+    Those of the robot's side are those that the operator's had received: two recorded clocks need not agree.
 
     Args:
-        stretch: Of the session; nothing is shown of one along a line.
+        segment: Of the session; nothing is shown of one along a line.
     """
 
-    def __init__(self, stretch: SessionLog) -> None:
+    def __init__(self, segment: SessionLog) -> None:
         super().__init__()
-        self._leads, self._follows = stretch.leader_space, stretch.follower_space
-        if stretch.leader.size:  # a side that began again counts from 1 again
-            self._leads = self._leads[self._leads["epoch"] == stretch.leader["epoch"][-1]]
-        if stretch.follower.size:
-            self._follows = self._follows[self._follows["run"] == stretch.follower["run"][-1]]
+        self._leads, self._follows = segment.leader_space, segment.follower_space
+        if segment.leader.size:  # a side that began again counts from 1 again
+            self._leads = self._leads[self._leads["epoch"] == segment.leader["epoch"][-1]]
+        if segment.follower.size:
+            self._follows = self._follows[self._follows["run"] == segment.follower["run"][-1]]
         run = int(self._follows["run"][-1]) if self._follows.size else 0
-        self._pictures = tuple(image for image in stretch.images if image.run == run or 0 in (run, image.run))
-        self._maps = tuple(field for field in stretch.fields if run in (0, field.run))
-        self._beliefs = sorted(stretch.beliefs, key=lambda belief: belief.time_ns)
+        self._pictures = tuple(image for image in segment.images if image.run == run or 0 in (run, image.run))
+        self._maps = tuple(field for field in segment.fields if run in (0, field.run))
+        self._beliefs = sorted(segment.beliefs, key=lambda belief: belief.time_ns)
         self._belief_times = [belief.time_ns for belief in self._beliefs]
 
     def go_to(self, leader: int, telemetry: int) -> None:
@@ -59,7 +59,7 @@ class RecordedSpace(SpaceHeard):
 
         Args:
             leader: Sequence of the leader's tick.
-            telemetry: Of the newest telemetry that it had heard.
+            telemetry: Sequence of the newest telemetry that it had received.
         """
         row = int(np.searchsorted(self._leads["sequence"], leader, side="right")) - 1
         self.leader = LeaderSpace(VERSION, *_numbers(self._leads[row])) if row >= 0 else None
@@ -70,7 +70,7 @@ class RecordedSpace(SpaceHeard):
             self.belief = self._beliefs[last] if last >= 0 else None
 
     def heard(self, sequence: int) -> FollowerSpace | None:
-        """The robot as the operator's side last heard of it."""
+        """State of the robot that the operator's side received last."""
         row = int(np.searchsorted(self._follows["sequence"], sequence, side="right")) - 1
         return FollowerSpace(VERSION, *_numbers(self._follows[row])) if row >= 0 and sequence > 0 else None
 
@@ -84,7 +84,7 @@ class RecordedSpace(SpaceHeard):
         return None if tick is None else newest_field(self._maps, tick)
 
     def camera_silence(self, now: float) -> float:
-        """Not known of a recording: nobody is missed."""
+        """Not known for a recording: no tracker is reported as missing."""
         return 0.0 if self.belief is not None else math.inf
 
     def pose_trace(self, seconds: float) -> PoseTrace:
@@ -106,15 +106,15 @@ def _numbers(row: np.void) -> tuple[Any, ...]:
 
 
 TOLERANCE = 1e-6
-"""A tick counts as being at a moment that is no more than so much before it [s]."""
+"""A tick counts as being at a moment that is at most this much before it [s]."""
 
 M = TypeVar("M", LeaderState, Telemetry)
 
 
 class RecordedWatch(Watched):
-    """What was heard of a recorded session at `now`; see `Watched`.
+    """State of a recorded session as received at `now`; see `Watched`.
 
-    Of a session in which a side began again, the longest stretch.
+    For a session in which a side began again, the longest segment.
 
     Args:
         log: The session.
@@ -128,16 +128,16 @@ class RecordedWatch(Watched):
 
     def __init__(self, log: SessionLog) -> None:
         super().__init__()
-        stretch = log.longest()
-        if not stretch.leader.size:
+        segment = log.longest()
+        if not segment.leader.size:
             raise RecordingError("the recording", "holds nothing of a leader: there is nothing to show over time")
-        self._leader, self._follower = stretch.leader, stretch.follower
+        self._leader, self._follower = segment.leader, segment.follower
         self._seconds: Array = (self._leader["time_ns"] - self._leader["time_ns"][0]) * 1e-9
         self.duration = float(self._seconds[-1])
-        self._stretch = stretch
-        self.space = self._recorded_space = RecordedSpace(stretch)
+        self._segment = segment
+        self.space = self._recorded_space = RecordedSpace(segment)
         self._row_of = _rows_of(self._leader["telemetry_sequence"], self._follower["sequence"])
-        self._columns = self._all_columns(stretch)
+        self._columns = self._all_columns(segment)
         run = int(self._follower["run"][-1]) if self._follower.size else 0
         self._by_sequence = {model.sequence: model for model in log.models if run in (0, model.run)}
         self._known: dict[tuple[int, float], ModelFigures | None] = {}
@@ -188,13 +188,13 @@ class RecordedWatch(Watched):
 
     def _settings_at(self, row: int, telemetry: int) -> Mapping[str, str]:
         """What was set then: a network can be changed while a session runs."""
-        stretch = self._stretch
-        if not stretch.said:
-            return stretch.settings
+        segment = self._segment
+        if not segment.said:
+            return segment.settings
         leader = self._leader[row]
         felt_ns = int(self._follower["time_ns"][max(telemetry, 0)]) if self._follower.size else None
         run = int(self._follower["run"][0]) if self._follower.size else 0
-        return settings_at(stretch.said, int(leader["epoch"]), run, int(leader["time_ns"]), felt_ns)
+        return settings_at(segment.said, int(leader["epoch"]), run, int(leader["time_ns"]), felt_ns)
 
     def _figures(self, sequence: int) -> ModelFigures | None:
         key = (sequence, self.model_depth)
@@ -203,12 +203,12 @@ class RecordedWatch(Watched):
             self._known[key] = None if update is None else figures_of(update, self.model_depth)
         return self._known[key]
 
-    def _all_columns(self, stretch: SessionLog) -> Array:
+    def _all_columns(self, segment: SessionLog) -> Array:
         """The columns of `window_of`, over the whole recording."""
         leader, follower = self._leader, self._follower
         predicted = np.where(np.isfinite(leader["position"]), leader["predicted_force"], NAN)
         true, trips, away = np.full(leader.size, NAN), np.full(leader.size, NAN), np.zeros(leader.size)
-        rows = stretch.rows()
+        rows = segment.rows()
         force = rows.follower["exact_force"] if self._exact(rows.follower) else rows.follower["force"]
         at = np.searchsorted(leader["sequence"], rows.leader["sequence"])
         true[at] = force
@@ -224,7 +224,7 @@ class RecordedWatch(Watched):
         return columns
 
     def _exact(self, follower: np.ndarray) -> bool:
-        """Whether the simulator's own force stands in the recording."""
+        """Whether the recording has the simulator's true force."""
         return bool(follower.size) and bool(np.isfinite(follower["exact_force"]).all())
 
 
@@ -234,13 +234,13 @@ class Playback:
     Args:
         log: The session.
         other: The same session run again under other settings.
-        name: Of the recording, for people.
+        name: Name of the recording, for people.
 
     Attributes:
-        shown: What was heard at this moment.
-        other: The same of the second run, None where there is none.
+        shown: State received at this moment.
+        other: State of the second run, None where there is none.
         log: The session.
-        name: Of the recording.
+        name: Name of the recording.
         playing: Whether time goes on.
 
     Raises:
@@ -261,7 +261,7 @@ class Playback:
 
     @property
     def duration(self) -> float:
-        """Of the recording [s]."""
+        """Duration of the recording [s]."""
         return self.shown.duration
 
     def play(self, playing: bool) -> None:
@@ -295,6 +295,6 @@ def _message(kind: type[M], row: np.void) -> M:
 
 
 def _rows_of(heard: np.ndarray, sequences: np.ndarray) -> np.ndarray:
-    """The follower's row of the telemetry that each leader tick had heard last; -1 before the first."""
+    """The follower's row of the telemetry that each leader tick had received last; -1 before the first."""
     rows: np.ndarray = np.searchsorted(sequences, heard, side="right") - 1
     return np.where(heard > 0, rows, -1)

@@ -16,18 +16,25 @@ SECONDS = 6.0
 """Length of all plots [s]."""
 
 WIDTHS, WIDTHS_OF_TWO = ("47%", "28%", "25%"), ("66%", "34%", "0")
-"""Of a table's columns, with heads and without: it keeps them whatever the numbers are."""
+"""Widths of a table's columns, with heads and without: it keeps them whatever the numbers are."""
 
 DASHES = {"solid": (), "dashed": (6.0, 4.0), "dotted": (2.0, 3.0)}
 
 
+def put(handle: Any, **values: Any) -> None:
+    """Set attributes of a control or a node, those alone that differ: the viewer sends each one that is set."""
+    for name, value in values.items():
+        if getattr(handle, name) != value:
+            setattr(handle, name, value)
+
+
 class Curve(NamedTuple):
-    """How a curve looks; in a plot and in its table.
+    """Style of a curve, in a plot and in its table.
 
     Attributes:
-        name: In the page's own words.
-        colour: Of the line.
-        width: [pixel].
+        name: Name on the page.
+        colour: Colour of the line.
+        width: Width of the line [pixel].
         dash: One of `DASHES`.
         band: Whether a band goes around it.
     """
@@ -166,11 +173,11 @@ def style(text: str, css_text: str) -> str:
 
 
 def table(rows: Sequence[Row], heads: tuple[Row, str, str] | None = None) -> str:
-    """A table of numbers, with the curves' own lines before their names: it is the plot's legend too.
+    """A table of numbers, with the curves' lines before their names: it is the plot's legend too.
 
     Args:
-        rows: From above.
-        heads: Of the three columns; without them there are two.
+        rows: Rows from above.
+        heads: Heads of the three columns; without them there are two.
     """
     right = "text-align:right;white-space:nowrap"
     head = ""

@@ -1,4 +1,4 @@
-"""What a console says in words of the robot, of who leads it, and of the recording."""
+"""Sentences of a console on the robot, on the leader that commands it, and on the recording."""
 
 from __future__ import annotations
 
@@ -8,15 +8,18 @@ from foretouch.console.history import LATE
 from foretouch.console.watched import GONE, SILENT, SUPERVISOR, Watched
 from foretouch.identification import SENSOR_SENTENCES, SensorState
 from foretouch.messages import STATUS_SENTENCES, Status, Telemetry
+from foretouch.rendering.withheld import LEAST_SHARE
 
 INSECURE = "INSECURE: nothing is encrypted and nobody is checked; anybody on this network may command."
-"""What stands above the numbers where one of the sides says so."""
+"""Text above the numbers where one of the sides asks for it."""
 
 HAS_ENDED = (
     "Its report is in the terminal where it was started, and so is the way to start another: foretouch teleop. "
     "This page can be closed."
 )
-"""What the page says when the session has ended."""
+"""Text of the page when the session has ended."""
+NOTHING_LIVE = "Nothing live is connected: this console shows recordings alone."
+"""Instead of what the session does."""
 WAITING_INSTRUCTION = "Wait: no session has been heard yet."
 SILENT_INSTRUCTION = "The session is silent: nothing can be pressed."
 COMPILING_INSTRUCTION = "Wait: the session is being compiled."
@@ -30,18 +33,18 @@ GONE_SILENT = (
 )
 
 RECORDER_SILENT = 3.0
-"""A recorder speaks twice a second; it is silent when nothing has come for so long [s]."""
+"""A recorder speaks twice a second; it is silent when nothing has come for this time [s]."""
 
 FAULT = "the follower has a fault"
-"""Stands in what the robot's side says where something raised there, whatever the robot does."""
+"""Part of the robot side's text after an exception there, whatever the robot does."""
 NOBODY_YET = "No robot has been heard yet: nothing that is pressed here reaches one."
 """Until anybody speaks."""
 
 RELEASE = "foretouch release"
-"""Stands in what the robot's side says where it waits for somebody to let it go on."""
+"""Part of the robot side's text while it waits to be released."""
 
 CALM = (Status.FOLLOWING, Status.GUARDED, Status.RETURNING, Status.SHADOW)
-"""In these the robot does what it should: nobody is alarmed."""
+"""Statuses in which the robot does what it should, and which raise no alarm."""
 
 
 def doing(watched: Watched) -> tuple[str, ...]:
@@ -56,8 +59,8 @@ def hindrance(watched: Watched, now: float) -> str:
     """Why pressing cannot help now, in place of what there is to do; "" where it can.
 
     Args:
-        watched: What has been heard.
-        now: By the clock that it was heard by [s].
+        watched: State of the session as received.
+        now: Time by the clock of reception [s].
     """
     if watched.heard == -math.inf:
         return WAITING_INSTRUCTION
@@ -79,9 +82,9 @@ def session_status(watched: Watched, now: float, *, held: bool, clutched: bool) 
     """One line: what the session is doing.
 
     Args:
-        watched: What has been heard.
-        now: By the clock that it was heard by [s].
-        held: Whether somebody holds the handle.
+        watched: State of the session as received.
+        now: Time by the clock of reception [s].
+        held: Whether the handle is held.
         clutched: Whether the clutch is pressed.
     """
     if watched.heard == -math.inf:
@@ -107,9 +110,14 @@ def session_status(watched: Watched, now: float, *, held: bool, clutched: bool) 
 
 
 def _withheld(watched: Watched) -> tuple[str, ...]:
-    """That the hand is not given the model's force, why, and what to do about it; nothing where it is."""
+    """That the hand is not given all of the model's force, how much, why, and what to do; nothing where it is."""
     why = watched.withheld
-    return (f"The force is withheld: {why}; leave the surface and press again.",) if why else ()
+    if not why:
+        return ()
+    if watched.given < LEAST_SHARE:
+        return (f"The force is withheld: {why}; leave the surface and press again.",)
+    less = round(10.0 * (1.0 - watched.given)) * 10
+    return (f"The force is reduced by about {less} %: {why}; leave the surface and press again.",)
 
 
 def lateness(watched: Watched) -> str:
@@ -122,11 +130,11 @@ def lateness(watched: Watched) -> str:
 
 
 def robot_alerts(watched: Watched, now: float) -> tuple[str, ...]:
-    """What a person at the robot's other end has to know at once, most urgent first.
+    """Urgent remarks for a person at the other end, most urgent first.
 
     Args:
-        watched: What has been heard.
-        now: By the clock that it was heard by [s].
+        watched: State of the session as received.
+        now: Time by the clock of reception [s].
     """
     telemetry = watched.telemetry
     robot = (
@@ -143,11 +151,11 @@ def robot_alerts(watched: Watched, now: float) -> tuple[str, ...]:
 
 
 def warnings(watched: Watched, now: float) -> tuple[str, ...]:
-    """What stands above the numbers: that nothing is secure, that the recording is not all there.
+    """Text above the numbers: that nothing is secure, that the recording is incomplete.
 
     Args:
-        watched: What has been heard.
-        now: By the clock that it was heard by [s].
+        watched: State of the session as received.
+        now: Time by the clock of reception [s].
     """
     insecure = INSECURE if watched.insecure else ""
     return tuple(text for text in (insecure, _recording(watched, now)) if text)
@@ -158,7 +166,7 @@ def _recording(watched: Watched, now: float) -> str:
     if problem:
         return f"The recording is not all there: {problem}"
     if watched.supervised(now) and not watched.said(SUPERVISOR, "recording"):
-        return ""  # nobody was told to record
+        return ""  # no recorder was started
     if silence > RECORDER_SILENT and watched.leader_silence(now) < SILENT:
         return f"The recorder has been silent for {silence:.0f} s: whether anything is recorded is not known here."
     return ""
@@ -190,12 +198,14 @@ def _robot(watched: Watched, telemetry: Telemetry) -> str:
 
 
 def _said_there(trouble: str) -> str:
-    """What the robot's side says; a command in it is to be given there."""
-    return _sentence(f"{trouble} on the follower's machine" if RELEASE in trouble else trouble)
+    """Text of the robot's side; a command in it is to be given there."""
+    return _sentence(
+        f"{trouble} on the follower's machine; there answer y, then type release" if RELEASE in trouble else trouble
+    )
 
 
 def _sensors(watched: Watched, telemetry: Telemetry) -> str:
-    """What is wrong with the sensors, where the robot's side does not say so already."""
+    """Fault of the sensors, where the text of the robot's side does not name it already."""
     if telemetry.validity == SensorState.GOOD:
         return ""
     states = {int(state): sentence for state, sentence in SENSOR_SENTENCES.items()}
@@ -204,7 +214,7 @@ def _sensors(watched: Watched, telemetry: Telemetry) -> str:
 
 
 def _control(watched: Watched, now: float) -> str:
-    """Who is obeyed, where that is not the one leader that there is."""
+    """The leader that is obeyed, where it is not the only one."""
     telemetry, leader = watched.telemetry, watched.leader
     if telemetry is None or leader is None or watched.leader_silence(now) > GONE or not telemetry.epoch:
         return ""

@@ -1,4 +1,4 @@
-"""What was heard of a session in three dimensions: places, images, fields and beliefs, each as late as it is shown."""
+"""Received positions, images, fields and pose estimates of a session in space, each with the delay it is shown with."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ TRACE_LENGTH = 400
 
 
 class PoseTrace(NamedTuple):
-    """What was known of the fixture's pose over time; all arrays have one length.
+    """Uncertainty of the fixture's pose over time; all arrays have one length.
 
     Attributes:
         time: Seconds before the newest, not positive, increasing.
-        deviation: Standard deviation of its place [m].
-        turn: Of its turn [rad].
-        age: Since an image showed it [s].
+        deviation: Standard deviation of its position [m].
+        turn: Standard deviation of its rotation [rad].
+        age: Time since an image showed it [s].
     """
 
     time: Array
@@ -52,18 +52,18 @@ class PoseTrace(NamedTuple):
 
 
 class SpaceHeard:
-    """The newest of everything in space, and what of the robot's side the operator's had heard by then.
+    """The newest messages in space, and those of the robot's side that the operator's had received by then.
 
-    Images and fields come to a console as soon as they are made, and to an operator over a slow network. Which of them
-    are shown is told by the tick of the follower that the leader has heard last, and by no clock.
+    Images and fields come to a console as soon as they are made, and to an operator over a slow network. Those shown
+    are selected by the follower's tick that the leader received last, and by no clock.
 
     One thread calls `take`; others read.
 
     Attributes:
-        leader: The newest of the leader that is shown; None in a session along a line.
-        follower: The newest of the robot's side.
-        belief: The newest of who tracks the fixture.
-        belief_heard: When that was [s]; minus infinity before.
+        leader: Newest message of the leader that is shown; None in a session along a line.
+        follower: Newest message of the robot's side.
+        belief: Newest message of the fixture's tracker.
+        belief_heard: Time of its reception [s]; minus infinity before.
     """
 
     def __init__(self) -> None:
@@ -81,9 +81,9 @@ class SpaceHeard:
         """Take note of one message; those along a line are left out.
 
         Args:
-            message: As it came.
-            now: When [s].
-            epoch: Of the leader that is shown, 0 before it is known.
+            message: Message as received.
+            now: Time of reception [s].
+            epoch: Epoch of the leader that is shown, 0 before it is known.
         """
         if isinstance(message, LeaderSpace):
             if epoch in (0, message.epoch):
@@ -99,10 +99,10 @@ class SpaceHeard:
             self.belief, self.belief_heard = message, now
 
     def heard(self, sequence: int) -> FollowerSpace | None:
-        """The robot as the operator's side last heard of it.
+        """State of the robot that the operator's side received last.
 
         Args:
-            sequence: Of the newest telemetry that the leader had.
+            sequence: Sequence of the newest telemetry that the leader had.
         """
         tick, newest = self._ticks[sequence % LENGTH], self.follower
         known = tick is not None and newest is not None and tick.sequence == sequence and tick.run == newest.run
@@ -112,8 +112,8 @@ class SpaceHeard:
         """The image that has come over the network; None before the first.
 
         Args:
-            sequence: Of the newest telemetry that the leader had.
-            camera_delay: From the moment that an image shows to when it is read [s].
+            sequence: Sequence of the newest telemetry that the leader had.
+            camera_delay: Time from the moment that an image shows to its reading [s].
         """
         run = 0 if self.follower is None else self.follower.run
         return newest_image(tuple(self._images), sequence, camera_delay, run)
@@ -122,13 +122,13 @@ class SpaceHeard:
         """The materials that have come over the network; None before the first.
 
         Args:
-            sequence: Of the newest telemetry that the leader had.
+            sequence: Sequence of the newest telemetry that the leader had.
         """
         tick = self.heard(sequence)
         return None if tick is None else newest_field(tuple(self._fields), tick)
 
     def camera_silence(self, now: float) -> float:
-        """Time since who tracks the fixture was heard [s]; infinite before."""
+        """Time since the last message of the fixture's tracker [s]; infinite before."""
         return now - self.belief_heard
 
     def pose_trace(self, seconds: float) -> PoseTrace:
@@ -150,10 +150,10 @@ def newest_image(images: Sequence[CameraImage], sequence: int, camera_delay: flo
     """The newest image that had come by a tick of the follower.
 
     Args:
-        images: In the order in which they came.
-        sequence: Of the tick.
-        camera_delay: From the moment that an image shows to when it is read [s].
-        run: Of the follower's process; 0 for any, and so has an image that does not say.
+        images: Images in order of reception.
+        sequence: Sequence of the tick.
+        camera_delay: Time from the moment that an image shows to its reading [s].
+        run: Number of the follower's process; 0 for any, and in an image without one.
     """
     latest = sequence - round(camera_delay * TICKS_PER_SECOND)
     for image in reversed(images):
@@ -176,7 +176,7 @@ def newest_field(fields: Sequence[FieldUpdate], tick: FollowerSpace) -> FieldUpd
 
 
 def fixture_of(space: LeaderSpace | FollowerSpace) -> tuple[float, ...]:
-    """Where one side has the fixture: a place [m] and a rotation vector [rad]."""
+    """Pose of the fixture at one side: a position [m] and a rotation vector [rad]."""
     return (
         space.fixture_x, space.fixture_y, space.fixture_z, space.fixture_rx, space.fixture_ry, space.fixture_rz
     )  # fmt: skip

@@ -1,4 +1,4 @@
-"""What a console has heard of a session, from whom, and how long ago."""
+"""Newest messages of a session at a console, their senders and their ages."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from foretouch.console.space_heard import SpaceHeard
 from foretouch.console.window import Window
 from foretouch.devices import GRIPS, INTENDED_FORCE
 from foretouch.messages import Hello, LeaderState, Message, ModelUpdate, Status, Telemetry
-from foretouch.rendering.withheld import OWED, UNPAID, Withheld, due_force
+from foretouch.rendering.withheld import LEAST_FORCE, OWED, REDUCED_BELOW, UNPAID, Withheld, due_force
 
 SILENT = 0.3
-"""A side that sends every millisecond is silent when nothing has come for so long [s]."""
+"""A side that sends every millisecond is silent when nothing has come for this time [s]."""
 GONE = 1.0
-"""Another leader is shown once the one shown has said nothing for so long [s]."""
+"""Time without a message of the leader shown after which another one is shown [s]."""
 SURFACE, PRESS_DEPTH = 0.012, 0.01
-"""Surface position and depth of presses [m] until the session says its own."""
+"""Surface position and depth of presses [m] until the session sends its values."""
 DEEPEST = 1.2
 """How far the handle goes below the surface, in press depths."""
 NO_GRIP = NO_BASELINE = "none"
@@ -28,31 +28,32 @@ NO_GRIP = NO_BASELINE = "none"
 SMALLEST_SCALE = 1e-3
 """A bound on the position scale."""
 SUPERVISOR = "supervisor"
-"""The role of who can start the sides again with another choice."""
+"""The role of the process that can start the sides again with another choice."""
 SUPERVISOR_SILENT = 3.0
-"""It speaks twice a second; it is gone when nothing has come for so long [s]."""
+"""A supervisor speaks twice a second; it is gone when nothing has come for this time [s]."""
 MODEL_SHARE = 0.5
-"""At this share of the press depth models are compared."""
+"""Fraction of the press depth at which models are compared."""
 MOST_SPEAKERS = 16
-"""So many leaders and roles are told apart."""
+"""Largest number of leaders and roles that are distinguished."""
 
 
 class Watched:
-    """The newest of everything, and of several leaders the one that the robot obeys.
+    """The newest message of each kind, and of several leaders that of the one that the robot obeys.
 
-    One thread calls `take`, which costs some microseconds; others read what is there.
+    One thread calls `take`, which costs some microseconds; others read.
 
     Attributes:
         history: The last seconds of the leader that is shown.
         leader: Its newest state.
         telemetry: The newest of the robot's side.
-        model: The newest.
-        space: What was heard of a session in three dimensions.
-        trouble: What the robot's side says of itself since it has its newest status, "" for nothing.
-        settings: What all have said of the session, by name; what only one of them can know is asked of it by `said`.
-        heard: When anything was heard [s]; minus infinity before.
+        model: The newest model.
+        space: Messages of a session in three dimensions.
+        trouble: Text of the robot's side on itself since its newest status, "" for none.
+        settings: Texts of all roles on the session, by name; those that only one role can know are read by `said`.
+        heard: Time of the newest message [s]; minus infinity before the first.
         lateness: How late the loops of both sides are.
-        withheld: Why the leader that is shown withholds the model's force, "" where it does not.
+        withheld: Why the leader that is shown withholds the model's force or a part of it, "" where it does not.
+        given: Ratio of the rendered force to the force due in the newest tick in contact, 0 to 1.
     """
 
     def __init__(self) -> None:
@@ -67,8 +68,8 @@ class Watched:
         self._models = ModelsSeen()
         self._losses = Losses()
         self.lateness = Lateness()
-        self.withheld = ""
-        self._withheld = Withheld()
+        self.withheld, self.given = "", 1.0
+        self._withheld = Withheld(REDUCED_BELOW)
         self._supervisor_heard = -math.inf
         self._leader_heard = self._telemetry_heard = -math.inf
         self._leaders: dict[int, float] = {}
@@ -92,25 +93,25 @@ class Watched:
             self.space.take(message, now, 0 if self.leader is None else self.leader.epoch)
 
     def at_once(self) -> Watched:
-        """What has been heard until now, which stays so while more is heard: all of one picture is of one moment."""
+        """Copy of the state received until now, which does not change later: one picture shows one moment."""
         moment = copy.copy(self)
         moment.space = copy.copy(self.space)
         return moment
 
     def silent(self, now: float) -> bool:
-        """Whether something was heard of the session once, and nothing has been for `GONE` seconds."""
+        """Whether messages of the session were received once, and none for `GONE` seconds."""
         return self.heard > -math.inf and now - self.heard > GONE
 
     def leader_silence(self, now: float) -> float:
-        """Time since the leader that is shown was heard [s]; infinite before the first."""
+        """Time since the last message of the leader that is shown [s]; infinite before the first."""
         return now - self._leader_heard
 
     def robot_silence(self, now: float) -> float:
-        """Time since the robot's side was heard [s]; infinite before the first."""
+        """Time since the last message of the robot's side [s]; infinite before the first."""
         return now - self._telemetry_heard
 
     def recorder_silence(self, now: float) -> float:
-        """Time since the recorder was heard [s]; NaN before the first."""
+        """Time since the last message of the recorder [s]; NaN before the first."""
         return now - self._recorder_heard
 
     def leaders(self, now: float) -> int:
@@ -118,21 +119,21 @@ class Watched:
         return sum(now - heard < SILENT for heard in tuple(self._leaders.values()))
 
     def supervised(self, now: float) -> bool:
-        """Whether somebody is there who starts the sides again with another choice."""
+        """Whether a process is there that starts the sides again with another choice."""
         return now - self._supervisor_heard < SUPERVISOR_SILENT
 
     def said(self, role: str, name: str) -> str:
-        """What a role has said last under a name, whatever others say under it; "" for nothing.
+        """The last text of one role under a name, whatever others send under it; "" for none.
 
         Args:
-            role: Of who alone can know: who commands the robot, its follower; whether all is recorded, the recorder.
-            name: Of the text.
+            role: The role that alone can know: the follower which leader commands it; the recorder if it records all.
+            name: Name of the text.
         """
         return self._said.get(role, {}).get(name, "")
 
     @property
     def insecure(self) -> bool:
-        """Whether any side says that nothing is encrypted and nobody checked: that others do not takes nothing back."""
+        """Whether any side reports that nothing is encrypted or authenticated; reports of others do not revoke it."""
         return any(texts.get("insecure") == "yes" for texts in self._said.values())
 
     # What is drawn over time; a recording that is played has the same.
@@ -157,12 +158,12 @@ class Watched:
 
     @property
     def stopped(self) -> bool:
-        """Whether the robot says that its emergency stop is latched."""
+        """Whether the robot reports that its emergency stop is latched."""
         return self.telemetry is not None and self.telemetry.status == Status.STOPPED
 
     @property
     def shadowed(self) -> bool:
-        """Whether somebody else moves the robot."""
+        """Whether another controller moves the robot."""
         return self.telemetry is not None and self.telemetry.status == Status.SHADOW
 
     @property
@@ -184,7 +185,7 @@ class Watched:
 
     @property
     def probe_position(self) -> float:
-        """Of the operator's probe [m]: of the robot while hand and robot are apart, 0 before either is known."""
+        """Position of the operator's probe [m]: the robot's while they are not coupled, 0 before either is known."""
         positions = (math.nan if self.leader is None else self.leader.position, self.robot_position)
         return next((position for position in positions if math.isfinite(position)), 0.0)
 
@@ -195,19 +196,19 @@ class Watched:
 
     @property
     def depth(self) -> float:
-        """Of the operator's probe in the surface [m], negative outside."""
+        """Depth of the operator's probe in the surface [m], negative outside."""
         if self.space.leader is not None:
             return self.space.leader.depth
         return 0.0 if self.leader is None else self.leader.position - self.surface
 
     @property
     def heard_sequence(self) -> int:
-        """Of the newest telemetry that the leader had; 0 before the first."""
+        """Sequence of the newest telemetry that the leader had; 0 before the first."""
         return 0 if self.leader is None else self.leader.telemetry_sequence
 
     @property
     def operator(self) -> str:
-        """Who moves the leader's hand: a handle is of use to the operator ``browser`` alone."""
+        """Operator that moves the leader's hand: only the operator ``browser`` uses a handle."""
         return self.settings.get("operator", "browser")
 
     @property
@@ -240,7 +241,7 @@ class Watched:
         """A number among the session's settings, or another where there is none.
 
         Args:
-            name: Of the setting.
+            name: Name of the setting.
             otherwise: The other number.
         """
         try:
@@ -259,7 +260,7 @@ class Watched:
             if not obeyed and self.leader_silence(now) < GONE:
                 return
             self.history = History()  # each leader counts its commands from 1
-            self._withheld = Withheld()
+            self._withheld = Withheld(REDUCED_BELOW)
         self.history.add_leader(state)
         self.lateness.take("leader", state.period_ns)
         self._models.adopt(state.time_ns * 1e-9, state.model_sequence)
@@ -270,9 +271,11 @@ class Watched:
         felt = self.grip or self.settings.get("felt") == "yes"
         baseline = self.settings.get("baseline", NO_BASELINE) != NO_BASELINE
         if baseline or not (felt and state.engaged and math.isfinite(state.hand_position)):
-            self._withheld = Withheld()
+            self._withheld = Withheld(REDUCED_BELOW)
             return ""
         due = due_force(state.predicted_force, max(self.setting("force_scale", 1.0), 0.0))
+        if due >= LEAST_FORCE:
+            self.given = max(state.rendered_force, 0.0) / due
         withheld = self._withheld.update(due, state.rendered_force, state.energy, state.time_ns)
         return (OWED if self._withheld.owed else UNPAID) if withheld else ""
 
@@ -285,7 +288,7 @@ class Watched:
         self.telemetry, self._telemetry_heard = telemetry, now
 
     def _take_hello(self, hello: Hello, now: float) -> None:
-        """Keep what each says; the newest counts, but of several leaders the one in control."""
+        """Keep the texts of each; the newest counts, but of several leaders the one in control."""
         texts = hello.texts
         self._said[hello.role] = texts
         if hello.role == "follower":

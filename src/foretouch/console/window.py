@@ -17,7 +17,7 @@ LARGEST_GAP = 50
 
 
 class Window(NamedTuple):
-    """What happened on the leader's time; all arrays have one length.
+    """Forces, energy and delays over the leader's time; all arrays have one length.
 
     Attributes:
         time: Seconds before the newest leader tick, not positive, increasing.
@@ -26,15 +26,15 @@ class Window(NamedTuple):
         true: Force that the follower's sensor measured when it applied this very command [N]; NaN where not yet known.
         prediction_error: RMSE of `predicted` over the samples in contact while the robot followed, in % of the RMS of
             the true force there; NaN with none. It is taken over all ticks, not over the points returned.
-        delayed_error: The same of `delayed`.
-        deviation: Standard deviation of `predicted` [N]; NaN where the model carries no doubt.
-        rendered: What the hand was given after the clamps [N].
-        energy: That the hand has put into the rendered force: debts are kept, surplus is forgiven after a contact [J].
-        energy_bound: That it may have given out at most [J].
-        late_energy: That late ticks and missing positions took beside it, never positive [J].
-        round_trip: How old the hand's motion is that the newest telemetry answers [s]; NaN before the first.
-        away: Whether the robot was not where the command said: it held its place, or was on its way back.
-        rendered_error: The same as `prediction_error` of `rendered`, which means something where forces are not scaled.
+        delayed_error: RMSE of `delayed`, likewise.
+        deviation: Standard deviation of `predicted` [N]; NaN where the model carries no uncertainty.
+        rendered: Force rendered to the hand after the clamps [N].
+        energy: Work of the hand against the rendered force: debts are kept, surplus is forgiven after a contact [J].
+        energy_bound: Largest energy that it may have given out [J].
+        late_energy: Energy lost beside it in late ticks and missing positions, never positive [J].
+        round_trip: Age of the hand's motion that the newest telemetry answers [s]; NaN before the first.
+        away: Whether the robot was not where the command said: it held its position, or was on its way back.
+        rendered_error: RMSE of `rendered`, like `prediction_error`; meaningful only where forces are not scaled.
     """
 
     time: Array
@@ -54,21 +54,21 @@ class Window(NamedTuple):
 
 
 def empty_window() -> Window:
-    """Of a session that has said nothing."""
+    """Window of a session without messages."""
     none = np.empty(0)
     return Window(none, none, none, none, NAN, NAN, none, none, none, none, none, none, np.empty(0, np.bool_))
 
 
 def window_of(sequence: NDArray[np.int64], columns: Array, now: float, seconds: float, points: int) -> Window:
-    """The seconds before a moment, thinned to what can be drawn.
+    """The seconds before a moment, thinned for drawing.
 
     Args:
-        sequence: Of the leader's ticks, increasing, shape (n,).
+        sequence: Sequence of the leader's ticks, increasing, shape (n,).
         columns: Leader time [s], predicted, delayed force, deviation, rendered force [N], energy, its bound, late
             energy [J], round trip [s], true force [N] and whether the robot was away then (1 or 0), shape (n, 11).
         now: The moment, on the leader's time [s].
-        seconds: How far back.
-        points: At most so many.
+        seconds: Length of the window [s].
+        points: Largest number of points.
     """
     time = columns[:, 0] - now
     inside = (time >= -seconds) & (time <= 0.0)

@@ -18,7 +18,7 @@ import sys
 import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import suppress
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import Any, TypeVar, overload
 
@@ -34,6 +34,9 @@ PACKAGE = Path(__file__).resolve().parents[1]
 
 IMPORT = re.compile(r"^(?:from|import) +(foretouch[\w.]*)(?: +import +(\([^)]*\)|[^\n]*))?", re.MULTILINE)
 """An import at the margin: a kernel has no other, for it cannot import while it runs."""
+
+DECORATED = re.compile(r"^@(compiled|inlined|entry_point)\b", re.MULTILINE)
+"""A function that is compiled where it is defined."""
 
 KEPT = 8
 """Versions of what is compiled of a module that stay: for some copies and branches on one machine. Each is at most a
@@ -67,6 +70,21 @@ def compiled(what: Any = "", /, **options: Any) -> Any:
     return compile_one
 
 
+def inlined(function: Function) -> Function:
+    """A compiled function that becomes part of each compiled caller; its arithmetic is that of IEEE 754.
+
+    Args:
+        function: A function of numbers, arrays and tuples.
+    """
+    return compiled(error_model="numpy", forceinline=True)(function)
+
+
+def interpreted(function: Function) -> Function:
+    """The function as Python runs it, of one that is compiled; itself where nothing is."""
+    plain: Function = getattr(function, "py_func", function)
+    return plain
+
+
 def compiled_root() -> Path | None:
     """The folder of all folders of compiled code; None where there is none of this user's own."""
     home = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
@@ -88,7 +106,7 @@ def complete_mark() -> Path | None:
         return None
     found = hashlib.sha256(repr((sys.version, cpu_target.target_context.codegen().magic_tuple())).encode())
     for source in sorted(PACKAGE.rglob("*.py")):
-        if "import compiled\n" in _text(source) or "import entry_point\n" in _text(source):
+        if has_kernels(source):
             found.update(digest_of(source).encode())
     return root / f"complete-{found.hexdigest()[:16]}"
 
@@ -105,9 +123,9 @@ def mark_complete() -> None:
 def compiled_folder(source: str) -> Path | None:
     """The folder where is kept what is compiled of a source file; None where there is none of this user's own.
 
-    What lies there is loaded and run. So a folder that is another user's, or in which others may write, is not used: it
-    is said once, and every process compiles for itself. It is below ``NUMBA_CACHE_DIR``, where that is set, or the
-    user's cache folder.
+    What lies there is loaded and run. So a folder that is another user's, or in which others may write, is not used:
+    one warning is given, and every process compiles for itself. It is below ``NUMBA_CACHE_DIR``, where that is set, or
+    the user's cache folder.
     """
     name, root = _name(Path(source)), compiled_root()
     if root is None:
@@ -126,7 +144,7 @@ def compiled_folder(source: str) -> Path | None:
 
 
 def _is_ours(folder: Path) -> bool:
-    """Whether nobody else, but root, can have written what a folder holds; says why not."""
+    """Whether only this user and root can have written what a folder holds; reports why not."""
     state = folder.stat()
     if state.st_uid != os.geteuid():
         problem = "is another user's"
@@ -153,7 +171,7 @@ def _forget_old(root: Path, name: str) -> None:
 
 @cache
 def digest_of(source: Path) -> str:
-    """Of a module's source, of all modules of foretouch that it imports at its margin, and of Numba's version.
+    """Hash of a module's source, of all modules of foretouch that it imports at top level, and of Numba's version.
 
     Compiled code names the modules that it needs: a module that is moved has another digest.
     """
@@ -182,6 +200,11 @@ def _closure(source: Path) -> set[Path]:
 def imported(source: Path) -> frozenset[Path]:
     """The sources of the modules of foretouch that a module imports at its margin."""
     return frozenset(_named(_text(source)))
+
+
+def has_kernels(source: Path) -> bool:
+    """Whether a module defines compiled functions."""
+    return DECORATED.search(_text(source)) is not None
 
 
 def _named(text: str) -> Iterator[Path]:
@@ -225,16 +248,21 @@ class _KeptByDigest(caching._CacheLocator):  # type: ignore[misc]  # Numba is no
 caching.CacheImpl._locator_classes.insert(0, _KeptByDigest)
 
 
-def entry_point(function: Function, *, parallel: bool = False) -> Function:
+@overload
+def entry_point(function: Function, /) -> Function: ...
+@overload
+def entry_point(*, parallel: bool) -> Callable[[Function], Function]: ...
+def entry_point(function: Any = None, /, *, parallel: bool = False) -> Any:
     """A compiled function whose arithmetic is that of IEEE 754: infinities and NaN are numbers, and nothing warns.
 
     With ``NUMBA_DISABLE_JIT=1`` the function itself, in which NumPy would else warn of both.
 
     Args:
-        function: To be compiled at its first call, or loaded where it was compiled before.
+        function: Function compiled at its first call, or loaded where it was compiled before; without it, a decorator.
         parallel: Whether its `prange` loops run on all cores.
     """
+    if function is None:
+        return partial(entry_point, parallel=parallel)
     if config.DISABLE_JIT:
-        quiet: Function = np.errstate(all="ignore")(function)
-        return quiet
+        return np.errstate(all="ignore")(function)
     return compiled(error_model="numpy", parallel=parallel)(function)

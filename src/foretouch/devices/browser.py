@@ -11,19 +11,19 @@ from foretouch.errors.checks import require
 TRACKING_RATE = 100.0
 """Rate [1/s] of the critically damped tracker: it lags by 2 / rate = 20 ms."""
 RAMP_SHARE, LONGEST_RAMP = 0.8, 0.05
-"""Each new position is approached in this share of the usual time between positions, at most so long [s]."""
+"""Fraction of the usual time between positions in which each new one is approached, and its largest value [s]."""
 LARGEST_SPEED = 0.25
 """Bound on the speed of the aim [m/s]."""
 SILENCE = 1.0
-"""A held handle or clutch that says nothing for so long [s] counts as let go: its browser may be gone."""
+"""Silence after which a held handle or clutch counts as released [s]: its browser may be gone."""
 HOLD_TIME = 3.0
-"""How long [s] the hand stays where it was let go."""
+"""Time for which the hand stays where it was released [s]."""
 EASE_TIME, EASE_SPEED = 1.5, 0.1
 """Shortest way back into the script [s], and the peak speed [m/s] above which it takes longer."""
 
 
 class BrowserOperator(Device):
-    r"""Presses by script until somebody takes the handle.
+    r"""Presses by script until the handle is taken.
 
     Handle positions arrive irregularly, 10 to 60 a second. The aim r goes to each new one in a straight line, no faster
     than 0.25 m/s, and the hand x follows it by
@@ -35,7 +35,7 @@ class BrowserOperator(Device):
     meanwhile.
 
     Args:
-        script: The device that presses as long as nobody else does, for example `ScriptedOperator`.
+        script: The device that presses while the handle is free, for example `ScriptedOperator`.
         deepest: Bound on handle positions [m]; those beyond it, or below 0, count as the bound.
 
     Raises:
@@ -61,7 +61,7 @@ class BrowserOperator(Device):
 
     @property
     def held(self) -> bool:
-        """Whether somebody holds the handle."""
+        """Whether the handle is held."""
         return self._mode == "held"
 
     @property
@@ -73,9 +73,9 @@ class BrowserOperator(Device):
         """One handle message; call it from the thread that calls `read`.
 
         Args:
-            position: Where the handle is [m]; one that is not a finite number is ignored.
+            position: Position of the handle [m]; one that is not a finite number is ignored.
             held: Whether it is being dragged.
-            now_ns: When the message arrived [ns], by the clock that `read` gets.
+            now_ns: Time of the message's arrival [ns], by the clock that `read` gets.
             clutched: Whether the clutch is pressed, from now on.
         """
         self._clutched, self._heard_ns = clutched, now_ns
@@ -124,7 +124,7 @@ class BrowserOperator(Device):
         return script
 
     def render(self, force: float) -> float:
-        """Nobody feels it: the force [N] within the limit that every device has."""
+        """Limit the force [N] as every device does; no hand feels it."""
         return limit_force(force)
 
     def _track(self, period: float) -> float:

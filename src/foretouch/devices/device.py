@@ -14,10 +14,10 @@ from typing import ClassVar, NamedTuple
 from foretouch.errors.checks import require
 
 COUNT_FORCE = 0.1
-"""One count of the encoder may change the force by so much [N] on a device without friction."""
+"""Largest change of force by one count of the encoder on a device without friction [N]."""
 
 LEAST_DAMPING = 0.1
-"""What a device that a person feels is taken to have where nobody has stated it [N s/m]. No measurement of a product: a
+"""Damping assumed for a device that a person feels where none is stated [N s/m]. No measurement of a product: a
 twentieth of what the simulated device has, so that a stiffness that is rendered by it is small at first."""
 
 LONGEST_DELAY = 1e-3
@@ -33,8 +33,8 @@ class DeviceSpecification:
     is not part of it.
 
     It has no default: it decides how stiff a wall may be. `delay` is counted from the reading of a position until the
-    force that is computed from it acts: the device's own way in and out, and the computing between (`foretouch doctor`
-    measures that part). `watchdog` is the device's own: how long it goes on giving a force that nobody renews.
+    force that is computed from it acts: the device's own input and output, and the computing between (`foretouch
+    doctor` measures that part). `watchdog` is the device's own: how long it goes on giving a force that is not renewed.
 
     The other defaults are a desktop device, not one product. Its force limit is of the order of Novint's
     Falcon (8 N) and of the SensAble Phantom (6 N), as the device files of CHAI3D give them, which also advise at most
@@ -84,7 +84,7 @@ class DeviceSpecification:
             require("watchdog", self.watchdog, at_least=0.002, at_most=10.0)
 
     def largest_stiffness(self, sample_period: float, rendered_damping: float = 0.0) -> float:
-        r"""The stiffest spring [N/m] that the device renders passively, whoever holds it.
+        r"""The stiffest spring [N/m] that the device renders passively, with any hand.
 
         .. math:: K = \min\left(\frac{b - |B|}{T / 2 + d}, \frac{\max(2 f, 0.1\,\mathrm{N})}{\Delta}\right)
 
@@ -117,7 +117,7 @@ PEAK_SPEED_RATIO = 1.875
 
 
 def minimum_jerk(fraction: float) -> float:
-    r"""Share of the way done after a share of the time.
+    r"""Fraction of the distance covered after a fraction of the time.
 
     .. math:: s = 10 \tau^3 - 15 \tau^4 + 6 \tau^5
 
@@ -185,7 +185,7 @@ class Device(ABC):
         name: Name of the device, one of `foretouch.devices.OPERATORS` for those in the package.
         closed_loop: Whether the rendered force moves the hand. Where it is False, the motion would have been the same
             without any force, and reports say so.
-        real_time: Whether somebody's own hand moves it: then it needs a session in real time.
+        real_time: Whether a person's hand moves it: then it needs a session in real time.
     """
 
     __slots__ = ()
@@ -216,12 +216,12 @@ class Device(ABC):
 
     @property
     def intention(self) -> float:
-        """Where the hand wants to be [m] at the newest `read`; NaN where nobody knows."""
+        """Where the hand wants to be [m] at the newest `read`; NaN where unknown."""
         return math.nan
 
     @property
     def exact_position(self) -> float:
-        """Where the hand is [m] at the newest `read`, without the encoder's counts; NaN where nobody knows."""
+        """Where the hand is [m] at the newest `read`, without the encoder's counts; NaN where unknown."""
         return math.nan
 
     @property

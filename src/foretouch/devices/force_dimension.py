@@ -24,13 +24,13 @@ SUCCESS = (0, 1, 2)
 (DHD_MOTOR_SATURATED)."""
 
 FAILURES = 10
-"""After so many reads that failed one after the other the device counts as dead: no force until it is opened anew."""
+"""Failed reads in a row after which the device counts as dead: no force until it is opened anew."""
 
 PATIENCE = 0.05
-"""Without a `render` for so long [s] the force is set to zero by a thread of its own."""
+"""Time without a `render` after which a thread of its own sets the force to zero [s]."""
 
 WATCHDOG_TICKS = 160
-"""Where the device can, it sets the force to zero itself after so long: 20 ms, in counts of 125 us."""
+"""Time after which a device with a watchdog sets the force to zero itself: 20 ms, in counts of 125 us."""
 
 NAME = "force-dimension"
 
@@ -70,7 +70,7 @@ class ForceDimension(Device):
     """A device of Force Dimension along one of its axes. 0 is where the hand is when it is opened.
 
     The force is limited here, in the SDK (`setMaxForce`) and by the device. It is zero after `close`, where a read has
-    failed ten times in a row (a device that is unplugged), and where nobody has rendered for
+    failed ten times in a row (a device that is unplugged), and where nothing has been rendered for
     50 ms, by a thread of its own and, where the device can, by its own watchdog after 20 ms.
 
     Args:
@@ -190,7 +190,7 @@ class ForceDimension(Device):
             return self._binding.setForce(self._force, self._id) in SUCCESS
 
     def _watch_renders(self) -> None:
-        """Where nobody renders any more, no force."""
+        """Set the force to zero where `render` is no longer called."""
         before = -1
         while not self._ended.wait(PATIENCE):
             if self._rendered == before:

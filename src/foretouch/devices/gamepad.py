@@ -1,7 +1,7 @@
 """A gamepad as the operator's handle: a stick and a trigger move it, rumble is a cue. It gives no force.
 
 The first gamepad of this machine is read by pygame (SDL), which is imported here alone. Where the material begins and
-how far in it is pressed is what whoever moves the hand has to know.
+how far in it is pressed must be known for a hand that a pad moves.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ class Reach(NamedTuple):
     """What an operator may know of the material, at the hand.
 
     Attributes:
-        surface: Where it begins [m]; NaN where nobody knows.
-        press_depth: How deep the deepest press goes [m]; NaN where nobody knows.
+        surface: Position of the surface [m]; NaN where unknown.
+        press_depth: Depth of the deepest press [m]; NaN where unknown.
     """
 
     surface: float
@@ -33,13 +33,13 @@ class Reach(NamedTuple):
 
 
 UNKNOWN_REACH = Reach(math.nan, math.nan)
-"""Of a robot that does not say what it presses: the surface is found by touching."""
+"""Reach of a robot that does not report what it presses: the surface is found by touching."""
 
 
 FULL = 32767.0
 """A controller's axis at its end."""
 RUMBLE_MS = 1000
-"""A rumble ends by itself after so long: a process that is gone leaves no pad shaking."""
+"""Time after which a rumble ends by itself [ms]: a process that is gone leaves no pad shaking."""
 
 
 class PygamePad:
@@ -110,9 +110,6 @@ class PygamePad:
         self._pygame.display.quit()
 
 
-NO_FORCE = "a gamepad gives no force feedback: its rumble is a cue of how hard is pressed, and moves nobody's hand"
-"""What a user is to know of it."""
-
 STICK_SPEED = 0.06
 """Speed of the handle at full deflection [m/s]."""
 DEAD_ZONE = 0.15
@@ -122,13 +119,13 @@ TRACKING_RATE = 60.0
 LARGEST_SPEED = 0.2
 """Bound on the speed of what the tracker follows [m/s]: a trigger is pulled within milliseconds."""
 FARTHEST, TRIGGER_REACH = 0.2, 0.02
-"""How far in the handle goes at most, and how far the trigger presses, where the surface is not known [m]."""
+"""Largest depth of the handle, and depth that the trigger presses, where the surface is not known [m]."""
 PRESSES = 1.2
-"""Where it is known, the handle goes in to so many press depths."""
+"""Largest depth of the handle, where the reach is known, over the press depth [-]."""
 LONGEST_STEP = 0.05
-"""A gap between two reads counts as at most so long [s]."""
+"""Upper limit to which a gap between two reads is cut [s]."""
 FULL_RUMBLE, RUMBLE_PERIOD_NS, RUMBLE_STEP = 10.0, 50_000_000, 0.02
-"""Force of the strongest rumble [N]; a pad is told a new strength no oftener than so, where it differs by so much."""
+"""Force of the strongest rumble [N]; shortest time between commands to the pad [ns]; least change of strength [-]."""
 
 
 class PadState(NamedTuple):
@@ -170,8 +167,8 @@ class Gamepad(Device):
     It is an open loop: the rumble moves no hand.
 
     Args:
-        pad: To read.
-        reach: Of the material; where it is known, trigger and stick go as far as a press does.
+        pad: Pad to read.
+        reach: Reach of the material; where it is known, trigger and stick go as far as a press does.
 
     Raises:
         SettingError: A reach that is no place to press.
@@ -261,7 +258,7 @@ def open_gamepad(reach: Reach = UNKNOWN_REACH) -> Gamepad:
     """The first gamepad of this machine.
 
     Args:
-        reach: Of the material.
+        reach: Reach of the material.
 
     Raises:
         MissingExtraError: pygame is not installed.

@@ -19,7 +19,7 @@ from foretouch.errors import SettingError
 from foretouch.errors.checks import require
 
 INTENDED_FORCE = 3.0
-"""A hand that means to press with a force intends to be deeper, by so many newtons over the stiffness of its grip."""
+"""Force with which a hand intends to press [N]: it aims deeper by this over the stiffness of its grip."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,7 +29,7 @@ class Grip:
     .. math:: F = k (x_d - x) + b (\dot x_d - \dot x)
 
     Args:
-        mass: Of the hand that moves with the device [kg], 0 to 10.
+        mass: Mass of the hand that moves with the device [kg], 0 to 10.
         damping: b [N s/m], 0 to 1000.
         stiffness: k [N/m], 0 to 100,000.
 
@@ -91,7 +91,7 @@ class HeldForce(Generic[F]):
 
     Args:
         none: No force.
-        delay: From rendering until it acts [s], not negative.
+        delay: Time from rendering until it acts [s], not negative.
         watchdog: [s]; 0 for none.
     """
 
@@ -127,7 +127,7 @@ class HeldForce(Generic[F]):
 
 
 LONGEST_GAP = 1.0
-"""A gap between two ticks counts as at most so long [s]: what lasts longer is no late tick."""
+"""Upper limit to which a gap between two ticks is cut [s]: what lasts longer is no late tick."""
 
 
 class Hand(Device):
@@ -150,7 +150,7 @@ class Hand(Device):
         intention: What the hand wants, an open-loop operator; its own `render` is not called.
         grip: How the hand holds the device, for example one of `GRIPS`.
         specification: The device.
-        clutch: When the hand holds the clutch: (start, end) in seconds since the first `read`, start included, end not.
+        clutch: Intervals with the clutch held: (start, end) in seconds since the first `read`, start included, end not.
 
     Raises:
         SettingError: An intention that feels something itself, or a time of the clutch that is negative or ends before

@@ -25,26 +25,27 @@ MASS, BOTH, DAMPING, STIFFNESS, FRICTION = range(5)
 of the hand [N/m], Coulomb friction [N]."""
 
 TERMS = 14
-"""Of the series; a step is so short that each is less than half as large as the one before it."""
+"""Number of terms of the series; a step is so short that each is less than half as large as the one before it."""
 
 LONGEST = 1e-3
 """Bound on a step [s]."""
 
 EVENTS = 8
-"""Bound on starts and stops in one step; after so many the hand rests until the next one."""
+"""Largest number of starts and stops in one step; after these the hand rests until the next one."""
 
 HALVINGS = 60
-"""To find when the velocity is zero: all the digits that there are."""
+"""Halvings that find the time of zero velocity: to the last digit."""
 
 
-def _series(position: float, velocity: float, push: float, slope: float, constants: Array, terms: Array) -> None:
+@compiled
+def _terms(position: float, velocity: float, push: float, slope: float, constants: Array, terms: Array) -> None:
     """Coefficients of the position over time.
 
     Args:
         position: Relative to where the intention is now [m].
         velocity: [m/s].
         push: All of the force that does not depend on position and velocity, now [N].
-        slope: Of that force over time [N/s].
+        slope: Slope of that force over time [N/s].
         constants: `MASS` to `FRICTION`.
         terms: [m/s^n], shape (TERMS,), written.
     """
@@ -58,10 +59,8 @@ def _series(position: float, velocity: float, push: float, slope: float, constan
         terms[n + 2] = force / (constants[MASS] * (n + 1) * (n + 2))
 
 
-_terms = compiled(_series)
-
-
-def _position(terms: Array, time: float) -> float:
+@compiled
+def _position_at(terms: Array, time: float) -> float:
     """The series at a time [m]."""
     value = 0.0
     for n in range(TERMS - 1, -1, -1):
@@ -69,22 +68,18 @@ def _position(terms: Array, time: float) -> float:
     return value
 
 
-_position_at = compiled(_position)
-
-
-def _velocity(terms: Array, time: float) -> float:
-    """Its slope at a time [m/s]."""
+@compiled
+def _velocity_at(terms: Array, time: float) -> float:
+    """Slope of the velocity at a time [m/s]."""
     value = 0.0
     for n in range(TERMS - 1, 0, -1):
         value = value * time + n * terms[n]
     return value
 
 
-_velocity_at = compiled(_velocity)
-
-
-def _stop(terms: Array, way: float, time: float) -> float:
-    """When the velocity has become zero [s], at most `time`; it has the sign of `way` before, not at `time`."""
+@compiled
+def _stops_at(terms: Array, way: float, time: float) -> float:
+    """Time at which the velocity becomes zero [s], at most `time`; it has the sign of `way` before, not at `time`."""
     early, late = 0.0, time
     for _ in range(HALVINGS):
         middle = 0.5 * (early + late)
@@ -95,10 +90,8 @@ def _stop(terms: Array, way: float, time: float) -> float:
     return late
 
 
-_stops_at = compiled(_stop)
-
-
-def _step(state: Array, constants: Array, aim: float, aim_speed: float, force: float, period: float) -> None:
+@compiled
+def _short_step(state: Array, constants: Array, aim: float, aim_speed: float, force: float, period: float) -> None:
     """One short step, with every start and stop that friction makes in it."""
     terms = np.empty(TERMS)
     stiffness, friction = constants[STIFFNESS], constants[FRICTION]
@@ -135,17 +128,15 @@ def _step(state: Array, constants: Array, aim: float, aim_speed: float, force: f
     state[VELOCITY] = 0.0
 
 
-_short_step = compiled(_step)
-
-
-def _move(state: Array, constants: Array, aim: float, aim_speed: float, force: float, period: float) -> None:
+@compiled
+def move(state: Array, constants: Array, aim: float, aim_speed: float, force: float, period: float) -> None:
     """Move hand and device on by a time.
 
     Args:
         state: `POSITION` and `VELOCITY`, shape (2,), written.
         constants: `MASS` to `FRICTION`, shape (5,).
-        aim: Where the intention is at the beginning [m].
-        aim_speed: Its speed [m/s].
+        aim: Position of the intention at the beginning [m].
+        aim_speed: Speed of the intention [m/s].
         force: Rendered force [N], held; it pushes the hand out of the material, to smaller positions.
         period: The time [s], positive.
     """
@@ -155,6 +146,3 @@ def _move(state: Array, constants: Array, aim: float, aim_speed: float, force: f
     step = period / max(steps, 1)
     for n in range(max(steps, 1)):
         _short_step(state, constants, aim + aim_speed * n * step, aim_speed, force, step)
-
-
-move = compiled(_move)

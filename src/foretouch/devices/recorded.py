@@ -21,11 +21,11 @@ SMOOTHING = 0.008
 JOIN_TIME, JOIN_SPEED = 0.3, 0.05
 """Shortest join [s], and the mean speed [m/s] that a longer one keeps in the recording's own scale."""
 CLEARANCE = 0.003
-"""How far [m] above the surface the highest point of the motion is."""
+"""Height of the highest point of the motion above the surface [m]."""
 APPROACH_TIME, APPROACH_SPEED = 1.0, 0.05
 """Shortest first approach [s] and its peak speed [m/s]."""
 START_TIME = 0.5
-"""In this time [s] the recording's clock gathers speed, so that the hand starts from rest."""
+"""Time in which the recording's clock gathers speed, so that the hand starts from rest [s]."""
 
 
 class RecordedOperator(Device):
@@ -94,7 +94,7 @@ class RecordedOperator(Device):
         return c0 + t * (c1 + t * (c2 + t * c3))
 
     def render(self, force: float) -> float:
-        """Nobody feels it: the force [N] within the limit that every device has."""
+        """Limit the force [N] as every device does; no hand feels it."""
         return limit_force(force)
 
 

@@ -1,4 +1,4 @@
-"""Operators that need nobody: one that presses by script, and one that waits where it is."""
+"""Operators without a person: one that presses by script, and one that waits where it is."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from foretouch.errors.checks import require
 
 
 class RestingOperator(Device):
-    """A hand at 0 that never moves: what stands in for a script where nobody knows where the surface is."""
+    """A hand at 0 that never moves: it stands in for a script where the surface is unknown."""
 
     __slots__ = ()
     name: ClassVar[str] = "resting"
@@ -24,7 +24,7 @@ class RestingOperator(Device):
         return 0.0
 
     def render(self, force: float) -> float:
-        """Nobody feels it: the force [N] within the limit that every device has."""
+        """Limit the force [N] as every device does; no hand feels it."""
         return limit_force(force)
 
 
@@ -35,13 +35,13 @@ APPROACH_TIME, FREE_AIR_TIME = 0.6, 1.0
 FIRST_SPEED, SLOWEST, FASTEST = 0.045, 0.015, 0.055
 """Peak speeds of presses [m/s]: of the first, and the bounds of all others."""
 SHORTEST_MOVE = 0.25
-"""No press is quicker [s]: a small one would be a jerk."""
+"""Shortest time of a press [s]: a small one would otherwise be a jerk."""
 CLEARANCE = (0.002, 0.004)
-"""How far [m] above the surface the hand rests between presses."""
+"""Height at which the hand rests above the surface between presses [m]."""
 LARGEST_DRIFT = 2e-4
 """Bound on the slow wander [m]."""
 DRIFT_RATES = (0.62, 1.74)
-"""Of the wander's two sines [rad/s]."""
+"""Rates of the wander's two sines [rad/s]."""
 
 
 class ScriptedOperator(Device):
@@ -96,7 +96,7 @@ class ScriptedOperator(Device):
         return position + 0.5 * self._drift * minimum_jerk(time) * wander
 
     def render(self, force: float) -> float:
-        """Nobody feels it: the force [N] within the limit that every device has."""
+        """Limit the force [N] as every device does; no hand feels it."""
         return limit_force(force)
 
 

@@ -23,10 +23,10 @@ SEEING_TIME = 0.15
 """Time constant with which an operator follows what the scene shows [s]."""
 
 TABLE_PERIOD = 2e-3
-"""Of the path that is worked out before it is gone [s]; between, it is straight."""
+"""Time between computed points of the path [s]; between them it is straight."""
 
 HALF_REACH = 0.25
-"""No handle in the browser is further from the world's origin than this, along any axis [m]."""
+"""Largest distance of a handle in the browser from the world's origin, along any axis [m]."""
 
 NOWHERE: Vector = (math.nan, math.nan, math.nan)
 
@@ -47,7 +47,7 @@ class SpatialDevice(ABC):
         """Place of the hand in the world's frame [m]."""
 
     def render(self, force: Vector) -> None:
-        """Give the hand a force [N]; who feels none does nothing."""
+        """Give the hand a force [N]; a device without force feedback does nothing."""
         return None
 
     def see(self, pose: Sequence[float]) -> None:
@@ -56,12 +56,12 @@ class SpatialDevice(ABC):
 
     @property
     def intention(self) -> Vector:
-        """Where the hand wants to be [m] at the newest `read`; NaN where nobody knows."""
+        """Where the hand wants to be [m] at the newest `read`; NaN where unknown."""
         return NOWHERE
 
     @property
     def exact_place(self) -> Vector:
-        """Where a simulated hand is [m], without the encoders' counts; NaN where nobody knows."""
+        """Position of a simulated hand [m], without the encoders' counts; NaN where unknown."""
         return NOWHERE
 
     @property
@@ -76,14 +76,14 @@ class PalpatingOperator(SpatialDevice):
     Between keyframes each coordinate is a monotone cubic (Fritsch and Carlson 1980): where it turns or rests it has no
     speed, nowhere does it overshoot, and through all others it passes without a stop.
 
-    Who palpates looks at the scene and not at the world: what `see` is told moves the whole path, with the time that a
-    hand needs to follow an eye (0.15 s).
+    An operator looks at the scene and not at the world: a pose given to `see` moves the whole path, with the time that
+    a hand needs to follow an eye (0.15 s).
 
     Args:
-        keyframes: Times, growing, and places in the fixture's frame; after the last one the path begins again with the
-            second, so these two are at one place.
-        pose: Of the fixture, as the scene shows it at first.
-        scale: Follower's motion for the hand's: the hand does so much less.
+        keyframes: Times, growing, and positions in the fixture's frame; after the last one the path begins again with
+            the second, so these two are at one position.
+        pose: Pose of the fixture, as the scene shows it at first.
+        scale: Follower's motion over the hand's: the hand's is smaller by this factor.
 
     Raises:
         SettingError: Fewer than two keyframes, times that do not grow, or an end that is elsewhere than the second.
@@ -159,11 +159,11 @@ class _Axis(Device):
 
 
 class SpatialBrowserOperator(SpatialDevice):
-    """Palpates by script until somebody takes the handle in the browser: `BrowserOperator`, once an axis.
+    """Palpates by script until the handle in the browser is taken: `BrowserOperator`, once an axis.
 
     Args:
-        script: Moves while nobody holds the handle.
-        scale: Follower's motion for the hand's; the handle in the browser is where the follower is to be.
+        script: Operator that moves while the handle is free.
+        scale: Follower's motion over the hand's; the handle in the browser is the follower's desired position.
     """
 
     name = "browser"
@@ -177,7 +177,7 @@ class SpatialBrowserOperator(SpatialDevice):
 
     @property
     def held(self) -> bool:
-        """Whether somebody holds the handle."""
+        """Whether the handle is held."""
         return self._axes[0].held
 
     @property
@@ -198,9 +198,9 @@ class SpatialBrowserOperator(SpatialDevice):
         """One handle message.
 
         Args:
-            place: Of the handle in the world [m]; one that is not three finite numbers is ignored.
+            place: Position of the handle in the world [m]; one that is not three finite numbers is ignored.
             held: Whether it is being dragged.
-            now_ns: When the message arrived [ns], by the clock that `read` gets.
+            now_ns: Time of the message's arrival [ns], by the clock that `read` gets.
             clutched: Whether the clutch is pressed, from now on.
         """
         if len(place) != 3 or not all(map(math.isfinite, place)):
@@ -226,7 +226,7 @@ class SpatialHand(SpatialDevice):
         intention: What the hand wants, an operator that feels nothing itself.
         grip: How the hand holds the device.
         specification: The device, the same along each axis.
-        clutch: When the hand holds the clutch: (start, end) in seconds since the first `read`.
+        clutch: Intervals with the clutch held: (start, end) in seconds since the first `read`.
 
     Raises:
         SettingError: An intention that feels something itself.

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from foretouch.messages import Message
 
 Way = tuple[str, str, int, "Callable[[Callable[[Message], None]], ZenohLink]"]
-"""To a peer: endpoint, host, port, and what opens a link to it."""
+"""Way to a peer: endpoint, host, port, and the function that opens a link to it."""
 
 
 def examine(
@@ -37,10 +37,10 @@ def examine(
     """Make every check, and give each finding as soon as it is there.
 
     Args:
-        seconds: That the loops run, and that each peer is asked [s], above 0.
+        seconds: Time that the loops run, and that each peer is asked [s], above 0.
         keys: Folder of keys; the usual one where none is given.
-        ways: To peers, for each that is to be asked.
-        say: Told what is looked at next, where it takes long.
+        ways: Ways to the peers that are to be asked.
+        say: Called with what is examined next, where it takes long.
     """
     yield from (check_python(), check_packages(), check_extras(), check_cores(), check_governor())
     yield from (check_text(), check_disk(), check_compiled())

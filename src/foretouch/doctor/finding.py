@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 
 class Verdict(StrEnum):
-    """How it stands, from the best to the worst; a check that cannot be made here says why, and nothing else."""
+    """The outcome of a check, from the best to the worst; a check that cannot be made here gives its reason only."""
 
     GOOD = "good"
     UNKNOWN = "not checked"
@@ -25,8 +25,8 @@ class Finding:
     """One line of the examination.
 
     Attributes:
-        name: Of what was looked at.
-        verdict: How it stands.
+        name: Name of what was examined.
+        verdict: Outcome of the check.
         found: What was found, for people, in one line.
         mend: The one command that mends it, "" where there is nothing to mend or no command would.
         figures: The same for programs, SI units; times end with ``_s``.
@@ -39,7 +39,7 @@ class Finding:
     figures: Mapping[str, Any] = field(default_factory=dict)
 
     def as_row(self) -> dict[str, Any]:
-        """For JSON."""
+        """The finding as a row of JSON."""
         return {
             "name": self.name,
             "verdict": self.verdict.value,
@@ -62,7 +62,7 @@ STYLES = {
     Verdict.WARNING: "bold #e69f00",
     Verdict.BAD: "bold #d55e00",
 }
-"""Colours of Okabe and Ito, which those who do not tell red from green tell apart too."""
+"""Colours of Okabe and Ito, which red-green colour-blind readers distinguish too."""
 
 
 def render_findings(findings: Iterable[Finding]) -> Table:

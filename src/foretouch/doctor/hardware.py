@@ -35,7 +35,7 @@ def check_cores(load: float | None = None, cores: int | None = None, group: Path
 
     Args:
         load: Mean number of processes that want to run, of the last minute; the system's where none is given.
-        cores: That this process may use; the system's answer where none is given.
+        cores: Number of cores that this process may use; the system's answer where none is given.
         group: Folder of the control group, whose ``cpu.max`` bounds a container.
     """
     if cores is None:
@@ -66,11 +66,7 @@ def _quota(group: Path) -> float | None:
 
 
 def check_governor(cpus: Path = CPUS) -> Finding:
-    """How the speed of the processors is governed.
-
-    Args:
-        cpus: The kernel's folder of them.
-    """
+    """Check the frequency governors of the processors, in the folder that the kernel has of them."""
     name = "CPU governor"
     governors: set[str] = set()
     for path in cpus.glob("cpu[0-9]*/cpufreq/scaling_governor"):
@@ -125,7 +121,7 @@ def check_real_time(slice_s: float | None, limits: Iterable[int] | None = None) 
 WIDTH, HEIGHT = 320, 240
 
 PATIENCE = 60.0
-"""A driver that has said nothing for so long [s] will not."""
+"""Time after which a silent driver counts as failed [s]."""
 
 LEAST_CONTRAST = 30.0
 """Standard deviation of a drawn image over its pixels, of 255; an empty one has 0."""

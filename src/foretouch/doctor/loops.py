@@ -1,9 +1,9 @@
-"""How punctual a loop at 1 kHz is on this machine: one that computes as a session does, beside one that does nothing.
+"""Punctuality of loops at 1 kHz on this machine: one that computes as a session does, beside one that does nothing.
 
 Both run at the same time, each in a process of its own, as leader and follower do. Where both are late it is the
 machine; where only the first is, it is what is computed in it.
 
-The kernel's slice of time, for which it lets a loop run at a stretch, is looked at too.
+The kernel's slice of time, for which it lets a loop run at one go, is looked at too.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ GET_ATTRIBUTES = {"x86_64": 315, "aarch64": 275}
 """Number of the system call `sched_getattr`, for which the C library has no function."""
 
 ATTRIBUTES = struct.Struct("<IIQiIQQQ")
-"""Its answer: size, policy, flags, nice, priority, then runtime, deadline and period [ns]."""
+"""Attributes in the answer: size, policy, flags, nice, priority, then runtime, deadline and period [ns]."""
 
 
 def granted_slice_ns() -> int:
@@ -41,30 +41,23 @@ def granted_slice_ns() -> int:
 
 
 LoopReport = dict[str, float]
-"""Of one loop: ``late_p50_s``, ``late_p99_s``, ``late_max_s``, ``compute_p50_s``, ``compute_p99_s``, ``ticks``,
+"""Figures of one loop: ``late_p50_s``, ``late_p99_s``, ``late_max_s``, ``compute_p50_s``, ``compute_p99_s``, ``ticks``,
 ``missed`` and ``slice_s``."""
 
 KINDS = ("session", "bare")
 
 READY_PATIENCE = 180.0
-"""Compiling what a session computes takes so long [s] at most, the first time."""
+"""Longest time that compiling a session's code takes [s], the first time."""
 
 LATE, VERY_LATE, HOLD = 5e-4, 5e-3, 5e-2
 """Half a period [s]; what a hand can feel as unsteady; and what makes a follower hold (`hold_after`)."""
 
 PRESS_FREQUENCY, PRESS_DEPTH, STIFFNESS, SURFACE = 1.0, 2e-3, 500.0, 0.01
-"""What is computed: a press on a spring that exists nowhere [1/s, m, N/m, m]."""
+"""Press on a virtual spring that the loop computes [1/s, m, N/m, m]."""
 
 
 def run_loops(seconds: float) -> dict[str, LoopReport]:
-    """Run both loops side by side.
-
-    Args:
-        seconds: How long, above 0.
-
-    Raises:
-        RuntimeError: One of them did not come to its end; what it said last.
-    """
+    """Run both loops side by side for a time [s]; a RuntimeError says which did not end, and its last line."""
     with _processes(seconds) as children:
         for kind, child in children.items():
             _line(kind, child, READY_PATIENCE)
@@ -106,13 +99,13 @@ def check_loops(reports: dict[str, LoopReport] | str) -> Finding:
     """Judge how late ticks woke, and say what of a device's delay (`DeviceSpecification`) is this machine's.
 
     A position that is read in a tick is answered when that tick has computed: lateness and computing time are in the
-    delay d of the condition b > K (T / 2 + d), and the device's own way in and out comes on top.
+    delay d of the condition b > K (T / 2 + d), and the device's own input and output come on top.
 
     Good is a 99th percentile below 0.5 ms, half a period. Bad is one above 5 ms, or a single tick that came 50 ms late:
     a follower then holds.
 
     Args:
-        reports: Of both loops by name, or why there are none.
+        reports: Reports of both loops by name, or why there are none.
     """
     name = "loop at 1 kHz"
     if isinstance(reports, str):
@@ -139,19 +132,14 @@ def _in_ms(report: LoopReport) -> str:
 
 
 def main(kind: str, seconds: str) -> None:
-    """Say that all is ready, wait for a line, run one loop, and print its report.
-
-    Args:
-        kind: ``session`` or ``bare``.
-        seconds: How long.
-    """
+    """Say that all is ready, wait for a line, run a ``session`` or ``bare`` loop, and print its report."""
     from foretouch.session import be_prompt
 
     be_prompt()
     work = _press() if kind == "session" else lambda time: None
     sys.stdout.write("ready\n")
     sys.stdout.flush()
-    if not sys.stdin.readline():  # who asked has gone
+    if not sys.stdin.readline():  # the parent has gone
         return
     sys.stdout.write(json.dumps(_run(float(seconds), work)) + "\n")
 

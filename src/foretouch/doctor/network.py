@@ -1,8 +1,7 @@
-"""The way to a peer: whether somebody listens there, who, how long messages take there and back, and what to say of it.
+"""The way to a peer: whether a process listens there, its role, the round trip of messages, and how to judge them.
 
-Only `Hello` messages are sent, and only where a peer says of itself that it is a doctor's and nobody else is heard:
-into a session that runs nothing is sent, there is listened. The role of these messages is ``doctor``, which no side of
-a session answers to.
+Only `Hello` messages are sent, in the role ``doctor``, which no side of a session answers, and only where a peer has
+that role and no other is received: a running session is only listened to.
 """
 
 from __future__ import annotations
@@ -23,15 +22,15 @@ from foretouch.link import Faults, FaultStage, ZenohLink
 from foretouch.messages import SIDES, Hello, Message, Telemetry
 
 DOCTOR_CHANNELS = ("hello", "telemetry")
-"""What a doctor's link receives."""
+"""Channels that a doctor's link receives."""
 
 ROLE = "doctor"
 
 PEERS = (*SIDES, ROLE)
-"""Whom a doctor asks or listens to."""
+"""Roles of a peer: the sides of a session, or another doctor."""
 
 MOST_ANSWERS = 100_000
-"""That are noted; more were not asked for."""
+"""Largest number of messages noted; more were not asked for."""
 
 ASKS, ANSWERS, PRESENT = "asks", "answers", "present"
 """Names of the texts of its `Hello`: a question with its number, the same in an answer, and that it is there."""
@@ -40,26 +39,26 @@ RATE = 100.0
 """Questions a second [1/s]."""
 
 PRESENCE_PERIOD = 0.25
-"""A doctor says so often that it is there [s]."""
+"""Period at which a doctor announces itself [s]."""
 
 SETTLING = 0.7
-"""After the first hello others are waited for so long [s]: the sides of a session say it twice a second."""
+"""Time to wait for others after the first hello [s]: the sides of a session send it twice a second."""
 
 LAST_PATIENCE = 2.0
-"""For answers to the last questions is waited at most so long [s]."""
+"""Longest wait for answers to the last questions [s]."""
 
 
 @dataclass(frozen=True, slots=True)
 class RoundTrips:
-    """What was heard of a peer.
+    """The messages received from a peer.
 
     Attributes:
-        roles: Who said hello.
+        roles: Roles that sent a hello.
         asked: Questions sent; 0 where no doctor answered there.
         times: Round trips of those that were answered [s], in the order of the questions.
-        heard: Telemetry that came from a session that runs there.
-        lost: Telemetry of it that did not come, though later messages did.
-        longest_gap: Between two arrivals of it [s]; NaN where fewer than two came.
+        heard: Number of telemetry messages from a session that runs there.
+        lost: Number of telemetry messages that did not come, though later ones did.
+        longest_gap: Longest time between two of them [s]; NaN where fewer than two came.
     """
 
     roles: frozenset[str] = frozenset()
@@ -71,13 +70,13 @@ class RoundTrips:
 
     @property
     def loss(self) -> float:
-        """Share of questions without an answer, or of telemetry that did not come; NaN where there was neither."""
+        """Fraction of questions without an answer, or of telemetry that did not come; NaN where there was neither."""
         if self.asked:
             return 1.0 - len(self.times) / self.asked
         return self.lost / (self.lost + self.heard) if self.heard else math.nan
 
     def percentile(self, share: float) -> float:
-        """Round trip [s] that this share of the answered questions does not exceed; NaN where none was answered."""
+        """Round trip [s] that this fraction of the answered questions does not exceed; NaN where none was answered."""
         if not self.times:
             return math.nan
         ordered = sorted(self.times)
@@ -85,15 +84,9 @@ class RoundTrips:
 
 
 def connect_time(host: str, port: int, timeout: float) -> float:
-    """How long it takes to open a TCP connection [s]: one round trip of the network itself.
+    """Time to open a TCP connection within a timeout [s]: one round trip of the network itself.
 
-    Args:
-        host: Name or address.
-        port: To connect to.
-        timeout: Longest wait [s].
-
-    Raises:
-        OSError: The name is not known, nobody listens there, or nothing came back.
+    An OSError says that the name is not known, no process listens there, or nothing came back.
     """
     family, kind, protocol, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
     with socket.socket(family, kind, protocol) as probe:
@@ -104,11 +97,9 @@ def connect_time(host: str, port: int, timeout: float) -> float:
 
 
 class Answerer:
-    """Answers the questions of doctors, at once or as a bad network would.
+    """Answers the questions of doctors, at once or, with faults on the way back, as a bad network would.
 
-    Args:
-        open_link: Opens the link, given what is to be called with each message that arrives.
-        faults: What happens to a message on its way back.
+    `open_link` opens the link, given the function to be called with each message that arrives.
     """
 
     def __init__(
@@ -180,12 +171,12 @@ class _Heard:
 def ask(
     open_link: Callable[[Callable[[Message], None]], ZenohLink], seconds: float, *, patience: float = 3.0
 ) -> RoundTrips:
-    """Ask a doctor's peer for so long, or listen where a session runs.
+    """Ask a doctor's peer for a time, or listen where a session runs.
 
     Args:
         open_link: Opens the link, given what is to be called with each message that arrives.
-        seconds: How long to ask, or to listen [s].
-        patience: How long to wait until anybody says hello [s].
+        seconds: Time to ask, or to listen [s].
+        patience: Longest wait for a first hello [s].
 
     Raises:
         PeerVersionError: The peer speaks another version.
@@ -219,12 +210,9 @@ def _question(link: ZenohLink, heard: _Heard, seconds: float) -> dict[str, int]:
 
 
 def listen_in(telemetry: deque[tuple[int, int, int]], roles: frozenset[str], seconds: float) -> RoundTrips:
-    """Count what a session's follower says: nothing is sent to it.
+    """Count for a time [s] the telemetry of a session's follower: nothing is sent to it.
 
-    Args:
-        telemetry: Process, sequence number and arrival [ns] of each message; it grows meanwhile.
-        roles: Who said hello.
-        seconds: How long [s].
+    Each has process, sequence number and arrival [ns], and they grow meanwhile; the roles are those that sent a hello.
     """
     telemetry.clear()
     time.sleep(seconds)
@@ -251,16 +239,16 @@ def _text(message: Message, name: str) -> str:
 
 
 UNSTEADY = 0.05
-"""A gap in commands so long [s] makes a follower hold."""
+"""Gap in commands that makes a follower hold [s]."""
 
 FAR = 2.0
-"""Round trip [s]: after a sudden change nothing that is rendered can be right for so long."""
+"""Round trip from which a peer counts as far [s]: after a sudden change the rendered force is wrong for this time."""
 
 LOSING, LOSING_MUCH = 0.01, 0.2
-"""Share of messages lost."""
+"""Fractions of messages lost from which a network is poor, and bad."""
 
 CONNECT_PATIENCE = 3.0
-"""A connection that is not there after so long [s] will not come: the first packet is sent three times in it."""
+"""Time after which a missing connection will not come [s]: the first packet is sent three times in it."""
 
 
 def check_peer(
@@ -270,17 +258,9 @@ def check_peer(
     open_link: Callable[[Callable[[Message], None]], ZenohLink],
     seconds: float,
 ) -> list[Finding]:
-    """Look for somebody at an endpoint, and measure the way there.
+    """Whether a connection can be opened to host and port of an endpoint, and where it can, how messages fare.
 
-    Args:
-        endpoint: As it was given.
-        host: Of it.
-        port: Of it.
-        open_link: Opens a link to it, given what is to be called with each message that arrives.
-        seconds: How long to ask [s].
-
-    Returns:
-        Whether a connection can be opened, and where it can, how messages fare.
+    `open_link` opens a link, given the function to be called with each message; the peer is asked for a time [s].
     """
     from foretouch.link import is_exposed
 
@@ -312,14 +292,9 @@ def check_peer(
 
 
 def judge_round_trips(name: str, heard: RoundTrips, there: str) -> Finding:
-    """What messages there and back say of the network.
+    """Judge the network by its round trips; `there` says what to do where no peer answers.
 
     Delay by itself is no fault, for a session renders no delayed force; unsteadiness and loss are.
-
-    Args:
-        name: Of the finding.
-        heard: What came of asking.
-        there: What to do where nobody answers.
     """
     if not heard.roles:
         found = "something takes the connection, no side of a session is heard: a router, or another program"

@@ -46,11 +46,7 @@ def check_python() -> Finding:
 
 
 def check_packages(requirements: Iterable[str] | None = None) -> Finding:
-    """The packages that are always needed.
-
-    Args:
-        requirements: As in the metadata of a distribution; foretouch's own where none are given.
-    """
+    """The packages that are always needed, of requirements as in metadata, by default foretouch's own."""
     needed = parts_of(_own(requirements)).get("", {})
     problems = _problems(needed)
     figures: dict[str, Any] = {"needed": {name: _version(name) for name in needed}, "problems": problems}
@@ -62,10 +58,9 @@ def check_packages(requirements: Iterable[str] | None = None) -> Finding:
 
 
 def check_extras(requirements: Iterable[str] | None = None) -> Finding:
-    """Which extras are complete, and which are not: those without which no session runs are worth a warning.
+    """Complete and incomplete extras of requirements as `check_packages` takes them.
 
-    Args:
-        requirements: As in the metadata of a distribution; foretouch's own where none are given.
+    Those without which no session runs are worth a warning.
     """
     extras = {name: part for name, part in parts_of(_own(requirements)).items() if name not in ("", *FOR_DEVELOPERS)}
     problems = {name: list(wrong.values()) for name, part in extras.items() if (wrong := _problems(part))}
@@ -129,7 +124,7 @@ def _version(name: str) -> str | None:
 
 
 def _problems(needed: Mapping[str, str]) -> dict[str, str]:
-    """By package, what is wrong with it."""
+    """Problems of packages by name."""
     problems = {}
     for name, rule in needed.items():
         version = _version(name)
@@ -141,7 +136,7 @@ def _problems(needed: Mapping[str, str]) -> dict[str, str]:
 
 
 PORTS = {8080: "the console", 7447: "a link"}
-"""Ports that commands take unless they are told otherwise, and what for."""
+"""Ports that commands take by default, and their use."""
 
 LITTLE, TOO_LITTLE = 2e9, 2e8
 """Free space [bytes]: a session writes 25 MB a minute, so they are enough for 80 and for 8 minutes."""
@@ -167,10 +162,8 @@ def check_disk(
 ) -> Finding:
     """Free space where recordings, temporary files and compiled code go.
 
-    Args:
-        folders: To look at; where none are given, this folder, the temporary one and the home.
-        little: Less is worth a warning [bytes].
-        too_little: Less is bad [bytes].
+    By default that is here, in the temporary folder and at home. Less than `little` [bytes] is worth a warning, less
+    than `too_little` is bad.
     """
     looked = [Path.cwd(), Path(tempfile.gettempdir()), Path.home()] if folders is None else list(folders)
     free: dict[str, int] = {}
@@ -205,11 +198,7 @@ def check_compiled() -> Finding:
 
 
 def check_port(port: int) -> Finding:
-    """Whether somebody could listen there now.
-
-    Args:
-        port: On 127.0.0.1.
-    """
+    """Whether a process could listen at a port of 127.0.0.1 now."""
     from foretouch.link import check_port_free
 
     name, figures = f"port {port}", {"port": port, "for": PORTS.get(port, "")}
@@ -223,12 +212,7 @@ def check_port(port: int) -> Finding:
 
 
 def check_keys(folder: Path | None = None, *, now: datetime | None = None) -> Finding:
-    """The certificates here, whose they are, and until when they last.
-
-    Args:
-        folder: Of keys; the usual one where none is given.
-        now: UTC; this machine's clock where none is given.
-    """
+    """The certificates in a folder, by default the usual one, their names, and the time [UTC] until which they last."""
     from foretouch.link import WARNING_DAYS, KeyFolder
     from foretouch.link.certificates import utc_now
 

@@ -57,7 +57,7 @@ class ForetouchError(Exception):
         return printable(super().__str__(), lines=True)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """From process to process: as it is, not made again of its text."""
+        """Pickle the error as it is, not made again from its text."""
         return _as_it_was, (type(self), self.args), self.__dict__
 
 
@@ -71,7 +71,7 @@ class RecordingWarning(UserWarning):
     """What was guessed where a recording was read, or looks wrong in it; its text is one line for the user."""
 
     def __str__(self) -> str:
-        """As of `ForetouchError`."""
+        """The text of `ForetouchError`."""
         return printable(super().__str__(), lines=True)
 
 
@@ -113,9 +113,9 @@ class SettingError(InputError):
     """An option or constructor argument breaks its rule.
 
     Args:
-        name: Of the option or the argument.
-        value: That was given.
-        rule: That it breaks, and what to do.
+        name: Name of the option or the argument.
+        value: Value that was given.
+        rule: Rule that it breaks, and what to do.
     """
 
     def __init__(self, name: str, value: object, rule: str) -> None:
@@ -127,8 +127,8 @@ class ArgumentTypeError(SettingError, TypeError):
     """An argument is of another type than is wanted.
 
     Args:
-        name: Of the argument.
-        value: That was given.
+        name: Name of the argument.
+        value: Value that was given.
         wanted: What is wanted, and how one gets it.
     """
 

@@ -35,16 +35,19 @@ def require(
     if at_most is not None:
         rules.append(f"at most {at_most:g}")
         good = good and value <= at_most
-    if not good:
-        raise SettingError(name, value, " and ".join(["must be finite", *rules]))
+    if good:
+        return
+    if at_least is not None and at_most is not None:
+        raise SettingError(name, value, f"must lie between {at_least:g} and {at_most:g}")
+    raise SettingError(name, value, " and ".join(["must be finite", *rules]))
 
 
 def require_type(name: str, value: object, kind: type | tuple[type, ...], wanted: str) -> None:
     """Raise `ArgumentTypeError` unless the value is of this kind.
 
     Args:
-        name: Of the argument.
-        value: That was given.
+        name: Name of the argument.
+        value: Value that was given.
         kind: One type, or several.
         wanted: What is wanted, and how one gets it.
     """
@@ -56,7 +59,7 @@ def require_path(name: str, value: object) -> None:
     """Raise `ArgumentTypeError` unless the value is one that names a file.
 
     Args:
-        name: Of the argument.
-        value: That was given.
+        name: Name of the argument.
+        value: Value that was given.
     """
     require_type(name, value, (str, os.PathLike), "a path, as a text or a Path")

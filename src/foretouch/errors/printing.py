@@ -19,7 +19,7 @@ def printable(text: str, *, lines: bool = False) -> str:
     which a text looks like several, and what turns the direction of writing, with which it reads as another.
 
     Args:
-        text: Of a peer or a file.
+        text: Text of a peer or a file.
         lines: Whether ends of lines stay, where a text of several lines is shown.
     """
     if text.isprintable():
@@ -34,8 +34,8 @@ def one_line(said: object, longest: int = LONGEST_LINE) -> str:
     """What an exception, or a text, says: on one line, short, and `printable`; of one that cannot say it, nothing.
 
     Args:
-        said: An exception, of whatever package, or a text of others.
-        longest: So many characters at most.
+        said: An exception, of any package, or a text from outside.
+        longest: Largest number of characters.
     """
     try:
         words = " ".join(str(said)[: 4 * longest].split())

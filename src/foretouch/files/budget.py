@@ -13,7 +13,7 @@ from foretouch.errors import RecordingError, SettingError
 
 
 def require_data(path: str | PathLike[str]) -> None:
-    """Refuse a pipe, a socket or a device: who opens or reads one may wait for ever for somebody to write.
+    """Refuse a pipe, a socket or a device: opening or reading one may wait for ever for a writer.
 
     A file and a folder pass, and what is not there: its reader says that, in its own terms.
 
@@ -32,35 +32,36 @@ VARIABLE: Final = "FORETOUCH_FILE_BUDGET"
 """Variable of the environment that says how many times the usual budget a file gets; ``inf`` for no limit."""
 
 LEAST_MEMORY: Final = 900_000_000
-"""Any file may take so much [bytes]. With the code of the libraries, which the system does not count, the process stays
-within a gigabyte; 20 million samples of three columns fit."""
+"""Memory that any file may take [bytes]. With the code of the libraries, which the system does not count, the process
+stays within a gigabyte; 20 million samples of three columns fit."""
 
 MEMORY_PER_BYTE: Final = 3.0
 """Bytes of memory for a byte of a large file, beside the file itself, which may be mapped: a session takes 1, a CSV
 with short rows 2 to 3."""
 
 MOST_PACKED: Final = 4
-"""A file counts for so many times what it takes on its disk, and for no more than its size: a hole of 100 GB, which
-takes nothing there, gives nobody 300 GB of memory. A file system that packs files may make an honest one smaller, to a
-quarter at best before its budget is; of one that tells nothing of blocks a file has the least budget, which holds a
-session of 900 MB. What that is too little for names `VARIABLE` in its line."""
+"""A file counts for at most this many times what it takes on its disk, and for no more than its size: a hole of 100 GB,
+which takes nothing there, is no claim to 300 GB of memory. A file system that packs files may make an honest one
+smaller, to a quarter at best before its budget is; on one that reports no blocks a file has the least budget, which
+holds a session of 900 MB. What that is too little for names `VARIABLE` in its line."""
 
 LEAST_SECONDS: Final = 15.0
-"""Any file may take so much processor time [s]; the slowest of the honest small ones, bags of thousands of topics, take
+"""Processor time that any file may take [s]; the slowest of the honest small ones, bags of thousands of topics, take
 a few seconds."""
 
 SECONDS_PER_MEGABYTE: Final = 0.4
-"""For a megabyte of a large file [s]: the slowest reader, of CSV with something out of order, takes a tenth of it."""
+"""Time for a megabyte of a large file [s]: the slowest reader, of CSV with something out of order, takes a tenth of
+it."""
 
 
 class Budget(NamedTuple):
     """What the reading of one file may take.
 
     Attributes:
-        memory: Of its process, beside code and what is mapped from files [bytes].
-        seconds: Of processor time [s].
-        factor: How many times the usual budget that is.
-        size: Of the file, as far as it is no hole [bytes].
+        memory: Memory of its process, beside code and what is mapped from files [bytes].
+        seconds: Processor time [s].
+        factor: Ratio to the usual budget.
+        size: Size of the file, without holes [bytes].
     """
 
     memory: int
@@ -121,7 +122,7 @@ def budget_for(path: str | PathLike[str], factor: float | None = None) -> Budget
 
 
 def _size(path: Path) -> int:
-    """Of a file, or of all files in a folder [bytes]."""
+    """Size of a file, or of all files in a folder [bytes]."""
     try:
         if path.is_dir():
             return sum(_held(file.stat()) for file in path.iterdir() if file.is_file())

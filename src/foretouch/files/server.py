@@ -18,7 +18,6 @@ from typing import Any
 
 from foretouch.errors import ForetouchError, one_line
 from foretouch.files import within
-from foretouch.files.parcel import open_parcel, write_parcel
 
 LIBRARIES = {
     "": ("rosbags.rosbag2", "rosbags.typesys"),
@@ -38,7 +37,7 @@ it."""
 
 
 IDLE = 20.0
-"""So long [s] it waits for a next file: a session that runs for hours has no use for what it has imported."""
+"""Time for which it waits for a next file [s]: a session that runs for hours has no use for what it has imported."""
 
 
 class _TimeUp(BaseException):
@@ -46,10 +45,10 @@ class _TimeUp(BaseException):
 
 
 def serve(descriptor: int) -> None:
-    """Read files as long as somebody asks for it, and not for hours.
+    """Serve readings of files as long as requests come, and not for hours.
 
     Args:
-        descriptor: Of the socket to who asks. Each message is the ending of a file and the module of its reader; the
+        descriptor: Socket to the client. Each message is the ending of a file and the module of its reader; the
             parcel of a request comes beside it, and the answer takes its place.
     """
     asked = socket.socket(fileno=descriptor)
@@ -59,7 +58,7 @@ def serve(descriptor: int) -> None:
             return
         ending, module = said.decode().split("\n")
         for library in (module, *LIBRARIES.get(ending, ())):
-            with suppress(ImportError):  # who misses it says so
+            with suppress(ImportError):  # the reader that misses it reports it
                 importlib.import_module(library)
         asked.sendall(within.BEGUN)
         copy = os.fork()
@@ -79,7 +78,7 @@ def serve(descriptor: int) -> None:
 
 
 def _waited_for(copy: int, asked: socket.socket) -> bytes | None:
-    """How the copy ended; None where nobody waits for it any more: then it was killed."""
+    """The status with which the copy ended; None where no client waits for it any more: then it was killed."""
     process = os.pidfd_open(copy)
     try:
         if asked.fileno() in select.select([asked.fileno(), process], [], [])[0]:
@@ -94,7 +93,7 @@ def _waited_for(copy: int, asked: socket.socket) -> bytes | None:
 
 def _read(parcel: int) -> None:
     """Do what a request says, within its limits, and put the answer in its place."""
-    request: within.Request = open_parcel(parcel)
+    request: within.Request = within.open_parcel(parcel)
     within.inside = True
     with suppress(OSError):  # a folder that was removed
         os.chdir(request.folder)
@@ -104,11 +103,11 @@ def _read(parcel: int) -> None:
     os.ftruncate(parcel, 0)
     os.lseek(parcel, 0, os.SEEK_SET)
     try:
-        write_parcel(parcel, outcome)
+        within.write_parcel(parcel, outcome)
     except MemoryError:
         os.ftruncate(parcel, 0)
         os.lseek(parcel, 0, os.SEEK_SET)
-        write_parcel(parcel, ("memory", ""))
+        within.write_parcel(parcel, ("memory", ""))
 
 
 def _limit(budget: Any) -> None:

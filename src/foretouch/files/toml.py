@@ -1,4 +1,4 @@
-"""Reads TOML that somebody else may have written: small, and not deep."""
+"""Reads TOML from unknown authors: small, and not deep."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def read_toml(path: str | PathLike[str], kind: type[Made], what: str, form: str 
     """The content of a TOML file; an unknown key is an error where the type says so.
 
     Args:
-        path: Of the file.
+        path: Path of the file.
         kind: Type of what it holds, as `msgspec` converts to it.
         what: It is, for messages: "map".
         form: What such a file takes, for messages.
@@ -40,7 +40,7 @@ def read_toml(path: str | PathLike[str], kind: type[Made], what: str, form: str 
 
 
 def decode_toml(source: object, text: bytes | str, kind: type[Made], what: str, form: str = "") -> Made:
-    """The same of a text; messages name `source`.
+    """Read a text in the same way; messages name `source`.
 
     Raises:
         RecordingError: As `read_toml`.

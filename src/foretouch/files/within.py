@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import atexit
+import mmap
 import os
+import pickle
 import signal
 import socket
 import struct
@@ -17,25 +19,24 @@ from typing import Any, Final, NamedTuple, ParamSpec, TypeVar
 
 from foretouch.errors import RecordingError
 from foretouch.files.budget import Budget, budget_for, require_data
-from foretouch.files.parcel import open_parcel, write_parcel
 
 Given = ParamSpec("Given")
 Made = TypeVar("Made")
 
 PATIENCE: Final = 4.0
-"""A reader that computes nothing is waited for so many times its processor time: others may use the processor."""
+"""A reader that computes nothing is waited for this many times its processor time: others may use the processor."""
 
 STARTING: Final = 60.0
-"""So long [s] its server has to start and to import what readers need; the reading itself gets nothing of it."""
+"""Time that its server has to start and to import what readers need [s]; the reading itself gets nothing of it."""
 
 BEGUN: Final = b"b"
-"""What the server answers first: it has what it needs, and a copy of it begins to read."""
+"""First answer of the server: it has what it needs, and a copy of it begins to read."""
 
 LONGEST_WORD: Final = 256
 """Bytes of a message to the process that reads."""
 
 ENDED = struct.Struct("<id")
-"""Its answer: the exit code of the copy that read, negative for a signal, and its processor time [s]."""
+"""Answer of the server: the exit code of the copy that read, negative for a signal, and its processor time [s]."""
 
 inside = False
 """Whether this is the process that reads: then a reader that calls another just calls it."""
@@ -48,8 +49,8 @@ class Request(NamedTuple):
         read: A function of a module.
         given: Its arguments.
         named: Likewise.
-        budget: Of its file.
-        folder: That relative paths start from.
+        budget: Budget of its file.
+        folder: Folder that relative paths start from.
     """
 
     read: Callable[..., Any]
@@ -73,8 +74,8 @@ def within_budget(
     over as it is, arrays without a copy in this process. One file at a time is read for one process.
 
     Args:
-        path: Of the file.
-        factor: How many times the usual budget it gets; None for what the environment says; infinite for no limit, and
+        path: Path of the file.
+        factor: Ratio of its budget to the usual one; None for what the environment says; infinite for no limit, and
             no other process.
         read: A function of a module; what it takes and returns can be pickled.
         *given: For `read`.
@@ -140,6 +141,40 @@ def _kind(ended: _Ended, budget: Budget) -> str:
     return "memory" if ended.code == -signal.SIGKILL else "crash"
 
 
+# --- values on their way between two processes: arrays are mapped, not copied -----------------------------------------
+
+_length = struct.Struct("<Q")
+ALIGNED: Final = 64
+"""Arrays begin at multiples of this [bytes], as NumPy's own do."""
+
+
+def write_parcel(descriptor: int, value: object) -> None:
+    """Write a value to an empty file: arrays first, then what refers to them."""
+    buffers: list[pickle.PickleBuffer] = []
+    body = pickle.dumps(value, protocol=5, buffer_callback=buffers.append)
+    with os.fdopen(os.dup(descriptor), "wb") as file:
+        spans = []
+        for buffer in buffers:
+            with buffer.raw() as raw:
+                file.write(bytes(-file.tell() % ALIGNED))
+                spans.append((file.tell(), raw.nbytes, raw.readonly))
+                file.write(raw)
+        tail = pickle.dumps((spans, body), protocol=5)
+        file.write(tail + _length.pack(len(tail)))
+
+
+def open_parcel(descriptor: int) -> Any:
+    """The value in a file that `write_parcel` wrote in a process of ours; its arrays are views of that file."""
+    content = memoryview(mmap.mmap(descriptor, 0, access=mmap.ACCESS_COPY))
+    (length,) = _length.unpack(content[-_length.size :])
+    spans, body = pickle.loads(content[-_length.size - length : -_length.size])
+    parts = []
+    for start, size, fixed in spans:
+        part = content[start : start + size]
+        parts.append(part.toreadonly() if fixed else part)
+    return pickle.loads(body, buffers=parts)
+
+
 # --- the process that reads -------------------------------------------------------------------------------------------
 
 
@@ -161,7 +196,7 @@ class _Server:
                 stdout=subprocess.DEVNULL,
                 stderr=subprocess.DEVNULL,
                 env=environment,
-                start_new_session=True,  # Ctrl-C is for whoever asks
+                start_new_session=True,  # Ctrl-C is for the client
             )
 
     def ask(self, word: str, parcel: int, patience: float) -> _Ended | None:
@@ -209,7 +244,7 @@ def _ask(word: str, parcel: int, budget: Budget) -> _Ended:
         except TimeoutError:
             close()
             return _Ended(-signal.SIGXCPU, 0.0)
-        except BaseException:  # Ctrl-C among them: whoever reads is ended with its server
+        except BaseException:  # Ctrl-C among them: the reader is ended with its server
             close()
             raise
 

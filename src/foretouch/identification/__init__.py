@@ -17,16 +17,16 @@ from foretouch.identification.classic.steepest_descent import (
     SteepestDescentOptions,
 )
 from foretouch.identification.classic.threshold_switching import SwitchingOptions, ThresholdSwitching
-from foretouch.identification.conditioning.conditioner import Conditioner, ContactSample, SensorLag
+from foretouch.identification.conditioning.conditioner import Conditioner, ContactSample, ContactSamples, SensorLag
 from foretouch.identification.conditioning.layout import TRANSIENT_STATES, SensorState
 from foretouch.identification.conditioning.watch import SENSOR_SENTENCES, SensorWatch
-from foretouch.identification.contact_map.bank import EXPERT_NAMES, ContactMapBank
+from foretouch.identification.contact_map.bank import EXPERT_NAMES, ContactMap
 from foretouch.identification.estimator import Estimator, Status
 from foretouch.identification.exact.recursive import (
+    ExactContinuousSwitching,
     ExactHuntCrossley,
     ExactKelvinVoigt,
-    ExactRecursive,
-    ExactRecursiveOptions,
+    ExactOptions,
 )
 from foretouch.identification.force_calibration import ToolWeight, fit_tool_weight
 from foretouch.identification.friction import FrictionEstimator
@@ -47,7 +47,6 @@ from foretouch.identification.linear.estimators import (
     ForgettingRLS,
     RobustFPRLS,
     SelfPerturbingRLS,
-    fprls_many,
 )
 from foretouch.identification.linear.options import FPRLSOptions, RobustOptions
 from foretouch.identification.material_field import MaterialFieldLearner
@@ -87,13 +86,14 @@ __all__ = [
     "TIME_TOLERANCE",
     "TRANSIENT_STATES",
     "Conditioner",
-    "ContactMapBank",
+    "ContactMap",
     "ContactSample",
+    "ContactSamples",
     "Estimator",
+    "ExactContinuousSwitching",
     "ExactHuntCrossley",
     "ExactKelvinVoigt",
-    "ExactRecursive",
-    "ExactRecursiveOptions",
+    "ExactOptions",
     "FPRLSOptions",
     "ForgettingRLS",
     "FrictionEstimator",
@@ -136,7 +136,6 @@ __all__ = [
     "fit_offline",
     "fit_series_compliance",
     "fit_tool_weight",
-    "fprls_many",
     "identify",
     "load_estimator",
     "make_estimator",

@@ -1,18 +1,22 @@
-"""What an estimator is: samples in, a contact model and its doubt out."""
+"""The interface of an estimator: samples in, a contact model and its uncertainty out."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Iterable
 from enum import Enum
 from typing import ClassVar
 
-from foretouch.identification.conditioning.conditioner import ContactSample
+import numpy as np
+from numpy.typing import NDArray
+
+from foretouch.identification.conditioning.conditioner import ContactSample, ContactSamples
 from foretouch.models import NO_STATE, ContactModel, ContactState
 from foretouch.quantities import brief_number, brief_text
 
 
 class Status(Enum):
-    """What an update did; the value is the sentence for people."""
+    """Result of an update; the value is the sentence for people."""
 
     LEARNT = "learnt from this sample"
     FREE_AIR = "newest sample was not in contact"
@@ -24,19 +28,25 @@ class Status(Enum):
     RESTARTED = "the covariance was no longer usable: the estimator began again"
 
 
+def status_indices(statuses: Iterable[Status]) -> NDArray[np.int8]:
+    """Index of each status in ``tuple(Status)``, shape (n,)."""
+    index = {status: place for place, status in enumerate(Status)}
+    return np.array([index[status] for status in statuses], np.int8)
+
+
 class Estimator(ABC):
     """Identifies one contact law from conditioned samples.
 
-    `update` is called at every sample, inside and outside contact, and never raises.
+    `update` is called at every sample, inside and outside contact, and never raises; `run` is `update` with many.
 
     Attributes:
-        name: Of the estimator, as on the command line.
-        model_name: Of the law it identifies, as on the command line.
-        offline: Whether it is a fit of a whole recording: no rival in a control loop, but the floor of what its law
-            can reach.
-        horizon: How late a prediction is that it learns for [s], where that changes what it learns; else None.
+        name: Name of the estimator, as on the command line.
+        model_name: Name of the law it identifies, as on the command line.
+        offline: Whether it is a fit of a whole recording: not usable in a control loop, but the lowest error that its
+            law can reach.
+        horizon: Delay of the predictions that it learns for [s], where that changes what it learns; else None.
         updates: Samples learnt from since the last reset.
-        changes: Sudden changes of the material found since then, 0 for those that look for none.
+        changes: Sudden changes of the material detected since then, 0 for estimators that do not detect any.
     """
 
     name: ClassVar[str]
@@ -47,7 +57,7 @@ class Estimator(ABC):
     changes: int = 0
 
     def __repr__(self) -> str:
-        """Name, law, updates, and what is known; what fits whole recordings is not asked, for it would fit one."""
+        """Name, law, updates, and parameters; an offline estimator is not asked for these, for it would fit."""
         known = {} if self.offline else self.parameters
         told = {"name": self.name, "law": self.model_name, "updates": getattr(self, "updates", 0)}
         return brief_text(
@@ -56,30 +66,38 @@ class Estimator(ABC):
 
     @abstractmethod
     def update(self, sample: ContactSample) -> Status:
-        """Learn from one sample and say what was done."""
+        """Learn from one sample and return what was done."""
+
+    def run(self, samples: ContactSamples) -> NDArray[np.int8]:
+        """`update` with every sample of a recording, and the same numbers to the last bit; it continues from its state.
+
+        Returns:
+            Status of each sample, as an index into ``tuple(Status)``, shape (n,).
+        """
+        return status_indices(map(self.update, samples))
 
     @abstractmethod
     def reset(self) -> None:
         """Forget all samples."""
 
     def trust_surface(self, trusted: bool) -> None:  # noqa: B027 - most estimators take the surface as given
-        """Told by the learner, before the first sample, whether somebody has stated where the surface is."""
+        """Set, before the first sample, whether the surface was given."""
 
-    def move_surface(self, change: float) -> None:  # noqa: B027 - who keeps no depths has none to move
-        """Told by the learner that depths count from a surface that is deeper by `change` [m] from now on."""
+    def move_surface(self, change: float) -> None:  # noqa: B027 - most keep no depths
+        """Count depths from a surface that is deeper by `change` [m] from now on."""
 
     def finish(self) -> None:  # noqa: B027 - most have learnt all that there is
-        """Told that no more samples come: `model` is to be that of all samples."""
+        """End the samples: `model` is to be that of all samples."""
 
     def expect_delay(self, delay: float) -> None:  # noqa: B027 - most learn alike for every delay
-        """Told by those who predict how late the model is used [s], where they know."""
+        """Set the delay with which the model is used for prediction [s], where it is known."""
 
-    def move_offset(self, change: float) -> None:  # noqa: B027 - who keeps no forces has none to move
-        """Told by the learner that forces count from an offset that is larger by `change` [N] from now on."""
+    def move_offset(self, change: float) -> None:  # noqa: B027 - most keep no forces
+        """Count forces from an offset that is larger by `change` [N] from now on."""
 
     @property
     def state(self) -> ContactState:
-        """What the material remembers after the newest sample; empty for laws without memory."""
+        """State of the material after the newest sample; empty for laws without memory."""
         return NO_STATE
 
     @property
@@ -90,13 +108,13 @@ class Estimator(ABC):
     @property
     @abstractmethod
     def model(self) -> ContactModel | None:
-        """The law as it is known now, None while nothing usable is known."""
+        """The law as learnt so far, None while there is no usable one."""
 
     @property
     def parameters(self) -> dict[str, float | None]:
-        """The law's numbers by name, and what follows from them; empty while nothing is known.
+        """The law's numbers by name, and quantities derived from them; empty while there are none.
 
-        None: undetermined by the samples so far.
+        A number is None while the samples so far do not determine it.
         """
         model = self.model
         return {} if model is None else dict(zip(model.parameter_names, model.parameters, strict=True))
@@ -104,11 +122,11 @@ class Estimator(ABC):
     @property
     @abstractmethod
     def standard_errors(self) -> dict[str, float | None] | None:
-        """Standard error of each of `parameters`, None of one that is undetermined; None where it has none to give."""
+        """Standard error of each of `parameters`, None if undetermined; None where the estimator has none at all."""
 
     def surface_shifts(self, surface_error: float) -> dict[str, float] | None:
-        """How far each of `parameters` moves where the surface lies further out or in by this [m], the larger of both.
+        """Shift of each of `parameters` for a surface further out or in by this distance [m], the larger of both.
 
-        None where the estimator cannot tell, as most.
+        None where the estimator cannot compute it, as most.
         """
         return None

@@ -1,6 +1,6 @@
-"""What a force sensor shows without contact: its zero in a recording, and its bias, tool mass and centre from poses.
+"""Calibration of a force sensor without contact: its zero from a recording; bias, tool mass and centre from poses.
 
-A recording that does not show its zero is said to. Poses are static, and the tool is what is beyond the sensor.
+A recording that does not show its zero is detected. Poses are static, and the tool is all that is beyond the sensor.
 """
 
 from __future__ import annotations
@@ -20,25 +20,25 @@ OFFSET_WINDOW = 0.05
 """Length of the window whose lowest mean is the zero of the measured force [s]."""
 
 THRESHOLD_SHARE = 0.05
-"""The contact threshold as a share of the 98th percentile of the measured force."""
+"""Contact threshold as a fraction of the 98th percentile of the measured force."""
 
 TOUCH = 0.01
-"""A force that is not above the threshold in the mean of any so long time [s] is noise, and no contact."""
+"""Time over which the mean force must be above the threshold [s]; otherwise it is noise, and no contact."""
 
 REST_SLOPE = 0.25
-"""Force slope below the contact threshold, as a share of the slope above it, from which on a recording counts as
-never out of contact. Measured files: foam and skin at most 0.1, preloaded springs at least 0.8."""
+"""Ratio of the force slope below the contact threshold to the slope above it, from which on a recording counts as never
+out of contact. Measured files: foam and skin at most 0.1, preloaded springs at least 0.8."""
 
 FEWEST_SAMPLES = 10
-"""Samples that an offset window must hold, unless most windows of the file hold fewer."""
+"""Least number of samples in an offset window, unless most windows of the file hold fewer."""
 
 BLOCK, OVERLAP = 1 << 18, 1 << 15
-"""Samples whose means are taken at once, and how many of them are those before again: more than a window holds at any
-rate below 600 kHz. Shorter recordings are one block."""
+"""Number of samples whose means are taken at once, and how many of them overlap the previous block: more than a window
+holds at any rate below 600 kHz. Shorter recordings are one block."""
 
 
 def lowest_mean(time: ArrayLike, force: ArrayLike, window: float = OFFSET_WINDOW) -> float:
-    """The lowest mean of the force over a time window: where the sensor's zero is, seen from afterwards.
+    """Lowest mean of the force over a time window: the sensor's zero, in hindsight.
 
     A window ends at each sample and reaches back by its length; it counts once the samples before it fill it, and
     if it holds 10 samples, or as many as most windows of the file do, so that one sample after a gap is no mean. At
@@ -48,7 +48,7 @@ def lowest_mean(time: ArrayLike, force: ArrayLike, window: float = OFFSET_WINDOW
     Args:
         time: Sample times [s], increasing, shape (n,).
         force: Measured force [N], shape (n,), n of at least 1.
-        window: Its length [s].
+        window: Length of the window [s].
     """
     clock, values = columns_of(time, force)
     period = median_period(clock)
@@ -65,15 +65,15 @@ def lowest_mean(time: ArrayLike, force: ArrayLike, window: float = OFFSET_WINDOW
 
 
 def is_zero_unobservable(recording: Recording) -> bool:
-    """Whether the probe never leaves contact: what `foretouch.report.score` calls ``offset_unobservable``.
+    """Whether the probe never leaves contact: what `foretouch.report.score_prediction` calls ``offset_unobservable``.
 
     However long the recording is, this takes little memory beside it.
 
     Args:
-        recording: Of presses; its `contact_floor` is the least force that counts as contact.
+        recording: Recording of presses; its `contact_floor` is the least force that counts as contact.
     """
     time, force = recording.time, recording.force
-    # What is asked of the force less its zero is asked of the force itself: no copy of it is made.
+    # The force itself is tested instead of the force less its zero: no copy of it is made.
     zero = _lowest(time, force, 1.0, OFFSET_WINDOW)
     threshold = max(THRESHOLD_SHARE * (float(np.percentile(force, 98.0)) - zero), recording.contact_floor)
     in_contact = force > threshold + zero
@@ -116,7 +116,7 @@ def _slope(position: Array, force: Array, chosen: Flags) -> float:
 
 
 def columns_of(*columns: ArrayLike) -> tuple[Array, ...]:
-    """Columns as arrays of one shape (n,); `InputError` where they have others or are no numbers."""
+    """Columns as arrays of one shape (n,); `InputError` if their shapes differ or they are not numbers."""
     arrays = tuple(numbers_of("a column", column) for column in columns)
     shapes = {array.shape for array in arrays}
     if len(shapes) > 1 or arrays[0].ndim != 1:
@@ -130,33 +130,33 @@ def median_period(clock: Array) -> float:
 
 
 FEWEST_POSES = 6
-"""At least so many orientations, which differ by more than `SAME_POSE`."""
+"""Least number of orientations, which differ by more than `SAME_POSE`."""
 
 SAME_POSE = 0.1
-"""Gravity directions nearer to each other than this [rad] are of the same pose."""
+"""Largest angle between gravity directions of the same pose [rad]."""
 
 LEAST_SPREAD = 0.2
-"""Standard deviation of the gravity direction along the second of its principal axes, at least: a rotation about one
+"""Least standard deviation of the gravity direction along the second of its principal axes [-]: a rotation about one
 axis by +-17 degrees has this spread along one axis only."""
 
 
 @dataclass(frozen=True, eq=False)
 class ToolWeight(ByValue):
-    """What static poses tell. Arrays of three are in the sensor's frame.
+    """Weight of a tool and bias of the sensor from static poses. Arrays of three are in the sensor's frame.
 
     Attributes:
-        force_bias: [N], shape (3,).
+        force_bias: Bias of the force [N], shape (3,).
         force_bias_error: Standard error [N], shape (3,).
-        mass: [kg].
-        mass_error: [kg].
-        torque_bias: [N m], shape (3,); None without torques.
-        torque_bias_error: [N m], shape (3,), or None.
+        mass: Mass of the tool [kg].
+        mass_error: Standard error [kg].
+        torque_bias: Bias of the torque [N m], shape (3,); None without torques.
+        torque_bias_error: Standard error [N m], shape (3,), or None.
         centre_of_mass: From the sensor's origin [m], shape (3,), or None.
-        centre_of_mass_error: [m], shape (3,), or None.
-        force_residual: [N], shape (n, 3).
-        torque_residual: [N m], shape (n, 3), or None.
+        centre_of_mass_error: Standard error [m], shape (3,), or None.
+        force_residual: Residuals of the forces [N], shape (n, 3).
+        torque_residual: Residuals of the torques [N m], shape (n, 3), or None.
         spread: Standard deviations of the gravity direction along its principal axes, largest first, shape (3,).
-        poses: Orientations that differ.
+        poses: Number of different orientations.
     """
 
     force_bias: Array
@@ -239,7 +239,7 @@ def fit_tool_weight(
 
 
 def _count_poses(directions: Array) -> int:
-    """Orientations that differ, each from all that were counted before it."""
+    """Number of different orientations, each compared with all that were counted before it."""
     kept = np.empty((0, 3))
     for direction in directions:
         if len(kept) == 0 or float(np.linalg.norm(kept - direction, axis=1).min()) > SAME_POSE:
@@ -248,7 +248,7 @@ def _count_poses(directions: Array) -> int:
 
 
 def _require_directions(directions: Array, poses: int) -> Array:
-    """Spread of the gravity direction, refused where weight and bias could not be told apart."""
+    """Spread of the gravity direction, refused where weight and bias would not be separable."""
     away = directions - directions.mean(axis=0)
     variances, axes = np.linalg.eigh(away.T @ away / max(len(directions), 1))
     spread = np.asarray(np.sqrt(np.maximum(variances[::-1], 0.0)), dtype=np.float64)

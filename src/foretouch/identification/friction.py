@@ -1,4 +1,4 @@
-"""Friction from sliding: coefficient and viscous part, and how sure they are."""
+"""Friction from sliding: coefficient and viscous part, and their standard deviations."""
 
 from __future__ import annotations
 
@@ -8,45 +8,45 @@ from collections.abc import Sequence
 from foretouch.identification.estimator import Status
 
 SLOWEST = 2e-3
-"""Slower than this [m/s] the probe may stick."""
+"""Least speed of sliding [m/s]: below it the probe may stick."""
 
 LEAST_NORMAL_FORCE = 0.3
-"""Pressed with less than this [N], the sensor's noise is what is learnt."""
+"""Least normal force [N]: below it the sensor's noise would be learnt."""
 
 LEAST_WAY = 1e-3
-"""Until the probe has gone this way [m] in one direction, tool and material still bend instead of sliding."""
+"""Least distance in one direction [m]: before it tool and material still bend instead of sliding."""
 
 SAME_DIRECTION = 0.7
-"""Cosine to the direction in which the way began, from which on it is another way."""
+"""Least cosine to the direction in which the motion began; below it another motion begins."""
 
 SMOOTHING = 0.01
-"""Time constant that velocity and forces are low-passed with alike [s]."""
+"""Time constant of the low-pass of velocity and forces [s]."""
 
 FORCE_NOISE, SHARE_NOISE = 0.05, 0.05
-"""Standard deviation of the tangential force: constant [N], and its share that no law of friction explains."""
+"""Standard deviation of the tangential force: constant [N], and the fraction that no law of friction explains."""
 
 MEMORY = 10.0
-"""Sliding that is longer ago than this [s] counts for little: surfaces get wet, and dry."""
+"""Time constant of sliding after which samples are forgotten [s]: surfaces get wet, and dry."""
 
 PRIOR = (0.3, 0.0)
 PRIOR_DEVIATIONS = (0.5, 2.0)
-"""What is believed of mu [-] and c [N s/m] before the first sample, and how surely."""
+"""Standard deviations of mu [-] and c [N s/m] before the first sample."""
 
 FEWEST, SURE = 50, 0.1
-"""Nothing is known from fewer samples, or while the standard deviation of mu is larger."""
+"""Least number of samples, and largest standard deviation of mu, for a known coefficient."""
 
 LARGEST_COEFFICIENT = 2.0
-"""No surface has more."""
+"""Largest coefficient of a surface [-]."""
 
 LARGEST_FORCE = 1e3
-"""Samples with more [N] are left out."""
+"""Largest force of a sample [N]; others are left out."""
 
 LARGEST_SPEED = 10.0
-"""Samples with more [m/s] are left out."""
+"""Largest speed of a sample [m/s]; others are left out."""
 
 
 class FrictionEstimator:
-    r"""Recursive least squares of Coulomb and viscous friction on what is felt against the sliding.
+    r"""Recursive least squares of Coulomb and viscous friction on the force against the sliding.
 
     .. math:: -f_t \cdot \frac{v}{|v|} = \mu f_n + c |v|
 
@@ -83,10 +83,10 @@ class FrictionEstimator:
         """Learn from one sample in contact; never raises.
 
         Args:
-            normal_force: f_n, that the probe presses with [N].
-            tangential_force: f_t, on the probe, along the surface [N], three numbers.
-            sliding: v, of the probe along the surface [m/s], three numbers.
-            period: Since the sample before [s].
+            normal_force: Normal force f_n of the probe [N].
+            tangential_force: Force f_t on the probe along the surface [N], three numbers.
+            sliding: Velocity v of the probe along the surface [m/s], three numbers.
+            period: Time since the previous sample [s].
         """
         values = [normal_force, *tangential_force, *sliding]
         if not (0.0 < period < 1.0 and math.isfinite(sum(values))):
@@ -108,7 +108,7 @@ class FrictionEstimator:
         return Status.LEARNT
 
     def _goes_on(self, dx: float, dy: float, dz: float, step: float) -> bool:
-        """Whether the probe is far enough on its way in one direction."""
+        """Whether the probe has gone far enough in one direction."""
         start = self._start
         if self._way == 0.0 or dx * start[0] + dy * start[1] + dz * start[2] < SAME_DIRECTION:
             self._start, self._way = (dx, dy, dz), 0.0
@@ -126,7 +126,7 @@ class FrictionEstimator:
         error = against - mu * pressed - c * speed
         ha, hd = a * pressed + b * speed, b * pressed + d * speed
         expected = pressed * ha + speed * hd + noise
-        if error * error > 9.0 * expected:  # what bumps and catches weighs less
+        if error * error > 9.0 * expected:  # outliers from bumps and catching weigh less
             noise += error * error / 9.0 - expected
             expected = error * error / 9.0
         ga, gd = ha / expected, hd / expected
@@ -164,5 +164,5 @@ class FrictionEstimator:
 
     @property
     def known(self) -> bool:
-        """Whether that is enough to render."""
+        """Whether mu is certain enough to render."""
         return self.updates >= FEWEST and self.deviations[0] < SURE

@@ -1,4 +1,4 @@
-"""A recording, sample by sample: what is identified of it, and its motion's force predicted under a delay, causally."""
+"""Identification from a recording, sample by sample, and causal prediction of its force under a delay."""
 
 from __future__ import annotations
 
@@ -15,42 +15,41 @@ from foretouch.errors import RecordingError, plural
 from foretouch.errors.checks import require
 from foretouch.identification.conditioning.layout import SURFACE_THRESHOLD
 from foretouch.identification.estimator import Estimator
-from foretouch.identification.learner import Learner, LearntModel, RawSamples, require_learning, run_by_sample
+from foretouch.identification.learner import Learner, LearntModel, RawSamples, learner_of, run_by_sample
 from foretouch.models import ContactModel, Predictor
 from foretouch.quantities import ByValue, Columns, Recording
 
 Array = NDArray[np.float64]
 
 FEWEST_CONTACT_SAMPLES = 50
-"""Fewer samples in contact are refused: four parameters from less say nothing."""
+"""Least number of samples in contact: fewer do not determine four parameters."""
 
 
 @dataclass(frozen=True)
 class Identification(Columns):
-    """What a recording taught.
+    """Result of identification from a recording.
 
     Attributes:
         parameters: The law's numbers by name, after the last sample; None for one that is undetermined.
-        standard_errors: By name, None where the estimator has none; those of the law alone, given `surface` and
-            `force_offset`: where the surface is not known well, the parameters are less sure than they say.
-        standard_errors_with_surface: The same, with how far each parameter moves where the surface lies one
-            `surface_error` further out or in added in quadrature; None where the estimator cannot tell.
-        surface: Position of the surface found [m], as the model counts from it.
-        force_offset: Force in free air found [N].
+        standard_errors: Standard errors by name, None where the estimator has none; those of the law alone, given
+            `surface` and `force_offset`: where the surface is uncertain, the parameters are more so.
+        standard_errors_with_surface: The same, with the shift of each parameter for a surface one `surface_error`
+            further out or in added in quadrature; None where the estimator cannot compute it.
+        surface: Estimated position of the surface [m], as the model counts from it.
+        force_offset: Estimated force in free air [N].
         in_contact: The conditioner's judgement at every sample, shape (n,).
         residual: Measured force less the force of the model learnt before that sample [N]; NaN outside contact and
             before there was a model, shape (n,).
         contact_force_rms: RMS of the force over the samples that have a residual [N].
         history: Parameters after every sample by name, NaN before there was a model and where undetermined,
             shape (n,) each; empty where it was not asked for.
-        model: After the last sample.
+        model: Model after the last sample.
         surface_error: Standard error of where contact begins [m], 0 for a surface that was given: the scatter of the
-            onsets, and how far out it may lie unnoticed, see `unnoticed_depth`.
-        sensor_lag: How late forces are at least [s], beyond the lag that was given; None where nothing tells it.
-        sensor_lag_error: Standard error of that [s].
-        standard_deviation: Of the force at the last sample that has a residual [N], NaN where the model carries no
-            doubt.
-        time: Of the samples [s], shape (n,).
+            onsets, and the distance at which contact may begin unnoticed, see `unnoticed_depth`.
+        sensor_lag: Least lag of the force [s], beyond the lag that was given; None where it cannot be estimated.
+        sensor_lag_error: Standard error of that lag [s].
+        standard_deviation: That of the force at the last sample that has a residual [N], NaN where the model has none.
+        time: Sample times [s], shape (n,).
     """
 
     parameters: dict[str, float | None]
@@ -79,20 +78,22 @@ class Identification(Columns):
         return {"time_s": self.time, "residual_N": self.residual, "in_contact": self.in_contact} | self.history
 
 
-def identify(recording: Recording, learner: Learner, *, keep_history: bool = False) -> Identification:
+def identify(
+    recording: Recording, learner: Learner | Estimator | None = None, *, keep_history: bool = False
+) -> Identification:
     """Feed a recording to a learner, and compare each force with that of the model learnt before it.
 
     Args:
-        recording: Of presses.
-        learner: Fresh.
+        recording: Recording of presses.
+        learner: Fresh; or an estimator alone, which finds surface and offset; None for a `ContactMap`.
         keep_history: Whether the parameters after every sample are kept, which takes longer than learning them.
 
     Raises:
         RecordingError: Fewer than 50 samples in contact, or never enough for a model.
-        InputError: A learner that has learnt before.
-        ArgumentTypeError: No recording, or no learner.
+        InputError: The learner has learnt before.
+        ArgumentTypeError: An argument is not a recording, or not a learner.
     """
-    require_learning(recording, learner)
+    learner = learner_of(recording, learner)
     learner.require_fresh()
     estimator = learner.estimator
     history = _History(len(recording)) if keep_history else None
@@ -132,20 +133,20 @@ def identify(recording: Recording, learner: Learner, *, keep_history: bool = Fal
 
 
 def unnoticed_depth(depth: Array, force: Array, threshold: float) -> float:
-    r"""How much further out contact may begin than where it was noticed [m].
+    r"""Distance by which contact may begin further out than it was detected [m].
 
-    A law without damping, :math:`F = k (x + u)^n`, goes through the force :math:`F_0` that is felt at the depth 0 and
-    through that around the threshold, :math:`F_1` at :math:`x_1`; then
-    :math:`u = x_1 / ((F_1 / F_0)^{1/n} - 1)`. It grows with n, which is not known, and is given for n = 2, the end of
-    the range of (5). Only where the force at the depth 0 is zero does contact begin there for sure.
+    A law without damping, :math:`F = k (x + u)^n`, goes through the force :math:`F_0` at the depth 0 and through that
+    around the threshold, :math:`F_1` at :math:`x_1`; then :math:`u = x_1 / ((F_1 / F_0)^{1/n} - 1)`. It grows with n,
+    which is not known, and is given for n = 2, the end of the range of (5). Contact certainly begins at the depth 0
+    only where the force there is zero.
 
     Args:
-        depth: From where contact was noticed [m], shape (n,).
-        force: Less its offset [N], shape (n,).
-        threshold: At which contact was noticed [N].
+        depth: Depth from where contact was detected [m], shape (n,).
+        force: Force less its offset [N], shape (n,).
+        threshold: Threshold at which contact was detected [N].
 
     Returns:
-        [m], 0 where there are no samples that tell it.
+        The distance [m], 0 where there are no samples to estimate it from.
     """
     near = (depth > 0.0) & (force > 1.5 * threshold) & (force < 2.5 * threshold)
     if not near.any():
@@ -157,7 +158,7 @@ def unnoticed_depth(depth: Array, force: Array, threshold: float) -> float:
 
 
 def _surface_error(recording: Recording, learner: Learner, surface: float) -> float:
-    """Of the onsets' scatter, and of what is unnoticed: that is at most two standard errors."""
+    """Standard error of the surface from the scatter of the onsets and the unnoticed depth, taken as two of them."""
     conditioner = learner.conditioner
     scatter = conditioner.surface_error
     if scatter == 0.0:  # given
@@ -169,7 +170,7 @@ def _surface_error(recording: Recording, learner: Learner, surface: float) -> fl
 
 
 def _errors_with_surface(estimator: Estimator, surface_error: float) -> dict[str, float | None] | None:
-    """A surface is no parameter of these laws: what it does to them is found by moving it."""
+    """Standard errors with that of the surface, which is no parameter of these laws: it is moved to see the effect."""
     errors = estimator.standard_errors
     if errors is None or surface_error == 0.0:
         return errors
@@ -180,7 +181,7 @@ def _errors_with_surface(estimator: Estimator, surface_error: float) -> dict[str
 
 
 class _History:
-    """Columns that grow by name as names turn up."""
+    """Columns by name, added as names turn up."""
 
     def __init__(self, size: int) -> None:
         self._size = size
@@ -195,28 +196,27 @@ class _History:
 
 
 def _rms(values: Array) -> float:
-    """Root of the mean square; the values are no longer theirs afterwards."""
+    """Root of the mean square; the values are overwritten."""
     return float(np.sqrt(np.mean(np.square(values, out=values)))) if values.size else float("nan")
 
 
 TIME_TOLERANCE = 1e-7
-"""Times closer than this [s] count as equal: sample times in files are rounded."""
+"""Difference below which times count as equal [s]: sample times in files are rounded."""
 
 
 @dataclass(frozen=True)
 class Motion(ByValue):
-    """The operator's motion, where it is another one than the probe's, and when models reached the operator.
+    """The operator's motion, where it differs from the probe's, and when models reached the operator.
 
     Attributes:
-        time: [s], increasing, shape (m,).
-        position: [m], in the frame of the probe, shape (m,).
+        time: Sample times [s], increasing, shape (m,).
+        position: Positions [m], in the frame of the probe, shape (m,).
         published: Indices of the recording's samples after which a model was sent, not decreasing, shape (k,).
-        arrived: When each of these models could be used [s], in the time of the motion; inf for one that was lost,
-            shape (k,).
+        arrived: When each of these models could be used [s], in the time of the motion; inf for a lost one, shape (k,).
         ticks: Number of the sample of this motion, from 1, that the probe had reached when the model was sent,
             shape (k,).
-        expected: Delay [s] that the estimator is told at each sample of the recording, NaN where it is told none; None
-            where it is told none at all.
+        expected: Delay [s] that is passed to the estimator at each sample of the recording, NaN where none is; None
+            where none is passed at all.
     """
 
     time: Array
@@ -232,11 +232,11 @@ class PredictedForce(Columns):
     """A force predicted along a motion, one value a sample; columns of shape (n,).
 
     Attributes:
-        force: [N]; 0 before the first model.
-        standard_deviation: Of that force [N], NaN where the model carries no doubt.
+        force: Force [N]; 0 before the first model.
+        standard_deviation: Standard deviation of that force [N], NaN where the model has none.
         jump: Force less that of the model before, had it been kept, at each sample from which on another model
             predicts [N]; 0 at all other samples.
-        time: Of the samples [s].
+        time: Sample times [s].
     """
 
     force: Array
@@ -245,7 +245,7 @@ class PredictedForce(Columns):
     time: Array
 
     def columns(self) -> dict[str, Array]:
-        """Time, force, its standard deviation, and what new models changed."""
+        """Time, force, its standard deviation, and its jumps at new models."""
         return {
             "time_s": self.time,
             "force_N": self.force,
@@ -254,25 +254,25 @@ class PredictedForce(Columns):
         }
 
 
-def predict(recording: Recording, learner: Learner, *, delay: float) -> PredictedForce:
-    """Force that a leader would have rendered for the recorded motion, had the forces come under a delay.
+def predict(recording: Recording, learner: Learner | Estimator | None = None, *, delay: float) -> PredictedForce:
+    """Force that a leader would have rendered for the recorded motion, had the forces arrived with a delay.
 
     At time t the motion is known up to t and the forces up to t - delay: the model that predicts at t was learnt from
     samples no later than t - delay. A model is sent after every sample.
 
     Args:
-        recording: What the follower felt.
-        learner: Fresh; it is fed the recording sample by sample.
-        delay: Of the forces [s], not negative.
+        recording: Recording of the follower.
+        learner: Fresh, as of `identify`; it is fed the recording sample by sample.
+        delay: Delay of the forces [s], not negative.
 
     Returns:
-        At each sample of the recording.
+        The prediction at each sample of the recording.
 
     Raises:
         SettingError: delay is negative or not finite.
-        ArgumentTypeError: No recording, no learner, or no number.
+        ArgumentTypeError: An argument is not a recording, a learner, or a number.
     """
-    require_learning(recording, learner)
+    learner = learner_of(recording, learner)
     require("delay", delay, at_least=0.0)
     learner.estimator.expect_delay(delay)
     models = ((time + delay, index + 1, learner.learnt()) for index, time in enumerate(_learn(recording, learner)))
@@ -280,15 +280,15 @@ def predict(recording: Recording, learner: Learner, *, delay: float) -> Predicte
 
 
 def predict_motion(recording: Recording, learner: Learner, motion: Motion) -> PredictedForce:
-    """Force that a leader would have rendered for its own motion, learning from what the follower felt.
+    """Force that a leader would have rendered for its own motion, learning from the follower's recording.
 
     Args:
-        recording: What the follower felt.
+        recording: Recording of the follower.
         learner: Fresh; it is fed the recording sample by sample, as far as the models that arrive need.
-        motion: The operator's.
+        motion: The operator's motion.
 
     Returns:
-        At each sample of the motion.
+        The prediction at each sample of the motion.
     """
     models = _sent(_learn(recording, learner, motion.expected), learner, motion)
     return _run(motion.time, motion.position, repeat(None), models)

@@ -16,7 +16,7 @@ from foretouch.errors import InputError
 from foretouch.errors.checks import NUMBER, require_type
 from foretouch.identification.conditioning.conditioner import Conditioner, ContactSample, SensorLag
 from foretouch.identification.conditioning.kernel import CONTACT_FLOOR
-from foretouch.identification.contact_map.bank import ContactMapBank
+from foretouch.identification.contact_map.bank import ContactMap
 from foretouch.identification.estimator import Estimator, Status
 from foretouch.models import ContactModel, ContactState, advance
 from foretouch.quantities import ByValue, Recording, brief_number, brief_text
@@ -28,14 +28,14 @@ GONE = "the material has changed: it is no longer there, and no force is given u
 
 @dataclass(frozen=True, slots=True)
 class LearntModel:
-    """What has been learnt at one moment; this is what crosses the network.
+    """Model learnt so far; this is what crosses the network.
 
     Attributes:
         model: The law, or None while no force may be rendered.
         surface: Position of the surface [m]; 0 while unknown.
-        state: What the material remembers now.
-        reason: One sentence: why there is no model; beside a model, what was done with the newest sample, which says
-            nothing against the model: it stays good while nothing is touched.
+        state: Present state of the material.
+        reason: One sentence: why there is no model; beside a model, the status of the newest sample, which does not
+            invalidate the model: it stays good without contact.
     """
 
     model: ContactModel | None
@@ -48,33 +48,34 @@ class Learner:
     """Raw samples in, contact model out; the same code runs on recordings, simulations and robots.
 
     Args:
-        estimator: Identifies the law.
-        surface: Position of the surface [m], None to find it.
-        force_offset: Force in free air [N], None to find it.
-        contact_floor: Least force that counts as contact [N], by the noise of the origin.
-        sensor_lag: How late forces are against positions [s]: learning then pairs what belongs together, and what is
-            predicted is the force at the contact, not at the sensor.
+        estimator: Estimator of the law; None for a fresh `ContactMap`.
+        surface: Position of the surface [m], None to estimate it.
+        force_offset: Force in free air [N], None to estimate it.
+        contact_floor: Least force that counts as contact [N], by the noise of its origin.
+        sensor_lag: Lag of forces behind positions [s]: learning then pairs simultaneous ones, and the predicted force
+            is that at the contact, not at the sensor.
 
     Attributes:
         sample: The newest conditioned sample.
-        status: What the estimator did with it.
-        lag: Estimates how late forces are, as far as `sensor_lag` has not mended it.
+        status: Result of the estimator's last update.
+        lag: Estimates the lag of the forces, as far as `sensor_lag` has not compensated it.
 
     Raises:
-        ArgumentTypeError: An estimator that is none.
-        SettingError: A number out of range.
+        ArgumentTypeError: The argument is not an estimator.
+        SettingError: A number is out of range.
     """
 
     def __init__(
         self,
-        estimator: Estimator,
+        estimator: Estimator | None = None,
         *,
         surface: float | None = None,
         force_offset: float | None = None,
         contact_floor: float = CONTACT_FLOOR,
         sensor_lag: float = 0.0,
     ) -> None:
-        require_type("estimator", estimator, Estimator, "an Estimator: make_estimator gives one")
+        estimator = ContactMap() if estimator is None else estimator
+        require_type("estimator", estimator, Estimator, "an Estimator, such as ContactMap()")
         require_type("surface", surface, (*NUMBER, type(None)), "a number of metres, or None to find it")
         require_type("force_offset", force_offset, (*NUMBER, type(None)), "a number of newtons, or None to find it")
         self.estimator = estimator
@@ -87,15 +88,15 @@ class Learner:
         self.status = Status.FREE_AIR
 
     def __repr__(self) -> str:
-        """What learns, and what it has found."""
+        """Estimator, and its estimates."""
         found = {name: brief_number(getattr(self.conditioner, name)) for name in ("surface", "force_offset")}
         return brief_text("Learner", {"estimator": self.estimator, **found, "status": self.status.value}.items())
 
     def require_fresh(self) -> None:
-        """Refuse to go on where samples of something else have been learnt from.
+        """Refuse to continue after samples of another recording.
 
         Raises:
-            InputError: They have.
+            InputError: Samples have been learnt.
         """
         if not math.isnan(self.sample.time):
             raise InputError("the learner has learnt from samples before: make a fresh one for each recording")
@@ -121,32 +122,32 @@ class Learner:
         return sample
 
     def feel(self, time: float, position: float, force: float) -> ContactSample:
-        """Condition one raw sample and learn nothing from it: what is felt has to be known where nobody learns."""
+        """Condition one raw sample without learning: the force has to be known even where learning is off."""
         self.sample = self.conditioner.update(time, position, force)
         return self.sample
 
     def run(self, time: Array, position: Array, force: Array, velocity: Array | None = None) -> LearnerRun:
-        """`update` with every sample of a recording, and what the model before each sample says of its force.
+        """`update` with every sample of a recording, and the residuals of the model before each sample.
 
         The contact map's bank takes them in one compiled loop: the same numbers, bit for bit. Other estimators take
         them one by one.
 
         Args:
-            time: [s], shape (n,).
-            position: [m], shape (n,).
-            force: As the sensor gives it [N], shape (n,).
-            velocity: Measured [m/s], shape (n,), or None to find it from the positions.
+            time: Sample times [s], shape (n,).
+            position: Positions [m], shape (n,).
+            force: Forces of the sensor [N], shape (n,).
+            velocity: Measured velocities [m/s], shape (n,), or None to estimate them from the positions.
 
         Raises:
-            InputError: Columns of unlike shape.
+            InputError: The columns differ in shape.
         """
         samples = RawSamples(time, position, force, velocity)
-        if isinstance(self.estimator, ContactMapBank):
+        if isinstance(self.estimator, ContactMap):
             return run_compiled(self, self.estimator, samples)
         return run_by_sample(self, samples)
 
     def learnt(self) -> LearntModel:
-        """What is known now."""
+        """The model as learnt so far."""
         surface = self.conditioner.surface
         if math.isnan(surface):
             gone = self.estimator.changes > 0
@@ -158,32 +159,35 @@ class Learner:
         return LearntModel(model, surface, self.estimator.state, self.status.value)
 
 
-def require_learning(recording: Recording, learner: Learner) -> None:
-    """Refuse what is no recording, or no learner, before one learns from the other.
+def learner_of(recording: Recording, learner: Learner | Estimator | None) -> Learner:
+    """The learner itself, or one of this estimator with the recording's contact floor; None for `ContactMap`.
 
     Raises:
-        ArgumentTypeError: One of them is something else.
+        ArgumentTypeError: An argument is not a recording, or does not learn.
     """
     require_type("recording", recording, Recording, "a Recording: read_recording gives one")
-    require_type("learner", learner, Learner, "a Learner: Learner(make_estimator(model, estimator)) makes one")
+    if isinstance(learner, Learner):
+        return learner
+    kinds = (Estimator, type(None))
+    require_type("learner", learner, kinds, "a Learner or an Estimator, such as ContactMap(), or None")
+    return Learner(learner, contact_floor=recording.contact_floor)
 
 
 BLOCK = 1 << 15
-"""Samples that are taken at once: what is copied of them stays small, and an interruption is heeded."""
+"""Number of samples taken at once: their copies stay small, and an interruption is heeded."""
 
 
 @dataclass(frozen=True, eq=False)
 class LearnerRun(ByValue):
-    """What a learner made of the samples of a recording.
+    """Results of a learner over the samples of a recording.
 
     Attributes:
         in_contact: The conditioner's judgement, shape (n,).
         residual: Force less that of the model learnt before the sample [N]; NaN outside contact and before there was a
             model, shape (n,).
-        contact_force_rms: RMS of the force, less the offset as it was known then, over the samples that have a residual
+        contact_force_rms: RMS of the force, less the offset known at that time, over the samples that have a residual
             [N]; NaN where none has.
-        standard_deviation: Of the force at the last sample that has a residual [N], NaN where the model carries no
-            doubt.
+        standard_deviation: That of the force at the last sample that has a residual [N], NaN where the model has none.
     """
 
     in_contact: NDArray[np.bool_]
@@ -196,13 +200,13 @@ class RawSamples:
     """Columns of raw samples.
 
     Args:
-        time: [s], shape (n,).
-        position: [m], shape (n,).
-        force: As the sensor gives it [N], shape (n,).
-        velocity: [m/s], shape (n,), or None to find it from the positions.
+        time: Sample times [s], shape (n,).
+        position: Positions [m], shape (n,).
+        force: Forces of the sensor [N], shape (n,).
+        velocity: Velocities [m/s], shape (n,), or None to estimate them from the positions.
 
     Raises:
-        InputError: Columns of unlike shape.
+        InputError: The columns differ in shape.
     """
 
     def __init__(self, time: Array, position: Array, force: Array, velocity: Array | None) -> None:
@@ -218,7 +222,7 @@ class RawSamples:
         self.size = self._columns[0].size
 
     def blocks(self) -> Iterator[tuple[int, Array]]:
-        """Where each block begins, and its rows of shape (4, m); no longer valid once the next is asked for."""
+        """Index and rows of each block, of shape (4, m); invalid once the next is requested."""
         room = np.zeros((4, min(BLOCK, self.size)))
         for begin in range(0, self.size, BLOCK):
             count = min(BLOCK, self.size - begin)
@@ -229,7 +233,7 @@ class RawSamples:
 
 
 class _Columns:
-    """What a run tells; of the forces only as much as a block, for an hour of them is as long as the recording."""
+    """Results of a run; of the forces only a block is kept, for those of an hour are as long as the recording."""
 
     def __init__(self, size: int) -> None:
         self.in_contact, self.residual = np.zeros(size, np.bool_), np.full(size, math.nan)
@@ -237,25 +241,25 @@ class _Columns:
         self._squares, self._count = 0.0, 0
 
     def close(self, begin: int, count: int) -> None:
-        """A block is complete."""
+        """Take the results of a complete block."""
         compared = self.forces[:count][np.isfinite(self.residual[begin : begin + count])]
         with np.errstate(over="ignore"):
             self._squares += float(np.square(compared).sum())
         self._count += compared.size
 
     def run(self, deviation: float) -> LearnerRun:
-        """All blocks are complete."""
+        """Results after all blocks."""
         rms = math.sqrt(self._squares / self._count) if self._count else math.nan
         return LearnerRun(self.in_contact, self.residual, rms, deviation)
 
 
-def run_compiled(learner: Learner, bank: ContactMapBank, samples: RawSamples) -> LearnerRun:
+def run_compiled(learner: Learner, bank: ContactMap, samples: RawSamples) -> LearnerRun:
     """See `Learner.run`.
 
     Args:
-        learner: Goes on in place.
+        learner: The learner, changed in place.
         bank: Its estimator.
-        samples: Raw.
+        samples: Raw samples.
     """
     from foretouch.identification.contact_map.kernel import BEFORE, DEVIATION, STALE, make_notes
 
@@ -282,15 +286,15 @@ def run_by_sample(learner: Learner, samples: RawSamples, note: Callable[[int], N
     """See `Learner.run`.
 
     Args:
-        learner: Goes on in place.
-        samples: Raw.
+        learner: The learner, changed in place.
+        samples: Raw samples.
         note: Called after each sample from which on there is a model, with its index.
     """
     columns = _Columns(samples.size)
     estimator, conditioner = learner.estimator, learner.conditioner
     model, state, deviation = estimator.model, estimator.state, math.nan
     surface, before = conditioner.surface - estimator.surface_correction, learner.sample.time
-    known: tuple[object, ...] = ()  # what the model was made of
+    known: tuple[object, ...] = ()  # what the model was made from
     for begin, rows in samples.blocks():
         for index, (time, position, raw, speed) in enumerate(zip(*rows.tolist(), strict=True), begin):
             sample = learner.update(time, position, raw, speed if samples.measured else None)

@@ -1,4 +1,4 @@
-"""The field of materials from samples that a probe takes as it goes over a surface."""
+"""The field of materials, learnt from samples that a probe takes as it goes over a surface."""
 
 from __future__ import annotations
 
@@ -20,88 +20,88 @@ from foretouch.models.material_field_kernel import CORNERS, HALF, NUMBERS, cell_
 Array = NDArray[np.float64]
 
 REFERENCE_DEPTH, REFERENCE_SPEED = 5e-3, 0.05
-"""Unknowns are forces [N] at this depth [m] and speed [m/s], so that all are of one size."""
+"""Depth [m] and speed [m/s] at which the unknowns are forces [N], so that all are of one magnitude."""
 
 SCALES = np.array([1.0 / REFERENCE_DEPTH, 1.0 / REFERENCE_DEPTH**2, 1.0 / (REFERENCE_DEPTH * REFERENCE_SPEED)])
-"""What turns unknowns into a, b and c."""
+"""Factors that convert the unknowns to a, b and c."""
 
 FIRST_DEVIATION = 300.0
-"""Of each unknown before the first sample [N]."""
+"""Standard deviation of each unknown before the first sample [N]."""
 
 FORCE_NOISE, SHARE_NOISE = 0.05, 0.15
-"""Standard deviation of a force: constant [N], and share of it that the law misses. Errors of successive samples are
-alike, at edges that the lattice cannot follow above all, so both are larger than a sensor's noise."""
+"""Standard deviation of a force: constant [N], and the fraction of it that the law misses. Errors of successive samples
+are correlated, at edges that the lattice cannot follow above all, so both are larger than a sensor's noise."""
 
 FORGETTING, MEAN_FORGETTING = 2e-3, 5e-5
-"""Of what a node, and the mean law, know: share that one more sample there forgets."""
+"""Fraction of the information on a node, and on the mean law, that one more sample there forgets."""
 
 SPREAD, FREEDOM = 1.0, 0.2
-"""Standard deviation of a place from the mean law, in shares of its force: of all of it alike, and of each unknown."""
+"""Standard deviation of a node from the mean law, relative to its force: common to its unknowns, and of each alone."""
 
 TOGETHER = 0.9
-"""Correlation of what nodes that begin together have in common."""
+"""Correlation of the common deviation of nodes that begin together."""
 
 CHANGED_SPREAD = 4.0
-"""A place that has changed is so many times as doubtful as a new one."""
+"""Factor on the standard deviation of a node whose material has changed, relative to a new one."""
 
 DEPTH_STEP, WAY_STEP = 2e-5, 1e-4
-"""A sample less than this deeper or shallower [m], and less than this aside [m], than the last says nothing new."""
+"""Least change of depth [m] or of position [m] from the last sample for a sample to carry new information."""
 
 FEWEST_UPDATES = 20
-"""No force is rendered from fewer samples."""
+"""Fewest samples from which a force is rendered."""
 
 MEAN_UPDATES = 300
-"""Nodes are made once the mean law is surer than they will be, or after so many samples: what it does not know of its
-own numbers would else be taken for differences of places."""
+"""Number of samples after which nodes are made, unless the mean law is more certain than they will be before: its own
+uncertainty would otherwise be taken for differences between positions."""
 
 LEAST_WEIGHT = 1e-3
-"""A node with less weight is not made for it."""
+"""Least weight for which a node is made."""
 
 LARGEST_DEPTH, LARGEST_SPEED, LARGEST_FORCE = 0.1, 5.0, 1e4
-"""Samples beyond these [m], [m/s], [N] are left out."""
+"""Largest depth [m], speed [m/s] and force [N] of a sample; others are left out."""
 
 LARGEST_UNKNOWN = 1e7
-"""An estimate beyond this [N] is none."""
+"""Largest valid estimate of an unknown [N]."""
 
 MISFIT_RATE, LARGEST_RATIO = 0.02, 9.0
-"""Of the running mean of squared innovations over what was expected of them, by which the noise is larger."""
+"""Rate and largest value of the running mean of squared innovations over their expectation, which scales the noise."""
 
 SURPRISING, SURPRISE_RATE, SURPRISE_LIMIT = 16.0, 0.05, 0.8
-"""Where so many of the last 20 samples are further off than four deviations, the material has changed."""
+"""Squared innovation over its variance that is an outlier, rate of their running mean, and the mean of a change."""
 
 
 class MaterialFieldLearner(Estimator):
-    r"""Learns the law of each place of a surface from what is felt there.
+    r"""Learns the law at each position of a surface from the forces measured there.
 
     .. math::
         F &= \sum_{n=1}^{8} w_n(p) \left(a_n x + b_n x^2 + c_n x \dot x\right) + e \\
         K_n &= \frac{P_n h_n}{\sigma^2 + \sum_m h_m^T P_m h_m}, \quad
         h_n = w_n \left(\frac{x}{x_0}, \frac{x^2}{x_0^2}, \frac{x \dot x}{x_0 v_0}\right)
 
-    the Kalman filter of the 24 unknowns of the eight nodes about the point p that is touched, with the trilinear
-    weights w, with their joint covariance in the form of Joseph. Of a pair of nodes it is kept while both are about
-    the probe; of those that it leaves each keeps the covariance of its own three unknowns. Dropping the rest overstates
-    the doubt of a blend, for what is dropped says that if one node is stiffer, its neighbour is softer; dropping it at
-    every sample would take what one sample says of eight nodes together for news of each.
+    the Kalman filter of the 24 unknowns of the eight nodes about the touched point p, with the trilinear weights w,
+    with their joint covariance in the form of Joseph. The cross-covariance of a pair of nodes is kept while both are
+    about the probe; a node that it leaves keeps the covariance of its own three unknowns. Dropping the rest overstates
+    the uncertainty of a blend, for the dropped terms say that if one node is stiffer, its neighbour is softer; dropping
+    them at every sample would count the one measurement of eight nodes as independent ones of each.
 
     A new node begins as the **mean law**, which is learnt from all samples alike, with a standard deviation of 100 %
     common to its numbers, correlated by 0.9 with those of nodes that begin with it, and 20 % of each by itself. A node
     that was hardly touched begins so again when the probe comes back. Samples that are further off than three standard
-    deviations weigh less; where most of 20 are further off than four, the place has changed and the nodes about it
-    begin anew, four times as doubtful. Where innovations are larger than expected for longer, as at the edge of an
-    inclusion that no blend can follow, the noise counts as that much larger. What is known of a node is forgotten by
-    samples taken there: by 1/e in 500. No covariance has more trace than at first.
+    deviations weigh less; where most of 20 are further off than four, the material has changed and the nodes about it
+    begin anew, with four times the standard deviation. Where innovations are larger than expected for longer, as at the
+    edge of an inclusion that no blend can follow, the noise is increased by that ratio. Information on a node is
+    forgotten by samples taken there: by 1/e in 500. No covariance has more trace than at first.
 
-    Samples teach in contact only, and only where depth or place has changed since the last; a held position does not.
+    A sample is learnt in contact only, and only where depth or position has changed since the last.
     Of 1,024 nodes the one that was touched longest ago makes room for a new one.
 
-    Without `touch_at` all samples are of one place, at a node: the estimator of one quadratic law.
+    Without `touch_at` all samples are at one position, at a node: the estimator of one quadratic law.
 
     Args:
-        spacing: h of the nodes [m].
+        spacing: Spacing h of the nodes [m].
 
     Raises:
-        SettingError: A spacing out of range.
+        SettingError: The spacing is out of range.
 
     References:
         Bucy and Joseph (1968), Filtering for Stochastic Processes with Applications to Guidance: the form of Joseph.
@@ -116,7 +116,7 @@ class MaterialFieldLearner(Estimator):
         self.reset()
 
     def reset(self) -> None:
-        """Forget all samples, and all places."""
+        """Forget all samples and all nodes."""
         self._places: dict[int, int] = {}
         self._codes = np.zeros(MOST_NODES, np.int64)
         self._theta = np.zeros((MOST_NODES, UNKNOWNS))
@@ -131,7 +131,7 @@ class MaterialFieldLearner(Estimator):
         self._at = np.full(CORNERS, -1, np.int64)
         self._cell = -1
         self._point = (0.0, 0.0, 0.0)
-        self._last = (math.inf, 0.0, 0.0, 0.0)  # depth and point of the newest sample that taught
+        self._last = (math.inf, 0.0, 0.0, 0.0)  # depth and point of the newest sample learnt
         self._joint = np.zeros((CORNERS * UNKNOWNS, CORNERS * UNKNOWNS))
         self._surprise = 0.0
         self._misfit = 1.0
@@ -140,7 +140,7 @@ class MaterialFieldLearner(Estimator):
         self.changes = 0
 
     def touch_at(self, point: Sequence[float]) -> None:
-        """Told before `update` where the next sample is taken, in the fixture's frame [m]; ignored where not finite."""
+        """Set the position of the next sample before `update`, in the fixture's frame [m]; ignored where not finite."""
         x, y, z = point
         if math.isfinite(x) and math.isfinite(y) and math.isfinite(z):
             self._point = (x, y, z)
@@ -191,7 +191,7 @@ class MaterialFieldLearner(Estimator):
         return self._judge(ratio)
 
     def _refuse(self, sample: ContactSample) -> Status | None:
-        """Why a sample is not learnt from, None where it is."""
+        """Why a sample is not learnt from, None if it is."""
         _, depth, velocity, force, in_contact = sample
         if not in_contact:
             return Status.FREE_AIR
@@ -204,7 +204,7 @@ class MaterialFieldLearner(Estimator):
         return Status.HELD if abs(depth - last_depth) < DEPTH_STEP and aside < WAY_STEP**2 else None
 
     def _find_nodes(self) -> None:
-        """The nodes about the point and their weights; those that are missing are made."""
+        """Find the nodes about the point and their weights; missing ones are made."""
         cell_of(*self._point, self.spacing, self._about, self._weights)
         cell = int(self._about[0])
         entered, self._cell = cell != self._cell, cell
@@ -228,7 +228,7 @@ class MaterialFieldLearner(Estimator):
         self._tie(begun, fresh, 1.0)
 
     def _room_for(self, code: int) -> int:
-        """A row for a new node: a free one, or that of the node touched longest ago."""
+        """Row for a new node: a free one, or that of the node touched longest ago."""
         node = len(self._places)
         if node == MOST_NODES:
             node = int(np.argmin(self._touched))
@@ -242,7 +242,7 @@ class MaterialFieldLearner(Estimator):
         self._theta[node], self._covariance[node], self._limits[node] = fresh, spread, trace
 
     def _tie(self, corners: list[int], fresh: Array, factor: float) -> None:
-        """Nodes that begin together are likely to be stiffer than the mean, or softer, together."""
+        """Correlate nodes that begin together: they are likely to be all stiffer than the mean, or all softer."""
         common = TOGETHER * (factor * SPREAD) ** 2 * np.outer(fresh, fresh)
         for one in corners:
             for other in corners:
@@ -251,14 +251,14 @@ class MaterialFieldLearner(Estimator):
                     self._joint[rows : rows + UNKNOWNS, columns : columns + UNKNOWNS] = common
 
     def _fresh(self) -> tuple[Array, Array]:
-        """What is believed of a place that has not been touched, and its covariance."""
+        """Prior mean of a node that has not been touched, and its covariance."""
         mean = np.maximum(self._mean[0], 0.0)
         force = max(float(mean[0] + mean[1]), FORCE_NOISE)
         own = np.square(FREEDOM * force * np.array([1.0, 1.0, FREEDOM]))
         return mean, SPREAD**2 * np.outer(mean, mean) + np.diag(own)
 
     def _mean_is_known(self) -> bool:
-        """Whether the mean law is good enough to begin with nodes."""
+        """Whether the mean law is certain enough to begin nodes from it."""
         if self.updates < FEWEST_UPDATES:
             return False
         return self.updates >= MEAN_UPDATES or bool(
@@ -266,7 +266,7 @@ class MaterialFieldLearner(Estimator):
         )
 
     def _judge(self, ratio: float) -> Status:
-        """Whether the place is what it was."""
+        """Whether the material at the point is unchanged."""
         before = self._misfit
         self._misfit += MISFIT_RATE * (min(ratio, LARGEST_RATIO) * max(before, 1.0) - before)
         surprised = 1.0 if ratio * max(before, 1.0) > SURPRISING else 0.0
@@ -286,13 +286,13 @@ class MaterialFieldLearner(Estimator):
         return Status.CHANGED
 
     def _laws(self, at: NDArray[np.int64]) -> Array:
-        """Laws of nodes, none negative, and their deviations, of shape (m, 4)."""
+        """Laws of nodes, none negative, and their standard deviations, of shape (m, 4)."""
         out = np.empty((len(at), NUMBERS))
         laws_of(self._theta, self._covariance, at, SCALES, FIELD_DEPTH, _LARGEST, out)
         return out
 
     def _mean_law(self) -> Array:
-        """The mean law, none of it negative, and the doubt of a place that is not known, of shape (4,)."""
+        """The mean law, none of it negative, and the standard deviation of an untouched position, of shape (4,)."""
         out = np.empty((1, NUMBERS))
         laws_of(self._mean, self._mean_covariance, _FIRST, SCALES, FIELD_DEPTH, _LARGEST, out)
         _, spread = self._fresh()
@@ -303,20 +303,24 @@ class MaterialFieldLearner(Estimator):
 
     @property
     def field(self) -> MaterialField:
-        """All that is known, place by place; without nodes before 20 samples."""
+        """The field as learnt so far; without nodes before 20 samples."""
         if self._field is None:
             count = len(self._places)
             codes = self._codes[:count]
             keys = np.stack([codes >> 32, (codes >> 16) & 0xFFFF, codes & 0xFFFF], axis=1) - HALF
             mean = self._mean_law()
             self._field = MaterialField(
-                keys, self._laws(np.arange(count)), mean=mean[:3].tolist(), doubt=float(mean[3]), spacing=self.spacing
+                keys,
+                self._laws(np.arange(count)),
+                mean=mean[:3].tolist(),
+                uncertainty=float(mean[3]),
+                spacing=self.spacing,
             )
         return self._field
 
     @property
     def model(self) -> QuadraticContact | None:
-        """The law at the point that is touched; None before 20 samples, and while no force follows from it."""
+        """The law at the touched point; None before 20 samples, and while no force follows from it."""
         if self.updates < FEWEST_UPDATES:
             return None
         nodes, weights = self._here()
@@ -326,14 +330,14 @@ class MaterialFieldLearner(Estimator):
         return QuadraticContact(*(max(float(value), 0.0) for value in (a, b, c))) if a + b > 0.0 else None
 
     def _here(self) -> tuple[NDArray[np.int64], Array]:
-        """The nodes about the point, -1 for those that are not known, and their weights."""
+        """The nodes about the point, -1 for unknown ones, and their weights."""
         about, weights = np.empty(CORNERS, np.int64), np.empty(CORNERS)
         cell_of(*self._point, self.spacing, about, weights)
         return np.array([self._places.get(code, -1) for code in about.tolist()]), weights
 
     @property
     def standard_errors(self) -> dict[str, float | None] | None:
-        """Of the law at the point, with nodes that err independently; None before there is one."""
+        """Standard errors of the law at the point, nodes taken as independent; None before there is a law."""
         if self.model is None:
             return None
         nodes, weights = self._here()

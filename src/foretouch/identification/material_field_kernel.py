@@ -5,8 +5,6 @@ Unknowns are forces at the reference depth and speed [N]: a node's three numbers
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -16,13 +14,14 @@ Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 UNKNOWNS = 3
-"""Of a node."""
+"""Number of unknowns of a node."""
 
 OUTLIER = 9.0
-"""Squared innovations beyond this many variances weigh less."""
+"""Ratio of a squared innovation to its variance beyond which it weighs less."""
 
 
-def _carry_over(covariance: Array, before: Ints, after: Ints, joint: Array) -> Array:
+@compiled
+def carry_over(covariance: Array, before: Ints, after: Ints, joint: Array) -> Array:
     """Joint covariance of the nodes about a new place: what is known of each, and of two that were together before.
 
     Args:
@@ -53,12 +52,9 @@ def _carry_over(covariance: Array, before: Ints, after: Ints, joint: Array) -> A
     return out
 
 
-carry_over = compiled(_carry_over)
-"""See `_carry_over`."""
-
-
+@compiled
 def _forget(joint: Array, at: Ints, weights: Array, limits: Array, share: float) -> None:
-    """Enlarge what is doubted of each node by its weight in a share, as far as its limit goes."""
+    """Enlarge the covariance of each node by a fraction times its weight, as far as its limit allows."""
     for n in range(at.shape[0]):
         k = UNKNOWNS * n
         if at[n] < 0 or joint[k, k] + joint[k + 1, k + 1] + joint[k + 2, k + 2] >= limits[at[n]]:
@@ -70,10 +66,8 @@ def _forget(joint: Array, at: Ints, weights: Array, limits: Array, share: float)
                 joint[j, i] *= growth
 
 
-_grow = compiled(_forget)
-
-
-def _joseph(joint: Array, h: Array, gain: Array, noise: float) -> None:
+@compiled
+def _update_covariance(joint: Array, h: Array, gain: Array, noise: float) -> None:
     """P <- (I - K h') P (I - K h')' + r K K', in products of a matrix and a vector; kept symmetric."""
     size = h.shape[0]
     ph = np.zeros(size)
@@ -93,10 +87,8 @@ def _joseph(joint: Array, h: Array, gain: Array, noise: float) -> None:
             joint[j, i] = joint[i, j]
 
 
-_update_covariance = compiled(_joseph)
-
-
-def _learn(
+@compiled
+def learn(
     theta: Array,
     covariance: Array,
     limits: Array,
@@ -111,22 +103,22 @@ def _learn(
     """One sample for the nodes about it.
 
     Args:
-        theta: Of all nodes, of shape (n, 3); written.
-        covariance: Of each by itself, of shape (n, 3, 3); written.
-        limits: Of their traces, of shape (n,).
+        theta: Unknowns of all nodes, of shape (n, 3); written.
+        covariance: Covariance of each node by itself, of shape (n, 3, 3); written.
+        limits: Limits of their traces, of shape (n,).
         at: Which nodes are about the sample, of shape (m,); below zero none.
         weights: Of these.
         joint: Covariance of these, of shape (3 m, 3 m); written.
         regressor: Of one node of weight 1.
-        force: Felt [N].
+        force: Measured force [N].
         noise: Its variance [N^2].
-        forgetting: Share of what is known that one sample at a node forgets.
+        forgetting: Fraction of the information at a node that one sample there forgets.
 
     Returns:
         The innovation's square over its variance.
     """
     size = joint.shape[0]
-    _grow(joint, at, weights, limits, forgetting)
+    _forget(joint, at, weights, limits, forgetting)
     h, gain = np.zeros(size), np.zeros(size)
     predicted, expected = 0.0, noise
     for n in range(at.shape[0]):
@@ -157,15 +149,8 @@ def _learn(
     return ratio
 
 
-learn: Callable[[Array, Array, Array, Ints, Array, Array, tuple[float, float, float], float, float, float], float] = (
-    compiled(_learn)
-)
-"""See `_learn`."""
-
-
-def _laws_of(
-    theta: Array, covariance: Array, at: Ints, scales: Array, depth: float, largest: Array, out: Array
-) -> None:
+@compiled
+def laws_of(theta: Array, covariance: Array, at: Ints, scales: Array, depth: float, largest: Array, out: Array) -> None:
     """Laws of nodes in SI units: none negative, each bound met by the rest that fits best with it.
 
     Args:
@@ -192,7 +177,3 @@ def _laws_of(
         g, h = scales[0], 2.0 * depth * scales[1]
         variance = g * g * p[0, 0] + 2.0 * g * h * p[0, 1] + h * h * p[1, 1]
         out[row, 3] = max(variance, 0.0) ** 0.5
-
-
-laws_of = compiled(_laws_of)
-"""See `_laws_of`."""

@@ -19,23 +19,23 @@ from foretouch.quantities import ByValue
 Array = NDArray[np.float64]
 
 FEWEST_SAMPLES = 20
-"""Fewer samples are not fitted."""
+"""Least number of samples of a fit."""
 
 LARGEST_BUFFER = 4096
-"""Samples that the estimator holds; when they are reached, every second one is dropped and only every second one of
-those to come is taken, so that the buffer always covers the whole of what was felt evenly."""
+"""Largest number of samples that the estimator holds; when it is reached, every second one is dropped and only every
+second one of those to come is taken, so that the buffer always covers the whole recording evenly."""
 
 REFIT_SHARE = 0.1
-"""The estimator fits again when this share of new samples has come: a fit costs milliseconds."""
+"""Fraction of new samples after which the estimator fits again: a fit takes milliseconds."""
 
 STARTS = 3
-"""Local searches, from the best points of a grid over s and alpha."""
+"""Number of local searches, from the best points of a grid over s and alpha."""
 
 GRID_SAMPLES = 400
-"""Of the samples, spread evenly, about so many choose the starts."""
+"""Number of samples, spread evenly, that choose the starts, about."""
 
 UNIFORM_INFORMATION = 12.0
-"""Inverse variance of what is known of an exponent before any data: it lies somewhere in a range of length 1."""
+"""Inverse variance of an exponent before any data, which is uniform over a range of length 1."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,8 +46,8 @@ class OfflineFit(ByValue):
         model: The law with its numbers.
         standard_errors: Of the law's parameters by name, from the Jacobian; see `fit_offline`.
         residual: Force less that of the law [N], shape (n,).
-        residual_rms: [N].
-        force_rms: Of the forces fitted [N].
+        residual_rms: RMS of the residual [N].
+        force_rms: RMS of the forces fitted [N].
     """
 
     model: ContactModel
@@ -66,17 +66,17 @@ def fit_offline(
 
     For given s and alpha the law is linear in its two strengths; a grid over s and alpha, each with its best strengths,
     gives the starts of three local searches over all unknowns (SciPy, trust region within bounds), and the best wins.
-    It sees the whole file at once: a floor for estimators, not one of them.
+    It is fitted to the whole file at once: a lower bound on the error of estimators, not one of them.
 
     Standard errors are of the delta method from the Jacobian at the solution, residual variance times the inverse of
     the information, to which a uniform distribution of s and alpha over their ranges is added, so that an exponent that
-    the data do not determine shows the spread of its range instead of infinity. Successive residuals that resemble each
-    other count as fewer: by (1 + r) / (1 - r), r their correlation.
+    the data do not determine shows the spread of its range instead of infinity. Correlated residuals count as fewer: by
+    (1 + r) / (1 - r), r the correlation of successive ones.
 
     Args:
-        depth: [m]; samples outside the surface are left out of the fit and have the residual of no force, shape (n,).
-        velocity: [m/s], shape (n,).
-        force: Less the offset [N], shape (n,).
+        depth: Depths [m]; samples outside the surface are not fitted and have the residual of no force, shape (n,).
+        velocity: Velocities [m/s], shape (n,).
+        force: Forces less the offset [N], shape (n,).
         law: continuous-switching, kelvin-voigt or hunt-crossley.
 
     Raises:
@@ -97,7 +97,7 @@ def fit_offline(
 
 
 class _Problem:
-    """One fit, in the unknowns F0, D, s, alpha of `ExactLaw`, both strengths in shares of the RMS force."""
+    """One fit, in the unknowns F0, D, s, alpha of `ExactLaw`, both strengths relative to the RMS force."""
 
     def __init__(self, law: ExactLaw, depth: Array, velocity: Array, force: Array) -> None:
         self.law = law
@@ -185,13 +185,13 @@ class _Problem:
         return self.jacobian(self._whole(free))[:, self.free]
 
     def residual(self, unknowns: Array) -> Array:
-        """Force of the law less the measured one, in shares of the RMS force."""
+        """Force of the law less the measured one, relative to the RMS force."""
         elastic, viscous, s, alpha = unknowns
         law = elastic * np.exp(s * self.log_depth) + viscous * np.exp((s - alpha) * self.log_depth) * self.speed
         return np.asarray(np.maximum(law, 0.0) - self.force)
 
     def jacobian(self, unknowns: Array) -> Array:
-        """Of the residual by F0, D, s, alpha; zero where the law gives no force."""
+        """Jacobian of the residual by F0, D, s, alpha; zero where the law gives no force."""
         elastic, viscous, s, alpha = unknowns
         per_elastic = np.exp(s * self.log_depth)
         per_viscous = np.exp((s - alpha) * self.log_depth) * self.speed
@@ -200,7 +200,7 @@ class _Problem:
         return np.where(law[:, None] > 0.0, np.column_stack(columns), 0.0)
 
     def _covariance(self, unknowns: Array, residual: Array) -> Array:
-        """Of the free unknowns."""
+        """Covariance of the free unknowns."""
         jacobian = self.jacobian(unknowns)[:, self.free]
         variance = float(residual @ residual) / max(1, residual.size - len(self.free))
         likeness = float(residual[1:] @ residual[:-1]) / max(float(residual @ residual), 1e-300)
@@ -248,7 +248,7 @@ class _Offline(Estimator):
         return Status.LEARNT
 
     def finish(self) -> None:
-        """Fit the newest samples too."""
+        """Fit to the newest samples too."""
         if self.updates >= FEWEST_SAMPLES:
             self._next_fit = self.updates
 
@@ -260,7 +260,7 @@ class _Offline(Estimator):
             try:
                 depth, velocity, force = np.array(self._buffer).T
                 self._fit = fit_offline(depth, velocity, force, self.model_name)
-            except InputError:  # a parameter out of range, or no force: nothing usable is known
+            except InputError:  # a parameter out of range, or no force: no usable fit
                 self._fit = None
         return self._fit
 
@@ -272,12 +272,12 @@ class _Offline(Estimator):
 
     @property
     def standard_errors(self) -> dict[str, float | None] | None:
-        """Of the newest fit."""
+        """Standard errors of the newest fit."""
         fit = self.fit
         return None if fit is None else {**fit.standard_errors}
 
     def surface_shifts(self, surface_error: float) -> dict[str, float] | None:
-        """By two more fits; see `Estimator.surface_shifts`."""
+        """Shifts by two more fits; see `Estimator.surface_shifts`."""
         fit = self.fit
         if fit is None:
             return None
@@ -287,7 +287,7 @@ class _Offline(Estimator):
                 fit_offline(depth + shift, velocity, force, self.model_name).model.parameters
                 for shift in (-surface_error, surface_error)
             ]
-        except InputError:  # too little is left inside the surface
+        except InputError:  # too few samples are left inside the surface
             return None
         shifts = np.abs(np.subtract(moved, fit.model.parameters)).max(axis=0)
         return dict(zip(fit.standard_errors, shifts.tolist(), strict=True))

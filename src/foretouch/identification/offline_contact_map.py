@@ -1,4 +1,4 @@
-"""The contact map fitted to a whole recording at once: the floor of what the map can reach."""
+"""The contact map fitted to a whole recording at once: the lowest error that the map can reach."""
 
 from __future__ import annotations
 
@@ -16,39 +16,19 @@ from foretouch.identification.contact_map.prior import NOISE, prior
 from foretouch.identification.contact_map.scores import SHARPNESS
 from foretouch.identification.estimator import Estimator, Status
 from foretouch.identification.offline import FEWEST_SAMPLES, LARGEST_BUFFER, OfflineFit, fit_offline
-from foretouch.models import ContactMap, ContactModel, ContactState
+from foretouch.models import ContactMapModel, ContactModel, ContactState
+from foretouch.models.contact_map import layout
 from foretouch.models.contact_map.kernel import features, judge, locate, rates, remember
-from foretouch.models.contact_map.layout import (
-    ABOVE,
-    BELOW,
-    COARSE,
-    COARSENESS,
-    DOUBT,
-    EXPERTS,
-    FELT,
-    FINE,
-    LARGEST_FEATURES,
-    LAW,
-    LAW_SPEED,
-    LENGTHS,
-    LOWEST,
-    MEMORY,
-    ORIGIN,
-    REACHED,
-    SHARES,
-    SIZE,
-    ZERO,
-)
 from foretouch.models.contact_map.wire import pack
 
 Array = NDArray[np.float64]
 
 REFIT_SHARE = 0.25
-"""The estimator fits again when this share of new samples has come: a fit takes a tenth of a second."""
+"""Fraction of new samples after which the estimator fits again: a fit takes a tenth of a second."""
 
 
 class _Samples(NamedTuple):
-    """What was felt, one row for each 4 ms; columns of shape (n,), features of shape (n, f)."""
+    """Measured samples, one row for each 4 ms; columns of shape (n,), features of shape (n, f)."""
 
     place: Array
     velocity: Array
@@ -58,19 +38,19 @@ class _Samples(NamedTuple):
 
 
 class OfflineContactMap(Estimator):
-    r"""The experts of a contact map (`foretouch.models.ContactMap`), each by least squares over all samples at once.
+    r"""The experts of a `foretouch.models.ContactMapModel`, each by least squares over all samples at once.
 
-    For each map, with the prior covariance P and the noise that `ContactMapBank` learns with,
+    For each map, with the prior covariance P and the noise that `ContactMap` learns with,
 
     .. math:: \min_w\; \sum_i (F_i - h_i^T w)^2 / \sigma^2 + w^T P^{-1} w
 
-    over one sample in 4 ms from the first touch on, in contact and out of it; the law (4) by `fit_offline`. The shares
+    over one sample in 4 ms from the first touch on, in contact and out of it; the law (4) by `fit_offline`. The weights
     are those of the bank, :math:`\pi_i \propto e_i^{-8}`, from the RMS residuals e_i in contact instead of late
     predictions, and the standard deviation is that of the residuals.
 
-    It sees its own answers: a floor for what these experts can reach, not an estimator for a control loop. The samples
-    are held in a buffer of at most 4,096 that covers all of them evenly; `model` fits again when 25 % of new samples
-    have come.
+    It is evaluated on the samples it was fitted to: a lower bound on the error of these experts, not an estimator for a
+    control loop. The samples are held in a buffer of at most 4,096 that covers all of them evenly; `model` fits again
+    when 25 % of new samples have come.
 
     References:
         Wahba (1990), Spline Models for Observational Data.
@@ -87,13 +67,13 @@ class OfflineContactMap(Estimator):
         """Forget all samples."""
         self.updates = 0
         self._origin = self._zero = 0.0
-        self._memory = np.full(MEMORY, math.nan)
+        self._memory = np.full(layout.MEMORY, math.nan)
         self._time = self._learnt_at = math.nan
         self._touched = False
         self._stride = 1
         self._rows: list[tuple[float, ...]] = []
         self._next_fit = FEWEST_SAMPLES
-        self._model: ContactMap | None = None
+        self._model: ContactMapModel | None = None
         self._law: OfflineFit | None = None
 
     def update(self, sample: ContactSample) -> Status:
@@ -103,7 +83,7 @@ class OfflineContactMap(Estimator):
             return Status.FREE_AIR if math.isnan(depth) else Status.UNUSABLE
         if not time > self._time and not math.isnan(self._time):
             return Status.UNUSABLE
-        shares, values = np.empty(MEMORY), np.empty(LARGEST_FEATURES)
+        shares, values = np.empty(layout.MEMORY), np.empty(layout.LARGEST_FEATURES)
         rates(0.0 if math.isnan(self._time) else time - self._time, shares)
         self._time = time
         place = depth - self._origin
@@ -124,7 +104,7 @@ class OfflineContactMap(Estimator):
         return Status.LEARNT if in_contact else Status.FREE_AIR
 
     def finish(self) -> None:
-        """Fit the newest samples too."""
+        """Fit to the newest samples too."""
         if self.updates >= FEWEST_SAMPLES:
             self._next_fit = self.updates
 
@@ -134,7 +114,7 @@ class OfflineContactMap(Estimator):
             self._origin -= change
 
     def move_offset(self, change: float) -> None:
-        """See `Estimator.move_offset`: the map keeps what the sensor said."""
+        """See `Estimator.move_offset`: the map keeps the raw forces."""
         if math.isfinite(change):
             self._zero += change
 
@@ -153,45 +133,47 @@ class OfflineContactMap(Estimator):
 
     @property
     def standard_errors(self) -> dict[str, float | None] | None:
-        """Of the law's numbers."""
+        """Standard errors of the law's parameters."""
         return None if self._law is None else {**self._law.standard_errors}
 
-    def _fit(self) -> ContactMap | None:
+    def _fit(self) -> ContactMapModel | None:
         table = np.array(self._rows)
         found = _Samples(table[:, 0], table[:, 1], table[:, 2], table[:, 3] > 0.0, table[:, 4:])
         if not found.in_contact.any():
             return None
-        flat = np.zeros(SIZE)
-        flat[ORIGIN], flat[ZERO] = self._origin, self._zero
-        flat[LOWEST], flat[REACHED] = found.place.min(), found.place.max()
-        flat[LAW_SPEED] = np.abs(found.velocity[found.in_contact]).max()
-        flat[FELT] = max(float((found.force - flat[ZERO]).max()), 0.0)
+        flat = np.zeros(layout.SIZE)
+        flat[layout.ORIGIN], flat[layout.ZERO] = self._origin, self._zero
+        flat[layout.LOWEST], flat[layout.REACHED] = found.place.min(), found.place.max()
+        flat[layout.LAW_SPEED] = np.abs(found.velocity[found.in_contact]).max()
+        flat[layout.FELT] = max(float((found.force - flat[layout.ZERO]).max()), 0.0)
         for kind in range(2):
             _fit_map(flat, kind, found, self._stride)
         self._law = _fit_law(flat, found)
         errors = _errors(flat, found)
         squared = np.square(errors[found.in_contact]).mean(axis=0)
-        if not flat[LAW] > 0.0:
+        if not flat[layout.LAW] > 0.0:
             squared[0] = math.inf
         shares = (squared + 1e-12) ** (-0.5 * SHARPNESS)
-        flat[SHARES : SHARES + EXPERTS] = shares / shares.sum()
-        flat[DOUBT] = float(np.square(errors[found.in_contact] @ flat[SHARES : SHARES + EXPERTS]).mean())
+        flat[layout.SHARES : layout.SHARES + layout.EXPERTS] = shares / shares.sum()
+        flat[layout.UNCERTAINTY] = float(
+            np.square(errors[found.in_contact] @ flat[layout.SHARES : layout.SHARES + layout.EXPERTS]).mean()
+        )
         try:
-            stiffness, damping, exponent, switching = flat[LAW : LAW + 4].tolist()
-            return ContactMap(stiffness, damping, exponent, switching, pack(flat))
-        except SettingError:  # numbers that 32 bits do not hold
+            stiffness, damping, exponent, switching = flat[layout.LAW : layout.LAW + 4].tolist()
+            return ContactMapModel(stiffness, damping, exponent, switching, pack(flat))
+        except SettingError:  # numbers beyond the range of 32 bits
             return None
 
 
 def _fit_map(flat: Array, kind: int, found: _Samples, weight: int) -> None:
-    """Weights of one map and the ranges of its features, into the flat array."""
-    ranges, begin, _, _, _, count, end = COARSE if kind == 0 else FINE
+    """Write the weights of one map and the ranges of its features into the flat array."""
+    ranges, begin, _, _, _, count, end = layout.COARSE if kind == 0 else layout.FINE
     flat[ranges:begin:2] = found.features[:, :count].min(axis=0)
     flat[ranges + 1 : begin : 2] = found.features[:, :count].max(axis=0)
-    length = LENGTHS[kind]
+    length = layout.LENGTHS[kind]
     inside = np.ones(found.place.size, dtype=np.bool_)
-    if kind == 1:  # as in the bank: what is deeper is none of the fine map's
-        inside = (found.place >= -BELOW[1] * length) & (found.place <= ABOVE[1] * length)
+    if kind == 1:  # as in the bank, the fine map ends at its reach
+        inside = (found.place >= -layout.BELOW[1] * length) & (found.place <= layout.ABOVE[1] * length)
     if not inside.any():
         return
     regressor = _regressors(kind, found.place[inside], found.features[inside])
@@ -210,13 +192,13 @@ def _root(kind: int) -> Array:
 
 def _regressors(kind: int, places: Array, values: Array) -> Array:
     """The vectors h, shape (n, weights of the map)."""
-    _, begin, knots, _, coarse, count, end = COARSE if kind == 0 else FINE
-    length, below, splines = LENGTHS[kind], BELOW[kind], np.empty(4)
+    _, begin, knots, _, coarse, count, end = layout.COARSE if kind == 0 else layout.FINE
+    length, below, splines = layout.LENGTHS[kind], layout.BELOW[kind], np.empty(4)
     matrix = np.zeros((places.size, end - begin))
     for row, (place, features_here) in enumerate(zip(places.tolist(), values[:, :count], strict=True)):
         first = locate(place, length, below, knots, splines)
         matrix[row, first : first + 4] = splines
-        first = knots + locate(place, COARSENESS * length, -(-below // COARSENESS), coarse, splines)
+        first = knots + locate(place, layout.COARSENESS * length, -(-below // layout.COARSENESS), coarse, splines)
         for feature, value in enumerate(features_here.tolist()):
             start = first + feature * coarse
             matrix[row, start : start + 4] = value * splines
@@ -224,20 +206,20 @@ def _regressors(kind: int, places: Array, values: Array) -> Array:
 
 
 def _fit_law(flat: Array, found: _Samples) -> OfflineFit | None:
-    """The law's numbers into the flat array; None where it cannot be fitted."""
-    depth = found.place + flat[ORIGIN]
+    """Fit the law and write its numbers into the flat array; None where it cannot be fitted."""
+    depth = found.place + flat[layout.ORIGIN]
     chosen = found.in_contact & (depth > 0.0)
     try:
-        fit = fit_offline(depth[chosen], found.velocity[chosen], found.force[chosen] - flat[ZERO])
-    except InputError:  # too few samples or no force: the maps go without it
+        fit = fit_offline(depth[chosen], found.velocity[chosen], found.force[chosen] - flat[layout.ZERO])
+    except InputError:  # too few samples or no force: the maps go without the law
         return None
-    flat[LAW : LAW + 4] = fit.model.parameters
+    flat[layout.LAW : layout.LAW + 4] = fit.model.parameters
     return fit
 
 
 def _errors(flat: Array, found: _Samples) -> Array:
-    """What each expert says less what was felt [N], shape (n, 3)."""
-    forces = np.empty((found.place.size, EXPERTS))
+    """Force of each expert less the measured force [N], shape (n, 3)."""
+    forces = np.empty((found.place.size, layout.EXPERTS))
     for index, (place, velocity) in enumerate(zip(found.place.tolist(), found.velocity.tolist(), strict=True)):
         judge(flat, found.features[index], place, velocity, True, forces[index])
-    return np.asarray(forces - (found.force - flat[ZERO])[:, None])
+    return np.asarray(forces - (found.force - flat[layout.ZERO])[:, None])

@@ -2,10 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
-import inspect
-from typing import Any, cast
-
 from foretouch.errors import SettingError, UnknownNameError
 from foretouch.errors.checks import require_type
 from foretouch.identification.classic.hunt_crossley import HuntCrossleyLogRLS, HuntCrossleyTwoStage
@@ -16,9 +12,9 @@ from foretouch.identification.classic.steepest_descent import (
     SteepestDescentKelvinVoigt,
 )
 from foretouch.identification.classic.threshold_switching import ThresholdSwitching
-from foretouch.identification.contact_map.bank import ContactMapBank
+from foretouch.identification.contact_map.bank import ContactMap
 from foretouch.identification.estimator import Estimator
-from foretouch.identification.exact.recursive import ExactHuntCrossley, ExactKelvinVoigt, ExactRecursive
+from foretouch.identification.exact.recursive import ExactContinuousSwitching, ExactHuntCrossley, ExactKelvinVoigt
 from foretouch.identification.linear.estimators import FPRLS, RLS, ForgettingRLS, RobustFPRLS, SelfPerturbingRLS
 from foretouch.identification.material_field import MaterialFieldLearner
 from foretouch.identification.offline import OfflineContinuousSwitching, OfflineHuntCrossley, OfflineKelvinVoigt
@@ -44,10 +40,10 @@ _KINDS: tuple[type[Estimator], ...] = (
     OfflineContinuousSwitching,
     OfflineKelvinVoigt,
     OfflineHuntCrossley,
-    ExactRecursive,
+    ExactContinuousSwitching,
     ExactKelvinVoigt,
     ExactHuntCrossley,
-    ContactMapBank,
+    ContactMap,
     OfflineContactMap,
     MaterialFieldLearner,
 )
@@ -64,7 +60,7 @@ DEFAULT_ESTIMATORS: dict[str, str] = {
     "contact-map": "bank",
     "quadratic": "material-field",
 }
-"""The estimator that is taken for a law where none is named: the paper's, or the one it compares with."""
+"""Default estimator of each law: the paper's, or the one it compares with."""
 
 BUILT_IN_ESTIMATORS = frozenset(kind.name for kind in _KINDS)
 """Names, whatever the law, that no other package may take."""
@@ -84,20 +80,17 @@ def default_estimator(model: str) -> str:
     return min(known[model])
 
 
-def make_estimator(model: str, estimator: str = "", **options: Any) -> Estimator:
-    """A fresh estimator, of this package or of another.
+def make_estimator(model: str, estimator: str = "") -> Estimator:
+    """A fresh estimator with its defaults, of this package or of another; one with options is made of its class.
 
     Args:
         model: Name of the law.
         estimator: Name of the estimator, one of those that `ESTIMATORS` has for this law; empty for the law's own
             (`DEFAULT_ESTIMATORS`).
-        **options: In place of its defaults, for estimators of this package: fields of its options class
-            (`FPRLSOptions` for ``"fprls"``, for example), or arguments of its own (``horizon`` of ``"bank"``).
 
     Raises:
-        UnknownNameError: No such law, no such estimator for it, or no such option: the line lists those that there are.
-        SettingError: An option out of range, or one that this estimator has fixed; another package's, which learns
-            another law or is given options.
+        UnknownNameError: No such law, or no such estimator for it: the line lists those that there are.
+        SettingError: Another package's, which learns another law.
         PluginError: Another package's, which cannot be made.
         ArgumentTypeError: A name that is no text.
     """
@@ -105,8 +98,7 @@ def make_estimator(model: str, estimator: str = "", **options: Any) -> Estimator
     require_type("estimator", estimator, str, "the name of an estimator; leave it out for the law's own")
     estimator = estimator or default_estimator(model)
     if model in ESTIMATORS and estimator in ESTIMATORS[model]:
-        kind = ESTIMATORS[model][estimator]
-        return _with_options(kind, options) if options else kind()
+        return ESTIMATORS[model][estimator]()
     other = None if estimator in BUILT_IN_ESTIMATORS else load_estimator(estimator)
     if other is None:
         known = all_estimators()
@@ -116,34 +108,9 @@ def make_estimator(model: str, estimator: str = "", **options: Any) -> Estimator
     if other.model_name != model:
         rule = f"learns the law {other.model_name} and not {model}: give --model {other.model_name} with it"
         raise SettingError("estimator", estimator, rule)
-    if options:
-        raise SettingError(
-            "options", ", ".join(options), f"{estimator} is of another package: call its class with them"
-        )
     made = make_plugin("estimator", estimator, Estimator)  # type: ignore[type-abstract]
     assert made is not None  # it was there a moment ago
     return made
-
-
-def _with_options(kind: type[Estimator], options: dict[str, Any]) -> Estimator:
-    """One of ours with some options in place of its defaults."""
-    defaults: Any = getattr(kind(), "options", None)
-    fields = set() if defaults is None else {one.name for one in dataclasses.fields(defaults)}
-    own = set(inspect.signature(kind).parameters) - {"options"}
-    for name in options:
-        if not fields | own:
-            raise SettingError("options", name, f"{kind.name} of {kind.model_name} takes none")
-        if name not in fields | own:
-            raise UnknownNameError(f"option of {kind.name}", name, fields | own)
-    arguments: dict[str, Any] = {name: value for name, value in options.items() if name in own}
-    if chosen := {name: value for name, value in options.items() if name in fields - own}:
-        arguments["options"] = dataclasses.replace(defaults, **chosen)
-    made: Any = kind(**arguments)
-    for name, value in chosen.items():
-        kept = getattr(made.options, name)
-        if kept is not value and kept != value:
-            raise SettingError(name, value, f"{kind.name} always has {kept!r}")
-    return cast(Estimator, made)
 
 
 def load_estimator(name: str) -> type[Estimator] | None:

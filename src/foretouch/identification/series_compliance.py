@@ -1,4 +1,4 @@
-"""What gives way between encoder and contact: arm, sensor and tip, from presses on a rigid block."""
+"""Series compliance of arm, sensor and tip between encoder and contact, from presses on a rigid block."""
 
 from __future__ import annotations
 
@@ -13,39 +13,39 @@ from foretouch.identification.conditioning.conditioner import LONGEST_LAG, Condi
 from foretouch.quantities import ByValue, Recording, SensorCalibration
 
 FLOOR_SHARE = 0.1
-"""Forces below this share of the largest are left out: there the contact still seats itself."""
+"""Least force that is used, as a fraction of the largest: below it the contact still seats itself."""
 
 SMOOTHING = 0.02
-"""Loading and unloading are told apart by the force's mean over this time [s]."""
+"""Time over which the force is averaged to tell loading from unloading [s]."""
 
 SLOWEST_SHARE = 0.05
-"""Where that mean changes slower than this share of its quickest change, it is neither."""
+"""Least rate of that mean in loading or unloading, as a fraction of its largest rate."""
 
 FEWEST_SAMPLES = 50
-"""Loading and unloading have at least so many samples each."""
+"""Least number of samples in loading, and in unloading."""
 
 LARGEST_ERROR = 0.1
-"""A stiffness with a larger standard error than this share of it is refused."""
+"""Largest standard error of a stiffness, as a fraction of it; a less certain one is refused."""
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
 class SeriesCompliance(ByValue):
-    """What presses on a rigid block tell.
+    """Series compliance estimated from presses on a rigid block.
 
     Attributes:
-        stiffness: Of all that is in series [N/m].
+        stiffness: Stiffness of all that is in series [N/m].
         stiffness_error: Standard error [N/m].
-        lost_motion: By which the position while unloading is deeper than while loading, at equal force [m].
+        lost_motion: Distance by which unloading is deeper than loading at equal force [m].
         lost_motion_error: Standard error [m].
         position: Position at force zero of the line, amid loading and unloading [m].
-        contact_floor: Forces above this were taken [N].
+        contact_floor: Least force that was used [N].
         force_offset: Force in free air [N].
-        force: Of the samples taken, less the offset [N], shape (n,).
+        force: Forces of the samples used, less the offset [N], shape (n,).
         deflection: Their positions less `position` [m], shape (n,).
-        loading: Which of them load, shape (n,).
-        residual: Of their positions [m], shape (n,).
+        loading: Whether each of them is in loading, shape (n,).
+        residual: Residuals of their positions [m], shape (n,).
     """
 
     stiffness: float
@@ -67,16 +67,16 @@ def fit_series_compliance(recording: Recording, *, sensor_lag: float = 0.0) -> S
     .. math:: x_i = x_0 + F_i / k \mp w / 2
 
     minus while loading, w being the lost motion. Positions are fitted over forces and not the other way: on a rigid
-    block the encoder's count is the larger noise, and noise of what is fitted over flattens a slope. Standard errors
-    are of least squares, successive residuals that resemble each other counted as fewer: by (1 + r) / (1 - r), r their
-    correlation; that of k is k^2 times that of 1/k.
+    block the encoder's count is the larger noise, and noise of the regressor flattens a slope. Standard errors are of
+    least squares, correlated residuals counted as fewer: by (1 + r) / (1 - r), r the correlation of successive ones;
+    that of k is k^2 times that of 1/k.
 
     Args:
         recording: Presses on a rigid block that also leave it, so that the force has a zero.
-        sensor_lag: How late forces are against positions [s], 0 to 0.05: what is late looks like lost motion.
+        sensor_lag: Lag of forces behind positions [s], 0 to 0.05: a lag looks like lost motion.
 
     Raises:
-        RecordingError: It never touches, neither loads nor unloads long enough, or its slope cannot be told from noise.
+        RecordingError: No contact, too little loading or unloading, or a slope that is not distinguishable from noise.
     """
     require("sensor_lag", sensor_lag, at_least=0.0, at_most=LONGEST_LAG)
     recording = _in_time(recording, sensor_lag)
@@ -140,7 +140,7 @@ def _fit(
 def find_sensor_lag(recording: Recording) -> tuple[float, float]:
     """Lag of the force sensor and its standard error [s], from motion in contact or from taps: see `SensorLag`.
 
-    A spring or a rigid block tells the lag itself; a material that damps, less, and so does lost motion: by half of it
+    A spring or a rigid block shows the lag itself; a material that damps, less, and so does lost motion: by half of it
     over the speed, so press quickly.
 
     Raises:
@@ -168,7 +168,7 @@ def find_sensor_lag(recording: Recording) -> tuple[float, float]:
 def correct_recording(
     recording: Recording, calibration: SensorCalibration, *, force_offset: float | None = None
 ) -> Recording:
-    r"""The recording at the contact instead of at the encoder.
+    r"""Convert the positions of a recording from the encoder to the contact.
 
     .. math:: p(t) = x(t) - F(t + \delta) / k
 
@@ -178,10 +178,10 @@ def correct_recording(
     looks delta ahead, and at the force itself: it is for identification, not for prediction.
 
     Args:
-        recording: As measured.
-        calibration: Of the sensor that measured it.
-        force_offset: Force in free air [N]; None for that of the calibration, or else for what the recording shows. A
-            wrong one shifts all positions alike.
+        recording: Recording as measured.
+        calibration: Calibration of the sensor.
+        force_offset: Force in free air [N]; None for that of the calibration, or else for the one estimated from the
+            recording. A wrong one shifts all positions alike.
     """
     if calibration.series_stiffness is None:
         return recording
@@ -192,7 +192,7 @@ def correct_recording(
 
 
 def _free_air(recording: Recording) -> float:
-    """Force in free air as the whole recording shows it [N]."""
+    """Force in free air, estimated from the whole recording [N]."""
     conditioner = Conditioner(contact_floor=recording.contact_floor)
     columns = (recording.time.tolist(), recording.position.tolist(), recording.force.tolist())
     for time, position, force in zip(*columns, strict=True):
@@ -201,14 +201,14 @@ def _free_air(recording: Recording) -> float:
 
 
 def _in_time(recording: Recording, lag: float) -> Recording:
-    """Positions as they were when the forces were felt."""
+    """Positions at the time of the forces."""
     if lag == 0.0:
         return recording
     return replace(recording, position=np.interp(recording.time - lag, recording.time, recording.position))
 
 
 def _rate(time: Array, force: Array) -> Array:
-    """How quickly the force's mean over 20 ms changes [N/s], from both sides."""
+    """Rate of the force's mean over 20 ms [N/s], from both sides."""
     half = 0.5 * SMOOTHING
     sums = np.concatenate(([0.0], np.cumsum(0.5 * (force[1:] + force[:-1]) * np.diff(time))))
     later, sooner = np.minimum(time + half, time[-1]), np.maximum(time - half, time[0])

@@ -1,4 +1,4 @@
-"""The link: bytes between processes and machines (Zenoh), who may send them, and seeded network faults on top.
+"""The link: bytes between processes and machines (Zenoh), permission to send them, and seeded network faults on top.
 
 It never sees a law; what it carries is the table `foretouch.messages.CHANNELS`.
 """

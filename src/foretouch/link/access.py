@@ -1,11 +1,11 @@
-"""Who may say what, and over which endpoints: the access list that every process of a session gives to Zenoh.
+"""Permissions by role and endpoint: the access list that every process of a session gives to Zenoh.
 
 Denied unless it is allowed here. A peer is known by the common name of its certificate; a process takes a channel only
 if it receives it at all and the peer's role may speak on it, so that a watcher's handle, for example, is taken by a
-leader and by nobody else. What comes over plain TCP was allowed with the endpoint, which is on this machine unless
-somebody typed ``--insecure``.
+leader and by no other role. What comes over plain TCP was allowed with the endpoint, which is on this machine unless
+``--insecure`` is given.
 
-A `Hello` says itself who speaks, and a `Command` who leads. Between machines a hello goes out under a key of the
+A `Hello` names its sender, and a `Command` its leader. Between machines a hello goes out under a key of the
 speaker's role and a command under one of the common name, which the access list checks, so that no peer can speak in
 another's name: control is held by a certificate, and what others read of it is of no use to them.
 
@@ -81,7 +81,7 @@ def check_endpoint(endpoint: str, *, insecure: bool = False) -> None:
 
 
 def check_port_free(endpoint: str) -> None:
-    """Refuse to listen where somebody already does.
+    """Refuse to listen on an endpoint that is already in use.
 
     Raises:
         LinkError: The port is in use, or the address is not this machine's.
@@ -99,7 +99,7 @@ def check_port_free(endpoint: str) -> None:
 
 
 def free_endpoint(kind: str = "tcp") -> str:
-    """A loopback endpoint whose port nobody uses at this moment.
+    """A loopback endpoint whose port is free at this moment.
 
     Args:
         kind: ``"tcp"`` or ``"tls"``.
@@ -133,7 +133,7 @@ def load_credentials(
 
     Args:
         role: ``"leader"``, ``"follower"`` or ``"watcher"``; of several certificates the one without a name is taken.
-        folder: Of keys; the default one where none is given.
+        folder: Folder of keys; the default one where none is given.
         now: UTC; this machine's clock where none is given.
 
     Raises:
@@ -171,11 +171,11 @@ def _warning(identity: Identity, now: datetime) -> str:
 
 
 PREFIX = "foretouch/"
-"""What every network key begins with."""
+"""Beginning of every network key."""
 
 HELLO, COMMAND = "hello", "command"
 NAMED = (HELLO, COMMAND)
-"""Channels whose keys end, between machines, with who speaks."""
+"""Channels whose keys end, between machines, with the sender's name."""
 
 _SENDER = {"leader": "leader", "follower": "follower", "watcher": "console"}
 _MORE = {"leader": ("settings",)}
@@ -195,8 +195,8 @@ def key_to_send(name: str, common_name: str = "") -> str:
     """Network key under which a process speaks on a channel.
 
     Args:
-        name: Of the channel.
-        common_name: Of the process's certificate, "" where it has none.
+        name: Name of the channel.
+        common_name: Common name of the process's certificate, "" where it has none.
     """
     if not common_name or name not in NAMED:
         return PREFIX + name
@@ -207,13 +207,13 @@ def keys_to_receive(name: str) -> tuple[str, ...]:
     """Network keys under which a channel is received: from this machine, and from others.
 
     Args:
-        name: Of the channel.
+        name: Name of the channel.
     """
     return (PREFIX + name, f"{PREFIX}{name}/*") if name in NAMED else (PREFIX + name,)
 
 
 def may_say(key: str, message: Message) -> bool:
-    """Whether what came under a key may say of itself who it is from.
+    """Whether what came under a key may name the sender that it names.
 
     Args:
         key: Network key; without a name at its end, it is from this machine or an insecure one.
@@ -235,7 +235,7 @@ def may_claim(key: str, role: str) -> bool:
 
 
 def _shown(key: str) -> str:
-    """Who speaks, as the access list has checked it; "" where nobody did."""
+    """The sender, as the access list has checked it; "" where nothing was checked."""
     return key.removeprefix(PREFIX).partition("/")[2]
 
 

@@ -15,27 +15,27 @@ if TYPE_CHECKING:
     from cryptography import x509
 
 AUTHORITY_DAYS = 3650
-"""An authority lasts so long [days]; no certificate outlasts it."""
+"""Lifetime of an authority [days]; no certificate outlasts it."""
 
 CERTIFICATE_DAYS = 365
-"""A certificate lasts so long [days] unless it is told otherwise."""
+"""Lifetime of a certificate [days] where none is given."""
 
 WARNING_DAYS = 30
-"""From so long before its end [days] on, a certificate's end is warned of."""
+"""Time before the end of a certificate from which on it is warned of [days]."""
 
 CLOCK_SKEW = timedelta(days=1)
-"""Certificates begin so long before they were made, for machines whose clocks are behind."""
+"""Time by which certificates begin before they are made, for machines whose clocks are behind."""
 
 AUTHORITY_NAME = "foretouch authority"
 
 
 @dataclass(frozen=True, slots=True)
 class Identity:
-    """A certificate with its private key, or without where it is somebody else's.
+    """A certificate with its private key, or without one where it belongs to another.
 
     Attributes:
-        common_name: Whose certificate it is.
-        expires: When it ends, UTC.
+        common_name: Name of the certificate's owner.
+        expires: End of its validity, UTC.
         certificate: As PEM.
         fingerprint: SHA-256 of the certificate, in hexadecimal digits.
         key: Private key as PEM (PKCS 8, not encrypted); empty where it is not known.
@@ -53,7 +53,7 @@ class Identity:
 
         Args:
             content: One certificate, and before or after it its private key.
-            source: Where it comes from, for the error.
+            source: Origin of the content, for the error.
             with_key: Whether a private key has to be there.
 
         Raises:
@@ -121,10 +121,10 @@ def make_identity(authority: Identity, common_name: str, now: datetime, days: fl
     """A certificate for one process of a session, which listens with it and connects with it.
 
     Args:
-        authority: With its key.
+        authority: Authority with its key.
         common_name: What the access list knows it by.
-        now: UTC.
-        days: How long it lasts, above 0; never longer than the authority.
+        now: Present time, UTC.
+        days: Validity [days], above 0; never longer than the authority's.
 
     Raises:
         SettingError: A length that is none.
@@ -169,7 +169,7 @@ def _common_name(certificate: x509.Certificate) -> str:
 
 
 def _builder(subject: Any, issuer: Any, key: Any, now: datetime, end: datetime, *, authority: bool) -> Any:
-    """What both kinds of certificate share."""
+    """The part that both kinds of certificate have in common."""
     x509 = _cryptography()[0]
     signs = x509.KeyUsage(
         digital_signature=not authority,

@@ -20,7 +20,7 @@ LONGEST_DELAY = 10.0
 """Delays beyond this [s] are refused: they are in other units."""
 
 SPELL_SPACING = 10.0
-"""One outage and one stall begin at seeded moments within every so many seconds."""
+"""Length of the windows [s] in each of which one outage and one stall begin, at seeded moments."""
 
 LONGEST_BURST = 10_000.0
 """Longest mean burst of losses [messages]: 10 s at 1 kHz. What lasts longer is an outage."""
@@ -39,24 +39,24 @@ class Faults:
 
     A probability cannot exceed 1, so `loss` is at most `burst / (1 + burst)`: at least one message arrives between two
     bursts. Independent losses are the case :math:`p + r = 1`, whose bursts are `1 / (1 - loss)` messages long; `burst`
-    of exactly 1 means them too, at any share. Longer bursts than theirs cluster, shorter ones spread out.
+    of exactly 1 means them too, at any loss. Longer bursts than theirs cluster, shorter ones spread out.
 
     Args:
         delay: One-way delay [s], 0 to 10.
         jitter: Largest change of the delay, to either side, uniformly distributed and drawn for each message [s];
             messages may overtake each other. The delay never falls below 0.
-        loss: Mean share of messages lost, 0 to 1.
+        loss: Mean fraction of messages lost, 0 to 1.
         outage: Length of an outage [s], 0 to 10; one begins at a random moment of every 10 s, and what is sent
             meanwhile is lost.
         burst: Mean length of a burst of losses [messages], 1 to 10,000; 1: each message is lost independently.
-        reorder: Share of messages, 0 to 1, that are held back by further 5 to 50 ms, uniformly distributed, so that 5
-            to 50 later ones of a stream at 1 kHz overtake them.
-        duplicate: Share of messages, 0 to 1, that come twice, the copy 1 to 20 ms after the first, uniformly
+        reorder: Fraction of messages, 0 to 1, that are held back by further 5 to 50 ms, uniformly distributed, so that
+            5 to 50 later ones of a stream at 1 kHz overtake them.
+        duplicate: Fraction of messages, 0 to 1, that come twice, the copy 1 to 20 ms after the first, uniformly
             distributed.
         stall: Length of a stall [s], 0 to 10; one begins at a random moment of every 10 s. Nothing arrives in it: what
             would have is held, and released together at its end in the order in which it was sent. TCP and TLS lose
             packets so: nothing is lost, and all of it is late at once.
-        seed: Of the random draws.
+        seed: Seed of the random draws.
 
     Raises:
         SettingError: A value out of range, or more loss than bursts of this length can make.
@@ -101,17 +101,17 @@ class Faults:
 
     @property
     def most_loss(self) -> float:
-        """Largest share of losses that bursts of this length can make."""
+        """Largest fraction of losses that bursts of this length can make."""
         return 1.0 if self.burst == 1.0 else self.burst / (1.0 + self.burst)
 
     def changed(self, *, delay: float, jitter: float, loss: float, outage: float) -> Faults:
         """These faults with four others in their place, each held within its range; one that is no number is 0.
 
         Args:
-            delay: [s].
-            jitter: [s].
-            loss: A share.
-            outage: [s].
+            delay: One-way delay [s].
+            jitter: Largest change of the delay [s].
+            loss: Fraction of messages lost.
+            outage: Length of an outage [s].
         """
         return dataclasses.replace(
             self,
@@ -136,10 +136,10 @@ def _within(value: float, largest: float) -> float:
 T = TypeVar("T")
 
 HELD_BACK = (0.005, 0.05)
-"""A message that others are to overtake is held back by so long [s], uniformly distributed."""
+"""Range of the time by which a message that others are to overtake is held back [s], uniformly distributed."""
 
 COPY_LATER = (0.001, 0.02)
-"""The copy of a message comes so much later than the first [s], uniformly distributed."""
+"""Range of the time by which the copy of a message comes later than the first [s], uniformly distributed."""
 
 
 MOST_HELD = 2**18
@@ -158,8 +158,8 @@ class FaultStage(Generic[T]):
 
     Attributes:
         delay: One-way delay [s]; may be changed at any time, for messages that follow.
-        dropped: Messages lost so far.
-        duplicated: Messages so far that come, or came, a second time.
+        dropped: Number of messages lost.
+        duplicated: Number of messages that come, or came, a second time.
     """
 
     def __init__(self, faults: Faults) -> None:
@@ -191,9 +191,9 @@ class FaultStage(Generic[T]):
 
         Args:
             delay: As in `Faults` [s].
-            jitter: [s].
-            loss: A share.
-            outage: [s].
+            jitter: As in `Faults` [s].
+            loss: Fraction of messages lost.
+            outage: As in `Faults` [s].
         """
         faults = self.faults.changed(delay=delay, jitter=jitter, loss=loss, outage=outage)
         if faults.outage != self.faults.outage:
@@ -259,10 +259,10 @@ class FaultStage(Generic[T]):
 
 
 class _Extra:
-    """A further delay for a share of messages.
+    """A further delay for a fraction of the messages.
 
     A generator of its own, asked twice for every message: whose turn it is depends on the seed and the message's
-    number alone, and of two shares the larger takes the messages of the smaller and more.
+    number alone, and of two fractions the larger takes the messages of the smaller and more.
     """
 
     def __init__(self, name: str, share: float, bounds: tuple[float, float], seed: int) -> None:
@@ -271,7 +271,7 @@ class _Extra:
         self._random = random.Random(f"{seed}/{name}").random
 
     def draw(self) -> float:
-        """The next message's further delay [s], 0 if it is not among the share."""
+        """The next message's further delay [s], 0 if it is not among the delayed."""
         chance, part = self._random(), self._random()
         return self._least + self._range * part if chance < self._share else 0.0
 

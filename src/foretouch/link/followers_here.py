@@ -1,4 +1,4 @@
-"""Which followers of this user run on this machine: each keeps a file that says how its robot is."""
+"""Followers of this user on this machine: each keeps a file with the state of its robot."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pathlib import Path
 
 
 class WaitingNote:
-    """The file of one follower: its name is the process's number, it holds what the follower last said.
+    """The file of one follower: its name is the process's number, it holds the follower's last report.
 
     It is locked as long as the process lives, so that the file of one that was killed is known as such. Where there is
     no folder for it, nothing is kept, and the signal is what is left.
@@ -43,7 +43,7 @@ class WaitingNote:
 
 
 def followers() -> dict[int, str]:
-    """Numbers of the processes of this user's followers on this machine, and what each said last."""
+    """Numbers of the processes of this user's followers on this machine, and the last report of each."""
     folder, found = _folder(), {}
     if not (folder.is_dir() and _is_private(folder)):
         return {}
@@ -60,12 +60,12 @@ def followers() -> dict[int, str]:
 
 
 def _folder() -> Path:
-    """Of this user and machine; it is emptied by itself where the system has such a place."""
+    """Folder of this user and machine; the system empties it where it has such a folder."""
     place = os.environ.get("XDG_RUNTIME_DIR") or os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
     return Path(place, "foretouch", "followers")
 
 
 def _is_private(folder: Path) -> bool:
-    """Whether nobody else can have written what it holds: a number in it is sent a signal."""
+    """Whether only this user can have written its contents: a number in it is sent a signal."""
     state = folder.stat()
     return state.st_uid == os.geteuid() and not state.st_mode & (stat.S_IWGRP | stat.S_IWOTH)

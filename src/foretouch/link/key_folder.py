@@ -22,10 +22,10 @@ from foretouch.errors import SettingError
 from foretouch.link.certificates import CERTIFICATE_DAYS, Identity, make_authority, make_identity
 
 ROLES = ("leader", "follower", "watcher")
-"""What a process can be; recorder and console are watchers."""
+"""Roles of processes; recorder and console are watchers."""
 
 LARGEST_FILE = 65_536
-"""Longer files [bytes] are refused unread."""
+"""Largest file [bytes]: longer ones are refused unread."""
 
 _AUTHORITY_KEY, _AUTHORITY, _ALLOWED = "authority.key", "authority.crt", "allowed.txt"
 _NAME = re.compile(r"[a-z0-9][a-z0-9-]{0,31}")
@@ -55,7 +55,7 @@ class KeyFolder:
     """Reads and writes a folder of keys.
 
     What belongs together is written together: all new files lie complete in a folder beside, which one rename declares
-    to be valid, and whoever comes next moves what a crash has left there. A lock keeps two processes apart.
+    to be valid, and the next process moves what a crash has left there. A lock keeps two processes apart.
 
     Args:
         path: The folder; the default one where none is given.
@@ -69,7 +69,7 @@ class KeyFolder:
         self.tightened = False
 
     def init(self, now: datetime) -> Identity:
-        """Make an authority, and the list of who is let in with the three roles.
+        """Make an authority, and the list of admitted names with the three roles.
 
         Args:
             now: UTC.
@@ -103,8 +103,8 @@ class KeyFolder:
         Args:
             role: One of `ROLES`.
             name: Tells several of a role apart; empty for none.
-            now: UTC.
-            days: How long it lasts.
+            now: Present time, UTC.
+            days: Validity [days].
 
         Raises:
             SettingError: No authority here, a bad name, or there is such a certificate already.
@@ -130,8 +130,8 @@ class KeyFolder:
 
         Args:
             common_name: Whose; None for all that are here.
-            now: UTC.
-            days: How long they last.
+            now: Present time, UTC.
+            days: Validity [days].
             authority: A new authority first; then every certificate is new, and the old ones are let in nowhere once
                 the new ``authority.crt`` has been copied.
 
@@ -153,7 +153,7 @@ class KeyFolder:
                 here = [common_name]
             files: dict[str, bytes] = {}
             if authority:
-                self._read(_AUTHORITY_KEY)  # who makes a new one must have the old one
+                self._read(_AUTHORITY_KEY)  # a new one takes the place of the old one, which must be here
                 signing = make_authority(now)
                 files = _authority_files(signing)
             else:
@@ -163,7 +163,7 @@ class KeyFolder:
         return made
 
     def read(self) -> tuple[Identity, dict[str, Identity], tuple[str, ...]]:
-        """The authority's certificate, the certificates here by common name, and who is let in.
+        """The authority's certificate, the certificates here by common name, and the admitted names.
 
         Raises:
             SettingError: A file is missing, is none, or others may read what they must not.

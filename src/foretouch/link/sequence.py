@@ -5,19 +5,19 @@ from __future__ import annotations
 from array import array
 
 REMEMBERED = 2**15
-"""So many newest sequence numbers are remembered one by one: at 1 kHz, half a minute."""
+"""Number of the newest sequence numbers that are remembered one by one: at 1 kHz, half a minute."""
 
 
 class SequenceCounter:
     """Tells the newest from the late and from copies, counts them, and what is missing.
 
-    What is older than the 32,768 newest numbers cannot be told from a copy any more and counts as one.
+    What is older than the 32,768 newest numbers cannot be distinguished from a copy any more and counts as one.
 
     Attributes:
         newest: Largest sequence number of this sender that has arrived, 0 before the first.
         first: The smallest that has arrived; what was sent before there was a listener is not lost.
         received: Messages that have arrived, each counted once however often it came.
-        late: Of these, the ones that came after a newer one.
+        late: Number of these that came after a newer one.
         copies: Arrivals of what had arrived before.
     """
 
@@ -31,7 +31,7 @@ class SequenceCounter:
         self._begin()
 
     def restart(self) -> None:
-        """Another sender, who counts from 1 again; what was counted of the one before stays."""
+        """Begin with another sender, which counts from 1 again; the counts of the one before stay."""
         self._lost_before = self.lost
         self._begin()
 

@@ -1,9 +1,9 @@
 """Messages over Eclipse Zenoh: explicit endpoints, no scouting, nothing in the loop that can wait.
 
-Between machines both ends show a certificate of the private authority, and an access list says who may send what.
+Between machines both ends show a certificate of the private authority, and an access list permits sending by role.
 
 `ask_to_stop`, which asks for an emergency stop until it is known that the robot has stopped, stands here because it
-needs no more than a link: who types it does not wait until laws and robots are imported.
+needs no more than a link: the command does not wait until laws and robots are imported.
 """
 
 from __future__ import annotations
@@ -50,14 +50,14 @@ if TYPE_CHECKING:
 
 
 KEPT = 20.0
-"""An inbox holds what comes in so long [s] at its channel's rate; beyond it the oldest are dropped, so that a reader
-that stopped costs no more memory than that."""
+"""Time [s] for which an inbox holds what comes at its channel's rate; beyond it the oldest are dropped, so that a
+reader that stopped costs no more memory than that."""
 
 SHORTEST_QUEUE = 64
 """Messages that an inbox holds where they come rarely."""
 
 PATIENCE = 1.5
-"""A peer of another version is told from a stranger by nobody saying hello in this one for so long [s]: each does so
+"""Time [s] without a hello in this version after which a peer of another version counts as one: each peer says hello
 twice a second."""
 
 MOST_PEERS = 64
@@ -81,7 +81,7 @@ class ZenohLink:
     Attributes:
         inboxes: By channel: ``(arrival [ns, this machine's monotonic clock], message)``, oldest first.
         undecodable: Messages that arrived and were dropped.
-        foreign: Of these, the ones of another version.
+        foreign: Number of these that are of another version.
         dropped: Messages that arrived at a full inbox and pushed out its oldest.
         unsent: Messages that the network refused to take, or that are too large for it.
         too_large: One line on the first that was too large; "" while none was.
@@ -173,13 +173,13 @@ class ZenohLink:
         return [self._session.declare_subscriber(key, receive) for key in keys_to_receive(name)]
 
     def other_version(self, roles: Iterable[str] = SIDES) -> PeerVersionError | None:
-        """Why this process cannot talk to those whom it is for: they say hello, and in another version; else None.
+        """The error where this process's peers send hellos, but in another version; else None.
 
-        That is said by who says hello in one of these roles, under a key that may, and only if nobody has done so in
+        It takes a hello in one of these roles, under a permitted key, and only if none has come in
         this version by the time that `PATIENCE` is over. Whatever else is of another version is counted, no more.
 
         Args:
-            roles: Of those whom this process is for; the sides of a session where none are named. The link receives
+            roles: Roles of its peers; the sides of a session where none are named. The link receives
                 ``hello``.
         """
         wanted = set(roles)
@@ -246,7 +246,7 @@ def _config(listen: Sequence[str], connect: Sequence[str], secured: dict[str, ob
         "transport/unicast/lowlatency": True,
         "transport/unicast/qos/enabled": False,
         # Long enough for a process that stands still for some seconds: of the connections that are closed and made anew
-        # while it does, some stay dumb. Who needs to know of silence sooner looks for himself.
+        # while it does, some stay dumb. To learn of silence sooner, poll.
         "transport/link/tx/lease": 5000,
         "transport/link/protocols": ["tcp", "tls"],
         "transport/shared_memory/enabled": False,
@@ -263,7 +263,7 @@ def _config(listen: Sequence[str], connect: Sequence[str], secured: dict[str, ob
 def _secured(credentials: Credentials, receive: Iterable[str]) -> dict[str, object]:
     """Settings for ``tls`` endpoints: both ends show a certificate, and the access list says what each may send.
 
-    Certificates name roles, not hosts: whoever listens under a name is known by its certificate's common name, which
+    Certificates name roles, not hosts: a listener is known by its certificate's common name, which
     the access list is about, so that names need not be known when certificates are made.
     """
     own = {"private_key": credentials.identity.key, "certificate": credentials.identity.certificate}
@@ -280,7 +280,7 @@ def _secured(credentials: Credentials, receive: Iterable[str]) -> dict[str, obje
 
 
 STOPPING_CHANNELS = ("telemetry", "hello")
-"""What the link of who asks receives."""
+"""Channels that the link of a process that asks for a stop receives."""
 
 ASKING_PERIOD_NS = 50_000_000
 """An emergency stop is asked for this often [ns], until the follower says that it has stopped."""
@@ -295,15 +295,15 @@ def ask_to_stop(link: ZenohLink, reason: str, *, patience: float = 5.0) -> int |
     """Ask every follower on the link for an emergency stop, again and again until one says that it has stopped.
 
     Args:
-        link: With `STOPPING_CHANNELS`.
+        link: Link with `STOPPING_CHANNELS`.
         reason: One sentence, for the people at the robot.
-        patience: For so long [s] it is asked at most.
+        patience: Longest time for which it is asked [s].
 
     Returns:
-        `Status.STOPPED`; or where nobody has said so, the status that was heard last, None for none.
+        `Status.STOPPED`; or where no message reported it, the last status received, None for none.
 
     Raises:
-        PeerVersionError: Nobody has said so, and the follower speaks another version: it does not understand.
+        PeerVersionError: No message reported it, and the follower speaks another version: it does not understand.
     """
     heard: int | None = None
     asked, end, press = 0, time.monotonic() + patience, new_press()

@@ -73,7 +73,7 @@ _decoders: dict[type[Message], msgspec.msgpack.Decoder[Any]] = {}
 _text_fields: dict[type[Message], tuple[str, ...]] = {}
 
 LARGEST_MESSAGE = 48_000
-"""Longer byte strings [bytes] are neither sent nor read.
+"""Largest message [bytes]: longer ones are neither sent nor read.
 
 The low-latency transport sends a message as one batch or drops it without a word, and a batch is the largest multiple
 of half the connection's segment below 64 kB: 49,152 bytes on loopback, more on any Ethernet. What is left is for its
@@ -143,7 +143,7 @@ def _holds_text(kind: msgspec.inspect.Type) -> bool:
 
 
 def foreign_speaker(data: bytes) -> str:
-    """Who says hello in another version, one of `SPEAKERS`; "" where the bytes are no such hello.
+    """The role of `SPEAKERS` that sent a hello in another version; "" where the bytes are no such hello.
 
     Args:
         data: What arrived where a `Hello` was to come, and is none of this version.

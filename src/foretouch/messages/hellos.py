@@ -1,4 +1,4 @@
-"""What each process of a session said of itself in `Hello` messages, and which settings held from when on."""
+"""The settings that each process of a session reported in `Hello` messages, and the time from which each held."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ from foretouch.messages.schema import SIDES, SPEAKERS, Hello
 
 
 class Said(NamedTuple):
-    """What one process said of the settings of its session, from some time on.
+    """The settings that one process reported, from some time on.
 
     Attributes:
-        role: Of who said it.
-        process: Its epoch; 0 for one that says none.
-        since_ns: From when on it holds, by that process's own clock [ns]; 0 for what it said first.
-        settings: By name, as text.
+        role: Role of the process.
+        process: Epoch of the process; 0 for one that reports none.
+        since_ns: Time from which they hold, by that process's own clock [ns]; 0 for those it reported first.
+        settings: Settings by name, as text.
     """
 
     role: str
@@ -32,11 +32,11 @@ def settings_at(
     Each side is believed for itself, and the leader where both say something: what is the hand's is the leader's.
 
     Args:
-        said: In the order in which it was heard.
-        epoch: Of the leader's process.
-        run: Of the follower's.
-        leader_ns: The moment by the leader's clock [ns]; None for the last that was said.
-        follower_ns: And by the follower's.
+        said: Reports in the order of arrival.
+        epoch: Epoch of the leader's process.
+        run: Epoch of the follower's process.
+        leader_ns: The moment by the leader's clock [ns]; None for the last report.
+        follower_ns: The moment by the follower's clock [ns].
     """
     processes = {"leader": (epoch, leader_ns), "follower": (run, follower_ns)}
     others = [role for role in dict.fromkeys(one.role for one in said) if role not in SIDES]
@@ -44,7 +44,7 @@ def settings_at(
     for role in (*others, "follower", "leader"):
         process, time_ns = processes.get(role, (0, None))
         spoken = [one for one in said if one.role == role]
-        own = [one for one in spoken if one.process == process] or spoken[-1:]  # a process that was never heard
+        own = [one for one in spoken if one.process == process] or spoken[-1:]  # a process without reports
         then = [one for one in own if time_ns is None or one.since_ns <= time_ns] or own[:1]
         if then:
             found |= then[-1].settings
@@ -65,22 +65,21 @@ SINCE = "settings_since_ns"
 changed none does not say it."""
 
 NEWS = ("control", "contest", "trouble", "stopped")
-"""Texts that change while a session runs: who holds control and who else would, what is not as it should be, and why it
-was stopped."""
+"""Texts that change while a session runs: the holder of control and others that ask for it, faults, and the reason of a
+stop."""
 
 TELLERS = ("follower", "simulation")
-"""Who says `NEWS`: what holds of the robot, its own side knows, and nobody else is believed."""
+"""Roles that send `NEWS`: the robot's own side knows its state, and no other role is believed."""
 
 ROLES = (*SPEAKERS, "simulation")
-"""Who says hello on a network or in a recording."""
+"""Roles that send hellos on a network or in a recording."""
 
 MOST_PROCESSES, MOST_NEWS = 64, 64
-"""So many processes of each role and so many different news are remembered: who says hello without end fills nothing,
-and takes nobody's place."""
+"""Processes remembered of each role, and different news: endless hellos take neither memory nor another's entry."""
 
 MOST_CHANGES, MOST_TEXT = 256, 1_000_000
-"""So many changes of settings are remembered of each role, of a slider that is drawn to and fro for two minutes; and so
-many characters of them, twice what that takes."""
+"""Changes of settings remembered of each role: a slider drawn to and fro for two minutes; and their characters in
+total, twice what that takes."""
 
 
 def split_texts(texts: Mapping[str, str]) -> tuple[dict[str, str], dict[str, int]]:
@@ -97,13 +96,13 @@ def split_texts(texts: Mapping[str, str]) -> tuple[dict[str, str], dict[str, int
 
 
 class Hellos:
-    """All that was said of settings, counters and news.
+    """All settings, counters and news that were reported.
 
-    It holds what each role said last, and no more than a known number of anything: whoever says hello without end, or
-    with other names each time, fills nothing.
+    It holds the last report of each role, and a bounded number of everything: a process that sends hellos without end,
+    or with other names each time, fills nothing.
 
     Attributes:
-        news: By name of `NEWS`, what was said, in order, each text once.
+        news: News by name of `NEWS`, in order, each text once.
     """
 
     def __init__(self) -> None:
@@ -118,7 +117,7 @@ class Hellos:
         settings, counts = split_texts(texts)
         if hello.role not in ROLES:
             return
-        self._settings.pop(hello.role, None)  # who spoke last stands last
+        self._settings.pop(hello.role, None)  # the last sender stands last
         self._settings[hello.role] = settings
         self._remember(hello, settings)
         processes, process = self._counts[hello.role], texts.get(PROCESS, "")
@@ -130,7 +129,7 @@ class Hellos:
                 self.news[name] = (*known, said)
 
     def _remember(self, hello: Hello, settings: dict[str, str]) -> None:
-        """Remember what a side's process says from when on, and of any other role what it said last."""
+        """Remember from when on a side's process has its settings, and of any other role its last settings."""
         said, process = self._said[hello.role], _number(hello.texts.get(PROCESS, ""))
         if hello.role not in SIDES:
             said[:] = [Said(hello.role, process, 0, settings)]
@@ -146,12 +145,12 @@ class Hellos:
 
     @property
     def said(self) -> tuple[Said, ...]:
-        """What each process said of the settings, and from when on."""
+        """Settings that each process reported, and the times from which they hold."""
         return tuple(one for said in self._said.values() for one in said)
 
     @property
     def settings(self) -> dict[str, str]:
-        """Settings by name, as said last."""
+        """Settings by name, as reported last."""
         return {name: value for said in self._settings.values() for name, value in said.items()}
 
     @property

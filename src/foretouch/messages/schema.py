@@ -29,13 +29,13 @@ Value = Annotated[str, msgspec.Meta(max_length=LONGEST_VALUE)]
 Names = Annotated[tuple[Name, ...], msgspec.Meta(max_length=MOST_TEXTS)]
 Values = Annotated[tuple[Value, ...], msgspec.Meta(max_length=MOST_TEXTS)]
 SIDES = ("leader", "follower")
-"""Of a session: each has to understand the other."""
+"""The sides of a session: each has to understand the other."""
 SPEAKERS = (*SIDES, "camera", "recorder", "supervisor", "doctor")
-"""Who says hello on a network. No other role is taken, so that what is kept by role is no more than these."""
+"""Roles that send hellos on a network. No other role is taken, so that storage by role is bounded."""
 Speaker = Annotated[str, msgspec.Meta(pattern=rf"^({'|'.join(SPEAKERS)})\Z")]
 Pose = Annotated[tuple[float, ...], msgspec.Meta(max_length=6)]
 Place = Annotated[tuple[float, ...], msgspec.Meta(max_length=3)]
-"""Of a point in the world [m], or empty."""
+"""Position of a point in the world [m], or empty."""
 Chosen = Annotated[str, msgspec.Meta(max_length=64, pattern=r"^[A-Za-z0-9_.-]*\Z")]
 """Name of a material, an operator or a grip, or "": nothing that is a path or an option."""
 
@@ -67,14 +67,14 @@ STATUS_SENTENCES = {
     Status.SHADOW: "learns and predicts, and commands nothing: somebody else moves the robot",
     Status.TOO_SLOW: "makes fewer than 500 ticks a second, too few to be safe: holds its place",
 }
-"""What each `Status` means, as the end of a sentence that begins with "The robot"."""
+"""Meaning of each `Status`, as the end of a sentence that begins with "The robot"."""
 
 WITH_THE_COMMANDS = (Status.FOLLOWING, Status.GUARDED, Status.SHADOW)
-"""In these the robot is where a command says, or is said to be held back, or moves the command itself."""
+"""Statuses in which the robot is where a command says, is reported as held back, or moves the command itself."""
 
 
 class Message(msgspec.Struct, frozen=True, array_like=True, forbid_unknown_fields=True, gc=False):
-    """What all messages share: the version, the sender's running number and the sender's clock.
+    """The fields of all messages: the version, the sender's running number and the sender's clock.
 
     Attributes:
         version: `VERSION` of the sender.
@@ -87,7 +87,7 @@ class Message(msgspec.Struct, frozen=True, array_like=True, forbid_unknown_field
     time_ns: Count
 
     def __repr__(self) -> str:
-        """In at most ten lines, however much a map or an image holds."""
+        """At most ten lines, however much a map or an image holds."""
         return brief_text(type(self).__name__, zip(self.__struct_fields__, msgspec.structs.astuple(self), strict=True))
 
 
@@ -99,11 +99,10 @@ class Command(Message, frozen=True, array_like=True, gc=False):
         acknowledged_model: `sequence` of the newest model that the leader renders from, 0 before the first.
         guarded: Whether the first touch of a surface that the leader does not know is to be guarded.
         holder: Name of the leader, for people.
-        epoch: Of the leader's process: no other has the same, and who was started later has a larger one.
-        place: Desired place of the probe in three dimensions; empty in a session along a line.
-        telemetry_sequence: `sequence` of the newest telemetry that the leader had heard, 0 before the first: what the
-            follower said until then the leader knew.
-        run: Epoch of the follower's process that said it, 0 before the first.
+        epoch: Epoch of the leader's process: unique, and larger for one that was started later.
+        place: Desired position of the probe in three dimensions; empty in a session along a line.
+        telemetry_sequence: `sequence` of the newest telemetry that the leader had received, 0 before the first.
+        run: Epoch of the follower's process that sent it, 0 before the first.
     """
 
     position: float
@@ -128,16 +127,16 @@ class ModelUpdate(Message, frozen=True, array_like=True, gc=False):
         valid: Whether a force may be rendered from it.
         reason: One sentence: why it is not valid, or what there is to know.
         estimator: Name of the estimator that made it.
-        map: What was learnt beside the parameters, as the law packs it; empty for laws that are their parameters.
-        epoch: Of the leader whose command `command_sequence` is, 0 before the first.
+        map: Learnt quantities beside the parameters, as the law packs them; empty for laws that are their parameters.
+        epoch: Epoch of the leader that sent `command_sequence`, 0 before the first.
         run: Epoch of the follower's own process: `sequence` counts from 1 in each.
-        fixture: In three dimensions, the pose of what is touched in the world, a place [m] and a rotation vector [rad];
+        fixture: In three dimensions, the pose of the fixture in the world, a position [m] and a rotation vector [rad];
             `surface` is then how much deeper than its known shape the surface was felt [m]. Empty along a line.
         fixture_deviation: Standard deviation of each of these numbers, of the error on the pose's right.
-        fixture_age: Since an image has shown it [s], infinite before the first.
+        fixture_age: Time since an image showed it [s], infinite before the first.
         friction: Coefficient of Coulomb friction and of viscous friction [N s/m], and the standard deviation of each;
             empty while it is not known.
-        standard_errors: Of each of `parameters`, NaN for one that is undetermined; empty where none are told.
+        standard_errors: Standard error of each of `parameters`, NaN where undetermined; empty where none are given.
     """
 
     command_sequence: Count
@@ -165,12 +164,12 @@ class Telemetry(Message, frozen=True, array_like=True, gc=False):
 
     Attributes:
         command_sequence: The command applied in this tick, 0 before the first.
-        desired_position: Position that the robot was told to take [m].
+        desired_position: Commanded position of the robot [m].
         position: Probe position from the encoders, at the tip where it is calibrated what gives way before it [m].
         velocity: Estimated from the positions, causally [m/s].
         sensor_force: Sensor force less weight and inertia of the tool, offset still in it unless it is calibrated [N].
         force: The same less the offset that the follower found in free air [N].
-        exact_force: The simulator's own contact force [N]; NaN on a robot, where nobody knows it.
+        exact_force: The simulator's own contact force [N]; NaN on a robot, where it is unknown.
         in_contact: The follower's own judgement.
         clipped: Whether the robot's force limit cut this tick's command.
         model_sequence: Newest model sent, 0 before the first.
@@ -181,7 +180,7 @@ class Telemetry(Message, frozen=True, array_like=True, gc=False):
         validity: What this tick's sensors are worth: 0 if they can be believed, else a
             `foretouch.identification.SensorState`. What is not valid is not learnt from, and `velocity`, `force` and
             `in_contact` are those of the last sample that was.
-        epoch: Of the leader that is obeyed, 0 before the first.
+        epoch: Epoch of the leader that is obeyed, 0 before the first.
         run: Epoch of the follower's own process: `sequence` counts from 1 in each.
     """
 
@@ -207,14 +206,14 @@ class Telemetry(Message, frozen=True, array_like=True, gc=False):
 class LeaderState(Message, frozen=True, array_like=True, gc=False):
     """Leader to all that watch, every leader tick; `sequence` is that of the tick's command.
 
-    Two positions and two scales of force: the proxy is what the follower is told and what the model is asked at, in the
-    follower's lengths and forces; the hand is where the operator is, in the device's.
+    Two positions and two scales of force: the proxy is the commanded position and that at which the model is evaluated,
+    in the follower's lengths and forces; the hand is where the operator is, in the device's.
 
     Attributes:
         position: Position of the proxy, as the command says [m].
-        velocity: Of the proxy, estimated causally [m/s].
+        velocity: Velocity of the proxy, estimated causally [m/s].
         predicted_force: The newest model at the proxy's motion, before mediation, scale and clamps [N].
-        rendered_force: What the hand is given, after everything [N].
+        rendered_force: Force that the hand is given, after everything [N].
         delayed_force: The newest telemetry's force that had arrived; recorded, never rendered [N].
         telemetry_sequence: That telemetry's sequence, 0 before the first.
         model_sequence: The newest model that had arrived, 0 before the first.
@@ -223,21 +222,21 @@ class LeaderState(Message, frozen=True, array_like=True, gc=False):
         clipped: Whether a force or force-rate limit cut the rendered force.
         period_ns: Time since the last tick began [ns].
         compute_ns: Time that this tick's computing took [ns].
-        standard_deviation: Of the predicted force [N], NaN where the model carries no doubt.
-        hand_position: Of the operator's hand, as the device's encoder shows it [m].
+        standard_deviation: Standard deviation of the predicted force [N], NaN where the model carries no uncertainty.
+        hand_position: Position of the operator's hand, as the device's encoder shows it [m].
         exact_hand_position: The same from the simulated hand, without the encoder's steps [m]; NaN on a device.
-        intended_position: Where the hand wants to be [m]; NaN where nobody knows.
-        mediated_force: For the hand after mediation and scale, before the limits [N].
+        intended_position: Where the hand wants to be [m]; NaN where unknown.
+        mediated_force: Force for the hand after mediation and scale, before the limits [N].
         update_step: Part of this tick's change of `mediated_force` that models made, and not motion [N].
-        energy: That the hand has put into the rendered force, up to this tick [J]: debts of the session are kept,
+        energy: Energy from the hand into the rendered force, up to this tick [J]: debts of the session are kept,
             surplus is forgiven at the loss of each contact.
-        energy_bound: That it may have given out at most: see `foretouch.rendering.EnergyAccount` [J].
-        rendered_share: Share of the hand's motion that the proxy takes part in: 1 where the device can carry the model,
+        energy_bound: Most energy that it may have given out: see `foretouch.rendering.EnergyAccount` [J].
+        rendered_share: Fraction of the hand's motion that the proxy follows: 1 where the device can carry the model,
             NaN where no model is rendered.
         engaged: Whether hand and proxy are coupled: no clutch is pressed, and the follower obeys this leader.
-        epoch: Of this leader's process, as in its commands.
-        run: Of the follower that is heard, 0 before the first.
-        late_energy: That late ticks and missing positions have taken beside it and not given back, never positive [J].
+        epoch: Epoch of this leader's process, as in its commands.
+        run: Epoch of the follower whose messages arrive, 0 before the first.
+        late_energy: Energy that late ticks and missing positions have taken and not given back, never positive [J].
     """
 
     position: float
@@ -267,13 +266,13 @@ class LeaderState(Message, frozen=True, array_like=True, gc=False):
 
 
 class Handle(Message, frozen=True, array_like=True, gc=False):
-    """Console to leader, on every mouse move: where the handle is and whether somebody holds it.
+    """Console to leader, on every mouse move: where the handle is and whether it is held.
 
     Attributes:
         position: Handle position [m], in the frame of the probe.
         held: True while the handle is dragged.
         clutched: True while the clutch is pressed: the hand moves and the follower stays.
-        place: Of the handle in the world, in a session in three dimensions; empty along a line.
+        place: Position of the handle in the world, in a session in three dimensions; empty along a line.
     """
 
     position: float
@@ -291,7 +290,7 @@ class Settings(Message, frozen=True, array_like=True, gc=False):
         position_delay: One-way delay of commands [s], 0 to 10.
         force_delay: One-way delay of models and telemetry [s], 0 to 10.
         jitter: Largest change of either delay, to either side [s], 0 to 10.
-        loss: Share of messages lost, 0 to 0.9.
+        loss: Fraction of messages lost, 0 to 0.9.
         outage: Length of an outage in every 10 s [s], 0 to 10.
     """
 
@@ -303,13 +302,13 @@ class Settings(Message, frozen=True, array_like=True, gc=False):
 
 
 class Choice(Message, frozen=True, array_like=True, gc=False):
-    """Console to who supervises the processes: with what the session goes on, and whether it is recorded.
+    """Console to the process that supervises the others: settings to go on with, and whether to record.
 
-    What is "" stays as it is. What cannot be had (an unknown name) is refused there and said in its `Hello`.
+    What is "" stays as it is. What cannot be had (an unknown name) is refused there and reported in its `Hello`.
 
     Attributes:
-        material: That the simulated robot presses from now on.
-        operator: Who moves the leader.
+        material: Material that the simulated robot presses from now on.
+        operator: Operator that moves the leader.
         grip: How the hand holds the device.
         record: ``"start"`` a new recording, ``"stop"`` the one that is written.
     """
@@ -325,7 +324,7 @@ class Stop(Message, frozen=True, array_like=True, gc=False):
 
     Attributes:
         reason: One sentence.
-        epoch: Of the leader that says it, 0 from anybody else: a leader without control ends nobody's session.
+        epoch: Epoch of the leader that sends it, 0 from others: a leader without control ends no session.
     """
 
     reason: Text
@@ -335,12 +334,12 @@ class Stop(Message, frozen=True, array_like=True, gc=False):
 class EmergencyStop(Message, frozen=True, array_like=True, gc=False):
     """Anyone to the follower, again and again until its telemetry says that it has stopped.
 
-    The follower unloads and stays so until somebody releases it there.
+    The follower unloads and stays so until it is released there.
 
     Attributes:
         reason: One sentence.
         press: The same number in all that one press of a button makes, and in no other: what comes of it after the
-            release stops nobody again. 0 for one without a number.
+            release causes no further stop. 0 for one without a number.
     """
 
     reason: Text
@@ -348,7 +347,7 @@ class EmergencyStop(Message, frozen=True, array_like=True, gc=False):
 
 
 class Hello(Message, frozen=True, array_like=True, gc=False):
-    """All to all, twice a second: who speaks, and with which settings the session runs.
+    """All to all, twice a second: the sender's role, and the settings of the session.
 
     It begins alike in every version, with version, sequence, time and role, so that peers of different versions can
     tell each other so (`foretouch.messages.foreign_speaker`).

@@ -1,12 +1,13 @@
-"""A whole session in memory: what the leader and the follower said, tick by tick, and the stretches that compare.
+"""A whole session in memory: the states of leader and follower, tick by tick, and the segments that compare.
 
-A stretch is a part in which one process of either side was there; a part of it has the same settings throughout.
+A segment is a part in which one process of either side was there; a part of it has the same settings throughout.
 Numbers are comparable only within one.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections import defaultdict
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -27,10 +28,10 @@ Epochs = NDArray[np.int64]
 
 
 def split_session(log: SessionLog) -> tuple[SessionLog, ...]:
-    """The stretches of a session: see `SessionLog.stretches`."""
+    """The segments of a session: see `SessionLog.segments`."""
     leads, heard = log.leader["epoch"], _filled(log.leader["epoch"], log.leader["run"])
     runs, obeyed = log.follower["run"], _filled(log.follower["run"], log.follower["epoch"])
-    # Who never heard the other side may have been heard by it.
+    # A process that never received the other side may have been received by it.
     heard, obeyed = _as_heard(leads, heard, obeyed, runs), _as_heard(runs, obeyed, heard, leads)
     keys = list(dict.fromkeys([*_pairs(obeyed, runs), *_pairs(leads, heard)]))
     strangers = not (heard.any() or obeyed.any()) and all(np.unique(own).size <= 1 for own in (leads, runs))
@@ -54,23 +55,23 @@ def split_session(log: SessionLog) -> tuple[SessionLog, ...]:
     )
 
 
-def split_by_settings(stretch: SessionLog) -> tuple[SessionLog, ...]:
-    """The parts of a stretch in which no setting changed: see `SessionLog.phases`."""
-    if not stretch.said:
-        return (stretch,)
-    epoch, run = _processes(stretch)
-    first = settings_at(stretch.said, epoch, run, _first_ns(stretch.leader), _first_ns(stretch.follower))
-    changes = _changes(stretch, epoch, run)
+def split_by_settings(segment: SessionLog) -> tuple[SessionLog, ...]:
+    """The parts of a segment in which no setting changed: see `SessionLog.phases`."""
+    if not segment.said:
+        return (segment,)
+    epoch, run = _processes(segment)
+    first = settings_at(segment.said, epoch, run, _first_ns(segment.leader), _first_ns(segment.follower))
+    changes = _changes(segment, epoch, run)
     if not changes:
-        return (replace(stretch, settings=first, said=()),)
+        return (replace(segment, settings=first, said=()),)
     begins = [0, *(sequence for sequence, _, _ in changes)]
     ends = [*begins[1:], int(np.iinfo(np.int64).max)]
-    settings = [first, *(settings_at(stretch.said, epoch, run, *times) for _, *times in changes)]
-    return tuple(_cut(stretch, *part) for part in zip(begins, ends, settings, strict=True))
+    settings = [first, *(settings_at(segment.said, epoch, run, *times) for _, *times in changes)]
+    return tuple(_cut(segment, *part) for part in zip(begins, ends, settings, strict=True))
 
 
 def _with_own_settings(log: SessionLog, epoch: int, run: int) -> SessionLog:
-    """A stretch with what its own processes said; itself where it has that."""
+    """A segment with the settings of its own processes; itself where it has them."""
     if not log.said:
         return log
     last = (int(rows["time_ns"][-1]) if rows.size else None for rows in (log.leader, log.follower))
@@ -78,22 +79,22 @@ def _with_own_settings(log: SessionLog, epoch: int, run: int) -> SessionLog:
     return log if settings == log.settings else replace(log, settings=settings)
 
 
-def _processes(stretch: SessionLog) -> tuple[int, int]:
-    """The leader's and the follower's process of a stretch, 0 for a side that is not there."""
-    epoch = int(stretch.leader["epoch"][0]) if stretch.leader.size else 0
-    return epoch, int(stretch.follower["run"][0]) if stretch.follower.size else 0
+def _processes(segment: SessionLog) -> tuple[int, int]:
+    """The leader's and the follower's process of a segment, 0 for a side that is not there."""
+    epoch = int(segment.leader["epoch"][0]) if segment.leader.size else 0
+    return epoch, int(segment.follower["run"][0]) if segment.follower.size else 0
 
 
-def _changes(stretch: SessionLog, epoch: int, run: int) -> list[tuple[int, int, int]]:
-    """Where settings changed: the first command after it, and the newest change of the leader and of the follower."""
-    leader, follower = stretch.leader, stretch.follower
+def _changes(segment: SessionLog, epoch: int, run: int) -> list[tuple[int, int, int]]:
+    """Changes of settings: the first command after each, and the newest change of the leader and of the follower."""
+    leader, follower = segment.leader, segment.follower
     found: list[tuple[int, str, int]] = []
     sides = (
         ("leader", epoch, leader, "sequence", 0),
         ("follower", run, follower, "command_sequence", 1),
     )
     for role, process, rows, column, after in sides:
-        for one in stretch.said:
+        for one in segment.said:
             if (one.role, one.process) == (role, process) and rows.size and one.since_ns > rows["time_ns"][0]:
                 row = min(int(np.searchsorted(rows["time_ns"], one.since_ns)), rows.size - 1)
                 found.append((int(rows[column][row]) + after, role, one.since_ns))
@@ -115,15 +116,15 @@ def _first_ns(rows: Rows) -> int:
     return int(rows["time_ns"][0]) if rows.size else 0
 
 
-def _cut(stretch: SessionLog, begin: int, end: int, settings: dict[str, str]) -> SessionLog:
+def _cut(segment: SessionLog, begin: int, end: int, settings: dict[str, str]) -> SessionLog:
     """What belongs to the commands from `begin` on and before `end`."""
-    leader, follower = stretch.leader, stretch.follower
+    leader, follower = segment.leader, segment.follower
     leader = leader[(leader["sequence"] >= begin) & (leader["sequence"] < end)]
     follower = follower[(follower["command_sequence"] >= begin) & (follower["command_sequence"] < end)]
     # The model that is rendered at first was sent before.
     oldest = int(leader["model_sequence"][0]) if leader.size and begin else 0
-    models = tuple(one for one in stretch.models if one.sequence >= oldest and one.command_sequence < end)
-    return replace(stretch, leader=leader, follower=follower, models=models, settings=settings, said=())
+    models = tuple(one for one in segment.models if one.sequence >= oldest and one.command_sequence < end)
+    return replace(segment, leader=leader, follower=follower, models=models, settings=settings, said=())
 
 
 def side_seconds(rows: Rows) -> float:
@@ -132,7 +133,7 @@ def side_seconds(rows: Rows) -> float:
 
 
 def _filled(own: Epochs, other: Epochs) -> Epochs:
-    """What each process had not heard yet is what it heard first."""
+    """Give ticks before the first reception from the other side the epoch that was received first."""
     filled = other.copy()
     for process in np.unique(own[other == 0]):
         known = other[(own == process) & (other > 0)]
@@ -142,7 +143,7 @@ def _filled(own: Epochs, other: Epochs) -> Epochs:
 
 
 def _as_heard(own: Epochs, other: Epochs, theirs: Epochs, who: Epochs) -> Epochs:
-    """What a process never heard is whoever first heard it: `theirs` is what the others heard, `who` they are."""
+    """Give a process that received nothing the epoch in `who` that received it first, as `theirs` shows."""
     filled = other.copy()
     for process in np.unique(own[other == 0]):
         hearing = who[theirs == process]
@@ -214,7 +215,7 @@ def as_row(message: Message) -> tuple[object, ...]:
 class SessionRows(ByValue):
     """One row per command sequence number that the follower applied: the first tick that applied it.
 
-    All arrays have the same length and are ordered by command sequence, stretch by stretch (`SessionLog.stretches`).
+    All arrays have the same length and are ordered by command sequence, segment by segment (`SessionLog.segments`).
     Two are equal as logs are.
 
     Attributes:
@@ -231,26 +232,26 @@ class SessionRows(ByValue):
 
 @dataclass(frozen=True)
 class SessionLog(Columns):
-    """What was said in a session.
+    """The record of a session.
 
-    Two are equal if all was said alike; ``==`` leaves out how long the computer took (``compute_ns``), so that a
+    Two are equal if all messages agree; ``==`` leaves out how long the computer took (``compute_ns``), so that a
     simulated session equals its repetition.
 
     Attributes:
         leader: One row per `LeaderState`, structured as `LEADER_DTYPE`.
         follower: One row per `Telemetry`, structured as `FOLLOWER_DTYPE`.
         models: Every `ModelUpdate`, by the follower's process and in order of sequence.
-        settings: The session's settings as text, as they were said last in the `Hello` messages; of a stretch those
-            that its own two processes said last, of a phase those of all of it.
+        settings: The session's settings as text, as last reported in the `Hello` messages; of a segment those
+            that its own two processes reported last, of a phase those of all of it.
         counts: Counters of both sides at the end, for example ``"undecodable"``, summed over the processes of each.
         emergencies: Every `EmergencyStop`.
-        news: What the sides said of themselves while it lasted, by name of `foretouch.messages.NEWS`: each text once.
+        news: News of the sides while it lasted, by name of `foretouch.messages.NEWS`: each text once.
         leader_space: In three dimensions, one row per `LeaderSpace`; else empty.
         follower_space: One row per `FollowerSpace`; else empty.
         fields: Every `FieldUpdate`.
         images: Every `CameraImage`.
         beliefs: Every `FixtureBelief`.
-        said: What each process said of the settings, and from when on.
+        said: Settings that each process reported, and the times from which they hold.
     """
 
     _timing = _TIMING
@@ -271,62 +272,61 @@ class SessionLog(Columns):
     @classmethod
     def from_messages(
         cls,
-        leader: list[LeaderState],
-        follower: list[Telemetry],
-        models: list[ModelUpdate],
-        settings: dict[str, str],
-        counts: dict[str, int],
-        *,
-        leader_space: Sequence[LeaderSpace] = (),
-        follower_space: Sequence[FollowerSpace] = (),
-        fields: Sequence[FieldUpdate] = (),
-        images: Sequence[CameraImage] = (),
-        beliefs: Sequence[FixtureBelief] = (),
+        messages: Iterable[Message],
+        settings: dict[str, str] | None = None,
+        counts: dict[str, int] | None = None,
     ) -> SessionLog:
-        """Log from the messages themselves."""
+        """Log from the messages themselves, those of each kind in their order; what a log does not hold is left out."""
+        kinds: dict[type, list[Any]] = defaultdict(list)
+        for message in messages:
+            kinds[type(message)].append(message)
+
+        def rows(kind: type, dtype: np.dtype[np.void]) -> Rows:
+            return np.array([as_row(message) for message in kinds[kind]], dtype=dtype)
+
         return cls(
-            np.array([as_row(message) for message in leader], dtype=LEADER_DTYPE),
-            np.array([as_row(message) for message in follower], dtype=FOLLOWER_DTYPE),
-            in_order(models),
-            settings,
-            counts,
-            leader_space=np.array([as_row(message) for message in leader_space], dtype=LEADER_SPACE_DTYPE),
-            follower_space=np.array([as_row(message) for message in follower_space], dtype=FOLLOWER_SPACE_DTYPE),
-            fields=tuple(fields),
-            images=tuple(images),
-            beliefs=tuple(beliefs),
+            rows(LeaderState, LEADER_DTYPE),
+            rows(Telemetry, FOLLOWER_DTYPE),
+            in_order(kinds[ModelUpdate]),
+            settings or {},
+            counts or {},
+            leader_space=rows(LeaderSpace, LEADER_SPACE_DTYPE),
+            follower_space=rows(FollowerSpace, FOLLOWER_SPACE_DTYPE),
+            fields=tuple(kinds[FieldUpdate]),
+            images=tuple(kinds[CameraImage]),
+            beliefs=tuple(kinds[FixtureBelief]),
         )
 
-    def stretches(self) -> tuple[SessionLog, ...]:
+    def segments(self) -> tuple[SessionLog, ...]:
         """The parts in which one process of the leader and one of the follower had to do with each other.
 
         A side that ends and begins again counts its messages from 1 again; `epoch` and `run` tell its processes apart.
-        What a process said before it had heard the other side belongs to the stretch that follows; so does what it said
-        after it was left alone, to the one that was. A leader that the follower does not obey has a stretch of its own.
+        What a process sent before it received the other side belongs to the segment that follows; what it sent
+        after it was left alone, to the one before. A leader that the follower does not obey has a segment of its own.
 
         Returns:
-            Logs with the rows, models and settings of each, in the order in which they began; what else is not said
-            tick by tick is in all of them. A session without a restart is its own only stretch.
+            Logs with the rows, models and settings of each, in the order in which they began; what else is not recorded
+            tick by tick is in all of them. A session without a restart is its own only segment.
         """
         return split_session(self)
 
     def longest(self) -> SessionLog:
-        """That stretch in which both sides were there longest."""
-        return max(self.stretches(), key=_seconds_together)
+        """The segment in which both sides were present longest."""
+        return max(self.segments(), key=_seconds_together)
 
     def phases(self) -> tuple[SessionLog, ...]:
-        """The parts of all stretches in which no setting changed: a network can change while the same processes go on.
+        """The parts of all segments in which no setting changed: a network can change while the same processes go on.
 
-        A stretch is cut at a command: what was sent before a change belongs to what was before. Changes of both sides
+        A segment is cut at a command: what was sent before a change belongs to what was before. Changes of both sides
         within a second are one.
 
         Returns:
-            Logs as of `stretches`, in time; each has the settings that held in all of it.
+            Logs as of `segments`, in time; each has the settings that held in all of it.
         """
-        return tuple(phase for stretch in self.stretches() for phase in split_by_settings(stretch))
+        return tuple(phase for segment in self.segments() for phase in split_by_settings(segment))
 
     def longest_phase(self) -> SessionLog:
-        """That part without a change of any setting in which both sides were there longest."""
+        """The part without a change of any setting in which both sides were present longest."""
         return max(self.phases(), key=_seconds_together)
 
     def columns(self) -> dict[str, NDArray[Any]]:
@@ -347,20 +347,20 @@ class SessionLog(Columns):
         }
 
     def rows(self) -> SessionRows:
-        """Pair each applied command with the first follower tick that applied it, within each stretch."""
-        parts = [_paired(stretch) for stretch in self.stretches()]
+        """Pair each applied command with the first follower tick that applied it, within each segment."""
+        parts = [_paired(segment) for segment in self.segments()]
         leader, follower = (np.concatenate([part[side] for part in parts]) for side in (0, 1))
         return SessionRows(leader, follower, int(self.leader.size - leader.size))
 
 
 def believable(follower: Rows) -> NDArray[np.bool_]:
-    """Which of these rows of `SessionLog.follower` hold samples that sensors meant: valid, and finite."""
+    """Flags of the rows of `SessionLog.follower` with trusted sensor samples: valid, and finite."""
     finite = np.isfinite(follower["sensor_force"]) & np.isfinite(follower["position"])
     return np.asarray((follower["validity"] == 0) & finite)
 
 
 def _seconds_together(log: SessionLog) -> tuple[float, float]:
-    """How long both sides were there, and then how long one was [s]."""
+    """Time in which both sides were present, and time in which one was [s]."""
     sides = side_seconds(log.leader), side_seconds(log.follower)
     return min(sides), max(sides)
 
@@ -370,10 +370,10 @@ def in_order(models: list[ModelUpdate]) -> tuple[ModelUpdate, ...]:
     return tuple(sorted(models, key=lambda model: (model.run, model.sequence)))
 
 
-def _paired(stretch: SessionLog) -> tuple[Rows, Rows]:
-    applied = stretch.follower[stretch.follower["command_sequence"] > 0]
+def _paired(segment: SessionLog) -> tuple[Rows, Rows]:
+    applied = segment.follower[segment.follower["command_sequence"] > 0]
     sequences, first = np.unique(applied["command_sequence"], return_index=True)
     _, in_leader, in_follower = np.intersect1d(
-        stretch.leader["sequence"], sequences, assume_unique=True, return_indices=True
+        segment.leader["sequence"], sequences, assume_unique=True, return_indices=True
     )
-    return stretch.leader[in_leader], applied[first[in_follower]]
+    return segment.leader[in_leader], applied[first[in_follower]]

@@ -30,10 +30,10 @@ class FollowerSpace(Message, frozen=True, array_like=True, gc=False):
     """Follower to all that watch, every follower tick, beside the `Telemetry` of the same sequence.
 
     Attributes:
-        place_x: Of the probe's tip, from the encoders [m].
+        place_x: Position of the probe's tip, from the encoders [m].
         place_y: [m].
         place_z: [m].
-        desired_x: Where the robot was told to be [m].
+        desired_x: Commanded position of the robot [m].
         desired_y: [m].
         desired_z: [m].
         force_x: Contact force on the probe: the sensor's less tool and offset [N].
@@ -42,20 +42,20 @@ class FollowerSpace(Message, frozen=True, array_like=True, gc=False):
         normal_x: Outward normal of the believed surface under the probe.
         normal_y: The same.
         normal_z: The same.
-        depth: Of the probe in the believed surface [m], negative outside.
-        fixture_x: Where the follower believes the fixture [m].
+        depth: Depth of the probe in the believed surface [m], negative outside.
+        fixture_x: Position of the fixture as the follower believes it [m].
         fixture_y: [m].
         fixture_z: [m].
-        fixture_rx: How it believes the fixture turned [rad].
+        fixture_rx: Rotation of the fixture as the follower believes it [rad].
         fixture_ry: [rad].
         fixture_rz: [rad].
-        exact_x: Where a simulated fixture is [m]; NaN on a robot.
+        exact_x: Position of a simulated fixture [m]; NaN on a robot.
         exact_y: [m].
         exact_z: [m].
-        exact_rx: How it is turned [rad].
+        exact_rx: Rotation of a simulated fixture [rad].
         exact_ry: [rad].
         exact_rz: [rad].
-        touch_x: Where the surface was felt at the beginning of the newest contact [m]; NaN before the first.
+        touch_x: Position of the surface at the beginning of the newest contact [m]; NaN before the first.
         touch_y: [m].
         touch_z: [m].
         touch_tick: `sequence` of the tick in which that contact began, 0 before the first.
@@ -98,10 +98,10 @@ class LeaderSpace(Message, frozen=True, array_like=True, gc=False):
     """Leader to all that watch, every leader tick, beside the `LeaderState` of the same sequence.
 
     Attributes:
-        hand_x: Place of the hand, scaled and indexed into the world [m]; NaN before it is coupled.
+        hand_x: Position of the hand, scaled and indexed into the world [m]; NaN before it is coupled.
         hand_y: [m].
         hand_z: [m].
-        place_x: Where the follower is told to be [m].
+        place_x: Commanded position of the follower [m].
         place_y: [m].
         place_z: [m].
         point_x: The proxy on the rendered surface [m].
@@ -110,25 +110,25 @@ class LeaderSpace(Message, frozen=True, array_like=True, gc=False):
         normal_x: Outward normal there.
         normal_y: The same.
         normal_z: The same.
-        force_x: What the hand is given [N].
+        force_x: Force that the hand is given [N].
         force_y: [N].
         force_z: [N].
-        depth: Of the hand in the rendered surface [m], negative outside.
+        depth: Depth of the hand in the rendered surface [m], negative outside.
         stiffness: Local stiffness that is rendered there [N/m]; NaN without a model.
-        fixture_x: Where the fixture is rendered [m].
+        fixture_x: Position at which the fixture is rendered [m].
         fixture_y: [m].
         fixture_z: [m].
-        fixture_rx: How it is turned [rad].
+        fixture_rx: Rotation with which it is rendered [rad].
         fixture_ry: [rad].
         fixture_rz: [rad].
-        fixture_deviation: Standard deviation of its place [m]; NaN while nothing is known.
+        fixture_deviation: Standard deviation of its position [m]; NaN while nothing is known.
         fixture_turn: Standard deviation of its turn [rad].
-        fixture_age: Since an image showed it, as the follower said, and the way of that message is not in it [s].
-        friction: Coefficient that is rendered.
-        energy: That the hand has put into the force, in all directions: see `LeaderState` [J].
-        energy_bound: That it may have given out at most [J].
-        epoch: Of this leader's process.
-        late_energy: That late ticks and missing positions have taken beside it, never positive [J].
+        fixture_age: Time since an image showed it, as the follower sent it, without the delay of that message [s].
+        friction: Coefficient of friction that is rendered.
+        energy: Energy that the hand has put into the force, in all directions: see `LeaderState` [J].
+        energy_bound: Most energy that it may have given out [J].
+        epoch: Epoch of this leader's process.
+        late_energy: Energy that late ticks and missing positions have taken beside it, never positive [J].
     """
 
     hand_x: float
@@ -182,9 +182,9 @@ class CameraImage(Message, frozen=True, array_like=True, gc=False):
     Attributes:
         tick: `Telemetry.sequence` of the follower's tick that it shows; by it and no clock the image has its time.
         jpeg: The image, 45 kB at most; empty where the stream dropped it.
-        pose: Of the fixture in the world, 6 numbers; empty where the image shows no board.
-        covariance: Of that pose's error on the right (`foretouch.quantities.Pose`), 36 numbers, row by row; or empty.
-        markers: Of the board that were found.
+        pose: Pose of the fixture in the world, 6 numbers; empty where the image shows no board.
+        covariance: Covariance of its error on the right (`foretouch.quantities.Pose`), 36 numbers, by row; or empty.
+        markers: Number of the board's markers that were found.
         reason: Why there is no pose, a sentence; empty where there is one.
         camera: f_x, f_y, c_x, c_y [pixel], k1, k2, p1, p2, k3, and the camera's pose in the world.
         run: Epoch of the follower's process whose tick it is.
@@ -204,15 +204,15 @@ class FixtureBelief(Message, frozen=True, array_like=True, gc=False):
     """Tracker to the follower, after every image and contact: where the fixture is.
 
     Attributes:
-        pose: Of the fixture in the world, a place [m] and a rotation vector [rad].
-        covariance: Of its error on the right (`foretouch.quantities.Pose`) [m, rad], 36 numbers, row by row.
-        image_age: Since an image showed it [s]; infinite before the first.
-        images: That were used so far.
-        contacts: That were used so far.
-        refused: Images and contacts that were refused so far.
+        pose: Pose of the fixture in the world, a position [m] and a rotation vector [rad].
+        covariance: Covariance of its error on the right (`foretouch.quantities.Pose`) [m, rad], 36 numbers, row by row.
+        image_age: Time since an image showed it [s]; infinite before the first.
+        images: Number of images used since the start.
+        contacts: Number of contacts used since the start.
+        refused: Number of images and contacts refused since the start.
         reason: What is known, a sentence for people.
-        run: Epoch of the follower's process whose ticks it is made of.
-        epoch: Of the tracker's own process: its `sequence` counts from 1 in each.
+        run: Epoch of the follower's process whose ticks it is made from.
+        epoch: Epoch of the tracker's own process: its `sequence` counts from 1 in each.
     """
 
     pose: Pose
@@ -227,7 +227,7 @@ class FixtureBelief(Message, frozen=True, array_like=True, gc=False):
 
     @property
     def deviation(self) -> tuple[float, ...]:
-        """Standard deviation of each number of the pose [m, rad]; empty where no whole covariance was told."""
+        """Standard deviation of each number of the pose [m, rad]; empty where no whole covariance was sent."""
         if len(self.covariance) != POSE_NUMBERS**2:
             return ()
         return tuple(math.sqrt(max(number, 0.0)) for number in self.covariance[:: POSE_NUMBERS + 1])

@@ -1,7 +1,7 @@
 """Contact laws: one set of equations for simulation, identification and rendering, so they cannot disagree."""
 
 from foretouch.models.classic import ContinuousSwitching, HuntCrossley, KelvinVoigt, ThresholdSwitching
-from foretouch.models.contact_map.model import ContactMap, MapSummary, summarise_map
+from foretouch.models.contact_map.model import ContactMapModel, MapSummary, summarise_map
 from foretouch.models.contact_model import NO_STATE, ContactModel, ContactState, advance
 from foretouch.models.laws import LAWS, make_model
 from foretouch.models.material_field import FIELD_DEPTH, MOST_NODES, NODE_SPACING, MaterialField
@@ -14,7 +14,7 @@ __all__ = [
     "MOST_NODES",
     "NODE_SPACING",
     "NO_STATE",
-    "ContactMap",
+    "ContactMapModel",
     "ContactModel",
     "ContactState",
     "ContinuousSwitching",

@@ -59,7 +59,7 @@ class ContactModel(ABC):
         return NO_STATE
 
     def remember(self, state: ContactState, depth: Array, sample_period: Array) -> ContactState:
-        """State after a stretch of motion, where motion alone determines it; laws without memory return it as it is.
+        """State after a segment of motion, where motion alone determines it; laws without memory return it as it is.
 
         Args:
             state: Before the first sample.
@@ -90,7 +90,7 @@ class ContactModel(ABC):
         slower = self.advance(state, depth, velocity - SPEED_STEP, TICK)[1]
         return max(abs(deeper - here), abs(here - shallower)) / reach, (faster - slower) / (2.0 * SPEED_STEP)
 
-    def exit_work(
+    def leaving_work(
         self, state: ContactState, depth: float, offset: float = 0.0, largest: float = math.inf
     ) -> tuple[float, float]:
         r"""Energy that the material gives back on the straight way out, and how long that way is.
@@ -144,7 +144,7 @@ def advance(
 
     Returns:
         The state after this sample; the force on the probe along the outward normal [N], finite, never negative,
-        zero outside; and its standard deviation [N], NaN where the model carries no doubt.
+        zero outside; and its standard deviation [N], NaN where the model has none.
     """
     if not (-LARGEST_DEPTH <= depth <= LARGEST_DEPTH and -LARGEST_SPEED <= velocity <= LARGEST_SPEED):
         depth = -LARGEST_DEPTH if math.isnan(depth) else min(max(depth, -LARGEST_DEPTH), LARGEST_DEPTH)

@@ -7,7 +7,7 @@ from collections.abc import Collection, Sequence
 from foretouch.errors import ArgumentTypeError, SettingError, UnknownNameError
 from foretouch.errors.checks import NUMBER, require_type
 from foretouch.models.classic import ContinuousSwitching, HuntCrossley, KelvinVoigt, ThresholdSwitching
-from foretouch.models.contact_map.model import ContactMap
+from foretouch.models.contact_map.model import ContactMapModel
 from foretouch.models.contact_model import ContactModel
 from foretouch.models.memoryless_law import LinearisedContinuousSwitching, QuadraticContact
 
@@ -22,7 +22,7 @@ LAWS: dict[str, type[ContactModel]] = {
         ThresholdSwitching,
         ContinuousSwitching,
         LinearisedContinuousSwitching,
-        ContactMap,
+        ContactMapModel,
         QuadraticContact,
     )
 }
@@ -53,9 +53,9 @@ def make_model(law: str, parameters: Sequence[float], map: bytes = b"") -> Conta
     for name, value in zip(kind.parameter_names, parameters, strict=True):
         if abs(value) > LARGEST_PARAMETER:
             raise SettingError(name, value, f"must be at most {LARGEST_PARAMETER:g}")
-    if kind is ContactMap:
+    if kind is ContactMapModel:
         stiffness, damping, exponent, switching = parameters
-        return ContactMap(stiffness, damping, exponent, switching, map)
+        return ContactMapModel(stiffness, damping, exponent, switching, map)
     if map:
         raise SettingError("map", f"{len(map)} bytes", f"{law} has none")
     return kind(*parameters)

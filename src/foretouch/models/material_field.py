@@ -18,13 +18,13 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
 NODE_SPACING = 6e-3
-"""Between two nodes [m]."""
+"""Default distance between two nodes [m]."""
 
 MOST_NODES = 1024
-"""Of a field."""
+"""Largest number of nodes of a field."""
 
 FIELD_DEPTH = 2e-3
-"""Depth at which the doubt of local stiffness is stated [m]."""
+"""Depth at which the uncertainty of local stiffness is stated [m]."""
 
 LARGEST_LAW = (1e7, 1e10, 1e9)
 """Laws with a larger a [N/m], b [N/m^2] or c [N s/m^2] are refused: no material has them."""
@@ -36,7 +36,7 @@ SPACINGS = (5e-4, 0.1)
 """Least and largest spacing of nodes [m]."""
 
 _MAGIC, _VERSION = b"MF", 1
-_HEADER = struct.Struct("<2sBxHxxf3ff")  # magic, version, count, spacing, mean law, doubt
+_HEADER = struct.Struct("<2sBxHxxf3ff")  # magic, version, count, spacing, mean law, uncertainty
 _NODE = np.dtype([("key", "<i2", 3), ("values", "<f4", 4)])
 
 Array = NDArray[np.float64]
@@ -44,13 +44,14 @@ Keys = NDArray[np.int16]
 
 
 class MaterialField:
-    r"""The law of a touched surface, place by place.
+    r"""The law of a touched surface, as a function of position.
 
     .. math:: \theta(p) = \sum_{n=1}^{8} w_n(p)\, \theta_n, \quad \theta = (a, b, c)
 
     with the trilinear weights of the eight nodes about p, and `QuadraticContact` of these numbers. Where a node is not
-    known, the mean law and its doubt stand in for it: so the law is continuous everywhere, and a probe that slides out
-    of what has been learnt meets no step. Nodes stand at h (i, j, k) in the fixture's frame. A field does not change.
+    known, the mean law and its uncertainty stand in for it: so the law is continuous everywhere, and a probe that
+    slides out of what has been learnt meets no step. Nodes stand at h (i, j, k) in the fixture's frame. A field does
+    not change.
 
     Numbers are rounded to 32 bits, as they cross the network, so that both ends have the same field.
 
@@ -58,22 +59,22 @@ class MaterialField:
         keys: (i, j, k) of the nodes, 16-bit, of shape (n, 3), each once, at most 1,024.
         values: a [N/m], b [N/m^2], c [N s/m^2] and the standard deviation of the local stiffness at 2 mm [N/m], of
             shape (n, 4), none negative.
-        mean: The law (a, b, c) where nothing is known.
-        doubt: Standard deviation of the local stiffness there [N/m], not negative.
-        spacing: h [m], 0.5 to 100 mm.
+        mean: The law (a, b, c) of unknown nodes.
+        uncertainty: Standard deviation of the local stiffness there [N/m], not negative.
+        spacing: Spacing h of the nodes [m], 0.5 to 100 mm.
 
     Attributes:
         keys: Ascending, of shape (n, 3); not to be written.
         values: In the same order, of shape (n, 4); not to be written.
         mean: As given.
-        doubt: As given.
+        uncertainty: As given.
         spacing: As given.
 
     Raises:
-        SettingError: Anything out of its range.
+        SettingError: An argument is out of its range.
     """
 
-    __slots__ = ("_blend", "_blend_many", "_codes", "_unknown", "doubt", "keys", "mean", "spacing", "values")
+    __slots__ = ("_blend", "_blend_many", "_codes", "_unknown", "keys", "mean", "spacing", "uncertainty", "values")
 
     def __init__(
         self,
@@ -81,7 +82,7 @@ class MaterialField:
         values: ArrayLike,
         *,
         mean: Sequence[float],
-        doubt: float,
+        uncertainty: float,
         spacing: float = NODE_SPACING,
     ) -> None:
         from foretouch.models import material_field_kernel as kernel  # compiled code is loaded when it is needed
@@ -94,7 +95,7 @@ class MaterialField:
             raise SettingError("keys", len(wide), f"must be as many as values ({len(numbers)}), {MOST_NODES} at most")
         if len(wide) and (wide.min() < -kernel.HALF or wide.max() >= kernel.HALF):
             raise SettingError("keys", int(np.abs(wide).max()), "must fit 16 bits: the surface is too far away")
-        unknown = np.array([*mean, doubt], dtype=np.float64)
+        unknown = np.array([*mean, uncertainty], dtype=np.float64)
         if len(unknown) != kernel.NUMBERS:
             raise SettingError("mean", tuple(mean), "takes a, b, c")
         _check_numbers(np.vstack([unknown, numbers]))
@@ -108,7 +109,7 @@ class MaterialField:
         self._unknown = _rounded(unknown)
         for array in (self.keys, self.values, self._codes, self._unknown):
             array.setflags(write=False)
-        a, b, c, self.doubt = self._unknown.tolist()
+        a, b, c, self.uncertainty = self._unknown.tolist()
         self.mean = QuadraticContact(a, b, c)
         self.spacing = struct.unpack("<f", struct.pack("<f", spacing))[0]
         self._blend: Callable[..., tuple[float, float, float, float, float]] = kernel.blend
@@ -124,10 +125,10 @@ class MaterialField:
         return hash(self.to_bytes())
 
     def law_at(self, point: Sequence[float]) -> tuple[QuadraticContact, float, bool]:
-        """The law at a place, within some microseconds; never raises.
+        """The law at a point, within some microseconds; never raises.
 
         Args:
-            point: In the fixture's frame [m], three numbers; one that is not finite is known to be nowhere.
+            point: Point in the fixture's frame [m], three numbers; one that is not finite counts as unknown.
 
         Returns:
             The law; the standard deviation of its local stiffness at 2 mm [N/m], in which the errors of nodes count as
@@ -135,10 +136,10 @@ class MaterialField:
         """
         x, y, z = point
         if not (math.isfinite(x) and math.isfinite(y) and math.isfinite(z)):
-            return self.mean, self.doubt, False
+            return self.mean, self.uncertainty, False
         a, b, c, deviation, known = self._blend(self._codes, self.values, self._unknown, self.spacing, x, y, z)
         if known <= 0.0:
-            return self.mean, self.doubt, False
+            return self.mean, self.uncertainty, False
         return QuadraticContact(a, b, c), deviation, True
 
     def stiffness_at(self, points: ArrayLike, depth: float = FIELD_DEPTH) -> tuple[Array, Array]:
@@ -159,14 +160,14 @@ class MaterialField:
         return out[:, 0] + 2.0 * depth * out[:, 1], out[:, 3].copy()
 
     def nodes(self) -> Array:
-        """Places of the nodes [m], of shape (n, 3)."""
+        """Positions of the nodes [m], of shape (n, 3)."""
         places: Array = self.keys.astype(np.float64) * self.spacing
         return places
 
     def to_bytes(self) -> bytes:
         """A header of 28 bytes and 22 for each node."""
         a, b, c = self.mean.parameters
-        header = _HEADER.pack(_MAGIC, _VERSION, len(self), self.spacing, a, b, c, self.doubt)
+        header = _HEADER.pack(_MAGIC, _VERSION, len(self), self.spacing, a, b, c, self.uncertainty)
         rows = np.empty(len(self), _NODE)
         rows["key"], rows["values"] = self.keys, self.values
         return header + rows.tobytes()
@@ -182,7 +183,7 @@ class MaterialField:
         size = len(content)
         if size < _HEADER.size:
             _refuse(f"{size} bytes, a header has {_HEADER.size}")
-        magic, version, count, spacing, a, b, c, doubt = _HEADER.unpack_from(content)
+        magic, version, count, spacing, a, b, c, uncertainty = _HEADER.unpack_from(content)
         if magic != _MAGIC or version != _VERSION:
             _refuse(f"begins with {magic!r}, version {version}, this side reads {_MAGIC!r}, version {_VERSION}")
         if count > MOST_NODES:
@@ -191,7 +192,7 @@ class MaterialField:
             _refuse(f"{size} bytes, {count} nodes have {_HEADER.size + count * _NODE.itemsize}")
         rows = np.frombuffer(content, _NODE, count, _HEADER.size)
         try:
-            field = cls(rows["key"], rows["values"], mean=(a, b, c), doubt=doubt, spacing=spacing)
+            field = cls(rows["key"], rows["values"], mean=(a, b, c), uncertainty=uncertainty, spacing=spacing)
         except SettingError as error:
             _refuse(str(error))
         if not np.array_equal(field.keys, rows["key"]):
@@ -200,7 +201,7 @@ class MaterialField:
 
 
 def _check_numbers(numbers: Array) -> None:
-    """Refuse laws and doubts out of range, each row of them (a, b, c, deviation)."""
+    """Refuse laws and uncertainties out of range, in rows of (a, b, c, deviation)."""
     largest = np.array([*LARGEST_LAW, LARGEST_DEVIATION])
     bad = ~((numbers >= 0.0) & (numbers <= largest))
     if bad.any():
@@ -210,7 +211,7 @@ def _check_numbers(numbers: Array) -> None:
 
 
 def _rounded(numbers: Array) -> Array:
-    """To 32 bits, as on the wire."""
+    """Round to 32 bits, as on the wire."""
     return np.ascontiguousarray(numbers.astype(np.float32).astype(np.float64))
 
 

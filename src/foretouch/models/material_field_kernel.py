@@ -1,4 +1,4 @@
-"""The field of materials, compiled: which nodes are about a place, and their blend.
+"""The field of materials, compiled: which nodes are about a point, and their blend.
 
 A node's key (i, j, k) is packed into one whole number that sorts as the key does.
 """
@@ -16,25 +16,26 @@ Array = NDArray[np.float64]
 Codes = NDArray[np.int64]
 
 CORNERS = 8
-"""Nodes about a place."""
+"""Number of nodes about a point."""
 
 NUMBERS = 4
-"""Of a node: a, b, c of its law, and the standard deviation of its local stiffness."""
+"""Numbers of a node: a, b, c of its law, and the standard deviation of its local stiffness."""
 
 HALF = 32768
-"""Keys go from minus this to this, less one."""
+"""Bound on the keys, which go from minus this to this, less one."""
 
 
-def _cell_of(x: float, y: float, z: float, spacing: float, codes: Codes, weights: Array) -> None:
-    """The eight nodes about a place, and their trilinear weights, which sum to 1.
+@compiled
+def cell_of(x: float, y: float, z: float, spacing: float, codes: Codes, weights: Array) -> None:
+    """Find the eight nodes about a point, and their trilinear weights, which sum to 1.
 
     Args:
-        x: Of the place [m]; beyond the lattice it counts as at its end.
-        y: [m].
-        z: [m].
-        spacing: Of the nodes [m].
-        codes: Of shape (8,), written.
-        weights: Of shape (8,), written.
+        x: Coordinate of the point [m]; beyond the lattice it counts as at its end.
+        y: Coordinate of the point [m].
+        z: Coordinate of the point [m].
+        spacing: Spacing of the nodes [m].
+        codes: Codes of the nodes, of shape (8,), written.
+        weights: Weights of the nodes, of shape (8,), written.
     """
     limit = HALF - 2.0
     u, v, w = (
@@ -51,22 +52,20 @@ def _cell_of(x: float, y: float, z: float, spacing: float, codes: Codes, weights
         weights[corner] = (fu if di else 1.0 - fu) * (fv if dj else 1.0 - fv) * (fw if dk else 1.0 - fw)
 
 
-cell_of = compiled(_cell_of)
-
-
-def _blend(
+@compiled
+def blend(
     codes: Codes, values: Array, unknown: Array, spacing: float, x: float, y: float, z: float
 ) -> tuple[float, float, float, float, float]:
-    """The law at a place: a, b, c, the standard deviation of its local stiffness, and the weight of what is known.
+    """The law at a point: a, b, c, the standard deviation of its local stiffness, and the weight of the known nodes.
 
     Args:
-        codes: Of the nodes, ascending, of shape (n,).
-        values: Of the nodes, of shape (n, 4).
-        unknown: What counts for a node that is not there, of shape (4,).
-        spacing: Of the nodes [m].
-        x: Of the place [m].
-        y: [m].
-        z: [m].
+        codes: Codes of the nodes, ascending, of shape (n,).
+        values: Numbers of the nodes, of shape (n, 4).
+        unknown: Numbers for a node that does not exist, of shape (4,).
+        spacing: Spacing of the nodes [m].
+        x: Coordinate of the point [m].
+        y: Coordinate of the point [m].
+        z: Coordinate of the point [m].
     """
     about, weights = np.empty(CORNERS, np.int64), np.empty(CORNERS)
     cell_of(x, y, z, spacing, about, weights)
@@ -91,16 +90,11 @@ def _blend(
     return a, b, c, math.sqrt(variance + (missing * unknown[3]) ** 2), known
 
 
-blend = compiled(_blend)
-
-
-def _blend_many(codes: Codes, values: Array, unknown: Array, spacing: float, points: Array, out: Array) -> None:
+@compiled
+def blend_many(codes: Codes, values: Array, unknown: Array, spacing: float, points: Array, out: Array) -> None:
     """`blend` at many points of shape (n, 3), written into out of shape (n, 5)."""
     for row in range(points.shape[0]):
         a, b, c, deviation, known = blend(
             codes, values, unknown, spacing, points[row, 0], points[row, 1], points[row, 2]
         )
         out[row, 0], out[row, 1], out[row, 2], out[row, 3], out[row, 4] = a, b, c, deviation, known
-
-
-blend_many = compiled(_blend_many)

@@ -28,8 +28,10 @@ from foretouch.models.contact_model import (
 )
 
 
-def way_out(force_at: Callable[[float], float], depth: float, offset: float, largest: float) -> tuple[float, float]:
-    """`ContactModel.exit_work` of a law that has no force outside and remembers nothing, to the last bit.
+def leaving_work_of(
+    force_at: Callable[[float], float], depth: float, offset: float, largest: float
+) -> tuple[float, float]:
+    """`ContactModel.leaving_work` of a law that has no force outside and remembers nothing, to the last bit.
 
     Args:
         force_at: Force at rest at a depth above 0 [N].
@@ -102,12 +104,12 @@ class MemorylessLaw(ContactModel):
         force = depth**n * (k * depth**alpha + damping * velocity)
         return NO_STATE, force if force > 0.0 else 0.0, math.nan
 
-    def exit_work(
+    def leaving_work(
         self, state: ContactState, depth: float, offset: float = 0.0, largest: float = math.inf
     ) -> tuple[float, float]:
-        """See `ContactModel.exit_work`."""
+        """See `ContactModel.leaving_work`."""
         k, _, n, alpha = self.general_form
-        return way_out(lambda x: x**n * (k * x**alpha), depth, offset, largest)
+        return leaving_work_of(lambda x: x**n * (k * x**alpha), depth, offset, largest)
 
     def force(self, depth: ArrayLike, velocity: ArrayLike, *, allow_tension: bool = False) -> Array:
         """Force [N], equation (4).
@@ -270,17 +272,17 @@ class LinearisedContinuousSwitching(ContactModel):
         log_force = self.ln_k + self.s * math.log(x) + self.b1 * velocity + self.b2 * velocity / x
         return NO_STATE, math.exp(min(log_force, LARGEST_LOG_FORCE)) * (depth / x), float("nan")
 
-    def exit_work(
+    def leaving_work(
         self, state: ContactState, depth: float, offset: float = 0.0, largest: float = math.inf
     ) -> tuple[float, float]:
-        """See `ContactModel.exit_work`."""
+        """See `ContactModel.leaving_work`."""
 
         def force_at(depth: float) -> float:
             x = depth if depth > SMALLEST_DEPTH else SMALLEST_DEPTH
             log_force = self.ln_k + self.s * math.log(x)
             return math.exp(log_force if log_force < LARGEST_LOG_FORCE else LARGEST_LOG_FORCE) * (depth / x)
 
-        return way_out(force_at, depth, offset, largest)
+        return leaving_work_of(force_at, depth, offset, largest)
 
 
 @dataclass(frozen=True, slots=True)
@@ -321,12 +323,12 @@ class QuadraticContact(ContactModel):
         force = depth * (self.stiffness + self.stiffening * depth + self.damping * velocity)
         return NO_STATE, force if force > 0.0 else 0.0, math.nan
 
-    def exit_work(
+    def leaving_work(
         self, state: ContactState, depth: float, offset: float = 0.0, largest: float = math.inf
     ) -> tuple[float, float]:
-        """See `ContactModel.exit_work`."""
+        """See `ContactModel.leaving_work`."""
         spring, stiffening = self.stiffness, self.stiffening
-        return way_out(lambda x: x * (spring + stiffening * x), depth, offset, largest)
+        return leaving_work_of(lambda x: x * (spring + stiffening * x), depth, offset, largest)
 
     def local_slopes(self, state: ContactState, depth: float, velocity: float, reach: float) -> tuple[float, float]:
         r"""See `ContactModel.local_slopes`; in closed form where the force is nowhere held at zero.

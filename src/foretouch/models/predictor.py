@@ -60,7 +60,7 @@ class MotionFilter:
         self.acceleration = 0.0
 
     def shift(self, distance: float) -> None:
-        """Count positions from now on from elsewhere: what was at x is at x plus this distance [m]; nothing moved."""
+        """Shift the origin of positions: the point at x is from now on at x plus this distance [m]; nothing moved."""
         self._position += distance
 
     def update(self, time: float, position: float) -> float:
@@ -87,14 +87,14 @@ class MotionFilter:
 
 
 HISTORY = 8192
-"""Samples of its own motion that a predictor remembers."""
+"""Number of samples of its own motion that a predictor keeps."""
 
 STATE_TOLERANCE = 2e-4
-"""A state that arrives within this of the predictor's own at that sample is taken for the same: the robot is never
-exactly where the operator was. Every state so far is a position [m]."""
+"""Largest difference at which an arriving state is taken for the predictor's own at that sample [m]: the robot is never
+exactly where the operator was, and every state of the laws is a position."""
 
 SLICE = 1000
-"""Samples of past motion that are caught up with in one tick, so that it stays short."""
+"""Number of samples of past motion that are run again in one tick, so that it stays short."""
 
 
 _Arrived: TypeAlias = tuple[ContactModel, float, ContactState, int, int]
@@ -104,25 +104,25 @@ _Arrived: TypeAlias = tuple[ContactModel, float, ContactState, int, int]
 class Predictor:
     """Predicts the contact force of one motion from models that arrive now and then.
 
-    Nothing but motion and models goes in: no force, so no force can come out late.
+    Its only inputs are motion and models: no force goes in, so no force can come out late.
 
-    A model comes with the state of the material at a past sample of the motion. What it remembers since then the motion
-    alone determines; so where that state is the predictor's own of then, the predictor's own of now goes on, and
-    otherwise the motion since then is run again from it, in slices, while the former model predicts. A model that comes
-    meanwhile waits its turn, the newest only: given up for each newer one, a long run would never end.
+    A model comes with the state of the material at a past sample of the motion. From there on the state follows from
+    the motion alone; so where that state equals the predictor's own at that sample, the predictor's present state is
+    kept, and otherwise the motion since then is run again from it, in slices, while the former model predicts. A model
+    that comes meanwhile waits, the newest only: given up for each newer one, a long run would never end.
 
     Attributes:
         model: The newest model, None before the first and while none is valid.
-        surface: Its surface [m].
-        velocity: Of the motion [m/s].
-        force: Predicted at the newest sample [N].
-        standard_deviation: Of that force [N], NaN where the model carries no doubt.
-        jump: Force at the newest sample less the force there of the model before, had it been kept [N]; no model counts
-            as no force. 0 at every sample but the first that predicts with another model.
-        position: Of the newest sample [m]; 0 before the first.
-        depth: Of the newest sample below the surface [m], within the bounds of `advance`.
-        ticks: Samples so far; the first has number 1.
-        message: Number that the caller gave the model, 0 before the first.
+        surface: Surface of that model [m].
+        velocity: Velocity of the motion [m/s].
+        force: Force predicted at the newest sample [N].
+        standard_deviation: Standard deviation of that force [N], NaN where the model has none.
+        jump: Force at the newest sample less that of the former model, had it been kept [N]; no model counts as no
+            force. 0 at every sample but the first that predicts with another model.
+        position: Position of the newest sample [m]; 0 before the first.
+        depth: Depth of the newest sample below the surface [m], within the bounds of `advance`.
+        ticks: Number of samples; the first has number 1.
+        message: Number that the caller gave to the model, 0 before the first.
     """
 
     __slots__ = (
@@ -155,10 +155,10 @@ class Predictor:
         self._states: list[ContactState] = [NO_STATE] * HISTORY
         self._state: ContactState = NO_STATE
         self._time = math.nan
-        self._former: tuple[ContactModel | None, ContactState, float] | None = None  # what predicted before
-        self._waiting: _Arrived | None = None  # its motion is being caught up with
-        self._sliced = False  # in this tick already
-        self._newest: _Arrived | None = None  # came meanwhile
+        self._former: tuple[ContactModel | None, ContactState, float] | None = None  # the model that predicted before
+        self._waiting: _Arrived | None = None  # the model whose motion is being run again
+        self._sliced = False  # whether a slice was run in this tick
+        self._newest: _Arrived | None = None  # the model that came meanwhile
         self.model: ContactModel | None = None
         self.surface = 0.0
         self.position = 0.0
@@ -171,7 +171,7 @@ class Predictor:
         self.message = 0
 
     def __repr__(self) -> str:
-        """Law, and what it says at the newest sample."""
+        """Law, and its force at the newest sample."""
         law = None if self.model is None else self.model.law
         now = {name: brief_number(getattr(self, name)) for name in ("surface", "position", "force")}
         return brief_text("Predictor", {"law": law, "ticks": self.ticks, **now}.items())
@@ -188,10 +188,10 @@ class Predictor:
 
         Args:
             model: None means that no model is valid, and the force is zero.
-            surface: [m].
-            state: What the material remembered ...
-            tick: ... after the sample of this number; None for the newest.
-            message: A number to know the model by.
+            surface: Surface of the model [m].
+            state: State of the material after the sample `tick`.
+            tick: Number of that sample; None for the newest.
+            message: Number that identifies the model.
         """
         if model is None or not state:
             self._waiting = self._newest = None
@@ -211,24 +211,24 @@ class Predictor:
         self._run_slice()
 
     def catch_up(self) -> None:
-        """Run a slice of past motion for the model that waits, if one does; `update` does it where nobody else did.
+        """Run a slice of past motion for the model that waits; where it was not called, `update` does so.
 
-        A caller that has to know, before it says where it is, which model will predict there asks for it first.
+        A caller that must know which model will predict at a position, before it sends the position, calls this first.
         """
         if self._waiting is not None and not self._sliced:
             self._sliced = True
             self._run_slice()
 
     def disown(self) -> None:
-        """Whoever sent the models is gone: none waits any more, and the one that predicts goes on without a number."""
+        """Forget the sender of the models: none waits any more, and the one that predicts goes on without a number."""
         self._waiting = self._newest = None
         self.message = 0
 
     def shift(self, distance: float) -> None:
-        """Take the motion from now on for one that is further in by a distance [m], as a jump and not as a move.
+        """Shift the motion from now on inwards by a distance [m], as a jump and not as motion.
 
         The velocity does not see it; the force does. A model that was adopted since the last sample is compared, for
-        `jump`, with the one before at the place where that would have been.
+        `jump`, with the former one at the position that this one would have had.
         """
         self._motion.shift(distance)
         if self._former is not None:
@@ -238,7 +238,7 @@ class Predictor:
     def local_slopes(self, reach: float) -> tuple[float, float]:
         """Local stiffness [N/m] and damping [N s/m] at the newest sample (`ContactModel.local_slopes`).
 
-        Outside, where there is no force, they are those at the surface, which is met next.
+        Outside the surface, where there is no force, they are those at the surface, which is met next.
         """
         if self.model is None:
             return 0.0, 0.0
@@ -249,16 +249,16 @@ class Predictor:
             depth = 0.0
         return self.model.local_slopes(self._state, depth, velocity, reach)
 
-    def exit_work(self, offset: float = 0.0, largest: float = math.inf) -> tuple[float, float]:
-        """Energy that comes back from the newest sample on the way out [J], and that way [m] (`ContactModel`)."""
-        return (0.0, 0.0) if self.model is None else self.model.exit_work(self._state, self.depth, offset, largest)
+    def leaving_work(self, offset: float = 0.0, largest: float = math.inf) -> tuple[float, float]:
+        """Work returned from the newest sample until leaving contact [J], and that distance [m] (`ContactModel`)."""
+        return (0.0, 0.0) if self.model is None else self.model.leaving_work(self._state, self.depth, offset, largest)
 
     def update(self, time: float, position: float, velocity: float | None = None) -> float:
         """Predict the force at one sample of the motion.
 
         Args:
-            time: Of the sample [s].
-            position: [m], in the frame of the surface.
+            time: Time of the sample [s].
+            position: Position [m], in the frame of the surface.
             velocity: Measured velocity [m/s]; None estimates it causally from the positions.
 
         Returns:
@@ -272,7 +272,7 @@ class Predictor:
         self.ticks += 1
         if math.isfinite(position):
             self.position = position = float(position)
-        else:  # no place to be: as before
+        else:  # no valid position: as before
             position = self.position
         place = self.ticks % HISTORY
         self._places[place], self._periods[place] = position, period if period > 0.0 else 0.0  # the first has none
@@ -296,7 +296,7 @@ class Predictor:
         return force
 
     def _begin(self, model: ContactModel | None, surface: float, state: ContactState, message: int) -> None:
-        """Predict from a model in its state of now."""
+        """Predict from a model in its present state."""
         if self._former is None:
             self._former = (self.model, self._state, self.surface)
         self.model, self.surface, self._state, self.message = model, surface, state, message
@@ -306,7 +306,7 @@ class Predictor:
         """Run a slice of past motion through the memory of the model that waits; begin with it at the end."""
         assert self._waiting is not None
         model, surface, state, tick, message = self._waiting
-        tick = max(tick, self.ticks - HISTORY)  # what is older is forgotten
+        tick = max(tick, self.ticks - HISTORY)  # older samples are forgotten
         last = min(self.ticks, tick + SLICE)
         past = np.arange(tick + 1, last + 1) % HISTORY
         state = model.remember(state, self._places[past] - surface, self._periods[past])
@@ -328,5 +328,5 @@ def _alike(own: ContactState, other: ContactState) -> bool:
 def _run(
     model: ContactModel | None, state: ContactState, depth: float, velocity: float, period: float
 ) -> tuple[ContactState, float, float]:
-    """`advance`; no model gives no force."""
+    """Call `advance`; no model gives no force."""
     return (state, 0.0, math.nan) if model is None else advance(model, state, depth, velocity, period)

@@ -1,4 +1,4 @@
-"""From a name to what an installed package brings by its entry points, or to one line that says what is wrong."""
+"""Load by name what an installed package brings by its entry points, or report in one line what is wrong."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ class Plugin:
     """One entry point; nothing of it has been imported.
 
     Attributes:
-        kind: Of `GROUPS`.
-        name: By which it is asked for.
+        kind: One of `GROUPS`.
+        name: Name by which it is asked for.
         target: ``module:attribute``.
-        package: That brings it.
-        version: Of that package.
+        package: Package that brings it.
+        version: Version of that package.
     """
 
     kind: str
@@ -38,7 +38,7 @@ class Plugin:
 
     @property
     def place(self) -> str:
-        """Where it comes from, for people: package, version, group and entry point."""
+        """Origin of the plugin, for people: package, version, group and entry point."""
         return f"{self.package} {self.version}, entry point {self.name} = {self.target!r} of {GROUPS[self.kind]}"
 
     def import_target(self) -> object:
@@ -66,7 +66,7 @@ def plugins_named(kind: str, name: str) -> tuple[Plugin, ...]:
     """Those of a kind that have this name: none, one, or by mistake more.
 
     Args:
-        kind: Of `GROUPS`.
+        kind: One of `GROUPS`.
         name: As on the command line.
     """
     return tuple(one for one in all_plugins() if (one.kind, one.name) == (kind, name))
@@ -76,7 +76,7 @@ def find_plugin(kind: str, name: str) -> Plugin | None:
     """The first of a kind that has this name; None where there is none.
 
     Args:
-        kind: Of `GROUPS`.
+        kind: One of `GROUPS`.
         name: As on the command line.
     """
     return next(iter(plugins_named(kind, name)), None)
@@ -86,7 +86,7 @@ def plugin_names(kind: str) -> tuple[str, ...]:
     """Names of all of a kind, each once.
 
     Args:
-        kind: Of `GROUPS`.
+        kind: One of `GROUPS`.
     """
     return tuple(dict.fromkeys(one.name for one in all_plugins() if one.kind == kind))
 
@@ -94,7 +94,7 @@ def plugin_names(kind: str) -> tuple[str, ...]:
 Made = TypeVar("Made")
 
 CONNECT = "connect the {} and switch it on, and see that you have the right to open it"
-"""What to do where a factory could not open something of the system."""
+"""Advice where a factory could not open something of the system."""
 
 
 class PluginError(InputError):
@@ -117,7 +117,7 @@ def load_plugin(kind: str, name: str, *, built_in: Collection[str] = ()) -> tupl
     """What the entry point names, imported; None where no package has this name.
 
     Args:
-        kind: Of `foretouch.plugins.GROUPS`.
+        kind: One of `foretouch.plugins.GROUPS`.
         name: As on the command line.
         built_in: Names that no package may take.
 
@@ -150,7 +150,7 @@ def make_plugin(
     An error that is foretouch's own passes as it is: its line says what the factory misses.
 
     Args:
-        kind: Of `foretouch.plugins.GROUPS`.
+        kind: One of `foretouch.plugins.GROUPS`.
         name: As on the command line.
         expected: Class that it must be of.
         *arguments: For the factory.
@@ -179,7 +179,7 @@ def problem_of(plugin: Plugin, *, built_in: Collection[str] = ()) -> str:
     """What is wrong with an entry point, as far as an import shows it; empty where nothing is.
 
     Args:
-        plugin: Of `foretouch.plugins.all_plugins`.
+        plugin: One of `foretouch.plugins.all_plugins`.
         built_in: Names that no package may take.
     """
     try:

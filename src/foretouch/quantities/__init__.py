@@ -1,6 +1,6 @@
 """What is measured: one table of names, units and signs, and the recording that holds the samples."""
 
-from foretouch.quantities.brief import Brief, ByValue, brief_number, brief_text, measured
+from foretouch.quantities.brief import Brief, ByValue, brief_number, brief_text, measured, shortest
 from foretouch.quantities.columns import QUANTITIES, Columns, Quantity, Rows, as_frame, new_figure, parameter_unit
 from foretouch.quantities.pose import Pose, cross_matrix
 from foretouch.quantities.recording import LARGEST_POSITION, Frame, Recording, numbers_of
@@ -27,4 +27,5 @@ __all__ = [
     "new_figure",
     "numbers_of",
     "parameter_unit",
+    "shortest",
 ]

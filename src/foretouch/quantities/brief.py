@@ -1,4 +1,4 @@
-"""How results show themselves and compare: in a few lines however much they hold, and value by value."""
+"""Short representations of results, in a few lines however much they hold, and their comparison by value."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from typing import Any, ClassVar
 import numpy as np
 
 WIDTH, MOST_LINES = 100, 10
-"""A representation has at most so many characters in a line, and so many lines."""
+"""Largest number of characters in a line of a representation, and of its lines."""
 
 LONGEST_PART = 160
 """Characters of one value in it."""
 
 FEW = 4
-"""So many parts of a tuple, a list or a mapping are shown; of more, how many there are."""
+"""Number of parts of a tuple, a list or a mapping that are shown; of more, only their number is."""
 
 
 class Brief:
@@ -67,7 +67,7 @@ class ByValue(Brief):
         )
 
     def __hash__(self) -> int:
-        """Of the sizes: what is equal has the same."""
+        """Hash of the sizes: equal objects have the same."""
         values = (getattr(self, one.name) for one in dataclasses.fields(self))  # type: ignore[arg-type]
         return hash((type(self).__name__, *(np.shape(value) for value in values if isinstance(value, np.ndarray))))
 
@@ -76,7 +76,7 @@ def brief_text(name: str, values: Iterable[tuple[str, object]]) -> str:
     """Names and values as a constructor is called, in at most ten lines.
 
     Args:
-        name: Of the class.
+        name: Name of the class.
         values: Each with its name.
     """
     whole = f"{name}({', '.join(f'{key}={_part(value)}' for key, value in values)})"
@@ -91,13 +91,18 @@ def brief_number(value: float | None) -> float | None:
     return None if value is None else float(f"{value:.4g}")
 
 
+def shortest(value: float) -> str:
+    """A number in the fewest digits that give it again, without a point where it is whole."""
+    return repr(float(value)).removesuffix(".0")
+
+
 def measured(value: float | None, error: float | None, unit: str = "") -> str:
     """A number with as many digits as its standard error allows, which has two; three where there is no error.
 
     Args:
         value: None or NaN for one that is undetermined.
-        error: Its standard error, None or NaN where there is none.
-        unit: Of both.
+        error: Standard error, None or NaN where there is none.
+        unit: Unit of both.
     """
     if value is None or math.isnan(value):
         return "undetermined"

@@ -15,14 +15,14 @@ ORANGE: Colour = (230, 159, 0)
 PURPLE: Colour = (204, 121, 167)
 INK: Colour = (0, 0, 0)
 GREY: Colour = (92, 106, 120)
-"""What is neither pressed nor urgent; the robot while it does not follow."""
+"""Colour of what is neither pressed nor urgent; of the robot while it does not follow."""
 
 PREDICTED = BLUE
 """The operator: handle, probe, predicted force."""
 DELAYED = VERMILLION
 """The delayed robot and its force."""
 RENDERED = GREEN
-"""What the hand is given; whatever belongs to energy."""
+"""Colour of the force on the hand, and of energy."""
 TRUE = INK
 """The true force."""
 AGAIN = (SKY, ORANGE)
@@ -30,7 +30,7 @@ AGAIN = (SKY, ORANGE)
 URGENT = VERMILLION
 """The emergency stop, and whatever has to be known at once."""
 WRONG = ORANGE
-"""On pages: what is wrong, forbidden or not believed."""
+"""Colour on pages of what is wrong, forbidden or not believed."""
 
 SURFACE: Colour = (240, 215, 190)
 """The material from above."""

@@ -71,8 +71,8 @@ def parameter_unit(name: str, names: Iterable[str]) -> str:
     """Unit of one of a law's numbers, "" where it has none or is not known here.
 
     Args:
-        name: Of the number; one of two laws begins with its law's name, as ``kelvin_voigt_stiffness``.
-        names: Of all numbers of the law: without an exponent among them its strengths have plain units.
+        name: Name of the number; one of two laws begins with its law's name, as ``kelvin_voigt_stiffness``.
+        names: Names of all numbers of the law: without an exponent among them its strengths have plain units.
     """
     law, _, short = name.rpartition("voigt_" if "voigt_" in name else "crossley_")
     names = set(names)
@@ -104,7 +104,7 @@ UNITS = {
     "percent": "%",
     "us": "us",
 }
-"""By the end of a column's name, after the last underline but for velocities and accelerations."""
+"""Units by the end of a column's name, after the last underline but for velocities and accelerations."""
 
 
 class Columns(ByValue):
@@ -162,7 +162,7 @@ class Columns(ByValue):
         panels: dict[str, list[str]] = {}
         for name in chosen:
             if name not in flags:
-                # Numbers without a unit in their name share no axis.
+                # Numbers without a unit in their name get no common axis.
                 panels.setdefault(_unit(name) if _suffix(name) else name, []).append(name)
         figure: Figure = new_figure(1.0 + 2.2 * max(len(panels), 1))
         axes = figure.subplots(max(len(panels), 1), sharex=True, squeeze=False)[:, 0]

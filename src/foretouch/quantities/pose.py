@@ -1,4 +1,4 @@
-"""Where a rigid body stands in another's frame, how sure that is, and the same in plain numbers.
+"""The pose of a rigid body in another's frame, with its covariance and as plain numbers.
 
 Loops take the plain numbers, for there an array for three of them costs more than the arithmetic.
 """
@@ -66,7 +66,7 @@ class RigidMotion(NamedTuple):
 
     @classmethod
     def from_numbers(cls, numbers: Sequence[float]) -> RigidMotion:
-        r"""Of a place [m] and a rotation vector [rad], six numbers below 1e100, by Rodrigues' formula.
+        r"""The pose of a position [m] and a rotation vector [rad], six numbers below 1e100, by Rodrigues' formula.
 
         .. math:: R = I + \frac{\sin\theta}{\theta} [\phi] + \frac{1 - \cos\theta}{\theta^2} [\phi]^2
         """
@@ -104,7 +104,7 @@ class RigidMotion(NamedTuple):
 
 Array = NDArray[np.float64]
 ORTHONORMAL = 1e-6
-"""How far R^T R may be from the unit matrix."""
+"""Largest deviation of R^T R from the unit matrix."""
 
 
 def cross_matrix(vector: ArrayLike) -> Array:
@@ -231,9 +231,9 @@ class Pose:
         .. math:: \Sigma = A\,\Sigma_1 A^T + \Sigma_2, \quad A = \mathrm{Ad}(T_2^{-1})
 
         Args:
-            covariance: Of this pose, (6, 6).
+            covariance: Covariance of this pose, (6, 6).
             other: T_2.
-            other_covariance: Of the other pose, (6, 6).
+            other_covariance: Covariance of the other pose, (6, 6).
         """
         through = other.inverse().adjoint()
         return through @ covariance @ through.T + other_covariance
@@ -242,12 +242,12 @@ class Pose:
         """Covariance of the inverse pose, (6, 6), to first order: Ad Sigma Ad^T.
 
         Args:
-            covariance: Of this pose, (6, 6).
+            covariance: Covariance of this pose, (6, 6).
         """
         through = self.adjoint()
         return through @ covariance @ through.T
 
     def distance(self, other: Pose) -> tuple[float, float]:
-        """How far the other is from here: metres between the origins, and the angle between them [rad]."""
+        """Distance to the other pose: between the origins [m], and the angle between them [rad]."""
         between = self.inverse() @ other
         return float(np.linalg.norm(between.translation)), float(np.linalg.norm(between.rotation_vector()))

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from foretouch.errors import ArgumentTypeError, RecordingError, SettingError, plural
+from foretouch.quantities.brief import shortest
 from foretouch.quantities.columns import Columns
 
 Array = NDArray[np.float64]
@@ -25,8 +26,8 @@ def numbers_of(name: str, values: ArrayLike) -> Array:
     """What is given as an array of numbers.
 
     Args:
-        name: For the error.
-        values: That were given.
+        name: Name for the error.
+        values: Values that were given.
 
     Raises:
         ArgumentTypeError: They are no numbers.
@@ -47,7 +48,7 @@ class Recording(Columns):
         force: Force as the sensor gives it [N], offset included, positive under compression, shape (n,).
         velocity: Measured velocity [m/s], positive while deepening, shape (n,), or None: then it is estimated
             causally from the positions.
-        name: For messages, usually the file.
+        name: Name for messages, usually the file.
         contact_floor: Smallest force [N] that scoring counts as contact, by the noise of the origin.
         first_row: Row in the file that holds sample 0, as an editor counts lines, for error messages.
 
@@ -147,6 +148,10 @@ class Frame:
         except (ValueError, SettingError):
             rule = f"must be ORIGIN,DIRECTION: metres within {LARGEST_POSITION:g}, and 1 or -1; for example 0.02,-1"
             raise SettingError(name, text, rule) from None
+
+    def __str__(self) -> str:
+        """The text that `from_text` reads."""
+        return f"{shortest(self.origin)},{self.direction}"
 
     def inside(self, position: float) -> float:
         """The session's position [m] of one of the machine's [m]."""

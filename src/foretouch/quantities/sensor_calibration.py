@@ -28,15 +28,15 @@ class SensorCalibration(msgspec.Struct, frozen=True, kw_only=True, forbid_unknow
         force_noise: Standard deviation of what the sensor shows at rest, along any of its axes [N].
         tool_mass: Beyond the sensor [kg].
         tool_mass_error: [kg].
-        centre_of_mass: Of the tool, from the sensor's origin [m].
+        centre_of_mass: Centre of mass of the tool, from the sensor's origin [m].
         centre_of_mass_error: [m].
         approach_axis: Unit vector along which the probe approaches.
         approach_gravity: Gravity along the approach [m/s^2], 9.80665 where the probe approaches downwards.
-        sensor_lag: How late forces are against positions [s].
+        sensor_lag: Delay of forces behind positions [s].
         sensor_lag_error: [s].
-        series_stiffness: Of arm, sensor and tip in series [N/m].
+        series_stiffness: Stiffness of arm, sensor and tip in series [N/m].
         series_stiffness_error: [N/m].
-        lost_motion: Between loading and unloading at equal force, against a rigid block [m].
+        lost_motion: Difference between loading and unloading at equal force, against a rigid block [m].
 
     Raises:
         SettingError: A number that is not finite, or that cannot be.

@@ -1,17 +1,26 @@
 """Reads and writes files, and serves the measured datasets.
 
 `read_recording` reads a recording of any format, `SessionWriter` and `read_session` write and read a session as MCAP,
-`repair_session` makes one whole whose writer was killed,
-`write_columns` writes results, `excerpt` gives the path of a measured recording, `fetch` that of its original.
+`repair_session` repairs one whose writer was killed, `write_columns` writes results, `excerpt` gives the path of a
+measured recording, `fetch_dataset` that of its original.
 """
 
 from foretouch.recordings.convert import OUTPUTS, write_recording
-from foretouch.recordings.datasets import DATA_DIR, DATASETS, Dataset, Origin, excerpt, fetch, fetch_all, list_datasets
-from foretouch.recordings.formats.published import FORCE_CHANNELS, read_leader_motion
+from foretouch.recordings.datasets import (
+    DATA_DIR,
+    DATASETS,
+    Dataset,
+    Origin,
+    excerpt,
+    fetch_all,
+    fetch_dataset,
+    list_datasets,
+)
+from foretouch.recordings.formats.published import read_leader_motion
 from foretouch.recordings.inspection import Contents, inspect_recording
 from foretouch.recordings.meaning.mapped import falls_with_depth
 from foretouch.recordings.meaning.mapping import Mapping, Signal, TimeSource, Velocity, read_mapping, write_mapping
-from foretouch.recordings.meaning.names import FORCE_UNITS, POSITION_UNITS
+from foretouch.recordings.meaning.names import FORCE_CHANNELS, FORCE_UNITS, POSITION_UNITS, RecordingOptions
 from foretouch.recordings.output import atomic_path, read_calibration, write_calibration, write_columns
 from foretouch.recordings.pose_table import POSE_COLUMNS, StaticPoses, read_poses
 from foretouch.recordings.reading import SUFFIXES, Read, is_session, open_source, read_recording, read_with_notes
@@ -35,6 +44,7 @@ __all__ = [
     "Mapping",
     "Origin",
     "Read",
+    "RecordingOptions",
     "Repair",
     "SessionWriter",
     "Signal",
@@ -44,8 +54,8 @@ __all__ = [
     "atomic_path",
     "excerpt",
     "falls_with_depth",
-    "fetch",
     "fetch_all",
+    "fetch_dataset",
     "follower_samples",
     "inspect_recording",
     "is_session",

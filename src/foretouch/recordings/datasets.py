@@ -1,13 +1,13 @@
 """The measured recordings: excerpts that the package carries, and the originals that they were made from.
 
-`excerpt` gives the path of an excerpt, which has time, position and force as the sensors counted them and is what
-everything here reads. `fetch` gives that of the whole original: from a folder that has it, from the user's cache, or
-from its public origin at one pinned commit, and checked against its SHA-256 before it is handed out.
+`excerpt` gives the path of an excerpt, with time, position and force as the sensors counted them, read by everything
+here. `fetch_dataset` gives that of the whole original: from a folder that has it, from the user's
+cache, or from its public origin at one pinned commit, and checked against its SHA-256 before it is handed out.
 
-Names say the origin and what tells a file from the others, and do not change: ``tue/<letter>-<what>``, with the
+Names give the origin and the difference from other files, and do not change: ``tue/<letter>-<what>``, with the
 experiment's own letters (a to c position-position control, d to f position-force control) and the material as its file
 calls it; ``tue/m1-<letter>-<what>`` for an earlier run of the same course, with other masses and gains;
-``aurora/<force>-mN``, with the force that the motor was told to reach.
+``aurora/<force>-mN``, with the commanded force of the motor.
 """
 
 from __future__ import annotations
@@ -66,7 +66,7 @@ class Dataset:
     """One measured file.
 
     Attributes:
-        name: Its name here: origin, and what tells it from the others.
+        name: Its name here: origin, and what distinguishes it from the others.
         origin: Where it was published.
         file: Its file name there and here.
         kind: What is touched: ``"foam"``, ``"spring"``, ``"rigid"``, ``"free"`` (nothing) or ``"skin"``.
@@ -147,7 +147,7 @@ _AURORA_FILES: Final = {
     "600": "58d5a2791197eb0edeee6b8fa037fc43d2f387738db12f9b04be44c7a3ada037",
     "1000": "0bccf24822a9b53d0bacff1adc7f99124facfb6295409c5655b9057864816086",
 }
-"""By the force that the motor was told to reach [mN]."""
+"""Files by the commanded force of the motor [mN]."""
 
 _SEEN: Final = frozenset(
     [f"tue/{name}" for name in ("a-foam", "a-free-motion", "a-rigid", "a-spring", "b-foam", "b-foam3", "d-foam2")]
@@ -172,7 +172,7 @@ def _dashed(stem: str) -> str:
 
 
 def _kind(stem: str) -> str:
-    """What a TU/e file's name says is touched."""
+    """The kind of material touched, by a TU/e file's name."""
     return stem.split("_")[1].rstrip("0123456789")
 
 
@@ -206,7 +206,7 @@ def excerpt(name: str) -> Path:
     return EXCERPTS / f"{_named(name).name}{SUFFIX}"
 
 
-def fetch(name: str) -> Path:
+def fetch_dataset(name: str) -> Path:
     """Path of an original, fetched from its origin if it is not here yet.
 
     Looked for in the folder that ``FORETOUCH_DATA_DIR`` names (there or in any folder below, as
@@ -229,9 +229,9 @@ def fetch_all(kind: str | None = None) -> list[Path]:
 
     Raises:
         UnknownNameError: There is no such kind.
-        DatasetError: As `fetch`.
+        DatasetError: As `fetch_dataset`.
     """
-    return [fetch(dataset.name) for dataset in list_datasets(kind)]
+    return [fetch_dataset(dataset.name) for dataset in list_datasets(kind)]
 
 
 def _named(name: str) -> Dataset:

@@ -32,22 +32,22 @@ from foretouch.recordings.reading import is_session, open_source, require_readab
 from foretouch.recordings.source import Bag, Column, Table, Topic
 
 FIRST_LOOK = 2**18
-"""So many bytes of a topic's messages tell which clock stamps them."""
+"""Bytes of a topic's first messages, which tell which clock stamps them."""
 LONG_LOOK = 2**28
-"""So many bytes of messages of a topic that was asked for are looked through."""
+"""Bytes of messages that are looked through of a topic that was asked for."""
 
 
 @dataclass(frozen=True)
 class Contents(Brief):
-    """What is in a file.
+    """Contents of a file.
 
     Attributes:
-        path: Of the file.
-        format: For people.
-        columns: Of a table; of a bag those of one topic, where it was asked for.
-        topics: Of a bag; those that the guess takes come first, then by count.
+        path: Path of the file.
+        format: Name of the format, for people.
+        columns: Columns of a table; of a bag those of one topic, where it was asked for.
+        topics: Topics of a bag; those that the guess takes come first, then by count.
         begin_ns: Log time of a bag's first message [ns], None where there is none.
-        duration_s: From first to last [s]; None where only reading tells, or nothing has a time.
+        duration_s: Time from first to last [s]; None where only reading gives it, or nothing has a time.
         rate: Samples of a table a second [1/s], None likewise.
         stated: Why no map is needed, or empty.
         guess: The map as far as it can be guessed, None where none is needed.
@@ -106,7 +106,7 @@ def inspect_recording(path: str | PathLike[str], topic: str | None = None, *, bu
 
     Args:
         path: As `read_recording` takes it.
-        topic: Of a bag, whose fields are wanted too.
+        topic: Topic of a bag whose fields are wanted too.
         budget: As `read_recording` takes it.
 
     Raises:
@@ -256,7 +256,7 @@ def _looked_through(bag: Bag, topic: str, columns: tuple[Column, ...]) -> tuple[
     try:
         series = bag.read(topic, [column.name for column in columns], within=LONG_LOOK)
     except RecordingError:
-        return columns, 0  # whoever reads them says why
+        return columns, 0  # their reader reports why
     return tuple(
         _ranged(column, series.values[column.name]) for column in columns
     ), series.log_ns.size + series.left_out
@@ -274,7 +274,7 @@ def _clock_note(bag: Bag, topics: list[str]) -> list[str]:
     try:
         clocks = clocks_of([bag.read(topic, [], within=FIRST_LOOK) for topic in topics])
     except RecordingError:
-        return []  # whoever reads the whole says why
+        return []  # the reader of the whole reports why
     if clocks is None or not clocks.differ:
         return []
     return [f"header stamps begin {clocks.apart:.6g} s apart: two clocks? ({clocks.said})"]

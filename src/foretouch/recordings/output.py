@@ -36,7 +36,7 @@ def optional(module: str) -> Any:
 
 @contextmanager
 def atomic_path(path: str | PathLike[str]) -> Iterator[Path]:
-    """A path to write to; what is written there takes the place of ``path`` when the block ends well.
+    """A path to write to; what is written there replaces ``path`` when the block ends without an error.
 
     If the block raises, ``path`` stays as it was and what was written is removed.
 

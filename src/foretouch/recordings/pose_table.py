@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import csv
 import math
 from os import PathLike
-from pathlib import Path
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -13,6 +11,8 @@ from numpy.typing import NDArray
 
 from foretouch.errors import RecordingError
 from foretouch.files import within_budget
+from foretouch.recordings.formats.tables import CsvTable
+from foretouch.recordings.source import require_names
 
 FORCE: Final = ("fx_N", "fy_N", "fz_N")
 TORQUE: Final = ("tx_Nm", "ty_Nm", "tz_Nm")
@@ -52,7 +52,7 @@ def read_poses(path: str | PathLike[str]) -> StaticPoses:
     Columns by name, in any order: ``fx_N, fy_N, fz_N``; perhaps ``tx_Nm, ty_Nm, tz_Nm``; and the direction of gravity
     in the sensor's frame, ``gx, gy, gz`` (any unit), or the sensor's orientation in a frame whose z points up, as a
     quaternion ``qw, qx, qy, qz`` that turns vectors of the sensor's frame into that frame. Rows with the same ``pose``
-    are averaged to one, if there is such a column, and tell the sensor's noise.
+    are averaged to one, if there is such a column, and give the sensor's noise.
 
     Raises:
         RecordingError: The file cannot be read, a column is missing, or a value is no finite number; the message names
@@ -62,17 +62,19 @@ def read_poses(path: str | PathLike[str]) -> StaticPoses:
 
 
 def _poses_in(path: str | PathLike[str]) -> StaticPoses:
-    header, rows, lines = _table(path)
-    force = _columns(path, header, rows, lines, FORCE)
-    torque = _columns(path, header, rows, lines, TORQUE) if any(name in header for name in TORQUE) else None
-    if QUATERNION[0] in header:
-        gravity = _down(_unit(path, _columns(path, header, rows, lines, QUATERNION), lines, "quaternion", strict=True))
+    try:
+        table = CsvTable(path, skip_empty=True)
+    except OSError as error:
+        raise RecordingError(path, f"cannot be read: {error.strerror or error}") from None
+    force = _vectors(table, FORCE)
+    torque = _vectors(table, TORQUE) if any(name in table.header for name in TORQUE) else None
+    if QUATERNION[0] in table.header:
+        gravity = _down(_unit(table, _vectors(table, QUATERNION), "quaternion", strict=True))
     else:
-        gravity = _unit(path, _columns(path, header, rows, lines, GRAVITY), lines, "gravity direction", strict=False)
+        gravity = _unit(table, _vectors(table, GRAVITY), "gravity direction", strict=False)
     noise = None
-    if POSE in header:
-        names = [row[header.index(POSE)].strip() for row in rows]
-        _, group = np.unique(names, return_inverse=True)
+    if POSE in table.header:
+        _, group = np.unique(table.texts(POSE), return_inverse=True)
         noise = _noise(force, group)
         force, gravity = _means(force, group), _means(gravity, group)
         gravity /= np.linalg.norm(gravity, axis=1, keepdims=True)
@@ -80,63 +82,29 @@ def _poses_in(path: str | PathLike[str]) -> StaticPoses:
     return StaticPoses(gravity, force, torque, noise)
 
 
-def _table(path: str | PathLike[str]) -> tuple[list[str], list[list[str]], list[int]]:
-    """Header, rows and their lines, as an editor counts."""
-    try:
-        text = Path(path).read_text(encoding="utf-8-sig")
-    except OSError as error:
-        raise RecordingError(path, f"cannot be read: {error.strerror or error}") from None
-    except UnicodeDecodeError:
-        raise RecordingError(path, "is no UTF-8 text: save it as CSV with UTF-8") from None
-    reader = csv.reader(text.splitlines())
-    rows, lines = [], []
-    try:
-        header = [name.strip() for name in next(reader, [])]
-        for row in reader:
-            if not any(cell.strip() for cell in row):
-                continue
-            if len(row) != len(header):
-                raise RecordingError(path, f"{len(row)} values, the header names {len(header)}", row=reader.line_num)
-            rows.append(row)
-            lines.append(reader.line_num)
-    except csv.Error as error:
-        raise RecordingError(path, f"is no CSV: {error}", row=reader.line_num) from None
-    twice = sorted({name for name in header if name in POSE_COLUMNS and header.count(name) > 1})
-    if twice:
-        raise RecordingError(path, f"column {twice[0]} is there {header.count(twice[0])} times", row=1)
-    if not rows:
-        raise RecordingError(path, "has no rows: one for each pose, below a header that names the columns")
-    return header, rows, lines
-
-
-def _columns(path: object, header: list[str], rows: list[list[str]], lines: list[int], names: tuple[str, ...]) -> Array:
-    missing = [name for name in names if name not in header]
-    if missing:
-        there = ", ".join(header)[:200]
-        what = f"column {', '.join(missing)} missing; the columns are {there}"
-        hint = "; give gx,gy,gz or qw,qx,qy,qz" if names in (GRAVITY, QUATERNION) else ""
-        raise RecordingError(path, what + hint, row=1)
-    places = [header.index(name) for name in names]
-    values = np.empty((len(rows), len(names)))
-    for number, (row, line) in enumerate(zip(rows, lines, strict=True)):
-        for column, (name, place) in enumerate(zip(names, places, strict=True)):
-            try:
-                values[number, column] = float(row[place])
-            except ValueError:
-                raise RecordingError(path, f"{name} is {row[place][:40]!r}, which is no number", row=line) from None
-            if not math.isfinite(values[number, column]):
-                raise RecordingError(path, f"{name} is {row[place]}: every value must be finite", row=line)
+def _vectors(table: CsvTable, names: tuple[str, ...]) -> Array:
+    """Columns beside each other, shape (n, k)."""
+    hint = "; give gx,gy,gz or qw,qx,qy,qz" if names in (GRAVITY, QUATERNION) else ""
+    require_names(table.path, table.header, names, row=1, hint=hint)
+    values = np.column_stack([*table.read_carefully(names).values()])
+    if not values.size:
+        raise RecordingError(table.path, "has no rows: one for each pose, below a header that names the columns")
+    for sample, column in np.argwhere(~np.isfinite(values))[:1]:
+        said = f"{names[column]} is {values[sample, column]}: every value must be finite"
+        raise RecordingError(table.path, said, row=table.row_of(int(sample)))
     return values
 
 
-def _unit(path: object, vectors: Array, lines: list[int], what: str, *, strict: bool) -> Array:
+def _unit(table: CsvTable, vectors: Array, what: str, *, strict: bool) -> Array:
     """The vectors with length 1."""
     lengths = np.linalg.norm(vectors, axis=1)
     bad = np.abs(lengths - 1.0) > UNIT_TOLERANCE if strict else lengths < 1e-3
     if bad.any():
-        row = int(np.argmax(bad))
+        sample = int(np.argmax(bad))
         rule = "it must be 1" if strict else "it must not be 0"
-        raise RecordingError(path, f"the {what} has length {lengths[row]:.4g}: {rule}", row=lines[row])
+        raise RecordingError(
+            table.path, f"the {what} has length {lengths[sample]:.4g}: {rule}", row=table.row_of(sample)
+        )
     return np.asarray(vectors / lengths[:, None])
 
 

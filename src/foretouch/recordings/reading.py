@@ -8,24 +8,24 @@ from collections.abc import Callable
 from dataclasses import replace
 from os import PathLike
 from pathlib import Path
-from typing import Final, NamedTuple
+from typing import Final, NamedTuple, Unpack
 
 import numpy as np
 
-from foretouch.errors import RecordingError, RecordingWarning, UnknownNameError
-from foretouch.errors.checks import require_path, require_type
+from foretouch.errors import RecordingError, RecordingWarning
+from foretouch.errors.checks import require_path
 from foretouch.files import within_budget
 from foretouch.quantities import Recording
 from foretouch.recordings.formats.arrays import Hdf5Table, open_mat
 from foretouch.recordings.formats.bags import Rosbag2
-from foretouch.recordings.formats.mcap_file import McapFile
-from foretouch.recordings.formats.published import FORCE_CHANNELS, is_tue, read_aurora, read_tue, recording_of
+from foretouch.recordings.formats.mcap import McapFile
+from foretouch.recordings.formats.published import is_tue, read_aurora, read_tue, recording_of
 from foretouch.recordings.formats.tables import CsvTable, ParquetTable
 from foretouch.recordings.formats.topics import TOPICS
 from foretouch.recordings.meaning.guess import HELP, guess_mapping
 from foretouch.recordings.meaning.mapped import read_mapped
 from foretouch.recordings.meaning.mapping import Mapping, Signal, TimeSource, Velocity, mapping_text, read_mapping
-from foretouch.recordings.meaning.names import REQUIRED, VELOCITY_KEY, Units, name_says
+from foretouch.recordings.meaning.names import REQUIRED, VELOCITY_KEY, ReadingKeywords, RecordingOptions, name_says
 from foretouch.recordings.session.follower_samples import read_follower
 from foretouch.recordings.source import Bag, Table, require_names
 
@@ -38,7 +38,7 @@ OPENERS: Final[dict[str, Callable[[str | PathLike[str]], Table | Bag]]] = {
     ".mcap": McapFile,
     ".db3": Rosbag2,
 }
-"""By ending; a folder is a rosbag2."""
+"""Readers by file ending; a folder is a rosbag2."""
 
 SUFFIXES: Final = (".csv", ".parquet", ".mat", ".ddf", ".npz", ".mcap", ".h5", ".hdf5", ".db3")
 """Endings of the files that can be read; a folder is read as a rosbag2."""
@@ -83,12 +83,12 @@ SHORTEST_STEP, LONGEST_STEP = 2e-5, 0.2
 
 
 class Read(NamedTuple):
-    """A recording and how it came about.
+    """A recording and how it was read.
 
     Attributes:
-        recording: What was read.
+        recording: The recording.
         notes: Sentences for people: a map that was guessed, clocks, samples that were left out.
-        mapping: That it was read by, None for formats that state their own.
+        mapping: Map that it was read by, None for formats that state their own.
     """
 
     recording: Recording
@@ -98,22 +98,18 @@ class Read(NamedTuple):
 
 def read_recording(
     path: str | PathLike[str],
+    options: RecordingOptions | None = None,
     *,
-    position_unit: str | None = None,
-    force_unit: str | None = None,
-    flip: bool = False,
-    flip_force: bool = False,
-    force_channel: str = "raw",
-    map_file: str | PathLike[str] | None = None,
     budget: float | None = None,
+    **named: Unpack[ReadingKeywords],
 ) -> Recording:
-    """Recording from a file; its ending says which format.
+    """Recording from a file; its ending gives the format.
 
     What was guessed, and what looks wrong (signs, clocks), is a `foretouch.errors.RecordingWarning`; a map that is
     given leaves nothing to guess, and `read_with_notes` returns the sentences.
 
     - ``.csv``, ``.parquet``: columns ``time_s``, ``position_m``, ``force_N`` and perhaps ``velocity_m_s``, or others
-      that a map names or their own names tell.
+      that a map or their own names identify.
     - ``.mat``: a TU/e teleoperation recording, or any variables by a map. ``.ddf``: an Aurora skin indentation.
     - ``.npz``: an excerpt of these, which the package carries: `foretouch.recordings.excerpt`.
     - ``.h5``, ``.hdf5``: datasets.
@@ -122,32 +118,20 @@ def read_recording(
 
     Args:
         path: The file.
-        position_unit: What positions are in, where columns are named as above or the file does not say: ``"m"``,
-            ``"cm"``, ``"mm"`` or ``"um"``; velocities are in the same a second.
-        force_unit: What its forces are in: ``"N"``, ``"mN"``, ``"cN"`` or ``"kN"``.
-        flip: Whether positions grow out of the material; position and velocity then change sign.
-        flip_force: Whether forces are negative under load; they then change sign.
-        force_channel: For TU/e recordings ``"raw"`` (the force bridge) or ``"logged"`` (the low-pass filtered torque).
-        map_file: TOML file of a `Mapping`: which column or message field is what, in which unit.
-        budget: How many times the usual memory and time its reading may take, which is done in a process of its own
-            (`foretouch.files.budget_for`); without it, what the environment variable ``FORETOUCH_FILE_BUDGET`` says.
+        options: How it is to be read, where the file does not say so by itself.
+        budget: How many times the usual memory and time its reading may take, which is done in a separate process
+            (`foretouch.files.budget_for`); without it, the environment variable ``FORETOUCH_FILE_BUDGET`` is used.
+        **named: In place of `options`, its attributes by name: ``position_unit``, ``force_unit``, ``flip``,
+            ``flip_force``, ``force_channel`` and ``map_file``, as `foretouch.recordings.RecordingOptions` has them.
 
     Raises:
         RecordingError: The file cannot be used, or is over the budget; the message names file, row and rule.
         UnknownNameError: A unit or force channel that is not known.
         ArgumentTypeError: A path or a unit that is none.
+        TypeError: Options are given as one object and by name too.
         MissingExtraError: The format needs a package of the extra ``recordings``.
     """
-    read = read_with_notes(
-        path,
-        position_unit=position_unit,
-        force_unit=force_unit,
-        flip=flip,
-        flip_force=flip_force,
-        force_channel=force_channel,
-        map_file=map_file,
-        budget=budget,
-    )
+    read = read_with_notes(path, options, budget=budget, **named)
     for note in read.notes:
         warnings.warn(f"{path}: {note}", RecordingWarning, stacklevel=2)
     return read.recording
@@ -155,14 +139,10 @@ def read_recording(
 
 def read_with_notes(
     path: str | PathLike[str],
+    options: RecordingOptions | None = None,
     *,
-    position_unit: str | None = None,
-    force_unit: str | None = None,
-    flip: bool = False,
-    flip_force: bool = False,
-    force_channel: str = "raw",
-    map_file: str | PathLike[str] | None = None,
     budget: float | None = None,
+    **named: Unpack[ReadingKeywords],
 ) -> Read:
     """The same with sentences on how: see `read_recording`.
 
@@ -170,25 +150,35 @@ def read_with_notes(
         RecordingError: As there.
         UnknownNameError: As there.
         ArgumentTypeError: As there.
+        TypeError: As there.
         MissingExtraError: As there.
     """
     require_path("path", path)
-    if map_file is not None:
-        require_path("map_file", map_file)
-    for name, text in (("position_unit", position_unit), ("force_unit", force_unit)):
-        require_type(name, text, (str, type(None)), "the name of a unit, or None for what the file says")
-    units = Units(position_unit, force_unit, flip, flip_force)
-    if force_channel not in FORCE_CHANNELS:
-        raise UnknownNameError("force channel", force_channel, FORCE_CHANNELS)
+    options = options_of(options, named)
     suffix = require_readable(path)
-    if suffix not in (".mat", ".npz") and force_channel != "raw":
+    if suffix not in (".mat", ".npz") and options.force_channel != "raw":
         raise RecordingError(path, "only a TU/e recording has another --force-channel: leave it out")
-    if map_file is None:
-        return within_budget(path, budget, _by_itself, path, suffix, units, force_channel)
-    if units != Units() or force_channel != "raw":
+    if options.map_file is None:
+        return within_budget(path, budget, _by_itself, path, suffix, options)
+    if options.states_units():
         given = "--position-unit, --force-unit, --flip, --flip-force"
-        raise RecordingError(map_file, f"a map states units and signs: leave {given} out")
-    return within_budget(path, budget, _by_given_map, path, read_mapping(map_file))
+        raise RecordingError(options.map_file, f"a map states units and signs: leave {given} out")
+    return within_budget(path, budget, _by_given_map, path, read_mapping(options.map_file))
+
+
+def options_of(options: RecordingOptions | None, named: ReadingKeywords) -> RecordingOptions:
+    """The options, given as one object or by name.
+
+    Raises:
+        UnknownNameError: As of `RecordingOptions`.
+        ArgumentTypeError: As there.
+        TypeError: They are given in both ways, or a name is not known.
+    """
+    if options is None:
+        return RecordingOptions(**named)
+    if named:
+        raise TypeError(f"options are given, and {', '.join(named)} beside them: give all in one way")
+    return options
 
 
 def is_session(path: str | PathLike[str]) -> bool:
@@ -197,11 +187,11 @@ def is_session(path: str | PathLike[str]) -> bool:
     if file.suffix.lower() != ".mcap" or not file.is_file():
         return False
     if file.stat().st_size < 64:
-        return True  # cut off before anything was flushed, as the reader of sessions says
+        return True  # cut off before anything was flushed, as the reader of sessions reports
     try:
         return within_budget(path, None, _has_our_topics, path)
     except RecordingError:
-        return True  # damaged: that reader says where
+        return True  # damaged: that reader reports where
 
 
 def _has_our_topics(path: str | PathLike[str]) -> bool:
@@ -214,48 +204,48 @@ def _by_given_map(path: str | PathLike[str], mapping: Mapping) -> Read:
     return _by_map(open_source(path), mapping)
 
 
-def _by_itself(path: str | PathLike[str], suffix: str, units: Units, force_channel: str) -> Read:
+def _by_itself(path: str | PathLike[str], suffix: str, options: RecordingOptions) -> Read:
     """Formats that state what they hold, else a guess."""
     stated = suffix in (".ddf", ".npz") or (suffix == ".mcap" and is_session(path))
     tue = suffix == ".mat" and is_tue(path)
-    if (stated or tue) and (units.position or units.force):
+    if (stated or tue) and (options.position_unit or options.force_unit):
         raise RecordingError(path, f"a {suffix} file states its own units: leave --position-unit and --force-unit out")
     if suffix == ".npz":
-        return _stated(recording_of(path, force_channel, flip=units.flip), units)
+        return _stated(recording_of(path, options.force_channel, flip=options.flip), options)
     if suffix == ".ddf":
-        return _stated(read_aurora(path, flip=units.flip), units)
+        return _stated(read_aurora(path, flip=options.flip), options)
     if tue:
-        return _stated(read_tue(path, force_channel, flip=units.flip), units)
+        return _stated(read_tue(path, options.force_channel, flip=options.flip), options)
     if stated:
-        return _stated(read_follower(path, flip=units.flip), units)
+        return _stated(read_follower(path, flip=options.flip), options)
     source = open_source(path)
-    if force_channel != "raw":
+    if options.force_channel != "raw":
         raise RecordingError(path, "only a TU/e recording has another --force-channel: leave it out")
     if isinstance(source, Table) and suffix in (".csv", ".parquet") and not source.stated_map:
         names = [column.name for column in source.columns]
         if set(REQUIRED) <= set(names) and not any(column.unit for column in source.columns):
-            return _by_map(source, _by_names(names, units), guessed=False)
+            return _by_map(source, _by_names(names, options), guessed=False)
     guess = guess_mapping(source)
     missing = guess.problems and not any(guess.candidates.values())
     if missing and isinstance(source, Table) and suffix in (".csv", ".parquet"):
         names = [column.name for column in source.columns]
-        if set(REQUIRED) & set(names):  # whoever named one column so meant the others too
+        if set(REQUIRED) & set(names):  # where one column has such a name, the others were meant too
             require_names(path, names, REQUIRED, row=1)
-    mapping = guess.in_units(units).mapping()
+    mapping = guess.in_units(options).mapping()
     read = _by_map(source, mapping, guessed=not source.stated_map)
     return read._replace(notes=(*read.notes, *guess.notes))
 
 
-def _stated(recording: Recording, units: Units) -> Read:
+def _stated(recording: Recording, options: RecordingOptions) -> Read:
     """A recording in a format that states what it holds, its forces turned round if that is asked for."""
-    return Read(replace(recording, force=-recording.force) if units.flip_force else recording, (), None)
+    return Read(replace(recording, force=-recording.force) if options.flip_force else recording, (), None)
 
 
-def _by_names(names: list[str], units: Units) -> Mapping:
+def _by_names(names: list[str], options: RecordingOptions) -> Mapping:
     """The map of a table whose columns are named as the contract has them."""
     return Mapping(
-        Signal(column="position_m", unit=units.position or "m", sign=-1 if units.flip else 1),
-        Signal(column="force_N", unit=units.force or "N", sign=-1 if units.flip_force else 1),
+        Signal(column="position_m", unit=options.position_unit or "m", sign=-1 if options.flip else 1),
+        Signal(column="force_N", unit=options.force_unit or "N", sign=-1 if options.flip_force else 1),
         TimeSource(column="time_s"),
         Velocity(column=VELOCITY_KEY) if VELOCITY_KEY in names else None,
     )
@@ -277,7 +267,7 @@ def _by_map(source: Table | Bag, mapping: Mapping, *, guessed: bool = False) -> 
 
 
 def _require_likely_times(table: Table, mapping: Mapping, recording: Recording) -> None:
-    """Refuse times whose unit nobody states, and that as seconds have steps that no recording of presses has.
+    """Refuse times of unstated unit that as seconds have steps that no recording of presses has.
 
     Raises:
         RecordingError: They are milliseconds, as it seems, or something else.

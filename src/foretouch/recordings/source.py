@@ -48,9 +48,9 @@ class Topic:
     """One topic of a bag.
 
     Attributes:
-        name: Of the topic.
-        type_name: Of its messages.
-        count: Of its messages.
+        name: Name of the topic.
+        type_name: Type of its messages.
+        count: Number of its messages.
     """
 
     name: str
@@ -63,8 +63,8 @@ class Series(ByValue):
     """Numbers out of the messages of one topic, in the order of the file.
 
     Attributes:
-        topic: Whose they are.
-        log_ns: When the recorder took each message [ns], shape (n,).
+        topic: Topic of the messages.
+        log_ns: Time at which the recorder took each message [ns], shape (n,).
         stamp_ns: Stamp in the header of each [ns], shape (n,), or None where the messages have none, or it is not set.
         values: Field name to numbers, shape (n,).
         left_out: Messages that have not all of the fields.
@@ -81,8 +81,8 @@ class Table(ABC):
     """An opened table.
 
     Attributes:
-        path: Of the file.
-        format: For people.
+        path: Path of the file.
+        format: Name of the format, for people.
         columns: All that hold numbers, or may.
         first_row: Row of the first sample, as messages count.
         stated_map: Text of the map that the file carries, or empty.
@@ -114,11 +114,11 @@ class Bag(ABC):
     """An opened bag.
 
     Attributes:
-        path: Of the file or folder.
-        format: For people.
+        path: Path of the file or folder.
+        format: Name of the format, for people.
         topics: All of them.
         begin_ns: Log time of the first message [ns].
-        end_ns: Of the last [ns].
+        end_ns: Log time of the last message [ns].
         whole: Whether it was ended by its recorder.
         stated_map: Text of the map that the file carries, or empty.
     """
@@ -151,7 +151,7 @@ class Bag(ABC):
         Args:
             topic: Its name.
             fields: None for the times alone.
-            within: So many bytes of messages, the first ones, or about so; all without it.
+            within: About the number of bytes of messages, the first ones, that are read; all without it.
 
         Raises:
             RecordingError: No such topic or field, no messages, or messages that cannot be read.
@@ -159,7 +159,7 @@ class Bag(ABC):
 
     @abstractmethod
     def first_rate(self, topic: str, most: int) -> float:
-        """How often the first so many messages of a topic come [1/s]; 0 where there are not two, or at one time.
+        """How often the first `most` messages of a topic come [1/s]; 0 where there are not two, or at one time.
 
         Raises:
             RecordingError: No such topic, or the file is damaged.
@@ -189,15 +189,25 @@ def gathered(topics: Iterable[Topic]) -> tuple[Topic, ...]:
     return tuple(Topic(*key, count) for key, count in counts.items())
 
 
-def require_names(source: object, there: Sequence[str], names: Iterable[str], *, row: int | None = None) -> None:
-    """Refuse a table that has a column not at all, or twice.
+def require_names(
+    source: object, there: Sequence[str], names: Iterable[str], *, row: int | None = None, hint: str = ""
+) -> None:
+    """Refuse a table in which a column is missing, or there twice.
+
+    Args:
+        source: Name of the file, for messages.
+        there: Names of the columns that it has.
+        names: Names of those that are needed.
+        row: Row of the header.
+        hint: What to do where one is missing.
 
     Raises:
-        RecordingError: That.
+        RecordingError: A column is missing, or there twice.
     """
     missing = [name for name in names if name not in there]
     if missing:
-        raise RecordingError(source, f"column {', '.join(missing)} missing; the columns are {listed(there)}", row=row)
+        problem = f"column {', '.join(missing)} missing; the columns are {listed(there)}{hint}"
+        raise RecordingError(source, problem, row=row)
     for name in names:
         if there.count(name) > 1:
             raise RecordingError(source, f"column {name} is there {there.count(name)} times", row=row)

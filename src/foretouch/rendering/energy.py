@@ -1,6 +1,6 @@
 """The energy account of a whole session, and the ceiling on force that keeps it in bounds.
 
-With it stands what rendering has to know of a device and of any account of its energy.
+It also has the interfaces that rendering needs of a device and of an account of its energy.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from foretouch.errors.checks import require
 
 
 class AccountedDevice(Protocol):
-    """What an account has to know of the device that the hand holds."""
+    """Properties of the hand's device that an account needs."""
 
     @property
     def resolution(self) -> float:
@@ -20,47 +20,47 @@ class AccountedDevice(Protocol):
 
     @property
     def delay(self) -> float:
-        """From reading a position until the force computed from it acts [s]."""
+        """Time from reading a position until the force computed from it acts [s]."""
 
     @property
     def watchdog(self) -> float:
-        """Time after which the device takes a force away by itself that nobody has renewed [s]; 0 for never."""
+        """Time after which the device ends a force that is not renewed [s]; 0 for never."""
 
 
 @runtime_checkable
 class RenderingDevice(AccountedDevice, Protocol):
-    """What rendering has to know of a device that the hand feels."""
+    """Properties of the hand's device that rendering needs."""
 
     @property
     def damping(self) -> float:
-        """B [N s/m]."""
+        """Damping B [N s/m]."""
 
     @property
     def force_limit(self) -> float:
-        """[N]."""
+        """Largest force [N]."""
 
     @property
     def stiffness_by_encoder(self) -> float:
-        """What one count of the encoder allows [N/m], infinite without one."""
+        """Stiffness that one count of the encoder allows [N/m], infinite without one."""
 
     def largest_stiffness(self, sample_period: float) -> float:
         """The stiffest spring that it renders passively at this period [s], by its damping and its encoder [N/m]."""
 
 
 class RenderingAccount(Protocol):
-    """What rendering has to know of the energy: `EnergyAccount`, or what it is in space (`NormalAccount`)."""
+    """Account of energy for rendering: `EnergyAccount`, or its view in space (`NormalAccount`)."""
 
     @property
     def energy(self) -> float:
-        """E [J]."""
+        """Energy E [J]."""
 
     @property
     def late_energy(self) -> float:
-        """L [J]."""
+        """Late energy L [J]."""
 
     @property
     def bound(self) -> float:
-        """Of E [J]."""
+        """Bound of E [J]."""
 
     @property
     def ceiling(self) -> float:
@@ -70,36 +70,36 @@ class RenderingAccount(Protocol):
         """The bound [J] once this force [N] has been held."""
 
     def close(self) -> None:
-        """Contact is lost."""
+        """End the contact."""
 
     def observe(self, position: float, period: float) -> None:
-        """Book the work up to where the hand is now [m], this time [s] after the tick before."""
+        """Book the work up to the hand's present position [m], this time [s] after the previous tick."""
 
     def hold(self, force: float) -> None:
-        """From now on this force acts [N]."""
+        """Hold this force from now on [N]."""
 
 
 SMALLEST_COUNT = 1e-6
-"""[m]."""
+"""Least count of an encoder [m]."""
 
 WAY_BACK = 1e-3
-"""Part of the largest force that is not cut, as long as half a count of the encoder pays for it: with it, whoever
-presses again builds the force up anew, doubling it in each step; ten times less takes some three steps more."""
+"""Fraction of the largest force that is not cut while half a count of the encoder pays for it: with it, an operator who
+presses again builds the force up by doubling it in each step; ten times less takes some three steps more."""
 
 FASTEST_HAND = 2.0
-"""No hand that holds a handle is faster [m/s]: what a position goes beyond that in a tick is no motion but an encoder's
-fault, and not to widen the bound. Twice what a device may show by its conformance check."""
+"""Largest speed of a hand on a handle [m/s]: motion beyond it in a tick is an encoder's fault and must not widen the
+bound. Twice what a device may show by its conformance check."""
 
 SAMPLE_PERIOD = 1e-3
-"""Period of a loop where nothing else is said [s]."""
+"""Default period of a loop [s]."""
 
 
 class Ledger:
-    r"""What is booked of a force that is held from tick to tick, and how much more of it may be held.
+    r"""Books the work of a force that is held from tick to tick, and limits the force that may be held.
 
-    Debts are kept over contacts, surplus is forgiven at the loss of each: what was dissipated in one press pays for
-    nothing in the next, and what was given out too much is owed until it is paid. So the account is never above the
-    work W of the whole session, the integral of force times motion:
+    Debts are kept over contacts, surplus is forgiven at the loss of each: dissipation in one press pays for nothing in
+    the next, and excess output is owed until it is paid. So the account is never above the work W of the whole session,
+    the integral of force times motion:
 
     .. math::
         E_{k+1} &= E_k + \left(\delta f_{k-1} + (1 - \delta) f_k\right) (x_{k+1} - x_k), \quad \delta = d / T \\
@@ -108,21 +108,21 @@ class Ledger:
 
     A force acts from the delay d after its position was read until d after the next one was; in a tick the hand is
     taken to move evenly, and with d = 0 the sum is the work itself. F is the largest force of the session so far, and D
-    the farthest that the hand went in one tick of the nominal period T and one count of the encoder, Delta, more.
+    the longest motion of the hand in one tick of the nominal period T plus one count of the encoder, Delta.
 
     A tick that comes late, positions that are missing and steps that no hand makes count in E for T alone, evenly. The
-    rest of their work is L, whose surplus is forgiven at once and whose debt is kept: it widens no bound and closes no
-    ceiling, and is told beside them. In each tick without a position, too, the former force acts until d. A device's
-    watchdog ends a force when it has acted for so long, and nothing acts until the next one does.
+    rest of their work is L, whose surplus is forgiven at once and whose debt is kept: it widens no bound, closes no
+    ceiling and is reported beside them. In each tick without a position, too, the former force acts until d. A device's
+    watchdog ends a force after its time, and none acts until the next one does.
 
-    The bound is what sampling and delay make of a spring that takes nothing: pressed and let go at speed v, it gives
-    back K x v (T + 2 d) more than was put in. `docs/stability.md` has the proof.
+    The bound is the effect of sampling and delay on a spring without loss: pressed and let go at speed v, it gives back
+    K x v (T + 2 d) more than was put in. `docs/stability.md` has the proof.
 
     Args:
         resolution: One count of the encoder [m], not negative; less than a micrometre counts as one.
-        sample_period: T, positive [s].
-        delay: d, 0 to T [s].
-        watchdog: Time for which the device gives a force that nobody renews [s], T or more; 0 for no end.
+        sample_period: Period T, positive [s].
+        delay: Delay d, 0 to T [s].
+        watchdog: Time after which the device ends a force that is not renewed [s], T or more; 0 for no end.
 
     Attributes:
         energy: E [J].
@@ -160,7 +160,7 @@ class Ledger:
         require("watchdog", watchdog, at_least=0.0)
         self._count = max(resolution, SMALLEST_COUNT)
         self._period = sample_period
-        self._delay = self._lasts = delay  # the former force acts for so long in the tick that is to pass
+        self._delay = self._lasts = delay  # time for which the former force acts in the coming tick
         self._share = delay / sample_period
         self._ends = delay + (watchdog or math.inf)  # of a force, after its tick began
         self._elapsed = 0.0
@@ -171,13 +171,13 @@ class Ledger:
 
     @classmethod
     def of(cls, device: AccountedDevice | None, sample_period: float = SAMPLE_PERIOD) -> Self:
-        """The account of a device at this period [s]; of none, of a hand without a device."""
+        """The account of a device at this period [s]; None is a hand without a device."""
         if device is None:
             return cls(sample_period=sample_period)
         return cls(device.resolution, sample_period=sample_period, delay=device.delay, watchdog=device.watchdog)
 
     def close(self) -> None:
-        """Contact is lost: forgive what the hand has put in beyond what it was given. A debt stays."""
+        """End the contact: forgive what the hand has put in beyond what it was given. A debt stays."""
         if self.energy > 0.0:
             self.energy = 0.0
 
@@ -193,8 +193,8 @@ class Ledger:
         return (1.0 + 2.0 * self._share) * (force if force > largest else largest) * step
 
     def _ceiling(self, held: float) -> float:
-        """Largest force that may be held now [N], after this one, which still acts for d [N]."""
-        if self._elapsed > 0.0:  # nobody knows where the hand is
+        """Largest force that may be held now [N], after the present one [N], which still acts for d."""
+        if self._elapsed > 0.0:  # the position of the hand is unknown
             return held
         if self.energy >= 0.0:
             return math.inf
@@ -208,10 +208,10 @@ class Ledger:
         return max(ceiling, least, 0.0)
 
     def _pass(self, period: float) -> tuple[float, float]:
-        """Let a tick pass that took this time [s].
+        """Let a tick of this length pass [s].
 
         Returns:
-            For how long the former force and the newest acted in it beyond what the nominal tick has of them [s].
+            Time for which the former and the newest force acted in it beyond their part of the nominal tick [s].
         """
         period = period if 0.0 < period < math.inf else self._period
         until = period if period < self._ends else self._ends
@@ -224,7 +224,7 @@ class Ledger:
         return late
 
     def _arrive(self, distance: float) -> tuple[float, float, float]:
-        """At a new position, so far from the one before [m]: the parts of that way by which each force is booked.
+        """Take a new position at this distance from the former one [m]: fractions of it by which each force is booked.
 
         Returns:
             For the nominal force, in E and in L [-], and for what acted beyond the nominal period, in L [1/s].
@@ -235,7 +235,7 @@ class Ledger:
         return part, even - part, 1.0 / elapsed
 
     def _book(self, work: float, late: float, step: float, *, pressed: bool) -> None:
-        """Book a nominal step [m], its work and the late one [J]."""
+        """Book a nominal step [m], its work and the late work [J]."""
         self.energy += work
         owed = self.late_energy + late
         self.late_energy = owed if owed < 0.0 else 0.0
@@ -249,12 +249,12 @@ class EnergyAccount(Ledger):
 
     Args:
         resolution: See `Ledger`, as for the others.
-        sample_period: T [s].
-        delay: d [s].
-        watchdog: [s].
+        sample_period: Period T [s].
+        delay: Delay d [s].
+        watchdog: Watchdog time of the device [s].
 
     Attributes:
-        force: f, held now [N].
+        force: Force f, held now [N].
 
     References:
         Hannaford and Ryu (2002), Time-domain passivity control of haptic interfaces, IEEE Transactions on Robotics and
@@ -283,11 +283,11 @@ class EnergyAccount(Ledger):
         return self._ceiling(self.force)
 
     def observe(self, position: float, period: float = 0.0) -> None:
-        """Book the work of the held force up to where the hand is now.
+        """Book the work of the held force up to the hand's present position.
 
         Args:
-            position: [m]; one that is no number is missing.
-            period: Since the tick before [s]; what is none counts as the nominal one.
+            position: Position of the hand [m]; one that is not a number is missing.
+            period: Time since the previous tick [s]; an invalid one counts as the nominal one.
         """
         before, held = self._before, self.force
         if not self._elapsed > 0.0:
@@ -304,7 +304,7 @@ class EnergyAccount(Ledger):
             self._book(part * acted, beyond * acted + rate * late, part * abs(moved), pressed=self._acted > 0.0)
 
     def hold(self, force: float) -> None:
-        """From now on this force acts [N], 0 or more."""
+        """Hold this force from now on [N], 0 or more."""
         self.force = force
         if force > self.largest_force:
             self.largest_force = force

@@ -13,10 +13,10 @@ Vector: TypeAlias = tuple[float, float, float]
 NOTHING: Vector = (0.0, 0.0, 0.0)
 
 VELOCITY_CUTOFF = 30.0
-"""Velocity is low-passed at this [Hz]: counts of the encoder are not to be felt."""
+"""Cut-off of the velocity low-pass [Hz]: counts of the encoder are not to be felt."""
 
 VISCOUS_SHARE = 0.5
-"""So much of the device's damping, at most, carries viscous friction; the rest carries the bristle."""
+"""Largest fraction of the device's damping that carries viscous friction; the rest carries the bristle."""
 
 
 class FrictionRenderer:
@@ -26,9 +26,9 @@ class FrictionRenderer:
         z &\leftarrow P (z + \Delta p), \quad P = I - n n^T, \quad |k z| \le \mu f_n \\
         f &= -k z - c\, v
 
-    z is how far the bristle is bent, p the point that is touched, n the normal, v the low-passed velocity along the
-    surface. What the cone leaves of z is forgotten (it slides, or lets go where f_n falls), and a bend that turns with
-    the normal only grows shorter: so the bristle stores :math:`k |z|^2 / 2` and never gives back more.
+    z is the bend of the bristle, p the touched point, n the normal, v the low-passed velocity along the surface. The
+    part of z beyond the cone is forgotten (it slides, or lets go where f_n falls), and a bend that turns with the
+    normal only grows shorter: so the bristle stores :math:`k |z|^2 / 2` and never gives back more.
 
     **Passive.** The force of a tick, held while the hand moves by :math:`\Delta p`, gives out at most
     :math:`k |\Delta p|^2 / 2` more than the bristle loses and, over a motion, :math:`c |\Delta p|^2 / T` more than
@@ -38,20 +38,20 @@ class FrictionRenderer:
     .. math:: c \le b / 2, \quad k \le \min(K, (b - c) / (T / 2 + d))
 
     and without a delay device and friction together never give out energy, whatever the motion, normal force, mu and
-    normal do; with one, where the bristle does not slide. What is left the account of energy sees.
+    normal do; with one, where the bristle does not slide. The account of energy covers the rest.
 
     Args:
-        stiffness: K, that the device carries [N/m], positive.
-        device_damping: b, of the device along the surface [N s/m], not negative; infinite for no device.
-        delay: d, from reading a position until the force acts [s], not negative.
+        stiffness: Stiffness K that the device carries [N/m], positive.
+        device_damping: Damping b of the device along the surface [N s/m], not negative; infinite for no device.
+        delay: Delay d, from reading a position until the force acts [s], not negative.
 
     Attributes:
-        bend: z [m].
+        bend: Bend z [m].
         stored: Energy in the bristle [J].
         sliding: Whether the bristle was at the cone in the newest tick.
 
     Raises:
-        SettingError: A setting out of range.
+        SettingError: A setting is out of range.
 
     References:
         Dahl (1968) and Hayward and Armstrong (2000), A new computational model of friction applied to haptic rendering,
@@ -73,7 +73,7 @@ class FrictionRenderer:
         self.restart()
 
     def restart(self) -> None:
-        """Contact is lost: nothing is bent."""
+        """End the contact: the bristle is straight."""
         self._place: Vector | None = None
         self._velocity: Vector = NOTHING
         self.bend: Vector = NOTHING
@@ -89,15 +89,15 @@ class FrictionRenderer:
         viscous: float,
         period: float,
     ) -> Vector:
-        r"""One tick; never raises, and gives no force for numbers that are none.
+        r"""One tick; never raises, and gives no force for invalid numbers.
 
         Args:
-            point: That is touched: the proxy on the surface [m].
-            normal: Outward, of length 1.
-            normal_force: f_n [N]; not above zero is no contact.
+            point: The touched point: the proxy on the surface [m].
+            normal: Outward normal, of length 1.
+            normal_force: Normal force f_n [N]; not above zero is no contact.
             mu: Coefficient of friction [-]; below zero counts as zero.
-            viscous: c [N s/m]; the same.
-            period: T, since the tick before [s].
+            viscous: Viscous friction c [N s/m]; below zero counts as zero.
+            period: Time T since the previous tick [s].
 
         Returns:
             The force on the hand [N]: along the surface, of length :math:`\mu f_n + c |v|` at most.
@@ -120,7 +120,7 @@ class FrictionRenderer:
         return -fx - c * ux, -fy - c * uy, -fz - c * uz
 
     def _bent(self, moved: Vector, nx: float, ny: float, nz: float, k: float, cone: float) -> Vector:
-        """Bend the bristle by what the point has moved, and let it slide where it is at the cone."""
+        """Bend the bristle by the motion of the point, and let it slide where it is at the cone."""
         bend = self.bend
         x, y, z = _along((bend[0] + moved[0], bend[1] + moved[1], bend[2] + moved[2]), nx, ny, nz)
         size = math.sqrt(x * x + y * y + z * z)
@@ -144,7 +144,7 @@ class FrictionRenderer:
 
 
 def _along(vector: Vector, nx: float, ny: float, nz: float) -> Vector:
-    """What of a vector is along the surface."""
+    """Component of a vector along the surface."""
     x, y, z = vector
     out = x * nx + y * ny + z * nz
     return x - out * nx, y - out * ny, z - out * nz

@@ -1,6 +1,6 @@
-"""The last stage before the hand, limits on force and its change; and the share of a model that a device can carry.
+"""Limits on force and its rate, the last stage before the hand; and the share of a model that a device can carry.
 
-The share is what stays passive when it is rendered from samples.
+This share keeps rendering from samples passive.
 """
 
 from __future__ import annotations
@@ -17,10 +17,10 @@ LARGEST_FORCE = 10.0
 """Default limit of the rendered force [N]."""
 
 NOTICED = 1e-3
-"""Less is not worth telling [N]."""
+"""Least change by a limit that is reported [N]."""
 
 LARGEST_FORCE_RATE = 200.0
-"""Default limit of its rate [N/s]."""
+"""Default limit of the force rate [N/s]."""
 
 
 class ForceLimiter:
@@ -32,11 +32,11 @@ class ForceLimiter:
     A force that is not finite counts as zero: the rendered force then falls to zero as fast as the rate allows.
 
     Args:
-        largest_force: [N], positive.
-        largest_rate: [N/s], positive.
+        largest_force: Limit of the force [N], positive.
+        largest_rate: Limit of the rate [N/s], positive.
 
     Attributes:
-        largest_force: [N].
+        largest_force: Limit of the force [N].
         force: The newest limited force [N], from 0 to `largest_force`.
         clipped: Whether a limit changed the newest force, by more than 1 mN.
     """
@@ -55,14 +55,14 @@ class ForceLimiter:
         """Limit one tick's force [N].
 
         Args:
-            wanted: [N].
+            wanted: Force to be limited [N].
             period: Time since the last tick [s].
-            ceiling: Never more than this [N], however fast that is; 0 or more.
+            ceiling: Largest force [N], whatever the rate; 0 or more.
         """
         step = self._largest_rate * (period if period > 0.0 else 0.0)
         lowest, highest = self.force - step, self.force + step
         force = wanted if 0.0 <= wanted < math.inf else 0.0
-        # Without `min` and `max`, which take longer than all the rest of it.
+        # Without `min` and `max`, which take longer than the rest.
         force = self.largest_force if force > self.largest_force else force
         force = lowest if force < lowest else force
         force = highest if force > highest else force
@@ -73,7 +73,7 @@ class ForceLimiter:
 
 
 COSINES = 4001
-"""Frequencies at which kappa is looked for, even in the cosine: its maximum is found to six digits."""
+"""Number of frequencies of the search for kappa, even in the cosine: its maximum is found to six digits."""
 
 
 def rendered_share(
@@ -92,7 +92,7 @@ def rendered_share(
     A proxy that takes part in the share rho of the motion is felt with rho K and rho B, so that the condition for
     passive rendering from samples holds. For a velocity that is the plain difference of two positions, and a force that
     acts at once, it is the well-known :math:`b > K T / 2 + |B|` (Colgate and Schenkel); with a delay d from reading a
-    position until the force acts, :math:`b > K (T / 2 + d)` (Diolaiti et al.). Ours goes through the low-pass of
+    position until the force acts, :math:`b > K (T / 2 + d)` (Diolaiti et al.). Here the velocity passes the low-pass of
     `MotionFilter`; the theorem holds for any transfer function H(z) of position to force, here for a hand that moves
     evenly in a tick:
 
@@ -100,11 +100,11 @@ def rendered_share(
         {1 - \cos \omega T}, \quad H = K + \frac{B}{T} \frac{c\,(1 - z^{-1})}{1 - (1 - c)\, z^{-1}}
 
     with :math:`z = e^{j \omega T}`, :math:`\delta = d / T` and :math:`c = 1 - e^{-2 \pi f_c T}`. Its spring part is
-    largest at rest, and so is its damping part for B < 0; for B > 0 that is the share kappa of B, without a delay
-    c / (2 - c) at half the sample rate (a quarter at 80 Hz and 1 kHz).
+    largest at rest, and so is its damping part for B < 0; for B > 0 that is the fraction kappa of B, without a delay c
+    / (2 - c) at half the sample rate (a quarter at 80 Hz and 1 kHz).
 
-    One count of the encoder moves the force by the stiffness and, through the velocity, by the damping: of that no more
-    is rendered than the encoder allows,
+    One count of the encoder moves the force by the stiffness and, through the velocity, by the damping: the encoder
+    limits both,
 
     .. math:: \rho \left(K + \frac{c |B|}{T}\right) \le K_e
 
@@ -134,7 +134,7 @@ def rendered_share(
 
 @lru_cache(maxsize=16)
 def _low_pass(sample_period: float, delay: float) -> tuple[float, float]:
-    """c, of the low-pass of `MotionFilter`, and kappa, what it leaves of damping that has to be carried."""
+    """c, of the low-pass of `MotionFilter`, and kappa, the fraction of damping behind it that has to be carried."""
     gain, delta = -math.expm1(-2.0 * math.pi * VELOCITY_CUTOFF * sample_period), delay / sample_period
     kept = 1.0 - gain
     cosine = np.linspace(-1.0, 1.0, COSINES)

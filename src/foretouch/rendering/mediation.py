@@ -6,16 +6,16 @@ import math
 from collections.abc import Callable
 
 LARGEST_STEP = 0.08
-"""Models change the force by at most so much in one tick [N]; people do not feel 0.1 N."""
+"""Largest change of force by models in one tick [N]; people do not feel 0.1 N."""
 
 RELEASE_TIME = 0.01
-"""Time constant in which what is held back is let in [s]."""
+"""Time constant in which the offset is removed [s]."""
 
 GIVEN_BACK = 0.75
-"""Part of what a press has put in that it may have back although the account is beyond its bound: the rest pays."""
+"""Fraction of the work put in by a press that it may get back although the account is beyond its bound."""
 
 SMALLEST_OFFSET = 1e-6
-"""Less is nothing [N]."""
+"""Offset below which it counts as zero [N]."""
 
 
 class Mediation:
@@ -31,37 +31,37 @@ class Mediation:
     .. math:: |o_{k+1} - o_k| \le \min\left(S,\; (1 - e^{-T/\tau}) |o_k|\right)
 
     with S = 0.08 N and tau = 10 ms. An offset above zero, where the new model is the weaker one, always does. One below
-    zero is raised only where that is paid for. With E what the hand has put in, less what it owes from before, and
-    W what the model, with its offset, would give back from here, E - W is what was dissipated on the way: the tank of
-    Franken et al.,
-    filled by the model's own dissipation and by the operator's work, emptied by models that store more than those
-    before them. Raising the offset by d makes the material give back up to d x more on the way out, x being the way, so
+    zero is raised only where that is paid for. With E the work that the hand has put in, less its debt from before, and
+    W the work that the model, with its offset, would give back from here, E - W was dissipated so far: the tank of
+    Franken et al., filled by the model's own dissipation and by the operator's work, emptied by models that store more
+    than those before them. Raising the offset by d makes the material give back up to d x more until contact ends, x
+    being that distance, so
 
     .. math:: d \le (E_k - W_k) / x
 
-    and where more would come back than was put in, beyond B, a part of the account's bound, the offset is lowered until
-    it would not,
+    and where more than B, a fraction of the account's bound, would come back beyond the work put in, the offset is
+    lowered until it would not,
 
     .. math:: d = -\min(S, (W_k - E_k - B_k) / x)
 
-    rather than that the force ends on the way out. Where E alone is beyond B, as after a press that gave out too much,
-    no offset would bring E - W back, and a force that is lowered to nothing lets nobody pay. So W may always be as much
-    as three quarters of what this press has put in,
+    rather than that the force ends while leaving contact. Where E alone is beyond B, as after a press that gave out too
+    much, no offset would bring E - W back, and with a force of zero the debt could not be paid. So W may always be
+    three quarters of the work put in by this press,
 
     .. math:: W_k \le \max(E_k + B_k,\; 0.75\, (E_k - \min_{j \le k} E_j))
 
-    the minimum being that of this contact: the hand feels the model, weaker, and the rest of what it puts in pays the
-    debt. Whoever leaves pays as well: where F + o would be negative, the
-    offset follows F, so that who presses again from there feels the new model from nothing on.
+    the minimum being that of this contact: the hand feels the model, weaker, and the rest of its work pays the debt.
+    Leaving pays as well: where F + o would be negative, the offset follows F, so that an operator who presses again
+    from there feels the new model from zero on.
 
-    A hand that leaves is not pushed: what the force grows by meanwhile, beyond what the device carries, is put into the
-    offset too, and no offset is raised before the hand stays or comes back. And an offset above zero is no more than
-    what is rendered of it (`wind_down`): where the limits or the energy cut the force, it does not wait to come back.
+    A hand that leaves is not pushed: growth of the force meanwhile, beyond what the device carries, is put into the
+    offset too, and no offset is raised before the hand stays or comes back. And an offset above zero is at most its
+    rendered part (`wind_down`): where the limits or the energy cut the force, it does not wait to come back.
 
     Attributes:
-        offset: o [N].
-        force: m [N].
-        step: Part of the newest change of m that models made, and not motion [N]: at most S, in either direction.
+        offset: Offset o [N].
+        force: Rendered force m [N].
+        step: Part of the newest change of m that is due to models, not motion [N]: at most S, in either direction.
         surplus: Part of the newest growth of F that was put into the offset, because the hand was leaving [N].
         held_back: Whether energy kept the offset from being raised in the newest tick, or lowered it.
 
@@ -82,7 +82,7 @@ class Mediation:
         self._lowest = math.inf
 
     def part(self, energy: float) -> None:
-        """Contact is lost with this E [J]: what the next press puts in counts from here."""
+        """End the contact at this E [J]: the work of the next press counts from here."""
         self._lowest = energy
 
     def update(
@@ -95,22 +95,22 @@ class Mediation:
         surplus: float = 0.0,
         energy: float,
         bound: float,
-        exit_work: Callable[[float], tuple[float, float]],
+        leaving_work: Callable[[float], tuple[float, float]],
     ) -> float:
         """One tick.
 
         Args:
-            wanted: F, of the newest model [N], 0 or more.
-            jump: J: F less that of the model before [N]; 0 where no model came.
-            period: T [s].
-            leaving: Whether the hand goes out.
+            wanted: Force F of the newest model [N], 0 or more.
+            jump: J, F less that of the former model [N]; 0 where no model came.
+            period: Period T [s].
+            leaving: Whether the hand moves outwards.
             surplus: Growth of F that such a hand is not to feel [N], 0 or more.
-            energy: E [J].
-            bound: B [J].
-            exit_work: Gives W [J] and x [m] for an offset [N]; asked only in contact.
+            energy: Energy E of the account [J].
+            bound: Bound B [J].
+            leaving_work: Function that gives W [J] and x [m] for an offset [N]; called only in contact.
 
         Returns:
-            m [N].
+            The rendered force m [N].
         """
         before = self.offset
         offset = before - jump - surplus
@@ -123,7 +123,7 @@ class Mediation:
         self.held_back = False
         self._lowest = lowest = min(self._lowest, energy)
         if wanted > 0.0:
-            work, way = exit_work(offset)
+            work, way = leaving_work(offset)
             left = energy - work
             beyond = work - max(energy + bound, GIVEN_BACK * (energy - lowest))
             if beyond > 0.0 and way > 0.0:
@@ -139,12 +139,12 @@ class Mediation:
         self.offset = offset
         force = wanted + offset
         self.force = force = force if force > 0.0 else 0.0
-        without = wanted - jump - surplus + before  # had no model come and no offset gone
+        without = wanted - jump - surplus + before  # without a new model and a change of offset
         self.step = force - without if without > 0.0 else force
         return force
 
     def wind_down(self, rendered: float) -> None:
-        """Forget what of an offset above zero was not rendered; the force was cut to this one [N]."""
+        """Reduce an offset above zero to its rendered part; the force was cut to this one [N]."""
         cut = self.force - rendered
         if self.offset > 0.0 and cut > 0.0:
             self.offset -= min(self.offset, cut)

@@ -1,4 +1,4 @@
-"""A time-domain passivity observer and controller: damping, as much as the observed energy asks for."""
+"""A time-domain passivity observer and controller: damping as the observed energy requires it."""
 
 from __future__ import annotations
 
@@ -6,38 +6,38 @@ from foretouch.errors.checks import require
 from foretouch.rendering.energy import EnergyAccount
 
 RECOVERY_RATE = 20.0
-"""While the account is below zero, the force comes back no faster than so [N/s]: no chatter where the hand stands."""
+"""Largest rate of the force while the account is below zero [N/s]: no chatter where the hand stands still."""
 
 
 class PassivityController:
     r"""Observer and controller of one port, in series with a force (Hannaford and Ryu 2002).
 
-    The observer sums the work of the force that was really held. The controller puts a damper in series that takes what
-    the coming tick would lack:
+    The observer sums the work of the force that was really held. The controller puts a damper in series that takes the
+    energy that the coming tick would lack:
 
     .. math::
         E_k &= \textstyle\sum_{j<k} f_j (x_{j+1} - x_j) \\
         \alpha_k &= \max\left(0,\; -\frac{E_k + F_k v_k T}{v_k^2 T}\right) \\
         f_k &= \max(0,\; F_k + \alpha_k v_k)
 
-    F is the force that is wanted, f what the hand is to get, v the velocity of the hand. On the way in the damper
-    pushes, and alpha is at most what the device can render; on the way out it only takes force away and needs no bound.
+    F is the wanted force, f the force on the hand, v the velocity of the hand. While entering, the damper pushes, and
+    alpha is at most what the device can render; while leaving, it only takes force away and needs no bound.
 
     Two things are added. While E is below zero, F rises by at most `RECOVERY_RATE` from what is held: at v = 0 no
     damper takes anything, and without this the full force comes back in the tick in which the hand stops, pushes it,
     and is taken away again. And at the loss of contact a surplus is forgotten, so that old dissipation pays for nothing
     new; a debt stays until it is paid.
 
-    E is not bounded from below as a ceiling bounds it: that the hand turns back is known one tick later, each time.
+    Unlike a ceiling this does not bound E from below: a reversal of the hand is known one tick later, each time.
 
     Args:
-        largest_damping: Bound on alpha on the way in [N s/m], not negative.
+        largest_damping: Bound on alpha while entering [N s/m], not negative.
 
     Attributes:
         damping: alpha of the newest tick [N s/m].
 
     Raises:
-        SettingError: A number out of range.
+        SettingError: A number is out of range.
 
     References:
         Hannaford and Ryu (2002), Time-domain passivity control of haptic interfaces, IEEE Transactions on Robotics and
@@ -58,16 +58,16 @@ class PassivityController:
         return self._account.energy
 
     def observe(self, position: float) -> None:
-        """Book the work of the held force up to where the hand is now [m]; a position that is no number is left out."""
+        """Book the work of the held force up to the present position [m]; one that is not a number is left out."""
         self._account.observe(position)
 
     def control(self, wanted: float, velocity: float, period: float) -> float:
         """The force for the hand in this tick [N], 0 or more.
 
         Args:
-            wanted: F [N].
-            velocity: v, of the hand [m/s], positive deeper.
-            period: T, for which the force will be held [s].
+            wanted: Force F [N].
+            velocity: Velocity v of the hand [m/s], positive deeper.
+            period: Time T for which the force will be held [s].
         """
         if self.energy < 0.0:
             wanted = min(wanted, self._account.force + RECOVERY_RATE * period)
@@ -79,10 +79,10 @@ class PassivityController:
         return max(wanted + self.damping * velocity, 0.0)
 
     def hold(self, force: float, *, touching: bool) -> None:
-        """From now on this force acts [N].
+        """Hold this force from now on [N].
 
         Args:
-            force: What the hand is given after all limits.
+            force: Force on the hand after all limits.
             touching: Whether there is contact; without it a surplus is forgotten.
         """
         if not touching:

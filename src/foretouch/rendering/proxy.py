@@ -1,4 +1,4 @@
-"""The proxy: where the operator's hand is for the model and for the follower."""
+"""The proxy: position of the operator's hand for the model and for the follower."""
 
 from __future__ import annotations
 
@@ -7,15 +7,15 @@ import math
 from foretouch.errors.checks import require
 
 RETURN_SPEED = 0.01
-"""What was indexed away is given back at this speed of the proxy [m/s]."""
+"""Speed of the proxy at which the indexed distance is given back [m/s]."""
 
 
 class Proxy:
-    r"""The point that the follower is told and the model is asked at; the hand carries it along.
+    r"""The point that is sent to the follower and at which the model is evaluated; the hand carries it along.
 
     .. math:: y = p\,x - i, \quad i = i_0 + i_1 + i_2
 
-    p is the position scale, x the hand, and i what hand and proxy are apart:
+    p is the position scale, x the hand, and i the distance between hand and proxy:
 
     - :math:`i_0`, the reference: set when hand and proxy are coupled, so that nothing jumps whatever their poses, and
       anew each time that the clutch is let go;
@@ -30,8 +30,8 @@ class Proxy:
         scale: p, positive.
 
     Attributes:
-        position: y [m]; NaN until hand and proxy are coupled.
-        engaged: Whether they are.
+        position: Position y [m]; NaN until hand and proxy are coupled.
+        engaged: Whether they are coupled.
         indexed: i_1 [m], not negative.
         yielded: i_2 [m], not negative.
     """
@@ -50,11 +50,11 @@ class Proxy:
 
     @property
     def apart(self) -> float:
-        """What is to be given back [m], not negative: the hand is further in by so much."""
+        """Distance that is to be given back [m], not negative: the hand is further in by it."""
         return self.indexed + self.yielded
 
     def engage(self, hand: float, position: float | None = None) -> None:
-        """Couple the hand with a proxy at this position [m]; without one, where the scale alone puts it."""
+        """Couple the hand with a proxy at this position [m]; without one, at the scaled position of the hand."""
         self._hand = hand
         self._reference = 0.0 if position is None else self._scale * hand - position
         self.indexed = self.yielded = 0.0
@@ -62,21 +62,21 @@ class Proxy:
         self._place()
 
     def release(self) -> None:
-        """Let the hand go alone; the proxy stays."""
+        """Uncouple the hand; the proxy stays."""
         self.engaged = False
 
     def leave(self) -> None:
-        """Let the hand go, and be nowhere until it is coupled again."""
+        """Uncouple the hand; the proxy has no position until it is coupled again."""
         self.engaged = False
         self.position = math.nan
 
     def follow(self, hand: float, share: float = 1.0, free: float = 0.0) -> float:
-        """Carry the proxy along to where the hand is now [m]; returns y [m].
+        """Carry the proxy along with the hand [m]; returns y [m].
 
         Args:
-            hand: x [m]; one that is no number counts as not moved.
-            share: rho, 0 to 1.
-            free: Way of the proxy to the surface [m], on which there is nothing to carry.
+            hand: Position x [m]; one that is not a number counts as not moved.
+            share: Share rho of the motion, 0 to 1.
+            free: Distance of the proxy to the surface [m], over which there is nothing to carry.
         """
         if self.engaged and math.isfinite(hand):
             if share != 1.0:
@@ -88,16 +88,16 @@ class Proxy:
         return self.position
 
     def index(self, distance: float) -> None:
-        """Put the proxy further out by this distance [m] while the hand stays; back by at most what is indexed."""
+        """Move the proxy outwards by this distance [m]; inwards, if negative, by at most the indexed distance."""
         self.indexed += distance
         self._place()
 
     def give_back(self, distance: float, *, yielded: bool) -> None:
-        """Bring the proxy nearer to where the hand would have it, by at most this distance [m], not negative.
+        """Bring the proxy nearer to the scaled position of the hand, by at most this distance.
 
         Args:
-            distance: [m].
-            yielded: Whether what yielded is given back too, once nothing indexed is left.
+            distance: Largest distance [m], not negative.
+            yielded: Whether the yielded distance is given back too, once no indexed one is left.
         """
         returned = min(distance, self.indexed)
         self.indexed -= returned

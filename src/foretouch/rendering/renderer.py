@@ -1,4 +1,4 @@
-"""From models and the hand's motion to the force that the hand is given."""
+"""From models and the hand's motion to the force on the hand."""
 
 from __future__ import annotations
 
@@ -13,77 +13,77 @@ from foretouch.rendering.mediation import Mediation
 from foretouch.rendering.proxy import RETURN_SPEED, Proxy
 
 LARGEST_MOVE = 5e-4
-"""A surface that is suddenly nearer to the hand by more than this [m] is met by the index; less, by mediation alone."""
+"""Least jump of a surface towards the hand [m] that is met by the index; smaller ones are met by mediation alone."""
 
 FARTHEST = 10.0
-"""No hand is further from its zero than this [m]."""
+"""Largest distance of a hand from its zero [m]."""
 
 PHANTOM = 0.05
-"""Contact is lost where neither the model asks for more nor more is rendered than this [N]: maps give some millinewtons
-in the air, and people feel no less."""
+"""Force [N] below which, both wanted and rendered, contact is lost: maps give some millinewtons in the air, and people
+feel no less."""
 
 SHARE_RATE = 0.05
-"""The share of the motion that is carried falls at once, and rises by this part of the way in a tick: one that goes up
-and down with every encoder count would be felt as chatter."""
+"""Fraction of the remaining way by which the rendered share of the motion rises in a tick; it falls at once. A share
+that went up and down with every encoder count would be felt as chatter."""
 
 SHARE_ROUNDING = 0.01
-"""What is nearer to the share that is carried is that."""
+"""Difference from the target below which the rendered share is set to it [-]."""
 
 FORCE_IN_AIR = 0.3
-"""Before its surface a map may give so much [N] and is held to one encoder count alone, not to what the damping of the
-device carries: to yield all the way through the air costs more than so small a force can do."""
+"""Largest force [N] of a map in front of its surface that is limited by one encoder count alone, not by the damping of
+the device: to yield all the way through the air costs more than so small a force can do."""
 
 CLEARANCE = 1e-3
-"""In free air the proxy is brought back until it is so near to the surface [m]."""
+"""Distance from the surface up to which the proxy is brought back in free air [m]."""
 
 SHORTEST_REACH = 3e-5
-"""Local slopes are taken over at least so far [m], and over as far as the next tick may get."""
+"""Least distance over which local slopes are taken [m]; it is longer where the next tick may get further."""
 
 YIELDING_RATE = 0.05
-"""Share per tick in which the average of what the hand goes for one step of the proxy follows it."""
+"""Weight of the newest tick in the average of the hand's motion per step of the proxy [-]."""
 
 LARGEST_RETURN = 0.02
-"""What is given back in contact changes the force by at most so much in a tick [N]."""
+"""Largest change of force in a tick by giving back in contact [N]."""
 
 MISSING = 3
-"""From so many positions on that are missing one after the other, nobody knows where the hand is."""
+"""Number of missing positions in a row from which on the position of the hand counts as unknown."""
 
 FADING = 5
-"""The force then fades to nothing in so many ticks: within 5 ms."""
+"""Number of ticks in which the force then fades to zero: within 5 ms."""
 
 MEDIATED_SHARE = 0.5
-"""Part of the account's bound that mediation uses up; the rest is for what it cannot foresee, and for the first tick of
-a new contact of a hand that owes."""
+"""Fraction of the account's bound that mediation uses up; the rest is for what it cannot foresee, and for the first
+tick of a new contact of a hand whose account is in debt."""
 
 
 class Renderer:
     """Proxy, prediction, mediation, limits and energy account, in this order, once a tick.
 
     Args:
-        device: That the hand holds and feels; None where nobody feels it (an open loop): then the proxy is coupled from
-            the first tick on and the whole model is rendered.
-        position_scale: Proxy's motion for the hand's, positive.
-        force_scale: Hand's force for the model's, positive.
+        device: Device that the hand holds and feels; None for an open loop, where no force is felt: then the proxy is
+            coupled from the first tick on and the whole model is rendered.
+        position_scale: Motion of the proxy over that of the hand, positive.
+        force_scale: Force on the hand over that of the model, positive.
         largest_stiffness: Largest local stiffness at the hand [N/m]; 0 for what the device carries: `rendered_share`,
             and no more than its `largest_stiffness` by damping and encoder.
         guarded: Whether a surface that turns up where the hand already is, is met by the index.
         sample_period: T [s].
-        account: Of the energy; None for one along this line.
+        account: Energy account; None for one along this line.
 
     Attributes:
         predictor: Runs the newest model at the proxy.
-        proxy: Where that is.
+        proxy: Position of the hand for the model and the follower.
         mediation: Lets new models in.
-        limiter: The clamps.
-        account: Of the energy.
-        share: rho, of the hand's motion from now to the next tick.
-        energy: Of the account at the newest tick [J], before its force acts.
-        energy_bound: Of the account then [J].
-        late_energy: Of the account then [J].
+        limiter: Limits force and its rate.
+        account: The energy account.
+        share: rho, share of the hand's motion that the proxy takes part in until the next tick.
+        energy: Energy of the account at the newest tick [J], before its force acts.
+        energy_bound: Bound of the account then [J].
+        late_energy: Late energy of the account then [J].
 
     Raises:
         SettingError: A scale or stiffness out of range.
-        ArgumentTypeError: A device that is none.
+        ArgumentTypeError: `device` is not a device.
     """
 
     __slots__ = (
@@ -162,7 +162,7 @@ class Renderer:
         self.energy = self.energy_bound = self.late_energy = 0.0
 
     def __repr__(self) -> str:
-        """What predicts, and what the hand is given."""
+        """Predictor, and the force on the hand."""
         now = {"share": brief_number(self.share), "force": brief_number(self.limiter.force)}
         return brief_text("Renderer", {"predictor": self.predictor, "closed_loop": self.closed_loop, **now}.items())
 
@@ -179,13 +179,13 @@ class Renderer:
 
     @property
     def closed_loop(self) -> bool:
-        """Whether somebody feels the force."""
+        """Whether the force is felt by an operator."""
         return self._device is not None
 
     def engage(self, hand: float, position: float) -> None:
-        """Couple the hand [m] with a follower that is at this position [m]: nothing jumps, whatever the two are.
+        """Couple the hand [m] with a follower at this position [m]: nothing jumps, whatever the two positions are.
 
-        A hand that is nowhere (no number, or beyond 10 m) is not coupled.
+        A hand without a valid position (not a number, or beyond 10 m) is not coupled.
         """
         if not abs(hand) <= FARTHEST:
             return
@@ -195,15 +195,15 @@ class Renderer:
     def update(self, time: float, hand: float, period: float, *, free: bool = False) -> float:
         """One tick.
 
-        A position that is missing counts as not moved, and no force rises on it. From the third one after the other on
-        the force fades within 5 ms, as nobody knows any more what it does; once the hand is seen again, the force comes
-        back from nothing as a new model does.
+        A position that is missing counts as not moved, and no force rises on it. From the third missing one in a row on
+        the force fades within 5 ms, as the position of the hand is unknown; once it is measured again, the force comes
+        back from zero as that of a new model does.
 
         Args:
-            time: [s], later than at the tick before; otherwise nothing happens.
-            hand: Position of the hand [m]; one that is no number, or none within 10 m, is missing.
-            period: Time since the tick before [s].
-            free: Whether the hand is let go, from whatever it is coupled with, and given no force.
+            time: Time of the tick [s], later than that of the previous one; otherwise nothing happens.
+            hand: Position of the hand [m]; one that is not a number, or beyond 10 m, is missing.
+            period: Time since the previous tick [s].
+            free: Whether the hand is uncoupled and given no force.
 
         Returns:
             The force for the hand [N].
@@ -238,15 +238,15 @@ class Renderer:
             surplus=self._surplus(wanted - jump) if leaving else 0.0,
             energy=account.energy,
             bound=MEDIATED_SHARE * account.bound_with(wanted),
-            exit_work=self._exit_work,
+            leaving_work=self._leaving_work,
         )
-        # A tick that came late is no reason for a larger step of force; nor is the limit of its rate one to push a hand
-        # that leaves with more than there is.
+        # A late tick is no reason for a larger step of force; nor may the limit of its rate push a hand that leaves
+        # with more force than the model has.
         ceiling = min(account.ceiling, self._fade())
         held = period if period < self._period else self._period
         force = self.limiter.update(mediated, held, mediated if mediated < ceiling else ceiling)
         self.mediation.wind_down(force)
-        if there and force <= PHANTOM and wanted <= PHANTOM:  # of a hand that is not seen nobody knows
+        if there and force <= PHANTOM and wanted <= PHANTOM:  # unknown while the hand is missing
             account.close()
             self.mediation.part(account.energy)
         account.hold(force)
@@ -260,13 +260,13 @@ class Renderer:
         return force
 
     def _wanted(self, predicted: float) -> tuple[float, float]:
-        """Force of the model for the hand within the limit [N], and what changed it now but motion [N].
+        """Force of the model for the hand within the limit [N], and its change now that is not due to motion [N].
 
-        That is a model, the clutch, or a hand that is lost or found.
+        Such a change comes from a new model, the clutch, or a hand that is lost or seen again.
         """
         felt, was_felt = self.proxy.engaged and self._missing < MISSING, self._was_felt
         self._was_felt = felt
-        # What is beyond the limit is never rendered: mediated, it would take minutes to come down.
+        # Force beyond the limit is never rendered: mediated, it would take minutes to come down.
         largest, jump = self.limiter.largest_force, self.predictor.jump
         force = self._force_scale * predicted if felt else 0.0
         force = force if force < largest else largest
@@ -276,17 +276,17 @@ class Renderer:
         return force, force - former
 
     def _fade(self) -> float:
-        """Largest force for a hand that is not seen [N]."""
+        """Largest force while the position of the hand is missing [N]."""
         if self._missing < MISSING:
             self._fades_from = self.limiter.force
             return math.inf
         return self._fades_from * max(1.0 - (self._missing - MISSING + 1) / FADING, 0.0)
 
     def _surplus(self, force: float) -> float:
-        """What a force [N] has grown by, as the hand went out, beyond b times the change of its velocity [N].
+        """Growth of a force [N] while the hand leaves, beyond b times the change of its velocity [N].
 
-        A spring never grows there, and a damper by what it was less than before; a model with negative damping does,
-        the faster the hand leaves, and where nothing yielded the share of the motion cannot bound it.
+        A spring's force never grows there, and a damper's only by its former decrease; with negative
+        damping it does, the faster the hand leaves; without yielding the share of the motion cannot bound it.
         """
         grown = force - self._wanted_before
         if not grown > 0.0:
@@ -295,9 +295,9 @@ class Renderer:
         return max(grown - self._device_damping * change, 0.0)
 
     def _meet_surface(self, surface: float) -> None:
-        """A surface has come [m]: the proxy stays as deep as it was when the last one was there.
+        """Take a new surface [m]: the proxy keeps its depth below the former one.
 
-        Where it is further from the hand than before, that is what was indexed at most.
+        Where the new surface is further from the hand, the proxy goes back by at most the indexed distance.
         """
         before, self._surface = self._surface, surface
         proxy = self.proxy
@@ -309,16 +309,16 @@ class Renderer:
             proxy.index(nearer)
             self.predictor.shift(-nearer)
 
-    def _exit_work(self, offset: float) -> tuple[float, float]:
-        """What the model with an offset [N] gives the hand back on the hand's way out [J], and that way [m].
+    def _leaving_work(self, offset: float) -> tuple[float, float]:
+        """Work of the model with an offset [N] on the hand until it leaves contact [J], and the distance to there [m].
 
-        Where the proxy yielded the hand has the longer way, under the same force, which is less than it is: yielding is
-        at the top of the way. But no force falls more steeply than at the stiffest K that is rendered, and gives back
-        F^2 / 2 K at least.
+        Where the proxy yielded the hand has the longer way, under the same force, which underestimates the work:
+        yielding happens at the top of the way. But no force falls more steeply than at the stiffest K that is rendered,
+        and gives back F^2 / 2 K at least.
         """
         scale = self._force_scale
         offset, largest, yielded = offset / scale, self.limiter.largest_force / scale, self.proxy.yielded
-        work, way = self.predictor.exit_work(offset, largest)
+        work, way = self.predictor.leaving_work(offset, largest)
         if not way > 0.0:
             return 0.0, 0.0
         force = self.predictor.force
@@ -335,7 +335,7 @@ class Renderer:
         return work, (way + yielded) / self._position_scale
 
     def _give_back(self, wanted: float) -> None:
-        """Bring the proxy back: freely in free air, as dissipation pays in contact."""
+        """Bring the proxy back: freely in free air, as far as dissipation pays for it in contact."""
         proxy, predictor = self.proxy, self.predictor
         if not proxy.engaged or predictor.model is None:
             return
@@ -345,14 +345,14 @@ class Renderer:
             return
         if not proxy.indexed > 0.0 or self.mediation.offset < 0.0 or not wanted > 0.0:
             return
-        # The surface moves out against the force: that is the work of it, on the proxy's way.
-        paid = max(self.account.energy - self._exit_work(0.0)[0], 0.0) * self._position_scale / wanted
+        # The surface moves out against the force: its work is that force over the proxy's way.
+        paid = max(self.account.energy - self._leaving_work(0.0)[0], 0.0) * self._position_scale / wanted
         stiffness = self._force_scale * predictor.local_slopes(SHORTEST_REACH)[0]
         gentle = LARGEST_RETURN / stiffness if stiffness > 0.0 else step
         self._return(min(step, paid, gentle), yielded=False)
 
     def _return(self, distance: float, *, yielded: bool) -> None:
-        """Give back so much [m]; it is no motion of the hand, and no damping answers it."""
+        """Give back a distance [m]; it is no motion of the hand, and causes no damping force."""
         before = self.proxy.position
         self.proxy.give_back(distance, yielded=yielded)
         self.predictor.shift(self.proxy.position - before)
@@ -360,7 +360,7 @@ class Renderer:
     def _carry(self) -> None:
         """Set the share of the hand's motion that the proxy takes part in until the next tick."""
         predictor, carried, share = self.predictor, self._carried(), self.share
-        if share == carried == self._yielding == 1.0:  # in free air, and on what is soft
+        if share == carried == self._yielding == 1.0:  # in free air, and on soft material
             self._free = 0.0
             return
         risen = share + SHARE_RATE * (carried - share)
@@ -369,7 +369,7 @@ class Renderer:
         self._yielding += YIELDING_RATE * (1.0 / max(share, 1e-3) - self._yielding)
 
     def _carried(self) -> float:
-        """Share of the hand's motion in which the device carries the model from here to the next tick."""
+        """Share of the hand's motion at which the device can carry the model until the next tick."""
         predictor = self.predictor
         if predictor.model is None or not self.proxy.engaged:
             return 1.0

@@ -13,7 +13,7 @@ NOTHING: Vector = (0.0, 0.0, 0.0)
 
 
 class SpatialEnergyAccount(Ledger):
-    r"""What the hand has put into the rendered force, in all directions, and the ceiling that keeps it in bounds.
+    r"""The hand's work on the rendered force, in all directions, and the ceiling that keeps it in bounds.
 
     As `EnergyAccount`, whose proof holds for vectors too: a tick takes the force times its step at most. D is the
     longest step and one count of the encoders in all three directions; force and motion count in space, the force as it
@@ -23,12 +23,12 @@ class SpatialEnergyAccount(Ledger):
 
     Args:
         resolution: One count of each encoder [m], and the others as for `Ledger`.
-        sample_period: T [s].
-        delay: d [s].
-        watchdog: [s].
+        sample_period: Period T [s].
+        delay: Delay d [s].
+        watchdog: Watchdog time of the device [s].
 
     Attributes:
-        force: f, held now [N].
+        force: Force f, held now [N].
         cut: Whether the ceiling has cut the newest force.
     """
 
@@ -56,11 +56,11 @@ class SpatialEnergyAccount(Ledger):
         return self._ceiling(_size(self.force))
 
     def observe(self, place: Vector, period: float = 0.0) -> None:
-        """Book the work of the held force up to where the hand is now.
+        """Book the work of the held force up to the hand's present position.
 
         Args:
-            place: [m]; one that is not finite is missing.
-            period: Since the tick before [s]; what is none counts as the nominal one.
+            place: Position of the hand [m]; one that is not finite is missing.
+            period: Time since the previous tick [s]; an invalid one counts as the nominal one.
         """
         if not self._elapsed > 0.0:
             self._acted = _mixed(self._before, self._lasts / self._period, self.force, 1.0 - self._share)
@@ -79,7 +79,7 @@ class SpatialEnergyAccount(Ledger):
             self._book(part * acted, beyond * acted + rate * late, part * distance, pressed=pressed)
 
     def hold(self, force: Vector) -> Vector:
-        """Hold a force [N] from now on, cut to the ceiling; returns what is held."""
+        """Hold a force [N] from now on, cut to the ceiling; returns the held force."""
         size = _size(force)
         if not size < math.inf:
             force, size = NOTHING, 0.0
@@ -93,10 +93,10 @@ class SpatialEnergyAccount(Ledger):
 
 
 class NormalAccount:
-    """The account in space as a renderer along the normal sees it: there is one account, and it is in space.
+    """The account in space as seen by a renderer along the normal: there is one account, and it is in space.
 
-    Whoever moves the hand in space books and holds there; so friction pays for a stiffer material that the hand slides
-    onto, as along a line pressing does.
+    The caller that moves the hand in space books and holds there; so friction pays for a stiffer material that the hand
+    slides onto, as pressing does along a line.
 
     Args:
         whole: The account in space.
@@ -109,17 +109,17 @@ class NormalAccount:
 
     @property
     def energy(self) -> float:
-        """E [J]."""
+        """Energy E [J]."""
         return self._whole.energy
 
     @property
     def late_energy(self) -> float:
-        """L [J]."""
+        """Late energy L [J]."""
         return self._whole.late_energy
 
     @property
     def bound(self) -> float:
-        """[J]."""
+        """Bound of E [J]."""
         return self._whole.bound
 
     @property
@@ -132,18 +132,18 @@ class NormalAccount:
         return self._whole.bound_with(force)
 
     def close(self) -> None:
-        """Contact is lost."""
+        """End the contact."""
         self._whole.close()
 
     def observe(self, position: float, period: float = 0.0) -> None:
-        """Booked in space."""
+        """Do nothing: it is booked in space."""
 
     def hold(self, force: float) -> None:
-        """Held in space."""
+        """Do nothing: it is held in space."""
 
 
 def _mixed(first: Vector, weight: float, second: Vector = NOTHING, other: float = 0.0) -> Vector:
-    """The sum of two vectors, each by its weight."""
+    """Weighted sum of two vectors."""
     return (
         weight * first[0] + other * second[0],
         weight * first[1] + other * second[1],

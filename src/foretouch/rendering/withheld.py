@@ -1,7 +1,7 @@
-"""Force that is withheld: a model gives it, and the hand is given less than half of it for a while.
+"""Detection of withheld force: a model gives it, and the hand gets less than half of it for a while.
 
-What mediation and the ceiling of energy cut for a moment nobody misses; a hand that presses and feels next to nothing
-for half a second has to be told why.
+Momentary cuts by mediation and the ceiling of energy are not noticed; an operator who presses and feels next to no
+force for half a second needs the reason.
 """
 
 from __future__ import annotations
@@ -9,39 +9,46 @@ from __future__ import annotations
 from foretouch.rendering.limits import LARGEST_FORCE
 
 LEAST_FORCE = 0.5
-"""Models that give less are not missed [N]."""
+"""Least force of a model whose lack is noticed [N]."""
 
 LEAST_SHARE = 0.5
-"""A hand that is given less than this share of it is not given the force."""
+"""Ratio of rendered to due force below which the force counts as withheld."""
+
+REDUCED_BELOW = 0.9
+"""Ratio of rendered to due force below which a console reports a reduced force."""
 
 LEAST_TICKS = 500
-"""It is withheld after so many ticks in a row in which a model gave force: half a second. Times between presses, in
-which it gives none, neither count nor begin anew ..."""
+"""Number of ticks in a row with a model's force after which it is withheld: half a second. Times between presses,
+without force, neither count nor restart the count."""
 
 FORGOTTEN_NS = 2_000_000_000
-"""... unless they are longer than this [ns]: then whoever is told has gone."""
+"""Longest time between presses that keeps the count [ns]: after more the operator may be another one."""
 
 OWED = "the hand was given more energy than it put in, and owes it"
 UNPAID = "nobody had paid yet for what the model would give back"
-"""Why force is withheld: the account of energy is below zero, or what the hand has put in does not reach."""
+"""Reason for withheld force: the account of energy is below zero, or the work put in by the hand is too little."""
 
 
 def due_force(predicted: float, force_scale: float) -> float:
-    """What of a model's force the hand is due [N]: in its scale, and within the limit."""
+    """Force of a model that is due to the hand [N]: scaled, and within the limit."""
     force = force_scale * predicted
     return force if force < LARGEST_FORCE else LARGEST_FORCE
 
 
 class Withheld:
-    """Whether force is withheld, from tick to tick.
+    """Detects withheld force, from tick to tick.
+
+    Args:
+        least_ratio: Ratio of rendered to due force below which it counts as withheld, 0 to 1.
 
     Attributes:
         owed: Whether the account of energy was below zero in the newest tick that counted.
     """
 
-    __slots__ = ("_newest_ns", "_ticks", "owed")
+    __slots__ = ("_least_ratio", "_newest_ns", "_ticks", "owed")
 
-    def __init__(self) -> None:
+    def __init__(self, least_ratio: float = LEAST_SHARE) -> None:
+        self._least_ratio = least_ratio
         self._ticks = self._newest_ns = 0
         self.owed = False
 
@@ -49,16 +56,16 @@ class Withheld:
         """One tick of a hand that is coupled.
 
         Args:
-            predicted: What the hand is due (`due_force`) [N].
-            rendered: What it is given [N].
-            energy: Of the account [J].
+            predicted: Force due to the hand (`due_force`) [N].
+            rendered: Force on the hand [N].
+            energy: Energy of the account [J].
             now_ns: Time of the tick [ns].
 
         Returns:
             Whether force is withheld.
         """
         if predicted >= LEAST_FORCE:
-            self._ticks = self._ticks + 1 if rendered < LEAST_SHARE * predicted else 0
+            self._ticks = self._ticks + 1 if rendered < self._least_ratio * predicted else 0
             self._newest_ns, self.owed = now_ns, energy < 0.0
         elif now_ns - self._newest_ns > FORGOTTEN_NS:
             self._ticks = 0

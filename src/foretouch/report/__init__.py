@@ -2,24 +2,32 @@
 
 from foretouch.identification.force_calibration import lowest_mean
 from foretouch.quantities import new_figure
+from foretouch.report.drawing import COLOURS, finished, legend
 from foretouch.report.energy import energy_account, energy_figures, exact_energy
 from foretouch.report.forces import Forces, forces_under_delay, remarks, require_delay_within
-from foretouch.report.hand import free_hand, hand_figures, oscillation, swings, turning_points
 from foretouch.report.pairs import Pairs, force_at_follower, pair
 from foretouch.report.perception import LargestJump, largest_jump, rendered_jump, time_to_accuracy, update_jumps
-from foretouch.report.replay import Contact, compare_replay, contacts, render_replay
-from foretouch.report.scene.drawing import map_figure, pose_figure
 from foretouch.report.scene.scene import SceneFindings, look_at_scene, scene_figures
-from foretouch.report.scores import STATUSES, Scores, delayed, score
-from foretouch.report.session import CONTACT_FLOOR, session_report
+from foretouch.report.scene.section import map_figure, pose_figure
+from foretouch.report.scores import STATUSES, Scores, delayed_force, score_prediction
+from foretouch.report.sections.hand import hand_figures
+from foretouch.report.sections.model import IDLE_LAW, law_is_idle, map_lines
+from foretouch.report.sections.session import left_out
+from foretouch.report.session import CONTACT_FLOOR, session_figures
 from foretouch.report.statuses import guarded_runs
-from foretouch.report.writing.calibration_page import write_calibration_page
-from foretouch.report.writing.drawing import COLOURS, finished, legend
+from foretouch.report.swings import free_hand, oscillation, swings, turning_points
 from foretouch.report.writing.html import embedded, named_values, table, tiles, write_html
-from foretouch.report.writing.page import write_page, write_prediction_page
-from foretouch.report.writing.replay_page import replay_figure, write_replay_page
-from foretouch.report.writing.safety_text import left_out
-from foretouch.report.writing.text import IDLE_LAW, findings, law_is_idle, map_lines, render_text
+from foretouch.report.writing.pages import write_calibration_page, write_page, write_prediction_page
+from foretouch.report.writing.replay import (
+    Contact,
+    compare_replay,
+    contacts,
+    render_replay,
+    replay_figure,
+    write_replay_page,
+)
+from foretouch.report.writing.session_report import Figures, SessionReport, session_report
+from foretouch.report.writing.text import findings, render_text
 
 __all__ = [
     "COLOURS",
@@ -27,14 +35,16 @@ __all__ = [
     "IDLE_LAW",
     "STATUSES",
     "Contact",
+    "Figures",
     "Forces",
     "LargestJump",
     "Pairs",
     "SceneFindings",
     "Scores",
+    "SessionReport",
     "compare_replay",
     "contacts",
-    "delayed",
+    "delayed_force",
     "embedded",
     "energy_account",
     "energy_figures",
@@ -66,7 +76,8 @@ __all__ = [
     "replay_figure",
     "require_delay_within",
     "scene_figures",
-    "score",
+    "score_prediction",
+    "session_figures",
     "session_report",
     "swings",
     "table",

@@ -15,18 +15,19 @@ from numpy.typing import NDArray
 from foretouch.quantities import Rows, brief_text
 from foretouch.rendering.energy import FASTEST_HAND, SAMPLE_PERIOD, SMALLEST_COUNT
 from foretouch.rendering.renderer import FARTHEST, PHANTOM
+from foretouch.report.numbers import finite_or_none
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 
 class BookedDevice(NamedTuple):
-    """What an account has to know of the device.
+    """Properties of the device that the energy account depends on.
 
     Attributes:
         resolution: One count of its encoder [m]; less than a micrometre counts as one.
         delay: From reading a position until the force computed from it acts [s].
-        watchdog: Time for which it gives a force that nobody renews [s]; 0 for no end.
+        watchdog: Time for which it holds a force that is not renewed [s]; 0 for no end.
     """
 
     resolution: float = 0.0
@@ -35,11 +36,11 @@ class BookedDevice(NamedTuple):
 
 
 NO_DEVICE = BookedDevice()
-"""In an open loop nobody holds one."""
+"""The device of an open loop, which no hand holds."""
 
 
 def booked_device(settings: Mapping[str, str]) -> BookedDevice | None:
-    """The device of a session; None where its settings do not say all of it.
+    """The device of a session; None where its settings are incomplete.
 
     Args:
         settings: Of the log.
@@ -53,12 +54,12 @@ def booked_device(settings: Mapping[str, str]) -> BookedDevice | None:
 
 
 class Booked(NamedTuple):
-    """What is booked in each tick; columns of shape (n,).
+    """Work booked in each tick; columns of shape (n,).
 
     Attributes:
-        work: Of the nominal period [J].
-        late: Of what a tick was longer, and of positions that were missing [J].
-        reach: The nominal step under a force, and one count [m].
+        work: Work in the nominal period [J].
+        late: Work in the time by which a tick was longer, and over missing positions [J].
+        reach: Nominal step under a force, plus one count [m].
     """
 
     work: Array
@@ -71,13 +72,13 @@ class Booked(NamedTuple):
 
 
 def book(force: Array, place: Array, period: Array, device: BookedDevice) -> Booked:
-    """Sum up tick by tick what a hand did against a force that acts as late as the device says: see `Ledger`.
+    """Sum up tick by tick the work of a hand against a force delayed by the device: see `Ledger`.
 
     Args:
-        force: On the hand, held from each tick on [N], shape (n, axes).
-        place: Of the hand in each tick [m], the same shape; no number where it was missing.
-        period: Since the tick before [s], shape (n,); 0 counts as nominal.
-        device: The hand's.
+        force: Force on the hand, held from each tick on [N], shape (n, axes).
+        place: Position of the hand in each tick [m], the same shape; NaN where it was missing.
+        period: Time since the tick before [s], shape (n,); 0 counts as nominal.
+        device: Device in the hand.
     """
     count = math.sqrt(place.shape[1]) * max(device.resolution, SMALLEST_COUNT)
     delta, nothing = device.delay / SAMPLE_PERIOD, np.zeros_like(force[:1])
@@ -115,16 +116,16 @@ ROUNDING = 1e-9
 
 
 SAME = 1e-9
-"""Products of the same numbers differ by no more than this share: forces that fade pass through every size."""
+"""Products of the same numbers differ by no more than this fraction: forces that fade pass through every size."""
 
 
 class Account(NamedTuple):
     """The account of energy in every tick of the leader; columns of shape (n,).
 
     Attributes:
-        energy: E: what the hand has put into the rendered force, with all debts and no surplus of former contacts [J].
-        bound: E may be so far below zero [J].
-        late: L: what late ticks and missing positions took beside it, never positive [J].
+        energy: E, work of the hand against the rendered force, with all debts and no surplus of former contacts [J].
+        bound: Largest amount by which E may be below zero [J].
+        late: L, the energy lost beside it in late ticks and missing positions, never positive [J].
     """
 
     energy: Array
@@ -137,20 +138,20 @@ class Account(NamedTuple):
 
 
 def has_account(leader: Rows) -> bool:
-    """Whether somebody kept the account: some bound was stated, or no force had time to work."""
+    """Whether the account was kept: some bound was stated, or no force had time to do work."""
     return bool(leader.size) and bool((leader["energy_bound"] > 0.0).any() or not leader["rendered_force"][:-1].any())
 
 
 def energy_account(leader: Rows, device: BookedDevice | None = NO_DEVICE) -> Account:
     """The account of a session, summed up again from the forces and positions that were recorded.
 
-    As `foretouch.rendering.energy.Ledger` says. From the leader's own columns comes only where a surplus was forgiven:
-    where nothing was carried over and no more than 0.05 N was rendered. After rows that were lost, energy goes on from
-    what the leader said there, and its bound is believed from then on.
+    As in `foretouch.rendering.energy.Ledger`. Only where a surplus was forgiven is taken from the leader's columns:
+    where nothing was carried over and no more than 0.05 N was rendered. After lost rows, energy goes on from the value
+    that the leader recorded there, and its recorded bound is used from then on.
 
     Args:
         leader: Rows of `SessionLog.leader`.
-        device: The hand's; None where nobody knows it: then all of it is the leader's.
+        device: Device in the hand; None where it is unknown: then the whole account is the leader's.
     """
     if device is None:
         return Account(*(leader[name].copy() for name in ("energy", "energy_bound", "late_energy")))
@@ -173,14 +174,14 @@ def _summed_again(leader: Rows, device: BookedDevice) -> tuple[Account, Array]:
 def as_told(leader: Rows, told: Rows, account: Callable[[Array], Account]) -> tuple[Account, Array]:
     """The account as the leader kept it, and the time in which the hand moved in each tick [s], as it took that.
 
-    A simulated hand is where it is at the time of the tick, a hand of flesh where it is when the tick really began:
-    see `foretouch.session.steps.leader.moving_time`. Former leaders took the latter for both; where the account is
-    theirs, it is summed up as they did.
+    A simulated hand is sampled at the nominal time of the tick, a human hand when the tick really began:
+    see `foretouch.session.steps.leader.moving_time`. Former leaders took the latter for both; their accounts are
+    summed up in that way.
 
     Args:
         leader: Rows of `SessionLog.leader`.
-        told: Rows with ``energy``, ``energy_bound`` and ``late_energy``: what the leader kept.
-        account: Sums up with these times.
+        told: Rows with ``energy``, ``energy_bound`` and ``late_energy`` as the leader kept them.
+        account: Function that sums up with these times.
     """
     began = 1e-9 * leader["period_ns"]
     since = 1e-9 * np.diff(leader["time_ns"], prepend=leader["time_ns"][:1])
@@ -193,7 +194,7 @@ def as_told(leader: Rows, told: Rows, account: Callable[[Array], Account]) -> tu
 
 
 def _agree(account: Account, told: Rows) -> bool:
-    """Whether the leader said the same in every tick."""
+    """Whether the leader recorded the same in every tick."""
     pairs = zip(account, (told[name] for name in ("energy", "energy_bound", "late_energy")), strict=True)
     return all(bool((np.abs(found - said) <= ROUNDING).all()) for found, said in pairs)
 
@@ -201,15 +202,15 @@ def _agree(account: Account, told: Rows) -> bool:
 def summed_account(
     told: Rows, booked: Booked, force: Array, pressing: Array, lost: Flags, device: BookedDevice
 ) -> Account:
-    """The account of what was booked.
+    """The account of the booked work.
 
     Args:
-        told: Rows of the leader that say what it kept: ``energy``, ``energy_bound``, ``late_energy``.
-        booked: What was booked in each.
+        told: Rows of the leader with the account that it kept: ``energy``, ``energy_bound``, ``late_energy``.
+        booked: Work booked in each row.
         force: Size of the force that is held from each row on [N].
-        pressing: What of it lies along the normal, without friction [N]: no surplus is forgiven above 0.05 N of that.
-        lost: Whether the row before is missing, or of no use.
-        device: The hand's.
+        pressing: Its part along the normal, without friction [N]: no surplus is forgiven above 0.05 N of it.
+        lost: Whether the row before is missing or unusable.
+        device: Device in the hand.
     """
     largest = np.maximum.accumulate(_held(force))
     farthest = np.maximum.accumulate(booked.reach)
@@ -220,49 +221,70 @@ def summed_account(
     return Account(_summed(told["energy"], booked.work, begins, lost), bound, late)
 
 
+def account_figures(account: Account, told: Rows) -> dict[str, Any]:
+    """Whether an account kept its bound in every tick, and whether the leader recorded the same.
+
+    Args:
+        account: The account as summed up again.
+        told: Rows of the leader with the account that it kept: ``energy``, ``energy_bound``, ``late_energy``.
+
+    Returns:
+        ``net_energy_J``: the smallest E, 0 where it was never negative. ``energy_margin_J``: the smallest distance of E
+        from its bound. ``energy_bound_J``: the bound in the tick of the smallest E, or the largest where E was never
+        negative. ``late_energy_J``: the smallest L, which has no bound and enters no verdict. ``energy_agrees``:
+        whether the leader recorded the same, within 1e-9 J. ``certificate_holds``: it did, and no tick had E below its
+        bound by 1e-9 J.
+    """
+    energy, bound, late = account
+    agrees = _agree(account, told)
+    least_late = finite_or_none(min(float(late.min(initial=0.0)), 0.0))
+    known = ~((bound == 0.0) & (energy >= 0.0))  # what is given out without any bound is beyond it
+    net = largest = margin = 0.0
+    if known.any():
+        energy, bound = energy[known], bound[known]
+        lowest = int(energy.argmin()) if not energy.min() >= 0.0 else int(bound.argmax())
+        net, largest = min(float(energy[lowest]), 0.0), float(bound[lowest])
+        margin = float((energy + bound).min())  # of a number that is none it is none
+    return {
+        "net_energy_J": finite_or_none(net),
+        "energy_margin_J": finite_or_none(0.0 if -ROUNDING <= margin < 0.0 else margin),
+        "energy_bound_J": finite_or_none(largest),
+        "late_energy_J": least_late,
+        "energy_agrees": agrees,
+        "certificate_holds": agrees and bool(margin >= -ROUNDING),
+    }
+
+
 def energy_figures(leader: Rows, device: BookedDevice | None = NO_DEVICE) -> dict[str, Any]:
-    """The certificate of a session, over all ticks in contact; where nobody kept an account every figure is None.
+    """The certificate of a session, over all ticks in contact; every figure is None where no account was kept.
 
     Args:
         leader: Rows of `SessionLog.leader`.
-        device: The hand's, None where nobody knows it.
+        device: Device in the hand, None where it is unknown.
 
     Returns:
-        ``certificate_holds``: by `energy_account` no tick had E below its bound by 1e-9 J, and the leader said the
-        same. ``energy_agrees``: whether it did, within 1e-9 J. ``net_energy_J``: the smallest E, 0 where it was never
-        negative. ``energy_bound_J``: the bound in that tick, or the largest where E was never negative.
-        ``energy_margin_J``: the smallest distance of E from its bound. ``energy_used_percent``: the largest part of its
-        bound that E took. ``net_energy_exact_J``: the smallest of `exact_energy`, None on a device.
-        ``largest_energy_cut_N``: how much further the rendered force fell in one tick than the mediated force, at most,
-        and never more than it fell: what the ceiling of energy cut. ``late_energy_J``: the smallest L, which nothing
-        bounds and no verdict asks for.
+        The figures of `account_figures`. ``energy_used_percent``: the largest part of its bound that E took.
+        ``net_energy_exact_J``: the smallest of `exact_energy`, None on a device. ``largest_energy_cut_N``: how much
+        further the rendered force fell in one tick than the mediated force, at most, and never more than it fell: what
+        the ceiling of energy cut.
     """
-    names = ("energy_bound_J", "energy_margin_J", "energy_used_percent", "net_energy_exact_J", "largest_energy_cut_N")
     if not has_account(leader):
-        return dict.fromkeys(("certificate_holds", "energy_agrees", "net_energy_J", "late_energy_J", *names))
-    energy, bound, late = energy_account(leader, device)
-    agrees = _agree(Account(energy, bound, late), leader)
-    others = {
-        "late_energy_J": _number(min(float(late.min()), 0.0)),
+        return dict.fromkeys(_FIGURES)
+    account = energy_account(leader, device)
+    found = account_figures(account, leader)
+    used = float((-account.energy / np.where(account.bound > 0.0, account.bound, np.inf)).max())
+    found |= {
+        "energy_used_percent": finite_or_none(100.0 * max(0.0, used)),
         "net_energy_exact_J": _exact(leader, device),
         "largest_energy_cut_N": _largest_cut(leader),
     }
-    known = ~((bound == 0.0) & (energy >= 0.0))  # what is given out without any bound is beyond it
-    if not known.any():
-        nothing = dict.fromkeys(names, 0.0)
-        return {"certificate_holds": agrees, "energy_agrees": agrees, "net_energy_J": 0.0, **nothing, **others}
-    energy, bound = energy[known], bound[known]
-    lowest = int(energy.argmin()) if not energy.min() >= 0.0 else int(bound.argmax())
-    margin = float((energy + bound).min())  # of a number that is none it is none
-    return {
-        "certificate_holds": bool(margin >= -ROUNDING) and agrees,
-        "energy_agrees": agrees,
-        "net_energy_J": _number(min(float(energy[lowest]), 0.0)),
-        "energy_bound_J": _number(float(bound[lowest])),
-        "energy_margin_J": _number(0.0 if -ROUNDING <= margin < 0.0 else margin),
-        "energy_used_percent": _number(100.0 * max(0.0, float((-energy / np.where(bound > 0.0, bound, np.inf)).max()))),
-        **others,
-    }
+    return {name: found[name] for name in _FIGURES}
+
+
+_FIGURES = (
+    *("certificate_holds", "energy_agrees", "net_energy_J", "energy_bound_J", "energy_margin_J"),
+    *("energy_used_percent", "late_energy_J", "net_energy_exact_J", "largest_energy_cut_N"),
+)
 
 
 def exact_energy(leader: Rows, device: BookedDevice | None = NO_DEVICE) -> Array:
@@ -272,12 +294,12 @@ def exact_energy(leader: Rows, device: BookedDevice | None = NO_DEVICE) -> Array
 
     .. math:: \Big|\sum_k f_k (e_{k+1} - e_k)\Big| \le \frac{c}{2} \Big(f_0 + f_n + \sum_k |f_k - f_{k-1}|\Big)
 
-    so that a force that goes up and down often can take more than the encoder shows: friction and damping of the device
-    are what pays for that, as they do for the rest of what sampling costs.
+    so that a force that goes up and down often can take more energy than the encoder shows: friction and damping of the
+    device dissipate that, as they do the other energy that sampling generates.
 
     Args:
         leader: Rows of `SessionLog.leader`.
-        device: The hand's, None where nobody knows it.
+        device: Device in the hand, None where it is unknown.
 
     Returns:
         E [J], shape (n,); NaN where the hand's own position or its device is not known.
@@ -292,9 +314,9 @@ def exact_energy(leader: Rows, device: BookedDevice | None = NO_DEVICE) -> Array
 
 
 def lost_rows(told: Rows, there: Flags) -> Flags:
-    """Where the leader has to be believed: after rows that are missing, or are of another process, and a little longer.
+    """Rows in which only the leader's account is available: after missing rows, or another process, and shortly beyond.
 
-    Each process keeps an account of its own. What acted after a gap is known from the second position on.
+    Each process keeps its account. The force that acted after a gap is known from the second position on.
 
     Args:
         told: Rows with ``sequence`` and ``epoch``.
@@ -322,7 +344,7 @@ def _begins(told: Array, work: Array, firm: Flags, lost: Flags) -> Flags:
 
 
 def _summed(told: Array, work: Array, begins: Flags, lost: Flags) -> Array:
-    """Sum the work up, anew where a surplus was forgiven; after a gap on from what the leader said."""
+    """Sum the work up, anew where a surplus was forgiven; after a gap, from the value that the leader recorded."""
     base = np.where(lost, told, work)
     total = np.cumsum(np.where(lost, 0.0, work))
     newest = np.maximum.accumulate(np.where(begins | lost, np.arange(total.size), -1))
@@ -355,7 +377,3 @@ def _largest_cut(leader: Rows) -> float:
     cut = fell + np.minimum(np.diff(mediated), 0.0)
     counted = (np.diff(leader["sequence"]) == 1) & (fell > 0.0) & (rendered < mediated)[1:] & np.isfinite(cut)
     return max(float(cut[counted].max()), 0.0) if counted.any() else 0.0
-
-
-def _number(value: float) -> float | None:
-    return value if np.isfinite(value) else None

@@ -1,6 +1,6 @@
-"""Measured, predicted and delayed force of a recording under a delay, which a prediction is scored on, and its remarks.
+"""Measured, predicted and delayed force of a recording under a delay, by which a prediction is scored, and remarks.
 
-Remarks say in sentences what is special about the recording and bears on the prediction.
+Remarks are sentences on what is special about the recording and affects the prediction.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from foretouch.messages import SessionLog
 from foretouch.quantities import ByValue, Recording
 from foretouch.report.pairs import not_scored, pair
 from foretouch.report.perception import LargestJump, largest_jump, time_to_accuracy
-from foretouch.report.scores import STATUSES, Scores, delayed
+from foretouch.report.scores import STATUSES, Scores, delayed_force
 from foretouch.report.session import CONTACT_FLOOR
 from foretouch.session import replay
 
@@ -33,13 +33,13 @@ class Forces(ByValue):
 
     Attributes:
         time: [s].
-        position: Of the probe [m].
-        measured: As the sensor gives it [N].
-        predicted: [N].
-        delayed: What the receiver knows, its zero taken off [N]; 0 while it knows nothing.
+        position: Position of the probe [m].
+        measured: Force as the sensor gives it [N].
+        predicted: Predicted force [N].
+        delayed: Newest force that the receiver has, less its zero [N]; 0 before the first one.
         contact_floor: Smallest force that counts as contact [N].
-        standard_deviation: Of the predicted force [N], NaN where the model carries no doubt; None where models have
-            no part in it, as in the next two.
+        standard_deviation: That of the predicted force [N], NaN where the model has none; None where no model
+            is used, as for the next two.
         jump: Change of the predicted force by the model that came at the sample [N], 0 where none came.
         period: Time since the sample before where the prediction was made [s], NaN at the first.
         skipped: Flags of the samples that are not scored, as in the session's own report; None for a recording.
@@ -60,7 +60,7 @@ class Forces(ByValue):
         """What an operator would notice, as named figures: the largest jump by a model, and the time to accuracy.
 
         Args:
-            scores: What `score` gave of these columns, all samples among them.
+            scores: What `score_prediction` gave of these columns, all samples among them.
         """
         jump = LargestJump(None, None, None)
         if self.jump is not None and self.period is not None:
@@ -74,7 +74,7 @@ def require_delay_within(source: Recording | SessionLog, delay: float) -> None:
     """Refuse a delay under which nothing of a recording arrives before it ends.
 
     Args:
-        source: The recording, or the session, whose longest stretch is taken.
+        source: The recording, or the session, whose longest segment is taken.
         delay: Of the forces [s].
 
     Raises:
@@ -92,7 +92,7 @@ def forces_under_delay(source: Recording | SessionLog, learner: Learner, delay: 
     """Predict a recording's force, or a session's at the leader's own motion, whose forces are known late.
 
     Args:
-        source: The recording, or the session, whose longest stretch is taken.
+        source: The recording, or the session, whose longest segment is taken.
         learner: Fresh.
         delay: Of the forces [s], 0 or more.
 
@@ -104,7 +104,7 @@ def forces_under_delay(source: Recording | SessionLog, learner: Learner, delay: 
     if isinstance(source, Recording):
         felt = source.force - lowest_mean(source.time, source.force)
         predicted = predict(source, learner, delay=delay)
-        known = np.nan_to_num(delayed(source.time, felt, delay), nan=0.0)
+        known = np.nan_to_num(delayed_force(source.time, felt, delay), nan=0.0)
         return Forces(
             source.time,
             source.position,
@@ -141,24 +141,20 @@ APART = 0.1
 """Touches that are nearer to each other than this [s] are one."""
 
 BEGINNING = 0.02
-"""What is in contact for so long from the first sample on [s] begins in contact."""
+"""A recording begins in contact if it is in contact for this time from the first sample on [s]."""
 
-GAP = 10.0
-"""A time between two samples that is so many times the usual one is a gap ..."""
-SHORTEST_GAP = 0.02
-"""... from this length on [s]."""
+GAP, SHORTEST_GAP = 10.0, 0.02
+"""A time between two samples is a gap if it exceeds this multiple of the usual one, and this length [s]."""
 
 SLOWEST = 0.008
 """With more time between two samples than this [s] a recording is slow: an impact lasts about as long."""
 
 OUTERMOST = 0.15
-"""Drift is looked for in this outermost share of the range of positions ..."""
-FEWEST_SAMPLES = 50
-"""... where there are at least so many samples ..."""
-SPAN_SHARE = 0.5
-"""... over at least this share of the recording's length."""
+"""Drift is looked for in this outermost part of the range of positions."""
+FEWEST_SAMPLES, SPAN_SHARE = 50, 0.5
+"""Drift is looked for if there are at least this many samples there, over at least this part of the recording."""
 CLEAR = 3.0
-"""Drift over the recording is told where it is so many times what remains beside it."""
+"""Drift over the recording is reported from this multiple of the residual on."""
 
 
 def remarks(forces: Forces, scores: Scores, delay: float, score_from: float | None = None) -> tuple[str, ...]:
@@ -169,7 +165,7 @@ def remarks(forces: Forces, scores: Scores, delay: float, score_from: float | No
 
     Args:
         forces: Of the recording.
-        scores: What `score` gave of them, all samples among them.
+        scores: What `score_prediction` gave of them, all samples among them.
         delay: Of the forces [s].
         score_from: Where scoring was to begin [s after the first sample], where that is known.
     """

@@ -35,16 +35,16 @@ class Pairs(ByValue):
 
 
 def pair(log: SessionLog) -> Pairs:
-    """Pair the applied commands of a log, of its longest stretch where a side began again (`SessionLog.longest`).
+    """Pair the applied commands of a log, of its longest segment where a side began again (`SessionLog.longest`).
 
     A tick whose sensors are not to be trusted is left out, and so are those of the 0.1 s before, in which the fault may
-    have begun: nobody knows the true force there.
+    have begun: the true force is unknown there.
     """
-    stretch = log.longest()
-    rows = stretch.rows()
+    segment = log.longest()
+    rows = segment.rows()
     clock = rows.follower["time_ns"]
     _, order = np.unique(clock, return_index=True)
-    order = order[trusted(stretch.follower, rows.follower)[order]]
+    order = order[trusted(segment.follower, rows.follower)[order]]
     leader, follower = rows.leader[order], rows.follower[order]
     since = follower["time_ns"] - follower["time_ns"][0] if order.size else follower["time_ns"]
     return Pairs(since * 1e-9, leader, follower, rows.never_applied)
@@ -54,8 +54,8 @@ def not_scored(pairs: Pairs) -> NDArray[np.bool_]:
     """Rows in which the robot was not where the command said, or the hand did not lead it.
 
     It guarded a first touch or did something else than follow (`foretouch.report.statuses.away`), the clutch was
-    pressed, or the device gave no position: robot and model then stay where they are, and what is easily predicted
-    there is felt by nobody.
+    pressed, or the device gave no position: robot and model then stay where they are, and a
+    prediction there is easy and reaches no hand.
     """
     led = pairs.leader["engaged"] & ~nowhere(pairs.leader)
     return np.asarray(pairs.follower["guarded"] | away(pairs.follower) | ~led)
@@ -85,7 +85,7 @@ def model_of(update: ModelUpdate) -> ContactModel | None:
 
 
 def force_at_follower(log: SessionLog, pairs: Pairs) -> Array:
-    """What the leader's model says of the follower's own motion: the prediction error less the tracking error.
+    """Prediction of the leader's model for the follower's motion: the prediction error less the tracking error.
 
     In each row the newest model that had arrived at the leader is run at the follower's position and velocity;
     without a valid model the force is 0, as it is at the leader. A law with memory runs on along the rows, from the

@@ -12,7 +12,7 @@ from foretouch.quantities import Rows
 Array = NDArray[np.float64]
 
 ACCURATE_WITHIN = 0.10
-"""Error of an accurate prediction, as a share of the force RMS: people tell forces apart at 7 to 10 %."""
+"""Error of an accurate prediction, as a fraction of the force RMS: people tell forces apart at 7 to 10 %."""
 
 ACCURATE_FOR = 0.5
 """Time in contact over which the error is taken [s]: about one press, so that no crossing of two curves counts."""
@@ -147,11 +147,11 @@ def time_to_accuracy(
         true_force: F, less its zero [N], finite, shape (n,).
         predicted_force: [N], shape (n,); one that is not finite is as wrong as can be.
         in_contact: Flags, shape (n,).
-        within: Largest error, as a share of the force RMS.
+        within: Largest error, as a fraction of the force RMS.
         lasting: Contact over which it is taken [s].
 
     Returns:
-        None where it is never accurate for so long, or in contact for so long.
+        None where neither the accuracy nor the contact ever lasts for `lasting`.
     """
     if time.size < 2:
         return None
@@ -171,6 +171,6 @@ def time_to_accuracy(
 
 
 def _window_sums(values: Array, count: int) -> Array:
-    """Sums of all runs of so many values."""
+    """Sums of all runs of this length."""
     sums = np.concatenate(([0.0], np.cumsum(values)))
     return np.asarray(sums[count:] - sums[:-count])

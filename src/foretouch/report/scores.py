@@ -18,12 +18,13 @@ from foretouch.identification.force_calibration import (
     never_leaves_contact,
 )
 from foretouch.quantities import ByValue
+from foretouch.report.numbers import finite_or_none
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 JND_SHARE = 0.10
-"""Just noticeable difference of force, as a share of the force."""
+"""Just noticeable difference of force, as a fraction of the force."""
 
 JND_FORCE = 0.05
 """The smallest just noticeable difference that is asked for [N]."""
@@ -49,7 +50,7 @@ class Scores(ByValue):
         contact_force_rms_N: RMS of the measured force over the contact samples of the window.
         prediction_rmse_N: RMS of predicted less measured force over the scored samples.
         prediction_error_percent: The same as a share of `contact_force_rms_N`.
-        delayed_force_error_percent: The delayed force's RMS error over the contact samples, as the same share.
+        delayed_force_error_percent: The delayed force's RMS error over the contact samples, as the same fraction.
         delayed_force_rmse_N: That RMS error.
         within_jnd_percent: Share of contact samples whose error is at most max(10 % of the force, 0.05 N).
         phantom_force_rms_N: RMS of the prediction over the window's samples out of contact.
@@ -76,7 +77,7 @@ class Scores(ByValue):
     measured_force: Array
 
 
-def score(
+def score_prediction(
     time: ArrayLike,
     measured_force: ArrayLike,
     predicted_force: ArrayLike,
@@ -114,15 +115,15 @@ def score(
         time: Sample times [s], increasing, shape (n,); they count from the first.
         measured_force: As the sensor gives it [N], offset included, finite, shape (n,).
         predicted_force: Predicted at the same samples [N], shape (n,).
-        delayed_force: Known at the receiver at the same samples [N], shape (n,), as the sensor gave it (`delayed`);
-            not finite where nothing had arrived, which counts as no force.
+        delayed_force: Known at the receiver at the same samples [N], shape (n,), as the sensor gave it, see
+            `foretouch.report.delayed_force`; not finite where nothing had arrived, which counts as no force.
         contact_floor: Smallest force that counts as contact [N], positive.
         score_from: Start of the window [s], included.
         score_to: End of the window [s], included; None for the last sample.
         position: Probe position [m], shape (n,). With it, a recording that never leaves contact is noticed
             (``offset_unobservable``); from the force alone this cannot be told.
         offset: Zero of the measured force [N] where it is known; None to find it.
-        delayed_offset: Zero of the delayed force [N]: 0 where whoever sent it took that off; None for that of the
+        delayed_offset: Zero of the delayed force [N]: 0 where the sender took that off; None for that of the
             measured force.
         skipped: Samples that are out of every window, flags of shape (n,); their force still tells the zero.
 
@@ -187,12 +188,12 @@ def score(
         samples=clock.size,
         scored_samples=int(scored.sum()),
         contact_force_rms_N=contact_rms,
-        prediction_rmse_N=_number(rmse),
-        prediction_error_percent=_number(100.0 * rmse / contact_rms),
-        delayed_force_error_percent=_number(100.0 * delayed_rmse / contact_rms),
-        delayed_force_rmse_N=_number(delayed_rmse),
+        prediction_rmse_N=finite_or_none(rmse),
+        prediction_error_percent=finite_or_none(100.0 * rmse / contact_rms),
+        delayed_force_error_percent=finite_or_none(100.0 * delayed_rmse / contact_rms),
+        delayed_force_rmse_N=finite_or_none(delayed_rmse),
         within_jnd_percent=100.0 * float(near.mean()),
-        phantom_force_rms_N=_number(_rms(predicted[apart])) if apart.any() else None,
+        phantom_force_rms_N=finite_or_none(_rms(predicted[apart])) if apart.any() else None,
         missed_contact_percent=100.0 * (1.0 - float(found.mean())),
         status=status,
         threshold_N=threshold,
@@ -201,7 +202,7 @@ def score(
     )
 
 
-def delayed(time: ArrayLike, force: ArrayLike, delay: float) -> Array:
+def delayed_force(time: ArrayLike, force: ArrayLike, delay: float) -> Array:
     """The force that is known a delay later: the newest sample not later than t - delay, NaN where there is none.
 
     Times are compared with a tolerance of a thousandth of the median sample period, so that a delay of a whole
@@ -261,7 +262,3 @@ def _window(clock: Array, score_from: float, score_to: float | None) -> Flags:
 def _rms(values: Array) -> float:
     with np.errstate(over="ignore", invalid="ignore"):
         return float(np.sqrt(np.mean(np.square(values))))
-
-
-def _number(value: float) -> float | None:
-    return value if np.isfinite(value) else None

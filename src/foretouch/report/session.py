@@ -11,24 +11,18 @@ from scipy.optimize import minimize_scalar
 
 from foretouch.errors.checks import require_type
 from foretouch.messages import CHANNELS, SessionLog, encode
-from foretouch.models import ContactMap, summarise_map
+from foretouch.models import ContactMapModel, summarise_map
 from foretouch.quantities import Rows
-from foretouch.report.hand import (
-    NO_BASELINE,
-    contact_force,
-    hand_figures,
-    largest,
-    loop_sentence,
-    renders_models,
-    setting,
-)
+from foretouch.report.numbers import NO_BASELINE, largest, renders_models, setting
 from foretouch.report.pairs import Pairs, force_at_follower, model_of, not_scored, nowhere, pair
 from foretouch.report.perception import time_to_accuracy, update_jumps
-from foretouch.report.phases import contact_scores, phase_figures
 from foretouch.report.scene.pose import has_scene
 from foretouch.report.scene.scene import in_scene, look_at_scene, scene_figures
-from foretouch.report.scores import Scores, score
-from foretouch.report.statuses import away, joining, safety_figures, stretch_figures
+from foretouch.report.scores import Scores, score_prediction
+from foretouch.report.sections.hand import contact_force, hand_figures
+from foretouch.report.sections.safety import safety_figures, segment_figures
+from foretouch.report.sections.session import contact_scores, loop_sentence, phase_figures
+from foretouch.report.statuses import away, joining
 
 Array = NDArray[np.float64]
 
@@ -42,7 +36,7 @@ LATE = 1.5
 """A tick is late when its period is longer than this many nominal periods."""
 
 
-def session_report(
+def session_figures(
     log: SessionLog,
     *,
     score_from: float = 1.5,
@@ -52,15 +46,15 @@ def session_report(
     """All figures of a session as one object of plain numbers, texts and None, ready for JSON.
 
     True, predicted, rendered and delayed force are compared at equal command sequence, one row per applied command
-    (`foretouch.report.pair`), and scored by `foretouch.report.score` at the time of the follower's tick. The true
-    force is the follower's compensated sensor force; the rendered one is divided by the force scale. Rows in which the
-    follower guarded a first touch, did something else than follow, or in which the clutch was pressed or the device
-    gave no position, are counted and not scored; rows whose sensors were not to be trusted are counted and left out. A
-    figure is None where there is nothing to measure it on.
+    (`foretouch.report.pair`), and scored by `score_prediction` at the time of the follower's tick. The true force is
+    the follower's compensated sensor force; the rendered one is divided by the force scale. Rows in which the follower
+    guarded a first touch, did something else than follow, or in which the clutch was pressed or the device gave no
+    position, are counted and not scored; rows whose sensors were not to be trusted are counted and left out. A figure
+    is None where there is nothing to measure it on.
 
     Where a side ended and began again, or settings changed, all figures are of the longest part in which nothing
-    changed (`SessionLog.longest_phase`) and ``settings`` are its own, but for ``stretches``, ``safety``, ``messages``
-    and ``counts``, which are of the whole session. ``stretches`` has the main figures of every part.
+    changed (`SessionLog.longest_phase`) and ``settings`` are its own, but for ``segments``, ``safety``, ``messages``
+    and ``counts``, which are of the whole session. ``segments`` has the main figures of every part.
 
     A session in three dimensions has these figures along the normal of the surface, and ``scene`` beside them
     (`foretouch.report.scene.scene.scene_figures`).
@@ -70,6 +64,41 @@ def session_report(
         score_from: Start of the scoring window [s] after the first row.
         score_to: Its end [s]; None for the last row.
         recording: Path of the recording, to be named in the report.
+
+    Returns:
+        The fields of `Scores`; those of the force after the limits, divided by the force scale, begin with
+        ``rendered_``, as ``rendered_rmse_N``. Energy, hand, segments and scenes stand on this page above. Beside these:
+
+        - ``status``: a key of `STATUSES`; ``recording``: path of the MCAP file; ``duration_s``: first to last tick;
+          ``score_from_s``, ``score_to_s``: the window, None being the end.
+        - ``samples``: rows in all; ``guarded_samples``: rows in which a first touch was guarded.
+        - ``largest_model_jump_N``, ``largest_model_jump_N_per_s``, ``largest_model_jump_at_s``: the largest change of
+          the predicted force by a new model, its largest rate, and when the first came after the leader's first tick.
+        - ``largest_update_jump_N``, ``largest_update_jump_N_per_s``, ``largest_update_jump_at_s``: the same after
+          mediation, and ``largest_rendered_update_jump_N``, ``largest_rendered_update_jump_N_per_s``,
+          ``largest_rendered_update_jump_at_s``: after the limits, which spread a jump over several ticks.
+        - ``time_to_ten_percent_s``: from the first contact to an error that stays within 10 % (`time_to_accuracy`).
+        - ``equal_position``: the prediction at the follower's own motion, without the robot's tracking error;
+          ``exact_force``: the prediction against the simulator's contact force.
+        - ``max_rendered_force_N``, ``largest_rendered_jump_N`` in one tick, ``max_follower_force_N`` on the material.
+        - ``clipped_ticks``: ticks in which a limit acted; ``clipped``: by ``leader`` and ``follower``.
+        - ``tracking_error``: ``rms_mm``, ``max_mm``, and ``lag_ms``, the time shift that explains most of it;
+          ``commands``: ``sent``, ``applied``, ``never_applied``.
+        - ``standard_deviation``: its median in contact, ``median_N``, and the percentages of errors within one and two
+          of it, ``within_one_percent`` and ``within_two_percent``, honest at 68 and 95.
+        - ``parameters``, ``standard_errors``: numbers of the last valid law, None where undetermined; for a contact map
+          ``stiffness``, ``damping``, ``exponent``, ``switching`` of its law.
+        - ``map``: the weights ``shares`` of ``law``, ``coarse``, ``fine``; ``depth_visited_m``,
+          ``speed_visited_m_per_s``; force at rest and slope at three depths, ``depths_m``, ``forces_N``,
+          ``local_stiffness_N_per_m``; the last ``standard_deviation_N`` in contact.
+        - ``models``: ``sent``, ``valid``, ``used`` in some tick; ``model_bytes``: ``per_s``, ``p50`` and ``max`` of
+          one.
+        - ``messages``: ``sent``, ``lost``, ``late``, ``undecodable``, and ``dropped`` by the recorder; ``counts``: the
+          counters behind them, with ``recorder_missed``, and ``truncated`` for a recording that was cut.
+        - ``timing``: of each side ``period_ms`` and ``compute_us`` (``p50``, ``p99``, ``max``), ``late_ticks`` (longer
+          than 1.5 ms) of ``ticks``, ``ticks_per_s`` reached, ``rate`` wanted; ``elapsed_s`` of a simulation.
+        - ``operator``, ``loop``, ``baseline``, ``settings``: who moved the leader, whether the force moves a hand, the
+          rendered baseline if any, and the settings as text.
 
     Raises:
         SettingError: A window that ends before it begins.
@@ -87,14 +116,14 @@ def session_report(
     main, rendered = scores["predicted"], scores["rendered"]
     window = limits | {"position": follower["position"], "skipped": skipped, "delayed_offset": 0.0}
     sensor, predicted, known = follower["sensor_force"], leader["predicted_force"], leader["delayed_force"]
-    local = score(pairs.time, sensor, force_at_follower(log, pairs), known, **window)
+    local = score_prediction(pairs.time, sensor, force_at_follower(log, pairs), known, **window)
     exact = None
     if np.isfinite(follower["exact_force"]).all():  # the simulator's force has no offset to take off
-        exact = score(pairs.time, follower["exact_force"], predicted, known, offset=0.0, **window)
+        exact = score_prediction(pairs.time, follower["exact_force"], predicted, known, offset=0.0, **window)
     report = {
         "status": main.status,
         "recording": recording,
-        "stretches": stretch_figures(whole)
+        "segments": segment_figures(whole)
         | {"duration_s": _duration(whole), "each": phase_figures(whole, log, **limits)},
         "safety": safety_figures(whole),
         "duration_s": _duration(log),
@@ -160,12 +189,8 @@ def session_report(
 
 def _errors(scores: Scores | None) -> dict[str, float | None]:
     """The figures of a second comparison."""
-    return {
-        "contact_force_rms_N": None if scores is None else scores.contact_force_rms_N,
-        "prediction_rmse_N": None if scores is None else scores.prediction_rmse_N,
-        "prediction_error_percent": None if scores is None else scores.prediction_error_percent,
-        "within_jnd_percent": None if scores is None else scores.within_jnd_percent,
-    }
+    names = ("contact_force_rms_N", "prediction_rmse_N", "prediction_error_percent", "within_jnd_percent")
+    return {name: getattr(scores, name, None) for name in names}
 
 
 def _jumps(log: SessionLog) -> dict[str, float | None]:
@@ -175,7 +200,7 @@ def _jumps(log: SessionLog) -> dict[str, float | None]:
 
 
 def _duration(log: SessionLog) -> float:
-    """Time between the first and the last tick of the leader, or of the follower where no leader was heard [s]."""
+    """Time between the first and the last tick of the leader, or of the follower without a leader [s]."""
     table = log.leader if log.leader.size else log.follower
     return float(np.ptp(table["time_ns"])) * 1e-9 if table.size else 0.0
 
@@ -196,12 +221,12 @@ def _learnt(log: SessionLog, pairs: Pairs) -> dict[str, Any]:
     return {
         "parameters": {name: None if name in untold else value for name, value in numbers},
         "standard_errors": errors,
-        "map": summarise_map(model).figures(newest) if isinstance(model, ContactMap) else None,
+        "map": summarise_map(model).figures(newest) if isinstance(model, ContactMapModel) else None,
     }
 
 
 def _coverage(pairs: Pairs, contact: NDArray[np.bool_], scores: Scores) -> dict[str, float | None]:
-    """Whether the standard deviation of the predicted force is honest: shares of contact rows within one and two."""
+    """Calibration of the predicted force's standard deviation: fractions of contact rows within one and two of it."""
     deviation = pairs.leader["standard_deviation"]
     told = contact & np.isfinite(deviation)
     if not told.any():
@@ -235,16 +260,11 @@ def _model_bytes(log: SessionLog) -> dict[str, float | None]:
 
 
 def _messages(log: SessionLog) -> dict[str, int | None]:
-    """Counters of both sides, summed; what nobody counted is None, but for what the log itself shows was sent."""
-    said = int(log.leader.size + log.follower.size) + len(log.models)
-    sent = _total(log.counts, "sent")
-    return {
-        "sent": said if sent is None else sent,
-        "lost": _total(log.counts, "lost"),
-        "late": _total(log.counts, "late"),
-        "undecodable": _total(log.counts, "undecodable"),
-        "dropped": _total(log.counts, "dropped"),
-    }
+    """Counters of both sides, summed; one without a count is None, except for what the log itself shows was sent."""
+    counted = {word: _total(log.counts, word) for word in ("sent", "lost", "late", "undecodable", "dropped")}
+    if counted["sent"] is None:
+        counted["sent"] = int(log.leader.size + log.follower.size) + len(log.models)
+    return counted
 
 
 def _total(counts: dict[str, int], word: str) -> int | None:

@@ -32,18 +32,10 @@ JUMP_TIME = 0.1
 
 
 def settled_at(history: History, period: float, band: float | None) -> int | None:
-    """Iteration from which on s stays where it is in the end.
+    """Iteration from which on s stays where it is in the end; None where it leaves within the last two presses.
 
-    Where it is in the end is a band about its median over the last two presses, or its range over these two, wider by
-    half of itself on either side.
-
-    Args:
-        history: Of `Watched`.
-        period: Of one press [s].
-        band: To either side [-]; None for the range.
-
-    Returns:
-        The iteration, that of the first note at least; None where s leaves the band within the last two presses.
+    Where it is in the end is a band [-] to either side of its median over the last two presses, or without a band its
+    range over these two, wider by half of itself on either side. The period of a press is in s.
     """
     time, s = history["time"], history["s"]
     if not time.size:
@@ -60,13 +52,9 @@ def settled_at(history: History, period: float, band: float | None) -> int | Non
 
 
 def swing(history: History, period: float) -> tuple[float, float]:
-    """Period of the strongest sine in ln k after the first press [s], and the share of the variance that it explains.
+    """Period of the strongest sine in ln k after the first press [s], and the ratio of the variance that it explains.
 
-    A quadratic drift is taken off first. Sines from 0.4 s to 1.6 presses are tried.
-
-    Args:
-        history: Of `Watched`.
-        period: Of one press [s].
+    A quadratic drift is taken off first. Sines from 0.4 s to 1.6 periods of a press [s] are tried.
     """
     time = np.arange(history["time"][0] + period, history["time"][-1], 0.02)
     values = np.interp(time, history["time"], history["ln_k"])
@@ -101,12 +89,9 @@ def local_stiffness(ln_k: Array, s: Array, depth: float) -> Array:
 def stiffness_in_phases(
     history: History, turns: Sequence[float], depth: float
 ) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Medians over compression and over restitution: of k [N/m^s], and of dF/dx at a depth [N/m].
+    """Medians over compression and over restitution: of k [N/m^s], and of dF/dx at a depth [m] in N/m.
 
-    Args:
-        history: Of `Watched`.
-        turns: Times of the turning points [s]; compression begins at the first.
-        depth: [m].
+    Compression begins at the first of the turning points, which are times [s]; the history is one of `Watched`.
     """
     compressing = np.zeros(history["time"].size, dtype=np.bool_)
     inside = (history["time"] >= turns[0]) & (history["time"] < turns[-1])
@@ -137,10 +122,7 @@ def material_stiffness(position: Array, force: Array, turns: Sequence[float], ti
 def in_deep_half(history: History, deepest: float, depth: float) -> NDArray[np.intp]:
     """Indices of the samples of one press at more than half of its depth.
 
-    Args:
-        history: Of `Watched`.
-        deepest: Time of its greatest depth [s]; its samples are within 1.5 s.
-        depth: Its greatest depth [m].
+    The press is deepest at the time `deepest` [s], with that depth [m]; its samples are within 1.5 s.
     """
     return np.flatnonzero((np.abs(history["time"] - deepest) < 1.5) & (history["depth"] > 0.5 * depth))
 
@@ -156,16 +138,16 @@ def stiffness_at_force(ln_k: float, s: float, force: float) -> float:
 
 
 MATERIALS = ("sponge", "foam", "hand")
-"""In the order of the paper's Figs. 10 and 11."""
+"""Materials in the order of the paper's Figs. 10 and 11."""
 
 FORCE_DELAY = 0.3
-"""Of models and telemetry in the paper's experiment [s]."""
+"""Delay of models and telemetry in the paper's experiment [s]."""
 
 PRESS_PERIOD = 2.5
-"""Of one compression and one restitution of sponge and foam [s]; the paper gives none, its figures last 14 s."""
+"""Period of one compression and one restitution of sponge and foam [s]; the paper gives none, its figures last 14 s."""
 
 APPROACH, FIRST_PRESS = 0.6, 1.5
-"""When the probe waits above the surface, and when it begins to press [s]."""
+"""Times at which the probe waits above the surface, and at which it begins to press [s]."""
 
 CLEARANCE = -0.003
 """Depth at which the probe waits [m]: above the surface."""
@@ -175,7 +157,7 @@ Script = tuple[tuple[float, float], ...]
 
 
 BACK, FURTHER_BACK = 1.0 / 2.0, 1.0 / 3.0
-"""Share of the depth to which sponge and foam are let go in each restitution: without being left, and nearly so."""
+"""Fraction of the depth kept in each restitution of sponge and foam: without leaving contact, and nearly leaving it."""
 
 _HAND: Script = (
     *((3.2, 0.0070), (4.9, -0.002), (5.4, -0.002)),
@@ -187,15 +169,10 @@ _DEEPEST = {"sponge": 0.015, "foam": 0.019}
 
 
 def make_script(material: str, presses: int | None = None, *, back: float = BACK) -> Script:
-    """What the operator does after the approach.
+    """Turning points of the operator after the approach, on one of `MATERIALS`, for all presses or for the first ones.
 
-    Sponge and foam are penetrated, five times if not said otherwise, and each time let go to a share of the depth. The
-    hand is pressed three times, the second time deepest, with less than 15 N, and left each time.
-
-    Args:
-        material: One of `MATERIALS`.
-        presses: Counted from the first; None for all.
-        back: That share, for sponge and foam.
+    Sponge and foam are penetrated, five times by default, and each time let go to the fraction `back` of the
+    depth. The hand is pressed three times, the second time deepest, with less than 15 N, and left each time.
 
     Raises:
         UnknownNameError: No such material here.
@@ -249,7 +226,7 @@ class SlowPresses(Device):
         return here + (there - here) * minimum_jerk((time - begin) / (self._times[move] - begin))
 
     def render(self, force: float) -> float:
-        """Nobody feels it: the force [N] within the limit that every device has."""
+        """Limit the force [N] as every device does; no hand feels it."""
         return limit_force(force)
 
 
@@ -258,9 +235,9 @@ class Experiment(Brief):
     """One session on one material.
 
     Attributes:
-        material: Pressed.
+        material: Material that is pressed.
         script: Turning points after the approach, in the operator's time, which is that of `foretouch.report.pair`.
-        log: What was said.
+        log: The session's log.
     """
 
     material: Material
@@ -285,8 +262,8 @@ def run_experiment(name: str, presses: int | None = None, *, back: float = BACK,
     Args:
         name: One of `MATERIALS`.
         presses: As of `make_script`.
-        back: As of `make_script`.
-        seed: Of the noise of sensor and encoder, not negative; the motion is the same.
+        back: As in `make_script`.
+        seed: Seed of the noise of sensor and encoder, not negative; the motion is the same.
 
     Raises:
         UnknownNameError: No such material here.

@@ -24,7 +24,7 @@ from foretouch.models import (
     advance,
 )
 from foretouch.quantities import Brief
-from foretouch.reproduction.theory import fit_polynomial, linearise
+from foretouch.reproduction.theory.linearisation import fit_polynomial, linearise
 
 Array = NDArray[np.float64]
 
@@ -36,16 +36,11 @@ WAVES = ((0.0025, 2.0), (0.015, 4.0), (-0.005, 6.0), (0.005, 8.0))
 
 
 def two_presses(time: ArrayLike, waves: tuple[tuple[float, float], ...] = WAVES) -> tuple[Array, Array]:
-    r"""Depth and velocity of Fig. 6, which Figs. 7 and 8 also press along.
+    r"""Depth [m] and velocity [m/s] of Fig. 6 at times t [s], which Figs. 7 and 8 also press along.
 
     .. math:: x(t) = 20 + 2.5 \sin\frac t2 + 15 \sin\frac t4 - 5 \sin\frac t6 + 5 \sin\frac t8 \;\text{mm}
 
-    Args:
-        time: t [s]; the paper's run from 0 to 25.
-        waves: Amplitude [m] and divisor of t [s] of each sine wave, for runs with fewer of them.
-
-    Returns:
-        Depth [m] and velocity [m/s], each of the shape of `time`.
+    The paper's run from 0 to 25 s. Each of the waves has an amplitude [m] and a divisor of t [s].
     """
     t = np.asarray(time, dtype=np.float64)
     depth, velocity = np.full_like(t, START_DEPTH), np.zeros_like(t)
@@ -56,20 +51,12 @@ def two_presses(time: ArrayLike, waves: tuple[tuple[float, float], ...] = WAVES)
 
 
 def linearisation_press(time: ArrayLike, *, noise: float = 0.5e-3, seed: int = 0) -> tuple[Array, Array]:
-    r"""Depth and velocity of Fig. 5.
+    r"""Depth [m] and velocity [m/s] of Fig. 5 at times t [s]; the depth is positive until 4 pi s.
 
     .. math:: x = 40 \sin\frac t4 + 0.5\,\text{rand}() \;\text{mm}
 
-    rand() is even between 0 and 1, drawn anew for each sample. The velocity is that of the sine alone: of the noise
-    there is none.
-
-    Args:
-        time: t [s], shape (samples,); the depth is positive until 4 pi s.
-        noise: Greatest of the noise [m], not negative.
-        seed: Of the noise.
-
-    Returns:
-        Depth [m] and velocity [m/s], each of the shape of `time`.
+    rand() is even between 0 and 1, drawn anew for each sample; `noise` [m] is the greatest. The velocity is that of the
+    sine alone: of the noise there is none.
 
     Raises:
         SettingError: A negative noise.
@@ -82,10 +69,10 @@ def linearisation_press(time: ArrayLike, *, noise: float = 0.5e-3, seed: int = 0
 
 
 DURATION = 25.0
-"""Of the paper's simulations [s]."""
+"""Duration of the paper's simulations [s]."""
 
 PERIOD = 0.1
-"""Of the paper's samples [s]: its changes at 7 s and 15 s are at the 70th and 150th iteration."""
+"""Period of the paper's samples [s]: its changes at 7 s and 15 s are at the 70th and 150th iteration."""
 
 KELVIN_VOIGT = KelvinVoigt(6000.0, 500.0)
 """The paper's <1>."""
@@ -127,12 +114,12 @@ class Press(Brief):
     """One simulation: what the estimator is given, and what is true.
 
     Attributes:
-        material: Its name.
+        material: Name of the material.
         time: [s], shape (m,); the first sample is one period after 0.
         depth: As given to the estimator [m], shape (m,).
         velocity: As given to the estimator [m/s], shape (m,).
-        force: As given to the estimator [N], shape (m,).
-        true_force: Of the exact law on the exact motion [N], shape (m,).
+        force: Force as given to the estimator [N], shape (m,).
+        true_force: Force of the exact law on the exact motion [N], shape (m,).
         laws: The exact law at each sample, m of them.
     """
 
@@ -146,7 +133,7 @@ class Press(Brief):
 
     @property
     def samples(self) -> list[ContactSample]:
-        """For `Estimator.update`."""
+        """The samples for `Estimator.update`."""
         columns = (self.time.tolist(), self.depth.tolist(), self.velocity.tolist(), self.force.tolist())
         return [ContactSample(*row, True) for row in zip(*columns, strict=True)]
 
@@ -163,12 +150,12 @@ def press(
     """Press one material along the trajectory of Fig. 6; every sample is in contact.
 
     Args:
-        material: Of `MATERIALS`.
-        period: Between samples [s].
+        material: One of `MATERIALS`.
+        period: Time between samples [s].
         noise: Standard deviation of the force noise [N].
-        seed: Of the noise.
+        seed: Seed of the noise.
         differenced: Whether the velocity is the difference of the last two depths instead of the derivative.
-        waves: Of the trajectory.
+        waves: Waves of the trajectory.
 
     Raises:
         UnknownNameError: No such material.
@@ -222,8 +209,8 @@ class Trace(Brief):
         s: Exponent of depth, shape (m,).
         b1: [s/m], shape (m,).
         b2: [s], shape (m,).
-        force: Of each sample by the parameters that were learnt from it too [N], shape (m,).
-        ahead: Of each sample by the parameters before it [N], shape (m,); the first is NaN.
+        force: Force of each sample by the parameters that were learnt from it too [N], shape (m,).
+        ahead: Force of each sample by the parameters before it [N], shape (m,); the first is NaN.
     """
 
     k: Array

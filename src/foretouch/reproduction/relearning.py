@@ -25,7 +25,7 @@ from foretouch.identification.linear.recursion import ErrorUnit
 from foretouch.messages import SessionLog
 from foretouch.models import ContactModel
 from foretouch.quantities import Brief
-from foretouch.report import session_report
+from foretouch.report import session_figures
 from foretouch.reproduction.experiment import FORCE_DELAY
 from foretouch.session import replay
 
@@ -38,7 +38,7 @@ FIELDS = (
 """Columns that `Watched` notes."""
 
 RECOVERY_SPACING = 0.02
-"""How often the four numbers of law (4) are recovered from those of (18), which takes longer than learning [s]."""
+"""Period at which the numbers of law (4) are recovered from those of (18) [s], which is slower than learning."""
 
 
 class Watched(Estimator):
@@ -138,8 +138,8 @@ class Choice:
     """An estimator with one answer to each question that the paper leaves open.
 
     Attributes:
-        name: For people.
-        every: Which samples of the 1 kHz it is given: 1 all, 10 a tenth of them.
+        name: Name for people.
+        every: Decimation of the samples at 1 kHz: 1 for all, 10 for a tenth of them.
         make: A fresh estimator.
         test: What the self-perturbing test sees, where that is a choice.
     """
@@ -181,7 +181,7 @@ EXACT = Choice("exact", 1, lambda: make_estimator("continuous-switching", "exact
 
 
 def without_perturbation() -> tuple[Choice, ...]:
-    """For each of `CHOICES` the same with delta = 0."""
+    """`CHOICES` with delta = 0."""
     return tuple(_fprls(*answers, perturbation=0.0) for answers in _ANSWERS)
 
 
@@ -202,7 +202,7 @@ class Prediction(Brief):
 
     Attributes:
         log: The session with the other predicted force.
-        report: Its figures (`foretouch.report.session_report`).
+        report: Figures of the session (`foretouch.report.session_figures`).
         history: What the estimator found.
     """
 
@@ -212,16 +212,16 @@ class Prediction(Brief):
 
     @property
     def error(self) -> float:
-        """Of the predicted force [% of the RMS of the contact force]; inf where it has no bound."""
+        """Error of the predicted force [% of the RMS of the contact force]; inf where it has no bound."""
         return _bounded(self.report["prediction_error_percent"])
 
     def error_from(self, time: float) -> float:
-        """The same, scored from a time [s] on."""
-        return _bounded(session_report(self.log, score_from=time)["prediction_error_percent"])
+        """Error of the predicted force, scored from a time [s] on."""
+        return _bounded(session_figures(self.log, score_from=time)["prediction_error_percent"])
 
     @property
     def delayed_error(self) -> float:
-        """Of the delayed force over the same samples [%]."""
+        """Error of the delayed force over the same samples [%]."""
         return _bounded(self.report["delayed_force_error_percent"])
 
 
@@ -236,4 +236,4 @@ def predict_again(log: SessionLog, choice: Choice) -> Prediction:
     leader = log.leader.copy()
     leader["predicted_force"], leader["model_jump"] = predicted.force, predicted.jump
     other = replace(log, leader=leader)
-    return Prediction(other, session_report(other), watched.history)
+    return Prediction(other, session_figures(other), watched.history)

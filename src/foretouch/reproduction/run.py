@@ -35,7 +35,7 @@ SHOWN: dict[Verdict, tuple[str, str, str]] = {
     "holds under stated choice": ("choice", "◐", "holds under a choice"),
     "does not hold": ("not", "✗", "does not hold"),
 }
-"""Of each verdict its class in the style, its sign and its words: what colour says, sign and words say too."""
+"""Class in the style, sign and words of each verdict: sign and words repeat what colour shows."""
 
 CENTRAL = {
     "fig4": "gamma lies in [2, 3]",
@@ -62,7 +62,7 @@ EQUATIONS = {
     18: r"\ln F \approx \ln k + s\,\ln x + b_1\,\dot x + b_2\,\frac{\dot x}{x}",
     20: r"P_{k+1} = \frac{1}{\mu}(I - K_{k+1}\Phi_{k+1}^T)\,P_k + \delta\,N(\kappa\,\hat e_k^2)\,I",
 }
-"""Those that claims and texts name, by the paper's number."""
+"""Equations that claims and texts name, by the paper's number."""
 
 OF_SECTION = {
     "fig2": (1,),
@@ -106,16 +106,7 @@ body { max-width: 76rem; } a { color: inherit; } h2 { margin: 1.2rem 0 .4rem; }
 def write_paper_page(directory: Path, sections: Sequence[Section], made: Mapping[str, Any] | None = None) -> Path:
     """Write ``index.html``: at first a summary, and everything else folded to one line each.
 
-    Args:
-        directory: Made if it is not there.
-        sections: In the order in which they are shown.
-        made: What made it, for the end of the page, as `foretouch.report.write_html` takes it.
-
-    Returns:
-        Path of the page.
-
-    Raises:
-        InputError: It cannot be written there.
+    Arguments, result and errors are those of `write_report`.
     """
     body = [
         STYLE,
@@ -129,7 +120,7 @@ def write_paper_page(directory: Path, sections: Sequence[Section], made: Mapping
 
 
 def counted(claims: Sequence[Claim]) -> dict[Verdict, int]:
-    """How many claims have each verdict, in the order in which verdicts are shown."""
+    """Number of claims with each verdict, in the order in which verdicts are shown."""
     found = Counter(claim.verdict for claim in claims)
     return {verdict: found[verdict] for verdict in SHOWN}
 
@@ -228,7 +219,7 @@ def _card(section: Section, claim: Claim, links: str) -> str:
 
 
 def _links(section: Section, claim: Claim) -> str:
-    """To the claim's figure and its equations."""
+    """Links to the claim's figure and its equations."""
     equations = (f'<a href="#equation-{number}">({number})</a>' for number in named_equations(section, claim))
     return " ".join((f'<a href="#{section.name}">{_short(section)}</a>', *equations))
 
@@ -246,12 +237,12 @@ SECTIONS: dict[str, str] = {
     "fig4": "figures.fig4",
     "fig5": "figures.fig5",
     "table1": "figures.table1",
-    "fig6": "figures.fig6",
-    "fig7a": "figures.fig7:make_fig7a",
-    "fig7b": "figures.fig7:make_fig7b",
-    "fig7c": "figures.fig7:make_fig7c",
+    "fig6": "figures.simulations:make_fig6",
+    "fig7a": "figures.simulations:make_fig7a",
+    "fig7b": "figures.simulations:make_fig7b",
+    "fig7c": "figures.simulations:make_fig7c",
     "fig8": "figures.fig8",
-    "choices": "questions.search",
+    "choices": "questions.choices",
     "arguments": "questions.arguments",
     "fast": "questions.fast",
     "fig10": "figures.fig10",
@@ -261,11 +252,7 @@ SECTIONS: dict[str, str] = {
 
 
 def make_section(name: str) -> Section:
-    """Make one section; it may take a minute.
-
-    Raises:
-        UnknownNameError: No such section.
-    """
+    """Make one section, which may take a minute; an UnknownNameError where there is none of that name."""
     if name not in SECTIONS:
         raise UnknownNameError("section", name, SECTIONS)
     module, _, maker = SECTIONS[name].partition(":")
@@ -281,7 +268,7 @@ def reproduce(names: Sequence[str], *, progress: Callable[[str, float], None] | 
     """Make sections, side by side on the cores of this machine.
 
     Args:
-        names: Of the sections.
+        names: Names of the sections.
         progress: Called with the name of each section that is done and the time since the start [s].
 
     Returns:
@@ -319,8 +306,8 @@ def write_report(
     """Write the page, and each section's figure as SVG and PNG and its data as Parquet beside it.
 
     Args:
-        directory: Made if it is not there.
-        sections: To write.
+        directory: Directory; made if it is not there.
+        sections: Sections to write.
         made: What made it, for the end of the page, as `foretouch.report.write_html` takes it.
         progress: Called with the name of each section before it is written.
 

@@ -15,13 +15,18 @@ from numpy.typing import NDArray
 Verdict: TypeAlias = Literal["holds", "holds under stated choice", "does not hold"]
 
 
+def verdict_of(printed: bool = False, *, choice: bool = False) -> Verdict:
+    """The verdict on a claim that holds as printed, or under a stated choice, or neither."""
+    return "holds" if printed else "holds under stated choice" if choice else "does not hold"
+
+
 @dataclass(frozen=True)
 class Claim:
     """One sentence of the paper, tried.
 
     Attributes:
         claim: What the paper says, in short.
-        paper: Its number or words.
+        paper: The paper's number or words.
         measured: What was measured here, with unit.
         verdict: Whether it holds as printed, only under a choice that the paper leaves open, or not.
         setting: Under which setting it was measured; for a verdict under a choice, the choice.
@@ -65,13 +70,7 @@ class Section:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What came of one choice.
-
-    Attributes:
-        choice: Its name.
-        holds: Whether the claim holds under it.
-        measured: With unit.
-    """
+    """One choice by name, whether the claim holds under it, and what was measured, with unit."""
 
     choice: str
     holds: bool
@@ -87,19 +86,11 @@ def judge(
     beside: Sequence[Outcome] = (),
     given: bool = False,
 ) -> Claim:
-    """A claim from its outcomes.
+    """A claim from its outcomes, the printed one first, then in the order in which they are preferred.
 
     It holds where it holds under the first choice, which is the printed one; under a stated choice where another one
-    gives it, and then the first that does is stated, and how many do.
-
-    Args:
-        claim: What the paper says.
-        paper: Its words or numbers.
-        outcomes: At least one, the printed one first, then in the order in which they are preferred.
-        setting: How it was measured.
-        beside: To be reported but not to decide.
-        given: Whether the setting itself holds a choice that the paper leaves open and on which the verdict hangs; then
-            the claim holds under a stated choice at best.
+    gives it, and then the first that does is stated, and how many do. Outcomes `beside` are reported and do not decide.
+    Where the setting itself is `given` by a choice that the paper leaves open, it holds under a stated choice at best.
     """
     printed = outcomes[0]
     giving = [outcome for outcome in outcomes if outcome.holds]

@@ -20,7 +20,7 @@ THICKNESS = 2e-3
 """Thickness of a specimen that is drawn [m]."""
 
 NEAREST, FARTHEST = 0.02, 5.0
-"""What is nearer to the camera or farther from it is not drawn [m]."""
+"""Nearest and farthest distance from the camera that is drawn [m]."""
 
 
 class MissingGraphicsError(MissingExtraError):

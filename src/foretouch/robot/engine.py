@@ -38,7 +38,7 @@ def load_mujoco() -> Any:
 
 
 ROD_LENGTH = 0.16
-"""From the force sensor to the tip [m]."""
+"""Distance from the force sensor to the tip [m]."""
 
 ROD_RADIUS = 0.004
 """Radius of the probe's rod [m]."""
@@ -56,7 +56,7 @@ TOOL_MASS = 0.1
 """Mass beyond the force sensor: rod and tip [kg]."""
 
 GRAVITY = 9.81
-"""Along the approach, which points straight down [m/s^2]."""
+"""Gravity along the approach, which points straight down [m/s^2]."""
 
 
 def arm_scene(surface: float, timestep: float) -> str:

@@ -18,13 +18,13 @@ RAIL_DAMPING = 1.0
 """Damping of each joint [N s/m]."""
 
 LEAST_STEPS = 2
-"""Physics steps in a sample period: of 1 ms they are 0.5 ms long."""
+"""Smallest number of physics steps in a sample period: of 1 ms they are 0.5 ms long."""
 
 LARGEST_FORCE = 1000.0
-"""A contact force that is more, or no number, is cut here, so that the physics stay finite [N]."""
+"""Bound to which a contact force that is more, or no number, is cut, so that the physics stay finite [N]."""
 
 NOISE_BLOCK = 4096
-OFFSET_DOUBT = 0.2
+OFFSET_UNCERTAINTY = 0.2
 AXES = range(3)
 WAYS = (1.0, 1.0, -1.0)
 """Direction of each axis in which its servo counts: the third goes in as it goes down."""
@@ -47,11 +47,11 @@ class GantryArm(SpatialRobot):
 
     Args:
         world: Gives the contact force.
-        fixture: Gives the true pose of what is touched (a place [m] and a rotation vector [rad]) for those who score
-            and draw; None where there is none.
-        seed: Of sensor and encoder noise, not negative.
-        start: Place of the tip at first [m].
-        reach: Lowest and highest place [m].
+        fixture: Gives the true pose of what is touched (a position [m] and a rotation vector [rad]) for scores
+            and drawings; None where there is none.
+        seed: Seed of sensor and encoder noise, not negative.
+        start: Position of the tip at first [m].
+        reach: Lowest and highest position [m].
         sample_period: [s].
         substeps: Physics steps in a sample period: what is touched acts through a whole one, so that a damping of b
             needs more than b T / (2 m) of them, or a contact swings up by itself.
@@ -114,7 +114,7 @@ class GantryArm(SpatialRobot):
             simulated=True,
             moved_mass=MOVED_MASS,
             sensor_range=200.0,
-            largest_offset=math.hypot(*sensor_offset) + OFFSET_DOUBT,
+            largest_offset=math.hypot(*sensor_offset) + OFFSET_UNCERTAINTY,
         )
         self._build(start)
 
@@ -162,7 +162,7 @@ class GantryArm(SpatialRobot):
         place, velocity = self._place, self._velocity
         for _ in self._steps:
             for axis in AXES:
-                # A servo counts inwards, against the force that it meets; the third one's way in is down.
+                # A servo counts inwards, against the force that it meets; the third one moves in downwards.
                 way = WAYS[axis]
                 effort = self._servos[axis].effort(
                     way * place[axis], way * velocity[axis], -way * self._sensor[axis], h

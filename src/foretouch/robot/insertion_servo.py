@@ -38,9 +38,9 @@ class InsertionServo:
         mass: M, that the joint moves [kg].
         damping: d of the rail [N s/m].
         force_limit: [N].
-        sample_period: Of the commands [s].
-        position: Where the tip is [m].
-        state: Where its numbers are kept, in an array that somebody else holds too, shape
+        sample_period: Period of the commands [s].
+        position: Position of the tip [m].
+        state: Array with its numbers, which the caller may hold too, shape
             (`foretouch.robot.servo_kernel.SERVO_SIZE`,); None for one of its own.
     """
 
@@ -72,7 +72,7 @@ class InsertionServo:
 
     @property
     def velocity(self) -> float:
-        """Of the reference [m/s]."""
+        """Velocity of the reference [m/s]."""
         return float(self._state[self._kernel.VELOCITY])
 
     @property
@@ -88,8 +88,8 @@ class InsertionServo:
         """Drive force u for the next h seconds [N], net of gravity, at most the force limit.
 
         Args:
-            position: Of the joint [m].
-            velocity: Of the joint [m/s].
+            position: Position of the joint [m].
+            velocity: Velocity of the joint [m/s].
             contact_force: Measured, tool compensated [N].
             h: Length of the step [s].
         """

@@ -19,7 +19,7 @@ MOVED_MASS = CARRIAGE_MASS + TOOL_MASS
 RAIL_DAMPING = 1.0  # of the insertion joint [N s/m], as in the scene
 LARGEST_CONTACT_FORCE = 1000.0  # a law that gives more, or no number, is cut here, so that the physics stay finite [N]
 NOISE_BLOCK, DRAWS = 4096, 3  # normal draws at once, and for one sample
-OFFSET_DOUBT = 0.2  # beyond the sensor's offset [N], ten times its noise
+OFFSET_UNCERTAINTY = 0.2  # beyond the sensor's offset [N], ten times its noise
 
 
 class RcmArm(Robot):
@@ -36,8 +36,8 @@ class RcmArm(Robot):
     Same seed, same commands: same samples, bit for bit.
 
     Args:
-        material: What the probe presses.
-        seed: Of the sensor and encoder noise, not negative.
+        material: Material that the probe presses.
+        seed: Seed of the sensor and encoder noise, not negative.
         surface: Position of the undeformed surface [m]; None takes the material's own.
         sample_period: [s].
         substeps: Physics steps in a sample period.
@@ -115,7 +115,7 @@ class RcmArm(Robot):
             simulated=True,
             moved_mass=MOVED_MASS,
             sensor_range=sensor_range,
-            largest_offset=abs(sensor_offset) + OFFSET_DOUBT,
+            largest_offset=abs(sensor_offset) + OFFSET_UNCERTAINTY,
         )
         self._substeps = int(substeps)
         self._h = sample_period / self._substeps
@@ -217,7 +217,7 @@ def make_robot(material: str | Material, *, seed: int = 0, surface: float | None
 
     Args:
         material: A material, or its name in `MATERIALS`.
-        seed: Of the sensor and encoder noise.
+        seed: Seed of the sensor and encoder noise.
         surface: Position of the undeformed surface [m]; None takes the material's own.
         **options: Settings of `RcmArm`.
 

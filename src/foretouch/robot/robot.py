@@ -1,6 +1,6 @@
 """What a follower robot is, along a line and in space: one exchange a sample period, places in, sensors out.
 
-A robot that somebody else moves, with a pendant, by hand, by a program of its own, is one too.
+A robot that is moved from elsewhere, with a pendant, by hand, by a program of its own, is one too.
 """
 
 from __future__ import annotations
@@ -16,14 +16,15 @@ class RobotSample(NamedTuple):
     """What the robot's sensors show after one sample period. Positions are of the probe's tip along the approach.
 
     Attributes:
-        position: From the encoders [m], growing into the material.
+        position: Position from the encoders [m], growing into the material.
         sensor_force: As the sensor gives it [N], along the outward normal, positive in compression; its offset and
             the weight and inertia of the tool are in it (`RobotSpecification.tool_force`).
-        acceleration: Of the tool along the approach [m/s^2], positive into the material, as an accelerometer beside
-            the force sensor gives it, through the same low-pass: without it, a jerked tool is felt as contact.
+        acceleration: Acceleration of the tool along the approach [m/s^2], positive into the material, as an
+            accelerometer beside the force sensor gives it, through the same low-pass: without it, a jerked tool is felt
+            as contact.
         exact_force: The simulator's own contact force [N]; NaN on hardware.
         exact_position: The simulator's own position [m]; NaN on hardware.
-        commanded_position: What the robot was really told in the end [m], after its limits.
+        commanded_position: Position that the robot was commanded in the end [m], after its limits.
         clipped: Whether the force limit cut the command in this tick.
         effort: What the drive pushes the probe inwards with [N], net of gravity, by its own current; NaN where it does
             not say. It bears the force sensor out, or not.
@@ -55,7 +56,7 @@ class RobotSpecification:
         sensor_bandwidth: Cut-off of the first-order low-pass of both [Hz].
         workspace: Smallest and largest position of the tip [m].
         simulated: Whether nothing can be hurt: a real robot's first touches are guarded by default.
-        moved_mass: That moves with the tip along the approach [kg]: what an impact is of.
+        moved_mass: Mass that moves with the tip along the approach [kg] and makes its impacts.
         sensor_range: The force sensor shows at most this, either way [N]; infinite where it is not known.
         largest_offset: With nothing on it, and its tool weighed out, the force sensor shows at most this [N]. More is
             contact, whatever is learnt of the offset; infinite where it is not known: then a follower that begins in
@@ -85,7 +86,7 @@ class RobotSpecification:
         A tool that hangs below its sensor pulls on it: at rest in free air this is -m g.
 
         Args:
-            acceleration: Of the tip along the approach [m/s^2], positive into the material.
+            acceleration: Acceleration of the tip along the approach [m/s^2], positive into the material.
         """
         return self.tool_mass * (acceleration - self.gravity)
 
@@ -127,13 +128,13 @@ class Robot(ABC):
 
 
 class MovedRobot(Robot):
-    """Any robot, moved by a motion of its own; what it is told otherwise it leaves out.
+    """Any robot, moved by a motion of its own; commands it leaves out.
 
     Its time is its own and begins at 0; an exchange is one sample period.
 
     Args:
-        robot: That moves.
-        position_at: Where it is moved to [m] at a time [s]; asked once for each exchange, in order.
+        robot: Robot that moves.
+        position_at: Position [m] that it is moved to at a time [s]; asked once for each exchange, in order.
 
     Attributes:
         robot: The robot inside.
@@ -170,14 +171,14 @@ class MovedRobot(Robot):
 
 
 Vector: TypeAlias = tuple[float, float, float]
-"""In the world's frame, z up."""
+"""A vector in the world's frame, z up."""
 
 
 class SpatialSample(NamedTuple):
     """What the robot's sensors show after one sample period. Places are of the probe's tip.
 
     Attributes:
-        place: From the encoders [m].
+        place: Position from the encoders [m].
         force: Contact force on the probe [N] as its sensor gives it, less the tool's weight and inertia; its offset is
             in it.
         exact_force: The simulator's own contact force on the probe [N]; NaN on hardware.

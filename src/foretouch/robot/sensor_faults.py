@@ -10,6 +10,7 @@ import numpy as np
 
 from foretouch.errors import SettingError, UnknownNameError
 from foretouch.errors.checks import require
+from foretouch.quantities import shortest
 from foretouch.robot.robot import Robot, RobotSample
 
 SENSOR_FAULTS: Final[dict[str, str]] = {
@@ -36,7 +37,7 @@ SPIKE_SIZES = (5.0, 20.0)
 """Smallest and largest spike [N]."""
 
 UNKNOWN_RANGE = 50.0
-"""A saturated sensor whose range is not known shows this [N]."""
+"""Force that a saturated sensor of unknown range shows [N]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,6 +64,10 @@ class SensorFault:
         require("begin", self.begin, at_least=0.0)
         if not self.end > self.begin:
             raise SettingError("end", self.end, f"must be later than the beginning, {self.begin:g} s")
+
+    def __str__(self) -> str:
+        """The text that `from_text` reads."""
+        return ":".join([self.kind, *map(shortest, (self.begin, self.end))]).removesuffix(":inf")
 
     @classmethod
     def from_text(cls, name: str, text: str) -> SensorFault:
@@ -91,12 +96,12 @@ class FaultySensor(Robot):
 
     Args:
         robot: Any robot.
-        fault: Which fault, and when.
-        seed: Of the spikes, not negative.
+        fault: The fault and its times.
+        seed: Seed of the spikes, not negative.
 
     Attributes:
         robot: The robot inside.
-        fault: Which fault, and when.
+        fault: The fault and its times.
         faulty: Whether the newest sample was changed.
 
     Raises:

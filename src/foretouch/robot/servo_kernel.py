@@ -17,7 +17,7 @@ COMMAND, COMMAND_SLOPE, COMMAND_VELOCITY, COMMAND_VELOCITY_SLOPE, REFERENCE, VEL
 
 MASS, DAMPING, FORCE_LIMIT, PERIOD, VELOCITY_GAIN = range(8, 13)
 RAIL = slice(MASS, VELOCITY_GAIN + 1)
-"""What stays, as `InsertionServo` is given it."""
+"""Constants, as `InsertionServo` is given them."""
 
 SERVO_SIZE = 13
 
@@ -28,7 +28,8 @@ SERVO_RATE = 300.0  # bandwidth of the position loop [rad/s]
 LARGEST_RETRACTION = 100.0  # drive force out of the material [N]
 
 
-def _move_reference(state: NDArray[np.float64], h: float) -> float:
+@compiled("f8(f8[::1], f8)")
+def move_reference(state: NDArray[np.float64], h: float) -> float:
     """Move the reference and the command on by h seconds; gives the reference's acceleration [m/s^2]."""
     error = state[COMMAND] - state[REFERENCE]
     distance = abs(error)
@@ -44,10 +45,8 @@ def _move_reference(state: NDArray[np.float64], h: float) -> float:
     return float(acceleration)
 
 
-move_reference = compiled("f8(f8[::1], f8)")(_move_reference)
-
-
-def _take(state: NDArray[np.float64], position: float) -> None:
+@compiled("void(f8[::1], f8)")
+def take(state: NDArray[np.float64], position: float) -> None:
     """See `InsertionServo.command`."""
     slope = (position - state[NEWEST]) / state[PERIOD]
     state[COMMAND] = state[NEWEST]
@@ -58,10 +57,8 @@ def _take(state: NDArray[np.float64], position: float) -> None:
     state[NEWEST] = position
 
 
-take = compiled("void(f8[::1], f8)")(_take)
-
-
-def _drive(state: NDArray[np.float64], position: float, velocity: float, contact_force: float, h: float) -> float:
+@compiled("f8(f8[::1], f8, f8, f8, f8)")
+def drive(state: NDArray[np.float64], position: float, velocity: float, contact_force: float, h: float) -> float:
     """Drive force for the next h seconds [N]: see `InsertionServo.effort`."""
     mass, ceiling = state[MASS], state[FORCE_LIMIT]
     stiffness, damping = SERVO_RATE * SERVO_RATE, 2.0 * SERVO_RATE
@@ -79,9 +76,6 @@ def _drive(state: NDArray[np.float64], position: float, velocity: float, contact
     return float(max(effort, -LARGEST_RETRACTION))
 
 
-drive = compiled("f8(f8[::1], f8, f8, f8, f8)")(_drive)
-
-
 Array = NDArray[np.float64]
 
 SERVO = slice(0, SERVO_SIZE)
@@ -93,12 +87,13 @@ what the force sensor shows, and what of that the drive takes for noise [N]; vel
 H, LOW_PASS, TOOL_MASS, GRAVITY, LOWEST, HIGHEST = range(SERVO_SIZE + 6, SERVO_SIZE + 12)
 ENCODER_NOISE, RESOLUTION, OFFSET, SENSOR_NOISE, RANGE, ACCELEROMETER_NOISE = range(SERVO_SIZE + 12, SERVO_SIZE + 18)
 BUILT = slice(H, ACCELEROMETER_NOISE + 1)
-"""What stays: length of a physics step [s], share of the way that the low-pass goes in it, then as `RcmArm` is told."""
+"""Constants: length of a physics step [s], fraction that the low-pass moves in it, then the arguments of `RcmArm`."""
 
 SIZE = SERVO_SIZE + 18
 
 
-def _begin(arm: Array, desired: float, velocity: float) -> None:
+@compiled("void(f8[::1], f8, f8)")
+def begin(arm: Array, desired: float, velocity: float) -> None:
     """A sample period begins, with a command [m]; one that is not finite is left out."""
     if math.isfinite(desired):
         arm[DESIRED] = min(arm[HIGHEST], max(arm[LOWEST], desired))
@@ -107,29 +102,23 @@ def _begin(arm: Array, desired: float, velocity: float) -> None:
     arm[SPEED] = velocity
 
 
-begin = compiled("void(f8[::1], f8, f8)")(_begin)
-
-
-def _effort(arm: Array, position: float, velocity: float) -> float:
+@compiled("f8(f8[::1], f8, f8)")
+def effort(arm: Array, position: float, velocity: float) -> float:
     """Drive force for the next physics step [N], net of gravity."""
     return drive(arm[SERVO], position, velocity, arm[SENSOR] + arm[NOISE] - arm[TOOL], arm[H])
 
 
-effort = compiled("f8(f8[::1], f8, f8)")(_effort)
-
-
-def _sense(arm: Array, velocity: float, compression: float) -> None:
-    """After a physics step: what sensor and drive see of the force between carriage and tool [N]."""
+@compiled("void(f8[::1], f8, f8)")
+def sense(arm: Array, velocity: float, compression: float) -> None:
+    """Update after a physics step what sensor and drive measure of the force between carriage and tool [N]."""
     arm[SENSOR] += arm[LOW_PASS] * (compression - arm[SENSOR])
     tool = arm[TOOL_MASS] * ((velocity - arm[SPEED]) / arm[H] - arm[GRAVITY])
     arm[TOOL] += arm[LOW_PASS] * (tool - arm[TOOL])  # the drive's own compensation, as late as the sensor
     arm[SPEED] = velocity
 
 
-sense = compiled("void(f8[::1], f8, f8)")(_sense)
-
-
-def _show(
+@compiled("Tuple((f8, f8, f8, f8, b1))(f8[::1], f8, f8, f8, f8)")
+def show(
     arm: Array, exact: float, encoder: float, sensor: float, accelerometer: float
 ) -> tuple[float, float, float, float, bool]:
     """What the sensors show at the end of a sample period, with a normal draw of noise for each.
@@ -145,6 +134,3 @@ def _show(
     arm[SHOWN] = min(max(felt, -arm[RANGE]), arm[RANGE])
     acceleration = arm[TOOL] / arm[TOOL_MASS] + arm[GRAVITY] + arm[ACCELEROMETER_NOISE] * accelerometer
     return float(position), float(arm[SHOWN]), float(acceleration), float(arm[REFERENCE]), bool(arm[CLIPPED])
-
-
-show = compiled("Tuple((f8, f8, f8, f8, b1))(f8[::1], f8, f8, f8, f8)")(_show)

@@ -3,10 +3,9 @@
 `Bridge` passes on what a session says, through a `Graph`; `type_hash` tells message definitions apart as ROS 2 does.
 """
 
-from foretouch.ros2.attachment import attachment, publisher_gid
 from foretouch.ros2.bridge import BRIDGE_CHANNELS, Bridge, Pace, SessionClock, wall_offset_ns
 from foretouch.ros2.graph import Graph
-from foretouch.ros2.keys import DEFAULT, SENSOR_DATA, Node, Qos, TopicType, dds_type
+from foretouch.ros2.keys import DEFAULT, SENSOR_DATA, Node, Qos, TopicType, attachment, dds_type, publisher_gid
 from foretouch.ros2.topics import type_description, type_hash
 
 __all__ = [

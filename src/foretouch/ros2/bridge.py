@@ -1,6 +1,6 @@
-"""From a running session to a live ROS 2 graph, one way.
+"""Publishes a running session to a live ROS 2 graph, one way.
 
-A message is stamped by the clock that ROS 2 goes by, though its sender said only its own monotonic time; and of each
+A message is stamped by the clock that ROS 2 goes by, though its sender gave only its own monotonic time; and of each
 kind no more go out than their rate allows.
 """
 
@@ -21,11 +21,11 @@ BLOCK_NS = 30_000_000_000
 """The smallest transit is that of this block of time and of the one before [ns]: the last half to whole minute."""
 
 MOST_SENDERS = 64
-"""So many processes of a session are told apart; beyond it, the one that was met first is forgotten."""
+"""Largest number of processes of a session kept apart; beyond it, the one that was met first is forgotten."""
 
 
 READS = 5
-"""Both clocks are read so often, and the closest reading counts: a process may be put aside between the two."""
+"""Number of readings of both clocks, of which the closest counts: a process may be put aside between the two."""
 
 
 def wall_offset_ns() -> int:
@@ -34,7 +34,7 @@ def wall_offset_ns() -> int:
 
 
 def _offset() -> tuple[int, int]:
-    """How long the reading took, and the offset [ns]."""
+    """Duration of the reading, and the offset [ns]."""
     before, wall, after = time.monotonic_ns(), time.time_ns(), time.monotonic_ns()
     return after - before, wall - (before + after) // 2
 
@@ -73,12 +73,12 @@ class SessionClock:
         self._transits: dict[Hashable, _Transit] = {}
 
     def local_ns(self, sender: Hashable, sent_ns: int, arrival_ns: int) -> int:
-        """When a message was made, by this machine's monotonic clock [ns].
+        """The time at which a message was made, by this machine's monotonic clock [ns].
 
         Args:
             sender: Tells processes apart, each with a clock of its own.
             sent_ns: The sender's clock in the message [ns].
-            arrival_ns: When it came [ns].
+            arrival_ns: Time of its arrival [ns].
         """
         transit = self._transits.get(sender)
         if transit is None:
@@ -89,11 +89,11 @@ class SessionClock:
 
 
 EARLY, EARLY_NS = 0.25, 250_000
-"""A message may be earlier than its turn by so much of a period, and at most so much [ns]: ticks are not quite even."""
+"""Largest lead of a message over its turn, in periods and at most [ns]: ticks are not quite even."""
 
 
 class Pace:
-    """Lets through at most so many messages a second, evenly, and none that is older than one before.
+    """Lets messages through at a rate at most, evenly, and none that is older than one before.
 
     Args:
         rate: Messages a second, above 0 and finite.
@@ -129,16 +129,16 @@ SENDERS: Final = {
     "fixture": "camera",
     "image": "camera",
 }
-"""Channels whose messages go on, and whose clock is in them."""
+"""Channels whose messages are published, and whose clock is in them."""
 
 BRIDGE_CHANNELS: Final = (*SENDERS, "hello", "stop")
-"""What the bridge's link receives."""
+"""Channels that the bridge's link receives."""
 
 POLL_PERIOD = 0.002
-"""Between two looks at what has come [s]."""
+"""Time between two polls of the link [s]."""
 
 ROUTER_PERIOD = 2.0
-"""Between two looks for the router, and at the clock [s]."""
+"""Time between two looks for the router, and at the clock [s]."""
 
 
 class Bridge:
@@ -147,9 +147,9 @@ class Bridge:
     It only listens to the session. Of several leaders that one goes on which the follower obeys.
 
     Args:
-        graph: Where to.
+        graph: Graph to publish to.
         rate: Messages a second of each topic at most, above 0.
-        router: Of the graph, as people know it.
+        router: Router of the graph, as people know it.
         say: Prints one line for people.
 
     Raises:
@@ -160,17 +160,17 @@ class Bridge:
         self._graph, self._router, self._say = graph, router, say
         self._clock = SessionClock()
         self._paces = {name: Pace(rate) for name in SENDERS}
-        self._on_a_line: bool | None = None  # None until the follower has said it
+        self._on_a_line: bool | None = None  # None until the follower has reported it
         self._obeyed = 0
         self._offset_ns = 0
         self._there: bool | None = None
         self._ended = False
 
     def run(self, link: ZenohLink, should_stop: Callable[[], bool]) -> None:
-        """Go on until told to stop, or the session has ended.
+        """Go on until stopped, or the session has ended.
 
         Args:
-            link: With `BRIDGE_CHANNELS`.
+            link: Link with `BRIDGE_CHANNELS`.
             should_stop: Asked in every round, 500 times a second.
         """
         looked = -math.inf
@@ -203,9 +203,9 @@ class Bridge:
         """Pass one message on, if there is a router and it is the message's turn.
 
         Args:
-            channel: On which it came.
-            message: Of the session.
-            arrival_ns: When it came, by this machine's monotonic clock [ns].
+            channel: Channel on which it came.
+            message: Message of the session.
+            arrival_ns: Time of its arrival, by this machine's monotonic clock [ns].
         """
         if isinstance(message, Telemetry):
             self._obeyed = message.epoch

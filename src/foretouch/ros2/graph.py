@@ -10,15 +10,14 @@ from typing import TYPE_CHECKING, Any
 from foretouch.errors import LinkError, MissingExtraError
 from foretouch.link import check_endpoint, is_encrypted
 from foretouch.recordings.formats.topics import StandardTopic
-from foretouch.ros2.attachment import attachment, publisher_gid
-from foretouch.ros2.keys import Node
+from foretouch.ros2.keys import Node, attachment, publisher_gid
 from foretouch.ros2.topics import qos_of, type_of
 
 if TYPE_CHECKING:
     import zenoh
 
 CONNECTING_MS = 1000
-"""An attempt to reach the router takes at most so long [ms]."""
+"""Longest time that an attempt to reach the router takes [ms]."""
 
 NODE_NUMBER = 0
 """Number of the node in its session; publishers have the numbers behind it."""
@@ -43,7 +42,7 @@ class Graph:
 
     Args:
         router: Endpoint, such as ``"tcp/127.0.0.1:7447"``.
-        node: Who is there.
+        node: Name of the node.
         insecure: Allow a router off this machine without encryption.
 
     Attributes:
@@ -94,8 +93,8 @@ class Graph:
         """Send a message; never waits and never raises.
 
         Args:
-            topic: Where.
-            data: Its CDR bytes.
+            topic: Topic to publish on.
+            data: CDR bytes of the message.
         """
         if self._session is None:
             self.unsent += 1

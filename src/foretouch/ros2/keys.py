@@ -1,21 +1,27 @@
-"""Keys of topics, liveliness tokens and the quality of service in them, as `rmw_zenoh_cpp` writes them.
+"""What `rmw_zenoh_cpp` writes beside the messages: keys of topics, liveliness tokens, and what goes with every message.
 
-Source: "Topic and Service name mapping" and "Graph Cache" in its ``docs/design.md``, and its ``liveliness_utils.cpp``.
+Source of keys and tokens: "Topic and Service name mapping" and "Graph Cache" in its ``docs/design.md``, and its
+``liveliness_utils.cpp``. With every message go its number, when it was sent, and its publisher's identifier, which is
+the XXH3 hash, 128 bits, of the publisher's liveliness token, so that a reader of the token knows the identifier that
+comes with the messages. Source of the hash: ``doc/xxhash_spec.md`` of https://github.com/Cyan4973/xxHash, with seed 0
+and the default secret. Publishers' tokens are longer than 128 bytes (the type's hash alone has 71), so that the two
+forms for longer input are all there is here.
 """
 
 from __future__ import annotations
 
 import re
+import struct
 from dataclasses import dataclass
 from typing import Final
 
 from foretouch.errors import SettingError
 
 BEST_EFFORT: Final = 2
-"""Number of that reliability in ``rmw/types.h``; reliable is what a token says by saying nothing."""
+"""Number of that reliability in ``rmw/types.h``; a token without one means reliable."""
 
 USUAL_DEPTH: Final = 42
-"""Depth that a token says by saying nothing (``rmw_zenoh_cpp``, ``qos.cpp``)."""
+"""Depth that a token without one means (``rmw_zenoh_cpp``, ``qos.cpp``)."""
 
 
 @dataclass(frozen=True)
@@ -24,7 +30,7 @@ class Qos:
 
     Attributes:
         reliable: Whether it is reliable, and not best effort.
-        depth: So many messages are kept.
+        depth: Number of messages that are kept.
     """
 
     reliable: bool
@@ -62,7 +68,7 @@ class TopicType:
     """What a topic carries.
 
     Attributes:
-        name: Of the message type, such as ``"geometry_msgs/msg/WrenchStamped"``.
+        name: Name of the message type, such as ``"geometry_msgs/msg/WrenchStamped"``.
         hash: `foretouch.ros2.topics` of its definition.
     """
 
@@ -77,7 +83,7 @@ class Node:
     Attributes:
         domain: ``ROS_DOMAIN_ID``, 0 to 232.
         namespace: ``"/"``, or such as ``"/robot1"``.
-        name: Of the node.
+        name: Name of the node.
 
     Raises:
         SettingError: One of them is none in ROS 2.
@@ -111,7 +117,7 @@ class Node:
 
         Args:
             session: Zenoh identifier of the session.
-            number: Of the node in the session.
+            number: Number of the node in the session.
         """
         return "/".join([self._begin(session, number), str(number), "NN", self._place])
 
@@ -122,7 +128,7 @@ class Node:
 
         Args:
             session: Zenoh identifier of the session.
-            numbers: Of the node and of the publisher in the session.
+            numbers: Numbers of the node and of the publisher in the session.
             topic: Name without the namespace.
             kind: What it carries.
             qos: How.
@@ -148,3 +154,133 @@ def dds_type(type_name: str) -> str:
 def _mangled(name: str) -> str:
     """A name as one part of a key."""
     return name.replace("/", "%")
+
+
+SHORTEST: Final = 129
+"""Bytes of the shortest text that has an identifier here."""
+
+LONGEST_MIDDLE: Final = 240
+STRIPE, LANES, SECRET_STEP = 64, 8, 8
+
+PRIME32_1, PRIME32_2, PRIME32_3 = 0x9E3779B1, 0x85EBCA77, 0xC2B2AE3D
+PRIME64_1, PRIME64_2, PRIME64_3 = 0x9E3779B185EBCA87, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9
+PRIME64_4, PRIME64_5 = 0x85EBCA77C2B2AE63, 0x27D4EB2F165667C5
+PRIME_MX1: Final = 0x165667919E3779F9
+
+SECRET: Final = bytes.fromhex(
+    "b8fe6c3923a44bbe7c01812cf721ad1cded46de9839097db7240a4a4b7b3671f"
+    "cb79e64eccc0e578825ad07dccff7221b8084674f743248ee03590e6813a264c"
+    "3c2852bb91c300cb88d0658b1b532ea371644897a20df94e3819ef46a9deacd8"
+    "a8fa763fe39c343ff9dcbbc7c70b4f1d8a51e04bcdb45931c89f7ec9d9787364"
+    "eac5ac8334d3ebc3c581a0fffa1363eb170ddd51b7f0da49d316552629d4689e"
+    "2b16be587d47a1fc8ff8b8d17ad031ce45cb3a8f95160428afd7fbcabb4b407e"
+)
+
+_WHOLE = (1 << 64) - 1
+_HALF = (1 << 32) - 1
+_two = struct.Struct("<2Q")
+_eight = struct.Struct("<8Q")
+
+
+def publisher_gid(token: str) -> bytes:
+    """Identifier of the publisher with this liveliness token, 16 bytes: low half, high half, each little endian.
+
+    Raises:
+        ValueError: The token is shorter than `SHORTEST`, and none of a publisher.
+    """
+    data = token.encode()
+    if len(data) < SHORTEST:
+        raise ValueError(f"a publisher's liveliness token has at least {SHORTEST} bytes, and not {len(data)}")
+    return _two.pack(*(_middle(data) if len(data) <= LONGEST_MIDDLE else _long(data)))
+
+
+def _folded(one: int, other: int) -> int:
+    """The 128-bit product of two 64-bit numbers, its halves combined."""
+    product = one * other
+    return (product ^ (product >> 64)) & _WHOLE
+
+
+def _avalanche(value: int) -> int:
+    value = ((value ^ (value >> 37)) * PRIME_MX1) & _WHOLE
+    return value ^ (value >> 32)
+
+
+def _mixed(data: bytes, place: int, secret: int) -> int:
+    """16 bytes of the input with 16 of the secret."""
+    low, high = _two.unpack_from(data, place)
+    key_low, key_high = _two.unpack_from(SECRET, secret)
+    return _folded(low ^ key_low, high ^ key_high)
+
+
+def _pair(data: bytes, first: int, second: int, secret: int, state: tuple[int, int]) -> tuple[int, int]:
+    """Both halves after 32 bytes of the input, 16 at either place."""
+    low = (state[0] + _mixed(data, first, secret)) & _WHOLE
+    high = (state[1] + _mixed(data, second, secret + 16)) & _WHOLE
+    return low ^ (sum(_two.unpack_from(data, second)) & _WHOLE), high ^ (sum(_two.unpack_from(data, first)) & _WHOLE)
+
+
+def _middle(data: bytes) -> tuple[int, int]:
+    """Hash of 129 to 240 bytes."""
+    length = len(data)
+    state = (length * PRIME64_1) & _WHOLE, 0
+    for block in range(4):
+        state = _pair(data, 32 * block, 32 * block + 16, 32 * block, state)
+    state = _avalanche(state[0]), _avalanche(state[1])
+    for block in range(4, length // 32):
+        state = _pair(data, 32 * block, 32 * block + 16, 3 + 32 * (block - 4), state)
+    low, high = _pair(data, length - 16, length - 32, 136 - 17 - 16, state)
+    mixed = (low * PRIME64_1 + high * PRIME64_4 + length * PRIME64_2) & _WHOLE
+    return _avalanche((low + high) & _WHOLE), -_avalanche(mixed) & _WHOLE
+
+
+def _accumulate(lanes: list[int], data: bytes, place: int, secret: int) -> None:
+    """Take a stripe of 64 bytes into the eight lanes."""
+    values, keys = _eight.unpack_from(data, place), _eight.unpack_from(SECRET, secret)
+    for lane, (value, key) in enumerate(zip(values, keys, strict=True)):
+        keyed = value ^ key
+        lanes[lane ^ 1] = (lanes[lane ^ 1] + value) & _WHOLE
+        lanes[lane] = (lanes[lane] + (keyed & _HALF) * (keyed >> 32)) & _WHOLE
+
+
+def _scramble(lanes: list[int]) -> None:
+    for lane, key in enumerate(_eight.unpack_from(SECRET, len(SECRET) - STRIPE)):
+        value = lanes[lane]
+        lanes[lane] = ((value ^ (value >> 47) ^ key) * PRIME32_1) & _WHOLE
+
+
+def _merged(lanes: list[int], secret: int, start: int) -> int:
+    keys = _eight.unpack_from(SECRET, secret)
+    mixed = [lane ^ key for lane, key in zip(lanes, keys, strict=True)]
+    return _avalanche((start + sum(_folded(mixed[i], mixed[i + 1]) for i in range(0, LANES, 2))) & _WHOLE)
+
+
+def _long(data: bytes) -> tuple[int, int]:
+    """Hash of more than 240 bytes."""
+    lanes = [PRIME32_3, PRIME64_1, PRIME64_2, PRIME64_3, PRIME64_4, PRIME32_2, PRIME64_5, PRIME32_1]
+    length = len(data)
+    in_block = (len(SECRET) - STRIPE) // SECRET_STEP
+    for stripe in range((length - 1) // STRIPE):
+        _accumulate(lanes, data, STRIPE * stripe, SECRET_STEP * (stripe % in_block))
+        if stripe % in_block == in_block - 1:
+            _scramble(lanes)
+    _accumulate(lanes, data, length - STRIPE, len(SECRET) - STRIPE - 7)
+    low = _merged(lanes, 11, length * PRIME64_1)
+    return low, _merged(lanes, len(SECRET) - STRIPE - 11, ~(length * PRIME64_2) & _WHOLE)
+
+
+_LAYOUT = struct.Struct("<qqB16s")
+
+
+def attachment(number: int, sent_ns: int, gid: bytes) -> bytes:
+    """The 33 bytes of an attachment, as Zenoh's serialiser makes them of two integers and an array.
+
+    Little endian: the number (int64), the time (int64), the length of what follows (16, one byte), the identifier; see
+    "Publishers" in ``docs/design.md`` of `rmw_zenoh_cpp`. So it is since its 0.2.4 (Jazzy) and 0.6.0 (Kilted, Rolling);
+    before, names stood between the numbers. A message without an attachment is dropped there.
+
+    Args:
+        number: Number of the message at its publisher, from 1.
+        sent_ns: Nanoseconds since 1970 when it was sent.
+        gid: Identifier of the publisher, 16 bytes.
+    """
+    return _LAYOUT.pack(number, sent_ns, len(gid), gid)

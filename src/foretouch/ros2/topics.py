@@ -41,7 +41,7 @@ TYPE_NUMBERS: Final = {
 """Number of each type that is no message, by its name in the ``.msg`` language."""
 
 ARRAY, SEQUENCE = 48, 144
-"""Added to the number of the element: a field of fixed length, and one of any."""
+"""Numbers added to that of the element: for a field of fixed length, and for one of any."""
 
 EMPTY: Final = ["uint8", "structure_needs_at_least_one_member"]
 """The one field of a message that has none: rosidl puts it there."""
@@ -138,13 +138,13 @@ def _referenced(type_name: str, fields: dict[str, list[dict[str, Any]]]) -> set[
 
 
 KEPT: Final = (MODEL.name, NUMBERS.name, FIXTURE.name)
-"""Topics of which nobody wants to miss what came last: reliable. The others are streams of samples."""
+"""Topics whose last message must not be missed: reliable. The others are streams of samples."""
 
 _TYPES: Final[dict[str, TopicType]] = {}
 
 
 def qos_of(topic: StandardTopic) -> Qos:
-    """How a topic is offered: models and the fixture's pose reliably, samples as sensor data."""
+    """Quality of service of a topic: models and the fixture's pose reliable, samples as sensor data."""
     return DEFAULT if topic.name in KEPT else SENSOR_DATA
 
 
@@ -159,8 +159,8 @@ def as_ros(message: Message, stamp_ns: int) -> tuple[tuple[StandardTopic, bytes]
     """The topics that say what a message says, with their CDR bytes.
 
     Args:
-        message: Of a session.
-        stamp_ns: For the headers: nanoseconds since 1970.
+        message: Message of a session.
+        stamp_ns: Time for the headers: nanoseconds since 1970.
 
     Returns:
         Empty for a kind of message that has no counterpart, and for samples of sensors that are not to be trusted.
@@ -172,10 +172,10 @@ def as_ros(message: Message, stamp_ns: int) -> tuple[tuple[StandardTopic, bytes]
 
 
 def probe_on_a_line(telemetry: Telemetry, stamp_ns: int) -> tuple[tuple[StandardTopic, bytes], ...]:
-    """Where the probe of a session along a line is: z of the world points out of the surface, as the force does.
+    """The position of the probe in a session along a line: z of the world points out of the surface, as the force does.
 
     Args:
-        telemetry: Of the follower.
+        telemetry: Telemetry of the follower.
         stamp_ns: Nanoseconds since 1970.
     """
     return () if telemetry.validity else ((PROBE, pose_on_a_line(stamp_ns, telemetry.position)),)

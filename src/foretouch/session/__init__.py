@@ -12,13 +12,14 @@ from foretouch.session.operators import (
     require_simulated_operator,
     require_simulated_time,
 )
-from foretouch.session.processes.housekeeping import Housekeeper, StopFlag, orphaned
 from foretouch.session.processes.processes import run_processes
 from foretouch.session.processes.recorder import RECORDER_CHANNELS, RECORDING_INCOMPLETE, Recorder, run_recorder
 from foretouch.session.replay.machines import recorded_settings
 from foretouch.session.replay.replay import Replay, replay
 from foretouch.session.replay.under import CLOSED_LOOP, FIXED_MOTION, material_answers, replay_notes, replay_under
 from foretouch.session.robots import make_moved_robot, make_session_robot, reach_texts, require_simulated_robot
+from foretouch.session.runners.housekeeping import Housekeeper, Process, StopFlag, orphaned
+from foretouch.session.runners.lap import SimulatedSession
 from foretouch.session.runners.live import (
     FOLLOWER_CHANNELS,
     LEADER_CHANNELS,
@@ -31,7 +32,6 @@ from foretouch.session.runners.live import (
 from foretouch.session.runners.loop_timer import be_prompt, give_way
 from foretouch.session.runners.shadow import SHADOW_CHANNELS, run_shadow
 from foretouch.session.runners.simulated import prepare_simulation, simulate
-from foretouch.session.runners.simulated_line import SimulatedSession
 from foretouch.session.runners.warm_up import prepare, warm_up
 from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
 from foretouch.session.steps.sensing import session_calibration
@@ -51,6 +51,7 @@ __all__ = [
     "FramedRobot",
     "Housekeeper",
     "MediatedForce",
+    "Process",
     "Recorder",
     "Replay",
     "SessionSettings",

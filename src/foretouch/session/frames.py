@@ -25,7 +25,7 @@ def framed_robot(robot: Robot, frame: Frame) -> Robot:
 
 
 def browser_operator(device: Device) -> BrowserOperator | None:
-    """The operator at a mouse behind a device, if that is who moves it. Handles count as the session does."""
+    """The operator at a mouse behind a device, if one moves it. Handles count as the session does."""
     device = device_inside(device)
     return device if isinstance(device, BrowserOperator) else None
 
@@ -45,7 +45,7 @@ class FramedDevice(Device):
     """A device whose positions are translated; forces are not, for they push the hand out on either side.
 
     Args:
-        device: That counts in its own frame.
+        device: Device that counts in its own frame.
         frame: Its frame, as the session sees it.
     """
 
@@ -72,12 +72,12 @@ class FramedDevice(Device):
 
     @property
     def intention(self) -> float:
-        """Where the hand wants to be [m]; NaN where nobody knows."""
+        """Intended position of the hand [m]; NaN where it is unknown."""
         return self._frame.inside(self.device.intention)
 
     @property
     def exact_position(self) -> float:
-        """Where the hand is, without the encoder's counts [m]; NaN where nobody knows."""
+        """Position of the hand, without the encoder's rounding [m]; NaN where it is unknown."""
         return self._frame.inside(self.device.exact_position)
 
     @property
@@ -105,7 +105,7 @@ class FramedRobot(Robot):
     Forces are along the outward normal and positive in compression, whichever way the robot counts.
 
     Args:
-        robot: That counts in its own frame.
+        robot: Robot that counts in its own frame.
         frame: Its frame, as the session sees it.
     """
 

@@ -1,4 +1,4 @@
-"""Operators by name: of the package, with a thing in the hand, and of other packages."""
+"""Operators by name: those of this package, hardware devices, and those of other packages."""
 
 from __future__ import annotations
 
@@ -28,7 +28,8 @@ from foretouch.quantities import Frame
 from foretouch.recordings import excerpt, read_leader_motion
 from foretouch.robot import FaultySensor, Material, MovedRobot, RcmArm, Robot, make_material
 from foretouch.session.frames import FramedRobot, device_inside, framed_device, inverse
-from foretouch.session.settings import NO_GRIP, SAMPLE_PERIOD, SIMULATED, SessionSettings
+from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
+from foretouch.settings import NO_GRIP, SIMULATED
 
 RECORDED_MOTION = "tue/b-foam"
 """Dataset whose leader lever moves the ``recorded`` operator."""
@@ -37,13 +38,13 @@ STAYS_IN_THE_AIR = (
     "does not say where its surface is, so a script stays in the air: take the handle in the console, or an operator "
     "with a hand (gamepad, your own device)"
 )
-"""What an operator is told of a robot that is not known to press anything."""
+"""Sentence for an operator whose robot is not known to press anything."""
 
 DEVICE_NUMBERS = ("mass", "damping", "friction", "resolution", "delay", "watchdog")
-"""What is said of a device: settings with the prefix ``device_``."""
+"""Properties of a device that can be set, with the prefix ``device_``."""
 
 NEAREST_SURFACE, FARTHEST_SURFACE, SHALLOWEST, DEEPEST = 0.001, 0.2, 0.0005, 0.1
-"""How near and far a surface can be for the operators, and how deep they press at least and at most [m]."""
+"""Nearest and farthest surface for the operators, and their least and largest press depth [m]."""
 
 
 def say_on_stderr(line: str) -> None:
@@ -59,23 +60,23 @@ def make_operator(
     press_depth: float | None = None,
     say: Callable[[str], None] = say_on_stderr,
 ) -> Device:
-    """The operator of a session, fresh; with a grip, a hand that intends what that operator does.
+    """The operator of a session, newly made; with a grip, a hand that intends what that operator does.
 
-    It counts as the settings' leader frame says: a simulated device is built to. One of another package, or with a
-    thing in the hand, counts as it does by itself, and the session translates it.
+    It counts as the settings' leader frame says: a simulated device is built to. A hardware device, or one of another
+    package, counts in its own frame, and the session translates it.
 
     Args:
-        settings: Of the session.
-        robot: That is pressed with, for what it knows of surface and press depth; None for the settings' own.
-        surface: Where the material begins [m], for the follower; the operator sees it. NaN where nobody knows; None
-            for what the robot knows.
-        press_depth: How deep the deepest press goes [m], there; NaN where nobody knows; None for what the robot knows.
-        say: Told in one line when the measured motion is not to be had and the script is used instead, and when the
+        settings: Session settings.
+        robot: Robot that presses, for its surface and press depth; None for the settings' own.
+        surface: Position of the material's surface for the follower [m]; the operator sees it. NaN where it is unknown;
+            None for the robot's.
+        press_depth: Depth of the deepest press there [m]; NaN where it is unknown; None for the robot's.
+        say: Prints one line when the measured motion is not available and the script is used instead, and when the
             damping of a device that is felt had to be assumed.
 
     Raises:
-        SettingError: A position scale by which the operator's hand cannot reach the material; an operator that has to
-            know the surface where nobody does; a device that is felt, with a simulated grip or a baseline.
+        SettingError: A position scale by which the operator's hand cannot reach the material; an operator that needs
+            an unknown surface; a device that is felt, with a simulated grip or a baseline.
         PluginError: Another package's device, which cannot be made.
         MissingExtraError: What the device needs is not installed.
         ArgumentTypeError: Settings, a robot or lengths that are none.
@@ -93,21 +94,21 @@ def make_operator(
         _say_assumed(made, settings, say)
         return made
     reach = _hand_lengths(settings, surface, press_depth)
-    mounted = inverse(settings.frames[0])
+    mounted = inverse(settings.leader_frame)
     if settings.grip == NO_GRIP:
         return framed_device(_intention(settings, *reach, say), mounted)
     grip = GRIPS[settings.grip]
     deepest = min(reach.press_depth + INTENDED_FORCE / grip.stiffness, DEEPEST) if reach.known else math.nan
     intention = _intention(settings, reach.surface, deepest, say)
-    return framed_device(Hand(intention, grip, settings.device, settings.clutch_times), mounted)
+    return framed_device(Hand(intention, grip, settings.device, settings.clutch), mounted)
 
 
 def reach_of(robot: Robot | None, settings: SessionSettings) -> Material | Reach:
-    """Where the surface is in the session and how deep it is pressed, as far as the robot says.
+    """Position of the surface in the session and depth of the presses, as far as the robot provides them.
 
     Args:
-        robot: Of the session; None for the one that the settings name, which says nothing unless it is simulated.
-        settings: Of the session.
+        robot: Robot of the session; None for the one of the settings, which provides them only if it is simulated.
+        settings: Session settings.
     """
     if robot is None:
         return make_material(settings.material) if settings.robot == SIMULATED else UNKNOWN_REACH
@@ -118,19 +119,19 @@ def reach_of(robot: Robot | None, settings: SessionSettings) -> Material | Reach
     if not isinstance(inner, RcmArm):
         return material
     surface = inner.surface
-    for frame in reversed((settings.frames[1], *frames)):
+    for frame in reversed((settings.follower_frame, *frames)):
         surface = frame.inside(surface)
     return Reach(surface, material.press_depth)
 
 
 def pressed_material(robot: Robot) -> Material | None:
-    """What a robot presses, where it is simulated and says so."""
+    """Material that a robot presses, where it is simulated and provides it."""
     material = getattr(_robot_inside(robot)[0], "material", None)
     return material if isinstance(material, Material) else None
 
 
 def _robot_inside(robot: Robot) -> tuple[Robot, list[Frame]]:
-    """A robot without what is about it, and the frames that were, the outermost first."""
+    """A robot without the frames around it, and those frames, the outermost first."""
     frames = []
     while isinstance(robot, FramedRobot | FaultySensor | MovedRobot):
         if isinstance(robot, FramedRobot):
@@ -140,12 +141,12 @@ def _robot_inside(robot: Robot) -> tuple[Robot, list[Frame]]:
 
 
 def felt_device(operator: Device, settings: SessionSettings) -> DeviceSpecification | None:
-    """What the operator's own device can render, where it is felt and no simulated hand holds it; else None."""
+    """Specification of the operator's own device, if it is felt and no simulated hand holds it; else None."""
     return operator.specification if operator.closed_loop and settings.grip == NO_GRIP else None
 
 
 def felt_texts(operator: Device, settings: SessionSettings) -> dict[str, str]:
-    """What a session says of such a device, in place of what its settings say; nothing where there is none."""
+    """Texts of a session on such a device, in place of its settings; empty where there is none."""
     device = felt_device(operator, settings)
     if device is None:
         return {}
@@ -154,7 +155,7 @@ def felt_texts(operator: Device, settings: SessionSettings) -> dict[str, str]:
 
 
 def _say_assumed(operator: Device, settings: SessionSettings, say: Callable[[str], None]) -> None:
-    """Say what was assumed of a device that is felt and whose damping or delay nobody has stated."""
+    """Print the damping or delay assumed of a device that is felt and does not specify them."""
     device = felt_device(operator, settings)
     if device is None:
         return
@@ -193,7 +194,7 @@ def require_simulated_operator(settings: SessionSettings) -> None:
 
 
 def require_simulated_time(operator: Device) -> None:
-    """Refuse a device that somebody's own hand moves.
+    """Refuse a device that a person's hand moves.
 
     Raises:
         SettingError: It needs real time.
@@ -205,7 +206,7 @@ def require_simulated_time(operator: Device) -> None:
 
 
 def _foreign(settings: SessionSettings, reach: Reach) -> Device:
-    """A device with a thing in the hand, or of another package."""
+    """A hardware device, or one of another package."""
     name = settings.operator
     if name == "gamepad":
         from foretouch.devices.gamepad import open_gamepad
@@ -222,7 +223,7 @@ def _foreign(settings: SessionSettings, reach: Reach) -> Device:
 
 
 def _with_grip(settings: SessionSettings, device: Device) -> Device:
-    """The device as it is, or what a simulated hand intends."""
+    """The device itself, or a simulated hand that intends its motion."""
     if settings.grip == NO_GRIP and (not device.closed_loop or settings.baseline == "none"):
         return device
     if device.closed_loop:
@@ -230,19 +231,19 @@ def _with_grip(settings: SessionSettings, device: Device) -> Device:
         what = "grip" if settings.grip != NO_GRIP else "baseline"
         rule = f"the operator {settings.operator} is felt by a hand of its own: leave {what} at none"
         raise SettingError(what, getattr(settings, what), rule)
-    # Its own frame is about it here, so that the hand and what it intends count alike.
-    own = framed_device(device, settings.frames[0])
-    hand = Hand(own, GRIPS[settings.grip], settings.device, settings.clutch_times)
-    return framed_device(hand, inverse(settings.frames[0]))
+    # The device's own frame is applied here, so that the hand and its intention count alike.
+    own = framed_device(device, settings.leader_frame)
+    hand = Hand(own, GRIPS[settings.grip], settings.device, settings.clutch)
+    return framed_device(hand, inverse(settings.leader_frame))
 
 
 def _scaled(settings: SessionSettings, surface: float, press_depth: float) -> Reach:
-    """Where the hand meets the surface and how deep it goes [m]."""
+    """Position at which the hand meets the surface and its depth [m]."""
     return Reach(surface / settings.position_scale, press_depth / settings.position_scale)
 
 
 def _hand_lengths(settings: SessionSettings, surface: float, press_depth: float) -> Reach:
-    """The same for an operator of the package, so that the proxy does what the follower is to do."""
+    """The same lengths for an operator of this package, so that the proxy does what the follower should do."""
     scale, reach = settings.position_scale, _scaled(settings, surface, press_depth)
     if not reach.known:
         return reach

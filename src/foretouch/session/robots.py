@@ -1,4 +1,4 @@
-"""The robot of a session: a simulated arm, or another package's; also one that somebody else moves."""
+"""The robot of a session: a simulated arm, or another package's; also one that is moved from elsewhere."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from collections.abc import Callable
 from foretouch.devices import Reach
 from foretouch.errors import SettingError, UnknownNameError
 from foretouch.plugins import make_plugin
-from foretouch.robot import FaultySensor, Material, MovedRobot, Robot, SensorFault, make_robot
+from foretouch.robot import FaultySensor, Material, MovedRobot, Robot, make_robot
 from foretouch.session.frames import framed_robot, inverse
 from foretouch.session.operators import make_operator, reach_of
-from foretouch.session.runners.shadow import shadow_settings
-from foretouch.session.settings import ROBOTS, SAMPLE_PERIOD, SIMULATED, SessionSettings
+from foretouch.session.settings import ROBOTS, SAMPLE_PERIOD, SessionSettings, shadow_settings
+from foretouch.settings import SIMULATED
 
 
 def make_session_robot(settings: SessionSettings) -> tuple[Robot, Material | Reach]:
@@ -34,9 +34,8 @@ def make_session_robot(settings: SessionSettings) -> tuple[Robot, Material | Rea
     arm = make_robot(settings.material, seed=settings.seed)
     robot: Robot = arm
     if settings.sensor_fault:
-        fault = SensorFault.from_text("sensor_fault", settings.sensor_fault)
-        robot = FaultySensor(arm, fault, seed=settings.seed)
-    return framed_robot(robot, inverse(settings.frames[1])), arm.material
+        robot = FaultySensor(arm, settings.sensor_fault, seed=settings.seed)
+    return framed_robot(robot, inverse(settings.follower_frame)), arm.material
 
 
 def make_moved_robot(settings: SessionSettings, *, say: Callable[[str], None]) -> tuple[Robot, Material | Reach]:
@@ -51,7 +50,7 @@ def make_moved_robot(settings: SessionSettings, *, say: Callable[[str], None]) -
     if not robot.specification.simulated:
         return robot, reach
     operator = make_operator(settings, surface=reach.surface, press_depth=reach.press_depth, say=say)
-    frame = settings.frames[1]
+    frame = settings.follower_frame
     return MovedRobot(robot, lambda time: frame.outside(operator.read(round(time * 1e9)))), reach
 
 

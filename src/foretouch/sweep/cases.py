@@ -17,10 +17,10 @@ from foretouch.session import SessionSettings
 from foretouch.session.operators import SHALLOWEST
 
 LONGEST_ROUND_TRIP = 5.0
-"""[s]."""
+"""Largest round trip [s]."""
 
 CLEAN = "delay only"
-"""The network that does nothing but delay."""
+"""The network with delay only."""
 
 NETWORKS = {
     CLEAN: 0.36,
@@ -32,16 +32,16 @@ NETWORKS = {
     "outages": 0.09,
     "all at once": 0.15,
 }
-"""What networks do beside delaying, and the share of sessions that have each."""
+"""Effects of networks beside delay, and the fraction of sessions that have each."""
 
 LAWS = {"contact-map": 0.85, "continuous-switching": 0.06, "hunt-crossley": 0.05, "kelvin-voigt": 0.04}
-"""Laws that are learnt, and the share of sessions that have each: a badly learnt one may do no harm either."""
+"""Laws that are learnt, and the fraction of sessions that have each: a badly learnt one may do no harm either."""
 
 STIFF = ("bone", "kelvin-voigt")
 """Materials whose stiffness or damping is beyond what usual devices carry: what limits them is not the network."""
 
 SHARES = {"device": 0.25, "scales": 0.2, "clutch": 0.15}
-"""Share of sessions with another device, with scales other than 1, and with a clutch."""
+"""Fraction of sessions with another device, with scales other than 1, and with a clutch."""
 
 SCALES = (0.25, 4.0)
 """Bounds of position and force scale."""
@@ -57,7 +57,7 @@ class Case:
     """One session of a sweep.
 
     Attributes:
-        number: From 0.
+        number: Number of the case, from 0.
         duration: Simulated [s].
         network: What it does beside delaying: one of `NETWORKS`.
         options: What differs from the defaults of `SessionSettings`.
@@ -75,7 +75,7 @@ class Case:
         return SessionSettings(**self.options, baseline=self.baseline)  # type: ignore[arg-type]
 
     def rendering(self, baseline: str) -> Case:
-        """The same session with another leader's step."""
+        """The same session rendered by another baseline."""
         return dataclasses.replace(self, baseline=baseline)
 
     @property
@@ -102,12 +102,12 @@ def draw_case(number: int, *, seed: int = 0, duration: float = 30.0) -> Case:
     generator with the seed and the number.
 
     A tenth of the round trips is 0, half of the others is uniform from 0 to 5 s, the other half uniform in its
-    logarithm from 10 ms to 5 s. Where it is long the session is too, by 4 round trips: what is known of a surface takes
-    that long to be told.
+    logarithm from 10 ms to 5 s. Where it is long the session is too, by 4 round trips: knowledge of a surface takes
+    that long to arrive.
 
     Args:
         number: 0 or more.
-        seed: Of the sweep, not negative.
+        seed: Seed of the sweep, not negative.
         duration: [s], from 2 on; whole milliseconds are taken.
 
     Raises:
@@ -145,14 +145,10 @@ def is_plain(network: str, options: Options) -> bool:
 
 
 def baseline_numbers(cases: Sequence[Case], count: int) -> list[int]:
-    """Numbers of the sessions that the baselines run too.
+    """Numbers of those of all sessions, `count` of them, that the baselines run too.
 
     Two of three are plain (`is_plain`), as long as there are such: where a curve is to be drawn through them, it is
     drawn through these.
-
-    Args:
-        cases: All sessions.
-        count: How many of them.
     """
     plain = [case.number for case in cases if is_plain(case.network, case.options)]
     other = [case.number for case in cases if not is_plain(case.network, case.options)]
@@ -170,7 +166,7 @@ def _even(number: int, seed: int, dimensions: int) -> list[float]:
 
 
 def _chosen(shares: dict[str, float], place: float) -> str:
-    """The name at this place, 0 to 1, of names that lie side by side with their shares."""
+    """The name at a position from 0 to 1 of names that lie side by side with their fractions."""
     ends = np.cumsum(list(shares.values()))
     return list(shares)[min(int(np.searchsorted(ends, place * ends[-1], side="right")), len(shares) - 1)]
 

@@ -17,10 +17,10 @@ Array = NDArray[np.float64]
 Figure = Callable[[Outcome], float | None]
 
 LABEL = {"none": "models (ours)", "delayed": "delayed force", "delayed-tdpa": "delayed force, passivity controller"}
-"""What was rendered, by baseline."""
+"""Names of what was rendered, by baseline, in figures."""
 
 FEWEST = 3
-"""A bin with fewer sessions is not drawn."""
+"""Smallest number of sessions of a bin that is drawn."""
 
 
 @dataclass(frozen=True)
@@ -28,10 +28,10 @@ class Axis:
     """What sessions are laid out by.
 
     Attributes:
-        name: For texts, as ``"round trip"``.
-        unit: Of it.
-        value: Of a session.
-        edges: Of the bins.
+        name: Name for texts, as ``"round trip"``.
+        unit: Unit of the value.
+        value: Function from a session to its value.
+        edges: Edges of the bins.
     """
 
     name: str
@@ -45,7 +45,7 @@ AXES = (
     Axis("model rate", "1/s", lambda row: row.models_per_s, (0.0, 3.0, 6.0, 12.0, 25.0, 50.0, 100.0, 256.0)),
     Axis("model age", "s", lambda row: row.age_s, (0.0, 0.01, 0.04, 0.1, 0.3, 1.0, 2.0, 3.5, 10.0)),
 )
-"""Of a baseline, which renders no models, the age is that of the force."""
+"""Quantities over which figures are drawn; for a baseline, which renders no models, the age is that of the force."""
 
 
 def error_of(row: Outcome) -> float | None:
@@ -59,7 +59,7 @@ def plain(rows: Sequence[Outcome]) -> list[Outcome]:
 
 
 def stiff(rows: Sequence[Outcome]) -> list[Outcome]:
-    """The same on materials that are stiffer than the device carries."""
+    """The rows on materials that are stiffer than the device carries."""
     clean = [row for row in rows if is_clean(row.network, row.options) and "clutch" not in row.options]
     return [row for row in clean if not is_plain(row.network, row.options)]
 
@@ -84,13 +84,9 @@ class Curve(Brief):
 
 
 def curve(rows: Sequence[Outcome], varied: Figure, figure: Figure, edges: Sequence[float]) -> Curve:
-    """How a figure depends on what was varied.
+    """How a figure depends on what was varied, in bins between increasing edges, each with its lower one.
 
-    Args:
-        rows: Sessions; those without the one or the other are left out.
-        varied: What was varied.
-        figure: The figure.
-        edges: Of the bins, increasing; each includes its lower one.
+    Sessions without the one or the other are left out.
     """
     both = [(varied(row), figure(row)) for row in rows]
     known = np.array([(x, y) for x, y in both if x is not None and y is not None]).reshape(-1, 2)
@@ -124,7 +120,7 @@ def crossover(ours: Curve, other: Curve) -> float | None:
 
 
 def crossovers(rows: Sequence[Outcome]) -> list[dict[str, str | float | None]]:
-    """Where ours gets nearer to the truth than each baseline, over round trip and age, with a sentence.
+    """Regions of round trip and age in which ours is nearer to the truth than each baseline, with a sentence.
 
     The sentence is None where too few sessions are there to compare.
     """

@@ -1,22 +1,28 @@
-"""What came of one session of a sweep, one row of its table, and what became of all of them, in numbers."""
+"""One session of a sweep, from its case to its row of figures, and what became of all of them, in numbers."""
 
 from __future__ import annotations
 
+import hashlib
 import math
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 import msgspec
 import numpy as np
+from numpy.typing import NDArray
 
-from foretouch.session import SessionSettings
+from foretouch.messages import SessionLog, Status, encode
+from foretouch.quantities import Rows
+from foretouch.report import CONTACT_FLOOR, hand_figures, pair, update_jumps
+from foretouch.session import SAMPLE_PERIOD, SessionSettings, simulate
+from foretouch.sweep.cases import Case
 
 LARGEST_JUMP = 0.1
 """Largest change of force that models may make in one tick, before limits [N]."""
 
 
 FORCE_CEILING = SessionSettings.force_ceiling
-"""The most that a robot may press with [N]."""
+"""Largest force with which a robot may press [N]."""
 
 
 class Outcome(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -25,13 +31,13 @@ class Outcome(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
     A figure is None where there is nothing to measure it on, and all are where the session failed.
 
     Attributes:
-        number: Of the session.
-        baseline: What was rendered: ``"none"`` for models.
-        command: That runs the session again.
-        duration_s: Simulated [s].
-        network: What it did beside delaying.
-        round_trip_s: Both delays [s].
-        options: What differed from the defaults.
+        number: Number of the session.
+        baseline: Baseline that was rendered: ``"none"`` for models.
+        command: Command that runs the session again.
+        duration_s: Simulated time [s].
+        network: Effects of the network beside delay.
+        round_trip_s: Sum of both delays [s].
+        options: Options that differ from the defaults.
         error: Why the session failed; empty where it did not.
         stable: Whether the certificate of energy held in every tick, forces were finite and the hand did not oscillate.
         oscillating: Whether the hand made more swings than it meant to: `foretouch.report.oscillation`.
@@ -39,30 +45,30 @@ class Outcome(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
         net_energy_J: Smallest energy of the certificate in any tick [J]: `foretouch.report.energy_figures`.
         energy_bound_J: Bound of that tick [J].
         energy_margin_J: Smallest of energy and bound together [J]; below 0 the bound is broken.
-        energy_used_percent: Largest share of its bound that the energy took [%]; above 100 the bound is broken.
+        energy_used_percent: Largest ratio of the energy taken to its bound [%]; above 100 the bound is broken.
         net_energy_exact_J: Smallest energy by the hand's own position, without the encoder's steps [J].
         largest_jump_N: Largest change of the mediated force in a tick that models made [N]; None for a baseline.
         error_percent: RMS of the felt force over the force scale less the true one, at equal command sequence in
-            contact, as a share of the RMS of the true one [%].
+            contact, as a ratio to the RMS of the true one [%].
         prediction_error_percent: The same of the predicted force: what mediation and device take away is between both.
-        felt_stiffness_percent: Slope of the felt force over the hand, both unscaled, as a share of that of the true
+        felt_stiffness_percent: Slope of the felt force over the hand, both unscaled, as a ratio to that of the true
             force over the probe [%]; straight lines of least squares, median of the presses of 0.2 s or more in which
             hand and probe go 2 mm or more.
         contact_s: Time over which both were taken [s]: true force above 0.05 N, hand and probe coupled, nothing held
             back.
         largest_phantom_N: Largest felt force, unscaled, at commands at which the probe touched nothing [N].
-        age_s: Median of how long ago the hand was where the newest knowledge that is rendered comes from [s].
-        models_per_s: Models that were used [1/s].
-        largest_hand_force_N: [N].
-        largest_robot_force_N: [N].
-        held_s: For how long the robot did not follow the commands that there were: held, or on its way back [s].
+        age_s: Median age of the hand position that the newest rendered knowledge comes from [s].
+        models_per_s: Rate of models that were used [1/s].
+        largest_hand_force_N: Largest force on the hand [N].
+        largest_robot_force_N: Largest force on the robot [N].
+        held_s: Time in which the robot did not follow commands: held, or on its way back [s].
         disbelieved_ticks: Ticks in which the sensors were not believed; no sensor of a sweep fails.
-        guarded_contacts: How often the follower held back in a first touch.
-        guarded_s: For how long it held back, in the air too [s].
+        guarded_contacts: Number of first touches in which the follower held back.
+        guarded_s: Time for which it held back, in the air too [s].
         depth_lost_mm: The farthest that a guarded contact stayed behind the commands [mm].
         time_lost_s: The longest that one took until commands were followed again [s].
-        device_bound_percent: Share of contact in which the device could not carry the model [%].
-        digest: Of every tick and every model, bit by bit.
+        device_bound_percent: Fraction of contact in which the device could not carry the model [%].
+        digest: Digest of every tick and every model, bit by bit.
         elapsed_s: Real time [s].
     """
 
@@ -182,3 +188,161 @@ def _median(rows: Sequence[Outcome], name: str) -> float | None:
 
 def _surplus(margin: float | None) -> float | None:
     return None if margin is None else max(0.0, -margin)
+
+
+Array = NDArray[np.float64]
+
+_ENERGY = ("net_energy_J", "energy_bound_J", "energy_margin_J", "energy_used_percent", "net_energy_exact_J")
+
+SHORTEST_CONTACT = 0.2
+"""Shortest contact from which the feel is judged [s]."""
+
+SHORTEST_WAY = 2e-3
+"""Shortest path of hand and probe in a press that shows a stiffness [m]."""
+
+
+def measure(log: SessionLog, settings: SessionSettings) -> dict[str, Any]:
+    """All measured figures of `Outcome`, by name; most are those of the session's report."""
+    figures = hand_figures(log)
+    hand = figures["hand"]
+    models = log.leader["model_sequence"]
+    return {
+        **{name: figures[name] for name in ("stable", *_ENERGY, "guarded_contacts", "guarded_s")},
+        "oscillating": bool(hand["oscillation"]["oscillates"]),
+        "forces_finite": hand["forces_finite"],
+        "largest_jump_N": update_jumps(log.leader)["largest_update_jump_N"] if settings.baseline == "none" else None,
+        **_transparency(log, settings),
+        "models_per_s": np.unique(models[models > 0]).size / (models.size * SAMPLE_PERIOD),
+        "largest_hand_force_N": hand["peak_force_hand_N"],
+        "largest_robot_force_N": hand["peak_force_robot_N"],
+        **_faults(log.follower[log.follower["command_sequence"] > 0]),
+        "depth_lost_mm": hand["depth_lost_mm"],
+        "time_lost_s": hand["time_lost_s"],
+        "device_bound_percent": hand["device_bound_percent"],
+        "digest": digest(log),
+    }
+
+
+def digest(log: SessionLog) -> str:
+    """SHA-256 of all ticks of both sides and all models; real computing times, which differ on repeat, are left out."""
+    sum_ = hashlib.sha256()
+    for rows in (log.leader, log.follower):
+        for name in rows.dtype.names or ():
+            if name != "compute_ns":
+                sum_.update(np.ascontiguousarray(rows[name]).tobytes())
+    for model in log.models:
+        sum_.update(encode(model))
+    return sum_.hexdigest()
+
+
+def _transparency(log: SessionLog, settings: SessionSettings) -> dict[str, float | None]:
+    """Felt forces against true ones: rows in contact, coupled before and after, nothing held back."""
+    pairs = pair(log)
+    leader, follower = pairs.leader, pairs.follower
+    rows = (follower["exact_force"] > CONTACT_FLOOR) & leader["engaged"] & (follower["status"] == Status.FOLLOWING)
+    contact = float(rows.sum()) * SAMPLE_PERIOD
+    phantom = _phantom(leader, follower, settings)
+    if contact < SHORTEST_CONTACT:
+        return {"contact_s": contact, "largest_phantom_N": phantom}
+    leader, follower = leader[rows], follower[rows]
+    felt, true = leader["rendered_force"] / settings.force_scale, follower["exact_force"]
+    presses = np.split(np.arange(rows.sum()), np.flatnonzero(np.diff(np.flatnonzero(rows)) > 1) + 1)
+    hand, probe = leader["hand_position"] * settings.position_scale, follower["position"]
+    return {
+        "contact_s": contact,
+        "largest_phantom_N": phantom,
+        "error_percent": 100.0 * _rms(felt - true) / _rms(true),
+        "prediction_error_percent": 100.0 * _rms(leader["predicted_force"] - true) / _rms(true),
+        "felt_stiffness_percent": felt_stiffness([(hand[p], felt[p], probe[p], true[p]) for p in presses]),
+        "age_s": _age(log, leader, settings.baseline != "none"),
+    }
+
+
+def _faults(follower: Rows) -> dict[str, Any]:
+    """Time in which the robot did not follow commands, and number of ticks with disbelieved sensors."""
+    held = ~np.isin(follower["status"], (Status.FOLLOWING, Status.GUARDED))
+    return {"held_s": float(held.sum()) * SAMPLE_PERIOD, "disbelieved_ticks": int((follower["validity"] > 0).sum())}
+
+
+def _phantom(leader: Rows, follower: Rows, settings: SessionSettings) -> float | None:
+    """The largest force that was felt where there was nothing, at equal command."""
+    rows = (follower["exact_force"] <= 0.0) & leader["engaged"] & (follower["status"] == Status.FOLLOWING)
+    felt = leader["rendered_force"][rows] / settings.force_scale
+    return float(felt.max()) if felt.size else None
+
+
+def _rms(values: Array) -> float:
+    return float(np.sqrt(np.mean(values**2)))
+
+
+def felt_stiffness(presses: Sequence[tuple[Array, ...]]) -> float | None:
+    """Slope of the felt force as a ratio to the true one's [%], median of the presses that show it; None without any.
+
+    Each press by itself, with position of the hand and felt force, position of the probe and true force: between two
+    of them, hand and probe may have been brought together otherwise.
+    """
+    shares = [
+        100.0 * _slope(hand, felt) / _slope(probe, true)
+        for hand, felt, probe, true in presses
+        if hand.size * SAMPLE_PERIOD >= SHORTEST_CONTACT
+        and min(np.ptp(hand), np.ptp(probe)) >= SHORTEST_WAY
+        and _slope(probe, true) > 0.0
+    ]
+    return float(np.median(shares)) if shares else None
+
+
+def _slope(position: Array, force: Array) -> float:
+    """Slope of the straight line of least squares [N/m]; 0 where nothing moves."""
+    apart = position - position.mean()
+    square = float(apart @ apart)
+    return float(apart @ force) / square if square > 0.0 else 0.0
+
+
+def _age(log: SessionLog, leader: Rows, delayed: bool) -> float | None:
+    """Median age of what was rendered from: the models, or of a baseline the telemetry; leader ticks are commands."""
+    if delayed:
+        sources, newest = log.follower[["sequence", "command_sequence"]], leader["telemetry_sequence"]
+        numbers, commands = sources["sequence"], sources["command_sequence"]
+    else:
+        newest = leader["model_sequence"]
+        numbers = np.array([model.sequence for model in log.models], dtype=np.int64)
+        commands = np.array([model.command_sequence for model in log.models], dtype=np.int64)
+    place = np.searchsorted(numbers, newest)
+    known = (newest > 0) & (place < numbers.size)
+    if not known.any():
+        return None
+    return float(np.median(leader["sequence"][known] - commands[place[known]])) * SAMPLE_PERIOD
+
+
+def log_of(case: Case) -> tuple[SessionLog, float]:
+    """Run the session: its log, and the real time that it took [s]."""
+    settings = case.settings()
+    session = simulate(settings, duration=case.duration, say=lambda _: None)
+    return session.log, session.elapsed
+
+
+def run_case(case: Case) -> Outcome:
+    """Run the session and measure it; one that fails, however, is a row that says why."""
+    try:
+        log, elapsed = log_of(case)
+        figures = measure(log, case.settings())
+    except Exception as error:  # a sweep goes on, whatever one session meets
+        return failed(case, f"{type(error).__name__}: {error}")
+    return Outcome(**_facts(case), **figures, elapsed_s=elapsed)
+
+
+def failed(case: Case, reason: str) -> Outcome:
+    """The row of a session that gave no result."""
+    return Outcome(**_facts(case), error=" ".join(reason.split()))
+
+
+def _facts(case: Case) -> dict[str, Any]:
+    return {
+        "number": case.number,
+        "baseline": case.baseline,
+        "command": case.command,
+        "duration_s": case.duration,
+        "network": case.network,
+        "round_trip_s": case.round_trip,
+        "options": case.options,
+    }

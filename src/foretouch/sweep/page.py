@@ -32,10 +32,10 @@ from foretouch.sweep.outcome import FORCE_CEILING, LARGEST_JUMP, Outcome, of
 
 COLOUR = {"none": COLOURS[0], "delayed": COLOURS[1], "delayed-tdpa": COLOURS[3]}
 MARKER = {"none": "o", "delayed": "s", "delayed-tdpa": "^"}
-"""By baseline; the markers tell them apart without colour too."""
+"""Markers by baseline; they distinguish them without colour too."""
 
 JND = (7.0, 10.0)
-"""People tell forces apart that differ by so much [%]."""
+"""Just noticeable differences of force for people [%]."""
 
 
 def error_figure(rows: Sequence[Outcome], axis: Axis) -> Any:
@@ -51,8 +51,7 @@ def error_figure(rows: Sequence[Outcome], axis: Axis) -> Any:
         color="0.3",
         transform=axes.get_yaxis_transform(),
     )
-    axes.set_yscale("log")
-    axes.set_ylim(1.0, 300.0)
+    axes.set(yscale="log", ylim=(1.0, 300.0))
     marks = (1, 2, 5, 10, 20, 50, 100, 200)
     axes.set_yticks(marks, [f"{mark}" for mark in marks])
     axes.minorticks_off()
@@ -64,13 +63,12 @@ def stiffness_figure(rows: Sequence[Outcome], axis: Axis) -> Any:
     """Felt stiffness against one axis; 100 % is that of the material."""
     drawing, axes = _dots_and_curves(rows, lambda row: row.felt_stiffness_percent, axis)
     axes.axhline(100.0, color="0.3", linewidth=0.8)
-    axes.set_ylim(-50.0, 200.0)
-    axes.set_ylabel("felt stiffness [% of the true one]")
+    axes.set(ylim=(-50.0, 200.0), ylabel="felt stiffness [% of the true one]")
     return _named(drawing, axes, f"Felt stiffness against {axis.name}")
 
 
 def condition_figure(rows: Sequence[Outcome]) -> Any:
-    """Share of stable sessions by network, grip and round trip; pale what does not oscillate but gives out energy."""
+    """Fraction of stable sessions by network, grip and round trip; pale: no oscillation, but energy given out."""
     kinds = [kind for kind in KINDS if of(rows, kind)]
     every: list[tuple[str, Callable[[Outcome], bool]]] = [
         *((name, lambda row, name=name: row.network == name) for name in NETWORKS),
@@ -99,11 +97,9 @@ def condition_figure(rows: Sequence[Outcome]) -> Any:
             told = f"{stable} of {len(found)}" + (f"; {still} do not oscillate" if still > stable else "")
             axes.text(100.0 * still / len(found) + 0.7, where, told, va="center", fontsize=6.5)
     axes.set_yticks(range(len(groups)), [name for name, _ in groups], fontsize="small")
-    axes.set_ylim(len(groups) - 0.5, -0.5)
-    axes.set_xlim(0.0, 120.0)
+    axes.set(ylim=(len(groups) - 0.5, -0.5), xlim=(0.0, 120.0))
     axes.set_xticks(range(0, 101, 20))
-    axes.set_xlabel("stable sessions [%]")
-    axes.set_title("Stable sessions by network, grip and round trip")
+    axes.set(xlabel="stable sessions [%]", title="Stable sessions by network, grip and round trip")
     legend(axes, len(kinds))
     finished(drawing, 1)
     drawing.subplots_adjust(left=0.18)
@@ -112,7 +108,7 @@ def condition_figure(rows: Sequence[Outcome]) -> Any:
 
 
 def energy_figure(rows: Sequence[Outcome]) -> Any:
-    """The largest share of its bound that the energy took in each session; beyond 100 % the bound is broken."""
+    """The largest ratio of the energy taken to its bound in each session; beyond 100 % the bound is broken."""
     edges = np.concatenate([np.linspace(0.0, 100.0, 21), [120.0]])
 
     def value(row: Outcome) -> float | None:
@@ -175,7 +171,7 @@ def _named(drawing: Any, axes: Any, title: str) -> Any:
 
 
 def _legend(axes: Any) -> None:
-    """Of all that is drawn, if anything is."""
+    """Draw a legend of all that is drawn, if anything is."""
     drawn = len(axes.get_legend_handles_labels()[1])
     if drawn:
         legend(axes, drawn)
@@ -191,8 +187,7 @@ def _draw(axes: Any, drawn: Curve, kind: str) -> None:
 def _scale(axes: Any, axis: Axis) -> None:
     """Logarithmic, with 0 where there is one."""
     if axis is AXES[1]:
-        axes.set_xscale("log")
-        axes.set_xlim(1.0, 220.0)
+        axes.set(xscale="log", xlim=(1.0, 220.0))
         marks: Sequence[float] = (1, 2, 5, 10, 20, 50, 100, 200)
     else:
         axes.set_xscale("symlog", linthresh=0.01, linscale=0.4)
@@ -208,7 +203,7 @@ def _histograms(
     kinds: list[str],
     title: str,
 ) -> tuple[Any, Any]:
-    """Shares of the sessions of each kind, one over the other."""
+    """Distributions of the sessions of each kind, one over the other."""
     drawing = new_figure(3.4)
     axes = drawing.subplots()
     for kind in kinds:
@@ -219,21 +214,20 @@ def _histograms(
         shares = 100.0 * counts / len(values)
         axes.stairs(shares, edges, color=COLOUR[kind], fill=True, alpha=0.35)
         axes.stairs(shares, edges, color=COLOUR[kind], linewidth=1.5, label=f"{LABEL[kind]}: {len(values)} sessions")
-    axes.set_ylabel("sessions [%]")
-    axes.set_title(title)
+    axes.set(ylabel="sessions [%]", title=title)
     _legend(axes)
     return axes, drawing
 
 
 MOST_SHOWN = 100
-"""So many objections are listed."""
+"""Largest number of objections listed."""
 
 ERROR_CAPTIONS = (
     "Both ways together, without what else holds messages up.",
     "Models that are rendered, by the second; baselines render none.",
     "How long ago the hand was where the newest knowledge comes from; of a baseline, the force.",
 )
-"""What is said below the plots of the errors, by axis."""
+"""Captions below the plots of the errors, by axis."""
 
 HEADS = {
     "ours": "models (ours)",
@@ -246,19 +240,9 @@ HEADS = {
 def write_sweep_page(
     directory: str | PathLike[str], rows: Sequence[Outcome], made: Mapping[str, Any] | None = None
 ) -> Path:
-    """Write tables and plots of a sweep as ``index.html``; it makes no request to anywhere.
+    """Write tables and plots of a sweep as ``index.html`` in a folder, which is made if it is not there.
 
-    Args:
-        directory: Made if it is not there.
-        rows: As `run_sweep` gave them, at least one.
-        made: What made it, for the end of the page, as `write_html` takes it.
-
-    Returns:
-        Path of the page.
-
-    Raises:
-        InputError: The folder cannot be made or the page cannot be written.
-        MissingExtraError: Matplotlib is not installed.
+    Rows are as `run_sweep` gave them, at least one; `made` and the errors are those of `write_html`.
     """
     content = summary(rows)
     body = [

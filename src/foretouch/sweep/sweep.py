@@ -18,39 +18,38 @@ from foretouch import __version__
 from foretouch.comparison.parallel import run_all
 from foretouch.errors import InputError, UnknownNameError
 from foretouch.errors.checks import require
-from foretouch.session.settings import BASELINES
+from foretouch.settings import BASELINES
 from foretouch.sweep.cases import Case, baseline_numbers, draw_case
-from foretouch.sweep.outcome import Outcome
-from foretouch.sweep.run import failed, run_case
+from foretouch.sweep.outcome import Outcome, failed, run_case
 
 FILE_NAME = "sessions.jsonl"
-"""A header, then one row a line."""
+"""Name of the file: a header, then one row a line."""
 
 ROOMS = (
     *("quantities", "models", "messages", "identification", "rendering", "robot", "devices", "link", "recordings"),
     *("session", "report", "sweep"),
 )
-"""Whose code decides what comes out of a session."""
+"""Folders whose code decides the outcome of a session."""
 
 SHOWING = (
     "report/writing",
-    "report/scene/drawing.py",
+    "report/scene/section.py",
     "report/forces.py",
-    "report/replay.py",
+    *(f"report/sections/{name}.py" for name in ("forces", "model", "replay", "robot")),
     "sweep/curves.py",
     "sweep/page.py",
 )
-"""Files and folders of these rooms that only show it, or other things."""
+"""Files and folders of these that only show it, or other things."""
 
 
 class Header(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """What all rows of a folder have in common.
 
     Attributes:
-        version: Of foretouch.
+        version: Version of foretouch.
         code: Digest of the code that ran the sessions.
-        seed: Of the sweep.
-        duration_s: Of sessions without delay [s].
+        seed: Seed of the sweep.
+        duration_s: Duration of sessions without delay [s].
     """
 
     version: str
@@ -76,14 +75,14 @@ class Store:
     """The rows in a folder.
 
     Args:
-        folder: Made if it is not there.
-        seed: Of the sweep.
-        duration: Of sessions without delay [s].
+        folder: Folder; made if it is not there.
+        seed: Seed of the sweep.
+        duration: Duration of sessions without delay [s].
 
     Attributes:
-        path: Of the file.
-        header: That is, or will be, in its first line.
-        rows: By number and baseline, as many as there are.
+        path: Path of the file.
+        header: Header that is, or will be, in its first line.
+        rows: Rows by number and baseline, as many as there are.
 
     Raises:
         InputError: The folder cannot be used, or holds the rows of another sweep.
@@ -162,10 +161,10 @@ class Plan:
     """What a sweep consists of.
 
     Args:
-        sessions: Of ours.
-        baselines: How many of them are run with each baseline too.
-        duration: Of a session without delay [s], from 2 on.
-        seed: Of all sessions.
+        sessions: Number of our sessions.
+        baselines: Number of them that are run with each baseline too.
+        duration: Duration of a session without delay [s], from 2 on.
+        seed: Seed of all sessions.
 
     Raises:
         SettingError: A number out of range.
@@ -183,7 +182,7 @@ class Plan:
         require("seed", self.seed, at_least=0)
 
     def cases(self) -> list[Case]:
-        """All sessions; a baseline's follow ours of the same number, so that what is there so far can be compared."""
+        """All sessions; a baseline's follow ours of the same number, so that a partial sweep can be compared."""
         ours = [draw_case(number, seed=self.seed, duration=self.duration) for number in range(self.sessions)]
         both = set(baseline_numbers(ours, self.baselines))
         return [
@@ -203,12 +202,12 @@ def run_sweep(
     """Run all sessions of a plan that the folder does not have yet.
 
     Args:
-        folder: Made if it is not there; each row is in its file as soon as it is known.
+        folder: Folder; made if it is not there. Each row is in its file as soon as it is known.
         plan: The sessions.
-        processes: At a time; None for as many as there are cores.
+        processes: Number at a time; None for as many as there are cores.
         cluster: Address of a Dask scheduler whose workers do it; None for this machine.
-        progress: Called with the number of rows so far, that of all, and the newest.
-        say: Told, in a line for people, where a cluster has no workers left and new ones are waited for.
+        progress: Called with the number of rows there are, the total, and the newest.
+        say: Called with a line for people where a cluster has no workers left and new ones are awaited.
 
     Returns:
         One row for each session of the plan, those that failed too, in its order.
@@ -264,7 +263,7 @@ class Replayed:
         return [name for name in Outcome.__struct_fields__ if name != "elapsed_s" and self._differs(name)]
 
     def as_row(self) -> dict[str, Any]:
-        """As plain values for JSON."""
+        """The report as plain values for JSON."""
         return {
             "identical": self.identical,
             "same_code": self.same_code,
@@ -282,9 +281,9 @@ def replay_session(folder: str | Path, number: int, *, baseline: str = "none") -
     """Run one session of a sweep again.
 
     Args:
-        folder: Of the sweep.
-        number: Of the session.
-        baseline: That was rendered.
+        folder: Folder of the sweep.
+        number: Number of the session.
+        baseline: Baseline that was rendered.
 
     Raises:
         InputError: There is no sweep, or no such session in it.

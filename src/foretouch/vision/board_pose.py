@@ -1,4 +1,4 @@
-"""Where the board is in one image, and how sure that is."""
+"""The pose of the board in one image, and its covariance."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ class BoardPose:
     """What one image says of the board.
 
     Attributes:
-        pose: Of the board in the camera's frame; None where there is none.
-        covariance: Of the pose's error on the right, m and rad, (6, 6); None without a pose.
-        markers: How many were found.
+        pose: Pose of the board in the camera's frame; None where there is none.
+        covariance: Covariance of the pose's error on the right, m and rad, (6, 6); None without a pose.
+        markers: Number of markers found.
         residual: Root mean square of what is left between corners and projection [pixel]; NaN without a pose.
         reason: Why there is no pose, a sentence; empty where there is one.
     """
@@ -41,8 +41,8 @@ def projection_derivative(camera: CameraModel, pose: Pose, points: Array) -> Arr
         \begin{pmatrix} f_x/Z & 0 & -f_x X/Z^2 \\ 0 & f_y/Z & -f_y Y/Z^2 \end{pmatrix} R\,(I \;\; -[q])
 
     Args:
-        camera: Its distortion is left out.
-        pose: Of the body in the camera's frame.
+        camera: Camera, whose distortion is left out.
+        pose: Pose of the body in the camera's frame.
         points: q, in the body's frame [m], (n, 3).
     """
     rows = []
@@ -62,13 +62,13 @@ class BoardDetector:
     this image's residual shows.
 
     Args:
-        board: What is looked for.
-        camera: Which camera sees it.
+        board: Board to be found.
+        camera: Camera that sees it.
         corner_noise: Standard deviation of a corner [pixel], measured.
-        corner_shift: How far corners are found towards the middle of their marker along each diagonal [pixel],
+        corner_shift: Shift of detected corners towards the middle of their marker along each diagonal [pixel],
             measured; it is taken out before the fit.
-        least_markers: With fewer there is no pose, 1 to 4.
-        largest_residual: With more there is none [pixel].
+        least_markers: Smallest number of markers for a pose, 1 to 4.
+        largest_residual: Largest residual of a pose [pixel].
         ambiguity: The mirrored pose must leave this many times the residual, or there is none.
 
     Raises:
@@ -143,8 +143,8 @@ class BoardDetector:
         """The pose that fits corners that were found.
 
         Args:
-            numbers: Of the markers, (m,).
-            corners: Of the markers [pixel], (m, 4, 2).
+            numbers: Numbers of the markers, (m,).
+            corners: Corners of the markers [pixel], (m, 4, 2).
         """
         points = self.board.corners()[np.asarray(numbers, int)].reshape(-1, 3)
         ideal = self.camera.ideal

@@ -116,7 +116,7 @@ def make_board_image(board: Board, pixels: int = 840) -> NDArray[np.uint8]:
 
 LARGEST_IMAGE = 8192
 STEPS = 50
-"""Newton's method needs four or five; what has not settled after these never will."""
+"""Largest number of Newton steps: four or five are needed; what has not settled after these never will."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,8 +131,8 @@ class CameraModel:
         u = f_x a' + c_x, \quad v = f_y b' + c_y
 
     Args:
-        width: Of the image [pixel].
-        height: Of the image [pixel].
+        width: Width of the image [pixel].
+        height: Height of the image [pixel].
         focal_x: f_x [pixel].
         focal_y: f_y [pixel].
         centre_x: c_x [pixel]; None is the middle, (width - 1) / 2.
@@ -210,7 +210,7 @@ class CameraModel:
 
     @property
     def ideal(self) -> CameraModel:
-        """The same camera without distortion."""
+        """The camera without distortion."""
         return CameraModel(self.width, self.height, self.focal_x, self.focal_y, self.centre_x, self.centre_y)
 
     @property
@@ -325,7 +325,7 @@ class Lens:
         """The true camera's image, (height, width) or (height, width, 3).
 
         Args:
-            image: Of an ideal camera of the same size with `field_of_view` from edge to edge [rad].
+            image: Image of an ideal camera of the same size with `field_of_view` from edge to edge [rad].
 
         Raises:
             SettingError: Another size than the camera's.

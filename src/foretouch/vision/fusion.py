@@ -1,4 +1,4 @@
-"""Where the fixture is, from late images and from touches of its surface."""
+"""The pose of the fixture, from late images and from touches of its surface."""
 
 from __future__ import annotations
 
@@ -40,22 +40,22 @@ class FusionSettings:
     """What is believed of the fixture and of the camera before anything is seen.
 
     Attributes:
-        start_position: Standard deviation of where the fixture stands at first [m].
-        start_angle: The same of how it is turned [rad].
+        start_position: Standard deviation of the fixture's position at first [m].
+        start_angle: Standard deviation of its orientation at first [rad].
         drift_position: Random walk of the fixture, density [m/sqrt(s)].
-        drift_angle: The same [rad/sqrt(s)].
-        bias_position: Standard deviation of the error that all images share [m]; averaging does not take it away.
-        bias_across: The same across the view [m]: a camera errs most in how far away a board is, and a touch that shows
-            that error along the surface's normal mends it along the view.
+        drift_angle: Random walk of its orientation, density [rad/sqrt(s)].
+        bias_position: Standard deviation of the error common to all images [m]; averaging does not take it away.
+        bias_across: Standard deviation of this error across the view [m]: a camera errs most in how far away a board
+            is, and a touch that shows that error along the surface's normal mends it along the view.
         view: Direction in which the camera looks, in the world; of no length where it is not known, and then
             `bias_position` holds in all directions.
-        bias_angle: The same [rad].
-        bias_time: How long such an error keeps [s].
+        bias_angle: Standard deviation of the common error of orientation [rad].
+        bias_time: Correlation time of such an error [s].
         gate: Probability that a good image or contact passes the gate.
-        agreeing: How many that are refused, and agree among themselves, mean that the fixture was moved.
-        agreeing_within: They come within this time [s].
-        history: How late a measurement may be [s].
-        blind: After so long without an image one touch that does not fit means that the fixture was moved [s].
+        agreeing: Number of refused measurements, agreeing among themselves, that mean that the fixture was moved.
+        agreeing_within: Time within which they come [s].
+        history: Largest delay of a measurement [s].
+        blind: Time without an image after which one touch that does not fit means that the fixture was moved [s].
     """
 
     start_position: float = 0.02
@@ -90,11 +90,11 @@ class FixtureState:
 
     Attributes:
         time: [s].
-        pose: Of the fixture in the world.
-        bias: Error that images share, on the right of the pose, (6,).
-        covariance: Of pose error and bias, (12, 12).
+        pose: Pose of the fixture in the world.
+        bias: Error common to all images, on the right of the pose, (6,).
+        covariance: Covariance of pose error and bias, (12, 12).
         image_time: Exposure of the last image that was used [s]; -inf before it.
-        contact_time: The last contact that was used [s]; -inf before it.
+        contact_time: Time of the last contact that was used [s]; -inf before it.
         refused: The last ones that were refused and agree with each other.
     """
 
@@ -108,7 +108,7 @@ class FixtureState:
 
     @property
     def pose_covariance(self) -> Array:
-        """Of the pose's error on the right, (6, 6)."""
+        """Covariance of the pose's error on the right, (6, 6)."""
         return self.covariance[:6, :6]
 
     def sentence(self, now: float) -> str:
@@ -120,10 +120,10 @@ class FixtureState:
         deviation = np.sqrt(np.diag(self.pose_covariance))
         position = 1e3 * float(np.linalg.norm(deviation[:3]))
         angle = math.degrees(float(np.linalg.norm(deviation[3:])))
-        doubt = f"within {position:.1f} mm and {angle:.1f} degrees (one standard deviation)"
+        uncertainty = f"within {position:.1f} mm and {angle:.1f} degrees (one standard deviation)"
         if self.image_time == -math.inf:
-            return f"the fixture has not been seen yet: {doubt}"
-        return f"the fixture was last seen {max(0.0, now - self.image_time):.1f} s ago: {doubt}"
+            return f"the fixture has not been seen yet: {uncertainty}"
+        return f"the fixture was last seen {max(0.0, now - self.image_time):.1f} s ago: {uncertainty}"
 
 
 LARGEST_POSITION, LARGEST_ANGLE = 0.5, math.pi / 2
@@ -131,7 +131,7 @@ _LIMIT = np.array([LARGEST_POSITION] * 3 + [LARGEST_ANGLE] * 3)
 
 
 def _bounded(covariance: Array) -> Array:
-    """Symmetric, and no pose doubt above what still means anything; scaling both sides keeps it a covariance."""
+    """Symmetric, and no pose uncertainty above what still means anything; scaling both sides keeps it a covariance."""
     scale = np.ones(12)
     scale[:6] = np.minimum(1.0, _LIMIT / np.sqrt(np.maximum(np.diag(covariance)[:6], 1e-30)))
     return 0.5 * (covariance + covariance.T) * np.outer(scale, scale)
@@ -143,17 +143,17 @@ def _variances(position: float, angle: float) -> Array:
 
 @dataclass(slots=True)
 class FixtureFilter:
-    r"""An error-state Kalman filter for a fixture that stands still until somebody bumps it.
+    r"""An error-state Kalman filter for a fixture that stands still until it is bumped.
 
-    The error of the pose and the error that all images share are one state of 12: an image gives
+    The error of the pose and the error common to all images are one state of 12: an image gives
     r = log(T^-1 Z) - b = delta + b' + noise, a contact the height of q = T^-1 p, whose derivative is (-n, n x q), with
-    more noise where the surface is not flat (`bend`). What all images share keeps their average from being believed too
+    more noise where the surface is not flat (`bend`). The common error keeps their average from being believed too
     far; contacts take it away along the normal. The update has Joseph's form. A measurement that comes late takes its
     place in time, and what came after it is worked through again: the order of arrival makes no difference.
 
     Args:
         fixture: The surface in its own frame.
-        pose: Where the fixture is believed to be.
+        pose: Pose at which the fixture is believed to be.
         time: [s].
         settings: What is believed before.
 
@@ -184,7 +184,7 @@ class FixtureFilter:
         self._start = FixtureState(self.time, self.pose, np.zeros(6), covariance)
 
     def _bias_covariance(self) -> Array:
-        """Of the error that images share, (6, 6); the view is that of the fixture where it is believed at first."""
+        """Covariance of the error common to all images, (6, 6), with the view of the fixture as first believed."""
         s = self.settings
         covariance = np.diag(_variances(s.bias_position, s.bias_angle))
         length = float(np.linalg.norm(s.view))
@@ -222,7 +222,7 @@ class FixtureFilter:
         return verdict
 
     def state(self, now: float) -> FixtureState:
-        """What is known at a time after the last measurement: the same pose, and more doubt.
+        """What is known at a time after the last measurement: the same pose, and more uncertainty.
 
         Args:
             now: [s].
@@ -310,7 +310,7 @@ class FixtureFilter:
         )
 
     def _reopen(self, state: FixtureState) -> FixtureState:
-        """As little is known of the pose as at the start; those that agree are then taken in, oldest first."""
+        """Reset the pose to its uncertainty at the start; measurements that agree are then taken in, oldest first."""
         s, refused = self.settings, state.refused
         covariance = state.covariance.copy()
         covariance[:6, :6] += np.diag(_variances(s.start_position, s.start_angle))

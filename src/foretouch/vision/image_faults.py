@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foretouch.errors import SettingError, UnknownNameError
+from foretouch.quantities import shortest
 from foretouch.vision.camera import opencv
 
 IMAGE_FAULTS = ("hand", "glare", "frozen", "dropped")
@@ -25,8 +26,8 @@ class ImageFault:
         kind: One of `IMAGE_FAULTS`.
         begin: [s].
         end: [s]; infinite is for good.
-        where: Middle of hand or glare, as shares of width and height.
-        size: Its radius, as a share of the height.
+        where: Middle of hand or glare, as fractions of width and height.
+        size: Its radius, as a fraction of the height.
 
     Raises:
         SettingError: A number out of its range.
@@ -49,9 +50,13 @@ class ImageFault:
         if not 0.0 < self.size <= 3.0:
             raise SettingError("size", self.size, "must be above 0 and at most 3")
 
+    def __str__(self) -> str:
+        """The text that `from_text` reads, without `where` and `size`."""
+        return f"{self.kind}:{shortest(self.begin)}:{shortest(self.end)}"
+
     @classmethod
     def from_text(cls, name: str, text: str) -> ImageFault:
-        """Of ``KIND:BEGIN:END``, seconds; an error names the setting.
+        """The fault of ``KIND:BEGIN:END``, seconds; an error names the setting.
 
         Raises:
             SettingError: Another form, or a number out of its range.
@@ -70,9 +75,9 @@ class FaultyCamera:
 
     Args:
         noise: Standard deviation of each colour of each pixel, of 255.
-        quality: Of JPEG, 1 to 100; None leaves it out.
-        faults: What goes wrong.
-        seed: Of the noise.
+        quality: Quality of JPEG, 1 to 100; None leaves it out.
+        faults: Faults of the images.
+        seed: Seed of the noise.
 
     Raises:
         SettingError: A number out of its range.
@@ -131,7 +136,7 @@ class FaultyCamera:
 
 
 def _spot(shape: tuple[int, ...], fault: ImageFault, soft: float) -> NDArray[np.float32]:
-    """A disc of 1 that falls to 0 over a share of its radius, (height, width)."""
+    """A disc of 1 that falls to 0 over a fraction of its radius, (height, width)."""
     height, width = shape[:2]
     rows, columns = np.ogrid[:height, :width]
     far = np.hypot(columns - fault.where[0] * width, rows - fault.where[1] * height) / (fault.size * height)

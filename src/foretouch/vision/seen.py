@@ -21,9 +21,9 @@ class ImageSeen:
     """The fixture's pose as one image gives it.
 
     Attributes:
-        time: Of the exposure [s].
-        pose: Of the fixture in the world.
-        covariance: Of its error on the right, (6, 6).
+        time: Time of the exposure [s].
+        pose: Pose of the fixture in the world.
+        covariance: Covariance of its error on the right, (6, 6).
     """
 
     time: float
@@ -36,8 +36,8 @@ class ContactSeen:
     """A point of the surface that the probe has just touched.
 
     Attributes:
-        time: Of the first contact [s].
-        point: Of the surface, in the world [m].
+        time: Time of the first contact [s].
+        point: Point of the surface, in the world [m].
         deviation: Standard deviation along the normal [m].
     """
 
@@ -73,7 +73,7 @@ class TouchedSurface(Protocol):
 
     @property
     def relief(self) -> float:
-        """How far the surface reaches along the normal that it has in the mean [m]; 0 for a flat one."""
+        """Range of heights of the surface along its mean normal [m]; 0 for a flat one."""
 
     def holds(self, point: Array) -> bool:
         """Whether a touch there can be one of this surface."""
@@ -85,7 +85,7 @@ class Fixture:
 
     Attributes:
         normal: Outward, of length 1.
-        offset: Of the surface from the origin along the normal [m].
+        offset: Offset of the surface from the origin along the normal [m].
         radius: Contacts farther from the origin, along the surface, are no contacts of it [m].
     """
 
@@ -130,14 +130,14 @@ def bend(surface: TouchedSurface, point: Array, covariance: Array) -> float:
 
     .. math:: \frac{1}{18} \sum_i \left(h(q + \sqrt 3\, s_i) + h(q - \sqrt 3\, s_i) - 2 h(q)\right)^2
 
-    over the principal axes s_i of where q is in the fixture's frame, as the pose is doubted; each bracket is no more
-    than the surface's relief. Without it touches of a curved surface whose place along itself is not known would seem
-    to tell that place, and be believed.
+    over the principal axes s_i of where q is in the fixture's frame, from the pose's covariance; each bracket is no
+    more than the surface's relief. Without it touches of a curved surface whose place along itself is not known would
+    seem to tell that place, and be believed.
 
     Args:
-        surface: That is touched.
+        surface: Surface that is touched.
         point: q [m].
-        covariance: Of the pose's error on the right, (6, 6).
+        covariance: Covariance of the pose's error on the right, (6, 6).
 
     References:
         Norgaard, Poulsen and Ravn (2000), New developments in state estimation for nonlinear systems, Automatica 36.

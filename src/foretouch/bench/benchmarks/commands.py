@@ -4,7 +4,7 @@ The recordings are presses in and out of a Hunt-Crossley material, with the offs
 `foretouch compare` on many of them, by two processes against one; `foretouch identify` on an hour of samples at 1 kHz,
 with start-up, reading and learning; and how long a fresh process takes to help, a package, or a first compiled call.
 
-An hour as CSV or Parquet is measured. As MCAP it would take long to write first, so that it is foretold, short of
+An hour as CSV or Parquet is measured. As MCAP it would take long to write first, so that it is extrapolated, without
 ``--full``, by a line through recordings of 1 and of 10 minutes, each the least of some runs. What is read again comes
 from the samples that are kept beside recordings that are large enough, as that of 10 minutes is and that of 1 minute is
 not: the other end of its line is a recording of 1 s, which is the start of a process and little else.
@@ -21,8 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foretouch.bench.children import Ended, measure_process
-from foretouch.bench.rows import Row, Scope
-from foretouch.bench.timing import Contestant, interleave, ratio, spread
+from foretouch.bench.timing import Contestant, Row, Scope, interleave, ratio, spread
 from foretouch.errors import MissingExtraError
 from foretouch.messages import VERSION, Hello, Telemetry
 from foretouch.recordings import SessionWriter, write_columns
@@ -31,38 +30,28 @@ Array = NDArray[np.float64]
 
 RATE = 1000.0
 SURFACE, HIGHEST, DEEPEST, PRESSES = 0.010, 0.004, 0.006, 0.9
-"""Where the material begins, how far the probe goes out and in [m], and presses a second."""
+"""Depth of the surface, largest distance outside and inside [m], and presses a second [1/s]."""
 
 OFFSET, NOISE = 0.5, 0.005
-"""Of the force sensor [N]."""
+"""Offset and noise of the force sensor [N]."""
 
 COLUMNS = 3
 """Time, position and force, 8 bytes each a sample."""
 
 
-def recorded_press(seconds: float, seed: int = 0) -> dict[str, Array]:
-    """Columns of a recording at 1 kHz, by the names that files have.
-
-    Args:
-        seconds: Its length.
-        seed: Of the noise.
-    """
+def recorded_press(seconds: float) -> dict[str, Array]:
+    """Columns of a recording at 1 kHz, [s] long, by the names that files have."""
     time = np.arange(round(seconds * RATE)) / RATE
     middle, swing = SURFACE + 0.5 * (DEEPEST - HIGHEST), 0.5 * (DEEPEST + HIGHEST)
     position = middle - swing * np.cos(2.0 * np.pi * PRESSES * time)
     velocity = swing * 2.0 * np.pi * PRESSES * np.sin(2.0 * np.pi * PRESSES * time)
     force = np.maximum(np.maximum(position - SURFACE, 0.0) ** 1.4 * (3000.0 + 1500.0 * velocity), 0.0)
-    noise = NOISE * np.random.default_rng(seed).standard_normal(time.size)
+    noise = NOISE * np.random.default_rng(0).standard_normal(time.size)
     return {"time_s": time, "position_m": position, "force_N": force + OFFSET + noise}
 
 
 def write_recording(path: Path, seconds: float) -> None:
-    """Write such a recording as CSV, Parquet or MCAP, whichever the name ends with.
-
-    Args:
-        path: The file.
-        seconds: Length of the recording.
-    """
+    """Write a recording of a length [s] as CSV, Parquet or MCAP, whichever the name ends with."""
     columns = recorded_press(seconds)
     if path.suffix == ".mcap":
         _write_session(path, columns)
@@ -71,7 +60,7 @@ def write_recording(path: Path, seconds: float) -> None:
 
 
 def _write_session(path: Path, columns: dict[str, Array]) -> None:
-    """As a follower would have said it."""
+    """The recording as a follower would have written it."""
     with SessionWriter(path) as writer:
         writer.write(Hello(VERSION, 1, 0, "follower", (), ()), 0)
         rows = zip(*(column.tolist() for column in columns.values()), strict=True)
@@ -84,18 +73,18 @@ def _write_session(path: Path, columns: dict[str, Array]) -> None:
 
 
 RECORDINGS, FULL_RECORDINGS, SECONDS = 40, 1_000, 60.0
-"""So many that a process's start, some 2 s, is little beside its share of the work, some 20 s; what is asked for takes
-half an hour. Their length."""
+"""Number of recordings, short and full, and their length [s]: enough that starting a process, some 2 s, is small beside
+its part of the work, some 20 s; the full number takes half an hour."""
 
 COMPARE_ROUNDS = 2
-"""So that each goes first once."""
+"""Number of rounds: each contestant goes first once."""
 
 CHOSEN = ("--models", "kelvin-voigt", "--estimators", "rls")
-"""The cheapest law: what is compared is the fan-out."""
+"""The cheapest law: the fan-out is compared."""
 
 
 def measure_compare(scope: Scope) -> list[Row]:
-    """How many times as fast on two jobs; each first once."""
+    """Speed-up on two jobs; each number of jobs comes first once."""
     count = FULL_RECORDINGS if scope.full else RECORDINGS
     with tempfile.TemporaryDirectory() as folder:
         paths = write_recordings(Path(folder), count, SECONDS)
@@ -114,13 +103,7 @@ def measure_compare(scope: Scope) -> list[Row]:
 
 
 def write_recordings(folder: Path, count: int, seconds: float) -> list[Path]:
-    """The same press so many times, each in a file of its own: who compares them cannot know.
-
-    Args:
-        folder: For the files.
-        count: How many.
-        seconds: Length of each.
-    """
+    """Write the same press, `seconds` long, to each of `count` files, which `compare` cannot know to be equal."""
     paths = [folder / f"{number}.parquet" for number in range(count)]
     write_recording(paths[0], seconds)
     for path in paths[1:]:
@@ -132,13 +115,13 @@ BRIEF, SHORT, LONG, HOUR = 1.0, 60.0, 600.0, 3600.0
 """Lengths of recordings [s]."""
 
 RUNS = 5
-"""Of each recording from which an hour is foretold, by turns; noise only adds."""
+"""Runs of each recording from which an hour is extrapolated, interleaved; noise only adds."""
 
 REACHES = {"CSV": (".csv", 6.0), "Parquet": (".parquet", 3.0), "MCAP": (".mcap", 60.0)}
-"""Ending, and what an hour is to take at most [s]."""
+"""Longest time for an hour [s], by ending."""
 
 REACH_AGAIN = 3.0
-"""What MCAP of an hour that is read again is to take at most [s]."""
+"""Longest time for reading MCAP of an hour again [s]."""
 
 LARGEST_SHARE = 3.0
 """Most memory over that of the columns."""
@@ -147,11 +130,9 @@ CACHE = "by the samples kept beside it"
 
 
 def foretold(short: tuple[float, float], long: tuple[float, float]) -> float:
-    """What an hour takes, by a line through two recordings; one that falls is noise, and taken as level.
+    """Time of an hour [s], by a line through two recordings, each a length [s] and the time that it took [s].
 
-    Args:
-        short: Length [s], and what it took.
-        long: The same of a longer one.
+    A line that falls is noise, and taken as level.
     """
     return long[1] + max(0.0, long[1] - short[1]) * (HOUR - long[0]) / (long[0] - short[0])
 
@@ -219,8 +200,8 @@ def _seconds(ended: Ended) -> float:
 STARTUP_ROUNDS = 7
 
 FIRST_CALL = (
-    "from foretouch.identification import ContactMapBank, ContactSample\n"
-    "ContactMapBank().update(ContactSample(0.0, 1e-3, 0.0, 1.0, True))"
+    "from foretouch.identification import ContactMap, ContactSample\n"
+    "ContactMap().update(ContactSample(0.0, 1e-3, 0.0, 1.0, True))"
 )
 
 PROCESSES: dict[str, tuple[list[str], float | None]] = {
@@ -229,7 +210,7 @@ PROCESSES: dict[str, tuple[list[str], float | None]] = {
     "first compiled call, from a warm cache": (["-c", FIRST_CALL], 1.5),
     "bare Python": (["-c", "pass"], None),
 }
-"""What is started, and how long it is to take at most [s]."""
+"""Commands that are started, and the longest time that each may take [s]."""
 
 
 def measure_startup(scope: Scope) -> list[Row]:

@@ -2,25 +2,158 @@
 
 The bare loop sleeps and spins exactly as the sides do, alone. What it is late is the machine's; what a side is later is
 that four processes share the cores, and ours.
+
+A side runs as `python -m foretouch.bench.benchmarks.loops NOTES foretouch leader ...`, which is that command and writes
+into NOTES when the collector ran; with `NOTES bare SECONDS` the bare loop runs and writes how late it woke.
 """
 
 from __future__ import annotations
 
 import contextlib
+import gc
+import runpy
 import subprocess
 import sys
 import tempfile
+import time
 from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
+from typing import NamedTuple
 
+import msgspec
 import numpy as np
+from numpy.typing import NDArray
 
 from foretouch.bench.children import children, last_line, measure_process
-from foretouch.bench.rows import Row, Scope
-from foretouch.bench.side import CAUSES, LATE_NS, Ticks, causes, read_notes, ticks_of
-from foretouch.bench.timing import spread
+from foretouch.bench.timing import Row, Scope, spread
 from foretouch.errors import ForetouchError
 from foretouch.link import free_endpoint
+from foretouch.quantities import Rows
+
+LATE_NS = 500_000
+"""A tick that woke later than this after its deadline [ns] counts as late: half a period."""
+
+PERIOD_NS = 1_000_000
+
+CAUSES = ("scheduler", "garbage collection", "us")
+"""Why a tick is late: woken late by the kernel; the collector ran; the tick before computed beyond its budget."""
+
+Integers = NDArray[np.int64]
+
+
+class Ticks(NamedTuple):
+    """Ticks of one loop, each array of shape (n,).
+
+    Attributes:
+        deadline_ns: When each was to begin [ns, monotonic clock]; of a tick that passed over deadlines, the first that
+            it missed.
+        late_ns: Time by which it began later [ns].
+        compute_ns: What the tick before it computed, by the wall clock: where the kernel took the core away meanwhile,
+            that is in it.
+    """
+
+    deadline_ns: Integers
+    late_ns: Integers
+    compute_ns: Integers
+
+
+def ticks_of(rows: Rows) -> Ticks:
+    """Ticks from the rows of either side in a session's log.
+
+    A row has its deadline and the time since the tick before began. So the beginnings follow by summing, up to one
+    constant; the earliest tick of an unbroken run of rows is on time, for the loop spins before its deadline.
+    """
+    parts: list[tuple[Integers, Integers, Integers]] = []
+    breaks = np.flatnonzero(np.diff(rows["sequence"].astype(np.int64)) != 1) + 1
+    for run in np.split(rows, breaks):
+        if run.size < 2:
+            continue
+        began = np.cumsum(run["period_ns"].astype(np.int64))
+        times = run["time_ns"].astype(np.int64)
+        late = began - times
+        missed = np.maximum(np.diff(times, prepend=times[0] - PERIOD_NS) - PERIOD_NS, 0)
+        # A row's compute_ns is of the tick before it, as the loop knew it then.
+        parts.append((times - missed, late - late.min() + missed, run["compute_ns"].astype(np.int64)))
+    empty = np.zeros(0, dtype=np.int64)
+    return Ticks(*(np.concatenate([part[i] for part in parts]) if parts else empty for i in range(3)))
+
+
+def causes(ticks: Ticks, collections: Sequence[tuple[int, int]]) -> dict[str, int]:
+    """Late ticks by each of `CAUSES`; `collections` are begin and end of each run of the collector [ns]."""
+    found = dict.fromkeys(CAUSES, 0)
+    for place in np.flatnonzero(ticks.late_ns > LATE_NS).tolist():
+        deadline = int(ticks.deadline_ns[place])
+        begin, end = deadline - PERIOD_NS, deadline + int(ticks.late_ns[place])
+        before = int(ticks.late_ns[place - 1]) if place else 0
+        if any(first < end and last > begin for first, last in collections):
+            found["garbage collection"] += 1
+        elif int(ticks.compute_ns[place]) > PERIOD_NS - min(before, LATE_NS):
+            found["us"] += 1
+        else:
+            found["scheduler"] += 1
+    return found
+
+
+class Notes(msgspec.Struct):
+    """What a process noted; times by the monotonic clock [ns].
+
+    Attributes:
+        collections: Begin and end of each run of the collector.
+        late_ns: Lateness of each tick of a bare loop [ns].
+    """
+
+    collections: list[tuple[int, int]] = []
+    late_ns: list[int] = []
+
+
+def read_notes(path: Path) -> Notes:
+    """What a process wrote."""
+    return msgspec.json.decode(path.read_bytes(), type=Notes)
+
+
+@contextmanager
+def _noting(path: Path) -> Iterator[Notes]:
+    """Note every run of the collector until the end."""
+    notes, begun = Notes(), [0]
+
+    def note(phase: str, info: dict[str, int]) -> None:
+        if phase == "start":
+            begun[0] = time.monotonic_ns()
+        else:
+            notes.collections.append((begun[0], time.monotonic_ns()))
+
+    gc.callbacks.append(note)
+    try:
+        yield notes
+    finally:
+        gc.callbacks.remove(note)
+        path.write_bytes(msgspec.json.encode(notes))
+
+
+def _bare(seconds: float) -> list[int]:
+    """A loop at 1 kHz with nothing to do: how late each tick woke [ns]."""
+    from foretouch.session.runners.loop_timer import LoopTimer, be_prompt, steady
+
+    be_prompt()
+    ticks = round(seconds * 1e9 / PERIOD_NS)
+    late, timer = [0] * ticks, LoopTimer(PERIOD_NS * 1e-9)
+    with steady():
+        for tick in range(ticks):
+            deadline, periods = timer.wait()
+            late[tick] = timer.woke_ns - deadline + max(0, periods - 1) * PERIOD_NS  # from the first that was missed
+    return late
+
+
+def side(notes: str, what: str, *arguments: str) -> None:
+    """Run the command or, for `seconds`, the bare loop, and write the notes at the end."""
+    with _noting(Path(notes)) as noted:
+        if what == "bare":
+            noted.late_ns = _bare(float(arguments[0]))
+        else:
+            sys.argv = ["foretouch", *arguments]
+            runpy.run_module("foretouch", run_name="__main__")  # as `python -m foretouch` does
+
 
 SIDES = ("leader", "follower")
 
@@ -28,10 +161,10 @@ SECONDS, ROUNDS = 6.0, 3
 FULL_SECONDS, FULL_ROUNDS = 60.0, 5
 
 SETTLING_NS = 1_500_000_000
-"""A session that starts is not counted for so long: its processes still load."""
+"""Time after the start during which a session is not counted [ns]: its processes still load."""
 
 ENDING = 20.0
-"""The other processes have so long [s] to end after the leader has."""
+"""Time that the other processes have to end after the leader has [s]."""
 
 REACH_MS = 0.1
 
@@ -43,26 +176,16 @@ Round = dict[str, tuple[Ticks, dict[str, int]]]
 
 
 def bare_round(folder: Path, seconds: float) -> np.ndarray:
-    """How late each tick of a bare loop woke [ns], in a process of its own.
-
-    Args:
-        folder: For its notes.
-        seconds: How long.
-    """
+    """Lateness of each tick of a bare loop [ns], which runs for a time [s] in a process of its own."""
     notes = folder / "bare.json"
-    measure_process(["-m", "foretouch.bench.side", str(notes), "bare", str(seconds)])
+    measure_process(["-m", "foretouch.bench.benchmarks.loops", str(notes), "bare", str(seconds)])
     return np.array(read_notes(notes).late_ns, dtype=np.int64)
 
 
 def session_round(folder: Path, seconds: float) -> Round:
-    """What a session of so many seconds did, from its recording and the notes of its sides.
+    """What a session of a length [s] did, from its recording and the notes of its sides.
 
-    Args:
-        folder: For both.
-        seconds: How long the leader runs.
-
-    Raises:
-        ForetouchError: A process ended otherwise than well.
+    A ForetouchError names a process that ended otherwise than well.
     """
     from foretouch.recordings import read_session
 
@@ -101,7 +224,7 @@ def _processes(
     module = ["-m", "foretouch"]
 
     def side(name: str) -> list[str]:
-        return ["-m", "foretouch.bench.side", str(notes[name]), "foretouch", name]
+        return ["-m", "foretouch.bench.benchmarks.loops", str(notes[name]), "foretouch", name]
 
     leading = ["--listen", leader, "--connect", follower, "--wait-for-recorder", "--duration", str(seconds)]
     commands = {
@@ -157,3 +280,7 @@ def measure_loops(scope: Scope) -> list[Row]:
 
 def _p99(late_ns: np.ndarray) -> float:
     return float(np.percentile(late_ns, 99)) * 1e-6
+
+
+if __name__ == "__main__":
+    side(*sys.argv[1:])

@@ -1,24 +1,29 @@
 """Where the time of both steps goes: the taped session of `steps`, with clocks around their parts.
 
+A function is replaced by one that reads the clock before and after it, where its owner keeps it: a class or a module.
 Of some rounds each tick's median one counts. A part's time is a mean over those ticks in contact whose whole step is
-near the percentile that the row names, so that the parts and what is left of the step add up to it. What the clocks
-themselves take is measured in the same run and taken off: so much, that the median step takes as long as without them.
-How near that comes elsewhere, the rows of the 99th percentile say, with and without clocks.
+near the percentile that the row names, so that the parts and what is left of the step add up to it.
+
+Reading clocks takes time too. How much of that a clock shows itself is measured on a function that does nothing, and
+taken off; how much it is altogether, by the work with clocks and without, so that the median step takes as long as
+without them. How near that comes elsewhere, the rows of the 99th percentile say, with and without clocks.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from foretouch.bench.benchmarks.steps import DURATION, RobotOnTape, TapedSession
-from foretouch.bench.clocks import Clocks, Target, replaced, without_cost
-from foretouch.bench.rows import Row, Scope
+from foretouch.bench.timing import Row, Scope
 from foretouch.devices import ScriptedOperator
-from foretouch.identification import ContactMapBank, SensorWatch
+from foretouch.identification import ContactMap, SensorWatch
 from foretouch.identification.conditioning.conditioner import Conditioner, SensorLag
 from foretouch.link import FaultStage
 from foretouch.models import Predictor
@@ -30,6 +35,127 @@ from foretouch.session.steps import follower, leader
 from foretouch.session.steps.heard import Heard
 
 Array = NDArray[np.float64]
+
+Target = tuple[Any, str]
+"""A class or a module, and the name under which it keeps a function."""
+
+CALLS, BATCHES = 2_000, 25
+"""Calls of the function that does nothing per batch, and number of batches."""
+
+
+@contextmanager
+def replaced(functions: Mapping[Target, Callable[[Any], Any]]) -> Iterator[None]:
+    """Have owners keep other functions for a while, each made from the one that is there."""
+    kept = {target: vars(target[0])[target[1]] for target in functions}
+    try:
+        for (owner, name), make in functions.items():
+            setattr(owner, name, make(kept[owner, name]))
+        yield
+    finally:
+        for (owner, name), function in kept.items():
+            setattr(owner, name, function)
+
+
+class Cost(NamedTuple):
+    """What a clock around a function takes.
+
+    Attributes:
+        inside: What the clock shows of a function that takes no time [ns].
+        whole: What a call takes longer with its clock [ns].
+    """
+
+    inside: float
+    whole: float
+
+    def among(self, more: float, calls: float) -> Cost:
+        """The cost where the work took `more` ns longer with `calls` clock calls in it; no less than in a loop."""
+        return Cost(self.inside, max(more / calls if calls else 0.0, self.whole))
+
+
+class Clocks:
+    """Books the time of functions to named parts. Where a part calls another, its time holds that of the other too."""
+
+    def __init__(self, parts: Mapping[str, Sequence[Target]]) -> None:
+        self._places = {target: place for place, targets in enumerate(parts.values()) for target in targets}
+        self._spent = [0] * len(parts)
+        self._calls = [0] * len(parts)
+
+    @contextmanager
+    def running(self) -> Iterator[None]:
+        """Put the clocks around the functions, and take them away again."""
+        with replaced({target: partial(self._timed, place) for target, place in self._places.items()}):
+            yield
+
+    def clear(self) -> None:
+        """Discard what has been booked: it belongs to nothing that is measured."""
+        for place in range(len(self._spent)):
+            self._spent[place] = self._calls[place] = 0
+
+    def take(self) -> tuple[list[int], list[int]]:
+        """Time booked by part since the last call [ns], and the number of calls in it."""
+        taken = self._spent.copy(), self._calls.copy()
+        self.clear()
+        return taken
+
+    def _timed(self, place: int, function: Any) -> Any:
+        spent, calls, clock = self._spent, self._calls, time.perf_counter_ns
+
+        def timed(*arguments: Any, **named: Any) -> Any:
+            start = clock()
+            answer = function(*arguments, **named)
+            spent[place] += clock() - start
+            calls[place] += 1
+            return answer
+
+        return timed
+
+    @classmethod
+    def cost(cls) -> Cost:
+        """Measure what a clock takes in a loop that does nothing else: medians over batches of calls."""
+        found = np.array([cls._batch() for _ in range(BATCHES)])
+        inside, whole = np.median(found, axis=0).tolist()
+        return Cost(max(inside, 0.0), max(whole, 0.0))
+
+    @classmethod
+    def _batch(cls) -> tuple[float, float]:
+        clocks = cls({"nothing": [(_Nothing, "call")]})
+        nothing = _Nothing()
+
+        def calls() -> float:
+            start = time.perf_counter_ns()
+            for _ in range(CALLS):
+                nothing.call(0.0, 0.0)
+            return (time.perf_counter_ns() - start) / CALLS
+
+        start = time.perf_counter_ns()
+        for _ in range(CALLS):
+            pass
+        turn = (time.perf_counter_ns() - start) / CALLS
+        bare = calls()
+        with clocks.running():
+            whole = calls()
+            (spent,), _ = clocks.take()
+        return spent / CALLS - (bare - turn), whole - bare
+
+
+class _Nothing:
+    """Does nothing."""
+
+    def call(self, one: float, other: float) -> None:
+        """Take two numbers, as most methods of a step do."""
+
+
+def without_cost(took: Array, spent: Array, calls: Array, cost: Cost, inner: Mapping[int, int]) -> tuple[Array, Array]:
+    """Times as they are without clocks, of the whole and of its parts, shapes (n,) and (n, parts).
+
+    Of the whole `took` has shape (n,); of its parts `spent` as booked and the number of `calls` have shape (n, parts),
+    and the cost of a clock is in the same unit. `inner` are parts that another part calls, whose time is not its own.
+    """
+    own = spent - cost.inside * calls
+    for part, outer in inner.items():
+        own[:, outer] -= spent[:, part] + (cost.whole - cost.inside) * calls[:, part]
+    return took - cost.whole * calls.sum(axis=1), own
+
 
 ROUNDS = 5
 
@@ -44,13 +170,11 @@ class Part(NamedTuple):
 
     Attributes:
         name: What it does.
-        buys: What it is there for, one sentence.
         targets: Its functions; none of them calls another.
         within: Name of the part that calls it; empty where the step itself does.
     """
 
     name: str
-    buys: str
     targets: tuple[Target, ...] = ()
     within: str = ""
 
@@ -59,99 +183,81 @@ PARTS: dict[str, tuple[Part, ...]] = {
     "leader": (
         Part(
             "hearing the follower",
-            "Whoever renders must know whether the robot obeys, stands still, or is another process than before.",
             ((Heard, "take_telemetry"), (Heard, "is_for_us")),
         ),
         Part(
             "letting a model in",
-            "What arrives is checked before it may make a force, and takes over the material's memory where it stands.",
             ((leader, "_adopt"),),
         ),
         Part(
             "placing the proxy",
-            "The hand may be beyond a surface that turned up late: the proxy stands where the force is to be felt.",
             ((Proxy, "follow"),),
         ),
         Part(
             "predicting the force",
-            "The contact map at the hand's own motion, with what the material remembers: the force without the delay.",
             ((Predictor, "update"),),
         ),
         Part(
             "mediating",
-            "A model that has learnt something changes the force without a jerk.",
             ((Mediation, "update"),),
         ),
         Part(
             "foreseeing the way out",
-            "What the model would give back if the hand left now bounds what mediation may add: it is integrated anew.",
-            ((Renderer, "_exit_work"),),
+            ((Renderer, "_leaving_work"),),
             within="mediating",
         ),
         Part(
             "keeping the energy account",
-            "It proves, tick by tick, that the hand gets back no more than it gave.",
             ((EnergyAccount, "observe"), (Ledger, "bound_with")),
         ),
         Part(
             "limiting",
-            "Whatever went wrong before it, 10 N and 200 N/s are not passed.",
             ((ForceLimiter, "update"),),
         ),
         Part(
             "making command and record",
-            "The robot is told where to be; recorder, report and console see what the hand felt, and why.",
             ((leader, "Command"), (leader, "LeaderState")),
         ),
-        Part(ELSE, "The calls between all of these, and what the runner hands over."),
+        Part(ELSE),
     ),
     "follower": (
         Part(
             "taking commands",
-            "Only one leader is obeyed, and only while its commands are fresh.",
             ((FaultStage, "pop_due"), (follower, "_take")),
         ),
         Part(
             "playing them evenly",
-            "Commands come in bursts; a robot that followed those would shake.",
             ((Playout, "advance"),),
         ),
         Part(
             "watching the sensors",
-            "Nothing is learnt from a sensor that is stuck, saturated or gone, and the robot holds.",
             ((SensorWatch, "update"),),
         ),
         Part(
             "conditioning",
-            "Force offset, contact, surface and velocity are found in the raw samples, causally.",
             ((Conditioner, "update"),),
         ),
         Part(
             "learning",
-            "The contact map learns from every fourth sample in full, and its memory of the material from each.",
-            ((ContactMapBank, "update"),),
+            ((ContactMap, "update"),),
         ),
         Part(
             "measuring the sensor's lag",
-            "A force that comes later than the position belongs to another place; how late it is, is told.",
             ((SensorLag, "update"),),
         ),
         Part(
             "sending the model",
-            "50 a second, and at once when something changed: packed, counted in bytes, and with its round trip.",
             ((ModelSender, "due"),),
         ),
         Part(
             "keeping safe",
-            "Force, depth, speed, acceleration and jerk stay within limits, whatever was commanded.",
             ((follower, "_allowed"),),
         ),
         Part(
             "making the telemetry",
-            "Everything that watches, and the leader's check that it is obeyed, live on it.",
             ((follower, "Telemetry"),),
         ),
-        Part(ELSE, "The calls between all of these, and what the runner hands over."),
+        Part(ELSE),
     ),
 }
 """The parts of both sides' steps, in the order in which they run."""
@@ -170,12 +276,7 @@ class Timed(NamedTuple):
 
 
 def timed_round(session: TapedSession, bare: Mapping[str, Array]) -> dict[str, Timed]:
-    """Run a session again with clocks in its steps.
-
-    Args:
-        session: With the default operator.
-        bare: Its `times` without.
-    """
+    """Run a session, with the default operator, again with clocks in its steps; `bare` are its times without."""
     sides = list(PARTS)
     parts = {f"{side} {part.name}": part.targets for side in sides for part in PARTS[side]}
     clocks = Clocks(parts)
@@ -234,14 +335,14 @@ def _between_steps(
 
 
 def near(took: Array, percentile: int) -> NDArray[np.bool_]:
-    """Which steps stand for a percentile: flags of the shape of their times."""
+    """Flags of the steps that stand for a percentile, of the shape of their times."""
     lower, upper = np.percentile(took, BANDS[percentile])
     found: NDArray[np.bool_] = (took >= lower) & (took <= upper)
     return found
 
 
 def middle(rounds: Sequence[Timed]) -> Timed:
-    """Of each tick the round that took it the median time: what else the machine did meanwhile is left out."""
+    """For each tick, the round with the median time: what else the machine did meanwhile is left out."""
     took = np.stack([one.took for one in rounds])
     chosen = np.argsort(took, axis=0)[len(rounds) // 2]
     ticks = np.arange(chosen.size)
@@ -249,11 +350,9 @@ def middle(rounds: Sequence[Timed]) -> Timed:
 
 
 def profile(session: TapedSession, rounds: int) -> dict[tuple[str, int], dict[str, float]]:
-    """By side and percentile, the time of each part [us], of the whole step, and of that without clocks.
+    """The time of each part, of the whole step, and of that without clocks [us], by side and percentile.
 
-    Args:
-        session: With the default operator.
-        rounds: How often, after once to warm up; each with clocks and without.
+    The session, with the default operator, runs once to warm up and then each round with clocks and without.
     """
     session.times()
     bare, clocked = [], []
@@ -276,19 +375,12 @@ def profile(session: TapedSession, rounds: int) -> dict[tuple[str, int], dict[st
 
 
 def named(side: str, name: str, percentile: int, *, share: bool = False) -> str:
-    """What the row of a part says that it is.
-
-    Args:
-        side: Whose step.
-        name: Of the part.
-        percentile: Of `BANDS`.
-        share: Whether of the step [%], else its time [us].
-    """
+    """The title of a row: a part's time [us], or its fraction of the step [%], at a percentile of `BANDS`."""
     return f"{side}: {name}, {'share of the step, ' if share else ''}{percentile} %"
 
 
 def measure_profile(scope: Scope) -> list[Row]:
-    """Each part's time at both percentiles, and its share of the median step."""
+    """Each part's time at both percentiles, and its fraction of the median step."""
     found = profile(TapedSession(DURATION), ROUNDS)
     rows = [
         Row(named(side, name, percentile), time, "us", rounds=ROUNDS)

@@ -12,8 +12,7 @@ import gc
 import numpy as np
 from numpy.typing import NDArray
 
-from foretouch.bench.rows import Row, Scope
-from foretouch.bench.timing import Spread, one_core, spread
+from foretouch.bench.timing import Row, Scope, Spread, one_core, spread
 from foretouch.devices import Device
 from foretouch.robot import Robot, RobotSample
 from foretouch.session import SessionSettings, SimulatedSession, make_operator, make_session_robot, simulate
@@ -21,11 +20,11 @@ from foretouch.session import SessionSettings, SimulatedSession, make_operator, 
 DURATION, ROUNDS = 10.0, 5
 
 REACHES = {("leader", 50): 15.0, ("follower", 50): 25.0, ("leader", 99): 100.0, ("follower", 99): 100.0}
-"""What a percentile of each side's step is to be at most [us]."""
+"""Longest time of each side's step at each percentile [us]."""
 
 
 class RobotOnTape(Robot):
-    """Keeps what a robot shows, or without one shows it again, whatever it is told.
+    """Keeps what a robot shows, or without one shows it again, whatever is commanded.
 
     Args:
         robot: Whose samples are kept.
@@ -39,7 +38,7 @@ class RobotOnTape(Robot):
         self._next = 0
 
     def rewind(self) -> None:
-        """From now on show the samples again, from the first; the robot is let go."""
+        """Show the samples again, from the first; the robot is released."""
         self._robot = None
         self._next = 0
 
@@ -57,12 +56,7 @@ class RobotOnTape(Robot):
 
 
 class TapedSession:
-    """A session whose robot's samples are on tape.
-
-    Args:
-        duration: Simulated [s].
-        settings: The defaults where none are given.
-    """
+    """A session of a simulated duration [s], with default settings or others, whose robot's samples are on tape."""
 
     def __init__(self, duration: float, settings: SessionSettings | None = None) -> None:
         self._settings = SessionSettings() if settings is None else settings
@@ -95,12 +89,7 @@ class TapedSession:
 
 
 def step_times(session: TapedSession, rounds: int) -> dict[tuple[str, int], Spread]:
-    """Percentiles of the steps in contact [us], by side and percentile.
-
-    Args:
-        session: To run again.
-        rounds: How often, after once to warm up.
-    """
+    """Percentiles of the steps in contact [us], by side and percentile, over rounds after one to warm up."""
     session.times()
     found: dict[tuple[str, int], list[float]] = {key: [] for key in REACHES}
     for _ in range(rounds):
@@ -120,19 +109,13 @@ def measure_steps(scope: Scope) -> list[Row]:
     ]
 
 
-def run_session(duration: float, settings: SessionSettings | None = None) -> SimulatedSession:
-    """A fresh session.
-
-    Args:
-        duration: Simulated [s].
-        settings: The defaults where none are given.
-    """
-    settings = SessionSettings() if settings is None else settings
-    return simulate(settings, duration=duration, say=lambda text: None)
+def run_session(duration: float) -> SimulatedSession:
+    """A fresh session with default settings, simulated for a duration [s]."""
+    return simulate(SessionSettings(), duration=duration, say=lambda text: None)
 
 
 def measure_simulate(scope: Scope) -> list[Row]:
-    """How many times as fast as real time."""
+    """Speed over real time [-]."""
     with one_core():
         run_session(0.5)
         faster = [DURATION / run_session(DURATION).elapsed for _ in range(ROUNDS)]

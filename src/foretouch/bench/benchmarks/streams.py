@@ -13,10 +13,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from foretouch.bench.press import FORGETTING_FACTOR, OPTIONS, Press, Problem, press, recursion_over_many
-from foretouch.bench.rows import Row, Scope
-from foretouch.bench.timing import Contestant, interleave, ratio, resident_bytes, spread
-from foretouch.identification import FPRLS
+from foretouch.bench.peers import FORGETTING_FACTOR, OPTIONS, Press, Problem, press, recursion_over_many
+from foretouch.bench.timing import Contestant, Row, Scope, interleave, ratio, resident_bytes, spread
+from foretouch.identification import FPRLS, ContactSamples
 
 STREAMS, SAMPLES, ROUNDS = 4096, 250, 11
 """Recordings, and samples of each."""
@@ -63,20 +62,16 @@ class Streams(NamedTuple):
         return FPRLS(OPTIONS).run_many(self.pressed.depth, self.pressed.velocity, self.pressed.force).theta
 
     def without_features(self) -> Array:
-        """The same from regressors that are known."""
+        """The stream with regressors that are already computed."""
         return FPRLS(OPTIONS).run_regressors(*self.known, self.targets, self.forgetting_factor).theta
 
     def in_numpy(self) -> Array:
-        """The same by NumPy."""
+        """The stream in NumPy."""
         return recursion_over_many(self.regressors, self.targets, self.forgetting_factor)
 
 
 def contestants(streams: int) -> dict[str, Contestant]:
-    """Ours with and without features, and NumPy.
-
-    Args:
-        streams: How many.
-    """
+    """Ours with and without features, and NumPy, over a number of streams."""
     given = Streams.of(streams)
     count = streams * SAMPLES
     return {
@@ -102,21 +97,21 @@ SMALLEST, LARGEST = 100_000, 100_000_000
 """Samples of the shortest and of the longest stream."""
 
 BLOCK = 100_000
-"""So many samples are in memory at a time; the press repeats itself."""
+"""Number of samples in memory at a time; the press repeats itself."""
 
 GROWTH_ROUNDS = 3
 
 LARGEST_SLOPE, LARGEST_GROWTH = 1.05, 1.0
-"""Of the logarithm of time over that of samples; memory [MB] that the longest stream holds more than the shortest."""
+"""Largest slope of log time over log samples, and largest growth of memory from shortest to longest stream [MB]."""
 
 
 class Streamed(NamedTuple):
     """What a stream cost.
 
     Attributes:
-        size: Samples.
-        seconds: That learning took.
-        memory: That this process held afterwards [bytes]; 0 where the system does not say.
+        size: Number of samples.
+        seconds: Time that learning took [s].
+        memory: Memory that this process held afterwards [bytes]; 0 where the system gives none.
     """
 
     size: int
@@ -125,11 +120,9 @@ class Streamed(NamedTuple):
 
 
 def curve(largest: int, rounds: int = GROWTH_ROUNDS) -> list[Streamed]:
-    """Streams of 10^5 samples, ten times that, and so on; of each length the quickest of some rounds.
+    """Streams of 10^5 samples, ten times that, and so on up to `largest`; of each length the quickest of the rounds.
 
-    Args:
-        largest: Of the longest stream, a power of ten.
-        rounds: Of each; one of the longest of all.
+    The longest of all runs once.
     """
     sizes = [SMALLEST * 10**power for power in range(round(np.log10(largest / SMALLEST)) + 1)]
     _stream(SMALLEST)
@@ -143,20 +136,20 @@ def curve(largest: int, rounds: int = GROWTH_ROUNDS) -> list[Streamed]:
 
 
 def slope(streams: list[Streamed]) -> float:
-    """Of the logarithm of time over that of samples: 1 where time is linear."""
+    """Slope of log time over log samples: 1 where time is linear."""
     sizes, seconds = np.array([(one.size, one.seconds) for one in streams]).T
     return float(np.polyfit(np.log(sizes), np.log(seconds), 1)[0])
 
 
 def _stream(size: int) -> Streamed:
-    """Learn from so many samples, a block at a time."""
-    estimator, block = FPRLS(OPTIONS), press(BLOCK)
+    """Learn from `size` samples, a block at a time."""
+    estimator, block = FPRLS(OPTIONS), ContactSamples(*press(BLOCK))
     gc.collect()
     gc.disable()
     try:
         start = time.perf_counter()
         for _ in range(size // BLOCK):
-            estimator.run(block.depth, block.velocity, block.force)
+            estimator.run(block)
         seconds = time.perf_counter() - start
         return Streamed(size, seconds, resident_bytes())
     finally:

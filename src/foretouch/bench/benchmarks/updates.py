@@ -13,11 +13,28 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from foretouch.bench.peers import PEERS, RIVER_WITHOUT_FORGETTING, measure_latencies, peer
-from foretouch.bench.press import OPTIONS, Press, Problem, bare_call, press, recursion_over, samples
-from foretouch.bench.rows import Row, Scope
-from foretouch.bench.timing import Contestant, interleave, ratio, resident_bytes, spread
-from foretouch.identification import FPRLS, ContactMapBank, ContactSample, Estimator, ExactRecursive
+from foretouch.bench.peers import (
+    OPTIONS,
+    PEERS,
+    RIVER_WITHOUT_FORGETTING,
+    Press,
+    Problem,
+    bare_call,
+    measure_latencies,
+    peer,
+    press,
+    recursion_over,
+    samples,
+)
+from foretouch.bench.timing import Contestant, Row, Scope, interleave, ratio, resident_bytes, spread
+from foretouch.identification import (
+    FPRLS,
+    ContactMap,
+    ContactSample,
+    ContactSamples,
+    Estimator,
+    ExactContinuousSwitching,
+)
 from foretouch.models.contact_map.layout import LENGTHS
 from foretouch.rendering.surfaces import TriangleMesh
 
@@ -27,12 +44,14 @@ FPRLS_SIZE, PEER_SIZE, FPRLS_ROUNDS = 1_000_000, 3_000, 15
 FPRLS_REACH_NS = 40.0
 
 REACHES = {"padasip": 200.0, "filterpy": 400.0, "river": 400.0, RIVER_WITHOUT_FORGETTING: None}
-"""How many times as fast as each."""
+"""Smallest speed over each peer's [-]."""
 
 
 def theta_of(pressed: Press) -> NDArray[np.float64]:
     """(ln k, s, b1, b2) after a recording, features included."""
-    return FPRLS(OPTIONS).run(pressed.depth, pressed.velocity, pressed.force).theta
+    estimator = FPRLS(OPTIONS)
+    estimator.run(ContactSamples(*pressed))
+    return np.array(estimator.linear_parameters)
 
 
 def measure_fprls(scope: Scope) -> list[Row]:
@@ -70,17 +89,17 @@ def measure_fprls(scope: Scope) -> list[Row]:
 
 CALL_SIZE, CALL_ROUNDS = 10_000, 11
 CALLS = 100_000
-"""After which nothing may have grown."""
+"""Number of calls after which nothing may have grown."""
 
 TURNS = 3
-"""Of these calls; what leaks does so in each of them, what else the process comes to hold, in some."""
+"""Repetitions of these calls; a leak shows in each of them, other growth of the process only in some."""
 
 CALLED: dict[str, tuple[Callable[[], Estimator], float]] = {
     "FPRLS": (lambda: FPRLS(OPTIONS), 1.0),
-    "exact": (ExactRecursive, 3.0),
-    "contact map": (ContactMapBank, 5.0),
+    "exact": (ExactContinuousSwitching, 3.0),
+    "contact map": (ContactMap, 5.0),
 }
-"""By name: what makes the estimator, and what a call is to cost at most [us]."""
+"""Function that makes each estimator, by name, and the largest time that a call may take [us]."""
 
 
 def update_all(estimator: Estimator, pressed: list[ContactSample]) -> Callable[[], None]:
@@ -108,11 +127,8 @@ def bare(pressed: list[ContactSample]) -> Callable[[], None]:
 def memory_growth(estimator: Estimator, pressed: list[ContactSample]) -> int:
     """Bytes that this process holds more after the second half of the calls than before, the least of some turns.
 
-    Memory is counted in whole pages, of Python and of compiled code alike.
-
-    Args:
-        estimator: Fresh.
-        pressed: Samples; the first half is there to fill what is filled once.
+    Memory is counted in whole pages, of Python and of compiled code alike. The first half of the samples fills what is
+    filled once.
     """
     half = len(pressed) // 2
     update_all(estimator, pressed[:half])()
@@ -166,9 +182,8 @@ def cells(deepest: float) -> int:
 
 def map_contestant(size: int, deepest: float) -> Contestant:
     """The map over a press, from nothing."""
-    estimator, pressed = ContactMapBank(), press(size, deepest)
-    touching = np.ones(size, dtype=np.bool_)
-    return Contestant(lambda: estimator.run(*pressed, touching), size, estimator.reset)
+    estimator, samples = ContactMap(), ContactSamples(*press(size, deepest))
+    return Contestant(lambda: estimator.run(samples), size, estimator.reset)
 
 
 def measure_map(scope: Scope) -> list[Row]:
@@ -196,7 +211,7 @@ SIDES = (10, 32, 100, 316)
 """Squares along each side of the sheet; each is two triangles."""
 
 WIDTH, HEIGHT, DEPTH, SPEED, PERIOD = 0.1, 2e-3, 1e-3, 0.05, 1e-3
-"""Of the sheet and its waves [m]; how deep the probe goes below it [m], its speed [m/s], time of a tick [s]."""
+"""Width of the sheet and height of its waves [m], depth [m] and speed [m/s] of the probe, time of a tick [s]."""
 
 TICKS, MESH_ROUNDS = 2_000, 11
 

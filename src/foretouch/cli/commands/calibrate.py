@@ -9,25 +9,22 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from foretouch.cli.options import (
-    Flip,
-    FlipForce,
-    ForceChannel,
-    ForceUnit,
     Json,
-    PositionUnit,
     ReportDirectory,
     made_by,
     make_folder,
     print_json,
     say,
     show,
+    with_options,
 )
-from foretouch.cli.reading import MapFile, read_and_say
+from foretouch.cli.reading import read_and_say, recording_options
 from foretouch.errors import SettingError, plural
 
 if TYPE_CHECKING:
     from foretouch.identification import SeriesCompliance, ToolWeight
     from foretouch.quantities import SensorCalibration
+    from foretouch.recordings import RecordingOptions
 
 calibrate = typer.Typer(help="Force sensor, tool and what gives way behind them.", no_args_is_help=True)
 
@@ -37,7 +34,9 @@ Output = Annotated[
 
 
 @calibrate.command("sensor")
+@with_options(options=recording_options)
 def sensor(
+    *,
     poses: Annotated[Path, typer.Argument(help="CSV of static poses: wrench and orientation, a row a measurement.")],
     output: Output = None,
     motion: Annotated[
@@ -49,12 +48,7 @@ def sensor(
     approach_gravity: Annotated[
         float, typer.Option(help="Gravity along the approach [m/s^2]; 0 where the probe approaches sideways.")
     ] = 9.80665,
-    position_unit: PositionUnit = None,
-    force_unit: ForceUnit = None,
-    flip: Flip = False,
-    flip_force: FlipForce = False,
-    force_channel: ForceChannel = "raw",
-    map_file: MapFile = None,
+    options: RecordingOptions,
     report_directory: ReportDirectory = None,
     json_output: Json = False,
 ) -> None:
@@ -89,15 +83,7 @@ def sensor(
         "approach_gravity": approach_gravity,
     }
     if motion is not None:
-        recording = read_and_say(
-            motion,
-            position_unit=position_unit,
-            force_unit=force_unit,
-            flip=flip,
-            flip_force=flip_force,
-            force_channel=force_channel,
-            map_file=map_file,
-        )
+        recording = read_and_say(motion, options)
         found["sensor_lag"], found["sensor_lag_error"] = find_sensor_lag(recording)
     calibration = msgspec.structs.replace(before, **found)
     content = _weight_figures(weight, calibration)
@@ -110,15 +96,12 @@ def sensor(
 
 
 @calibrate.command("compliance")
+@with_options(options=recording_options)
 def compliance(
+    *,
     recording: Annotated[Path, typer.Argument(help="Recording of presses on a rigid block.")],
     output: Output = None,
-    position_unit: PositionUnit = None,
-    force_unit: ForceUnit = None,
-    flip: Flip = False,
-    flip_force: FlipForce = False,
-    force_channel: ForceChannel = "raw",
-    map_file: MapFile = None,
+    options: RecordingOptions,
     report_directory: ReportDirectory = None,
     json_output: Json = False,
 ) -> None:
@@ -135,15 +118,7 @@ def compliance(
     before = _before(output, recording, None)
     if report_directory is not None:
         make_folder(report_directory)
-    data = read_and_say(
-        recording,
-        position_unit=position_unit,
-        force_unit=force_unit,
-        flip=flip,
-        flip_force=flip_force,
-        force_channel=force_channel,
-        map_file=map_file,
-    )
+    data = read_and_say(recording, options)
     found = fit_series_compliance(data, sensor_lag=before.sensor_lag or 0.0)
     calibration = msgspec.structs.replace(
         before,

@@ -1,4 +1,4 @@
-"""Commands about who may do what: the keys that two machines show each other, and the release of a stopped robot.
+"""Commands on permissions: the keys that two machines show each other, and the release of a stopped robot.
 
 A robot is released at its own machine and nowhere else.
 """
@@ -160,13 +160,13 @@ def _line(path: Path, identity: Identity) -> str:
 
 
 PATIENCE, LOOK = 5.0, 0.1
-"""For so long [s] it is looked whether the robot follows again, and each time after so long."""
+"""Longest time for which it is looked whether the robot follows again, and the time between two looks [s]."""
 
 WORD = "release"
-"""Is typed by who means it."""
+"""Word that has to be typed to release a robot."""
 
 SAID = 1.0
-"""A follower that was stopped has said so after so long [s]."""
+"""Time after which a follower that was stopped has reported it [s]."""
 
 
 def release(

@@ -5,13 +5,23 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from foretouch.cli.links import Endpoints, open_link, with_endpoints
-from foretouch.cli.options import Duration, Json, print_json, require_duration, say, show
+from foretouch.cli.options import (
+    Duration,
+    Endpoints,
+    Json,
+    open_link,
+    print_json,
+    require_duration,
+    say,
+    show,
+    with_options,
+)
 from foretouch.cli.progress import compile_first, progress_bar
 from foretouch.errors import ForetouchError, LinkError, SettingError
 
@@ -23,7 +33,7 @@ if TYPE_CHECKING:
 
 
 WIDTH = 130
-"""Of tables that go into a file or a pipe."""
+"""Width in columns of tables that go into a file or a pipe."""
 
 
 def bench(
@@ -89,7 +99,7 @@ def _measure(only: list[str], full: bool, json_output: bool) -> None:
     if interrupted:
         say(f"{len(done)} of {len(names)} benchmarks were done")
         raise KeyboardInterrupt
-    if len(done) < len(names):  # said when it happened
+    if len(done) < len(names):  # reported when it happened
         raise typer.Exit(1)
 
 
@@ -126,13 +136,13 @@ def _judge_ratios(json_output: bool) -> None:
 
 
 WIDE = 120
-"""Columns of the table where no terminal says how wide it is."""
+"""Width of the table in columns where no terminal gives its width."""
 
 LONGEST = 600.0
 """The longest examination of loops and peers [s]."""
 
 
-@with_endpoints
+@with_options(endpoints=Endpoints)
 def doctor(
     *,
     endpoints: Endpoints,
@@ -208,7 +218,7 @@ def _way(endpoints: Endpoints, endpoint: str) -> tuple[str, str, int, Callable[[
 
     check_endpoint(endpoint, insecure=endpoints.insecure)
     host, _, port = endpoint.partition("/")[2].rpartition(":")
-    one = endpoints._replace(connect=[endpoint])
+    one = replace(endpoints, connect=[endpoint])
     return endpoint, host.strip("[]"), int(port), lambda watch: open_link("doctor", one, DOCTOR_CHANNELS, watch)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Callable
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -12,55 +13,121 @@ import typer
 
 from foretouch.cli.commands.recordings import say_what_is_left_out
 from foretouch.cli.options import (
-    EstimatorName,
-    Flip,
-    FlipForce,
-    ForceChannel,
-    ForceOffset,
-    ForceUnit,
+    ContactFloor,
     Json,
-    ModelName,
-    PositionUnit,
     ReportDirectory,
-    SensorLag,
-    Surface,
+    ScoreTo,
     made_by,
     make_folder,
     print_json,
     say,
     show,
+    with_options,
 )
 from foretouch.cli.progress import compile_first, pulsing
-from foretouch.cli.reading import RECORDING_HELP, DatasetName, MapFile, chosen_recording, read_and_say
+from foretouch.cli.reading import Source, read_and_say, recording_options
 from foretouch.errors import SettingError, plural
+from foretouch.settings import LAWS_HELP
 
 if TYPE_CHECKING:
     from foretouch.identification import Identification, Learner
     from foretouch.quantities import Recording
+    from foretouch.recordings import RecordingOptions
 
 WORTHLESS = 50.0
-"""Residual from which on a law is said not to describe a recording [% of the force in contact]."""
-
-RecordingPath = Annotated[Path | None, typer.Argument(help=RECORDING_HELP)]
+"""Residual from which on a law is reported not to describe a recording [% of the force in contact]."""
 
 
+@dataclass(frozen=True)
+class Learning:
+    """Which law is learnt from a recording, by which estimator, and what is known of surface and sensor."""
+
+    model: Annotated[str, typer.Option("--model", help=LAWS_HELP)] = "contact-map"
+    estimator: Annotated[
+        str | None,
+        typer.Option("--estimator", help="Estimator; without it the law's own. A wrong name lists them all."),
+    ] = None
+    surface: Annotated[str, typer.Option(help="Position of the surface [m], or auto.")] = "auto"
+    force_offset: Annotated[str, typer.Option(help="Force in free air [N], or auto.")] = "auto"
+    sensor_lag: Annotated[float, typer.Option(help="How late forces are against positions [s], where it is known.")] = (
+        0.0
+    )
+
+    @property
+    def title(self) -> str:
+        """Law and estimator, for people."""
+        return f"{self.model} by {self.estimator}"
+
+    def with_estimator(self) -> Learning:
+        """The same with the law's own estimator where none is named.
+
+        Raises:
+            UnknownNameError: No law has that name.
+        """
+        from foretouch.identification import default_estimator
+
+        return self if self.estimator is not None else replace(self, estimator=default_estimator(self.model))
+
+    def learner(self) -> Callable[..., Learner]:
+        """Makes the learner, once the recording's contact floor is known."""
+        from foretouch import identification
+        from foretouch.errors.checks import require
+        from foretouch.identification.conditioning.conditioner import LONGEST_LAG
+
+        assert self.estimator is not None  # `with_estimator` has been asked
+        require("sensor_lag", self.sensor_lag, at_least=0.0, at_most=LONGEST_LAG)
+        return functools.partial(
+            identification.Learner,
+            identification.make_estimator(self.model, self.estimator),
+            surface=_number_or_auto("surface", self.surface),
+            force_offset=_number_or_auto("force-offset", self.force_offset),
+            sensor_lag=self.sensor_lag,
+        )
+
+    def at_the_contact(self, data: Recording, path: Path) -> tuple[Recording, Learning]:
+        """The recording as its sensor's calibration corrects it, and the same with what that knows of the sensor.
+
+        Raises:
+            SettingError: The calibration has what is given here too.
+        """
+        from foretouch.identification import correct_recording
+        from foretouch.recordings import read_calibration
+
+        calibration = read_calibration(path)
+        known = calibration.force_offset
+        if known is not None and self.force_offset != "auto":
+            raise SettingError("force-offset", self.force_offset, f"{path} has it too: give one of them")
+        if calibration.sensor_lag is not None and self.sensor_lag != 0.0:
+            raise SettingError("sensor-lag", self.sensor_lag, f"{path} has it too: give one of them")
+        data = correct_recording(data, calibration, force_offset=_number_or_auto("force-offset", self.force_offset))
+        return data, replace(
+            self,
+            force_offset=self.force_offset if known is None else repr(known),
+            sensor_lag=calibration.sensor_lag or self.sensor_lag,
+        )
+
+
+@dataclass(frozen=True)
+class Scored:
+    """Which part of a recording is scored."""
+
+    score_from: Annotated[float, typer.Option(help="Scoring begins [s after the first sample].")] = 1.5
+    score_to: ScoreTo = None
+    contact_floor: ContactFloor = None
+
+    def __str__(self) -> str:
+        return f"from {self.score_from:g} s" + (f" to {self.score_to:g} s" if self.score_to is not None else "")
+
+
+@with_options(source=Source, learning=Learning, options=recording_options)
 def identify(
-    recording: RecordingPath = None,
-    dataset: DatasetName = None,
-    model: ModelName = "contact-map",
-    estimator: EstimatorName = None,
-    surface: Surface = "auto",
-    force_offset: ForceOffset = "auto",
-    sensor_lag: SensorLag = 0.0,
+    *,
+    source: Source,
+    learning: Learning,
     sensor: Annotated[
         Path | None, typer.Option(help="TOML of `foretouch calibrate`: offset, lag and compliance are corrected.")
     ] = None,
-    position_unit: PositionUnit = None,
-    force_unit: ForceUnit = None,
-    flip: Flip = False,
-    flip_force: FlipForce = False,
-    force_channel: ForceChannel = "raw",
-    map_file: MapFile = None,
+    options: RecordingOptions,
     out: Annotated[Path | None, typer.Option(help="CSV or Parquet file for the parameters at every sample.")] = None,
     json_output: Json = False,
 ) -> None:
@@ -71,24 +138,16 @@ def identify(
     from foretouch import identification
     from foretouch.recordings import write_columns
 
-    recording, shown = chosen_recording(recording, dataset)
+    recording = source.path()
     _refuse_to_replace(recording, out)
-    estimator = _estimator_for(model, estimator)
-    data = read_and_say(
-        recording,
-        position_unit=position_unit,
-        force_unit=force_unit,
-        flip=flip,
-        flip_force=flip_force,
-        force_channel=force_channel,
-        map_file=map_file,
-    )
-    if map_file is None:
+    learning = learning.with_estimator()
+    data = read_and_say(recording, options)
+    if options.map_file is None:
         say_what_is_left_out(recording)
     if sensor is not None:
-        data, force_offset, sensor_lag = _at_the_contact(data, sensor, force_offset, sensor_lag)
+        data, learning = learning.at_the_contact(data, sensor)
     compile_first()
-    learner = _learner(model, estimator, surface, force_offset, sensor_lag)
+    learner = learning.learner()
     result = pulsing(
         f"identifying from {plural(len(data), 'sample')}",
         identification.identify,
@@ -99,8 +158,8 @@ def identify(
     residual, contact = result.residual_rms, result.contact_force_rms
     percent = _finite(100.0 * residual / contact) if contact > 0.0 else None
     content = {
-        "model": model,
-        "estimator": estimator,
+        "model": learning.model,
+        "estimator": learning.estimator,
         "parameters": result.parameters,
         "map": _map_of(result),
         "standard_errors": result.standard_errors,
@@ -122,30 +181,17 @@ def identify(
     if json_output:
         print_json(content)
     else:
-        _print_lines(f"{shown}: {model} by {estimator}", content)
+        _print_lines(f"{source.name}: {learning.title}", content)
 
 
+@with_options(source=Source, learning=Learning, options=recording_options, scored=Scored)
 def predict(
-    recording: RecordingPath = None,
-    dataset: DatasetName = None,
+    *,
+    source: Source,
     delay: Annotated[float, typer.Option(help="Of the forces [s].")] = 0.3,
-    model: ModelName = "contact-map",
-    estimator: EstimatorName = None,
-    surface: Surface = "auto",
-    force_offset: ForceOffset = "auto",
-    sensor_lag: SensorLag = 0.0,
-    position_unit: PositionUnit = None,
-    force_unit: ForceUnit = None,
-    flip: Flip = False,
-    flip_force: FlipForce = False,
-    force_channel: ForceChannel = "raw",
-    map_file: MapFile = None,
-    score_from: Annotated[float, typer.Option(help="Scoring begins [s after the first sample].")] = 1.5,
-    score_to: Annotated[float | None, typer.Option(help="Scoring ends [s after the first sample].")] = None,
-    contact_floor: Annotated[
-        float | None,
-        typer.Option(help="Least force that counts as contact [N]; TU/e 0.3, Aurora 0.005, others 0.05."),
-    ] = None,
+    learning: Learning,
+    options: RecordingOptions,
+    scored: Scored,
     out: Annotated[Path | None, typer.Option(help="CSV or Parquet file for the forces.")] = None,
     report_directory: ReportDirectory = None,
     json_output: Json = False,
@@ -156,42 +202,34 @@ def predict(
     """
     from foretouch.errors.checks import require
     from foretouch.recordings import is_session, read_session, write_columns
-    from foretouch.report import forces_under_delay, remarks, score
+    from foretouch.report import forces_under_delay, remarks, score_prediction
 
     require("delay", delay, at_least=0.0)
-    recording, shown = chosen_recording(recording, dataset)
+    recording = source.path()
     _refuse_to_replace(recording, out)
     if report_directory is not None:
         make_folder(report_directory)
-    estimator = _estimator_for(model, estimator)
+    learning = learning.with_estimator()
     compile_first()
-    learner = _learner(model, estimator, surface, force_offset, sensor_lag)
+    learner = learning.learner()
     log = None
-    if map_file is None and is_session(recording):
+    if options.map_file is None and is_session(recording):
         log = read_session(recording)
         found = pulsing("predicting", forces_under_delay, log, learner(), delay)
     else:
-        data = read_and_say(
-            recording,
-            position_unit=position_unit,
-            force_unit=force_unit,
-            flip=flip,
-            flip_force=flip_force,
-            force_channel=force_channel,
-            map_file=map_file,
-        )
+        data = read_and_say(recording, options)
         found = pulsing("predicting", forces_under_delay, data, learner(contact_floor=data.contact_floor), delay)
     if log is not None:
         say_what_is_left_out(recording, log)
-    floor = found.contact_floor if contact_floor is None else contact_floor
-    scores = score(
+    floor = found.contact_floor if scored.contact_floor is None else scored.contact_floor
+    scores = score_prediction(
         found.time,
         found.measured,
         found.predicted,
         found.delayed,
         contact_floor=floor,
-        score_from=score_from,
-        score_to=score_to,
+        score_from=scored.score_from,
+        score_to=scored.score_to,
         position=found.position,
         delayed_offset=0.0,
         skipped=found.skipped,
@@ -212,7 +250,7 @@ def predict(
         **{name: getattr(scores, name) for name in names},
         **found.perception(scores),
         "status": scores.status,
-        "remarks": remarks(found, scores, delay, score_from),
+        "remarks": remarks(found, scores, delay, scored.score_from),
     }
     forces = {
         "time_s": found.time,
@@ -228,27 +266,27 @@ def predict(
 
         made = made_by(
             [recording],
-            dataset=dataset,
-            law=model,
-            estimator=estimator,
+            dataset=source.dataset,
+            law=learning.model,
+            estimator=learning.estimator,
             delay=f"{delay:g} s",
-            surface=surface,
-            force_offset=force_offset,
-            sensor_lag=f"{sensor_lag:g} s",
-            position_unit=position_unit,
-            force_unit=force_unit,
-            flipped=flip or None,
-            force_flipped=flip_force or None,
-            map=map_file,
-            scored=f"from {score_from:g} s" + (f" to {score_to:g} s" if score_to is not None else ""),
+            surface=learning.surface,
+            force_offset=learning.force_offset,
+            sensor_lag=f"{learning.sensor_lag:g} s",
+            position_unit=options.position_unit,
+            force_unit=options.force_unit,
+            flipped=options.flip or None,
+            force_flipped=options.flip_force or None,
+            map=options.map_file,
+            scored=scored,
             contact_floor=f"{floor:g} N",
         )
-        write_prediction_page(report_directory, dataset or recording.name, forces, content, made)
+        write_prediction_page(report_directory, source.dataset or recording.name, forces, content, made)
         say(f"report: {report_directory / 'index.html'}")
     if json_output:
         print_json(content)
     else:
-        _print_lines(f"{shown}: {model} by {estimator}", content)
+        _print_lines(f"{source.name}: {learning.title}", content)
 
 
 def report(
@@ -266,50 +304,11 @@ def report(
     print_report(read_session(recording), recording, directory, json_output)
 
 
-def _estimator_for(model: str, estimator: str | None) -> str:
-    """The estimator that was named, or the law's own."""
-    from foretouch.identification import default_estimator
-
-    return default_estimator(model) if estimator is None else estimator
-
-
-def _learner(model: str, estimator: str, surface: str, force_offset: str, sensor_lag: float) -> Callable[..., Learner]:
-    """Makes the learner that the options ask for, once the recording's contact floor is known."""
-    from foretouch import identification
-    from foretouch.errors.checks import require
-    from foretouch.identification.conditioning.conditioner import LONGEST_LAG
-
-    require("sensor_lag", sensor_lag, at_least=0.0, at_most=LONGEST_LAG)
-    return functools.partial(
-        identification.Learner,
-        identification.make_estimator(model, estimator),
-        surface=_number_or_auto("surface", surface),
-        force_offset=_number_or_auto("force-offset", force_offset),
-        sensor_lag=sensor_lag,
-    )
-
-
-def _at_the_contact(data: Recording, path: Path, force_offset: str, sensor_lag: float) -> tuple[Recording, str, float]:
-    """The recording as its sensor's calibration corrects it, its force in free air and the sensor's lag."""
-    from foretouch.identification import correct_recording
-    from foretouch.recordings import read_calibration
-
-    calibration = read_calibration(path)
-    known = calibration.force_offset
-    if known is not None and force_offset != "auto":
-        raise SettingError("force-offset", force_offset, f"{path} has it too: give one of them")
-    if calibration.sensor_lag is not None and sensor_lag != 0.0:
-        raise SettingError("sensor-lag", sensor_lag, f"{path} has it too: give one of them")
-    given = _number_or_auto("force-offset", force_offset)
-    data = correct_recording(data, calibration, force_offset=given)
-    return data, force_offset if known is None else repr(known), calibration.sensor_lag or sensor_lag
-
-
 def _map_of(result: Identification) -> dict[str, object] | None:
     """A contact map in a few numbers, None for other models."""
-    from foretouch.models import ContactMap, summarise_map
+    from foretouch.models import ContactMapModel, summarise_map
 
-    if not isinstance(result.model, ContactMap):
+    if not isinstance(result.model, ContactMapModel):
         return None
     return summarise_map(result.model).figures(result.standard_deviation)
 
@@ -371,7 +370,7 @@ def _print_lines(title: str, content: dict[str, Any]) -> None:
 
     show(title)
     for name, value in content.items():
-        partner = name.rpartition("_")  # surface_m and surface_error_m, say
+        partner = name.rpartition("_")  # for instance surface_m and surface_error_m
         error = f"{partner[0]}_error_{partner[2]}"
         if name.startswith("standard_errors") or ("_error_" in name and name.replace("_error_", "_") in content):
             continue  # stands behind what it is of

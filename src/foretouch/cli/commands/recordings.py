@@ -11,25 +11,21 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from foretouch.cli.options import (
-    Flip,
-    FlipForce,
-    ForceChannel,
-    ForceUnit,
     Json,
-    PositionUnit,
     print_json,
     require_recording,
     require_writable,
     say,
     show,
+    with_options,
 )
 from foretouch.cli.progress import progress_bar, pulsing
-from foretouch.cli.reading import RECORDING_HELP, MapFile, read_and_say
+from foretouch.cli.reading import RECORDING_HELP, read_and_say, recording_options
 from foretouch.errors import RecordingError, SettingError, plural, printable
 
 if TYPE_CHECKING:
     from foretouch.messages import SessionLog
-    from foretouch.recordings import Contents
+    from foretouch.recordings import Contents, RecordingOptions
     from foretouch.recordings.source import Column
 
 
@@ -83,7 +79,7 @@ def fetch_dataset(
         bar.pulse()
         for done, each in enumerate(names):
             bar.update(done, len(names), f"fetching {each}")
-            paths[each] = str(recordings.fetch(each))
+            paths[each] = str(recordings.fetch_dataset(each))
     if json_output:
         print_json({"files": paths})
         return
@@ -227,15 +223,12 @@ def inspect(
 
 
 @recordings.command("convert")
+@with_options(options=recording_options)
 def convert(
+    *,
     path: Annotated[Path, typer.Argument(metavar="IN", help=RECORDING_HELP)],
     output: Annotated[Path, typer.Argument(metavar="OUT", help="Ends with .mcap, .parquet or .csv.")],
-    map_file: MapFile = None,
-    position_unit: PositionUnit = None,
-    force_unit: ForceUnit = None,
-    flip: Flip = False,
-    flip_force: FlipForce = False,
-    force_channel: ForceChannel = "raw",
+    options: RecordingOptions,
     json_output: Json = False,
 ) -> None:
     """Write position and force of a recording in another format, in SI units.
@@ -247,15 +240,7 @@ def convert(
     if output.suffix.lower() not in OUTPUTS:
         raise RecordingError(output, f"cannot be written: its name must end with one of {', '.join(OUTPUTS)}")
     _require_elsewhere("OUT", output, path)
-    recording = read_and_say(
-        path,
-        position_unit=position_unit,
-        force_unit=force_unit,
-        flip=flip,
-        flip_force=flip_force,
-        force_channel=force_channel,
-        map_file=map_file,
-    )
+    recording = read_and_say(path, options)
     for note in pulsing(f"writing {output.name}", write_recording, output, recording):
         say(f"{output}: {note}")
     seconds = float(recording.time[-1] - recording.time[0])

@@ -1,6 +1,6 @@
 """Commands that run a whole session on this machine, live, simulated, or recorded and now under other settings.
 
-Whether what a command needs is installed is asked before it starts processes that would each say so.
+A command checks that what it needs is installed before it starts processes that would each report it.
 """
 
 from __future__ import annotations
@@ -14,24 +14,27 @@ import typer
 
 from foretouch.cli.commands.recordings import say_if_cut
 from foretouch.cli.options import (
-    SESSION_OPTIONS,
     Duration,
     Json,
     ReportDirectory,
+    changed_settings,
     made_by,
     make_folder,
     print_json,
     require_duration,
     require_recording,
     say,
+    session_settings,
     show,
-    with_session_settings,
+    with_options,
 )
 from foretouch.cli.progress import compile_first, progress_bar, pulsing
 from foretouch.errors import MissingExtraError, RecordingError, SettingError
+from foretouch.settings import FAULTS
 
 if TYPE_CHECKING:
     from foretouch.messages import SessionLog
+    from foretouch.session import SessionSettings
 
 
 MODULES = {"sim": "mujoco", "link": "zenoh", "console": "viser", "recordings": "mcap"}
@@ -55,16 +58,16 @@ def require_extras(*extras: str) -> None:
 RecordingFile = Annotated[Path | None, typer.Option("--recording", help="MCAP file to write.")]
 
 
-@with_session_settings(operator="browser")
+@with_options(settings=session_settings(operator="browser"))
 def teleop(
     *,
-    settings: Any,
     duration: Duration = None,
     headless: Annotated[bool, typer.Option("--headless", help="No console.")] = False,
     port: Annotated[int, typer.Option(help="Of the console, on 127.0.0.1.")] = 8080,
     recording: RecordingFile = None,
     report: ReportDirectory = None,
     json_output: Json = False,
+    settings: SessionSettings,
 ) -> None:
     """The main job: leader, follower, console and recorder on this machine, joined by a real network connection.
 
@@ -75,7 +78,7 @@ def teleop(
     require_duration(duration)
     require_extras("sim", "link", *(() if headless else ("console",)), "recordings")
     _check_material(settings.material)
-    session_calibration(settings)  # the follower reads it again; here, who typed it is told before anything starts
+    session_calibration(settings)  # the follower reads it again; here, the user gets the error before anything starts
     path = recording or _default_recording(report)
     if recording is not None:
         require_recording(recording)
@@ -100,14 +103,14 @@ def teleop(
         raise typer.Exit(code)
 
 
-@with_session_settings()
+@with_options(settings=session_settings())
 def simulate(
     *,
-    settings: Any,
     duration: Annotated[float, typer.Option(help="Simulated time [s].")] = 20.0,
     recording: RecordingFile = None,
     report: ReportDirectory = None,
     json_output: Json = False,
+    settings: SessionSettings,
 ) -> None:
     """The same session in simulated time: one process, seeded network, the same result every time.
 
@@ -164,7 +167,7 @@ def _report_recorded(path: Path, directory: Path | None, json_output: bool, *, a
     except RecordingError as error:
         say(f"no report: {error}")
         return
-    if not log.leader.size and not json_output:  # who reads JSON is given the object that there always is
+    if not log.leader.size and not json_output:  # a reader of JSON always gets the object
         why = "the session failed for what stands above" if failed else "the session never began"
         say(f"no report: {why}, and {path} holds no tick of a leader")
         return
@@ -179,11 +182,11 @@ def print_report(
     log: SessionLog, path: Path | None, directory: Path | None, json_output: bool, *, elapsed: float | None = None
 ) -> None:
     """Print a session's report, and write its page where one is asked for."""
-    from foretouch.report import render_text, session_report, write_page
+    from foretouch.report import render_text, session_figures, write_page
 
     if path is not None:
         say_if_cut(path, log)
-    content = pulsing("working out the report", session_report, log)
+    content = pulsing("working out the report", session_figures, log)
     content["recording"] = None if path is None else str(path)
     if elapsed is not None:
         content["timing"]["elapsed_s"] = elapsed
@@ -196,38 +199,21 @@ def print_report(
         say(f"report: {directory / 'index.html'}")
 
 
-PANEL = "Otherwise than recorded"
+CHANGES = ("position_delay", "force_delay", *FAULTS, "seed", "model", "estimator", "model_rate", "grip")
+"""Settings under which a session can be run again."""
 
 
-def _changed(name: str) -> typer.models.OptionInfo:
-    """An option of a session, which here has the recording's value unless it is given."""
-    option: typer.models.OptionInfo = typer.Option(help=SESSION_OPTIONS[name][2], rich_help_panel=PANEL)
-    return option
-
-
+@with_options(changes=changed_settings("Otherwise than recorded", *CHANGES))
 def replay(
     *,
     recording: Annotated[Path, typer.Argument(metavar="RECORDING", help="MCAP of a session.")],
-    position_delay: Annotated[float | None, _changed("position_delay")] = None,
-    force_delay: Annotated[float | None, _changed("force_delay")] = None,
-    jitter: Annotated[float | None, _changed("jitter")] = None,
-    loss: Annotated[float | None, _changed("loss")] = None,
-    burst: Annotated[float | None, _changed("burst")] = None,
-    reorder: Annotated[float | None, _changed("reorder")] = None,
-    duplicate: Annotated[float | None, _changed("duplicate")] = None,
-    stall: Annotated[float | None, _changed("stall")] = None,
-    outage: Annotated[float | None, _changed("outage")] = None,
-    seed: Annotated[int | None, _changed("seed")] = None,
-    model: Annotated[str | None, _changed("model")] = None,
-    estimator: Annotated[str | None, _changed("estimator")] = None,
-    model_rate: Annotated[float | None, _changed("model_rate")] = None,
-    grip: Annotated[str | None, _changed("grip")] = None,
     closed_loop: Annotated[
         bool, typer.Option("--closed-loop", help="The force that is rendered now moves the hand, from what it meant.")
     ] = False,
     output: Annotated[Path | None, typer.Option("--recording", help="MCAP file to write the replay to.")] = None,
     report: ReportDirectory = None,
     json_output: Json = False,
+    changes: dict[str, Any],
 ) -> None:
     """Run a recorded session again, under other delays, faults, laws or estimators, and compare both.
 
@@ -239,24 +225,8 @@ def replay(
     from foretouch.report import compare_replay, render_replay, write_replay_page
     from foretouch.session import recorded_settings, replay_notes, replay_under
 
-    given = {
-        "position_delay": position_delay,
-        "force_delay": force_delay,
-        "jitter": jitter,
-        "loss": loss,
-        "burst": burst,
-        "reorder": reorder,
-        "duplicate": duplicate,
-        "stall": stall,
-        "outage": outage,
-        "seed": seed,
-        "model": model,
-        "estimator": estimator,
-        "model_rate": model_rate,
-        "grip": grip,
-    }
-    if grip is not None and not closed_loop:
-        raise SettingError("grip", grip, "in an open loop no force moves the hand: give --closed-loop too")
+    if "grip" in changes and not closed_loop:
+        raise SettingError("grip", changes["grip"], "in an open loop no force moves the hand: give --closed-loop too")
     if output is not None:
         require_recording(output)
         if output.resolve() == recording.resolve():
@@ -264,7 +234,6 @@ def replay(
     if report is not None:
         make_folder(report)
     log = _session(recording)
-    changes = {name: value for name, value in given.items() if value is not None}
     settings, told = recorded_settings(log.longest().settings, changes)
     compile_first()
     again = pulsing("running the session again", replay_under, log, settings, closed_loop)

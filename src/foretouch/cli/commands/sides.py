@@ -14,68 +14,50 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from foretouch.cli.links import Endpoints, insecurity, open_link, unchecked, with_endpoints
 from foretouch.cli.options import (
     Duration,
+    Endpoints,
     Json,
     Parent,
+    insecurity,
+    open_link,
     print_json,
     require_duration,
     say,
+    session_settings,
     show,
-    with_session_settings,
+    unchecked,
+    with_options,
 )
 from foretouch.errors import LinkError, SettingError, one_line
+from foretouch.settings import LEADER_SETTINGS
 
 if TYPE_CHECKING:
     from foretouch.devices import Device, SpatialDevice
-    from foretouch.session import StopFlag
+    from foretouch.session import SessionSettings, StopFlag
 
 LONGEST_NAME = 64
 """Characters of a leader's name that a command carries."""
 
 WAITS = "waiting for a leader"
-"""What a follower does at first."""
+"""State of a follower before it hears a leader, for people."""
 
 PATIENCE = 5.0
-"""For so long [s] an emergency stop is asked for."""
+"""Longest time for which an emergency stop is asked for [s]."""
 
 LOOK = 0.05
-"""So often it is looked whether the followers of this machine have stopped [s]."""
+"""Time between two looks whether the followers of this machine have stopped [s]."""
 
 BY_SWITCH = "stop it by its own switch"
-"""What is left where a stop did not arrive."""
+"""Advice where a stop did not arrive."""
 
 LONGEST_REACH = 0.1
 """Largest surface position and press depth [m] that a leader takes from a follower."""
 
-LEADER_SAYS = (
-    "operator",
-    "grip",
-    "device_mass",
-    "device_damping",
-    "device_friction",
-    "device_resolution",
-    "device_delay",
-    "device_watchdog",
-    "largest_stiffness",
-    "position_scale",
-    "force_scale",
-    "clutch",
-    "force_delay",
-    "leader_frame",
-    "first_touch",
-    "baseline",
-)
-"""Settings that are the leader's: what a follower that was started by hand has for them means nothing. Each side delays
-what it receives, so that the delay of forces is the leader's, and that of positions the follower's."""
 
-
-@with_session_settings()
-@with_endpoints
+@with_options(endpoints=Endpoints, settings=session_settings())
 def follower(
     *,
-    settings: Any,
     endpoints: Endpoints,
     duration: Duration = None,
     shadow: Annotated[
@@ -83,6 +65,7 @@ def follower(
     ] = False,
     json_output: Json = False,
     parent: Parent = None,
+    settings: SessionSettings,
 ) -> None:
     """The follower's side alone: the robot, what it presses, and the identification.
 
@@ -93,7 +76,7 @@ def follower(
     from foretouch.session import StopFlag, be_prompt, prepare, session_calibration
 
     require_duration(duration)
-    session_calibration(settings)  # told before anything is opened
+    session_calibration(settings)  # errors are raised before anything is opened
     be_prompt()
     stop = StopFlag().on_signals()
     # Before the robot is opened: a driver's watchdog does not wait for the compiler.
@@ -105,11 +88,9 @@ def follower(
         print_json(ran)
 
 
-@with_session_settings()
-@with_endpoints
+@with_options(endpoints=Endpoints, settings=session_settings())
 def leader(
     *,
-    settings: Any,
     endpoints: Endpoints,
     duration: Duration = None,
     wait_for_recorder: Annotated[
@@ -121,6 +102,7 @@ def leader(
     ] = None,
     json_output: Json = False,
     parent: Parent = None,
+    settings: SessionSettings,
 ) -> None:
     """The leader's side alone: the operator and the virtual environment. Waits for a follower.
 
@@ -130,6 +112,7 @@ def leader(
     from foretouch.session import (
         LEADER_CHANNELS,
         SPACE_LEADER_CHANNELS,
+        Process,
         StopFlag,
         be_prompt,
         close_operator,
@@ -155,18 +138,15 @@ def leader(
         moved_by = _operator(settings, hello)
         try:
             ran = run_leader(
-                link,
+                Process(link, stop, say, parent),
                 moved_by,
                 settings,
-                stop=stop,
-                say=say,
-                description={name: settings.as_text()[name] for name in LEADER_SAYS}
+                description={name: text for name, text in settings.as_text().items() if name in LEADER_SETTINGS}
                 | {"operator": moved_by.name}
                 | (felt_texts(moved_by, settings) if isinstance(moved_by, Device) else {})
                 | insecurity(link),
                 duration=duration,
                 wait_for_recorder=wait_for_recorder,
-                parent=parent,
                 name=_leader_name(name, link.name),
             )
         finally:  # a device that is felt gives no force after its session, however that ended
@@ -176,7 +156,7 @@ def leader(
         print_json(ran)
 
 
-@with_endpoints
+@with_options(endpoints=Endpoints)
 def stop(*, endpoints: Endpoints, json_output: Json = False) -> None:
     """Stop the robot: an emergency stop, asked for again and again until the follower says that it has stopped.
 
@@ -243,12 +223,18 @@ def _has_stopped(sentence: str) -> bool:
 
 
 def _follow_along_a_line(
-    settings: Any, endpoints: Endpoints, shadow: bool, stop: StopFlag, duration: float | None, parent: int | None
+    settings: SessionSettings,
+    endpoints: Endpoints,
+    shadow: bool,
+    stop: StopFlag,
+    duration: float | None,
+    parent: int | None,
 ) -> Mapping[str, Any]:
     """The follower's side of a session along a line, or a shadow of it; why it ended, and what it counted."""
     from foretouch.session import (
         FOLLOWER_CHANNELS,
         SHADOW_CHANNELS,
+        Process,
         make_moved_robot,
         make_session_robot,
         reach_texts,
@@ -257,8 +243,8 @@ def _follow_along_a_line(
     )
 
     robot, reach = make_moved_robot(settings, say=say) if shadow else make_session_robot(settings)
-    # A shadow says by itself which settings have a part in it.
-    said = {} if shadow else {name: text for name, text in settings.as_text().items() if name not in LEADER_SAYS}
+    # A shadow reports by itself which settings it uses.
+    said = {} if shadow else {name: text for name, text in settings.as_text().items() if name not in LEADER_SETTINGS}
     channels = SHADOW_CHANNELS if shadow else FOLLOWER_CHANNELS
     with contextlib.closing(robot), open_link("follower", endpoints, channels) as link:
         if parent is None:
@@ -269,28 +255,30 @@ def _follow_along_a_line(
             _introduce(f"follower: {pressed}, {waits}", "" if shadow else unchecked(endpoints))
         run = run_shadow if shadow else run_follower
         return run(
-            link,
+            Process(link, stop, say, parent),
             robot,
             settings,
-            stop=stop,
-            say=say,
             description=said | reach_texts(reach) | insecurity(link),
             duration=duration,
-            parent=parent,
         )
 
 
 def _follow_in_a_scene(
-    settings: Any, endpoints: Endpoints, shadow: bool, stop: StopFlag, duration: float | None, parent: int | None
+    settings: SessionSettings,
+    endpoints: Endpoints,
+    shadow: bool,
+    stop: StopFlag,
+    duration: float | None,
+    parent: int | None,
 ) -> Mapping[str, Any]:
     """The follower's side of a session in three dimensions."""
-    from foretouch.session import FOLLOWER_CHANNELS, SPACE_FOLLOWER_CHANNELS, run_follower
+    from foretouch.session import FOLLOWER_CHANNELS, SPACE_FOLLOWER_CHANNELS, Process, run_follower
     from foretouch.session.spatial import make_scene, make_spatial_robot
 
     if shadow:
         raise SettingError("scene", settings.scene, "is not watched: --shadow is for a robot along a line")
     robot = make_spatial_robot(settings, make_scene(settings.scene))
-    said = {name: text for name, text in settings.as_text().items() if name not in LEADER_SAYS}
+    said = {name: text for name, text in settings.as_text().items() if name not in LEADER_SETTINGS}
     with open_link("follower", endpoints, (*FOLLOWER_CHANNELS, *SPACE_FOLLOWER_CHANNELS)) as link:
         if parent is None:
             _introduce(
@@ -298,7 +286,7 @@ def _follow_in_a_scene(
             )
         description = said | insecurity(link)
         return run_follower(
-            link, robot, settings, stop=stop, say=say, description=description, duration=duration, parent=parent
+            Process(link, stop, say, parent), robot, settings, description=description, duration=duration
         )
 
 
@@ -309,7 +297,7 @@ def _introduce(line: str, warning: str) -> None:
         say(f"follower: {warning}")
 
 
-def _operator(settings: Any, hello: dict[str, str]) -> Device | SpatialDevice:
+def _operator(settings: SessionSettings, hello: dict[str, str]) -> Device | SpatialDevice:
     """Who moves the leader, over what the follower says that it reaches."""
     from foretouch.session import make_operator
     from foretouch.session.spatial import make_scene, make_spatial_operator

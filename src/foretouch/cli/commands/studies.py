@@ -7,73 +7,115 @@ import sys
 import textwrap
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import asdict, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from foretouch.cli.options import (
-    Cluster,
-    Flip,
-    FlipForce,
-    ForceChannel,
-    ForceUnit,
+    ContactFloor,
     Json,
-    PositionUnit,
     ReportDirectory,
+    ScoreTo,
     made_by,
     make_folder,
     print_json,
     say,
     show,
+    with_options,
 )
 from foretouch.cli.progress import compile_first, progress_bar
-from foretouch.cli.reading import RECORDING_HELP, MapFile, say_how_it_is_read
+from foretouch.cli.reading import RECORDING_HELP, recording_options, say_how_it_is_read
 from foretouch.errors import SettingError, plural
 
 if TYPE_CHECKING:
-    from foretouch.sweep import Outcome
+    from foretouch.comparison import Case
+    from foretouch.recordings import RecordingOptions
+    from foretouch.sweep import Outcome, Plan
 
 
-def compare(
-    recordings: Annotated[list[Path] | None, typer.Argument(help=f"{RECORDING_HELP} Any number.")] = None,
+@dataclass(frozen=True)
+class ComparedOn:
+    """The recordings that laws and estimators are compared on."""
+
+    recordings: Annotated[list[Path] | None, typer.Argument(help=f"{RECORDING_HELP} Any number.")] = None
     datasets: Annotated[
         list[str] | None,
         typer.Option("--dataset", help="One of `foretouch datasets list`; may be given more than once."),
-    ] = None,
+    ] = None
     simulated: Annotated[
         bool, typer.Option("--simulated", help="On simulated recordings too, whose truth is known.")
-    ] = False,
-    seed: Annotated[int, typer.Option(min=0, help="Of the simulated recordings; everything was chosen on seed 0.")] = 0,
+    ] = False
+    seed: Annotated[int, typer.Option(min=0, help="Of the simulated recordings; everything was chosen on seed 0.")] = 0
+
+    def cases(self, options: RecordingOptions) -> list[Case]:
+        """All of them; how each file is read is said, and one that cannot be read fails later, with its reason."""
+        from foretouch import comparison
+        from foretouch.recordings import excerpt
+
+        cases = []
+        for path in self.recordings or ():
+            say_how_it_is_read(path, options)
+            cases.append(comparison.file_case(path, options))
+        cases += [replace(comparison.file_case(excerpt(name), options), name=name) for name in self.datasets or ()]
+        return cases + (comparison.simulated_cases(self.seed) if self.simulated else [])
+
+
+@dataclass(frozen=True)
+class Compared:
+    """What is compared: laws and estimators, each under each of the delays."""
+
     models: Annotated[
         list[str] | None, typer.Option("--models", help="Contact law; may be given more than once. Without it, all.")
-    ] = None,
+    ] = None
     estimators: Annotated[
         list[str] | None, typer.Option("--estimators", help="Estimator; may be given more than once. Without it, all.")
-    ] = None,
-    delay: Annotated[
-        list[float] | None, typer.Option(help="Of the forces [s], 0.3; may be given more than once.")
-    ] = None,
-    sweep: Annotated[
+    ] = None
+    delay: Annotated[list[float] | None, typer.Option(help="Of the forces [s], 0.3; may be given more than once.")] = (
+        None
+    )
+    swept: Annotated[
         bool, typer.Option("--sweep", help="At 0, 50, 100, 200, 300, 500 and 1000 ms too: error against delay.")
-    ] = False,
-    position_unit: PositionUnit = None,
-    force_unit: ForceUnit = None,
-    flip: Flip = False,
-    flip_force: FlipForce = False,
-    force_channel: ForceChannel = "raw",
-    map_file: MapFile = None,
+    ] = False
+
+    def delays(self) -> tuple[float, ...]:
+        """Of the forces [s]."""
+        from foretouch.comparison import SWEEP
+
+        return tuple(sorted({*(self.delay or ()), *SWEEP}) if self.swept else self.delay or [0.3])
+
+
+@dataclass(frozen=True)
+class Scored:
+    """Which part of each recording is scored; the recording says what is not given."""
+
     score_from: Annotated[
         float | None, typer.Option(help="Scoring begins [s after the first sample]: 1.5, simulated recordings 3.")
-    ] = None,
-    score_to: Annotated[float | None, typer.Option(help="Scoring ends [s after the first sample].")] = None,
-    contact_floor: Annotated[
-        float | None,
-        typer.Option(help="Least force that counts as contact [N]; TU/e 0.3, Aurora 0.005, others 0.05."),
-    ] = None,
-    jobs: Annotated[int | None, typer.Option(min=1, help="Processes at a time; without it, one for each core.")] = None,
-    cluster: Cluster = None,
+    ] = None
+    score_to: ScoreTo = None
+    contact_floor: ContactFloor = None
+
+
+@dataclass(frozen=True)
+class Workers:
+    """Which processes share the work."""
+
+    jobs: Annotated[int | None, typer.Option(min=1, help="Processes at a time; without it, one for each core.")] = None
+    cluster: Annotated[
+        str | None,
+        typer.Option(help="Address of a Dask scheduler, such as tcp://HOST:8786: its workers do it (extra cluster)."),
+    ] = None
+
+
+@with_options(on=ComparedOn, compared=Compared, options=recording_options, scored=Scored, workers=Workers)
+def compare(
+    *,
+    on: ComparedOn,
+    compared: Compared,
+    options: RecordingOptions,
+    scored: Scored,
+    workers: Workers,
     report_directory: ReportDirectory = None,
     json_output: Json = False,
 ) -> None:
@@ -82,25 +124,10 @@ def compare(
     Example: foretouch compare press.csv session.mcap --delay 0.1 --delay 0.3 --report comparison
     """
     from foretouch import comparison
-    from foretouch.recordings import excerpt
 
     if report_directory is not None:
         make_folder(report_directory)
-    units: dict[str, Any] = {
-        "position_unit": position_unit,
-        "force_unit": force_unit,
-        "flip": flip,
-        "flip_force": flip_force,
-        "force_channel": force_channel,
-        "map_file": map_file,
-    }
-    cases = []
-    for path in recordings or []:
-        say_how_it_is_read(path, **units)
-        cases.append(comparison.file_case(path, **units))
-    cases += [replace(comparison.file_case(excerpt(name), **units), name=name) for name in datasets or []]
-    if simulated:
-        cases += comparison.simulated_cases(seed)
+    cases, delays = on.cases(options), compared.delays()
 
     def progress(done: int, total: int, result: comparison.Result) -> None:
         failed = "" if result.status == "ok" else f"  failed: {result.reason}"
@@ -109,17 +136,16 @@ def compare(
             job = f"{result.recording}: {result.model} by {result.estimator}"
             bar.say(f"{done:{len(str(total))}} of {total}  {job}{failed}")
 
-    delays = sorted({*(delay or ()), *comparison.SWEEP}) if sweep else delay or [0.3]
     compile_first()
     with progress_bar("comparing") as bar:
         bar.pulse()
         results = comparison.compare(
             cases,
-            models=models or (),
-            estimators=estimators or (),
-            scoring=comparison.Scoring(tuple(delays), score_from, score_to, contact_floor),
-            processes=jobs,
-            cluster=cluster,
+            models=compared.models or (),
+            estimators=compared.estimators or (),
+            scoring=comparison.Scoring(delays, scored.score_from, scored.score_to, scored.contact_floor),
+            processes=workers.jobs,
+            cluster=workers.cluster,
             progress=progress,
             say=bar.say,
         )
@@ -129,13 +155,13 @@ def compare(
         show(comparison.render_table(results))
     if report_directory is not None:
         said = made_by(
-            recordings or [],
-            datasets=", ".join(datasets or []) or None,
-            simulated=f"seed {seed}" if simulated else None,
+            on.recordings or [],
+            datasets=", ".join(on.datasets or []) or None,
+            simulated=f"seed {on.seed}" if on.simulated else None,
             laws=", ".join(dict.fromkeys(row.model for row in results)),
             estimators=", ".join(dict.fromkeys(row.estimator for row in results)),
             delays=", ".join(f"{one:g} s" for one in delays),
-            **{name: value or None for name, value in units.items()},
+            **{name: value or None for name, value in asdict(options).items()},
         )
         say(f"report: {comparison.write_comparison_page(report_directory, results, said)}")
     if all(result.status != "ok" for result in results):
@@ -146,20 +172,35 @@ LINES = 20
 """How many lines of progress are printed where the output is not a terminal."""
 
 
+@dataclass(frozen=True)
+class Sessions:
+    """Which sessions a sweep runs."""
+
+    sessions: Annotated[int, typer.Option(help="How many.")] = 1000
+    baselines: Annotated[
+        int | None, typer.Option(help="With how many of them each baseline is run too; without it 100 at most.")
+    ] = None
+    duration: Annotated[float, typer.Option(help="Of a session without delay [s]; 4 round trips more with one.")] = 30.0
+    seed: Annotated[int, typer.Option(help="Of all sessions.")] = 0
+
+    def plan(self, quick: bool) -> Plan:
+        """What is run, or a dozen short sessions."""
+        from foretouch.sweep import Plan
+
+        if quick:
+            return Plan(12, 2, 4.0, self.seed)
+        compared = min(100, self.sessions) if self.baselines is None else self.baselines
+        return Plan(self.sessions, compared, self.duration, self.seed)
+
+
+@with_options(which=Sessions, workers=Workers)
 def sweep(
+    *,
     out: Annotated[Path, typer.Option(help="Folder for the rows and the page; what it has is not run again.")] = Path(
         "sweep"
     ),
-    sessions: Annotated[int, typer.Option(help="How many.")] = 1000,
-    baselines: Annotated[
-        int | None, typer.Option(help="With how many of them each baseline is run too; without it 100 at most.")
-    ] = None,
-    duration: Annotated[
-        float, typer.Option(help="Of a session without delay [s]; 4 round trips more with one.")
-    ] = 30.0,
-    seed: Annotated[int, typer.Option(help="Of all sessions.")] = 0,
-    jobs: Annotated[int | None, typer.Option(min=1, help="Processes at a time; without it, one for each core.")] = None,
-    cluster: Cluster = None,
+    which: Sessions,
+    workers: Workers,
     quick: Annotated[bool, typer.Option("--quick", help="12 sessions of 4 s, 2 of them with the baselines.")] = False,
     replay: Annotated[
         int | None, typer.Option(help="Run the session with this number again and compare it with its row.")
@@ -176,14 +217,13 @@ def sweep(
         return
     if baseline != "none":
         raise SettingError("baseline", baseline, "is of the session to replay: give its number by --replay")
-    from foretouch.sweep import Plan, render_table, run_sweep, summary, write_sweep_page
+    from foretouch.sweep import render_table, run_sweep, summary, write_sweep_page
 
     make_folder(out)
-    compared = min(100, sessions) if baselines is None else baselines
-    plan = Plan(12, 2, 4.0, seed) if quick else Plan(sessions, compared, duration, seed)
+    plan = which.plan(quick)
     compile_first()
     with _progress() as progress:
-        rows = run_sweep(out, plan, processes=jobs, cluster=cluster, progress=progress, say=say)
+        rows = run_sweep(out, plan, processes=workers.jobs, cluster=workers.cluster, progress=progress, say=say)
     made = made_by(plan=", ".join(f"{name} {value:g}" for name, value in asdict(plan).items()))
     page = write_sweep_page(out, rows, made)
     content = summary(rows)

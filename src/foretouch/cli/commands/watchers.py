@@ -2,17 +2,30 @@
 
 from __future__ import annotations
 
+import contextlib
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from foretouch.cli.links import ENDED, Endpoints, insecurity, open_link, with_endpoints
-from foretouch.cli.options import Json, Parent, print_json, require_recording, say, with_session_settings
+from foretouch.cli.options import (
+    ENDED,
+    Endpoints,
+    Json,
+    Parent,
+    insecurity,
+    open_link,
+    print_json,
+    require_recording,
+    say,
+    session_settings,
+    with_options,
+)
 from foretouch.errors import LinkError, SettingError, plural
 
 if TYPE_CHECKING:
     from foretouch.messages import Message
+    from foretouch.session import SessionSettings
 
 
 bridge = typer.Typer(help="Pass a running session on to other systems.", no_args_is_help=True)
@@ -24,7 +37,7 @@ def _bridge() -> None:
 
 
 @bridge.command("ros2")
-@with_endpoints
+@with_options(endpoints=Endpoints)
 def ros2(
     *,
     endpoints: Endpoints,
@@ -69,7 +82,7 @@ WATCHED_CHANNELS = (
 """What the console's link receives."""
 
 
-@with_endpoints
+@with_options(endpoints=Endpoints)
 def record(
     *,
     path: Annotated[Path, typer.Argument(help="MCAP file to write.")],
@@ -96,9 +109,10 @@ def record(
         raise typer.Exit(RECORDING_INCOMPLETE)
 
 
-@with_session_settings()
-@with_endpoints
-def camera(*, settings: Any, endpoints: Endpoints, json_output: Json = False, parent: Parent = None) -> None:
+@with_options(endpoints=Endpoints, settings=session_settings())
+def camera(
+    *, endpoints: Endpoints, json_output: Json = False, parent: Parent = None, settings: SessionSettings
+) -> None:
     """The camera at the follower of a scene: simulated images, and where they and the touches show the fixture.
 
     It stands beside the follower, on the same machine, in a process of its own.
@@ -107,7 +121,8 @@ def camera(*, settings: Any, endpoints: Endpoints, json_output: Json = False, pa
     """
     from foretouch.session import StopFlag, give_way
     from foretouch.session.network.lease import ContestHeard
-    from foretouch.session.spatial import CAMERA_CHANNELS, make_camera, make_scene, run_camera
+    from foretouch.session.runners.camera import CAMERA_CHANNELS, run_camera
+    from foretouch.session.spatial import make_camera, make_scene
 
     if not settings.scene:
         raise SettingError("scene", settings.scene, "is needed for a camera: plane, hill, phantom, or a mesh")
@@ -140,7 +155,7 @@ def camera(*, settings: Any, endpoints: Endpoints, json_output: Json = False, pa
         print_json(ran)
 
 
-@with_endpoints
+@with_options(endpoints=Endpoints)
 def console(
     *,
     endpoints: Endpoints,
@@ -157,6 +172,8 @@ def console(
 ) -> None:
     """Watch a session in the browser, take its handle, and look at recordings.
 
+    With --recordings and no endpoint it shows recordings alone.
+
     It prints the address to open, which lets one browser in; when that was used it prints another.
 
     Example: foretouch console --connect tcp/127.0.0.1:7447 --connect tcp/127.0.0.1:7448
@@ -168,8 +185,13 @@ def console(
     give_way()
     stop = StopFlag().on_signals()
     names, folders = tuple(host_name or ()), tuple(recordings or [Path()])
-    shown = Console(port, lambda message: link.publish(message), recordings=folders, names=names, say=say)
+    live = bool(endpoints.all) or not recordings
 
+    def publish(message: Message) -> None:
+        if link is not None:
+            link.publish(message)
+
+    shown = Console(port, publish, recordings=folders, names=names, live=live, say=say)
     heard_end = False  # else it is this console alone that ends, and the session goes on
 
     def watch(message: Message) -> None:
@@ -179,10 +201,11 @@ def console(
             stop.set(message.reason)
         shown.watch(message)
 
-    with open_link("console", endpoints, WATCHED_CHANNELS, watch) as link:
+    linked = open_link("console", endpoints, WATCHED_CHANNELS, watch) if live else contextlib.nullcontext()
+    with linked as link:
         say(f"console: {shown.url}")
         # Processes of one parent are of one version: what else one hears is a stranger's.
-        differ = link.other_version if parent is None else lambda: None
+        differ = link.other_version if link is not None and parent is None else lambda: None
         shown.run(lambda: bool(stop.reason or differ()) or orphaned(parent))
         shown.close(ended=heard_end or (parent is not None and bool(stop.reason)))
         if (error := differ()) is not None:

@@ -1,4 +1,4 @@
-"""The console's gate: who may open its page, and what a page may say. All that knows the viewer's insides is here."""
+"""The console's gate: admission to its page, and messages that a page may send. Viewer internals are used only here."""
 
 from foretouch.console.gate.entrance import Entrance
 from foretouch.console.gate.serving import make_gated_server

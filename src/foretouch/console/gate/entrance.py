@@ -1,4 +1,4 @@
-"""Who may open the console's page, and who may connect to it: decided from address, port and headers alone."""
+"""Admission to the console's page and to connections: decided from address, port and headers alone."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def require_free_port(port: int, host: str = "127.0.0.1") -> None:
 
 
 def free_port(host: str) -> int:
-    """A port that nobody uses now."""
+    """A port that is not in use now."""
     with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as probe:
         probe.bind((host, 0))
         return int(probe.getsockname()[1])
@@ -46,7 +46,7 @@ COOKIE = "foretouch"
 UNGUESSABLE = 32
 """Bytes of chance in token and cookie."""
 PATH_BYTES = 9
-"""Bytes of chance in the path, which is no secret to whom it is shown, but to pages at other ports of this machine."""
+"""Random bytes in the path, which is secret only to pages at other ports of this machine."""
 
 _HOST = re.compile(r"(?P<name>\[[0-9a-f:.]+\]|[^\s:/?#@\[\]]+)(:\d{1,5})?")
 
@@ -80,10 +80,10 @@ class Answer(NamedTuple):
 
 
 class Entrance:
-    """Lets in who has the address of the terminal, once, and the same browser again by its cookie.
+    """Admits a visitor with the address of the terminal, once, and the same browser again by its cookie.
 
-    The page has a path of its own, drawn by chance, to which the cookie is bound: browsers send the cookies of a name
-    to all of its ports, so that without it any other server of this machine would be shown the cookie.
+    The page has a random path, to which the cookie is bound: browsers send the cookies of a host name to all of its
+    ports, so that without the path any other server of this machine would receive the cookie.
 
     Args:
         base: Where the console listens, such as ``http://127.0.0.1:8080``.
@@ -92,7 +92,7 @@ class Entrance:
 
     Attributes:
         base: Where the console listens.
-        path: Of the page, with a slash before it and none behind.
+        path: Path of the page, with a slash before it and none behind.
         url: The address that lets the next browser in.
     """
 
@@ -113,9 +113,9 @@ class Entrance:
         """Decide about a request.
 
         Args:
-            target: What is asked for: path and query.
-            headers: Of the request.
-            socket: Whether a connection is asked for, and not a page: browsers name where such a wish comes from.
+            target: Path and query of the request.
+            headers: Headers of the request.
+            socket: Whether a connection is requested, and not a page: browsers name the origin of such a request.
         """
         host, origins = _only(headers.get_all("Host")).lower(), headers.get_all("Origin")
         if not self._here(host):
@@ -145,7 +145,7 @@ class Entrance:
         return any(name == COOKIE and _same(value, self._cookie) for name, _, value in pairs)
 
     def _spend(self, query: str) -> bool:
-        """Whether the token is there and was not used; it is used now, and the next one is told."""
+        """Whether the token is there and was not used; it is used now, and the next one is printed."""
         if not any(name == "token" and _same(value, self._token) for name, value in parse_qsl(query)):
             return False
         self._token = secrets.token_urlsafe(UNGUESSABLE)

@@ -94,7 +94,8 @@
     "display:none;position:fixed;z-index:90000;pointer-events:none;padding:3px 8px;background:#fff;color:#000;" +
     "border:2px solid URGENT_COLOUR;border-radius:6px;font:13px/1.3 sans-serif";
   document.documentElement.append(note);
-  let wrong = null;
+  const READABLE = 5000; // the range stays for so long after the box was left [ms]
+  let wrong = null, fading = 0;
   const sliderOf = (box) => box.tagName === "INPUT" && box.closest(".mantine-InputWrapper-root, .mantine-NumberInput-root")
     ?.parentElement?.querySelector("[role=slider]");
   const text = (slider, side) => String(Number(Number(slider.getAttribute(`aria-value${side}`)).toFixed(6)));
@@ -105,12 +106,14 @@
     const typed = box.value.trim();
     const right = typed !== "" && Number(typed) >= Number(least) && Number(typed) <= Number(most);
     box.setAttribute("aria-invalid", String(!right));
+    clearTimeout(fading);
     note.style.display = right ? "none" : "block";
     wrong = right ? null : box;
     if (right) return;
     event.stopImmediatePropagation(); // nobody hears of it, nor does the viewer, which would put the end of the range
     const place = box.getBoundingClientRect();
-    note.textContent = `Not set: a number from ${least} to ${most}, please.`;
+    const label = document.querySelector(`label[for="${slider.closest("[id]")?.id}"]`)?.textContent;
+    note.textContent = `Not set. ${label || "Allowed"}: ${least} to ${most}`;
     note.style.top = `${place.bottom + 3}px`;
     note.style.right = `${Math.max(document.documentElement.clientWidth - place.right, 4)}px`;
   };
@@ -120,7 +123,7 @@
     if (slider) wrong.value = text(slider, "now"); // what is set
     wrong.removeAttribute("aria-invalid");
     wrong = null;
-    note.style.display = "none";
+    fading = setTimeout(() => (note.style.display = "none"), READABLE);
   };
   window.addEventListener("input", heard, true);
   window.addEventListener("change", heard, true);
@@ -152,6 +155,9 @@
   head.style.cssText = "display:block;font-size:19px;color:#ffb27a";
   const text = document.createElement("span");
   box.append(head, text);
+  const stopWarning = () => document.querySelector("STOP_BUTTON") === null ? "" : // recordings alone: no robot
+    `What is pressed here may not arrive, nor may the emergency stop${KEY}: stop the robot at its own machine, or with ` +
+    "\u201cforetouch stop\u201d. ";
   const look = () => {
     requestAnimationFrame(look);
     const now = performance.now();
@@ -183,8 +189,7 @@
         ended ||
         (beat === ""
           ? "It is still loading, or the console refuses it. No emergency stop from here yet."
-          : `Nothing has come from it for ${Math.max(seconds, 1)} s. What is pressed here may not arrive, nor may the ` +
-            `emergency stop${KEY}: stop the robot at its own machine, or with \u201cforetouch stop\u201d. ` +
+          : `Nothing has come from it for ${Math.max(seconds, 1)} s. ${stopWarning()}` +
             "A console that was started again has a new address, in its terminal.");
     }
   };

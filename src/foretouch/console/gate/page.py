@@ -1,8 +1,8 @@
-"""What is added to the viewer's page: how it draws, and what it says by itself.
+"""Additions to the viewer's page: how it draws, and the messages that it shows by itself.
 
 Where the page is drawn in software it draws more cheaply, and never more often than the console asks; a curve has gaps
-where it is no number; Space and Escape press the emergency stop; a number out of a slider's range is not heard; and
-within a second the page says that it does not reach the console, or that the session has ended.
+where it is no number; Space and Escape press the emergency stop; a number out of a slider's range is ignored; and
+within a second the page shows that it does not reach the console, or that the session has ended.
 """
 
 from __future__ import annotations
@@ -13,10 +13,10 @@ from pathlib import Path
 from foretouch.quantities.colours import URGENT, css
 
 BEAT_PERIOD = 0.1
-"""So often the console shows the page that it draws [s]."""
+"""Period at which the console shows the page that it draws [s]."""
 BEAT_ATTRIBUTE, FRAMES_ATTRIBUTE, ENDED_ATTRIBUTE = (f"data-foretouch-{name}" for name in ("beat", "frames", "ended"))
 LOST, ENDED = "THIS PAGE DOES NOT REACH THE CONSOLE", "THE SESSION HAS ENDED"
-"""How what the page then says begins."""
+"""Beginning of the text that the page then shows."""
 STOP_BUTTON = "div:has(> .foretouch-alarm) + div > button"
 """Where the emergency stop is in the page, as a style sheet names it: Space and Escape press it."""
 WITH_KEYBOARD = "(hover: hover) and (pointer: fine)"
@@ -39,8 +39,8 @@ def beat_html(beat: int, frames: float = 30.0, ended: str = "") -> str:
 
     Args:
         beat: The number.
-        frames: So many pictures a second the page may draw.
-        ended: What there is to say after the session's end; "" while it runs.
+        frames: Number of pictures per second that the page may draw.
+        ended: Text after the session's end; "" while it runs.
     """
     last = f' {ENDED_ATTRIBUTE}="{html.escape(ended)}"' if ended else ""
     return f'<i {BEAT_ATTRIBUTE}="{beat}" {FRAMES_ATTRIBUTE}="{frames:.0f}"{last}></i>'

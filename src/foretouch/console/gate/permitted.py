@@ -1,4 +1,4 @@
-"""What a page may say: seven kinds of messages, each with typed fields, and of controls their value alone.
+"""Messages that a page may send: seven kinds, each with typed fields, and of controls their value alone.
 
 The viewer takes far more: any attribute of a control, files, a tunnel to the internet. What is not listed here is
 dropped before the viewer sees it.
@@ -13,9 +13,9 @@ from typing import Any, Literal
 import msgspec
 
 LARGEST_MESSAGE = 16_384
-"""[byte]. A page's own are a few hundred long; the longest name of a recording is 255."""
+"""Longest message [byte]. Those of a page are a few hundred long; the longest name of a recording is 255."""
 FARTHEST = 1e6
-"""A place of the scene is no farther off [scene units]; the pictures here are some ten units wide."""
+"""Largest coordinate of a point in the scene [scene units]; the pictures here are some ten units wide."""
 
 Vector = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
@@ -27,7 +27,7 @@ class _Said(msgspec.Struct, tag_field="type"):
 
 
 class Camera(_Said, tag="ViewerCameraMessage"):
-    """Where the page looks from; the viewer counts a page as there once it has said so."""
+    """Camera pose of the page; the viewer counts a page as connected once it has sent it."""
 
     wxyz: Quaternion
     position: Vector
@@ -101,10 +101,10 @@ _DECODER = msgspec.msgpack.Decoder(Camera | Update | Command | Drag | GizmoStart
 
 
 def permitted(raw: bytes | str, control: Callable[[str], Any]) -> bytes | None:
-    """A page's message as far as it may be heard; None where it is to be dropped.
+    """The permitted part of a page's message; None where it is to be dropped.
 
     Args:
-        raw: As it came.
+        raw: Message as received.
         control: Gives the viewer's handle of a control by its identifier, None where there is none.
     """
     if not isinstance(raw, bytes):
@@ -122,11 +122,11 @@ def permitted(raw: bytes | str, control: Callable[[str], Any]) -> bytes | None:
 
 
 def fits(control: Any, value: Any) -> bool:
-    """Whether a person could have given a control this value: it is shown, enabled, and the value is one of its own.
+    """Whether a person could have given a control this value: it is shown, enabled, and allows the value.
 
     Args:
         control: The viewer's handle of a button, a checkbox, a slider or a dropdown; of others none fits.
-        value: What a page says.
+        value: Value sent by a page.
     """
     from viser import GuiButtonHandle, GuiCheckboxHandle, GuiDropdownHandle, GuiSliderHandle
 

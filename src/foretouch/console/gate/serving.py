@@ -27,20 +27,20 @@ if TYPE_CHECKING:
 
 
 RATE, BURST = 250.0, 500.0
-"""Messages per second that are heard of one page in the long run, and at once after a pause: a mouse that drags causes
-fewer than 100. What comes faster waits where it comes from."""
+"""Messages per second accepted of one page in the long run, and at once after a pause: a mouse that drags causes fewer
+than 100. Faster messages wait at their sender."""
 MOST_BYTES = 262_144
-"""A page that sends more within a second is cut off: it sends some 30 kB when a mouse drags. Frames that say nothing
+"""A page that sends more within a second is cut off: it sends some 30 kB when a mouse drags. Frames without content
 (pings, empty ones) cost some microseconds each and do not wait."""
 READ_AT_ONCE = 8_192
 """Between two reads of one page the others have their turn [byte]: some 1,300 pings of 6 bytes, a few milliseconds."""
 LARGEST_BACKLOG = 16_777_216
-"""A page that sends while more than so much waits for it to be read is cut off [byte]."""
+"""A page that sends while more than this waits for it to be read is cut off [byte]."""
 MOST_PAGES = 16
 """Pages that may be open at once."""
 MOST_CONNECTIONS = 200
-"""Connections that may be open at once, with those that have not said yet what they want; files and the session's own
-connections need theirs of the usual 1,024."""
+"""Largest number of open connections, including those without a request yet; files and the session's connections need
+some of the usual 1,024."""
 
 
 class Wait:
@@ -82,9 +82,9 @@ class Volume:
 
 
 OPEN_TIMEOUT = 5.0
-"""A connection has so long [s] to say what it wants."""
+"""Time in which a connection must send its request [s]."""
 HEADERS = {
-    # Nobody shows the page within another, nothing of its address leaves it, and it talks to its own console alone.
+    # The page cannot be shown within another, nothing of its address leaves it, and it talks to its console alone.
     "Content-Security-Policy": "frame-ancestors 'none'; connect-src 'self' data: blob:",
     "X-Frame-Options": "DENY",
     "Referrer-Policy": "no-referrer",
@@ -106,7 +106,7 @@ def make_gated_server(host: str, port: int, entrance: Entrance) -> Any:
     Args:
         host: Address to listen on.
         port: TCP port.
-        entrance: Decides who comes in.
+        entrance: Decides which visitors are admitted.
 
     Returns:
         The viewer's ``ViserServer``.
@@ -134,17 +134,17 @@ def make_gated_server(host: str, port: int, entrance: Entrance) -> Any:
 
 
 class _Gate:
-    """Asked about every request and every message of a page.
+    """Checks every request and every message of a page.
 
     Args:
-        entrance: Decides who comes in.
-        protocol: That a page of this version of the viewer names.
+        entrance: Decides which visitors are admitted.
+        protocol: Protocol that a page of this version of the viewer names.
 
     Attributes:
         stands: Whether the viewer serves through it.
         control: Gives the viewer's handle of a control by its identifier.
-        pages: Those that are connected.
-        connections: Of all kinds.
+        pages: Pages that are connected.
+        connections: Connections of all kinds.
     """
 
     def __init__(self, entrance: Entrance, protocol: str) -> None:
@@ -161,8 +161,8 @@ class _Gate:
         """Answer a request, or let the viewer do so.
 
         Args:
-            serve: The viewer's own.
-            connection: That the request came on.
+            serve: The viewer's handler.
+            connection: Connection of the request.
             request: The request.
         """
         if not self.stands:  # the viewer, which waits until it serves, is ended in a moment
@@ -271,7 +271,7 @@ def _connection_type(gate: _Gate) -> type[ServerConnection]:
                 super().data_received(data)
 
         def send_data(self) -> None:
-            # In one piece: of a page that pings and is gone each single answer would fail, and be told of.
+            # In one piece: for a page that pings and is gone each single answer would fail, and be logged.
             writes = self.protocol.writes
             if len(writes) > 2:
                 end = [part for part in writes[-1:] if not part]  # an empty part ends the stream
@@ -295,7 +295,7 @@ def _connection_type(gate: _Gate) -> type[ServerConnection]:
 
 
 def _quiet_logger() -> logging.Logger:
-    """Strangers who ask for nonsense fill nobody's terminal; what goes wrong inside is still told."""
+    """Keep malformed requests of strangers out of the terminal; errors inside are still logged."""
     logger = logging.getLogger("foretouch.console.gate")
     logger.addFilter(_without_strangers)
     return logger

@@ -9,11 +9,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from foretouch.console.plots import SECONDS, Curve, Row, TimePlot, number, table
+from foretouch.console.plots import SECONDS, Curve, Row, TimePlot, number, put, table
 from foretouch.console.watched import Watched
 from foretouch.console.window import NAN, Window
 from foretouch.quantities.colours import BLUE, GREEN, GREY, INK, ORANGE, SKY, VERMILLION, css
-from foretouch.session.settings import SIMULATED
+from foretouch.settings import SIMULATED
 
 PUT_IN = Curve("Put in by the hand, less what it owes", GREEN, 2.0)
 LEAST = Curve("Least that it may be: minus the bound", VERMILLION, 2.0, "dashed")
@@ -46,7 +46,7 @@ class EnergyPanel:
 
 
 LARGEST_DRAWN = 15.0
-"""Forces beyond it [N], the robot's own limit, are drawn there: a model that has diverged would hide the others."""
+"""Forces beyond this limit of the robot [N] are drawn there: a model that has diverged would hide the others."""
 
 TRUE = Curve("True force (robot's sensor)", INK, 3.0)
 PREDICTED = Curve("Predicted force now", BLUE, 2.0, band=True)
@@ -58,25 +58,25 @@ DELAYED_AGAIN = Curve("Delayed, run again", ORANGE, 2.0, "dashed")
 
 
 class Numbers(NamedTuple):
-    """What stands beside the plot; NaN where it is not known.
+    """Numbers and lines beside the plot; NaN where a number is unknown.
 
     Attributes:
         predicted: Force of the newest model at the hand's motion [N].
         delayed: Force of the newest telemetry that had arrived [N].
         true: Newest true force that is known [N].
-        true_age: How long ago the hand was there [s].
-        rendered: What the hand is given after the clamps [N].
-        depth: Of the operator's tip below the surface [m].
-        prediction_error: Over the plotted time [%].
-        delayed_error: Over the plotted time [%].
+        true_age: Time since the hand was there [s].
+        rendered: Force rendered to the hand after the clamps [N].
+        depth: Depth of the operator's tip below the surface [m].
+        prediction_error: Error of the predicted force over the plotted time [%].
+        delayed_error: Error of the delayed force over the plotted time [%].
         status: One line: what the session is doing.
         names: One line: what is pressed, and what learns it.
         deviation: Standard deviation of `predicted` [N].
         warnings: Lines in vermillion above all.
         again: Predicted and delayed force of a second run [N], None where there is none.
         again_errors: Their errors over the plotted time [%].
-        away: How long of the plotted time the robot did not follow [s], which no error counts.
-        rendered_error: Over the plotted time [%]; NaN where forces are scaled.
+        away: Part of the plotted time in which the robot did not follow [s], which no error counts.
+        rendered_error: Error of the rendered force over the plotted time [%]; NaN where forces are scaled.
     """
 
     predicted: float
@@ -129,15 +129,14 @@ class ForcePanel:
     def write(self, numbers: Numbers) -> None:
         """Write the numbers."""
         text = numbers_html(numbers)
-        if self._text.content != text:
-            self._text.content = text
+        put(self._text, content=text)
 
 
 def numbers_html(n: Numbers) -> str:
     """The table of numbers, and the lines around it."""
     age = f", {abs(n.true_age):.2f} s ago" if math.isfinite(n.true_age) else ""
-    doubt = f"{n.predicted:.2f} ± " if math.isfinite(n.deviation) and abs(n.predicted) < 1000.0 else ""
-    predicted = doubt + number(n.deviation if doubt else n.predicted, "N")
+    uncertainty = f"{n.predicted:.2f} ± " if math.isfinite(n.deviation) and abs(n.predicted) < 1000.0 else ""
+    predicted = uncertainty + number(n.deviation if uncertainty else n.predicted, "N")
     rows = [
         Row(PREDICTED.name, predicted, PREDICTED, number(n.prediction_error, "%", 1)),
         Row(DELAYED.name, number(n.delayed, "N"), DELAYED, number(n.delayed_error, "%", 1)),
@@ -209,7 +208,7 @@ def numbers_of(
 
 
 def _names(settings: Mapping[str, str]) -> list[str]:
-    """What is pressed, and by what it is learnt; a robot of another package has a material of its own."""
+    """What is pressed, and the estimator that learns it; a robot of another package has its own material."""
     robot = settings.get("robot", SIMULATED)
     own = [] if robot == SIMULATED else [f"robot {robot}"]
     return own + [settings[name] for name in NAMES if name in settings and not (own and name == "material")]

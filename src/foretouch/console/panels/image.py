@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 
+from foretouch.console.plots import put
 from foretouch.console.space_heard import fixture_of
-from foretouch.console.views.fixture import footprint
 from foretouch.console.watched import Watched
 from foretouch.console.window import Array
 from foretouch.errors import MissingExtraError, SettingError, install_command
@@ -29,7 +29,7 @@ ROD = 0.03
 """Length of the probe that is drawn [m]."""
 TIP_RADIUS = 2.25e-3
 PARTS = 8
-"""A side of the outline is drawn in so many parts: a lens bends it."""
+"""Number of parts in which a side of the outline is drawn: a lens bends it."""
 QUALITY = 80
 
 
@@ -50,9 +50,9 @@ def draw_over(
     Args:
         jpeg: The image.
         camera: As `foretouch.messages.CameraImage.camera` has it.
-        probe: Place of the virtual probe [m].
-        pose: Of the fixture as it is rendered: a place [m] and a rotation vector [rad].
-        corners: Of the outline in the fixture's frame [m], shape (n, 3).
+        probe: Position of the virtual probe [m].
+        pose: Pose of the fixture as it is rendered: a position [m] and a rotation vector [rad].
+        corners: Corners of the outline in the fixture's frame [m], shape (n, 3).
     """
     cv2 = opencv()
 
@@ -120,9 +120,9 @@ NOT_USED = ("contact", "none")
 """With these values of ``fusion`` no image is needed."""
 NO_IMAGE = "No image has come yet."
 CAMERA_DELAY = 0.05
-"""From exposure to reading [s] until the session says its own."""
+"""Time from exposure to reading [s] until the session sends its value."""
 MARKERS = 4
-"""Of the board."""
+"""Number of markers on the board."""
 TITLE = "Camera at the robot, delayed"
 _STYLE = (
     '<div class="foretouch-camera"><style>'
@@ -176,13 +176,12 @@ class ImagePanel:
 
         Args:
             watched: The session, or a recording.
-            vertices: Of the touched surface in the fixture's frame [m], shape (n, 3).
+            vertices: Vertices of the touched surface in the fixture's frame [m], shape (n, 3).
         """
         image = watched.space.image(watched.heard_sequence, watched.setting("camera_delay", CAMERA_DELAY))
         leader = watched.space.leader
         self._write(watched, image)
-        if self._image.visible != (image is not None):
-            self._image.visible = image is not None
+        put(self._image, visible=image is not None)
         if image is None or leader is None or not image.jpeg:
             return
         over = bool(self._over.value) and bool(self._can_draw)
@@ -208,15 +207,14 @@ class ImagePanel:
         text = (
             f'<div style="padding:0 12px;color:{colour};line-height:1.35">{"<br>".join(map(html.escape, lines))}</div>'
         )
-        if self._text.content != text:
-            self._text.content = text
+        put(self._text, content=text)
 
 
 def missing_image(settings: Mapping[str, str]) -> str:
     """Why there is no image, and what to install, in a sentence.
 
     Args:
-        settings: What all have said of the session.
+        settings: Texts of all roles on the session.
     """
     fusion, why = settings.get("fusion", ""), settings.get("camera_missing", "")
     if why:
@@ -237,3 +235,17 @@ def _age(watched: Watched, image: CameraImage) -> str:
     back = watched.setting("force_delay", math.nan)
     age = there + (back if math.isfinite(back) else 0.0)
     return f"Shows the robot of {age:.1f} s ago"
+
+
+BOARD, MARKER = 0.060, 0.024
+"""Sides of the board and of a marker as they are drawn [m]."""
+MARGIN = 0.004
+"""Distance of the outline from what it encloses [m]."""
+
+
+def footprint(vertices: np.ndarray) -> np.ndarray:
+    """Corners of a rectangle about board and specimen, in the fixture's frame [m], shape (4, 3)."""
+    low, high = vertices.min(axis=0), vertices.max(axis=0)
+    left, right = min(float(low[0]), -0.5 * BOARD) - MARGIN, max(float(high[0]), 0.5 * BOARD) + MARGIN
+    near, far = min(float(low[1]), -0.5 * BOARD) - MARGIN, max(float(high[1]), 0.5 * BOARD) + MARGIN
+    return np.array([(left, near, 0.0), (right, near, 0.0), (right, far, 0.0), (left, far, 0.0)])

@@ -1,4 +1,4 @@
-"""What has been learnt: how stiff the material is, with its doubt, and the newest law's numbers in a few lines."""
+"""What has been learnt: how stiff the material is, with its uncertainty, and the newest law in a few lines."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 
 from foretouch.console.models_seen import ModelTrace
-from foretouch.console.plots import Curve, Row, TimePlot, table
+from foretouch.console.plots import Curve, Row, TimePlot, put, table
 from foretouch.console.window import NAN
 from foretouch.errors import InputError
 from foretouch.messages import ModelUpdate
-from foretouch.models import ContactMap, make_model, summarise_map
+from foretouch.models import ContactMapModel, make_model, summarise_map
 from foretouch.quantities import measured, parameter_unit
 from foretouch.quantities.colours import BLUE, GREEN, INK, PURPLE, VERMILLION
 
@@ -20,10 +20,10 @@ SYMBOLS = {"stiffness": "k", "damping": "λ", "exponent": "n", "switching": "α"
 
 
 def describe(update: ModelUpdate) -> tuple[str, ...]:
-    """The law's numbers, a contact map's shares, what was visited and how stiff it is, and what there is to know.
+    """The law's numbers, a contact map's weights, visited region and stiffness, and remarks.
 
     Args:
-        update: As it came; one that cannot be run is described by its reason alone.
+        update: Update as received; one that cannot be run is described by its reason alone.
     """
     reason = (update.reason,) if update.reason else ()
     if not update.valid:
@@ -34,10 +34,10 @@ def describe(update: ModelUpdate) -> tuple[str, ...]:
         return reason
     named = zip(model.parameter_names, model.parameters, strict=True)
     numbers = "law: " + ", ".join(f"{SYMBOLS.get(name, name)} {measured(value, None)}" for name, value in named)
-    return (numbers, *(_map_lines(model) if isinstance(model, ContactMap) else ()), *reason)
+    return (numbers, *(_map_lines(model) if isinstance(model, ContactMapModel) else ()), *reason)
 
 
-def _map_lines(model: ContactMap) -> tuple[str, ...]:
+def _map_lines(model: ContactMapModel) -> tuple[str, ...]:
     summary = summarise_map(model)
     shares = ", ".join(f"{name} {100.0 * share:.0f} %" for name, share in summary.shares.items())
     lines = [f"map: {shares}; visited {1e3 * summary.depth_visited:.1f} mm, {1e3 * summary.speed_visited:.0f} mm/s"]
@@ -49,7 +49,7 @@ def _map_lines(model: ContactMap) -> tuple[str, ...]:
 
 STIFFNESS = Curve("Local stiffness", BLUE, 2.0, band=True)
 LOOKS = ((INK, "solid"), (VERMILLION, "dashed"), (GREEN, "dotted"), (PURPLE, "solid"))
-"""Of the law's parameters, in its order."""
+"""Colours and dashes of the law's parameters, in its order."""
 LARGEST_RATIO = 3.0
 
 
@@ -71,9 +71,9 @@ class ModelPanel:
         """Draw and write the models.
 
         Args:
-            trace: Of the last seconds.
-            depth: At which stiffnesses are compared [m].
-            lines: What there is to say of the newest.
+            trace: Trace of the last seconds.
+            depth: Depth at which stiffnesses are compared [m].
+            lines: Remarks on the newest.
         """
         rows: list[Row] = []
         if len(trace.time) > 1:
@@ -92,8 +92,7 @@ class ModelPanel:
             f'<div style="padding:0 12px">{table(rows)}<div style="font-size:0.85em;line-height:1.4;color:#555">{text}'
             "</div></div>"
         )
-        if self._text.content != content:
-            self._text.content = content
+        put(self._text, content=content)
 
     def _ratios(self, trace: ModelTrace, columns: np.ndarray) -> list[np.ndarray]:
         """What belongs to each parameter over its newest value; NaN where the law has none, or that value is 0."""

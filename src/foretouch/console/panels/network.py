@@ -1,6 +1,6 @@
-"""The network: sliders for delays and faults, what is measured of them, and every message that the console says.
+"""The network: sliders for delays and faults, measurements of them, and all messages that the console sends.
 
-A message that a person causes goes out in order with those of its kind, from whichever thread causes it.
+A message caused by a person goes out in order with those of its kind, from whichever thread causes it.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from foretouch.console.history import LossTrace
-from foretouch.console.plots import Curve, Row, TimePlot, number, table
+from foretouch.console.plots import Curve, Row, TimePlot, number, put, table
 from foretouch.console.window import Window
 from foretouch.messages import VERSION, Choice, EmergencyStop, Handle, Message, Settings, Stop
 from foretouch.quantities.colours import BLUE, INK, VERMILLION
@@ -22,20 +22,20 @@ from foretouch.quantities.colours import BLUE, INK, VERMILLION
 LONGEST_DELAY = 2.0
 """End of the sliders of delays [s]."""
 OWN = 2.0
-"""A slider that a person has moved stays as it is for so long [s], until the session says the new value too."""
+"""Time for which a slider that was moved stays as it is [s], until the session sends the new value too."""
 TRIP = Curve("Round trip: age of the answer", INK, 2.0)
 THERE = Curve("Lost on the way there", BLUE, 2.0)
 BACK = Curve("Lost on the way back", VERMILLION, 2.0, "dashed")
 
 
 class NetworkFaults(NamedTuple):
-    """What the sliders say.
+    """Values of the sliders.
 
     Attributes:
         position_delay: One-way delay of commands [s].
         force_delay: One-way delay of models and telemetry [s].
         jitter: Largest change of either delay [s].
-        loss: Share of messages lost.
+        loss: Fraction of messages lost.
         outage: Length of an outage in every 10 s [s].
     """
 
@@ -84,7 +84,7 @@ class NetworkPanel:
             faults: By name, as in `NetworkFaults`.
         """
         if time.monotonic() - self._moved < OWN:
-            return  # the session will say what it was told
+            return  # the session will confirm its new value
         for name, value in faults.items():
             self._sliders[name].value = min(max(value, 0.0), SLIDERS[name][1])
 
@@ -103,8 +103,7 @@ class NetworkPanel:
         for curve, shares in ((THERE, losses.there), (BACK, losses.back)):
             rows.append(Row(curve.name, number(float(shares[-1]) if len(shares) else np.nan, "%", 1), curve))
         content = f'<div style="padding:0 12px">{table(rows)}</div>'
-        if self._text.content != content:
-            self._text.content = content
+        put(self._text, content=content)
 
     async def _slid(self, event: Any) -> None:
         if event.client is not None:  # None: the program set it
@@ -125,7 +124,7 @@ class Speech:
         self._sequences: dict[type[Message], int] = {}
 
     def handle(self, position: float, *, held: bool, clutched: bool, place: tuple[float, ...] = ()) -> None:
-        """Where the handle asks the hand to be [m], and whether somebody holds it or presses the clutch."""
+        """Send the position that the handle requests [m], and whether it is held or the clutch pressed."""
         with self._lock:
             self._publish(Handle(*self._stamp(Handle), position=position, held=held, clutched=clutched, place=place))
 
@@ -135,7 +134,7 @@ class Speech:
             self._publish(Settings(*self._stamp(Settings), *faults))
 
     def choice(self, *, material: str = "", operator: str = "", grip: str = "", record: str = "") -> None:
-        """What is to be pressed, by whom, and recorded; see `Choice`."""
+        """Send the choice of material, operator and recording; see `Choice`."""
         with self._lock:
             self._publish(Choice(*self._stamp(Choice), material, operator, grip, record))
 

@@ -15,10 +15,12 @@ from foretouch.console.panels.network import NetworkFaults, NetworkPanel
 from foretouch.console.panels.session import RecordingsPanel, SessionPanel
 from foretouch.console.panels.stop import Alarm
 from foretouch.console.playback import Playback
+from foretouch.console.plots import put
 from foretouch.console.sentences import WAITING_INSTRUCTION
 from foretouch.quantities.colours import BLUE, GREY, INK, ORANGE, css
 
 NOT_LIVE = "RECORDING, NOT LIVE"
+LIVE_MEANWHILE = "The robot goes on with the session; the emergency stop below is the robot's."
 _TOP = (
     "position:fixed;left:12px;top:12px;z-index:100;pointer-events:none;"
     "max-width:max(calc(100vw - 500px), min(366px, calc(100vw - 24px)));overflow-wrap:anywhere;"
@@ -27,25 +29,26 @@ _TOP = (
 
 
 class Banner:
-    """What lies over the top of the picture, where it moves nothing aside.
+    """Banner over the top of the picture, where it moves nothing aside.
 
     Args:
         gui: The viewer's user interface.
+        meanwhile: Text below the name of a recording.
     """
 
-    def __init__(self, gui: Any) -> None:
+    def __init__(self, gui: Any, meanwhile: str) -> None:
+        self._meanwhile = meanwhile
         self._box = gui.add_html("")
 
     def show(self, playback: Playback | None, note: str = "") -> None:
-        """Say which recording is looked at, and which moment of it.
+        """Show which recording is looked at, and which moment of it.
 
         Args:
             playback: The recording, None for none.
-            note: Said where none is looked at; "" for nothing.
+            note: Text where none is looked at; "" for none.
         """
-        content = _note_html(note) if playback is None else _html(playback)
-        if self._box.content != content:
-            self._box.content = content
+        content = _note_html(note) if playback is None else _html(playback, self._meanwhile)
+        put(self._box, content=content)
 
 
 def _note_html(note: str) -> str:
@@ -58,18 +61,18 @@ def _note_html(note: str) -> str:
     )
 
 
-def _html(playback: Playback) -> str:
+def _html(playback: Playback, meanwhile: str) -> str:
     time = f"{playback.now:.1f} of {playback.duration:.1f} s"
     what = f"{NOT_LIVE}: {html.escape(playback.name)}, {time}"
     return (
         f'<div role="status" style="{_TOP}background:{css(ORANGE)};color:{css(INK)};'
         f'border:3px solid {css(INK)};border-radius:8px;padding:6px 12px;font-weight:700;font-size:17px">{what}<br>'
-        '<span style="font-weight:400;font-size:14px">The robot goes on with the session; the emergency stop below is '
-        "the robot's.</span></div>"
+        f'<span style="font-weight:400;font-size:14px">{meanwhile}</span></div>'
     )
 
 
 INSTRUCTION = "Drag the blue handle down to press."
+CHOOSE_RECORDING = "Choose a recording below, in the tab Recordings."
 WATCH_RECORDING = "A recording: play it, or drag its time bar."
 PRESS_CLUTCH, RELEASE_CLUTCH = "Clutch (C)", "Clutch is pressed: let it go (C)"
 WIDTH = 460
@@ -78,6 +81,11 @@ PHONE = "(max-width: 36em)"
 """Where the viewer shows its panel as a sheet."""
 _LAYOUT = (
     '<div class="foretouch-layout"><style>'
+    # The viewer's advice on software rendering would cover banner and handle; the console draws less there by itself.
+    '.mantine-Notification-root[style*="orange"]{display:none}'
+    # What a control is stands beside the panel, where it covers neither tabs nor what is urgent.
+    "@media (min-width:56em){.mantine-Tooltip-tooltip{transform:translate(-400px,60%);z-index:90 !important}"
+    ".mantine-Tooltip-arrow{display:none}}"
     # A laptop shows handle, material, plot and all sliders of the network at once.
     "@media (max-height:800px) and (min-width:36.01em){.foretouch-about{display:none}}"
     # The viewer leaves it as narrow as a small window had made it.
@@ -99,21 +107,21 @@ _LAYOUT = (
 
 @dataclass(frozen=True)
 class Actions:
-    """What is called when a person does something; from the viewer's own thread.
+    """Functions called for actions of a person, from the viewer's thread.
 
     Attributes:
-        faults: With all delays and faults, when one of their sliders was moved.
-        clutch: With the browser's number.
+        faults: Called with all delays and faults, when one of their sliders was moved.
+        clutch: Called with the browser's number.
         end: The session is to end.
         emergency: The robot is to stop at once.
-        choose: With the name of a choice and what was chosen.
+        choose: Called with the name of a choice and its value.
         record: A recording is to begin or to end.
-        open: With the name of a recording to look at.
+        open: Called with the name of a recording to look at.
         play: It is to go on or to pause.
-        seek: With the moment that it is to show [s].
+        seek: Called with the moment that it is to show [s].
         live: The session is to be shown again.
-        again: With two delays [s] and whether the force moves the hand, for a second run.
-        step: With how far the hand is to go in [m].
+        again: Called with two delays [s] and whether the force moves the hand, for a second run.
+        step: Called with the distance that the hand is to go in [m].
     """
 
     faults: Callable[[NetworkFaults], None]
@@ -131,41 +139,44 @@ class Actions:
 
 
 class Panel:
-    """The viewer's panel. Each part is a class of its own.
+    """The viewer's panel. Each part is a class.
 
     Args:
         server: The viewer's server.
-        actions: What is called when a person does something.
+        actions: Functions called for actions of a person.
+        live: Whether a session may be received; else recordings come first, and nothing offers to act on a robot.
 
     Attributes:
         alarm: The emergency stop and what is urgent.
-        banner: That a recording is shown.
+        banner: Note that a recording is shown.
         forces: Plot and numbers.
-        image: Of the camera at the robot, in a session in three dimensions.
+        image: Image of the camera at the robot, in a session in three dimensions.
         tabs: All the rest.
         network: Delays, faults, losses.
-        models: What was learnt.
-        energy: Its account.
-        session: What runs.
-        recordings: What was recorded.
+        models: The learnt models.
+        energy: The account of energy.
+        session: The running session.
+        recordings: The recordings.
     """
 
-    def __init__(self, server: Any, actions: Actions) -> None:
+    def __init__(self, server: Any, actions: Actions, *, live: bool = True) -> None:
         self._on_clutch = actions.clutch
-        gui = server.gui
+        gui = self._gui = server.gui
         gui.set_panel_label("foretouch")
         gui.configure_theme(control_width="large", show_logo=False, show_share_button=False, brand_color=BLUE)
         gui.main_panel.dock_right()
         gui.main_panel.set_width(WIDTH)
         gui.add_html(_LAYOUT)
-        self.alarm = Alarm(gui, actions.emergency)  # the first that the keyboard reaches
-        self.banner = Banner(gui)
+        self.alarm = Alarm(gui, actions.emergency, offered=live)  # the first that the keyboard reaches
+        self.banner = Banner(gui, LIVE_MEANWHILE if live else "")
         self._head = gui.add_html(_head_html(WAITING_INSTRUCTION, felt("", True)))
         self.forces = ForcePanel(gui)
         self.image = ImagePanel(gui)
         self._clutch = gui.add_button(PRESS_CLUTCH, color=GREY, hint=_CLUTCH)
         self._clutch.on_click(self._clutch_clicked)
         self.tabs = tabs = gui.add_tab_group()
+        if not live:
+            self._add_recordings(actions, live)
         with tabs.add_tab("Network"):
             self.network = NetworkPanel(gui, actions.faults)
         with tabs.add_tab("Model"):
@@ -173,30 +184,31 @@ class Panel:
         with tabs.add_tab("Energy"):
             self.energy = EnergyPanel(gui)
         with tabs.add_tab("Session"):
-            self.session = SessionPanel(gui, actions.choose, actions.record, actions.end)
-        with tabs.add_tab("Recordings"):
-            self.recordings = RecordingsPanel(
-                gui, actions.open, actions.play, actions.seek, actions.live, actions.again
-            )
-        self._help = gui.add_html(_help_html(HELP))
+            self.session = SessionPanel(gui, actions.choose, actions.record, actions.end, live=live)
+        if live:
+            self._add_recordings(actions, live)
+        self._help = gui.add_html(_help_html(HELP), visible=live)
         add_keys(gui, on_step=actions.step, on_clutch=actions.clutch, on_record=actions.record, on_play=actions.play)
+
+    def _add_recordings(self, actions: Actions, live: bool) -> None:
+        with self.tabs.add_tab("Recordings"):
+            self.recordings = RecordingsPanel(
+                self._gui, actions.open, actions.play, actions.seek, actions.live, actions.again, live=live
+            )
 
     def explain_space_keys(self) -> None:
         """Name the keys that a session in three dimensions has too."""
         content = _help_html(HELP.replace("Keys: ", f"Keys: {SPACE_HELP}"))
-        if self._help.content != content:
-            self._help.content = content
+        put(self._help, content=content)
 
     def instruct(self, instruction: str, note: str) -> None:
-        """Say what to do, in one line, and whom the force moves."""
+        """Show what to do, in one line, and which hand the force moves."""
         content = _head_html(instruction, note)
-        if self._head.content != content:
-            self._head.content = content
+        put(self._head, content=content)
 
     def offer_clutch(self, offered: bool) -> None:
-        """Show the clutch, or hide it where nobody listens to it."""
-        if self._clutch.visible != offered:
-            self._clutch.visible = offered
+        """Show the clutch, or hide it where no leader uses it."""
+        put(self._clutch, visible=offered)
 
     def show_clutch(self, pressed: bool) -> None:
         """Show whether the clutch is pressed."""
@@ -208,7 +220,7 @@ class Panel:
 
 
 def felt(grip: str, by_mouse: bool) -> str:
-    """Whom the force moves, in a sentence.
+    """Which hand the force moves, in a sentence.
 
     Args:
         grip: How a hand holds the device that the force moves; empty where it moves none.

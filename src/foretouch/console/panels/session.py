@@ -13,6 +13,8 @@ from typing import Any
 
 from foretouch.console.panels.network import LONGEST_DELAY
 from foretouch.console.playback import Playback
+from foretouch.console.plots import put
+from foretouch.console.sentences import NOTHING_LIVE
 from foretouch.devices import GRIPS, OPERATORS
 from foretouch.quantities.colours import BLUE, GREY, VERMILLION, css
 from foretouch.robot import MATERIALS
@@ -31,10 +33,10 @@ CHOICES: dict[str, tuple[str, Sequence[str], str]] = {
 }
 """Of each choice: the label, what there is, and what comes of it."""
 BEGINNING = 20.0
-"""A choice is shown for so long [s] before the session has said that it runs so."""
+"""Time for which a choice is shown before the session has confirmed it [s]."""
 CLOSED = 0.3
-"""At least so long [s] nothing else can be chosen. Were a dropdown opened again in the moment in which it was closed,
-the browser would hear of neither, and the focus would stay in it, where no key stops the robot."""
+"""For at least this time [s] nothing else can be chosen. Were a dropdown opened again in the moment in which it was
+closed, the browser would hear of neither, and the focus would stay in it, where no key stops the robot."""
 
 
 class SessionPanel:
@@ -45,6 +47,7 @@ class SessionPanel:
         on_choice: Called with a choice's name and what was chosen.
         on_record: Called when a recording is to begin or to end.
         on_end: Called when the session is to end.
+        live: Whether there may be one.
     """
 
     def __init__(
@@ -53,8 +56,11 @@ class SessionPanel:
         on_choice: Callable[[str, str], None],
         on_record: Callable[[], None],
         on_end: Callable[[], None],
+        *,
+        live: bool = True,
     ) -> None:
         self._on_choice, self._on_record, self._on_end = on_choice, on_record, on_end
+        self._supervised_elsewhere = BY_HAND if live else NOTHING_LIVE
         self._waiting: dict[str, tuple[str, float]] = {}  # what was chosen, and when [s]
         self._dropdowns = {
             name: gui.add_dropdown(label, tuple(options), hint=hint, disabled=True)
@@ -64,7 +70,7 @@ class SessionPanel:
             dropdown.on_update(self._chooser(name))
         self._record = gui.add_button(START_RECORDING, color=GREY, disabled=True)
         self._note = gui.add_html("")
-        self._end = gui.add_button(END, color=GREY)
+        self._end = gui.add_button(END, color=GREY, disabled=not live)
         self._record.on_click(self._record_clicked)
         self._end.on_click(self._end_clicked)
 
@@ -73,7 +79,7 @@ class SessionPanel:
 
         Args:
             runs: Material, operator and grip by name, those that are known.
-            offered: Whether somebody follows a choice.
+            offered: Whether a process follows a choice.
             recording: File that is written; "" for none.
             refused: Why the newest choice was not followed; "" where it was.
         """
@@ -88,13 +94,11 @@ class SessionPanel:
             if value and dropdown.value != value:
                 dropdown.value = value
             open_to_all = offered and not self._waiting
-            if dropdown.disabled == open_to_all:
-                dropdown.disabled = not open_to_all
+            put(dropdown, disabled=not open_to_all)
         label = STOP_RECORDING if recording else START_RECORDING
         if self._record.label != label:
             self._record.label, self._record.color = label, BLUE if recording else GREY
-        if self._record.disabled == offered:
-            self._record.disabled = not offered
+        put(self._record, disabled=not offered)
         self._write(offered, recording, refused)
 
     def ending(self) -> None:
@@ -103,7 +107,7 @@ class SessionPanel:
         self._end.disabled = True
 
     def _write(self, offered: bool, recording: str, refused: str) -> None:
-        lines = [] if offered else [f'<span style="color:#555">{BY_HAND}</span>']
+        lines = [] if offered else [f'<span style="color:#555">{self._supervised_elsewhere}</span>']
         if offered:
             what = f"Recording: {html.escape(recording)}" if recording else "Nothing is recorded."
             lines.append(f'<span style="color:#555">{what}</span>')
@@ -111,8 +115,7 @@ class SessionPanel:
         if refused:
             lines.append(f'<b style="color:{css(VERMILLION)}">Not chosen: {html.escape(refused)}</b>')
         text = f'<div style="padding:2px 12px;overflow-wrap:anywhere">{"<br>".join(lines)}</div>'
-        if self._note.content != text:
-            self._note.content = text
+        put(self._note, content=text)
 
     def _chooser(self, name: str) -> Callable[[Any], Any]:
         async def chosen(event: Any) -> None:
@@ -132,13 +135,13 @@ class SessionPanel:
 
 
 SETTLED = 0.3
-"""A bar that nobody has moved for so long [s] is put where the recording is, whatever a page shows: what it was told
-last may have crossed what a person typed into it on the way."""
+"""Time without a motion after which a bar is put where the recording is [s], whatever a page shows: the value sent to
+it last may have crossed one that a person typed into it."""
 SLIGHTLY = 0.01
-"""By so much another value is no repetition, which the viewer would not send [s]."""
+"""Smallest difference from the former value: the viewer does not send a repetition [s]."""
 CHOOSE = "choose one to look at it"
 PLAY, PAUSE = "Play (P)", "Pause (P)"
-LIVE = "Back to live"
+BACK, CLOSE = "Back to live", "Close the recording"
 RUN_AGAIN = "Run it again under these delays"
 _QUIET = "padding:2px 12px;color:#555;overflow-wrap:anywhere"
 """Of what explains itself once it is read."""
@@ -154,6 +157,7 @@ class RecordingsPanel:
         on_seek: Called with the moment [s] at which a person puts the bar.
         on_live: Called when the session that runs is to be shown again.
         on_again: Called with both delays [s] and whether the force moves the hand.
+        live: Whether there may be a session to go back to.
     """
 
     def __init__(
@@ -164,6 +168,8 @@ class RecordingsPanel:
         on_seek: Callable[[float], None],
         on_live: Callable[[], None],
         on_again: Callable[[float, float, bool], None],
+        *,
+        live: bool = True,
     ) -> None:
         self._on_open, self._on_play, self._on_seek = on_open, on_play, on_seek
         self._on_live, self._on_again = on_live, on_again
@@ -171,7 +177,7 @@ class RecordingsPanel:
         self._where = gui.add_html("")
         self._bar = gui.add_slider("Time [s]", 0.0, 1.0, 0.01, 0.0, disabled=True)
         self._play = gui.add_button(PLAY, color=GREY, disabled=True)
-        self._live = gui.add_button(LIVE, color=BLUE, disabled=True)
+        self._live = gui.add_button(BACK if live else CLOSE, color=BLUE, disabled=True)
         self._note = gui.add_html("")
         self._position_delay = gui.add_slider("Delay there [s]", 0.0, LONGEST_DELAY, 0.01, 0.0, disabled=True)
         self._force_delay = gui.add_slider("Delay back [s]", 0.0, LONGEST_DELAY, 0.01, 0.0, disabled=True)
@@ -195,8 +201,7 @@ class RecordingsPanel:
             where: In which folders they are.
         """
         text = f'<div style="{_QUIET}">{html.escape(where)}</div>'
-        if self._where.content != text:
-            self._where.content = text
+        put(self._where, content=text)
         options = (CHOOSE, *names)
         if tuple(self._list.options) != options:
             value = self._list.value
@@ -222,16 +227,13 @@ class RecordingsPanel:
         controls = (self._bar, self._play, self._live, self._position_delay, self._force_delay, self._closed)
         offers = [(control, here) for control in controls]
         for control, offered in (*offers, (self._again, here and not busy), (self._list, not busy)):
-            if control.disabled == offered:
-                control.disabled = not offered
+            put(control, disabled=not offered)
         if playback is not None:
             self._place_bar(playback.now)
             label = PAUSE if playback.playing else PLAY
-            if self._play.label != label:
-                self._play.label = label
+            put(self._play, label=label)
         text = f'<div style="{_QUIET}">{html.escape(note)}</div>'
-        if self._note.content != text:
-            self._note.content = text
+        put(self._note, content=text)
 
     def _place_bar(self, now: float) -> None:
         """Put the bar where the recording is [s]."""

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from foretouch.console.plots import Curve, Row, TimePlot, number, table
+from foretouch.console.plots import Curve, Row, TimePlot, number, put, table
 from foretouch.console.space_heard import PoseTrace
 from foretouch.console.watched import Watched
 from foretouch.messages import FixtureBelief, LeaderSpace
@@ -21,7 +21,7 @@ AGE = Curve("Since an image showed it", INK, 2.0)
 AGED = 0.5
 """An older pose is worth a sentence [s]."""
 CAMERA_SILENT = 1.0
-"""Who tracks the fixture speaks thirty times a second; it is gone when nothing has come for so long [s]."""
+"""The tracker of the fixture speaks thirty times a second; it is gone when nothing has come for this time [s]."""
 MOST_AGE = 60.0
 SLIDERS = ("Hand to the right, x [mm]", "Hand away, y [mm]", "Hand up, z [mm]")
 HALF_RANGE = 100.0
@@ -55,9 +55,9 @@ class SpacePanel:
 
         Args:
             watched: The session, or a recording.
-            seconds: How far the plots go back.
-            now: By the clock that it was heard by [s].
-            hand: Where it is asked to be [m]; None where nobody asks.
+            seconds: Time span of the plots [s].
+            now: Time by the clock of reception [s].
+            hand: Requested position of the hand [m]; None without a request.
         """
         trace = watched.space.pose_trace(seconds)
         self._plot(trace)
@@ -70,8 +70,7 @@ class SpacePanel:
         colour = css(VERMILLION) if leader.fixture_age > AGED else "#555"
         sentence = f'<div style="color:{colour};line-height:1.35;padding-bottom:2px"><b>{html.escape(said)}</b></div>'
         text = f'<div style="padding:0 12px">{sentence}{table(rows)}</div>'
-        if self._text.content != text:
-            self._text.content = text
+        put(self._text, content=text)
 
     def _plot(self, trace: PoseTrace) -> None:
         self._pose.draw(trace.time, (trace.deviation * 1e3, trace.turn * (180.0 / math.pi)))
@@ -81,8 +80,7 @@ class SpacePanel:
     def _follow(self, hand: tuple[float, float, float] | None) -> None:
         """Put the sliders where the hand is, without telling anybody."""
         for axis, slider in enumerate(self._sliders):
-            if slider.disabled != (hand is None):
-                slider.disabled = hand is None
+            put(slider, disabled=hand is None)
             if hand is None or not math.isfinite(hand[axis]):
                 continue
             value = min(max(round(2e3 * hand[axis]) / 2.0, -HALF_RANGE), HALF_RANGE)
@@ -98,11 +96,11 @@ class SpacePanel:
 
 
 def pose_sentence(watched: Watched, now: float) -> str:
-    """How well it is known where the fixture is, in a sentence.
+    """Uncertainty of the fixture's pose, in a sentence.
 
     Args:
         watched: The session, or a recording.
-        now: By the clock that it was heard by [s].
+        now: Time by the clock of reception [s].
     """
     leader, belief = watched.space.leader, watched.space.belief
     silence = watched.space.camera_silence(now)

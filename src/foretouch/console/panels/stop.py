@@ -1,25 +1,27 @@
-"""What stands in the corner of the picture whatever else is shown: the emergency stop, and what is urgent.
+"""Corner of the picture that is always shown: the emergency stop, and what is urgent.
 
-A stop is asked for again and again, until the robot says that it has stopped.
+A stop is requested again and again, until the robot confirms that it has stopped.
 """
 
 from __future__ import annotations
 
 import html
 import math
+import re
 import threading
 from collections.abc import Callable
 from typing import Any
 
 from foretouch.console.gate.page import BEAT_PERIOD, STOP_BUTTON, WITH_KEYBOARD, beat_html
+from foretouch.console.plots import put
 from foretouch.quantities.colours import BLUE, GREY, INK, VERMILLION, css
 
 READY, ASKING, LATCHED = "EMERGENCY STOP", "Stopping the robot …", "Emergency stop is latched"
 """What stands on the button: before it is pressed, until the robot has stopped, and until it is released there."""
 UNABLE = "No stop from here: a shadow"
-"""What stands on the button where somebody else moves the robot."""
+"""Text of the button where the robot cannot be stopped from here because another controller moves it."""
 COLOURS = {READY: VERMILLION, UNABLE: GREY}
-"""Of the button; else it is black."""
+"""Colour of the button by its text; else it is black."""
 ALERTS = ".foretouch-alerts"
 """Where the sentences are in the page, as a style sheet names it; nothing is there while nothing is urgent."""
 
@@ -53,18 +55,20 @@ class Alarm:
     Args:
         gui: The viewer's user interface.
         on_press: Called when the button is pressed, by the mouse, by touch, or by Space or Escape (`gate/page.js`).
+        offered: Whether there may be a robot to stop. Without one there is no button, which would stop nothing.
     """
 
-    def __init__(self, gui: Any, on_press: Callable[[], None]) -> None:
-        self._on_press = on_press
+    def __init__(self, gui: Any, on_press: Callable[[], None], *, offered: bool = True) -> None:
+        self._on_press, self._offered = on_press, offered
         gui.add_html(_STYLE)
-        self._button = gui.add_button(READY, color=VERMILLION)
+        self._button = gui.add_button(READY, color=VERMILLION, visible=offered)
         self._box = gui.add_html("")
-        self._key = gui.add_html(_KEY)
+        self._key = gui.add_html(_KEY, visible=offered)
         self._beats, self._next_beat = 0, 0.0
         self._beat = gui.add_html(beat_html(0))
         self._button.on_click(self._pressed)
-        gui.add_command("Emergency stop", description="The robot unloads and stays so").on_trigger(self._pressed)
+        if offered:
+            gui.add_command("Emergency stop", description="The robot unloads and stays so").on_trigger(self._pressed)
 
     def show(self, label: str, alerts: tuple[str, ...]) -> None:
         """Show how far the emergency stop is, and what is urgent.
@@ -73,20 +77,17 @@ class Alarm:
             label: `READY`, `ASKING`, `LATCHED` or `UNABLE`.
             alerts: Sentences.
         """
-        if self._button.label != label:
-            self._button.label = label
-            self._button.color = COLOURS.get(label, INK)
-            self._key.visible = label == READY
+        put(self._button, label=label, color=COLOURS.get(label, INK))
+        put(self._key, visible=self._offered and label == READY)
         content = _box_html(alerts)
-        if self._box.content != content:
-            self._box.content = content
+        put(self._box, content=content)
 
     def beat(self, now: float, frames: float) -> None:
-        """Let the page see that the console draws; without that it says that no stop can be had from it.
+        """Show the page that the console draws; without that the page states that it cannot stop the robot.
 
         Args:
-            now: By a monotonic clock [s].
-            frames: So many pictures a second the page may draw.
+            now: Time by a monotonic clock [s].
+            frames: Number of pictures per second that the page may draw.
         """
         if now >= self._next_beat:
             self._next_beat = now + BEAT_PERIOD
@@ -94,10 +95,10 @@ class Alarm:
             self._beat.content = beat_html(self._beats, frames)
 
     def end(self, said: str) -> None:
-        """Let the page say that the session has ended, and that there is nothing here to be stopped any more.
+        """Show on the page that the session has ended, and that there is nothing to stop any more.
 
         Args:
-            said: What there is to do.
+            said: Text on what there is to do.
         """
         self._next_beat = math.inf
         self._beat.content = beat_html(self._beats + 1, ended=said)
@@ -107,10 +108,10 @@ class Alarm:
 
 
 def _box_html(alerts: tuple[str, ...]) -> str:
-    """A box that the mouse goes through, as wide as fits beside the panel."""
+    """A box that the mouse goes through, but for a command, which a click selects; as wide as fits beside the panel."""
     if not alerts:
         return ""
-    lines = "".join(f'<div style="padding:2px 0">&#9888; {html.escape(alert)}</div>' for alert in alerts)
+    lines = "".join(f'<div style="padding:2px 0">&#9888; {_with_command(alert)}</div>' for alert in alerts)
     return (
         f'<div role="alert" class="{ALERTS[1:]}" style="'
         f"box-sizing:border-box;pointer-events:none;overflow-wrap:anywhere;background:#fff;color:{css(INK)};"
@@ -118,14 +119,20 @@ def _box_html(alerts: tuple[str, ...]) -> str:
     )
 
 
+def _with_command(alert: str) -> str:
+    """The sentence with the command in it as one that can be copied."""
+    command = '<code style="pointer-events:auto;user-select:all;cursor:copy" title="Click, then copy">\\g<0></code>'
+    return re.sub(r"foretouch release \d+", command, html.escape(alert))
+
+
 ASKING_PERIOD = 0.05
 """Between two askings [s]."""
 LEAST_ASKED = 4
-"""So often at least: what says that it has stopped may have been under way since an earlier stop."""
+"""Least number of requests: a confirmation may have been under way since an earlier stop."""
 
 
 class EmergencyCall:
-    """Asks on a thread of its own: neither a slow picture nor a browser that is gone keeps it from asking.
+    """Requests on a separate thread: neither a slow picture nor a browser that is gone holds them up.
 
     Args:
         ask: Sends one message; it should return at once.
@@ -150,7 +157,7 @@ class EmergencyCall:
         self._wanted.set()
 
     def answered(self) -> None:
-        """The robot has said that it has stopped, or that nobody here can stop it: ask no more."""
+        """End the requests: the robot has confirmed the stop, or cannot be stopped from here."""
         if self._asked >= LEAST_ASKED:
             self._wanted.clear()
 

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from foretouch.console.panels.image import BOARD, MARKER, footprint
 from foretouch.console.views.shapes import add_body
 from foretouch.console.views.stiffness_colours import (
     COLOURS,
@@ -61,11 +62,11 @@ Faces = NDArray[np.int64]
 LONGEST_EDGE = 4e-3
 """Triangles are divided until no edge is longer [m]."""
 MOST_TRIANGLES = 6000
-"""Or until there are so many."""
+"""Largest number of triangles, at which the division ends."""
 NARROW, REACH = 2.5e-3, 16e-3
 """Width of a shallow dent, and where every dent ends [m]."""
 TIP_RADIUS = 2.25e-3
-"""Of the probe as it is drawn [m]."""
+"""Radius of the probe as it is drawn [m]."""
 
 
 def refined(vertices: Array, faces: Faces) -> tuple[Array, Faces]:
@@ -172,15 +173,11 @@ def _longest_edge(vertices: Array, faces: Faces) -> float:
 
 
 THICKNESS = 0.012
-"""Of specimen and board as they are drawn [m]."""
+"""Thickness of specimen and board as they are drawn [m]."""
 SMALLEST_CHANGE = 2e-5
-"""Of a dent, that is drawn [m]."""
-BOARD, MARKER = 0.060, 0.024
-"""Sides of the board and of a marker as they are drawn [m]."""
-MARGIN = 0.004
-"""The outline stands so far from what it is about [m]."""
+"""Smallest change of a dent that is drawn [m]."""
 HALO = 2.0
-"""The halo shows so many standard deviations."""
+"""Number of standard deviations that the halo shows."""
 LARGEST_HALO = 0.02
 """The halo is no larger than this [m]."""
 
@@ -225,15 +222,15 @@ class FixtureView:
         self._paint()
 
     def place(self, pose: Sequence[float]) -> None:
-        """Put the fixture where the leader renders it: a place [m] and a rotation vector [rad]."""
+        """Put the fixture where the leader renders it: a position [m] and a rotation vector [rad]."""
         _place(self._root, pose, self._units)
 
     def believe(self, pose: Sequence[float] | None, deviation: float) -> None:
-        """Draw where the follower believes it, and how surely.
+        """Draw the follower's estimate of its pose, with its uncertainty.
 
         Args:
-            pose: A place [m] and a rotation vector [rad]; None where nobody has said.
-            deviation: Standard deviation of its place [m]; NaN for none.
+            pose: A position [m] and a rotation vector [rad]; None where it is unknown.
+            deviation: Standard deviation of its position [m]; NaN for none.
         """
         self._believed.visible = pose is not None
         if pose is None:
@@ -266,10 +263,10 @@ class FixtureView:
         """Dent the surface.
 
         Args:
-            pose: Of the fixture as rendered.
+            pose: Pose of the fixture as rendered.
             point: The proxy in the world [m].
-            normal: Outward, in the world.
-            depth: Of the probe [m].
+            normal: Outward normal, in the world.
+            depth: Depth of the probe [m].
         """
         depth = max(depth, 0.0) if math.isfinite(depth) else 0.0
         motion = RigidMotion.from_numbers(pose)
@@ -320,14 +317,6 @@ class FixtureView:
         scene.add_line_segments("/space/fixture/rim", rim, GREY, thickness=1.5, thickness_units="screen")
 
 
-def footprint(vertices: np.ndarray) -> np.ndarray:
-    """Corners of a rectangle about board and specimen, in the fixture's frame [m], shape (4, 3)."""
-    low, high = vertices.min(axis=0), vertices.max(axis=0)
-    left, right = min(float(low[0]), -0.5 * BOARD) - MARGIN, max(float(high[0]), 0.5 * BOARD) + MARGIN
-    near, far = min(float(low[1]), -0.5 * BOARD) - MARGIN, max(float(high[1]), 0.5 * BOARD) + MARGIN
-    return np.array([(left, near, 0.0), (right, near, 0.0), (right, far, 0.0), (left, far, 0.0)])
-
-
 def _place(node: Any, pose: Sequence[float], units: float) -> None:
     position = tuple(units * value for value in pose[:3])
     if tuple(node.position) != position:
@@ -343,7 +332,7 @@ def _ring(corners: np.ndarray) -> np.ndarray:
 
 
 def _halo(corners: np.ndarray, size: float) -> tuple[np.ndarray, np.ndarray]:
-    """A flat band around an outline, as wide as the doubt: none within, where it would tint what the colours say."""
+    """A flat band around an outline, as wide as the uncertainty: none within, where it would tint the colours."""
     middle = corners.mean(axis=0)
     way = np.sign(corners - middle) * max(size, 1e-3)
     vertices = np.concatenate([corners + way, corners]).astype(np.float32)

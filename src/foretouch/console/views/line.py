@@ -1,116 +1,205 @@
-"""A session along a line in the console: its picture and its handle.
-
-The handle is dragged by a mouse, moved by strokes of keys, and let go by whoever is gone.
-"""
+"""A session along a line in the console: probe, material, the delayed robot, and the handle that a mouse drags."""
 
 from __future__ import annotations
 
 import math
-import threading
 import time
+from collections.abc import Callable
 from typing import Any
 
-from foretouch.console.panels.network import Speech
-from foretouch.console.views.scene import UNITS, Scene
-from foretouch.console.views.shapes import HANDLE_HEIGHT
+import numpy as np
+
+from foretouch.console.plots import put
+from foretouch.console.views import shapes
+from foretouch.console.views.hold import Hold
+from foretouch.console.views.probes import UNITS, Measures, Probes
+from foretouch.console.views.shapes import HANDLE_HEIGHT, MaterialView, add_body
 from foretouch.console.watched import Watched
-
-KEEP_ALIVE = 0.1
-"""A held handle says where it is at least this often [s], so that silence means a lost browser."""
-STROKE = 1.0
-"""A hand that keys move is let go so long [s] after the last stroke."""
-
-
-class Hold:
-    """Where the handle is, and who holds it.
-
-    While nobody does it is where the operator's hand wants to be, in the probe's frame. A drag moves the hand from
-    where it was when it was taken, by the drag over the position scale, so that index and clutch, which part hand and
-    probe, are no hindrance.
-
-    Args:
-        watched: What is heard of the session.
-        speech: Says where the handle is.
-
-    Attributes:
-        position: Of the handle as drawn, in the probe's frame [m].
-        held: Whether a person holds it.
-        clutched: Whether the clutch is pressed.
-        used: Whether anybody has held it yet.
-    """
-
-    def __init__(self, watched: Watched, speech: Speech) -> None:
-        self._watched, self._speech = watched, speech
-        self._lock = threading.RLock()  # over what a person does, so that it goes out in order
-        self.position = 0.0
-        self.held = self.clutched = self.used = False
-        self._hand = 0.0  # where it asks the hand to be, in the hand's own [m]
-        self._sent = 0.0
-        self._let_go = math.inf  # when strokes have ended [s]
-        self._clutcher: int | None = None  # the browser that pressed the clutch
-
-    def move_to(self, position: float, held: bool) -> None:
-        """The handle was dragged to a position [m], or let go there."""
-        with self._lock:
-            self.held, self.used = held, True
-            self._let_go = math.inf
-            self._go(position)
-
-    def step(self, way: float) -> None:
-        """A stroke of a key moves the handle in by a way [m]; it is let go a second after the last stroke."""
-        with self._lock:
-            self.follow()
-            self.held, self.used = True, True
-            self._let_go = time.monotonic() + STROKE
-            self._go(self.position + way)
-
-    def toggle_clutch(self, browser: int | None = None) -> None:
-        """The clutch was pressed, or let go, in this browser."""
-        with self._lock:
-            self.clutched = not self.clutched
-            self._clutcher = browser
-            self._say()
-
-    def browser_gone(self, browser: int) -> bool:
-        """A browser that is gone holds no clutch; whether it held it. A drag of it the viewer ends."""
-        if self.clutched and self._clutcher == browser:
-            self.toggle_clutch()
-            return True
-        return False
-
-    def keep_alive(self, now: float) -> None:
-        """Go on saying that it is held; let go where the strokes of keys have ended."""
-        with self._lock:
-            if self.held and now > self._let_go:
-                self.held, self._let_go = False, math.inf
-                self._say()
-            elif (self.held or self.clutched) and now - self._sent > KEEP_ALIVE:
-                self._say()
-
-    def follow(self) -> None:
-        """While nobody holds the handle: it is as far ahead of the probe as the hand wants to go."""
-        leader, position = self._watched.leader, self._watched.probe_position
-        with self._lock:
-            if self.held:
-                return
-            self.position = self._hand = position
-            if leader is not None and math.isfinite(leader.hand_position):
-                intended = leader.intended_position
-                self._hand = intended if math.isfinite(intended) else leader.hand_position
-                self.position += self._watched.scale * (self._hand - leader.hand_position)
-
-    def _go(self, position: float) -> None:
-        position = min(max(position, 0.0), self._watched.deepest)
-        self._hand += (position - self.position) / self._watched.scale
-        self.position = position
-        self._say()
-
-    def _say(self) -> None:
-        self._sent = time.monotonic()
-        self._speech.handle(self._hand, held=self.held, clutched=self.clutched)
-
+from foretouch.quantities.colours import BLUE
+from foretouch.quantities.pose import Vector
 
 DRAG, LET_GO = "Drag me down to press", "Let go and the script goes on"
+CAMERA = ((2.6, -20.5, 8.4), (0.0, 0.0, 2.6))
+"""Where the camera is at first and what it looks at [scene units]."""
+FIELD_OF_VIEW = math.radians(34.0)
+"""Vertical."""
+MEASURES = Measures(per_newton=0.4, longest=6.0, least=0.025, beside=(1.15, -0.3), label=(1.6, 0.5))
+"""How forces are shown."""
+BOB = 0.25
+"""How far the hint goes up and down [scene units], once a second."""
+SMALLEST_APART, LARGEST_APART = 0.1, 5.0
+"""Hand and probe are shown apart between these distances [scene units], 0.5 and 25 mm."""
+LOWEST_RAIL = 1.35
+"""The rail ends above the material, though a hand may want to go on [scene units]."""
+RULER_X = -4.4
+
+
+def look(server: Any, camera: tuple[tuple[float, ...], tuple[float, ...]]) -> None:
+    """Put the camera of every browser, and of those that come, where a picture can be seen as a whole.
+
+    Args:
+        server: The viewer's server.
+        camera: Where it is and what it looks at [scene units].
+    """
+    position, target = camera
+    server.initial_camera.position, server.initial_camera.look_at = position, target
+    for client in server.get_clients().values():
+        client.camera.position, client.camera.look_at = position, target
+
+
+class Scene:
+    """The viewer's scene. Heights are z = (surface - position) * `UNITS`: the undeformed surface is at 0.
+
+    Args:
+        server: The viewer's server.
+        on_take: Called when a drag begins; returns the height of the handle then [scene units].
+        on_drag: Called with the handle's height [scene units] and whether it is held, at every move of a drag; both
+            from the viewer's thread. A browser that is gone lets go.
+    """
+
+    def __init__(self, server: Any, on_take: Callable[[], float], on_drag: Callable[[float, bool], None]) -> None:
+        self._on_take = on_take
+        self._on_drag = on_drag
+        self._grab_offset = 0.0
+        self._handle_z = 0.0
+        self._travel = (0.0, 0.0)
+        self.held = False
+        scene = server.scene
+        scene.set_up_direction("+z")
+        # Toon shading under two plain lights: a third of the time that a software renderer takes for viser's defaults.
+        scene.configure_default_lights(enabled=False)
+        scene.configure_environment_map(None)
+        scene.add_light_ambient("/lights/ambient", intensity=1.5)
+        scene.add_light_directional("/lights/sun", intensity=2.0, position=(3.0, -6.0, 8.0))
+        scene.world_axes.visible = False
+        camera = server.initial_camera
+        camera.fov = FIELD_OF_VIEW
+        camera.position, camera.look_at = CAMERA
+        self._root = scene.add_frame("/line", show_axes=False)
+        self._material = MaterialView(scene)
+        self._add_ruler(scene)
+        self._probes = Probes(scene, "/line", (92, 106, 120), MEASURES)
+        self._hand = add_body(scene, "/line/hand", shapes.ring(), BLUE, opacity=0.6)
+        self._hand.visible = False
+        self._handle = add_body(scene, "/line/handle", shapes.handle(), BLUE)
+        self._hint = add_body(scene, "/line/hint", shapes.hint(), BLUE)
+        self._rail = add_body(scene, "/line/rail", shapes.rail(0.0, 1.0), BLUE, opacity=0.1)
+        for node in (
+            self._handle,
+            self._rail,
+            self._probes.probe,
+        ):  # a handle that moves is hard to catch; its rail stands
+            node.on_drag("left")(self._dragged)
+        self._handle_label = scene.add_label(
+            "/line/labels/handle", "Drag me down to press", anchor="bottom-center", font_screen_scale=1.4
+        )
+
+    def show(self, shown: bool) -> None:
+        """Show it all, or hide it: a session in three dimensions has a separate picture."""
+        put(self._root, visible=shown)
+
+    def draw(self, z: float, ghost_z: float, force: float, ghost_force: float, deviation: float = math.nan) -> None:
+        """Move everything.
+
+        Args:
+            z: Height of the operator's tip [scene units].
+            ghost_z: Height of the robot's tip as last seen [scene units]; NaN hides it.
+            force: Force rendered to the operator [N].
+            ghost_force: Delayed force [N].
+            deviation: Standard deviation of the predicted force [N]; NaN where none is shown.
+        """
+        self._material.draw(-z)
+        self._probes.draw_probe((0.0, 0.0, z), _upwards(force), deviation)
+        seen = math.isfinite(ghost_z)
+        self._probes.draw_robot((0.0, 0.0, ghost_z) if seen else None, _upwards(ghost_force))
+
+    def draw_handle(self, z: float) -> None:
+        """Move the handle to a height [scene units]; one that is held stays where it is held."""
+        if not self.held:
+            self._handle_z = z
+        self._handle.position = (0.0, 0.0, self._handle_z)
+        self._handle_label.position = (0.0, 0.0, self._handle_z + 1.4)
+        if self._hint.visible:
+            bob = BOB * math.sin(2.0 * math.pi * time.monotonic())
+            self._hint.position = (1.75, -0.3, self._handle_z - 1.6 + bob)
+
+    def draw_hand(self, z: float, ahead: float) -> None:
+        """Show where the hand is while it and the probe are apart.
+
+        Args:
+            z: Height of the probe's tip [scene units].
+            ahead: How much lower the hand is [scene units]; NaN hides it, and so does a distance too small to see or
+                as large as the picture.
+        """
+        self._hand.visible = SMALLEST_APART < abs(ahead) < LARGEST_APART
+        if self._hand.visible:
+            self._hand.position = (0.0, 0.0, z - ahead)
+
+    def label(self, handle: str, force: str, ghost: str) -> None:
+        """Write beside the handle, the probe and the ghost."""
+        put(self._handle_label, text=handle)
+        self._probes.write(force, ghost)
+
+    def set_travel(self, bottom: float, top: float) -> None:
+        """Between which heights of the operator's tip [scene units] the handle can be dragged."""
+        if self._travel != (bottom, top):
+            self._travel = (bottom, top)
+            ends = (max(bottom + shapes.HANDLE_HEIGHT, LOWEST_RAIL), top + shapes.HANDLE_HEIGHT)
+            self._rail.vertices = shapes.rail(*ends)[0]
+
+    def offer_handle(self, offered: bool, *, useful: bool, hinted: bool) -> None:
+        """Show the handle and its rail, or hide them where no leader uses them.
+
+        Args:
+            offered: Whether a leader uses them.
+            useful: Whether a drag moves the robot: only then there is a text on what to do.
+            hinted: Whether an arrow shows it, too: the handle has not been used yet.
+        """
+        for node, shown in ((self._handle, offered), (self._rail, offered), (self._handle_label, offered and useful)):
+            node.visible = shown
+        self._hint.visible = offered and useful and hinted
+
+    def hold_at(self, z: float) -> None:
+        """Put the held handle at a height [scene units], after limits."""
+        self._handle_z = z
+
+    async def _dragged(self, event: Any) -> None:
+        """A drag of the handle: async, so that the viewer keeps the order of start, moves and end."""
+        height = height_on_axis(np.asarray(event.client.camera.position), np.asarray(event.end_position))
+        if event.phase == "start":  # from where the handle is now, wherever on it or on its rail the mouse is
+            self._handle_z = self._on_take()
+            self._grab_offset = 0.0 if math.isnan(height) else height - self._handle_z
+        self.held = event.phase != "end"
+        self._on_drag(self._handle_z if math.isnan(height) else height - self._grab_offset, self.held)
+
+    def _add_ruler(self, scene: Any) -> None:
+        heights = [-depth_mm * 1e-3 * UNITS for depth_mm in (0, 5, 10)]
+        y = -0.05
+        ticks = [[(RULER_X - 0.15, y, z), (RULER_X + 0.15, y, z)] for z in heights]
+        points = np.array([*ticks, [(RULER_X, y, heights[0]), (RULER_X, y, heights[-1])]], np.float32)
+        scene.add_line_segments("/line/ruler", points, (60, 60, 60))
+        for depth_mm, z in zip((0, 5, 10), heights, strict=True):
+            scene.add_label(
+                f"/line/ruler/{depth_mm}", f"{depth_mm} mm", position=(RULER_X - 0.25, y, z), anchor="center-right"
+            )
+
+
+def _upwards(force: float) -> Vector:
+    """Out of the surface; one that pulls, or is no finite number, is not shown."""
+    return 0.0, 0.0, max(force, 0.0) if math.isfinite(force) else 0.0
+
+
+def height_on_axis(eye: Any, seen: Any) -> float:
+    """Height z at which the z axis comes nearest to the line of sight from `eye` through `seen`.
+
+    A mouse has two dimensions and the handle one: this is the handle's height under the mouse. NaN when the eye looks
+    along the axis.
+    """
+    dx, dy, dz = seen - eye
+    across = dx * dx + dy * dy
+    if across < 1e-9 * (across + dz * dz) or not math.isfinite(across):
+        return float("nan")
+    return float(eye[2] - dz * (eye[0] * dx + eye[1] * dy) / across)
 
 
 class LineView:
@@ -176,7 +265,7 @@ class LineView:
         )
 
     def _handle_height(self) -> float:
-        """Of the handle as drawn [scene units]."""
+        """Height of the handle as drawn [scene units]."""
         return (self._watched.surface - self.hold.position) * UNITS + HANDLE_HEIGHT
 
     def _take_handle(self) -> float:

@@ -1,6 +1,6 @@
 """Meshes of the scene, and the material as a cut block whose surface sinks under the tip, darker the deeper.
 
-Meshes are bodies of revolution and the cut block, in the scene's own units; their functions know no viewer.
+Meshes are bodies of revolution and the cut block, in scene units; their functions know no viewer.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ TIP_RADIUS = 0.45
 EDGE = 3.9
 """Distance from the axis at which the material does not sink any more [scene units]."""
 HANDLE_HEIGHT = 4.6
-"""Of the middle of the handle above the tip [scene units]."""
+"""Height of the middle of the handle above the tip [scene units]."""
 
 
 def lathe(profile: list[tuple[float, float]], segments: int = 24) -> Mesh:
@@ -75,7 +75,7 @@ def arrow(length: float) -> Mesh:
     return lathe([(0.0, 0.0), (shaft, 0.0), (shaft, length - head), (width, length - head), (0.0, length)], 16)
 
 
-def doubt(low: float, high: float) -> Mesh:
+def uncertainty(low: float, high: float) -> Mesh:
     """A sleeve around an arrow's end, between two heights [scene units]: where the end may as well be."""
     low, high = max(low, 0.0), max(high, low + 1e-3, 1e-3)
     radius = 0.36
@@ -134,8 +134,8 @@ class Material:
         """Triangles of the upper surface by how far they have sunk: less than the first step, the second, and so on.
 
         Args:
-            depth: Of the tip [scene units].
-            steps: Increasing [scene units].
+            depth: Depth of the tip [scene units].
+            steps: Steps, increasing [scene units].
         """
         corners = -self.top(depth)[:, 2][self.top_faces].reshape(-1, 6)  # the two triangles of a quad have one colour
         level = np.repeat(np.searchsorted(np.array(steps), corners.mean(axis=1), side="right"), 2)
@@ -188,7 +188,7 @@ SMALLEST_CHANGE = 0.002
 LARGEST_DEPTH = 2.9
 """The picture of the block goes no deeper [scene units]."""
 STEPS = (0.1, 0.4, 0.9, 1.5)
-"""Of the dent's colours [scene units]: 0.5, 2, 4.5 and 7.5 mm."""
+"""Depths at which the dent's colour changes [scene units]: 0.5, 2, 4.5 and 7.5 mm."""
 
 
 def add_body(scene: Any, name: str, mesh: Mesh, colour: tuple[int, int, int], opacity: float | None = None) -> Any:

@@ -1,133 +1,45 @@
-"""A session in three dimensions in the console: its picture, its panels and its handle.
-
-The handle is dragged, moved by keys and sliders, and let go.
-"""
+"""A session in three dimensions in the console: fixture, virtual probe, delayed robot, forces, handle and panels."""
 
 from __future__ import annotations
 
 import html
 import math
-import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 
 from foretouch.console.panels.image import ImagePanel
 from foretouch.console.panels.keys import add_space_keys
-from foretouch.console.panels.network import Speech
 from foretouch.console.panels.space import SpacePanel
-from foretouch.console.plots import SECONDS
+from foretouch.console.plots import SECONDS, put
 from foretouch.console.space_heard import fixture_of
-from foretouch.console.views.line import STROKE, Hold
-from foretouch.console.views.scene import CAMERA, look
-from foretouch.console.views.space_scene import SPACE_CAMERA, SpaceScene
+from foretouch.console.views import shapes
+from foretouch.console.views.fixture import FixtureView, along
+from foretouch.console.views.hold import SpaceHold
+from foretouch.console.views.line import CAMERA, look
+from foretouch.console.views.probes import UNITS, Measures, Probes
+from foretouch.console.views.shapes import add_body
 from foretouch.console.views.stiffness_colours import legend_html
 from foretouch.console.watched import Watched
 from foretouch.errors import ForetouchError
 from foretouch.messages import FieldUpdate, FollowerSpace, LeaderSpace
 from foretouch.models import MaterialField
 from foretouch.quantities.colours import BLUE, GREEN, GREY, VERMILLION, css
-from foretouch.quantities.pose import Vector, add, scaled, subtract
+from foretouch.quantities.pose import Vector
 from foretouch.rendering import Surface
 
-HOME: Vector = (0.0, 0.0, 0.042)
-"""Where the handle stands while a script moves the hand [m]: one that moves along is hard to catch."""
-REACH = 0.1
-"""The hand goes no further from the world's origin, along any axis [m]."""
-RESTS = 3.0
-"""A handle that was let go stays where it is for so long [s], as the hand does."""
-
-
-class SpaceHold(Hold):
-    """Where the handle is in space, who holds it, and where it asks the hand to be.
-
-    A drag moves the hand by as much as the handle is moved, from where the hand was when the handle was taken; so the
-    handle need not be at the hand.
-
-    Args:
-        watched: What is heard of the session.
-        speech: Says where the handle is.
-
-    Attributes:
-        place: Of the handle as drawn, in the world [m].
-        hand: Where it asks the hand to be, in the world [m].
-    """
-
-    def __init__(self, watched: Watched, speech: Speech) -> None:
-        super().__init__(watched, speech)
-        self.place: Vector = HOME
-        self.hand: Vector = HOME
-        self._released = -math.inf
-
-    @property
-    def dragged(self) -> bool:
-        """Whether it is held by a mouse, and not moved by keys or sliders."""
-        return self.held and self._let_go == math.inf
-
-    def drag_to(self, place: Sequence[float], phase: str) -> None:
-        """The handle was taken, dragged to a place [m], or let go there.
-
-        Args:
-            place: Of the handle in the world [m].
-            phase: ``"start"``, ``"update"`` or ``"end"``.
-        """
-        x, y, z = (float(value) for value in place)
-        with self._lock:
-            if phase == "start":
-                self.follow()
-            self.held, self.used = phase != "end", True
-            self._released = time.monotonic()
-            self._let_go = math.inf
-            self._move(subtract((x, y, z), self.place))
-
-    def stroke(self, way: Vector) -> None:
-        """A key or a slider moves the hand by a way [m]; it is let go a second after the last one."""
-        with self._lock:
-            self.follow()
-            self.held, self.used = True, True
-            self._let_go = time.monotonic() + STROKE
-            self._move(way)
-
-    def follow(self) -> None:
-        """While nobody holds it: the handle stands at home, and the hand is where it wants to be."""
-        with self._lock:
-            now = time.monotonic()
-            if self.held:
-                self._released = now
-                return
-            if now - self._released > RESTS:
-                self.place = HOME
-            space, leader = self._watched.space.leader, self._watched.leader
-            if space is None or not math.isfinite(space.hand_x):
-                return
-            self.hand = space.hand_x, space.hand_y, space.hand_z
-            if leader is None or not math.isfinite(leader.intended_position - leader.hand_position):
-                return
-            ahead = self._watched.scale * (leader.intended_position - leader.hand_position)
-            self.hand = add(self.hand, scaled((space.normal_x, space.normal_y, space.normal_z), -ahead))
-
-    def _move(self, way: Vector) -> None:
-        self.place = add(self.place, way)
-        x, y, z = add(self.hand, way)
-        self.hand = _within(x, -REACH), _within(y, -REACH), _within(z, self._lowest())
-        self._say()
-
-    def _lowest(self) -> float:
-        """The hand goes no lower [m]: below what it touches by as much as along a line."""
-        space, watched = self._watched.space.leader, self._watched
-        touched = 0.0 if space is None or not math.isfinite(space.point_z) else space.point_z
-        return max(touched - (watched.deepest - watched.surface), -REACH)
-
-    def _say(self) -> None:
-        self._sent = time.monotonic()
-        self._speech.handle(0.0, held=self.held, clutched=self.clutched, place=self.hand)
-
-
-def _within(value: float, least: float) -> float:
-    return min(max(value, least), REACH)
-
-
+SPACE_CAMERA = ((-4.0, -50.0, 31.0), (-4.0, 0.0, 0.0))
+"""Where the camera is at first and what it looks at [scene units]."""
+NORMAL_LENGTH = 2.6
+"""[scene units]."""
+MEASURES = Measures(per_newton=1.0, longest=8.0, least=0.02, beside=(1.2, 0.0), label=(1.8, 1.2))
+"""How forces are shown."""
+HANDLE_SIZE = 4.0
+"""Length of its arrows [scene units]."""
+APART = 0.002
+"""Distance of one probe past the other at which arrows and labels change sides [m]."""
+HINT = "Drag the arrows: the hand goes along"
 SPACE_INSTRUCTION = "Drag the arrows of the handle: down to press, along to slide."
 NEAR = 0.006
 """The normal is shown from here on [m]."""
@@ -135,13 +47,115 @@ BOARD_ALONE = np.zeros((1, 3))
 """What is drawn over an image where the shape of the specimen is not known here."""
 
 
+class SpaceScene:
+    """The viewer's scene in space: the world's frame, `UNITS` to the metre.
+
+    Args:
+        server: The viewer's server.
+        surface: What is touched, in the fixture's frame.
+        on_drag: Called with the handle's position in the world [m] and ``"start"``, ``"update"`` or ``"end"``, from the
+            viewer's thread. A browser that is gone lets go.
+
+    Attributes:
+        fixture: Its rendered and its estimated pose, and the learnt materials.
+    """
+
+    def __init__(self, server: Any, surface: Surface, on_drag: Callable[[Vector, str], None]) -> None:
+        self._on_drag = on_drag
+        scene = server.scene
+        self._root = scene.add_frame("/space", show_axes=False)
+        self.fixture = FixtureView(scene, surface, UNITS)
+        self.probes = Probes(scene, "/space", GREY, MEASURES)
+        self._normal = add_body(scene, "/space/normal", shapes.arrow(NORMAL_LENGTH), GREEN)
+        up = np.array([[(0.0, 0.0, 0.0), (0.0, 0.0, 1.0)]], np.float32)
+        self._tether = scene.add_line_segments("/space/tether", up, BLUE, thickness=1.5, thickness_units="screen")
+        self._handle = scene.add_transform_controls(
+            "/space/handle", scale=HANDLE_SIZE, line_width=5.0, disable_rotations=True, depth_test=False
+        )
+        self._handle.on_update(self._dragged)
+        self._hint = scene.add_label("/space/labels/handle", HINT, anchor="bottom-center", font_screen_scale=1.3)
+
+    def show(self, shown: bool) -> None:
+        """Show it all, or hide it."""
+        put(self._root, visible=shown)
+
+    def draw_probes(self, place: Vector, force: Vector, deviation: float, robot: FollowerSpace | None) -> None:
+        """Draw the virtual probe, at once where the hand is, and the robot as the network shows it.
+
+        Args:
+            place: Position of the probe [m]; one that is not finite hides it.
+            force: Force rendered to the hand [N].
+            deviation: Standard deviation of its size [N]; NaN where none is shown.
+            robot: Its state with position and sensor force; None hides it.
+        """
+        if robot is not None and abs(place[0] - robot.place_x) >= APART:
+            self.probes.keep_apart(place[0] - robot.place_x)
+        self.probes.draw_probe(_scene(place), force, deviation)
+        if robot is None:
+            self.probes.draw_robot(None, (0.0, 0.0, 0.0))
+        else:
+            self.probes.draw_robot(_scene((robot.place_x, robot.place_y, robot.place_z)), _force(robot))
+
+    def draw_normal(self, point: Vector, normal: Vector, shown: bool) -> None:
+        """Draw the surface's normal under the probe.
+
+        Args:
+            point: The proxy [m].
+            normal: Outward.
+            shown: Whether the probe is near enough for it to matter.
+        """
+        here = _scene(point)
+        self._normal.visible = shown and here is not None
+        if here is not None and shown:
+            self._normal.position = (here[0], here[1] - MEASURES.beside[0], here[2])
+            self._normal.wxyz = along(normal)
+
+    def draw_handle(self, place: Vector, probe: Vector, *, offered: bool, held: bool, hinted: bool) -> None:
+        """Draw the handle, and a line from it to the probe.
+
+        Args:
+            place: Position of the handle [m]; while it is held it stays where the browser has it.
+            probe: Position of the probe [m].
+            offered: Whether a leader uses it.
+            held: Whether a person holds it.
+            hinted: Whether a sentence says what to do.
+        """
+        end = _scene(probe)
+        for node, shown in ((self._handle, offered), (self._tether, offered and end is not None)):
+            put(node, visible=shown)
+        self._hint.visible = offered and hinted
+        here = _scene(place)
+        if here is None or not offered:
+            return
+        if not held and not np.allclose(self._handle.position, here, atol=1e-4):
+            self._handle.position = here
+        self._hint.position = (here[0], here[1], here[2] + 1.15 * HANDLE_SIZE)
+        if end is not None:
+            way = (end[0] - here[0], end[1] - here[1], end[2] + shapes.HANDLE_HEIGHT - here[2])
+            self._tether.position, self._tether.wxyz = here, along(way)
+            self._tether.scale = (1.0, 1.0, max(math.hypot(*way), 1e-3))
+
+    async def _dragged(self, event: Any) -> None:
+        """A drag of the handle: async, so that the viewer keeps the order of start, moves and end."""
+        x, y, z = (float(value) / UNITS for value in event.target.position)
+        self._on_drag((x, y, z), str(event.phase))
+
+
+def _scene(place: Sequence[float]) -> Vector | None:
+    """A position in the world [m] in scene units; None where it is not finite."""
+    x, y, z = place
+    if not (math.isfinite(x) and math.isfinite(y) and math.isfinite(z)):
+        return None
+    return UNITS * x, UNITS * y, UNITS * z
+
+
 class SpaceView:
-    """What a console shows of a session in three dimensions; made when the first such session is looked at.
+    """Display of a session in three dimensions; made when the first such session is looked at.
 
     Args:
         server: The viewer's server.
         image: The camera's panel.
-        tabs: Of the panel; one more is added.
+        tabs: Tabs of the panel; one more is added.
         hold: The handle in space.
 
     Attributes:
@@ -200,7 +214,7 @@ class SpaceView:
 
         Args:
             watched: The session, or a recording.
-            now: By the clock that it was heard by [s].
+            now: Time by the clock of reception [s].
             live: Whether a person can move the hand in it.
         """
         leader, scene = watched.space.leader, self._scene
@@ -211,7 +225,7 @@ class SpaceView:
             return
         self._write_legend(legend_html(scene.fixture.scale.edges) + _KEY)
         robot = watched.space.heard(watched.heard_sequence)
-        scene.label("rendered force", "" if robot is None else "delayed robot")
+        scene.probes.write("rendered force", "" if robot is None else "delayed robot")
 
     def _look(self, in_space: bool) -> None:
         """Move the cameras where sessions along a line and in space, live or recorded, take turns."""
@@ -253,15 +267,9 @@ class SpaceView:
         scene.draw_normal(point, normal, leader.depth > -NEAR)
 
     def _draw_probes(self, scene: SpaceScene, watched: Watched, leader: LeaderSpace) -> None:
-        state, robot = watched.leader, watched.space.heard(watched.heard_sequence)
-        if robot is not None:
-            scene.keep_apart(leader.place_x, robot.place_x)
-        deviation = math.nan if state is None else state.standard_deviation
-        scene.draw_probe((leader.place_x, leader.place_y, leader.place_z), _force(leader), deviation)
-        if robot is None:
-            scene.draw_robot(None, (0.0, 0.0, 0.0))
-        else:
-            scene.draw_robot((robot.place_x, robot.place_y, robot.place_z), _force(robot))
+        deviation = math.nan if watched.leader is None else watched.leader.standard_deviation
+        place = leader.place_x, leader.place_y, leader.place_z
+        scene.draw_probes(place, _force(leader), deviation, watched.space.heard(watched.heard_sequence))
 
     def _learnt(self, watched: Watched) -> MaterialField | None:
         """The field as the operator's side has it; each is read once."""
@@ -278,8 +286,7 @@ class SpaceView:
 
     def _write_legend(self, content: str) -> None:
         html_text = _LEGEND.format(content) if content else ""
-        if self._legend.content != html_text:
-            self._legend.content = html_text
+        put(self._legend, content=html_text)
 
     def _dragged(self, place: Vector, phase: str) -> None:
         self.hold.drag_to(place, phase)
@@ -311,7 +318,7 @@ def _key() -> str:
     rows = (
         (GREY, "Probe, now: where your hand is"),
         (VERMILLION, "Robot, delayed; outline: the fixture as the robot knows it"),
-        (BLUE, "Force on the hand, and its doubt"),
+        (BLUE, "Force on the hand, and its uncertainty"),
         (GREEN, "Normal of the surface"),
     )
     lines = (

@@ -20,13 +20,13 @@ COLOURS: tuple[Colour, ...] = (
 UNKNOWN: Colour = (190, 190, 190)
 """Where nothing was learnt."""
 LEAST_KNOWN = 0.5
-"""A place counts as known where learnt nodes have this share of its law."""
+"""Weight of learnt nodes in the law of a point from which its stiffness counts as known."""
 STEPS = (1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0)
 """A step is one of these times a power of ten."""
 SMALLEST, LARGEST = 1.0, 1e7
 """Steps stay within these [N/m]."""
 LEAST_SHARE = 0.05
-"""A step is at least this share of the scale's stiff end: less is noise, and one material has few colours."""
+"""Least step as a fraction of the scale's stiff end: less is noise, and one material has few colours."""
 CORNERS = np.array(list(itertools.product((0, 1), repeat=3)))
 WIDE = np.int64(1 << 20)
 
@@ -60,11 +60,11 @@ class StiffnessScale:
 
 
 def levels_of(edges: Array, stiffness: Array, known: NDArray[np.bool_]) -> NDArray[np.int64]:
-    """The step of each place: 0 where nothing was learnt, then 1 for the softest.
+    """The step of each point: 0 where nothing was learnt, then 1 for the softest.
 
     Args:
-        edges: Of a `StiffnessScale`.
-        stiffness: [N/m], shape (n,).
+        edges: Edges of a `StiffnessScale`.
+        stiffness: Local stiffness [N/m], shape (n,).
         known: Whether it was learnt, shape (n,).
     """
     if not len(edges):
@@ -74,11 +74,11 @@ def levels_of(edges: Array, stiffness: Array, known: NDArray[np.bool_]) -> NDArr
 
 
 def known_share(field: MaterialField, points: Array) -> Array:
-    """Which share of the law at each place comes from learnt nodes.
+    """Weight of the learnt nodes in the law at each point.
 
     Args:
         field: Materials.
-        points: In the fixture's frame [m], shape (n, 3).
+        points: Points in the fixture's frame [m], shape (n, 3).
     """
     if not len(field):
         return np.zeros(len(points))

@@ -61,6 +61,7 @@ class SteepestDescentOptions:
         require("initial_damping", self.initial_damping, at_least=0.0, at_most=LARGEST_DAMPING)
 
 
+@compiled
 def _update(
     theta: Array, memory: Array, bounds: Array, step: float, depth: float, velocity: float, force: float
 ) -> bool:
@@ -99,9 +100,6 @@ def _update(
     return True
 
 
-_compiled_update = compiled(_update)
-
-
 class _SteepestDescent(Estimator):
     """The descent that `SteepestDescent` explains, for each law of the family (4)."""
 
@@ -114,7 +112,7 @@ class _SteepestDescent(Estimator):
         self._bounds = np.array([*strengths, self._law.s_bounds, self._law.alpha_bounds])
         self.reset()
         # Compiled here, before any loop.
-        _compiled_update(np.zeros(4), np.array([1.0, 0.0, 1.0, 0.0]), self._bounds, 0.5, 1.0, 0.0, 1.0)
+        _update(np.zeros(4), np.array([1.0, 0.0, 1.0, 0.0]), self._bounds, 0.5, 1.0, 0.0, 1.0)
 
     def reset(self) -> None:
         """Forget all samples."""
@@ -133,7 +131,7 @@ class _SteepestDescent(Estimator):
         if self._memory[0] == 0.0:
             self._begin(depth, velocity, force)
             return Status.GATED
-        if not _compiled_update(self._theta, self._memory, self._bounds, self.options.step, depth, velocity, force):
+        if not _update(self._theta, self._memory, self._bounds, self.options.step, depth, velocity, force):
             return Status.GATED
         self.updates += 1
         return Status.LEARNT

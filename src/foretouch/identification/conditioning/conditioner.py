@@ -5,7 +5,10 @@ The lag is estimated as far as contact itself can tell.
 
 from __future__ import annotations
 
+import itertools
 import math
+from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -34,12 +37,13 @@ from foretouch.identification.conditioning.layout import (
     grow,
     make_state,
 )
+from foretouch.quantities import ByValue
 
 LONGEST_LAG = 0.05
-"""No sensor is later than this [s]."""
+"""Largest lag of a sensor [s]."""
 
 LEAST_TIME = 0.2
-"""Nothing is said from less moving contact [s]."""
+"""Least time of moving contact for an estimate [s]."""
 
 
 class SensorLag:
@@ -55,7 +59,7 @@ class SensorLag:
     over 5 s of moving contact.
 
     Attributes:
-        memory: All that is remembered, by `foretouch.identification.conditioning.kernel`.
+        memory: State of the estimate, by `foretouch.identification.conditioning.kernel`.
     """
 
     __slots__ = ("memory",)
@@ -73,16 +77,16 @@ class SensorLag:
         """Take one sample in contact.
 
         Args:
-            position: [m].
-            velocity: [m/s]; slower ones than 2 mm/s are left out.
-            force: [N].
-            period: Since the sample before [s].
+            position: Position [m].
+            velocity: Velocity [m/s]; samples slower than 2 mm/s are left out.
+            force: Force [N].
+            period: Time since the previous sample [s].
         """
         take_lagged(self.memory, position, velocity, force, period)
 
     @property
     def time(self) -> float:
-        """In moving contact so far [s]."""
+        """Time in moving contact so far [s]."""
         return float(self.memory[TIME])
 
     @property
@@ -96,7 +100,7 @@ class SensorLag:
 
     @property
     def standard_error(self) -> float | None:
-        """Of the lag [s], as if residuals were alike for 20 ms; None while too little is known."""
+        """Standard error of the lag [s], residuals taken as correlated over 20 ms; None while too little is known."""
         found = self._slopes()
         if found is None:
             return None
@@ -106,7 +110,7 @@ class SensorLag:
         return math.sqrt(residual * xx / (xx * vv - xv * xv) / independent) / stiffness
 
     def _slopes(self) -> tuple[float, float, float] | None:
-        """K [N/m], B - K delta [N s/m] and the variance of what they leave [N^2]."""
+        """K [N/m], B - K delta [N s/m] and the variance of the residuals [N^2]."""
         xx, xv, vv, xf, vf, ff = self.memory[PRODUCTS:].tolist()
         determinant = xx * vv - xv * xv
         if self.time < LEAST_TIME or not determinant > 1e-6 * xx * vv:
@@ -120,40 +124,14 @@ class SensorLag:
 Array = NDArray[np.float64]
 
 
-def sample_columns(
-    time: ArrayLike, depth: ArrayLike, velocity: ArrayLike, force: ArrayLike, in_contact: ArrayLike
-) -> tuple[Array, Array, Array, Array, NDArray[np.bool_]]:
-    """Contiguous columns of one length.
-
-    Args:
-        time: [s], shape (n,).
-        depth: Below the surface [m], shape (n,).
-        velocity: [m/s], shape (n,).
-        force: Less the offset [N], shape (n,).
-        in_contact: Whether the probe touches, shape (n,).
-
-    Raises:
-        InputError: Columns of unlike shape.
-    """
-    numbers = [np.ascontiguousarray(column, np.float64) for column in (time, depth, velocity, force)]
-    touching = np.ascontiguousarray(in_contact, np.bool_)
-    shapes = [column.shape for column in (*numbers, touching)]
-    if len(set(shapes)) > 1 or len(shapes[0]) != 1:
-        raise InputError(
-            f"time, depth, velocity, force, in_contact have the shapes {', '.join(map(str, shapes))}: "
-            "they must be columns of one length"
-        )
-    return numbers[0], numbers[1], numbers[2], numbers[3], touching
-
-
 class ContactSample(NamedTuple):
     """One conditioned sample.
 
     Attributes:
-        time: [s].
-        depth: Below the surface [m]; NaN before the surface is known.
-        velocity: [m/s], positive while deepening.
-        force: Less the offset [N].
+        time: Time of the sample [s].
+        depth: Depth below the surface [m]; NaN before the surface is known.
+        velocity: Velocity [m/s], positive while deepening.
+        force: Force less the offset [N].
         in_contact: Whether the probe is judged to touch.
     """
 
@@ -164,11 +142,64 @@ class ContactSample(NamedTuple):
     in_contact: bool
 
 
+@dataclass(frozen=True, eq=False, init=False)
+class ContactSamples(ByValue):
+    """Conditioned samples of a recording, as columns of shape (n,); see `ContactSample`.
+
+    Args:
+        time: [s].
+        depth: Below the surface [m]; NaN before the surface is known.
+        velocity: [m/s], positive while deepening.
+        force: Less the offset [N].
+        in_contact: Whether the probe is judged to touch; None for all the time.
+
+    Raises:
+        InputError: Columns of unlike shape.
+    """
+
+    time: Array
+    depth: Array
+    velocity: Array
+    force: Array
+    in_contact: NDArray[np.bool_]
+
+    def __init__(
+        self,
+        time: ArrayLike,
+        depth: ArrayLike,
+        velocity: ArrayLike,
+        force: ArrayLike,
+        in_contact: ArrayLike | None = None,
+    ) -> None:
+        numbers = [np.ascontiguousarray(column, np.float64) for column in (time, depth, velocity, force)]
+        touching = np.ones(numbers[0].shape, np.bool_) if in_contact is None else np.ascontiguousarray(in_contact, bool)
+        shapes = [column.shape for column in (*numbers, touching)]
+        if len(set(shapes)) > 1 or len(shapes[0]) != 1:
+            raise InputError(
+                f"time, depth, velocity, force, in_contact have the shapes {', '.join(map(str, shapes))}: "
+                "they must be columns of one length"
+            )
+        for name, column in zip(ContactSample._fields, (*numbers, touching), strict=True):
+            object.__setattr__(self, name, column)
+
+    @property
+    def columns(self) -> tuple[Array, Array, Array, Array, NDArray[np.bool_]]:
+        """Time, depth, velocity, force and contact, contiguous."""
+        return self.time, self.depth, self.velocity, self.force, self.in_contact
+
+    def __len__(self) -> int:
+        return self.time.size
+
+    def __iter__(self) -> Iterator[ContactSample]:
+        columns = (column.tolist() for column in self.columns)
+        return itertools.starmap(ContactSample, zip(*columns, strict=True))
+
+
 class Conditioner:
-    """Finds force offset, contact and surface as the samples come.
+    """Estimates force offset, contact and surface as the samples come.
 
     - **Offset**: the lowest mean force over 50 ms so far, of the windows that are not much noisier than the
-      quietest. Where a recording never leaves contact this is a convention; nothing in the data can tell.
+      quietest. Where a recording never leaves contact this is a convention; the data cannot determine it.
     - **Contact** begins when the force rises above a threshold, the largest of the contact floor, six standard
       deviations of the force in the window that gave the offset (at most half as much again as in the quietest window
       so far), and 5 % of the largest force so far; it ends at half of it.
@@ -214,11 +245,11 @@ class Conditioner:
         self.recall()
 
     def make_room(self) -> None:
-        """Let more samples fall into the 50 ms than ever so far, where they do."""
+        """Enlarge the memory where 50 ms hold more samples than before."""
         self.memory = grow(self.memory)
 
     def recall(self) -> None:
-        """Show what stands in the memory, after compiled code has changed it."""
+        """Take over the state of the memory after compiled code has changed it."""
         self.surface, self.surface_error, self.force_offset = self.memory[SURFACE : OFFSET + 1].tolist()
         self.in_contact = bool(self.memory[IN_CONTACT])
 
@@ -227,12 +258,12 @@ class Conditioner:
         lose_surface(self.memory)
         self.recall()
 
-    def doubt_surface(self) -> None:
+    def distrust_surface(self) -> None:
         """Find the surface anew where the next contact begins: the probe goes elsewhere. One that was given stays."""
         self.memory[SURFACE_THRESHOLD] = 0.0
 
     def shift(self, change: float) -> None:
-        """What is pressed has moved by so much [m], deeper where positive: the surface goes with it, unless given."""
+        """Shift the surface with a material that moved by this [m], positive if deeper; a given surface stays."""
         if self._given[0] is None and math.isfinite(change):
             self.memory[[SURFACE, FREE_PLACE, LAST_ONSET]] += change
             self.recall()

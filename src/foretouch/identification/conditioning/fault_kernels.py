@@ -1,29 +1,29 @@
-r"""Watches for a force that does not belong to what the robot does, compiled: a lost contact, an offset that steps.
+r"""Fault detection for a measured force that contradicts the robot's motion, compiled: lost contact, stepping offset.
 
-Two things speak against a force in contact:
+Two signs show that a force in contact is wrong:
 
-- **depth**: within 8 ms it falls below 0.4 of what no material explains, for three samples:
+- **depth**: within 8 ms it falls below 0.4 of what no material could have lost, for three samples:
 
   .. math:: F < 0.4\,\big(F_0 - b\,(v_0 - v) - K\,(x_0 - x + \epsilon)\big) - 0.2\ \mathrm{N}
 
-  with force, place and speed of 8 ms ago, each part only where it is positive: what the probe has slowed down frees no
-  more than the damping of b = 500 N s/m, what it has gone out by, on the mean of four samples and 5 um more, no
-  more than a stiffness of K = 200 kN/m, and what relaxes at once is less than 0.6;
-- **the drive's effort**, where the robot tells it: force and what the drive pushes with differ by more than 2 N and a
-  fifth of the larger for 30 ms, both low-passed with 4 ms.
+  with force, position and speed of 8 ms ago (index 0), each term only where it is positive: slowing down frees no more
+  than the damping of b = 500 N s/m, going outwards, on the mean of four samples and 5 um more, no more than a stiffness
+  of K = 200 kN/m, and what relaxes at once is less than 0.6;
+- **the drive's effort**, where the robot measures it: force and effort of the drive differ by more than 2 N and a fifth
+  of the larger for 30 ms, both low-passed with 4 ms.
 
 A force that changes without contact is a step of the sensor's offset. It is a fault as soon as one of these holds:
 
-- **still**: the force steps within two samples, by at least 0.3 N and fifteen spreads of the force before
-  (fading mean and variance, 10 ms), and for 50 ms both it stays level and the probe within 50 um;
-- **pulling**: the force steps like that and stays for 50 ms by 0.3 N below the zero; a contact never pulls;
-- **free motion**: the probe goes outwards by 1 mm for at least 50 ms, the force stays level (within 0.3 N) and is
-  0.6 N above the zero, where the way out was free the last time.
+- **still**: the force steps within two samples, by at least 0.3 N and fifteen standard deviations of the force before
+  (fading mean and variance, 10 ms), and for 50 ms it stays level and the probe stays within 50 um;
+- **pulling**: the force steps like that and stays for 50 ms 0.3 N below the zero; a contact never pulls;
+- **free motion**: the probe goes outwards by 1 mm for at least 50 ms, the force stays level (within 0.3 N) and is 0.6 N
+  above the zero, where the last motion outwards was free.
 
-The zero is the force in free air, not known at first. The lowest level of such a way out is it; those up to 0.15 N
-above it draw it up slowly, in 60 s. A soft foam can be as level as free air, but not where there was free air.
+The zero is the force in free air, not known at first. It is the lowest level of such a motion; levels up to 0.15 N
+above it raise it slowly, in 60 s. A soft foam can be as level as free air, but not where there was free air.
 
-Nothing is said from two samples that span more than 3 ms, nor of smaller steps.
+Two samples that span more than 3 ms, and smaller steps, are not judged.
 """
 
 from __future__ import annotations
@@ -38,44 +38,44 @@ from foretouch.core.compiling import compiled
 Array = NDArray[np.float64]
 
 AGREES, LOST, DISAGREES = 0, 1, 2
-"""What is found: nothing, a contact that is lost, or a force that the drive does not bear out."""
+"""Result of the loss watch: no fault, a contact that is lost, or a force that contradicts the drive's effort."""
 
 SPAN, PLACES = 8e-3, 16
-"""A force is compared with that of so long ago [s], of so many samples at most."""
+"""Age [s] of the force that the newest is compared with, and the largest number of samples in that time."""
 
 LONGEST_PERIOD = 4e-3
-"""Samples that are further apart [s] say nothing of what is sudden."""
+"""Samples that are further apart than this [s] show nothing sudden."""
 
 WINDOW = 4
-"""A speed is that over so many samples, and a place their mean: the force follows later than this shows it."""
+"""Number of samples for a mean speed or position: the force follows later than these means show the motion."""
 
 KEPT = 0.4
-"""Share of a force that stays for a moment in every material whose probe stays."""
+"""Fraction of a force that remains for a moment in every material while the probe stays."""
 
 LEAST = 0.2
-"""What is missing is at least so much [N]: noise and zero of the sensor."""
+"""Least missing force [N] that counts, above noise and zero error of the sensor."""
 
 TOUCHING = 1.0
-"""What no material explains is at least so much [N]: less may be the sensor's zero."""
+"""Least expected remaining force [N] that is judged: less may be the sensor's zero."""
 
 DAMPED, STIFF = 500.0, 2e5
-"""No material is more damped [N s/m] or, on the way out, stiffer [N/m]: twice what is reckoned with on the way in."""
+"""Largest damping [N s/m] and unloading stiffness [N/m] of any material: twice the largest assumed in loading."""
 
 SLACK = 5e-6
-"""The probe may have gone out by so much more than an encoder shows [m]."""
+"""Distance that the probe may have gone out beyond what an encoder shows [m]."""
 
 LOSS_CONFIRMED = 3
-"""Samples in a row that show it: a spike is one."""
+"""Number of samples in a row that must show a loss: one alone may be a spike."""
 
 EFFORT_TIME, EFFORT_WAIT = 0.004, 0.03
-"""Time constant of the low-passes, and for how long they differ [s]: longer than any impact."""
+"""Time constant of the low-passes, and time for which they must differ [s]: longer than any impact."""
 
 EFFORT_LEAST, EFFORT_SHARE = 2.0, 0.2
-"""By how much they differ [N], and as a share of the larger: friction of the drive is in it."""
+"""Least difference [N], and its least ratio to the larger of the two: friction of the drive is in it."""
 
 COUNT, AT, LOSS_LOW, EFFORT, FELT, DIFFERS = 0, 1, 2, 3, 4, 5
-"""Places in the array: samples in the rings; where the next goes; samples in a row with a force that is too low; effort
-and force, low-passed [N]; and for how long they differ [s]."""
+"""Indices in the array: number of samples in the rings; next index to write; number of samples in a row with a force
+that is too low; effort and force, low-passed [N]; and time for which they differ [s]."""
 
 TIMES, POSITIONS, FORCES = 6, 6 + PLACES, 6 + 2 * PLACES
 """Rings of the newest samples [s, m, N]."""
@@ -91,20 +91,20 @@ def begin_loss(loss: Array) -> None:
 
 @compiled
 def is_falling(loss: Array) -> bool:
-    """Whether a contact is perhaps lost: it is not certain yet."""
+    """Whether a contact may be lost, before that is confirmed."""
     return bool(loss[LOSS_LOW] > 0.0)
 
 
 @compiled
 def _speed(loss: Array, at: int) -> float:
-    """Mean speed over the samples up to a place in the rings [m/s]."""
+    """Mean speed over the samples up to an index in the rings [m/s]."""
     before = (at + PLACES - WINDOW) % PLACES
     return float((loss[POSITIONS + at] - loss[POSITIONS + before]) / max(loss[TIMES + at] - loss[TIMES + before], 1e-4))
 
 
 @compiled
 def _place(loss: Array, at: int) -> float:
-    """Mean position of the samples up to a place in the rings [m]."""
+    """Mean position of the samples up to an index in the rings [m]."""
     total = 0.0
     for back in range(WINDOW):
         total += loss[POSITIONS + (at + PLACES - back) % PLACES]
@@ -113,7 +113,7 @@ def _place(loss: Array, at: int) -> float:
 
 @compiled
 def _is_low(loss: Array, newest: int, zero: float) -> bool:
-    """Whether the newest force is less than what a moment ago leaves."""
+    """Whether the newest force is below what must remain of that of a moment ago."""
     then = newest
     for _ in range(PLACES - WINDOW - 2):
         then = (then + PLACES - 1) % PLACES
@@ -129,7 +129,7 @@ def _is_low(loss: Array, newest: int, zero: float) -> bool:
 
 @compiled
 def _disagrees(loss: Array, force: float, effort: float, period: float) -> bool:
-    """Whether the drive has pushed for long with something else than what is felt."""
+    """Whether the effort of the drive has differed from the measured force for long."""
     if not math.isfinite(effort):
         return False
     gain = 1.0 - math.exp(-period / EFFORT_TIME)
@@ -148,13 +148,13 @@ def find_loss(loss: Array, time: float, position: float, force: float, zero: flo
     """Take one finite sample.
 
     Args:
-        loss: Written, shape (LOSS_SIZE,).
-        time: [s].
-        position: [m].
-        force: Of the sensor, less what tool weight and inertia make of it [N].
-        zero: What it shows in free air, as far as that is known [N].
-        effort: What the drive pushes inwards with, beyond weight and inertia [N]; NaN where it is not told.
-        slid: By how much the probe has moved across the surface since the sample before [m]: it may have left it.
+        loss: State of the watch, written, shape (LOSS_SIZE,).
+        time: Time of the sample [s].
+        position: Position of the probe [m].
+        force: Force of the sensor, less tool weight and inertia [N].
+        zero: Force of the sensor in free air, as far as that is known [N].
+        effort: Inward force of the drive, less weight and inertia [N]; NaN where it is not measured.
+        slid: Distance the probe has moved across the surface since the previous sample [m]: it may have left it.
 
     Returns:
         `AGREES`, `LOST` or `DISAGREES`.
@@ -179,77 +179,76 @@ def find_loss(loss: Array, time: float, position: float, force: float, zero: flo
 
 
 NOISE_FACTOR = 15.0
-"""A step is at least this many standard deviations of the force before it."""
+"""Least step, as a multiple of the standard deviation of the force before it."""
 
 LEVEL_SHARE = 0.3
-"""Behind a step the force stays level to this share of its size: 4.5 standard deviations of the smallest."""
+"""Largest deviation after a step, as a fraction of its size: 4.5 standard deviations of the smallest."""
 
 LONGEST_RISE = 3e-3
-"""The two samples of a step span at most this [s]: in a longer time a stiff contact rises as much."""
+"""Longest time between the two samples of a step [s]: in more time a stiff contact rises as much."""
 
 LEVEL_TIME = 0.01
-"""Time constant of level and spread [s]."""
+"""Time constant of level and variance [s]."""
 
 QUIET_BEFORE = 0.03
-"""So long there was nothing unusual before a step [s]."""
+"""Time before a step without another step [s]."""
 
 CONFIRMING = 5
-"""So many samples after a step lie level."""
+"""Number of level samples that confirm a step."""
 
 HOLD = 0.05
-"""A level has stayed when it has stayed so long [s]."""
+"""Time after which a level has stayed [s]."""
 
 STILL = 5e-5
 """A probe that stays within this [m] is still."""
 
 FREE_WAY = 1e-3
-"""A force that stays level over so long a way outwards [m] is that of free air: a material would give way."""
+"""Distance outwards [m] over which a level force is that of free air: a material would give way."""
 
 TURN = 1e-4
-"""A probe that goes deeper by this [m] no longer goes outwards."""
+"""A probe that goes deeper by this distance [m] no longer goes outwards."""
 
 FREE_FACTOR = 2.0
-"""Free air shows a lost zero from so many times the least step: friction of the mechanism is in it."""
+"""Multiple of the least step from which free air shows a wrong zero: friction of the mechanism is in it."""
 
 FREE_SHARE = 0.5
-"""A way out was free for sure where its level is no further above the zero than this share of the least step."""
+"""A motion outwards was certainly free where its level is above the zero by at most this fraction of the least step."""
 
 DRIFT_TIME = 60.0
 """Time constant in which the zero follows what free air shows [s of free motion]."""
 
 LEAST_STEP, ZERO, EDGE = 0, 1, 2
-"""Places in the array of what lasts: the least step that is looked for [N], the zero [N], NaN before it is known, and
-the innermost place of the newest way that was free [m]."""
+"""Indices in the array of lasting values: the least step that is detected [N], the zero [N], NaN before it is known,
+and the innermost position of the newest free motion [m]."""
 
 NEWEST, NEWEST_FORCE, SECOND, SECOND_FORCE = 3, 4, 5, 6
-"""Positions and forces of the last two samples [m, N]; NaN for none."""
+"""Indices of positions and forces of the last two samples [m, N]; NaN for none."""
 
 QUIET, LEVEL, VARIANCE = 7, 8, 9
-"""For how long there was nothing unusual [s]; level and variance of the force up to two samples ago [N, N^2]."""
+"""Indices of the time without a step [s], and of level and variance of the force up to two samples ago [N, N^2]."""
 
 AGE, BEFORE, RISE, OFFSET_CONFIRMED, LEVEL_AFTER, OFFSET_LOW, HIGH = 10, 11, 12, 13, 14, 15, 16
-"""Of the step that is being judged: its age [s], infinite for none; the level before it, and by how much it rose [N];
+"""Indices of the step that is being judged: its age [s], infinite for none; the level before it and its rise [N]; the
 samples that have confirmed it and their level [N]; the innermost and the outermost position since [m]."""
 
 FREE_FROM, OUTERMOST, FREE_LOW, FREE_HIGH, FREE_AGE, GOES_ON = 17, 18, 19, 20, 21, 22
-"""Of a way that may be free: where it began and the outermost place [m], the lowest and the highest force [N], its age
-[s], and whether it is the rest of one that was free so far."""
+"""Indices of a motion that may be free: where it began and its outermost position [m], its lowest and highest force
+[N], its age [s], and whether it continues one that was free up to there."""
 
 OFFSET_SIZE = 23
 
 
-def _set_out(step: Array, position: float, force: float, goes_on: bool) -> None:
-    """Begin to look for free motion here, perhaps as the rest of a way that was free so far."""
+@compiled
+def _sets_out(step: Array, position: float, force: float, goes_on: bool) -> None:
+    """Begin to look for free motion here, perhaps as the rest of a motion that was free up to here."""
     step[FREE_FROM] = step[OUTERMOST] = position
     step[FREE_LOW] = step[FREE_HIGH] = force
     step[FREE_AGE] = 0.0
     step[GOES_ON] = 1.0 if goes_on else 0.0
 
 
-_sets_out = compiled(_set_out)
-
-
-def _restart(step: Array) -> None:
+@compiled
+def restart_steps(step: Array) -> None:
     """Forget the samples so far, but not the zero."""
     step[NEWEST : SECOND_FORCE + 1] = math.nan
     step[QUIET] = step[LEVEL] = step[VARIANCE] = 0.0
@@ -257,31 +256,25 @@ def _restart(step: Array) -> None:
     _sets_out(step, -math.inf, 0.0, False)  # the first sample lies further in
 
 
-restart_steps = compiled(_restart)
-
-
-def _begin(step: Array) -> None:
+@compiled
+def begin_steps(step: Array) -> None:
     """Forget everything but the least step."""
     step[ZERO], step[EDGE] = math.nan, -math.inf
     restart_steps(step)
 
 
-begin_steps = compiled(_begin)
-
-
-def _is_step(step: Array, force: float) -> bool:
-    """Whether the force has stepped since the sample before last."""
+@compiled
+def _has_stepped(step: Array, force: float) -> bool:
+    """Whether the force has stepped since the sample before the previous one."""
     second, spread = step[SECOND_FORCE], math.sqrt(step[VARIANCE])
     if step[QUIET] < QUIET_BEFORE or abs(force - second) < max(step[LEAST_STEP], NOISE_FACTOR * spread):
         return False
     return bool(abs(second - step[LEVEL]) <= 4.0 * spread + 0.1 * step[LEAST_STEP])
 
 
-_has_stepped = compiled(_is_step)
-
-
+@compiled
 def _learn(step: Array, period: float) -> None:
-    """Level and spread of the force up to two samples ago."""
+    """Update level and variance of the force up to two samples ago."""
     force = step[SECOND_FORCE]
     if step[QUIET] == 0.0:
         step[LEVEL], step[VARIANCE] = force, 0.0
@@ -292,17 +285,15 @@ def _learn(step: Array, period: float) -> None:
     step[VARIANCE] += share * ((1.0 - share) * away * away - step[VARIANCE])
 
 
-_learnt = compiled(_learn)
-
-
 @compiled
 def has_fallen(step: Array) -> bool:
-    """Whether a step is being judged that took force away: who goes deeper now would not know how hard."""
+    """Whether the step being judged lowered the force: an operator who presses deeper would not feel how hard."""
     return bool(step[AGE] < math.inf and step[RISE] < 0.0)
 
 
+@compiled
 def _judge(step: Array, force: float) -> None:
-    """Judge from now on a force that has stepped since the sample before last."""
+    """Begin to judge a force that has stepped since the sample before the previous one."""
     step[BEFORE], step[RISE] = step[LEVEL], force - step[SECOND_FORCE]
     step[AGE], step[OFFSET_CONFIRMED], step[LEVEL_AFTER] = 0.0, 0.0, force
     _sets_out(step, -math.inf, 0.0, False)
@@ -310,10 +301,8 @@ def _judge(step: Array, force: float) -> None:
     step[QUIET] = 0.0
 
 
-_judged = compiled(_judge)
-
-
-def _stays(step: Array, position: float, force: float, period: float) -> bool:
+@compiled
+def _has_stayed(step: Array, position: float, force: float, period: float) -> bool:
     """Whether a step has stayed without a reason."""
     step[AGE] += period
     step[OFFSET_LOW], step[HIGH] = min(step[OFFSET_LOW], position), max(step[HIGH], position)
@@ -333,11 +322,9 @@ def _stays(step: Array, position: float, force: float, period: float) -> bool:
     return bool(step[HIGH] - step[OFFSET_LOW] <= STILL or step[LEVEL_AFTER] < step[ZERO] - step[LEAST_STEP])
 
 
-_has_stayed = compiled(_stays)
-
-
-def _moves_freely(step: Array, position: float, force: float, period: float) -> bool:
-    """Whether free air shows that the zero is lost."""
+@compiled
+def _is_free(step: Array, position: float, force: float, period: float) -> bool:
+    """Whether free air shows that the zero is wrong."""
     least = step[LEAST_STEP]
     low, high = min(step[FREE_LOW], force), max(step[FREE_HIGH], force)
     if position > step[OUTERMOST] + TURN or high - low > least:
@@ -353,9 +340,9 @@ def _moves_freely(step: Array, position: float, force: float, period: float) -> 
     if level >= step[ZERO] + FREE_FACTOR * least:
         _sets_out(step, position, force, False)
         return bool(begin <= step[EDGE])
-    if not level >= step[ZERO] - least:  # the first, or what was taken for free air was none
+    if not level >= step[ZERO] - least:  # the first, or the earlier level was not free air
         step[ZERO], step[EDGE] = level, begin
-    elif level > step[ZERO] + FREE_SHARE * least:  # neither free air for sure nor a lost zero
+    elif level > step[ZERO] + FREE_SHARE * least:  # neither certainly free air nor a wrong zero
         _sets_out(step, position, force, False)
         return False
     elif step[GOES_ON] == 0.0:
@@ -365,17 +352,15 @@ def _moves_freely(step: Array, position: float, force: float, period: float) -> 
     return False
 
 
-_is_free = compiled(_moves_freely)
-
-
-def _find(step: Array, position: float, force: float, period: float) -> bool:
-    """Take one finite sample; whether a step of the offset is found now.
+@compiled
+def find_step(step: Array, position: float, force: float, period: float) -> bool:
+    """Take one finite sample; return whether a step of the offset is detected now.
 
     Args:
-        step: Written, shape (OFFSET_SIZE,).
-        position: [m].
-        force: Less what tool weight and inertia make of it [N].
-        period: Since the sample before [s], positive.
+        step: State of the watch, written, shape (OFFSET_SIZE,).
+        position: Position of the probe [m].
+        force: Force less tool weight and inertia [N].
+        period: Time since the previous sample [s], positive.
     """
     if step[AGE] < math.inf:  # no zero is learnt from a step that is being judged
         found = _has_stayed(step, position, force, period)
@@ -383,12 +368,9 @@ def _find(step: Array, position: float, force: float, period: float) -> bool:
         found = _is_free(step, position, force, period)
     if not math.isnan(step[SECOND]):
         if 2.0 * period <= LONGEST_RISE and _has_stepped(step, force):
-            _judged(step, force)
+            _judge(step, force)
         else:
-            _learnt(step, period)
+            _learn(step, period)
     step[SECOND], step[SECOND_FORCE] = step[NEWEST], step[NEWEST_FORCE]
     step[NEWEST], step[NEWEST_FORCE] = position, force
     return found
-
-
-find_step = compiled(_find)

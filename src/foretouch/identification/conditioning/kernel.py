@@ -1,50 +1,18 @@
 """One raw sample conditioned, and the sums of the sensor's lag, compiled.
 
-What they do and why is told by `foretouch.identification.Conditioner` and `foretouch.identification.SensorLag`.
+The method and its reasons are in `foretouch.identification.Conditioner` and `foretouch.identification.SensorLag`.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
 
-from foretouch.core.compiling import compiled
-from foretouch.identification.conditioning.layout import (
-    BLOCK_BEFORE,
-    BLOCK_LOWEST,
-    BLOCK_TIME,
-    COLUMNS,
-    FLOOR,
-    FREE_PLACE,
-    IN_CONTACT,
-    LAG,
-    LAST_ONSET,
-    LATE_COUNT,
-    LATE_FIRST,
-    LOWEST_MEAN,
-    MOTION_PLACE,
-    MOTION_TIME,
-    NOISE,
-    OFFSET,
-    OFFSET_GIVEN,
-    PEAK,
-    QUIETEST,
-    REFERENCE,
-    RINGS,
-    SQUARES,
-    SUM,
-    SURFACE,
-    SURFACE_ERROR,
-    SURFACE_GIVEN,
-    SURFACE_THRESHOLD,
-    VELOCITY,
-    WINDOW_COUNT,
-    WINDOW_FIRST,
-    rings_are_full,
-)
+from foretouch.core.compiling import compiled, inlined
+from foretouch.identification.conditioning import layout as at
+from foretouch.identification.conditioning.layout import COLUMNS, rings_are_full
 from foretouch.models.predictor import VELOCITY_CUTOFF
 
 Array = NDArray[np.float64]
@@ -53,7 +21,7 @@ MEMORY = 5.0
 """Time in moving contact over which samples are remembered [s]."""
 
 SLOWEST = 2e-3
-"""Slower than this [m/s] nothing tells a lag."""
+"""Least speed [m/s] at which the lag can be estimated."""
 
 TIME, WEIGHT = 0, 1  # in moving contact, and the same fading [s]
 ORIGIN = 2  # of position and force, so that what is squared stays small; NaN before the first sample
@@ -62,16 +30,15 @@ PRODUCTS = 7  # centred: xx, xv, vv, xF, vF, FF
 SIZE = 13
 
 
-def _clear(state: Array) -> None:
+@compiled
+def clear(state: Array) -> None:
     """Forget all samples."""
     state[:] = 0.0
     state[ORIGIN : ORIGIN + 2] = math.nan
 
 
-clear = compiled(_clear)
-
-
-def _take_lagged(state: Array, position: float, velocity: float, force: float, period: float) -> None:
+@compiled(error_model="numpy")
+def take_lagged(state: Array, position: float, velocity: float, force: float, period: float) -> None:
     """`SensorLag.update` on its numbers, shape (SIZE,), in place."""
     if abs(velocity) < SLOWEST or not 0.0 < period < 1.0:
         return
@@ -96,12 +63,6 @@ def _take_lagged(state: Array, position: float, velocity: float, force: float, p
     state[PRODUCTS + 5] = kept * (state[PRODUCTS + 5] + share * (f * f))
 
 
-take_lagged = compiled(error_model="numpy")(_take_lagged)
-
-
-_compiled = compiled(error_model="numpy")
-_inlined = compiled(error_model="numpy", forceinline=True)
-
 OFFSET_WINDOW = 0.05
 """Length [s] of the window whose lowest mean so far is taken for the force in free air."""
 
@@ -112,74 +73,71 @@ SMALLEST_SPREAD = 0.005
 """Windows with less spread than this [N] are quiet, however quiet the quietest was."""
 
 QUIET_FACTOR = 4.0
-"""A window tells the force in free air only if its spread is at most this many times that of the quietest so far:
-when the tool is jerked, the sensor may show less than nothing for a moment."""
+"""A window shows the force in free air only if its spread is at most this many times that of the quietest so far: when
+the tool is jerked, the sensor may show less than nothing for a moment."""
 
 NOISE_FACTOR = 6.0
-"""Contact begins this many standard deviations of the free-air force above it."""
+"""Threshold of contact above the free-air force, in standard deviations of that force."""
 
 QUIET_SPREAD = 1.5
-"""The noise is at most this many times the spread of the quietest window so far: what chatters in free air is not the
-sensor's noise."""
+"""Largest ratio of the noise to the spread of the quietest window so far: what chatters in free air is not the sensor's
+noise."""
 
 PEAK_TIME = 0.005
-"""The largest force is the lowest in two blocks of this length [s]."""
+"""Length of a block [s]; the largest force is the lowest in two of them."""
 
 PEAK_SHARE = 0.05
-"""Contact begins at least this share of the largest force so far above free air: friction of the mechanism grows
+"""Least threshold of contact above free air, as a fraction of the largest force so far: friction of the mechanism grows
 with what presses it, and is no contact."""
 
 RELEASE_SHARE = 0.5
-"""Contact ends at this share of the threshold where it began."""
+"""Threshold of leaving contact, as a fraction of the threshold at which it began."""
 
-DOUBT_FACTOR = 2.0
-"""A surface that was found at a threshold this many times smaller than today's is looked for again."""
+UNCERTAINTY_FACTOR = 2.0
+"""Ratio of the threshold at which the surface was detected to that of now, from which on it is looked for again."""
 
 VELOCITY_RATE = 2.0 * math.pi * VELOCITY_CUTOFF
 
-is_full: Callable[[Array], bool] = _inlined(rings_are_full)
+is_full = inlined(rings_are_full)
 
 
-def _lose_surface(state: Array) -> None:
+@compiled(error_model="numpy")
+def lose_surface(state: Array) -> None:
     """Look for the surface again, unless it was given."""
-    if state[SURFACE_GIVEN] == 0.0:
-        state[SURFACE] = math.nan
-    state[PEAK] = 0.0
+    if state[at.SURFACE_GIVEN] == 0.0:
+        state[at.SURFACE] = math.nan
+    state[at.PEAK] = 0.0
 
 
-lose_surface: Callable[[Array], None] = _compiled(_lose_surface)
-
-
-def _move(state: Array, time: float, position: float) -> float:
-    """Velocity from positions, as `foretouch.models.MotionFilter` has it [m/s]."""
-    period = time - state[MOTION_TIME]
+@inlined
+def move(state: Array, time: float, position: float) -> float:
+    """Velocity from positions, as `foretouch.models.MotionFilter` computes it [m/s]."""
+    period = time - state[at.MOTION_TIME]
     if not period > 0.0:
-        if math.isnan(state[MOTION_TIME]):
-            state[MOTION_TIME], state[MOTION_PLACE] = time, position
-        return float(state[VELOCITY])
-    before = state[VELOCITY]
-    slope = (position - state[MOTION_PLACE]) / period
+        if math.isnan(state[at.MOTION_TIME]):
+            state[at.MOTION_TIME], state[at.MOTION_PLACE] = time, position
+        return float(state[at.VELOCITY])
+    before = state[at.VELOCITY]
+    slope = (position - state[at.MOTION_PLACE]) / period
     velocity = before + (1.0 - math.exp(-VELOCITY_RATE * period)) * (slope - before)
-    state[VELOCITY], state[MOTION_TIME], state[MOTION_PLACE] = velocity, time, position
+    state[at.VELOCITY], state[at.MOTION_TIME], state[at.MOTION_PLACE] = velocity, time, position
     return float(velocity)
 
 
-move: Callable[[Array, float, float], float] = _inlined(_move)
-
-
-def _delay(state: Array, time: float, position: float, velocity: float) -> tuple[float, float]:
-    """Position and velocity of one lag ago, between the samples around it; the first ones until there are such."""
-    capacity = (state.size - RINGS) // COLUMNS
-    times = RINGS + 2 * capacity
+@compiled(error_model="numpy")
+def delay(state: Array, time: float, position: float, velocity: float) -> tuple[float, float]:
+    """Position and velocity one lag ago, between the samples around that time; the first ones until there are such."""
+    capacity = (state.size - at.RINGS) // COLUMNS
+    times = at.RINGS + 2 * capacity
     places, speeds = times + capacity, times + 2 * capacity
-    first, count, wanted = int(state[LATE_FIRST]), int(state[LATE_COUNT]), time - state[LAG]
-    at = (first + count) % capacity
-    state[times + at], state[places + at], state[speeds + at] = time, position, velocity
+    first, count, wanted = int(state[at.LATE_FIRST]), int(state[at.LATE_COUNT]), time - state[at.LAG]
+    index = (first + count) % capacity
+    state[times + index], state[places + index], state[speeds + index] = time, position, velocity
     count += 1
     while count > 2 and state[times + (first + 1) % capacity] <= wanted:
         first = (first + 1) % capacity
         count -= 1
-    state[LATE_FIRST], state[LATE_COUNT] = first, count
+    state[at.LATE_FIRST], state[at.LATE_COUNT] = first, count
     second = (first + 1) % capacity if count > 1 else first
     span = state[times + second] - state[times + first]
     share = (wanted - state[times + first]) / span if span > 0.0 else 0.0
@@ -188,113 +146,104 @@ def _delay(state: Array, time: float, position: float, velocity: float) -> tuple
     return place + share * (state[places + second] - place), speed + share * (state[speeds + second] - speed)
 
 
-delay: Callable[[Array, float, float, float], tuple[float, float]] = _compiled(_delay)
-
-
-def _learn_offset(state: Array, time: float, force: float) -> None:
+@inlined
+def learn_offset(state: Array, time: float, force: float) -> None:
     """Keep mean and spread of the last 50 ms, and those of the quietest 50 ms so far."""
-    if math.isnan(state[REFERENCE]):
-        state[REFERENCE] = force
-    capacity = (state.size - RINGS) // COLUMNS
-    forces = RINGS + capacity
-    shifted = force - state[REFERENCE]
-    first, count = int(state[WINDOW_FIRST]), int(state[WINDOW_COUNT])
-    at = first + count
-    at = at - capacity if at >= capacity else at
-    state[RINGS + at], state[forces + at] = time, shifted
+    if math.isnan(state[at.REFERENCE]):
+        state[at.REFERENCE] = force
+    capacity = (state.size - at.RINGS) // COLUMNS
+    forces = at.RINGS + capacity
+    shifted = force - state[at.REFERENCE]
+    first, count = int(state[at.WINDOW_FIRST]), int(state[at.WINDOW_COUNT])
+    index = first + count
+    index = index - capacity if index >= capacity else index
+    state[at.RINGS + index], state[forces + index] = time, shifted
     count += 1
-    total, squares = state[SUM] + shifted, state[SQUARES] + shifted * shifted
+    total, squares = state[at.SUM] + shifted, state[at.SQUARES] + shifted * shifted
     full = False
-    while time - state[RINGS + first] >= OFFSET_WINDOW:
+    while time - state[at.RINGS + first] >= OFFSET_WINDOW:
         full = True
         old = state[forces + first]
         total -= old
         squares -= old * old
         first = first + 1 if first + 1 < capacity else 0
         count -= 1
-    state[WINDOW_FIRST], state[WINDOW_COUNT] = first, count
-    state[SUM], state[SQUARES] = total, squares
+    state[at.WINDOW_FIRST], state[at.WINDOW_COUNT] = first, count
+    state[at.SUM], state[at.SQUARES] = total, squares
     mean = total / count
     variance = squares / count - mean * mean
     spread = math.sqrt(variance) if variance > 0.0 else 0.0
     if full:
-        if spread < state[QUIETEST]:
-            state[QUIETEST] = spread
-        limit = QUIET_FACTOR * state[QUIETEST]
-        if mean >= state[LOWEST_MEAN] or spread > (limit if limit > SMALLEST_SPREAD else SMALLEST_SPREAD):
+        if spread < state[at.QUIETEST]:
+            state[at.QUIETEST] = spread
+        limit = QUIET_FACTOR * state[at.QUIETEST]
+        if mean >= state[at.LOWEST_MEAN] or spread > (limit if limit > SMALLEST_SPREAD else SMALLEST_SPREAD):
             return
-        state[LOWEST_MEAN] = mean
-    elif state[LOWEST_MEAN] < math.inf:
+        state[at.LOWEST_MEAN] = mean
+    elif state[at.LOWEST_MEAN] < math.inf:
         return
-    state[NOISE] = spread
-    if state[OFFSET_GIVEN] == 0.0:
-        state[OFFSET] = mean + state[REFERENCE]
+    state[at.NOISE] = spread
+    if state[at.OFFSET_GIVEN] == 0.0:
+        state[at.OFFSET] = mean + state[at.REFERENCE]
 
 
-learn_offset: Callable[[Array, float, float], None] = _inlined(_learn_offset)
-
-
-def _learn_peak(state: Array, time: float, force: float) -> None:
-    """The largest force that lasted: the lowest in two blocks of time, so that a spike of the sensor is none."""
-    lowest, before = state[BLOCK_LOWEST], state[BLOCK_BEFORE]
-    if time - state[BLOCK_TIME] < PEAK_TIME:
+@inlined
+def learn_peak(state: Array, time: float, force: float) -> None:
+    """The largest force that lasted: the lowest in two blocks of time, so that a spike of the sensor does not count."""
+    lowest, before = state[at.BLOCK_LOWEST], state[at.BLOCK_BEFORE]
+    if time - state[at.BLOCK_TIME] < PEAK_TIME:
         if force < lowest:
-            state[BLOCK_LOWEST] = force
+            state[at.BLOCK_LOWEST] = force
         return
-    state[BLOCK_TIME], state[BLOCK_LOWEST], state[BLOCK_BEFORE] = time, force, lowest
+    state[at.BLOCK_TIME], state[at.BLOCK_LOWEST], state[at.BLOCK_BEFORE] = time, force, lowest
     lasted = before if before < lowest else lowest
-    if before < math.inf and lasted > state[PEAK]:
-        state[PEAK] = lasted
+    if before < math.inf and lasted > state[at.PEAK]:
+        state[at.PEAK] = lasted
 
 
-learn_peak: Callable[[Array, float, float], None] = _inlined(_learn_peak)
-
-
-def _threshold(state: Array) -> float:
-    """Where contact begins [N]."""
-    noise, largest = state[NOISE], QUIET_SPREAD * state[QUIETEST]
+@inlined
+def threshold_of(state: Array) -> float:
+    """Threshold of contact [N]."""
+    noise, largest = state[at.NOISE], QUIET_SPREAD * state[at.QUIETEST]
     noise = NOISE_FACTOR * (largest if largest < noise else noise)
-    found, share = state[FLOOR], PEAK_SHARE * state[PEAK]
+    found, share = state[at.FLOOR], PEAK_SHARE * state[at.PEAK]
     found = noise if noise > found else found
     return float(share if share > found else found)
 
 
-threshold_of: Callable[[Array], float] = _inlined(_threshold)
+@compiled(error_model="numpy")
+def learn_surface(state: Array, position: float, threshold: float) -> None:
+    """Take the surface and its uncertainty from the beginning of a contact.
 
-
-def _learn_surface(state: Array, position: float, threshold: float) -> None:
-    """Take the surface from a contact that begins, and its doubt: how far on contact was sure, and where it was last.
-
-    Where a surface is known and not in doubt, the one further out is right.
+    The uncertainty is the distance over which contact became certain, and where it was last. Where a surface is known
+    and certain, the one further out is right.
     """
-    place = state[FREE_PLACE]
-    if math.isnan(state[SURFACE]) or threshold > DOUBT_FACTOR * state[SURFACE_THRESHOLD]:
-        state[SURFACE] = place
-        state[SURFACE_THRESHOLD] = threshold
-    elif place < state[SURFACE]:
-        state[SURFACE] = place
+    place = state[at.FREE_PLACE]
+    if math.isnan(state[at.SURFACE]) or threshold > UNCERTAINTY_FACTOR * state[at.SURFACE_THRESHOLD]:
+        state[at.SURFACE] = place
+        state[at.SURFACE_THRESHOLD] = threshold
+    elif place < state[at.SURFACE]:
+        state[at.SURFACE] = place
     width = abs(position - place) / math.sqrt(12.0)
-    apart = 0.0 if math.isnan(state[LAST_ONSET]) else abs(place - state[LAST_ONSET]) / math.sqrt(2.0)
-    state[LAST_ONSET] = place
-    newest, error = width * width + apart * apart, state[SURFACE_ERROR]
-    state[SURFACE_ERROR] = math.sqrt(newest if math.isnan(error) else 0.5 * (error * error + newest))
+    apart = 0.0 if math.isnan(state[at.LAST_ONSET]) else abs(place - state[at.LAST_ONSET]) / math.sqrt(2.0)
+    state[at.LAST_ONSET] = place
+    newest, error = width * width + apart * apart, state[at.SURFACE_ERROR]
+    state[at.SURFACE_ERROR] = math.sqrt(newest if math.isnan(error) else 0.5 * (error * error + newest))
 
 
-learn_surface: Callable[[Array, float, float], None] = _compiled(_learn_surface)
-
-
-def _condition(
+@inlined
+def condition(
     state: Array, time: float, position: float, force: float, velocity: float, measured: bool
 ) -> tuple[float, float, float, bool]:
     """One sample, in place; both rings have room for it (`is_full`).
 
     Args:
         state: Shape (RINGS + 5 n,).
-        time: [s].
-        position: [m].
-        force: With the offset [N].
-        velocity: [m/s].
-        measured: Whether that was measured; else it is found from the positions.
+        time: Time of the sample [s].
+        position: Measured position [m].
+        force: Measured force with the offset [N].
+        velocity: Velocity [m/s].
+        measured: Whether the velocity was measured; else it is estimated from the positions.
 
     Returns:
         Depth [m], velocity [m/s], force less the offset [N], and whether there is contact.
@@ -303,35 +252,34 @@ def _condition(
         return math.nan, 0.0, 0.0, False
     if not measured:
         velocity = move(state, time, position)
-    if state[LAG] > 0.0:
+    if state[at.LAG] > 0.0:
         position, velocity = delay(state, time, position, velocity)
     learn_offset(state, time, force)
-    force -= state[OFFSET]
+    force -= state[at.OFFSET]
     learn_peak(state, time, force)
     threshold = threshold_of(state)
-    given = state[SURFACE_GIVEN] != 0.0
-    touching = state[IN_CONTACT] != 0.0
+    given = state[at.SURFACE_GIVEN] != 0.0
+    touching = state[at.IN_CONTACT] != 0.0
     if touching:
         touching = force > RELEASE_SHARE * threshold
     else:
-        if force <= RELEASE_SHARE * threshold or math.isnan(state[FREE_PLACE]):
-            state[FREE_PLACE] = position
+        if force <= RELEASE_SHARE * threshold or math.isnan(state[at.FREE_PLACE]):
+            state[at.FREE_PLACE] = position
         if force > threshold:
             touching = True
             if not given:
                 learn_surface(state, position, threshold)
-    state[IN_CONTACT] = 1.0 if touching else 0.0
-    if touching and not given and position < state[SURFACE]:
-        state[SURFACE] = position
-    return position - state[SURFACE], velocity, force, touching
+    state[at.IN_CONTACT] = 1.0 if touching else 0.0
+    if touching and not given and position < state[at.SURFACE]:
+        state[at.SURFACE] = position
+    return position - state[at.SURFACE], velocity, force, touching
 
-
-condition: Callable[[Array, float, float, float, float, bool], tuple[float, float, float, bool]] = _inlined(_condition)
 
 Taken = tuple[float, float, float, bool, float, float, float, bool]
 
 
-def _take(state: Array, time: float, position: float, force: float, velocity: float, measured: bool) -> Taken:
+@compiled(error_model="numpy")
+def take(state: Array, time: float, position: float, force: float, velocity: float, measured: bool) -> Taken:
     """`condition` for a loop in Python.
 
     Returns:
@@ -339,8 +287,5 @@ def _take(state: Array, time: float, position: float, force: float, velocity: fl
         `grow` before the next sample.
     """
     depth, velocity, force, touching = condition(state, time, position, force, velocity, measured)
-    surface, error, offset = float(state[SURFACE]), float(state[SURFACE_ERROR]), float(state[OFFSET])
+    surface, error, offset = float(state[at.SURFACE]), float(state[at.SURFACE_ERROR]), float(state[at.OFFSET])
     return depth, velocity, force, touching, surface, error, offset, is_full(state)
-
-
-take: Callable[[Array, float, float, float, float, bool], Taken] = _compiled(_take)

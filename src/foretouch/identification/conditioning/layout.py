@@ -1,7 +1,7 @@
-"""What a conditioner remembers from sample to sample, by its place in one flat array; and what a sensor can be.
+"""Layout of the conditioner's memory in one flat array; and the states of a sensor.
 
-First numbers; then the last 50 ms of force, and the samples that wait for a late sensor, both as rings of one length,
-which the array's own length tells.
+Single numbers come first; then the last 50 ms of force, and the samples that wait for a late sensor, both as rings of
+one length, which follows from the length of the array.
 """
 
 from __future__ import annotations
@@ -15,26 +15,26 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-LAG = 0  # of the force sensor [s]
+LAG = 0  # lag of the force sensor [s]
 FLOOR = 1  # least force that counts as contact [N]
-SURFACE_GIVEN, OFFSET_GIVEN = 2, 3  # 1 where somebody has stated it
-SURFACE = 4  # [m], NaN while unknown
-SURFACE_ERROR = 5  # [m]
-OFFSET = 6  # [N]
+SURFACE_GIVEN, OFFSET_GIVEN = 2, 3  # 1 where the value was given
+SURFACE = 4  # position of the surface [m], NaN while unknown
+SURFACE_ERROR = 5  # standard error of the surface [m]
+OFFSET = 6  # force offset [N]
 IN_CONTACT = 7  # 1 in contact
 MOTION_TIME, MOTION_PLACE, VELOCITY = 8, 9, 10  # newest sample and velocity of the low-pass
-LAST_ONSET = 11  # where the contact before began [m]
+LAST_ONSET = 11  # where the previous contact began [m]
 REFERENCE = 12  # force that is subtracted before squaring, so that the running sums stay small [N]
-SUM, SQUARES = 13, 14  # over the window
-LOWEST_MEAN = 15  # of a quiet window [N]
+SUM, SQUARES = 13, 14  # sums of the force and its square over the window
+LOWEST_MEAN = 15  # lowest mean of a quiet window [N]
 NOISE = 16  # spread of the window that gave the offset [N]
 QUIETEST = 17  # least spread of a window [N]
 PEAK = 18  # largest force that lasted [N]
-BLOCK_TIME, BLOCK_LOWEST, BLOCK_BEFORE = 19, 20, 21  # begin and lowest force of a block, lowest of the one before
-SURFACE_THRESHOLD = 22  # at which the surface was found [N]
-FREE_PLACE = 23  # last position below the threshold of ending [m]
-WINDOW_FIRST, WINDOW_COUNT = 24, 25  # of the ring of forces
-LATE_FIRST, LATE_COUNT = 26, 27  # of the ring of samples that wait
+BLOCK_TIME, BLOCK_LOWEST, BLOCK_BEFORE = 19, 20, 21  # begin and lowest force of a block, lowest of the previous one
+SURFACE_THRESHOLD = 22  # threshold at which the surface was detected [N]
+FREE_PLACE = 23  # last position below the threshold of release [m]
+WINDOW_FIRST, WINDOW_COUNT = 24, 25  # first and number of the ring of forces
+LATE_FIRST, LATE_COUNT = 26, 27  # first and number of the ring of samples that wait
 RINGS = 28  # from here on: times and forces of the window; times, positions and velocities that wait
 
 COLUMNS = 5
@@ -42,7 +42,7 @@ _FIRST_CAPACITY = 128
 
 
 def make_state(surface: float | None, force_offset: float | None, contact_floor: float, sensor_lag: float) -> Array:
-    """The array of a conditioner that has seen nothing: see `conditioning.Conditioner` for the arguments."""
+    """Make the array of a conditioner without samples: see `conditioning.Conditioner` for the arguments."""
     state = np.zeros(RINGS + COLUMNS * _FIRST_CAPACITY)
     state[LAG], state[FLOOR] = sensor_lag, contact_floor
     state[SURFACE_GIVEN], state[OFFSET_GIVEN] = surface is not None, force_offset is not None
@@ -55,7 +55,7 @@ def make_state(surface: float | None, force_offset: float | None, contact_floor:
 
 
 def grow(state: Array) -> Array:
-    """The array, where a ring is full as a copy with rings of twice the length."""
+    """The array; where a ring is full, a copy with rings of twice the length."""
     if not rings_are_full(state):
         return state
     capacity = (state.size - RINGS) // COLUMNS
@@ -75,41 +75,41 @@ def rings_are_full(state: Array) -> bool:
 
 
 QUIET_TIME = 0.5
-"""A transient fault is over when nothing was found for so long [s]."""
+"""Time without another finding after which a transient fault is over [s]."""
 
 DROPOUT_TIME = 0.02
-"""Force and position that both repeat exactly for so long [s] are no new values."""
+"""Time after which force and position that both repeat exactly are not new values [s]."""
 
 STUCK_TIME = 0.1
-"""A force alone that repeats exactly for so long [s] is stuck."""
+"""Time after which a force that alone repeats exactly is stuck [s]."""
 
 REPEAT_FACTOR = 4.0
-"""Repeating is unusual from so many times the longest repetition so far: converters with few bits repeat too."""
+"""Least ratio of a repetition to the longest so far to be unusual: converters with few bits repeat too."""
 
 NOISY_SHARE = 0.2
-"""A force whose changes reverse in at least this share of samples has noise, and cannot stand; white noise has 2/3."""
+"""Least fraction of reversing changes of a force with noise, which cannot repeat; white noise has 2/3."""
 
 NOISE_SAMPLES = 50
-"""Noise is judged over about so many changes."""
+"""Number of changes over which noise is judged, about."""
 
 SPIKE_FACTOR = 10.0
-"""A spike is at least so many times the mean change between samples."""
+"""Least size of a spike, as a multiple of the mean change between samples."""
 
 ACTIVITY_TIME = 0.02
-"""Time constant of that mean [s]."""
+"""Time constant of the mean change between samples [s]."""
 
 LARGEST_IMPEDANCE = 600.0
-"""An impact at a speed v makes at most so many newtons for each m/s."""
+"""Largest ratio of the force of an impact to its speed [N s/m]."""
 
 LONGEST_GAP = 0.1
-"""Behind a longer gap in time [s] samples are not compared with those before it."""
+"""Longest gap in time [s] across which samples are compared."""
 
 LARGEST_VALUE = 1e6
-"""Numbers beyond this are none that a sensor means [m, N, s: times up to 1e12]."""
+"""Largest magnitude of a valid measurement [m, N, s: times up to 1e12]."""
 
 
 class SensorState(IntEnum):
-    """What is wrong with the sensors; `SENSOR_SENTENCES` has the sentence."""
+    """Fault of the sensors; `SENSOR_SENTENCES` has the sentence."""
 
     GOOD = 0
     NOT_FINITE = 1

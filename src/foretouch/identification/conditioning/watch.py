@@ -76,7 +76,7 @@ class SensorWatch:
 
     Attributes:
         state: The newest judgement.
-        doubtful: Whether a force has fallen and it is not certain yet if that is a fault: it shows where the probe
+        uncertain: Whether a force has fallen and it is not certain yet if that is a fault: it shows where the probe
             goes no deeper.
         effort: What the drive pushes inwards with, low-passed [N]; 0 where the robot does not tell.
 
@@ -84,7 +84,7 @@ class SensorWatch:
         SettingError: A setting out of range.
     """
 
-    __slots__ = ("_begin", "_look", "_numbers", "doubtful", "effort", "state")
+    __slots__ = ("_begin", "_look", "_numbers", "effort", "state", "uncertain")
 
     def __init__(
         self,
@@ -112,13 +112,13 @@ class SensorWatch:
         stays = (low + near[0], high - near[1], largest_speed, least_spike, moving_mass)
         self._numbers[kernel.LOWEST : kernel.STEP] = stays
         self._numbers[kernel.STEP + LEAST_STEP_AT] = least_step
-        self.doubtful, self.effort = False, 0.0
+        self.uncertain, self.effort = False, 0.0
         self.reset()
 
     def reset(self) -> None:
         """Believe the sensors again, and forget all samples: say this when they have been looked after."""
         self._begin(self._numbers)
-        self.state, self.doubtful = SensorState.GOOD, False
+        self.state, self.uncertain = SensorState.GOOD, False
 
     @property
     def sentence(self) -> str:
@@ -148,7 +148,7 @@ class SensorWatch:
             effort: What the drive pushes inwards with, beyond weight and inertia [N]; NaN where it is not told.
             slid: By how much the probe has moved across the surface since the sample before [m].
         """
-        found, self.doubtful, self.effort = self._look(
+        found, self.uncertain, self.effort = self._look(
             self._numbers, time, position, force, tool_force, zero, effort, slid
         )
         if found != self.state:

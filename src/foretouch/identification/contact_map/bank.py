@@ -1,4 +1,4 @@
-"""Our own learner of real materials: a contact map, with the paper's law as first guess and rival."""
+"""The package's own learner of real materials: a contact map, with the paper's law as first guess and rival."""
 
 from __future__ import annotations
 
@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from foretouch.errors import SettingError
 from foretouch.errors.checks import require
-from foretouch.identification.conditioning.conditioner import ContactSample, sample_columns
+from foretouch.identification.conditioning.conditioner import ContactSample, ContactSamples
+from foretouch.identification.contact_map import scores as at
 from foretouch.identification.contact_map.kernel import (
     FEWEST_UPDATES,
     FREE_AIR,
@@ -31,34 +32,18 @@ from foretouch.identification.contact_map.kernel import (
     take,
 )
 from foretouch.identification.contact_map.regression import make_regression, whole_covariance
-from foretouch.identification.contact_map.scores import (
-    ABSENT,
-    BEGIN_COARSE,
-    BEGIN_FINE,
-    BEGIN_FLAT,
-    BEGIN_LAW,
-    BEGIN_MEMORY,
-    BEGIN_NOTES,
-    BEGIN_RATES,
-    BEGIN_SETTINGS,
-    BEGIN_TIMES,
-    BEGUN,
-    CHANGES,
-    HORIZON,
-    TOTAL,
-    UPDATES,
-)
-from foretouch.identification.estimator import Estimator, Status
-from foretouch.identification.exact.recursive import ExactRecursive, ExactRecursiveOptions
-from foretouch.models import ContactMap, ContactModel, ContactState
+from foretouch.identification.contact_map.scores import TOTAL
+from foretouch.identification.estimator import Estimator, Status, status_indices
+from foretouch.identification.exact.recursive import ExactContinuousSwitching, ExactOptions
+from foretouch.models import ContactMapModel, ContactModel, ContactState
 from foretouch.models.contact_map.layout import COARSE, FINE, LAW, SHARES
 from foretouch.models.contact_map.wire import pack
 
 EXPERT_NAMES = ("law", "coarse", "fine")
-"""In the order of their shares."""
+"""Names of the experts, in the order of their weights."""
 
 LONGEST_HORIZON = 0.3
-"""Experts are scored on predictions at most this late [s]: on longer ones they are too much alike."""
+"""Largest delay of the predictions on which experts are scored [s]: over longer ones they are too much alike."""
 
 
 Array = NDArray[np.float64]
@@ -74,54 +59,54 @@ _STATUS = {
     RESTARTED: Status.RESTARTED,
 }
 _STATUSES = tuple(_STATUS[code] for code in range(len(_STATUS)))
-_PLACES = np.array([list(Status).index(status) for status in _STATUSES], np.int8)
+_INDICES = status_indices(_STATUSES)
 
 
-class ContactMapBank(Estimator):
-    r"""Learns a contact map (`foretouch.models.ContactMap`): two maps and the paper's law, scored on late predictions.
+class ContactMap(Estimator):
+    r"""Learns a `foretouch.models.ContactMapModel`: two maps and the paper's law, scored on late predictions.
 
     **Maps.** Their weights w are learnt by recursive least squares, 250 times a second, in contact and out of it,
 
     .. math::
         K = \frac{P h}{h^T P h + \sigma^2}, \quad w \leftarrow w + K (F - h^T w), \quad P \leftarrow P - K h^T P
 
-    where h holds the splines of the place and of the features. The prior is a cubic smoothing spline for the elastic
+    where h holds the splines of the position and of the features. The prior is a cubic smoothing spline for the elastic
     part, that is doubly integrated white noise, which goes on straight where nothing was learnt, and a smooth Gaussian
     process for each feature. Only the ratio of prior and noise matters, so that nothing depends on the unit of force;
-    and depth counts from the first contact, so that a surface found better later moves nothing. There is no forgetting
+    and depth counts from the first contact, so that a better surface later moves nothing. There is no forgetting
     towards the prior, but for a covariance that goes back to it in 50 minutes of contact.
 
-    **Law.** The exact law (4) by `ExactRecursive`: a first guess from twenty samples, right within 0.1 s after a
-    change, and the best where the material is of that kind.
+    **Law.** The exact law (4) by `ExactContinuousSwitching`: a first guess from twenty samples, right within 0.1 s
+    after a change, and the best where the material is of that kind.
 
-    **Shares.** Every 20 ms the whole is kept, and each expert's force from what was known a delay ago is compared with
-    what was felt since, where the place had been visited by then. With e_i the RMS error over about the last second of
-    contact and c_i penalties (1.2 for the law; for each map what its knots cannot resolve),
+    **Weights.** Every 20 ms a snapshot is kept, and each expert's force from the snapshot of a delay ago is compared
+    with the force measured since, where the position had been visited by then. With e_i the RMS error over about the
+    last second of contact and c_i penalties (1.2 for the law; for each map what its knots cannot resolve),
 
     .. math:: \pi_i \propto (c_i e_i)^{-8}
 
-    **Change.** Where over 0.05 s no map explains a force at a visited place to a quarter of the peak, the material has
-    changed: the maps begin anew, and until they are scored again the law's share is largest. Where instead of a force
-    nothing at all is felt, the material has gone, and the surface is looked for again.
+    **Change.** Where over 0.05 s no map explains a force at a visited position to a quarter of the peak, the material
+    has changed: the maps begin anew, and until they are scored again the law's weight is largest. Where no force at all
+    is measured instead, the material has gone, and the surface is looked for again.
 
-    **Doubt.** The variance of a late prediction is a constant and shares of the squares of force and speed, none of
-    them negative, by least squares on its own squared errors, scaled until one standard deviation holds 75 % of them:
-    their tails are heavier than a Gaussian's.
+    **Standard deviation.** The variance of a late prediction is a constant and multiples of the squares of force and
+    speed, none of them negative, by least squares on its own squared errors, scaled until one standard deviation holds
+    75 % of them: their tails are heavier than a Gaussian's.
 
     Args:
-        horizon: How late a prediction is that the experts are scored on [s], 0 to 2.
-        experts: Those that are asked, of ``law``, ``coarse`` and ``fine``.
+        horizon: Delay of the predictions that the experts are scored on [s], 0 to 2.
+        experts: Experts in use, of ``law``, ``coarse`` and ``fine``.
 
     Attributes:
-        changes: Sudden changes found since the last reset.
+        changes: Number of sudden changes detected since the last reset.
 
     Raises:
-        SettingError: A horizon out of range, or no or unknown experts.
+        SettingError: The horizon is out of range, or there are no or unknown experts.
 
     References:
         Wahba (1990), Spline Models for Observational Data; Rasmussen and Williams (2006), Gaussian Processes for
         Machine Learning, section 6.3; Jacobs, Jordan, Nowlan and Hinton (1991), Adaptive mixtures of local experts,
-        Neural Computation 3(1), for experts in shares. The paper's law: its equation (4).
+        Neural Computation 3(1), for weighted experts. The paper's law: its equation (4).
     """
 
     name: ClassVar[str] = "bank"
@@ -131,18 +116,20 @@ class ContactMapBank(Estimator):
         require("horizon", horizon, at_least=0.0, at_most=2.0)
         if not experts or not set(experts) <= set(EXPERT_NAMES):
             raise SettingError("experts", ", ".join(experts), f"must be some of {', '.join(EXPERT_NAMES)}")
-        # Residuals count as alike for 0.02 s, not 0.1: the law is asked where it holds, and there it may be quick.
-        self._law = ExactRecursive(ExactRecursiveOptions(correlation_time=0.02))
+        # Residuals count as correlated for 0.02 s, not 0.1: the law is used where it holds, and there it may be quick.
+        self._law = ExactContinuousSwitching(ExactOptions(correlation_time=0.02))
         self._state = np.zeros(TOTAL)
-        self._flat = self._state[BEGIN_FLAT:BEGIN_MEMORY]
-        self._memory = self._state[BEGIN_MEMORY:BEGIN_NOTES]
-        self._notes = self._state[BEGIN_NOTES:BEGIN_RATES]
-        self._law.place_in(self._state[BEGIN_LAW:BEGIN_SETTINGS], self._state[BEGIN_SETTINGS:BEGIN_TIMES])
-        self._regressions = (
-            make_regression(0, self._state[BEGIN_COARSE:BEGIN_FINE]),
-            make_regression(1, self._state[BEGIN_FINE:]),
+        self._flat = self._state[at.BEGIN_FLAT : at.BEGIN_MEMORY]
+        self._memory = self._state[at.BEGIN_MEMORY : at.BEGIN_NOTES]
+        self._notes = self._state[at.BEGIN_NOTES : at.BEGIN_RATES]
+        self._law.place_in(
+            self._state[at.BEGIN_LAW : at.BEGIN_SETTINGS], self._state[at.BEGIN_SETTINGS : at.BEGIN_TIMES]
         )
-        self._notes[ABSENT : ABSENT + len(EXPERT_NAMES)] = [name not in experts for name in EXPERT_NAMES]
+        self._regressions = (
+            make_regression(0, self._state[at.BEGIN_COARSE : at.BEGIN_FINE]),
+            make_regression(1, self._state[at.BEGIN_FINE :]),
+        )
+        self._notes[at.ABSENT : at.ABSENT + len(EXPERT_NAMES)] = [name not in experts for name in EXPERT_NAMES]
         self.horizon = horizon
         self.reset()
         take(self._state, 0.0, math.nan, 0.0, 0.0, False)  # compiled here, before any loop
@@ -151,18 +138,18 @@ class ContactMapBank(Estimator):
 
     @property
     def horizon(self) -> float:
-        """How late a prediction is that the experts are scored on [s]."""
-        return float(self._notes[HORIZON])
+        """Delay of the predictions that the experts are scored on [s]."""
+        return float(self._notes[at.HORIZON])
 
     @horizon.setter
     def horizon(self, horizon: float) -> None:
-        self._notes[HORIZON] = horizon
+        self._notes[at.HORIZON] = horizon
 
     def reset(self) -> None:
         """Forget all samples."""
-        self._notes[CHANGES] = 0.0
+        self._notes[at.CHANGES] = 0.0
         reset(self._state)
-        self._model: ContactMap | None = None
+        self._model: ContactMapModel | None = None
         self.updates = 0
         self.changes = 0
 
@@ -171,38 +158,21 @@ class ContactMapBank(Estimator):
         time, depth, velocity, force, in_contact = sample
         code = take(self._state, time, depth, velocity, force, in_contact)
         if code >= LEARNT:
-            self._told()
+            self._read_counts()
         return _STATUSES[code]
 
-    def _told(self) -> None:
-        """The compiled part has learnt."""
+    def _read_counts(self) -> None:
+        """Take over the counts of the compiled part; a model made before is out of date."""
         self._model = None
-        self.updates = int(self._notes[UPDATES])
-        self.changes = int(self._notes[CHANGES])
+        self.updates = int(self._notes[at.UPDATES])
+        self.changes = int(self._notes[at.CHANGES])
 
-    def run(
-        self, time: Array, depth: Array, velocity: Array, force: Array, in_contact: NDArray[np.bool_]
-    ) -> NDArray[np.int8]:
-        """`update` with every sample of a recording, in one compiled loop: the same numbers, bit for bit.
-
-        Args:
-            time: [s], shape (n,).
-            depth: [m], NaN before the surface is known, shape (n,).
-            velocity: [m/s], shape (n,).
-            force: Less the offset [N], shape (n,).
-            in_contact: Shape (n,).
-
-        Returns:
-            What was done with each sample, as places in `Status`, shape (n,).
-
-        Raises:
-            InputError: Columns of unlike shape.
-        """
-        columns = sample_columns(time, depth, velocity, force, in_contact)
-        codes = np.empty(columns[0].size, np.int8)
-        run(self._state, *columns, codes)
-        self._told()
-        return _PLACES[codes]
+    def run(self, samples: ContactSamples) -> NDArray[np.int8]:
+        """See `Estimator.run`; one compiled loop."""
+        codes = np.empty(len(samples), np.int8)
+        run(self._state, *samples.columns, codes)
+        self._read_counts()
+        return _INDICES[codes]
 
     def run_raw(
         self, conditioner: Array, lag: Array, notes: Array, rows: Array, measured: bool, told: RawColumns
@@ -210,29 +180,29 @@ class ContactMapBank(Estimator):
         """Condition and learn from raw samples, in one compiled loop: the same numbers as sample by sample.
 
         Args:
-            conditioner: What a `Conditioner` remembers; it goes on in place.
-            lag: What a `SensorLag` remembers; it goes on in place.
-            notes: Of `contact_map.kernel.make_notes` before the first block; it goes on in place.
+            conditioner: State of a `Conditioner`; changed in place.
+            lag: State of a `SensorLag`; changed in place.
+            notes: Array of `contact_map.kernel.make_notes` before the first block; changed in place.
             rows: Time [s], position [m], force [N] and velocity [m/s], shape (4, m).
-            measured: Whether velocities were measured; else they are found from the positions.
-            told: Whether there is contact, force less the offset [N] and residual [N], shape (m,) each, written.
+            measured: Whether velocities were measured; else they are estimated from the positions.
+            told: Contact, force less the offset [N] and residual [N], shape (m,) each, written.
 
         Returns:
-            How many samples were taken, fewer than m where the conditioner needs room before the next; and what was
-            done with the last.
+            Number of samples taken, fewer than m where the conditioner needs room before the next; and the status of
+                the last.
         """
         taken, code = run_raw(self._state, conditioner, lag, notes, rows, measured, *told)
-        self._told()
+        self._read_counts()
         return taken, _STATUSES[code]
 
     def covariance(self, expert: str) -> Array:
-        """Covariance P of the weights of the ``coarse`` or the ``fine`` map, those where nothing was felt too.
+        """Covariance P of the weights of the ``coarse`` or the ``fine`` map, including those without samples.
 
         Returns:
             Shape (n, n), in the unit in which the noise is 0.3.
 
         Raises:
-            SettingError: An expert without weights.
+            SettingError: The expert has no weights.
         """
         if expert not in EXPERT_NAMES[1:]:
             raise SettingError("expert", expert, "must be coarse or fine")
@@ -241,13 +211,13 @@ class ContactMapBank(Estimator):
         return whole_covariance(self._flat[first:end], self._regressions[kind])[1]
 
     def expect_delay(self, delay: float) -> None:
-        """See `Estimator.expect_delay`: experts are scored on predictions that late, if it is no more than 0.3 s."""
+        """See `Estimator.expect_delay`: experts are scored on predictions of that delay, up to 0.3 s."""
         if math.isfinite(delay):
             self.horizon = min(max(delay, 0.0), LONGEST_HORIZON)
 
     @property
     def shares(self) -> dict[str, float]:
-        """Shares of the experts in the force, by name."""
+        """Weights of the experts in the force, by name."""
         return dict(zip(EXPERT_NAMES, self._flat[SHARES : SHARES + len(EXPERT_NAMES)].tolist(), strict=True))
 
     def trust_surface(self, trusted: bool) -> None:
@@ -260,20 +230,20 @@ class ContactMapBank(Estimator):
         self._model = None
 
     def move_offset(self, change: float) -> None:
-        """See `Estimator.move_offset`: the map keeps what the sensor said."""
+        """See `Estimator.move_offset`: the map keeps the raw forces."""
         move_offset(self._state, change)
         self._model = None
 
     @property
     def model(self) -> ContactModel | None:
         """See `Estimator.model`."""
-        if self.updates - self._notes[BEGUN] < FEWEST_UPDATES:
+        if self.updates - self._notes[at.BEGUN] < FEWEST_UPDATES:
             return None
         if self._model is None:
             try:
                 stiffness, damping, exponent, switching = self._flat[LAW : LAW + 4].tolist()
-                self._model = ContactMap(stiffness, damping, exponent, switching, pack(self._flat))
-            except SettingError:  # numbers that 32 bits do not hold
+                self._model = ContactMapModel(stiffness, damping, exponent, switching, pack(self._flat))
+            except SettingError:  # numbers beyond the range of 32 bits
                 return None
         return self._model
 
@@ -284,10 +254,10 @@ class ContactMapBank(Estimator):
 
     @property
     def parameters(self) -> dict[str, float | None]:
-        """The law's numbers, as the law's own estimator gives them, of the newest sample; a model's are an update's."""
+        """The law's numbers from its own estimator at the newest sample; a model's are those of its last update."""
         return self._law.parameters
 
     @property
     def standard_errors(self) -> dict[str, float | None] | None:
-        """Of the law's numbers."""
+        """Standard errors of the law's numbers."""
         return self._law.standard_errors

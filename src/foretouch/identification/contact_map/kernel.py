@@ -1,6 +1,6 @@
 """One sample for the whole bank of experts, and whole recordings of raw samples, compiled.
 
-What the bank does and why is told by `foretouch.identification.ContactMapBank`. A recording is one compiled loop, in
+What the bank does and why is told by `foretouch.identification.ContactMap`. A recording is one compiled loop, in
 which each sample is conditioned, compared with the model before it and learnt from: what `Learner.update` does, in its
 order and with the same functions; the residual is that of `identify`.
 """
@@ -8,7 +8,6 @@ order and with the same functions; the residual is that of `identify`.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,130 +15,86 @@ from numpy.typing import NDArray
 from foretouch.core.compiling import compiled
 from foretouch.identification.conditioning.kernel import clear, condition, is_full, lose_surface, take_lagged
 from foretouch.identification.conditioning.layout import OFFSET, SURFACE
+from foretouch.identification.contact_map import scores as at
 from foretouch.identification.contact_map.learning import ALARM_FROM, CHANGED, FAILED, PERIOD, learn, restart
 from foretouch.identification.contact_map.regression import regression
-from foretouch.identification.contact_map.scores import (
-    ABSENT,
-    BEGIN_COARSE,
-    BEGIN_FINE,
-    BEGIN_FLAT,
-    BEGIN_LAW,
-    BEGIN_MEMORY,
-    BEGIN_NOTES,
-    BEGIN_RATES,
-    BEGIN_SETTINGS,
-    BEGIN_TIMES,
-    BEGIN_VALUES,
-    BEGUN,
-    CHANGES,
-    CONTACT,
-    FIRST_DOUBT,
-    HORIZON,
-    LEARNT_AT,
-    MOMENTS,
-    PATIENCE,
-    SPREAD,
-    TIME,
-    TOUCHED,
-    UPDATES,
-)
+from foretouch.identification.contact_map.scores import FIRST_UNCERTAINTY
 from foretouch.identification.exact.belief import law_numbers
 from foretouch.identification.exact.belief import move_surface as move_law
 from foretouch.identification.exact.kernel import take as take_law
 from foretouch.identification.exact.law import COVARIANCE, NOTES, REFERENCE, THETA, UNKNOWNS
+from foretouch.models.contact_map import layout
 from foretouch.models.contact_map.kernel import rates, remember, step
-from foretouch.models.contact_map.layout import (
-    DOUBT,
-    DOUBTS,
-    EXPERTS,
-    FELT,
-    LARGEST_FORCE,
-    LAW,
-    LAW_SURFACE,
-    MEMORY,
-    ORIGIN,
-    SIZE,
-    ZERO,
-)
 from foretouch.models.contact_map.wire import sensible, transfer
 from foretouch.models.contact_model import LARGEST_DEPTH, LARGEST_SPEED
 
 Array = NDArray[np.float64]
 
-_compiled = compiled(error_model="numpy")
-_inlined = compiled(error_model="numpy", forceinline=True)
 
 FEWEST_UPDATES = 8
-"""No force is rendered from fewer samples."""
+"""Least number of samples from which a force is rendered."""
 
 LARGEST_SHIFT, LARGEST_SHIFT_IN_YOUTH, YOUTH = 9e-3, 1e-3, 0.3
-"""A surface that is found further than this [m] from where the map began is out of its reach: the map begins anew; at
-less in its first time in contact [s], for then the first contact was none and little is lost."""
+"""Largest shift of the surface from where the map began [m], after which the map begins anew; a smaller one in its
+first time in contact [s], for then the first contact was false and little is lost."""
 
 FREE_AIR, UNUSABLE, WAITING, LEARNT, LEARNT_IN_AIR, OTHER, GONE, RESTARTED = range(8)
-"""What a sample did: all from LEARNT on have changed the model. OTHER is a material that has become another one, and
-GONE one that is no longer there."""
+"""Result of a sample: all from LEARNT on have changed the model. OTHER is a material that has changed, and GONE one
+that is no longer there."""
 
 
-def _begin(state: Array) -> None:
+@compiled(error_model="numpy")
+def begin(state: Array) -> None:
     """Begin a map where the surface is now."""
-    flat, notes = state[BEGIN_FLAT:BEGIN_MEMORY], state[BEGIN_NOTES:BEGIN_RATES]
-    restart(flat, regression(state[BEGIN_COARSE:BEGIN_FINE], 0), regression(state[BEGIN_FINE:], 1), notes)
-    flat[ORIGIN] = flat[ZERO] = flat[FELT] = 0.0
-    flat[DOUBT : DOUBT + DOUBTS] = 0.0
-    flat[DOUBT + 1] = FIRST_DOUBT**2
-    notes[MOMENTS:SPREAD] = 0.0
-    notes[SPREAD] = 1.0
-    notes[LEARNT_AT] = -math.inf
-    state[BEGIN_MEMORY:BEGIN_NOTES] = math.nan
-    notes[BEGUN] = notes[UPDATES]
+    flat, notes = state[at.BEGIN_FLAT : at.BEGIN_MEMORY], state[at.BEGIN_NOTES : at.BEGIN_RATES]
+    restart(flat, regression(state[at.BEGIN_COARSE : at.BEGIN_FINE], 0), regression(state[at.BEGIN_FINE :], 1), notes)
+    flat[layout.ORIGIN] = flat[layout.ZERO] = flat[layout.FELT] = 0.0
+    flat[layout.UNCERTAINTY : layout.UNCERTAINTY + layout.UNCERTAINTIES] = 0.0
+    flat[layout.UNCERTAINTY + 1] = FIRST_UNCERTAINTY**2
+    notes[at.MOMENTS : at.SPREAD] = 0.0
+    notes[at.SPREAD] = 1.0
+    notes[at.LEARNT_AT] = -math.inf
+    state[at.BEGIN_MEMORY : at.BEGIN_NOTES] = math.nan
+    notes[at.BEGUN] = notes[at.UPDATES]
 
 
-begin: Callable[[Array], None] = _compiled(_begin)
-
-
-def _reset(state: Array) -> None:
+@compiled(error_model="numpy")
+def reset(state: Array) -> None:
     """Forget all samples; what was set stays, and how many changes there were."""
-    notes = state[BEGIN_NOTES:BEGIN_RATES]
-    horizon, changes = notes[HORIZON], notes[CHANGES]
-    state[BEGIN_FLAT : BEGIN_NOTES + ABSENT] = 0.0
-    state[BEGIN_NOTES + ABSENT + EXPERTS : BEGIN_SETTINGS] = 0.0
-    notes[HORIZON], notes[CHANGES] = horizon, changes
-    notes[PATIENCE], notes[TIME] = ALARM_FROM, math.nan
+    notes = state[at.BEGIN_NOTES : at.BEGIN_RATES]
+    horizon, changes = notes[at.HORIZON], notes[at.CHANGES]
+    state[at.BEGIN_FLAT : at.BEGIN_NOTES + at.ABSENT] = 0.0
+    state[at.BEGIN_NOTES + at.ABSENT + layout.EXPERTS : at.BEGIN_SETTINGS] = 0.0
+    notes[at.HORIZON], notes[at.CHANGES] = horizon, changes
+    notes[at.PATIENCE], notes[at.TIME] = ALARM_FROM, math.nan
     begin(state)
 
 
-reset: Callable[[Array], None] = _compiled(_reset)
-
-
-def _move_surface(state: Array, change: float) -> None:
+@compiled(error_model="numpy")
+def move_surface(state: Array, change: float) -> None:
     """Depths count from a surface that is deeper by a change [m] from now on; the map stays where it is."""
     if not math.isfinite(change):
         return
-    law, flat = state[BEGIN_LAW:BEGIN_SETTINGS], state[BEGIN_FLAT:BEGIN_MEMORY]
+    law, flat = state[at.BEGIN_LAW : at.BEGIN_SETTINGS], state[at.BEGIN_FLAT : at.BEGIN_MEMORY]
     covariance = law[COVARIANCE:NOTES].reshape((UNKNOWNS, UNKNOWNS))
-    move_law(law[THETA:COVARIANCE], covariance, law[NOTES:], state[BEGIN_SETTINGS:BEGIN_TIMES], change)
-    flat[ORIGIN] -= change
-    flat[LAW_SURFACE] += change
-    young = state[BEGIN_NOTES + CONTACT] < YOUTH
-    if abs(flat[ORIGIN]) > (LARGEST_SHIFT_IN_YOUTH if young else LARGEST_SHIFT):
+    move_law(law[THETA:COVARIANCE], covariance, law[NOTES:], state[at.BEGIN_SETTINGS : at.BEGIN_TIMES], change)
+    flat[layout.ORIGIN] -= change
+    flat[layout.LAW_SURFACE] += change
+    young = state[at.BEGIN_NOTES + at.CONTACT] < YOUTH
+    if abs(flat[layout.ORIGIN]) > (LARGEST_SHIFT_IN_YOUTH if young else LARGEST_SHIFT):
         begin(state)
 
 
-move_surface: Callable[[Array, float], None] = _compiled(_move_surface)
-
-
-def _move_offset(state: Array, change: float) -> None:
+@compiled(error_model="numpy")
+def move_offset(state: Array, change: float) -> None:
     """Forces count from an offset that is larger by a change [N] from now on; the map keeps what the sensor said."""
     if math.isfinite(change):
-        state[BEGIN_FLAT + ZERO] += change
+        state[at.BEGIN_FLAT + layout.ZERO] += change
 
 
-move_offset: Callable[[Array, float], None] = _compiled(_move_offset)
-
-
-def _take(state: Array, time: float, depth: float, velocity: float, force: float, in_contact: bool) -> int:
-    """One sample, in place; returns what it did.
+@compiled(error_model="numpy")
+def take(state: Array, time: float, depth: float, velocity: float, force: float, in_contact: bool) -> int:
+    """Process one sample, in place; returns its result.
 
     Args:
         state: All that is remembered, shape (TOTAL,) of `contact_map.scores`.
@@ -149,54 +104,52 @@ def _take(state: Array, time: float, depth: float, velocity: float, force: float
         force: Less the offset [N].
         in_contact: The conditioner's judgement.
     """
-    law = state[BEGIN_LAW:BEGIN_SETTINGS]
-    settings = state[BEGIN_SETTINGS:BEGIN_TIMES]
+    law = state[at.BEGIN_LAW : at.BEGIN_SETTINGS]
+    settings = state[at.BEGIN_SETTINGS : at.BEGIN_TIMES]
     if in_contact:
         take_law(law, settings, time, depth, velocity, force)
-    if not (abs(depth) <= LARGEST_DEPTH and abs(velocity) <= LARGEST_SPEED and abs(force) <= LARGEST_FORCE):
+    if not (abs(depth) <= LARGEST_DEPTH and abs(velocity) <= LARGEST_SPEED and abs(force) <= layout.LARGEST_FORCE):
         return FREE_AIR if math.isnan(depth) else UNUSABLE
-    notes = state[BEGIN_NOTES:BEGIN_RATES]
+    notes = state[at.BEGIN_NOTES : at.BEGIN_RATES]
     if in_contact:
-        notes[TOUCHED] = 1.0
-    if notes[TOUCHED] == 0.0:  # the map counts from the first contact
+        notes[at.TOUCHED] = 1.0
+    if notes[at.TOUCHED] == 0.0:  # the map counts from the first contact
         return FREE_AIR
-    before = notes[TIME]
+    before = notes[at.TIME]
     if not time > before and not math.isnan(before):
         return UNUSABLE
-    shares = state[BEGIN_RATES:BEGIN_VALUES]
+    shares = state[at.BEGIN_RATES : at.BEGIN_VALUES]
     rates(0.0 if math.isnan(before) else time - before, shares)
-    notes[TIME] = time
-    flat = state[BEGIN_FLAT:BEGIN_MEMORY]
-    place = depth - flat[ORIGIN]
-    remember(state[BEGIN_MEMORY:BEGIN_NOTES], place, shares)
-    if time - notes[LEARNT_AT] < PERIOD - 1e-7:
+    notes[at.TIME] = time
+    flat = state[at.BEGIN_FLAT : at.BEGIN_MEMORY]
+    place = depth - flat[layout.ORIGIN]
+    remember(state[at.BEGIN_MEMORY : at.BEGIN_NOTES], place, shares)
+    if time - notes[at.LEARNT_AT] < PERIOD - 1e-7:
         return WAITING
     theta, memory = law[THETA:COVARIANCE], law[NOTES:]
-    if law_numbers(theta, memory, settings, flat[LAW : LAW + 4]):
-        flat[LAW_SURFACE] = theta[4] * memory[REFERENCE]
+    if law_numbers(theta, memory, settings, flat[layout.LAW : layout.LAW + 4]):
+        flat[layout.LAW_SURFACE] = theta[4] * memory[REFERENCE]
     code = learn(state, time, place, velocity, force, in_contact)
     if code == FAILED:
         reset(state)
         return RESTARTED
-    notes[UPDATES] += 1.0
+    notes[at.UPDATES] += 1.0
     if code != CHANGED:
         return LEARNT if in_contact else LEARNT_IN_AIR
-    notes[CHANGES] += 1.0
+    notes[at.CHANGES] += 1.0
     if in_contact:
         return OTHER
     # The material is gone, and nobody knows how far: all waits for the next touch.
     law[:] = 0.0
-    flat[LAW : LAW + 4] = 0.0
-    flat[LAW_SURFACE] = 0.0
+    flat[layout.LAW : layout.LAW + 4] = 0.0
+    flat[layout.LAW_SURFACE] = 0.0
     begin(state)
-    notes[TOUCHED] = 0.0
+    notes[at.TOUCHED] = 0.0
     return GONE
 
 
-take: Callable[[Array, float, float, float, float, bool], int] = _compiled(_take)
-
-
-def _run(
+@compiled(error_model="numpy")
+def run(
     state: Array,
     time: Array,
     depth: Array,
@@ -210,9 +163,6 @@ def _run(
         codes[i] = take(state, time[i], depth[i], velocity[i], force[i], in_contact[i])
 
 
-run: Callable[[Array, Array, Array, Array, Array, NDArray[np.bool_], NDArray[np.int8]], None] = _compiled(_run)
-
-
 RawColumns = tuple[NDArray[np.bool_], Array, Array]
 
 BEFORE = 0  # time of the newest sample [s], NaN before the first; then its depth, velocity, force, and 1 in contact
@@ -220,9 +170,9 @@ STALE = 5  # 1 where the model is to be made anew before it is asked
 KNOWN = 6  # 1 where there is a model
 DEVIATION = 7  # standard deviation of the force at the last sample that has a residual [N]
 SCRATCH = 8  # what the material remembers
-MODEL = SCRATCH + MEMORY  # the map as it crosses the network: rounded to 32 bits, and the law's numbers
-SHORT = MODEL + SIZE  # and packed
-RAW_SIZE = SHORT + SIZE
+MODEL = SCRATCH + layout.MEMORY  # the map as it crosses the network: rounded to 32 bits, and the law's numbers
+SHORT = MODEL + layout.SIZE  # and packed
+RAW_SIZE = SHORT + layout.SIZE
 
 
 def make_notes(before: float) -> Array:
@@ -236,7 +186,8 @@ def make_notes(before: float) -> Array:
     return notes
 
 
-def _adopt(flat: Array, model: Array, short: Array) -> bool:
+@compiled(error_model="numpy")
+def adopt(flat: Array, model: Array, short: Array) -> bool:
     """The map as it is after `pack` and `unpack`; False where no model can be made of it.
 
     Args:
@@ -244,23 +195,21 @@ def _adopt(flat: Array, model: Array, short: Array) -> bool:
         model: Written, shape (SIZE,).
         short: Scratch, shape (SIZE,).
     """
-    for k in range(SIZE):
+    for k in range(layout.SIZE):
         model[k] = float(np.float32(flat[k]))
-    for k in range(LAW, LAW + 4):
+    for k in range(layout.LAW, layout.LAW + 4):
         if not 0.0 <= flat[k] < math.inf:
             return False
         model[k] = 0.0
     if not sensible(short[: transfer(model, short, False)]):
         return False
-    for k in range(LAW, LAW + 4):
+    for k in range(layout.LAW, layout.LAW + 4):
         model[k] = flat[k]
     return True
 
 
-adopt = compiled(error_model="numpy")(_adopt)
-
-
-def _expect(notes: Array, state: Array, depth: float, velocity: float, period: float) -> float:
+@compiled(error_model="numpy")
+def expect(notes: Array, state: Array, depth: float, velocity: float, period: float) -> float:
     """Force of the model at a sample, `foretouch.models.advance` from the state before it [N]; NaN without a model.
 
     Args:
@@ -272,14 +221,14 @@ def _expect(notes: Array, state: Array, depth: float, velocity: float, period: f
     """
     model = notes[MODEL:SHORT]
     if notes[STALE] != 0.0:
-        known = state[BEGIN_NOTES + UPDATES] - state[BEGIN_NOTES + BEGUN] >= FEWEST_UPDATES
-        notes[KNOWN] = 1.0 if known and adopt(state[BEGIN_FLAT:BEGIN_MEMORY], model, notes[SHORT:]) else 0.0
+        known = state[at.BEGIN_NOTES + at.UPDATES] - state[at.BEGIN_NOTES + at.BEGUN] >= FEWEST_UPDATES
+        notes[KNOWN] = 1.0 if known and adopt(state[at.BEGIN_FLAT : at.BEGIN_MEMORY], model, notes[SHORT:]) else 0.0
         notes[STALE] = 0.0
     if notes[KNOWN] == 0.0:
         return math.nan
     memory = notes[SCRATCH:MODEL]
-    for k in range(MEMORY):
-        memory[k] = state[BEGIN_MEMORY + k]
+    for k in range(layout.MEMORY):
+        memory[k] = state[at.BEGIN_MEMORY + k]
         if not math.isfinite(memory[k]):
             memory[:] = math.nan
             break
@@ -289,10 +238,8 @@ def _expect(notes: Array, state: Array, depth: float, velocity: float, period: f
     return float(force)
 
 
-expect = compiled(error_model="numpy")(_expect)
-
-
-def _run_raw(
+@compiled(error_model="numpy")
+def run_raw(
     state: Array,
     conditioner: Array,
     lag: Array,
@@ -303,7 +250,7 @@ def _run_raw(
     forces: Array,
     residual: Array,
 ) -> tuple[int, int]:
-    """One block of samples; see `ContactMapBank.run_raw`. Returns how many were taken and what the last one did."""
+    """One block of samples; see `ContactMap.run_raw`. Returns how many were taken and what the last one did."""
     code = 0
     for i in range(rows.shape[1]):
         time, position, raw = rows[0, i], rows[1, i], rows[2, i]
@@ -333,8 +280,3 @@ def _run_raw(
         if is_full(conditioner):
             return i + 1, code
     return rows.shape[1], code
-
-
-run_raw: Callable[[Array, Array, Array, Array, Array, bool, NDArray[np.bool_], Array, Array], tuple[int, int]] = (
-    compiled(error_model="numpy")(_run_raw)
-)

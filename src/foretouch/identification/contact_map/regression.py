@@ -1,7 +1,7 @@
 r"""Recursive least squares of one map, compiled, in the weights that were reached.
 
-A weight is reached when a sample's splines are not zero there. Of a weight n that was not, no sample has told
-anything but what it told of the reached ones v of the same part (the elastic part, or one feature: parts are
+A weight is reached when a sample's splines are not zero there. For a weight n that was not reached, the samples carry
+no information except through the reached weights v of the same part (the elastic part, or one feature: parts are
 independent before the first sample), so
 
 .. math::
@@ -9,21 +9,19 @@ independent before the first sample), so
         c = Q_{vv}^{-1} Q_{vn}, \quad d = Q_{nn} - Q_{nv} c
 
 with Q the prior. That holds at any time and under any history, so the covariance is kept for reached weights alone, and
-grows by a row where one more is reached: what a sample costs goes with the square of the depth that was visited and not
-with the knots that there are. The Cholesky factor of Q among the reached grows with it, so c costs two triangular
-solutions.
+grows by a row where one more is reached: the cost of a sample goes with the square of the visited depth and not with
+the number of knots. The Cholesky factor of Q among the reached grows with it, so c costs two triangular solutions.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from foretouch.core.compiling import compiled
+from foretouch.core.compiling import compiled, inlined
 from foretouch.identification.contact_map.prior import NOISE, elastic_prior, feature_prior
 from foretouch.models.contact_map.kernel import cubic
 from foretouch.models.contact_map.layout import ABOVE, BELOW, COARSE, COARSENESS, FINE, LARGEST_FEATURES, LENGTHS
@@ -34,7 +32,7 @@ Ints = NDArray[np.int64]
 REACHED_WEIGHTS, REACHED_ELASTIC, REACHED_FEATURE = range(3)
 FROM_ELASTIC, TO_ELASTIC, FROM_FEATURE, TO_FEATURE = range(3, 7)
 COUNTS = 7
-"""How many weights were reached, in all, of the elastic part and of each feature, and which knots: from, to."""
+"""Number of counts: reached weights of all, of the elastic part and of each feature, and ranges of knots (from, to)."""
 
 _ACTIVE = 4 * (1 + LARGEST_FEATURES)
 _WEIGHT_AT = COUNTS + _ACTIVE
@@ -42,20 +40,17 @@ _LAYOUTS = np.array([COARSE, FINE])
 _COARSE_LENGTH, _FINE_LENGTH = LENGTHS
 _FINE_FROM, _FINE_TO = -BELOW[1] * LENGTHS[1], ABOVE[1] * LENGTHS[1]
 
-_compiled = compiled(error_model="numpy")
-_inlined = compiled(error_model="numpy", forceinline=True)
-
 
 class MapRegression(NamedTuple):
-    """What is known of the weights of one map beside the weights themselves; all is written in place.
+    """State of the regression of one map besides the weights themselves; all of it is written in place.
 
     Attributes:
         kind: 0 for the coarse, 1 for the fine map.
-        covariance: P of the reached weights in its first rows and columns, shape (n, n), n all weights of the map.
+        covariance: P of the reached weights in its first rows and columns, shape (n, n), n the number of all weights.
         numbers: Two scratches of length n and one for the splines of a sample; the prior of the elastic part and of a
-            feature; the Cholesky factors of these among the reached, in the order in which they were.
-        places: The counts; which rows a sample is about; which weight a row is of; row of a weight, -1 for one that was
-            not reached; reached knots of the elastic part, in the order in which they were; the same of a feature.
+            feature; the Cholesky factors of these priors among the reached weights, in the order of reaching.
+        places: The counts; rows of the newest sample; weight of each row; row of each weight, -1 for one not reached;
+            reached knots of the elastic part, in the order of reaching; the same of a feature.
     """
 
     kind: int
@@ -65,7 +60,7 @@ class MapRegression(NamedTuple):
 
 
 def _lengths(kind: int) -> tuple[int, int, int]:
-    """Weights, those of the elastic part, and those of a feature."""
+    """Number of all weights, of those of the elastic part, and of those of a feature."""
     _, begin, knots, _, coarse, _, end = COARSE if kind == 0 else FINE
     return end - begin, knots, coarse
 
@@ -73,21 +68,22 @@ def _lengths(kind: int) -> tuple[int, int, int]:
 def _sizes(kind: int) -> tuple[int, int, int]:
     """Lengths of covariance, numbers and places."""
     size, knots, coarse = _lengths(kind)
-    factors = 1 if kind else 2  # what is reached in full at once needs no factors
+    factors = 1 if kind else 2  # a part that is reached in full at once needs no factors
     numbers = 2 * size + _ACTIVE + factors * (knots * knots + coarse * coarse)
     return size * size, numbers, _WEIGHT_AT + 2 * size + knots + coarse
 
 
 def regression_size(kind: int) -> int:
-    """Numbers that a regression takes, of the coarse (0) or the fine map (1)."""
+    """Length of the array of a regression, of the coarse (0) or the fine map (1)."""
     return sum(_sizes(kind))
 
 
 _SIZES = np.array([_sizes(0), _sizes(1)])
 
 
-def _regression(part: Array, kind: int) -> MapRegression:
-    """A regression in a part of a longer array.
+@inlined
+def regression(part: Array, kind: int) -> MapRegression:
+    """View a part of a longer array as a regression.
 
     Args:
         part: Shape (regression_size(kind),); whole numbers are stored in it as they are.
@@ -98,15 +94,12 @@ def _regression(part: Array, kind: int) -> MapRegression:
     return MapRegression(kind, part[:one].reshape((size, size)), part[one:two], part[two:].view(np.int64))
 
 
-regression: Callable[[Array, int], MapRegression] = _inlined(_regression)
-
-
 def make_regression(kind: int, part: Array | None = None) -> MapRegression:
-    """A regression that has seen nothing, of the coarse (0) or the fine map (1).
+    """Make a regression without samples, of the coarse (0) or the fine map (1).
 
     Args:
-        kind: Which.
-        part: Where it is kept, shape (regression_size(kind),).
+        kind: 0 for the coarse, 1 for the fine map.
+        part: Array that holds it, shape (regression_size(kind),).
     """
     found = regression(np.zeros(regression_size(kind)) if part is None else part, kind)
     size, knots, coarse = _lengths(kind)
@@ -117,8 +110,9 @@ def make_regression(kind: int, part: Array | None = None) -> MapRegression:
     return found
 
 
-def _part(state: MapRegression, elastic: bool) -> tuple[int, Array, Array, Ints]:
-    """Of the elastic part or of a feature: knots, prior and factor row by row, and the order of what was reached."""
+@compiled(error_model="numpy")
+def part_of(state: MapRegression, elastic: bool) -> tuple[int, Array, Array, Ints]:
+    """Knots, prior and factor row by row, and order of reaching, of the elastic part or of a feature."""
     _, begin, knots, _, coarse, _, end = _LAYOUTS[state.kind]
     size = end - begin
     first = 2 * size + _ACTIVE
@@ -130,11 +124,9 @@ def _part(state: MapRegression, elastic: bool) -> tuple[int, Array, Array, Ints]
     return coarse, state.numbers[second:third], state.numbers[third + knots * knots :], state.places[order + knots :]
 
 
-part_of: Callable[[MapRegression, bool], tuple[int, Array, Array, Ints]] = _compiled(_part)
-
-
-def _conditional(state: MapRegression, elastic: bool, knot: int) -> float:
-    """C of a knot into the second scratch, and d; the factor and the order grow by this knot."""
+@compiled(error_model="numpy")
+def conditional(state: MapRegression, elastic: bool, knot: int) -> float:
+    """Write c of a knot into the second scratch and return d; the factor and the order grow by this knot."""
     knots, prior, factor, order = part_of(state, elastic)
     size = state.covariance.shape[0]
     share, count = state.numbers[size : 2 * size], state.places[1 if elastic else 2]
@@ -159,11 +151,9 @@ def _conditional(state: MapRegression, elastic: bool, knot: int) -> float:
     return float(rest)
 
 
-conditional: Callable[[MapRegression, bool, int], float] = _compiled(_conditional)
-
-
-def _append(weights: Array, state: MapRegression, begin: int, order: Ints, count: int, rest: float) -> None:
-    """One more row: of the weight `begin + order[count]`, whose part begins at `begin`."""
+@compiled(error_model="numpy")
+def append(weights: Array, state: MapRegression, begin: int, order: Ints, count: int, rest: float) -> None:
+    """Add one row: for the weight `begin + order[count]`, whose part begins at `begin`."""
     covariance, size = state.covariance, state.covariance.shape[0]
     new, share = state.numbers[:size], state.numbers[size : 2 * size]
     weight_at = state.places[_WEIGHT_AT : _WEIGHT_AT + size]
@@ -188,11 +178,9 @@ def _append(weights: Array, state: MapRegression, begin: int, order: Ints, count
     state.places[REACHED_WEIGHTS] = rows + 1
 
 
-append: Callable[[Array, MapRegression, int, Ints, int, float], None] = _compiled(_append)
-
-
-def _reach_knot(weights: Array, state: MapRegression, elastic: bool, knot: int) -> None:
-    """One more knot, of the elastic part or of every feature."""
+@compiled(error_model="numpy")
+def reach_knot(weights: Array, state: MapRegression, elastic: bool, knot: int) -> None:
+    """Reach one more knot, of the elastic part or of every feature."""
     rest = conditional(state, elastic, knot)
     order = part_of(state, elastic)[3]
     if elastic:
@@ -205,11 +193,9 @@ def _reach_knot(weights: Array, state: MapRegression, elastic: bool, knot: int) 
     state.places[REACHED_FEATURE] += 1
 
 
-reach_knot: Callable[[Array, MapRegression, bool, int], None] = _compiled(_reach_knot)
-
-
-def _reach(weights: Array, state: MapRegression, elastic: int, feature: int) -> None:
-    """Reach the four knots from these on, of the elastic part and of the features, and all between them and others."""
+@compiled(error_model="numpy")
+def reach(weights: Array, state: MapRegression, elastic: int, feature: int) -> None:
+    """Reach four knots from each of these on, of the elastic part and the features, and all between them and others."""
     counts = state.places
     if counts[REACHED_WEIGHTS] == 0:
         counts[FROM_ELASTIC] = counts[TO_ELASTIC] = elastic
@@ -228,13 +214,11 @@ def _reach(weights: Array, state: MapRegression, elastic: int, feature: int) -> 
         reach_knot(weights, state, False, counts[FROM_FEATURE])
 
 
-reach: Callable[[Array, MapRegression, int, int], None] = _compiled(_reach)
-
-
-def _reach_all(state: MapRegression) -> None:
+@compiled(error_model="numpy")
+def reach_all(state: MapRegression) -> None:
     """Reach all weights of a map that has reached none, in their order.
 
-    A map that is soon reached in full is spared the rows one by one: one step of the hand may be many of its knots.
+    This spares a map that is soon reached in full the rows one by one: one step of the hand may span many of its knots.
     """
     _, _, knots, _, coarse, features, _ = _LAYOUTS[state.kind]
     size = state.covariance.shape[0]
@@ -255,11 +239,9 @@ def _reach_all(state: MapRegression) -> None:
     state.places[FROM_FEATURE], state.places[TO_FEATURE] = 0, coarse
 
 
-reach_all: Callable[[MapRegression], None] = _compiled(_reach_all)
-
-
-def _forget(state: MapRegression) -> None:
-    """Begin anew. The fine map is reached in full at once."""
+@compiled(error_model="numpy")
+def forget(state: MapRegression) -> None:
+    """Begin again without samples. The fine map is reached in full at once."""
     size = state.covariance.shape[0]
     state.places[:COUNTS] = 0
     state.places[_WEIGHT_AT + size : _WEIGHT_AT + 2 * size] = -1
@@ -267,11 +249,9 @@ def _forget(state: MapRegression) -> None:
         reach_all(state)
 
 
-forget: Callable[[MapRegression], None] = _compiled(_forget)
-
-
-def _look(weights: Array, state: MapRegression, place: float, values: Array) -> int:
-    """Rows and splines of what a sample is about, into the scratch; returns how many they are, reaching them first."""
+@inlined
+def look(weights: Array, state: MapRegression, place: float, values: Array) -> int:
+    """Write rows and splines of a sample into the scratch and return their number, reaching them first."""
     length = _COARSE_LENGTH if state.kind == 0 else _FINE_LENGTH
     below = BELOW[0] if state.kind == 0 else BELOW[1]
     _, _, knots, _, coarse, features, _ = _LAYOUTS[state.kind]
@@ -298,29 +278,25 @@ def _look(weights: Array, state: MapRegression, place: float, values: Array) -> 
     return at
 
 
-look: Callable[[Array, MapRegression, float, Array], int] = _inlined(_look)
-
-
-def _in_fine_reach(place: float) -> bool:
-    """Whether the fine map learns of a place [m from the origin]."""
+@inlined
+def in_fine_reach(place: float) -> bool:
+    """Whether the fine map learns at a position [m from the origin]."""
     return _FINE_FROM <= place <= _FINE_TO
 
 
-in_fine_reach: Callable[[float], bool] = _inlined(_in_fine_reach)
-
-
-def _fit(weights: Array, state: MapRegression, place: float, values: Array, force: float) -> float:
-    """Recursive least squares: one sample into a map; returns the error before [N], inf where the map does not reach.
+@compiled(error_model="numpy")
+def fit(weights: Array, state: MapRegression, place: float, values: Array, force: float) -> float:
+    """Learn one sample by recursive least squares; returns the error before [N], inf outside the range of the map.
 
     The new covariance P - P h h' P / (h' P h + r) is symmetric to rounding as it is computed; the error is NaN where
-    the old one was none.
+    the old one was not a covariance.
 
     Args:
-        weights: Of the map, a part of the flat array.
-        state: What is known of them.
-        place: From the origin [m].
-        values: The features.
-        force: What is felt there, with what the map gives without contact [N].
+        weights: Weights of the map, a part of the flat array.
+        state: State of their regression.
+        place: Position from the origin [m].
+        values: Features of the sample.
+        force: Measured force, plus what the map gives without contact [N].
     """
     if state.kind == 1 and not in_fine_reach(place):
         return math.inf
@@ -341,7 +317,7 @@ def _fit(weights: Array, state: MapRegression, place: float, values: Array, forc
             gain[k] = value + i * covariance[three, k] + j * covariance[four, k]
     for a in range(count):
         variance += regressor[a] * gain[active[a]]
-    if not variance >= NOISE * NOISE:  # rounding has spoilt the covariance
+    if not variance >= NOISE * NOISE:  # the covariance is lost to rounding
         return math.nan
     for i in range(rows):
         share = gain[i] / variance
@@ -351,11 +327,9 @@ def _fit(weights: Array, state: MapRegression, place: float, values: Array, forc
     return error
 
 
-fit: Callable[[Array, MapRegression, float, Array, float], float] = _compiled(_fit)
-
-
-def _fade(state: MapRegression, share: float) -> None:
-    """The covariance goes back towards the prior by a share."""
+@compiled(error_model="numpy")
+def fade(state: MapRegression, share: float) -> None:
+    """Move the covariance back towards the prior by a fraction."""
     _, _, knots, _, coarse, _, _ = _LAYOUTS[state.kind]
     size, rows = state.covariance.shape[0], state.places[REACHED_WEIGHTS]
     before, weight_at = state.numbers[size : 2 * size], state.places[_WEIGHT_AT : _WEIGHT_AT + size]
@@ -373,15 +347,12 @@ def _fade(state: MapRegression, share: float) -> None:
             state.covariance[i, k] += share * (before[k] - state.covariance[i, k])
 
 
-fade: Callable[[MapRegression, float], None] = _compiled(_fade)
-
-
 def whole_covariance(weights: Array, state: MapRegression) -> tuple[Array, Array]:
-    """All weights of a map and their covariance, also of those that were not reached, in the order of the flat array.
+    """All weights of a map and their covariance, including those not reached, in the order of the flat array.
 
     Args:
-        weights: Of the map; left as they are.
-        state: What is known of them; left as it is.
+        weights: Weights of the map; left as they are.
+        state: State of their regression; left as it is.
 
     Returns:
         Shapes (n,) and (n, n).

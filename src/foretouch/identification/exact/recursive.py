@@ -1,4 +1,4 @@
-"""Our own estimator: a recursive one on the exact law (4), with standard errors."""
+"""The package's own estimator: a recursive one on the exact law (4), with standard errors."""
 
 from __future__ import annotations
 
@@ -11,22 +11,12 @@ from numpy.typing import NDArray
 
 from foretouch.errors import SettingError
 from foretouch.errors.checks import require
-from foretouch.identification.conditioning.conditioner import ContactSample, sample_columns
-from foretouch.identification.estimator import Estimator, Status
+from foretouch.identification.conditioning.conditioner import ContactSample, ContactSamples
+from foretouch.identification.estimator import Estimator, Status, status_indices
+from foretouch.identification.exact import law as at
 from foretouch.identification.exact.belief import FEWEST_UPDATES, move_surface
 from foretouch.identification.exact.kernel import CHANGED, FAILED, FREE_AIR, HELD, LEARNT, UNUSABLE, run, take
-from foretouch.identification.exact.law import (
-    COVARIANCE,
-    EXACT_LAWS,
-    LEARNT_FROM,
-    NOTES,
-    REFERENCE,
-    REFERENCE_TIME,
-    SETTINGS,
-    STATE_SIZE,
-    THETA,
-    UNKNOWNS,
-)
+from foretouch.identification.exact.law import EXACT_LAWS, REFERENCE_TIME, SETTINGS, STATE_SIZE, UNKNOWNS
 from foretouch.models import ContactModel
 
 Array = NDArray[np.float64]
@@ -37,27 +27,27 @@ that is known has the standard deviation 0.29."""
 
 
 @dataclass(frozen=True, slots=True)
-class ExactRecursiveOptions:
-    """One set of defaults for all materials; lengths are shares of the depths pressed, forces of the forces felt.
+class ExactOptions:
+    """One set of defaults for all materials; lengths are relative to the depths pressed, forces to those felt.
 
     Args:
         strength_prior: Standard deviation of F0 and of D at the beginning and after a change, in F0.
-        s_prior: Of s.
-        alpha_prior: Of alpha.
-        surface_prior: Of the surface, in the reference depth; 0 trusts the surface that is given.
+        s_prior: Standard deviation of s.
+        alpha_prior: Standard deviation of alpha.
+        surface_prior: That of the surface, relative to the reference depth; 0 trusts the surface that is given.
         drift: Random walk of the law in one second, in the priors.
         least_noise: Least standard deviation of a force, in that force.
-        first_noise: The same before anything is known of it.
-        largest_noise: The largest that is believed.
-        ignorance_time: How long the first noise is remembered [s of motion in contact].
-        noise_memory: Samples over which the noise is learnt.
-        correlation_time: Longest time over which residuals are believed to resemble each other [s].
-        first_correlation_time: The same before anything is known of it.
+        first_noise: The same before it is estimated.
+        largest_noise: Largest estimate of it.
+        ignorance_time: Time for which the first noise is remembered [s of motion in contact].
+        noise_memory: Number of samples over which the noise is learnt.
+        correlation_time: Longest time over which residuals count as correlated [s].
+        first_correlation_time: The same before it is estimated.
         clip: Normalised innovations beyond this count for little.
         gate: Mean square of the last ten normalised innovations that is a change; at least 36 never calls one.
-        hold_time: After so long in one place nothing is learnt any more [s].
-        hold_share: What one place is, in the reference depth.
-        surface_noise: Standard deviation of each depth, in the reference depth.
+        hold_time: Time in one position after which learning stops [s].
+        hold_share: Size of one position, relative to the reference depth.
+        surface_noise: Standard deviation of each depth, relative to the reference depth.
     """
 
     strength_prior: float = 1.0
@@ -98,20 +88,20 @@ _STATUS = {
     FAILED: Status.RESTARTED,
     FREE_AIR: Status.FREE_AIR,
 }
-_PLACES = np.array([list(Status).index(_STATUS[code]) for code in range(len(_STATUS))], np.int8)
+_INDICES = status_indices(_STATUS[code] for code in range(len(_STATUS)))
 
 
 class _ExactFilter(Estimator):
-    """The filter that `ExactRecursive` explains, for each law of the family (4).
+    """The filter that `ExactContinuousSwitching` explains, for each law of the family (4).
 
     Attributes:
-        changes: Sudden changes found since the last reset.
+        changes: Number of sudden changes detected since the last reset.
     """
 
     name: ClassVar[str] = "exact"
 
-    def __init__(self, options: ExactRecursiveOptions | None = None) -> None:
-        self.options = ExactRecursiveOptions() if options is None else options
+    def __init__(self, options: ExactOptions | None = None) -> None:
+        self.options = ExactOptions() if options is None else options
         self._law = EXACT_LAWS[self.model_name]
         (s_lower, s_upper), (alpha_lower, alpha_upper) = self._law.s_bounds, self._law.alpha_bounds
         bounds = {"s_lower": s_lower, "s_upper": s_upper, "alpha_lower": alpha_lower, "alpha_upper": alpha_upper}
@@ -128,7 +118,7 @@ class _ExactFilter(Estimator):
         move_surface(self._theta, self._covariance, self._memory, self._settings, 0.0)
 
     def place_in(self, state: Array, settings: Array) -> None:
-        """Keep what is remembered, and the settings, in these arrays from now on, as one part of something larger.
+        """Keep state and settings in these arrays from now on, as one part of a larger array.
 
         Args:
             state: Shape (STATE_SIZE,), written.
@@ -137,9 +127,9 @@ class _ExactFilter(Estimator):
         settings[:] = self._settings
         self._settings = settings
         self._state = state
-        self._theta = state[THETA:COVARIANCE]
-        self._covariance = state[COVARIANCE:NOTES].reshape((UNKNOWNS, UNKNOWNS))
-        self._memory = state[NOTES:]
+        self._theta = state[at.THETA : at.COVARIANCE]
+        self._covariance = state[at.COVARIANCE : at.NOTES].reshape((UNKNOWNS, UNKNOWNS))
+        self._memory = state[at.NOTES :]
 
     def reset(self) -> None:
         """Forget all samples."""
@@ -160,32 +150,15 @@ class _ExactFilter(Estimator):
             self.updates = 0
         return _STATUS[code]
 
-    def run(
-        self, time: Array, depth: Array, velocity: Array, force: Array, in_contact: NDArray[np.bool_]
-    ) -> NDArray[np.int8]:
-        """`update` with every sample of a recording, in one compiled loop: the same numbers, bit for bit.
-
-        Args:
-            time: [s], shape (n,).
-            depth: [m], shape (n,).
-            velocity: [m/s], shape (n,).
-            force: Less the offset [N], shape (n,).
-            in_contact: Shape (n,).
-
-        Returns:
-            What was done with each sample, as places in `Status`, shape (n,).
-
-        Raises:
-            InputError: Columns of unlike shape.
-        """
-        columns = sample_columns(time, depth, velocity, force, in_contact)
-        codes = np.empty(columns[0].size, np.int8)
-        run(self._state, self._settings, *columns, codes)
+    def run(self, samples: ContactSamples) -> NDArray[np.int8]:
+        """See `Estimator.run`; one compiled loop."""
+        codes = np.empty(len(samples), np.int8)
+        run(self._state, self._settings, *samples.columns, codes)
         failed = np.flatnonzero(codes == FAILED)
         learnt = codes <= CHANGED
         self.changes += int((codes == CHANGED).sum())
         self.updates = int(learnt[failed[-1] :].sum()) if failed.size else self.updates + int(learnt.sum())
-        return _PLACES[codes]
+        return _INDICES[codes]
 
     def trust_surface(self, trusted: bool) -> None:
         """See `Estimator.trust_surface`: a surface that is known is not corrected."""
@@ -199,17 +172,17 @@ class _ExactFilter(Estimator):
     @property
     def surface_correction(self) -> float:
         """See `Estimator.surface_correction`."""
-        return float(self._theta[4] * self._memory[REFERENCE])
+        return float(self._theta[4] * self._memory[at.REFERENCE])
 
     @property
     def surface_error(self) -> float:
         """Standard error of `surface_correction` [m]."""
-        return math.sqrt(self._covariance[4, 4]) * float(self._memory[REFERENCE])
+        return math.sqrt(self._covariance[4, 4]) * float(self._memory[at.REFERENCE])
 
     @property
     def reference_depth(self) -> float:
         """x0 [m], 0 before the first sample."""
-        return float(self._memory[REFERENCE])
+        return float(self._memory[at.REFERENCE])
 
     @property
     def unknowns(self) -> Array:
@@ -224,11 +197,11 @@ class _ExactFilter(Estimator):
     @property
     def model(self) -> ContactModel | None:
         """The law, None before 20 samples."""
-        if self._memory[LEARNT_FROM] < FEWEST_UPDATES or self._memory[REFERENCE] == 0.0:
+        if self._memory[at.LEARNT_FROM] < FEWEST_UPDATES or self._memory[at.REFERENCE] == 0.0:
             return None
         try:
             elastic, viscous, s, alpha, _ = self._theta.tolist()
-            return self._law.model(elastic, viscous, s, alpha, float(self._memory[REFERENCE]))
+            return self._law.model(elastic, viscous, s, alpha, float(self._memory[at.REFERENCE]))
         except (SettingError, OverflowError):  # depths and forces so extreme that k leaves the floating point numbers
             return None
 
@@ -253,7 +226,7 @@ class _ExactFilter(Estimator):
     def standard_errors(self) -> dict[str, float | None] | None:
         """Of the law's numbers by name, by the delta method from P; None before there is a model.
 
-        What is undetermined has none: the delta method is of small errors.
+        Undetermined parameters have none: the delta method is for small errors.
         """
         if self.model is None:
             return None
@@ -261,14 +234,14 @@ class _ExactFilter(Estimator):
         return {name: None if value is None else errors[name] for name, value in known.items()}
 
     def _errors(self) -> dict[str, float]:
-        """Of all the law's numbers."""
+        """Standard errors of all the law's numbers."""
         elastic, viscous, s, alpha, _ = self._theta.tolist()
-        sensitivities = np.array(self._law.sensitivities(elastic, viscous, s, alpha, float(self._memory[REFERENCE])))
+        sensitivities = np.array(self._law.sensitivities(elastic, viscous, s, alpha, float(self._memory[at.REFERENCE])))
         variances = np.diag(sensitivities @ self._covariance[:4, :4] @ sensitivities.T)
         return dict(zip(self._law.parameter_names, np.sqrt(np.maximum(variances, 0.0)).tolist(), strict=True))
 
 
-class ExactRecursive(_ExactFilter):
+class ExactContinuousSwitching(_ExactFilter):
     r"""Identifies the exact law (4) by an extended Kalman filter in unknowns of like size.
 
     .. math::

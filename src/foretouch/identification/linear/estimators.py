@@ -9,12 +9,9 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import ClassVar
 
-from numpy.typing import ArrayLike
-
 from foretouch.errors.checks import require
 from foretouch.identification.linear.linearised import LinearisedEstimator
 from foretouch.identification.linear.options import Forgetting, FPRLSOptions, RobustOptions
-from foretouch.identification.linear.runs import LinearRuns
 
 FORGETTING_FACTOR = 0.999
 """Of `ForgettingRLS` at each sample: a memory of 1,000 samples, which is 1 s at 1 kHz."""
@@ -110,39 +107,6 @@ class FPRLS(LinearisedEstimator):
     def __init__(self, options: FPRLSOptions | None = None) -> None:
         options = FPRLSOptions() if options is None else options
         super().__init__(options, by_distance(options.forgetting_rate))
-
-
-def fprls_many(
-    depth: ArrayLike,
-    velocity: ArrayLike,
-    force: ArrayLike,
-    in_contact: ArrayLike | None = None,
-    *,
-    options: FPRLSOptions | None = None,
-    every: bool = False,
-    parallel: bool = False,
-) -> LinearRuns:
-    r"""Equation (20) over many independent recordings at once, each from theta_0 and P_0.
-
-    `FPRLS(options).run_many`: what `FPRLS(options).run` makes of each column, to the last bit.
-
-    Args:
-        depth: Below the surface [m], shape (m, n): m samples of n recordings. Shorter recordings are filled up with
-            NaN, which is left out.
-        velocity: [m/s], positive while deepening, shape (m, n).
-        force: On the probe [N], shape (m, n).
-        in_contact: Whether the probe touches, shape (m, n); by default everywhere.
-        options: Of all recordings; `FPRLSOptions(robust=ROBUST)` is `RobustFPRLS`.
-        every: Whether theta after each sample is wanted too.
-        parallel: Whether all cores are used.
-
-    Returns:
-        Estimates, covariances and counts by recording.
-
-    Raises:
-        SettingError: Arrays that do not fit together.
-    """
-    return FPRLS(options).run_many(depth, velocity, force, in_contact, every=every, parallel=parallel)
 
 
 ROBUST = RobustOptions(

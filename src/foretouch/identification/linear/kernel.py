@@ -18,25 +18,18 @@ P is symmetric: its lower triangle is kept, ten numbers, row by row.
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
-from foretouch.core.compiling import compiled
+from foretouch.core.compiling import inlined
+from foretouch.identification.linear import options as at
 from foretouch.identification.linear.options import (
-    BEFORE,
     GATED,
     LEARNT,
-    NEWTONS,
-    PERTURBATION,
     PERTURBED,
-    RESETTING,
     RESTARTED,
-    SENSITIVITY,
     SMALLEST_DEPTH,
     SMALLEST_FORCE,
-    TRACE_LIMIT,
     UNUSABLE,
 )
 from foretouch.identification.linear.recursion import LARGEST_LOG, LARGEST_TRACE, exponential
@@ -45,10 +38,8 @@ FADED = 40.0
 """exp(-40) of the share of mu that fades is no longer a digit of it."""
 
 
-_inlined = compiled(error_model="numpy", forceinline=True)
-
-
-def _refusal(depth: float, velocity: float, force: float, gate_depth: float, gate_force: float) -> int:
+@inlined
+def refusal(depth: float, velocity: float, force: float, gate_depth: float, gate_force: float) -> int:
     """LEARNT, UNUSABLE or GATED, of a sample in contact."""
     usable = (
         (depth >= SMALLEST_DEPTH)
@@ -61,7 +52,8 @@ def _refusal(depth: float, velocity: float, force: float, gate_depth: float, gat
     return UNUSABLE if not usable else GATED if shut else LEARNT
 
 
-def _weight_of(force: float, factor: float) -> float:
+@inlined
+def weight_of(force: float, factor: float) -> float:
     """(F / weight_force)^2 within 1e-12 and 1e12; 1 where the factor is 0."""
     share = force * factor
     square = share * share
@@ -70,23 +62,19 @@ def _weight_of(force: float, factor: float) -> float:
     return square if factor > 0.0 else 1.0
 
 
-def _bounded_rate(depth: float, velocity: float, largest: float) -> float:
+@inlined
+def bounded_rate(depth: float, velocity: float, largest: float) -> float:
     """Velocity over depth within its bound [1/s]."""
     rate = velocity / depth
     rate = rate if rate > -largest else -largest
     return rate if rate < largest else largest
 
 
-def _forgetting(moved: float, floor: float, share: float, rate: float) -> float:
+@inlined
+def forgetting(moved: float, floor: float, share: float, rate: float) -> float:
     """The forgetting factor mu after this path [m]."""
     faded = rate * moved
     return floor + share * exponential(-(faded if faded < FADED else FADED))
-
-
-refusal: Any = _inlined(_refusal)
-weight_of: Any = _inlined(_weight_of)
-bounded_rate: Any = _inlined(_bounded_rate)
-forgetting: Any = _inlined(_forgetting)
 
 
 Array = NDArray[np.float64]
@@ -94,7 +82,8 @@ Four = tuple[float, float, float, float]
 Triangle = tuple[float, float, float, float, float, float, float, float, float, float]
 
 
-def _enlarge(p: Triangle, perturbation: float, resetting: bool, limit: float) -> Triangle:
+@inlined
+def enlarge(p: Triangle, perturbation: float, resetting: bool, limit: float) -> Triangle:
     """P plus delta I, or delta I alone, as far as the limit of the trace allows."""
     p00, p10, p11, p20, p21, p22, p30, p31, p32, p33 = p
     keep = 0.0 if resetting else 1.0
@@ -116,10 +105,8 @@ def _enlarge(p: Triangle, perturbation: float, resetting: bool, limit: float) ->
     )
 
 
-enlarge: Any = _inlined(_enlarge)
-
-
-def _error_of(target: float, innovation: float, newtons: bool) -> float:
+@inlined
+def error_of(target: float, innovation: float, newtons: bool) -> float:
     """What the self-perturbing test sees: the innovation of ln F, or the difference of the forces [N]."""
     if not newtons:
         return innovation
@@ -129,10 +116,8 @@ def _error_of(target: float, innovation: float, newtons: bool) -> float:
     )
 
 
-error_of: Any = _inlined(_error_of)
-
-
-def _shortened(p: Triangle, trace: float, mu: float, limit: float) -> Triangle:
+@inlined
+def shortened(p: Triangle, trace: float, mu: float, limit: float) -> Triangle:
     """P of which no more was forgotten than the limit of its trace allows: at most all that mu did is taken back."""
     factor = limit / trace
     factor = factor if factor > mu else mu
@@ -151,10 +136,8 @@ def _shortened(p: Triangle, trace: float, mu: float, limit: float) -> Triangle:
     )
 
 
-shortened: Any = _inlined(_shortened)
-
-
-def _learn(
+@inlined
+def learn(
     theta: Four,
     p: Triangle,
     residuals: tuple[float, float],
@@ -214,18 +197,52 @@ def _learn(
     return done, (t0, t1, t2, t3), p, (squares, count)
 
 
-learn: Any = _inlined(_learn)
-
-
-def _rules_of(options: Array) -> tuple[float, float, bool, bool, bool, float]:
-    return (
-        options[SENSITIVITY],
-        options[PERTURBATION],
-        options[NEWTONS] > 0.0,
-        options[BEFORE] > 0.0,
-        options[RESETTING] > 0.0,
-        options[TRACE_LIMIT],
+@inlined
+def read(numbers: Array, first: int, apart: int) -> tuple[Four, Triangle, tuple[float, float]]:
+    """Theta, P and the sums of residuals, of sixteen numbers that begin at an index and stand `apart`."""
+    theta = (numbers[first], numbers[first + apart], numbers[first + 2 * apart], numbers[first + 3 * apart])
+    p = (
+        numbers[first + 4 * apart],
+        numbers[first + 5 * apart],
+        numbers[first + 6 * apart],
+        numbers[first + 7 * apart],
+        numbers[first + 8 * apart],
+        numbers[first + 9 * apart],
+        numbers[first + 10 * apart],
+        numbers[first + 11 * apart],
+        numbers[first + 12 * apart],
+        numbers[first + 13 * apart],
     )
+    return theta, p, (numbers[first + 14 * apart], numbers[first + 15 * apart])
 
 
-rules_of: Any = _inlined(_rules_of)
+@inlined
+def write(numbers: Array, theta: Four, p: Triangle, residuals: tuple[float, float]) -> None:
+    """The reverse of `read` at the beginning of the numbers of one recording."""
+    numbers[0], numbers[1], numbers[2], numbers[3] = theta
+    (
+        numbers[4],
+        numbers[5],
+        numbers[6],
+        numbers[7],
+        numbers[8],
+        numbers[9],
+        numbers[10],
+        numbers[11],
+        numbers[12],
+        numbers[13],
+    ) = p
+    numbers[14], numbers[15] = residuals
+
+
+@inlined
+def rules_of(options: Array) -> tuple[float, float, bool, bool, bool, float]:
+    """The rules of `learn` that options ask for."""
+    return (
+        options[at.SENSITIVITY],
+        options[at.PERTURBATION],
+        options[at.NEWTONS] > 0.0,
+        options[at.BEFORE] > 0.0,
+        options[at.RESETTING] > 0.0,
+        options[at.TRACE_LIMIT],
+    )

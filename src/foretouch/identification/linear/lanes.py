@@ -8,38 +8,16 @@ all cores is slower on one.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 from numba import prange
 from numpy.typing import NDArray
 
-from foretouch.core.compiling import compiled, entry_point
-from foretouch.identification.linear.kernel import bounded_rate, forgetting, learn, refusal, rules_of, weight_of
-from foretouch.identification.linear.options import (
-    BEFORE,
-    FIRST_COVARIANCE,
-    FIRST_THETA,
-    FLOOR,
-    GATE_DEPTH,
-    GATE_FORCE,
-    LARGEST_RATE,
-    LEARNT,
-    LOG_SCALE,
-    NEWTONS,
-    PERTURBATION,
-    PERTURBED,
-    RATE,
-    RATE_FACTOR,
-    RESETTING,
-    RESTARTED,
-    SENSITIVITY,
-    SHARE,
-    TRACE_LIMIT,
-    VELOCITY_FACTOR,
-    WEIGHT,
-)
+from foretouch.core.compiling import compiled, entry_point, inlined
+from foretouch.identification.linear import options as at
+from foretouch.identification.linear.kernel import bounded_rate, forgetting, learn, read, refusal, rules_of, weight_of
+from foretouch.identification.linear.options import LEARNT, PERTURBED, RESTARTED
 from foretouch.identification.linear.recursion import logarithm
 
 Array = NDArray[np.float64]
@@ -59,24 +37,21 @@ LOG_DEPTH, RATE_SEEN, LOG_FORCE = 25 * LANES, 26 * LANES, 27 * LANES
 MEMORY, INVERSE_MEMORY, NOISE, SPEED = 28 * LANES, 29 * LANES, 30 * LANES, 31 * LANES
 BUFFER = 32 * LANES
 
-_compiled = compiled(error_model="numpy")
 
-
-def _set_first(buffer: Array, options: Array, lane: int) -> None:
+@compiled(error_model="numpy")
+def set_first(buffer: Array, options: Array, lane: int) -> None:
     """One lane at theta_0 and P_0, all that it counted forgotten."""
     for i in range(RESULT_SIZE):
         buffer[i * LANES + lane] = 0.0
     for i in range(4):
-        buffer[i * LANES + lane] = options[FIRST_THETA + i]
+        buffer[i * LANES + lane] = options[at.FIRST_THETA + i]
     for i in (4, 6, 9, 13):
-        buffer[i * LANES + lane] = options[FIRST_COVARIANCE]
+        buffer[i * LANES + lane] = options[at.FIRST_COVARIANCE]
     buffer[LAST + lane] = np.nan
 
 
-set_first: Any = _compiled(_set_first)
-
-
-def _begin(buffer: Array, options: Array) -> None:
+@compiled(error_model="numpy")
+def begin(buffer: Array, options: Array) -> None:
     """All lanes at theta_0 and P_0."""
     buffer[:LOG_DEPTH] = 0.0
     buffer[LOG_DEPTH:] = 1.0
@@ -84,7 +59,8 @@ def _begin(buffer: Array, options: Array) -> None:
         set_first(buffer, options, lane)
 
 
-def _load(
+@compiled(error_model="numpy")
+def load(
     buffer: Array, depth: Array, velocity: Array, force: Array, in_contact: NDArray[np.bool_], row: int, first: int
 ) -> None:
     """One sample of each recording of a block; lanes beyond the last recording stay in free air."""
@@ -95,11 +71,13 @@ def _load(
         buffer[IN_CONTACT + lane] = in_contact[row, first + lane]
 
 
+@inlined
 def _features(buffer: Array, options: Array, factor: float) -> None:
     """Logarithms, rates, forgetting factors of one sample of each lane; those of depth 1 m and 1 N where refused."""
-    gate_depth, gate_force, largest = options[GATE_DEPTH], options[GATE_FORCE], options[LARGEST_RATE]
-    floor, share, rate = options[FLOOR], options[SHARE], options[RATE]
-    log_scale, velocity_factor, rate_factor = options[LOG_SCALE], options[VELOCITY_FACTOR], options[RATE_FACTOR]
+    gate_depth, gate_force, largest = options[at.GATE_DEPTH], options[at.GATE_FORCE], options[at.LARGEST_RATE]
+    floor, share, rate = options[at.FLOOR], options[at.SHARE], options[at.RATE]
+    log_scale = options[at.LOG_SCALE]
+    velocity_factor, rate_factor = options[at.VELOCITY_FACTOR], options[at.RATE_FACTOR]
     for lane in range(LANES):
         depth, velocity, force = buffer[IN_DEPTH + lane], buffer[IN_VELOCITY + lane], buffer[IN_FORCE + lane]
         touching = buffer[IN_CONTACT + lane] > 0.0
@@ -121,6 +99,7 @@ def _features(buffer: Array, options: Array, factor: float) -> None:
         buffer[LOG_FORCE + lane] = logarithm(force)
 
 
+@inlined
 def _recur(buffer: Array, rules: Any) -> int:
     """One step of (20) in each lane whose sample is taken; how many broke.
 
@@ -128,21 +107,11 @@ def _recur(buffer: Array, rules: Any) -> int:
     """
     broken = 0
     for lane in range(LANES):
+        theta, p, residuals = read(buffer, lane, LANES)
         done, theta, p, residuals = learn(
-            (buffer[lane], buffer[LANES + lane], buffer[2 * LANES + lane], buffer[3 * LANES + lane]),
-            (
-                buffer[4 * LANES + lane],
-                buffer[5 * LANES + lane],
-                buffer[6 * LANES + lane],
-                buffer[7 * LANES + lane],
-                buffer[8 * LANES + lane],
-                buffer[9 * LANES + lane],
-                buffer[10 * LANES + lane],
-                buffer[11 * LANES + lane],
-                buffer[12 * LANES + lane],
-                buffer[13 * LANES + lane],
-            ),
-            (buffer[14 * LANES + lane], buffer[15 * LANES + lane]),
+            theta,
+            p,
+            residuals,
             (buffer[LOG_DEPTH + lane], buffer[SPEED + lane], buffer[RATE_SEEN + lane]),
             buffer[LOG_FORCE + lane],
             (buffer[MEMORY + lane], buffer[INVERSE_MEMORY + lane], buffer[NOISE + lane]),
@@ -173,7 +142,8 @@ def _recur(buffer: Array, rules: Any) -> int:
     return broken
 
 
-def _begin_again(buffer: Array, options: Array) -> None:
+@compiled(error_model="numpy")
+def begin_again(buffer: Array, options: Array) -> None:
     """The lanes that broke, at theta_0 and P_0."""
     for lane in range(LANES):
         if buffer[TAKEN + lane] == 2.0:
@@ -182,54 +152,42 @@ def _begin_again(buffer: Array, options: Array) -> None:
             buffer[17 * LANES + lane], buffer[18 * LANES + lane] = restarts + 1.0, trips
 
 
-begin: Any = _compiled(_begin)
-load: Any = _compiled(_load)
-begin_again: Any = _compiled(_begin_again)
-
-_inlined = compiled(error_model="numpy", forceinline=True)
-inlined_features: Any = _inlined(_features)
-inlined_recur: Any = _inlined(_recur)
-
-
-def _features_weighted(buffer: Array, options: Array) -> None:
-    inlined_features(buffer, options, options[WEIGHT])
-
-
-def _features_equal(buffer: Array, options: Array) -> None:
-    inlined_features(buffer, options, 0.0)
-
-
-def _recur_generally(buffer: Array, options: Array) -> int:
-    return inlined_recur(buffer, rules_of(options))  # type: ignore[no-any-return]
-
-
-def _recur_as_printed(buffer: Array, options: Array) -> int:
-    rules = (options[SENSITIVITY], options[PERTURBATION], False, False, False, np.inf)
-    return inlined_recur(buffer, rules)  # type: ignore[no-any-return]
-
-
 # Two of each: what equal weights and the printed choices do not need is known to the compiler, and not computed.
-features_weighted: Any = _compiled(_features_weighted)
-features_equal: Any = _compiled(_features_equal)
-recur_generally: Any = _compiled(_recur_generally)
-recur_as_printed: Any = _compiled(_recur_as_printed)
+@compiled(error_model="numpy")
+def _features_weighted(buffer: Array, options: Array) -> None:
+    _features(buffer, options, options[at.WEIGHT])
 
 
-def _step(buffer: Array, options: Array) -> None:
+@compiled(error_model="numpy")
+def _features_equal(buffer: Array, options: Array) -> None:
+    _features(buffer, options, 0.0)
+
+
+@compiled(error_model="numpy")
+def _recur_generally(buffer: Array, options: Array) -> int:
+    return _recur(buffer, rules_of(options))
+
+
+@compiled(error_model="numpy")
+def _recur_as_printed(buffer: Array, options: Array) -> int:
+    rules = (options[at.SENSITIVITY], options[at.PERTURBATION], False, False, False, np.inf)
+    return _recur(buffer, rules)
+
+
+@compiled(error_model="numpy")
+def step(buffer: Array, options: Array) -> None:
     """One step of the lanes that take their sample, by the quicker of the two where the options allow it."""
-    choices = options[NEWTONS] + options[BEFORE] + options[RESETTING]
-    if choices > 0.0 or options[TRACE_LIMIT] < np.inf:
-        broken = recur_generally(buffer, options)
+    choices = options[at.NEWTONS] + options[at.BEFORE] + options[at.RESETTING]
+    if choices > 0.0 or options[at.TRACE_LIMIT] < np.inf:
+        broken = _recur_generally(buffer, options)
     else:
-        broken = recur_as_printed(buffer, options)
+        broken = _recur_as_printed(buffer, options)
     if broken > 0:
         begin_again(buffer, options)
 
 
-step: Any = _compiled(_step)
-
-
-def _load_regressors(
+@compiled(error_model="numpy")
+def load_regressors(
     buffer: Array, log_depth: Array, velocity: Array, rate: Array, log_force: Array, memory: Array, row: int, first: int
 ) -> None:
     """Regressors, target and forgetting factor of one sample of each recording of a block; taken where finite."""
@@ -249,10 +207,8 @@ def _load_regressors(
         buffer[TAKEN + lane] = 1.0 if taken else 0.0
 
 
-load_regressors: Any = _compiled(_load_regressors)
-
-
-def _block(
+@compiled(error_model="numpy")
+def block(
     depth: Array,
     velocity: Array,
     force: Array,
@@ -268,10 +224,10 @@ def _block(
     width = min(LANES, depth.shape[1] - first)
     for row in range(depth.shape[0]):
         load(buffer, depth, velocity, force, in_contact, row, first)
-        if options[WEIGHT] == 0.0:
-            features_equal(buffer, options)
+        if options[at.WEIGHT] == 0.0:
+            _features_equal(buffer, options)
         else:
-            features_weighted(buffer, options)
+            _features_weighted(buffer, options)
         step(buffer, options)
         if row < every.shape[0]:
             for i in range(4):
@@ -280,7 +236,8 @@ def _block(
         result[i, first : first + width] = buffer[i * LANES : i * LANES + width]
 
 
-def _block_of_regressors(
+@compiled(error_model="numpy")
+def block_of_regressors(
     log_depth: Array,
     velocity: Array,
     rate: Array,
@@ -290,6 +247,7 @@ def _block_of_regressors(
     first: int,
     result: Array,
 ) -> None:
+    """`block` of regressors that are known."""
     buffer = np.empty(BUFFER)
     begin(buffer, options)
     width = min(LANES, memory.shape[1] - first)
@@ -300,11 +258,8 @@ def _block_of_regressors(
         result[i, first : first + width] = buffer[i * LANES : i * LANES + width]
 
 
-block: Any = _compiled(_block)
-block_of_regressors: Any = _compiled(_block_of_regressors)
-
-
-def _run_serial(
+@entry_point
+def run_serial(
     depth: Array,
     velocity: Array,
     force: Array,
@@ -328,7 +283,8 @@ def _run_serial(
         block(depth, velocity, force, in_contact, options, first, result, every)
 
 
-def _run_parallel(
+@entry_point(parallel=True)
+def run_parallel(
     depth: Array,
     velocity: Array,
     force: Array,
@@ -342,13 +298,8 @@ def _run_parallel(
         block(depth, velocity, force, in_contact, options, number * LANES, result, every)
 
 
-Runner = Callable[[Array, Array, Array, NDArray[np.bool_], Array, Array, Array], None]
-
-run_serial: Runner = entry_point(_run_serial)
-run_parallel: Runner = entry_point(_run_parallel, parallel=True)
-
-
-def _regressors_serial(
+@entry_point
+def regressors_serial(
     log_depth: Array, velocity: Array, rate: Array, log_force: Array, memory: Array, options: Array, result: Array
 ) -> None:
     """As `run_serial`, of regressors that are known.
@@ -366,15 +317,10 @@ def _regressors_serial(
         block_of_regressors(log_depth, velocity, rate, log_force, memory, options, first, result)
 
 
-def _regressors_parallel(
+@entry_point(parallel=True)
+def regressors_parallel(
     log_depth: Array, velocity: Array, rate: Array, log_force: Array, memory: Array, options: Array, result: Array
 ) -> None:
     """The same on all cores."""
     for number in prange((memory.shape[1] + LANES - 1) // LANES):
         block_of_regressors(log_depth, velocity, rate, log_force, memory, options, number * LANES, result)
-
-
-RegressorRunner = Callable[[Array, Array, Array, Array, Array, Array, Array], None]
-
-regressors_serial: RegressorRunner = entry_point(_regressors_serial)
-regressors_parallel: RegressorRunner = entry_point(_regressors_parallel, parallel=True)

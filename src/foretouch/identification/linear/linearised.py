@@ -1,15 +1,25 @@
-"""What all least squares on the linearised law (18) share: options, regressors, model, recovered law."""
+"""What all least squares on the linearised law (18) share: options, regressors, model, recovered law, and runs."""
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from foretouch.identification.conditioning.conditioner import ContactSample
-from foretouch.identification.estimator import Estimator, Status
+from foretouch.errors import SettingError
+from foretouch.identification.conditioning.conditioner import ContactSample, ContactSamples
+from foretouch.identification.estimator import Estimator, Status, status_indices
+from foretouch.identification.linear.lanes import (
+    COUNTS,
+    RESULT_SIZE,
+    regressors_parallel,
+    regressors_serial,
+    run_parallel,
+    run_serial,
+)
 from foretouch.identification.linear.options import (
     BIN,
     LEARNT,
@@ -25,30 +35,124 @@ from foretouch.identification.linear.options import (
 )
 from foretouch.identification.linear.recording import run
 from foretouch.identification.linear.recovery import DepthSummary, Recovered, recover
-from foretouch.identification.linear.recursion import (
-    LARGEST_TRACE,
-    error_along,
-)
-from foretouch.identification.linear.runs import (
-    STATUSES,
-    LinearRun,
-    LinearRuns,
-    as_arrays,
-    as_recording,
-    residual_variance,
-    run_columns,
-    run_regressors,
-    to_metres,
-)
+from foretouch.identification.linear.recursion import LARGEST_TRACE, error_along
 from foretouch.identification.linear.sample import restart, update, warm
 from foretouch.models import LinearisedContinuousSwitching
+from foretouch.quantities import ByValue
 
 Array = NDArray[np.float64]
+Samples = tuple[Array, Array, Array, NDArray[np.bool_]]
+
+STATUSES = (Status.LEARNT, Status.FREE_AIR, Status.UNUSABLE, Status.GATED, Status.RESTARTED, Status.LEARNT)
+"""By what the kernel answers; the last is a sample that also tripped the self-perturbing test."""
 
 LEARNT_FROM = (LEARNT, PERTURBED)
+_INDICES = status_indices(STATUSES)
 
 FEWEST_UPDATES = 20
 """No force is rendered from fewer samples; the paper's simulations settle at the 20th."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class LinearRuns(ByValue):
+    """What a linear estimator made of n recordings of m samples.
+
+    Attributes:
+        theta: (ln k, s, b1, b2) after the last sample, depth in metres, shape (n, 4).
+        unscaled_covariance: P of the unknowns in the units of the regressors, shape (n, 4, 4).
+        residual_variance: Of a target of weight 1, NaN from too few samples, shape (n,).
+        updates: Samples learnt from since the last restart, shape (n,).
+        restarts: How often the covariance broke, shape (n,).
+        perturbations: How often the self-perturbing test tripped, shape (n,).
+        every: Theta after each sample, shape (m, n, 4), None where it was not asked for.
+    """
+
+    theta: Array
+    unscaled_covariance: Array
+    residual_variance: Array
+    updates: NDArray[np.int64]
+    restarts: NDArray[np.int64]
+    perturbations: NDArray[np.int64]
+    every: Array | None
+
+
+def residual_variance(squares: ArrayLike, count: ArrayLike) -> Array:
+    """Weighted squares of residuals over their number less the four unknowns; NaN from too few samples."""
+    freedom = np.asarray(count, np.float64) - 4.0
+    variance = np.asarray(squares, np.float64) / np.where(freedom > 0.0, freedom, np.nan)
+    return np.where(np.isfinite(variance), variance, np.nan)
+
+
+def to_metres(theta: Array, depth_scale: float, velocity_scale: float) -> Array:
+    """(ln k, s, b1, b2) with depth in metres, of those of the regressors in use, shape (..., 4)."""
+    in_metres = theta.copy()
+    in_metres[..., 0] -= np.log(depth_scale) * theta[..., 1]
+    in_metres[..., 2] *= 1.0 / velocity_scale
+    in_metres[..., 3] *= depth_scale / velocity_scale
+    return in_metres
+
+
+def as_arrays(**arrays: ArrayLike) -> list[Array]:
+    """The arrays as the compiled loops take them, all of the shape of the first.
+
+    Raises:
+        SettingError: One has another shape than the first, or that is not of two dimensions.
+    """
+    numbers = {name: np.ascontiguousarray(values, np.float64) for name, values in arrays.items()}
+    first = next(iter(numbers))
+    shape = np.shape(arrays[first])
+    if len(shape) != 2:
+        raise SettingError(f"shape of {first}", shape, "must be (m, n)")
+    for name, values in numbers.items():
+        if values.shape != shape:
+            raise SettingError(f"shape of {name}", values.shape, f"must be that of {first}, {shape}")
+    return list(numbers.values())
+
+
+def as_recordings(depth: ArrayLike, velocity: ArrayLike, force: ArrayLike, in_contact: ArrayLike | None) -> Samples:
+    """Samples of recordings side by side as the compiled loops take them.
+
+    Raises:
+        SettingError: One of the arrays has another shape than the depth, or the depth is not of two dimensions.
+    """
+    x, v, f = as_arrays(depth=depth, velocity=velocity, force=force)
+    touching = np.ones(x.shape, np.bool_) if in_contact is None else np.ascontiguousarray(in_contact, np.bool_)
+    if touching.shape != x.shape:
+        raise SettingError("shape of in_contact", touching.shape, f"must be that of depth, {x.shape}")
+    return x, v, f, touching
+
+
+def run_columns(
+    samples: Samples, packed: Array, scales: tuple[float, float], *, every: bool, parallel: bool
+) -> LinearRuns:
+    """Each column from the beginning with the same packed options; see `LinearisedEstimator.run_many`."""
+    rows, columns = samples[0].shape
+    result = np.empty((RESULT_SIZE, columns))
+    trace = np.empty((rows if every else 0, 4, columns))
+    (run_parallel if parallel else run_serial)(*samples, packed, result, trace)
+    return _runs(result, scales, np.moveaxis(trace, 1, 2) if every else None)
+
+
+def run_regressors(arrays: list[Array], packed: Array, scales: tuple[float, float], *, parallel: bool) -> LinearRuns:
+    """The same of ln x, v, v / x, ln F and mu, shape (m, n) each; see `LinearisedEstimator.run_regressors`."""
+    log_depth, velocity, rate, log_force, memory = arrays
+    result = np.empty((RESULT_SIZE, memory.shape[1]))
+    recur = regressors_parallel if parallel else regressors_serial
+    recur(log_depth, velocity, rate, log_force, memory, packed, result)
+    return _runs(result, scales, None)
+
+
+def _runs(result: Array, scales: tuple[float, float], every: Array | None) -> LinearRuns:
+    updates, restarts, perturbations = result[COUNTS:].astype(np.int64)
+    return LinearRuns(
+        to_metres(result[:4].T, *scales),
+        np.moveaxis(full_covariance(result[4:RESIDUALS]), 2, 0),
+        residual_variance(result[RESIDUALS], result[RESIDUALS + 1]),
+        updates,
+        restarts,
+        perturbations,
+        None if every is None else to_metres(every, *scales),
+    )
 
 
 class LinearisedEstimator(Estimator):
@@ -67,6 +171,9 @@ class LinearisedEstimator(Estimator):
     Args:
         options: The choices that the paper leaves open.
         forgetting: How old samples are forgotten; by default not at all.
+
+    Attributes:
+        perturbations: How often the self-perturbing test tripped since the last reset.
     """
 
     model_name: ClassVar[str] = "continuous-switching"
@@ -89,7 +196,7 @@ class LinearisedEstimator(Estimator):
     def reset(self) -> None:
         """Forget all samples."""
         restart(self._state, self._packed)
-        self.updates = 0
+        self.updates = self.perturbations = 0
 
     def forgetting_factor(self, depth_change: float) -> float:
         """Mu of a sample whose depth differs by so much [m] from that of the one before."""
@@ -101,47 +208,33 @@ class LinearisedEstimator(Estimator):
         done = update(self._state, self._packed, depth, velocity, force, in_contact)
         if done in LEARNT_FROM:
             self.updates += 1
+            self.perturbations += done == PERTURBED
         elif done == RESTARTED:
             self.updates = 0
         return STATUSES[done]
 
-    def run(
-        self,
-        depth: ArrayLike,
-        velocity: ArrayLike,
-        force: ArrayLike,
-        in_contact: ArrayLike | None = None,
-        *,
-        every: bool = False,
-    ) -> LinearRun:
-        """All samples of a recording, one after the other, as `update` with each: the same bits, in one call.
+    def run(self, samples: ContactSamples) -> NDArray[np.int8]:
+        """See `Estimator.run`; one compiled loop."""
+        return _INDICES[self._run(samples, np.empty((0, 4)))]
 
-        Goes on from where the estimator is; `reset` before a recording that has nothing to do with the one before.
+    def trajectory(self, samples: ContactSamples) -> Array:
+        """`run`, and (ln k, s, b1, b2) after each sample, depth in metres, shape (n, 4)."""
+        trace = np.empty((len(samples), 4))
+        self._run(samples, trace)
+        return to_metres(trace, *self.options.scales)
 
-        Args:
-            depth: Below the surface [m], shape (m,).
-            velocity: [m/s], positive while deepening, shape (m,).
-            force: On the probe [N], shape (m,).
-            in_contact: Whether the probe touches, shape (m,); by default everywhere: what has no usable depth or force
-                is left out anyway, but the path through free air then counts as moved.
-            every: Whether theta after each sample is wanted too.
-
-        Raises:
-            SettingError: Arrays that do not fit together.
-        """
-        samples = as_recording(1, depth, velocity, force, in_contact)
-        status = np.empty(samples[0].size, np.int8)
-        trace = np.empty((samples[0].size if every else 0, 4))
-        run(self._state, self._packed, *samples, status, trace)
-        restarts = np.flatnonzero(status == RESTARTED)
-        learnt = (status == LEARNT) | (status == PERTURBED)
+    def _run(self, samples: ContactSamples, trace: Array) -> NDArray[np.int8]:
+        """What the kernel did with each sample; theta after each goes into the trace, if that has rows."""
+        codes = np.empty(len(samples), np.int8)
+        run(self._state, self._packed, *samples.columns[1:], codes, trace)
+        self.perturbations += int(np.count_nonzero(codes == PERTURBED))
+        restarts = np.flatnonzero(codes == RESTARTED)
+        learnt = (codes == LEARNT) | (codes == PERTURBED)
         if restarts.size:
             self.updates = 0
             learnt = learnt[restarts[-1] + 1 :]
         self.updates += int(np.count_nonzero(learnt))
-        return LinearRun(
-            np.array(self._linear()), status, to_metres(trace, *self.options.scales) if every else None, self.updates
-        )
+        return codes
 
     def run_many(
         self,
@@ -162,14 +255,15 @@ class LinearisedEstimator(Estimator):
                 with NaN, which is left out.
             velocity: [m/s], positive while deepening, shape (m, n).
             force: On the probe [N], shape (m, n).
-            in_contact: Whether the probe touches, shape (m, n); by default everywhere, see `run`.
+            in_contact: Whether the probe touches, shape (m, n); by default everywhere: what has no usable depth or
+                force is left out anyway, but the path through free air then counts as moved.
             every: Whether theta after each sample is wanted too.
             parallel: Whether all cores are used.
 
         Raises:
             SettingError: Arrays that do not fit together.
         """
-        samples = as_recording(2, depth, velocity, force, in_contact)
+        samples = as_recordings(depth, velocity, force, in_contact)
         return run_columns(samples, self._packed, self.options.scales, every=every, parallel=parallel)
 
     def run_regressors(
@@ -197,7 +291,6 @@ class LinearisedEstimator(Estimator):
             SettingError: Arrays that do not fit together.
         """
         arrays = as_arrays(
-            2,
             log_depth=log_depth,
             velocity=velocity,
             rate=rate,

@@ -6,34 +6,22 @@ loops that become vector instructions, then the recursion with theta and P in re
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
 from foretouch.core.compiling import compiled, entry_point
-from foretouch.identification.linear.kernel import bounded_rate, forgetting, learn, refusal, rules_of, weight_of
-from foretouch.identification.linear.options import (
-    FIRST_COVARIANCE,
-    FIRST_THETA,
-    FLOOR,
-    FREE_AIR,
-    GATE_DEPTH,
-    GATE_FORCE,
-    LARGEST_RATE,
-    LAST_DEPTH,
-    LEARNT,
-    LOG_SCALE,
-    PERTURBED,
-    RATE,
-    RATE_FACTOR,
-    RESIDUALS,
-    RESTARTED,
-    SHARE,
-    VELOCITY_FACTOR,
-    WEIGHT,
+from foretouch.identification.linear import options as at
+from foretouch.identification.linear.kernel import (
+    bounded_rate,
+    forgetting,
+    learn,
+    read,
+    refusal,
+    rules_of,
+    weight_of,
+    write,
 )
+from foretouch.identification.linear.options import FREE_AIR, LEARNT, PERTURBED, RESTARTED
 from foretouch.identification.linear.recursion import logarithm
 from foretouch.identification.linear.sample import count_depth, forget_depths, restart
 
@@ -41,19 +29,18 @@ Array = NDArray[np.float64]
 
 BLOCK = 1024
 
-# Rows of the scratch, BLOCK numbers each: what the samples of a block that are learnt from have.
+# Rows of the scratch, BLOCK numbers each, for the samples of a block that are learnt from.
 DEPTH, VELOCITY, FORCE, MOVED = 0, 1 * BLOCK, 2 * BLOCK, 3 * BLOCK
 LOG_DEPTH, RATE_SEEN, LOG_FORCE = 4 * BLOCK, 5 * BLOCK, 6 * BLOCK
 MEMORY, INVERSE_MEMORY, WEIGHTS, NOISE = 7 * BLOCK, 8 * BLOCK, 9 * BLOCK, 10 * BLOCK
 SCRATCH = 11 * BLOCK
 
-_inlined = compiled(error_model="numpy", forceinline=True)
 
-
-def _take_all(
+@compiled(error_model="numpy")
+def take_all(
     depth: Array, velocity: Array, force: Array, last_depth: float, scratch: Array, place: NDArray[np.int64]
 ) -> tuple[int, float]:
-    """What `_gather` does where nothing is refused, without a branch a sample."""
+    """`gather` where no sample is refused, without a branch a sample."""
     moved = abs(depth[0] - last_depth)
     scratch[MOVED] = moved if moved >= 0.0 else 0.0
     for i in range(depth.size):
@@ -67,10 +54,8 @@ def _take_all(
     return depth.size, depth[-1]
 
 
-take_all: Any = compiled(error_model="numpy")(_take_all)
-
-
-def _gather(
+@compiled(error_model="numpy")
+def gather(
     depth: Array,
     velocity: Array,
     force: Array,
@@ -81,8 +66,8 @@ def _gather(
     place: NDArray[np.int64],
     status: NDArray[np.int8],
 ) -> tuple[int, float]:
-    """The samples to learn from, one after the other; their number, and the depth that the next one moves from."""
-    gate_depth, gate_force = options[GATE_DEPTH], options[GATE_FORCE]
+    """Select the samples to learn from; returns their number, and the depth that the next one moves from."""
+    gate_depth, gate_force = options[at.GATE_DEPTH], options[at.GATE_FORCE]
     refused = 0
     for i in range(depth.size):
         code = refusal(depth[i], velocity[i], force[i], gate_depth, gate_force)
@@ -90,7 +75,7 @@ def _gather(
         status[i] = code
         refused += code != LEARNT
     if refused == 0:
-        return take_all(depth, velocity, force, last_depth, scratch, place)  # type: ignore[no-any-return]
+        return take_all(depth, velocity, force, last_depth, scratch, place)
     count = 0
     for i in range(depth.size):
         if status[i] != LEARNT:
@@ -107,11 +92,12 @@ def _gather(
     return count, last_depth
 
 
-def _features(scratch: Array, count: int, options: Array) -> None:
-    """Logarithms, rates, forgetting factors and weights of a block."""
-    largest = options[LARGEST_RATE]
-    floor, share, rate = options[FLOOR], options[SHARE], options[RATE]
-    factor = options[WEIGHT]
+@compiled(error_model="numpy")
+def features(scratch: Array, count: int, options: Array) -> None:
+    """Compute logarithms, rates, forgetting factors and weights of a block."""
+    largest = options[at.LARGEST_RATE]
+    floor, share, rate = options[at.FLOOR], options[at.SHARE], options[at.RATE]
+    factor = options[at.WEIGHT]
     for i in range(count):
         scratch[LOG_DEPTH + i] = logarithm(scratch[DEPTH + i])
         scratch[LOG_FORCE + i] = logarithm(scratch[FORCE + i])
@@ -130,11 +116,8 @@ def _features(scratch: Array, count: int, options: Array) -> None:
             scratch[NOISE + i] = scratch[MEMORY + i] / weight
 
 
-gather: Any = compiled(error_model="numpy")(_gather)
-features: Any = compiled(error_model="numpy")(_features)
-
-
-def _recur(
+@compiled(error_model="numpy")
+def recur(
     state: Array,
     options: Array,
     scratch: Array,
@@ -143,19 +126,18 @@ def _recur(
     status: NDArray[np.int8],
     every: Array,
 ) -> bool:
-    """The recursion over a block; whether its last sample restarted it."""
+    """Run the recursion over a block; returns whether its last sample restarted it."""
     rules = rules_of(options)
-    log_scale, velocity_factor, rate_factor = options[LOG_SCALE], options[VELOCITY_FACTOR], options[RATE_FACTOR]
-    theta = (state[0], state[1], state[2], state[3])
-    p = (state[4], state[5], state[6], state[7], state[8], state[9], state[10], state[11], state[12], state[13])
-    residuals = (state[RESIDUALS], state[RESIDUALS + 1])
+    log_scale = options[at.LOG_SCALE]
+    velocity_factor, rate_factor = options[at.VELOCITY_FACTOR], options[at.RATE_FACTOR]
+    theta, p, residuals = read(state, 0, 1)
     fresh, row = False, 0
     for i in range(count):
         log_depth, velocity = scratch[LOG_DEPTH + i], scratch[VELOCITY + i]
         mu, inverse_mu = scratch[MEMORY + i], scratch[INVERSE_MEMORY + i]
         noise, weight = scratch[NOISE + i], scratch[WEIGHTS + i]
         if fresh:  # after a restart there is no depth that the sample could have moved from
-            mu = forgetting(0.0, options[FLOOR], options[SHARE], options[RATE])
+            mu = forgetting(0.0, options[at.FLOOR], options[at.SHARE], options[at.RATE])
             inverse_mu, noise = 1.0 / mu, mu / weight
             fresh = False
         while row < min(place[i], every.shape[0]):  # refused samples left theta as it was
@@ -174,15 +156,7 @@ def _recur(
             status[place[i]] = done
         if done == RESTARTED:
             restart(state, options)
-            first = options[FIRST_COVARIANCE]
-            theta = (
-                options[FIRST_THETA],
-                options[FIRST_THETA + 1],
-                options[FIRST_THETA + 2],
-                options[FIRST_THETA + 3],
-            )
-            p = (first, 0.0, first, 0.0, 0.0, first, 0.0, 0.0, 0.0, first)
-            residuals = (0.0, 0.0)
+            theta, p, residuals = read(state, 0, 1)
             fresh = True
             continue
         if done == PERTURBED:
@@ -191,16 +165,12 @@ def _recur(
     while row < every.shape[0]:
         every[row, 0], every[row, 1], every[row, 2], every[row, 3] = theta
         row += 1
-    state[0], state[1], state[2], state[3] = theta
-    state[4], state[5], state[6], state[7], state[8], state[9], state[10], state[11], state[12], state[13] = p
-    state[RESIDUALS], state[RESIDUALS + 1] = residuals
+    write(state, theta, p, residuals)
     return fresh
 
 
-recur: Any = compiled(error_model="numpy")(_recur)
-
-
-def _run(
+@entry_point
+def run(
     state: Array,
     options: Array,
     depth: Array,
@@ -210,16 +180,16 @@ def _run(
     status: NDArray[np.int8],
     every: Array,
 ) -> None:
-    """All samples of a recording, as `foretouch.identification.linear.sample.update` with one after the other.
+    """Process all samples of a recording, as `foretouch.identification.linear.sample.update` one after the other.
 
     Args:
-        state: Of `foretouch.identification.linear.options`, shape (STATE_SIZE,); changed in place.
-        options: Shape (OPTIONS_SIZE,).
-        depth: [m], shape (m,).
-        velocity: [m/s], shape (m,).
-        force: [N], shape (m,).
-        in_contact: Shape (m,).
-        status: What was done with each sample, shape (m,); filled.
+        state: State of `foretouch.identification.linear.options`, shape (STATE_SIZE,); changed in place.
+        options: Options of the estimator, shape (OPTIONS_SIZE,).
+        depth: Depths [m], shape (m,).
+        velocity: Velocities [m/s], shape (m,).
+        force: Forces [N], shape (m,).
+        in_contact: Whether each sample is in contact, shape (m,).
+        status: Status of each sample, shape (m,); filled.
         every: Theta after each sample, shape (m, 4), filled; or shape (0, 4), left alone.
     """
     scratch = np.empty(SCRATCH)
@@ -232,15 +202,12 @@ def _run(
             force[start:end],
             in_contact[start:end],
             options,
-            state[LAST_DEPTH],
+            state[at.LAST_DEPTH],
             scratch,
             place,
             status[start:end],
         )
         features(scratch, count, options)
         restarted = recur(state, options, scratch, place, count, status[start:end], every[start:end])
-        # A restart forgets where it was; so does free air after it.
-        state[LAST_DEPTH] = np.nan if restarted else last_depth
-
-
-run: Callable[[Array, Array, Array, Array, Array, NDArray[np.bool_], NDArray[np.int8], Array], None] = entry_point(_run)
+        # A restart forgets the last depth; so does free air after it.
+        state[at.LAST_DEPTH] = np.nan if restarted else last_depth

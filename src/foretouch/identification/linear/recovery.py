@@ -15,22 +15,20 @@ Array = NDArray[np.float64]
 BINS_PER_DECADE = 24
 DECADES = 5
 DEEPEST = 1.0
-"""The summary of depths covers 10 um to 1 m [m]."""
+"""Largest depth of the summary [m], which covers 10 um to 1 m."""
 
 LEAST_SPREAD = 0.05
-"""Where the spread of 1 / x is a smaller share of its RMS, one depth was seen, and b1 and b2 are one number."""
+"""Least ratio of the spread of 1 / x to its RMS; below it only one depth was seen, and b1 and b2 are not separable."""
 
-LARGEST_DOUBT = 0.25
-"""The share of b2 in the damping, from 0 to 1, must be known with a smaller standard error than this."""
+LARGEST_UNCERTAINTY = 0.25
+"""Largest standard error of the fraction of b2 in the damping, which is from 0 to 1."""
 
 SHARE_MARGIN = 0.1
-"""The share may lie this far outside of 0 to 1, for noise; it then counts as 0 or 1."""
-
-LARGEST_GAIN = 1e100
+"""Distance by which noise may put that fraction outside of 0 to 1; it then counts as 0 or 1."""
 
 
 class Recovered(NamedTuple):
-    """The law (4) in numbers; None for what is undetermined.
+    """Parameters of the law (4); None for an undetermined one.
 
     Attributes:
         stiffness: k [N/m^s].
@@ -46,51 +44,29 @@ class Recovered(NamedTuple):
 
 
 class DepthSummary:
-    """How much was learnt about b1 and b2 at which depth: a histogram over ln x, bounded and causal.
+    """Information on b1 and b2 by depth: a histogram over ln x, bounded and causal.
 
     Least squares on (18) fits 1 / x^alpha by a1 + a2 / x with the weight v^2 (its regressors are v and v / x), so each
     sample adds w v^2 to its bin. Old samples fade as the recursion forgets them.
 
     Args:
-        weights: Histogram that somebody else fills, shape (BINS_PER_DECADE DECADES,); by default one of its own.
+        weights: Histogram, which the estimator fills, shape (BINS_PER_DECADE DECADES,).
     """
 
-    def __init__(self, weights: Array | None = None) -> None:
+    def __init__(self, weights: Array) -> None:
         edges = DEEPEST * 10.0 ** (-DECADES + np.arange(BINS_PER_DECADE * DECADES + 1) / BINS_PER_DECADE)
         self._inverse_depth = 1.0 / np.sqrt(edges[1:] * edges[:-1])
-        self._weights = np.zeros(self._inverse_depth.size) if weights is None else weights
-        self.reset()
-
-    def reset(self) -> None:
-        """Forget all depths."""
-        self._weights[:] = 0.0
-        self._gain = 1.0  # grows instead of shrinking all bins at each sample
-
-    def add(self, depth: float, velocity: float, forgetting_factor: float = 1.0, weight: float = 1.0) -> None:
-        """Count one sample.
-
-        Args:
-            depth: x [m]; beyond the ends of the summary it counts as at the end.
-            velocity: [m/s].
-            forgetting_factor: mu of the recursion's step, above 0.
-            weight: w of the recursion's step.
-        """
-        place = (math.log10(max(depth, 1e-9) / DEEPEST) + DECADES) * BINS_PER_DECADE
-        index = min(max(int(place), 0), self._weights.size - 1)
-        self._gain /= forgetting_factor
-        self._weights[index] += self._gain * weight * min(velocity * velocity, 1e6)
-        if self._gain > LARGEST_GAIN:
-            self._weights /= self._gain
-            self._gain = 1.0
+        self._weights = weights
 
     @property
     def seen(self) -> tuple[Array, Array]:
-        """1 / x [1/m] at the bins that are not empty, and their weights, which sum to 1."""
+        """1 / x [1/m] of the bins that are not empty, and their weights, which sum to 1."""
         used = self._weights > 0.0
         weights = self._weights[used]
         return self._inverse_depth[used], weights / weights.sum() if weights.size else weights
 
 
+@compiled
 def inverse_power_fit(inverse_depth: Array, weights: Array, alpha: float) -> tuple[float, float]:
     """a1 and a2 of (17), `1 / x^alpha = a1 + a2 / x`, by weighted least squares over depths.
 
@@ -100,7 +76,7 @@ def inverse_power_fit(inverse_depth: Array, weights: Array, alpha: float) -> tup
         alpha: From 0 to 1.
 
     Returns:
-        a1 [m^-alpha] and a2 [m^(1-alpha)]; NaN where all depths are one.
+        a1 [m^-alpha] and a2 [m^(1-alpha)]; NaN where all depths are equal.
     """
     one = first = second = plain = crossed = 0.0
     for index in range(weights.size):
@@ -117,15 +93,13 @@ def inverse_power_fit(inverse_depth: Array, weights: Array, alpha: float) -> tup
     return (second * plain - first * crossed) / determinant, (one * crossed - first * plain) / determinant
 
 
-_compiled_fit = compiled(inverse_power_fit)
-
-
+@compiled
 def _switching_of_share(inverse_depth: Array, weights: Array, reference: float, share: float) -> float:
-    """The alpha at which a2 / (a1 x_ref + a2), which grows from 0 at alpha = 0 to 1 at alpha = 1, is the share."""
+    """The alpha at which a2 / (a1 x_ref + a2), rising from 0 at alpha = 0 to 1 at alpha = 1, equals the fraction."""
     low, high = 0.0, 1.0
     for _ in range(40):
         middle = 0.5 * (low + high)
-        a1, a2 = _compiled_fit(inverse_depth, weights, middle)
+        a1, a2 = inverse_power_fit(inverse_depth, weights, middle)
         if a2 < share * (a1 * reference + a2):
             low = middle
         else:
@@ -133,14 +107,11 @@ def _switching_of_share(inverse_depth: Array, weights: Array, reference: float, 
     return 0.5 * (low + high)
 
 
-_compiled_switching = compiled(_switching_of_share)
-
-
 def recover(linear: tuple[float, float, float, float], covariance: Array | None, depths: DepthSummary) -> Recovered:
     r"""k, lambda, n, alpha from (ln k, s, b1, b2), over the depths that were seen.
 
     By (17) and (18), b1 = a1 lambda / k and b2 = a2 lambda / k, where a1 and a2 follow from alpha and the depths. The
-    share of b2 in the damping at a mean depth, `b2 / (b1 x_ref + b2) = a2 / (a1 x_ref + a2)`, thus tells alpha; then
+    fraction of b2 in the damping at a mean depth, `b2 / (b1 x_ref + b2) = a2 / (a1 x_ref + a2)`, gives alpha; then
 
     .. math::
         \lambda = k \frac{b_1 x_{ref} + b_2}{a_1 x_{ref} + a_2}, \qquad n = s - \alpha
@@ -148,13 +119,13 @@ def recover(linear: tuple[float, float, float, float], covariance: Array | None,
     which is `k b1 / a1` and `k b2 / a2` at once, and stays well-conditioned where a1 or a2 is 0.
 
     Damping, exponent and switching are undetermined where one depth was seen, where damping is not positive (b1 and b2
-    then say nothing of this law), where the share is not within 0 to 1 but for a margin of 0.1, or where its standard
+    then do not fit this law), where the fraction is not within 0 to 1 but for a margin of 0.1, or where its standard
     error by `covariance` is above 0.25. At slow motion that is the rule: damping is then a thousandth of the force.
 
     Args:
         linear: ln k, s, b1 [s/m], b2 [s], depth in metres.
         covariance: Of `linear`, shape (4, 4), None where there is none.
-        depths: Seen so far.
+        depths: Depths seen so far.
     """
     ln_k, s, b1, b2 = linear
     stiffness = math.exp(ln_k) if ln_k < 700.0 else None
@@ -177,12 +148,12 @@ def recover(linear: tuple[float, float, float, float], covariance: Array | None,
     # Plain floats from here: they overflow to inf and not to a warning, and no inf passes the comparisons.
     (c11, c12), (_, c22) = covariance[2:, 2:].tolist()
     by_b1, by_b2 = -share * (reference / damping), b1 / damping * (reference / damping)
-    if not by_b1 * by_b1 * c11 + 2.0 * by_b1 * by_b2 * c12 + by_b2 * by_b2 * c22 <= LARGEST_DOUBT**2:
+    if not by_b1 * by_b1 * c11 + 2.0 * by_b1 * by_b2 * c12 + by_b2 * by_b2 * c22 <= LARGEST_UNCERTAINTY**2:
         return unknown
     if share <= 0.0 or share >= 1.0:
         switching = 0.0 if share <= 0.0 else 1.0
     else:
-        switching = float(_compiled_switching(inverse_depth, weights, reference, share))
-    a1, a2 = _compiled_fit(inverse_depth, weights, switching)
+        switching = float(_switching_of_share(inverse_depth, weights, reference, share))
+    a1, a2 = inverse_power_fit(inverse_depth, weights, switching)
     damping *= stiffness / (a1 * reference + a2)
     return Recovered(stiffness, damping, s - switching, switching) if math.isfinite(damping) else unknown

@@ -18,7 +18,7 @@ from numba import types
 from numba.extending import intrinsic, overload
 from numpy.typing import NDArray
 
-from foretouch.core.compiling import compiled
+from foretouch.core.compiling import compiled, inlined
 
 LARGEST_EXPONENT = 708.0
 """Arguments of the exponential count as at most this, and as at least minus this."""
@@ -71,7 +71,13 @@ def _number_of(bits):  # type: ignore[no-untyped-def]  # pragma: no cover - run 
     return lambda bits: _as_number(bits)
 
 
-def _logarithm(x: float) -> float:
+@inlined
+def logarithm(x: float) -> float:
+    r"""Natural logarithm of a positive normal number, within one unit in the last place.
+
+    With :math:`x = 2^k (1 + f)`, :math:`1 + f` within :math:`\sqrt{1/2}` to :math:`\sqrt 2`, and
+    :math:`s = f / (2 + f)`: :math:`\ln x = k \ln 2 + 2\,(s + s^3/3 + s^5/5 + \dots)`, to the term of :math:`s^{19}`.
+    """
     shifted = bits_of(x) + SHIFT
     k = number_of((shifted >> 52) | TWO_52_BITS) - TWO_52_AND_BIAS
     f = number_of((shifted & MANTISSA) + ROOT_HALF_BITS) - 1.0
@@ -85,7 +91,12 @@ def _logarithm(x: float) -> float:
     return (((s * (half_square + rest) + k * LN2_LOW) - half_square) + f) + k * LN2_HIGH
 
 
-def _exponential(x: float) -> float:
+@inlined
+def exponential(x: float) -> float:
+    r"""exp(x), within one unit in the last place; arguments count as within -708 to 708, NaN as -708.
+
+    With :math:`x = k \ln 2 + r`, :math:`2^k` times the series of :math:`e^r` to the term of :math:`r^{14}`.
+    """
     x = x if x > -LARGEST_EXPONENT else -LARGEST_EXPONENT
     x = x if x < LARGEST_EXPONENT else LARGEST_EXPONENT
     rounded = x * INVERSE_LN2 + ROUNDER
@@ -99,20 +110,6 @@ def _exponential(x: float) -> float:
     tail = low + r4 * (middle + r4 * high)
     scale = number_of((bits_of(rounded) & 0x7FF) << 52)
     return (1.0 + (r + (0.5 * r2 + (r2 * r) * tail))) * scale
-
-
-logarithm = compiled(error_model="numpy", forceinline=True)(_logarithm)
-r"""ln x of a positive normal number, within one unit in the last place.
-
-With :math:`x = 2^k (1 + f)`, :math:`1 + f` within :math:`\sqrt{1/2}` to :math:`\sqrt 2`, and :math:`s = f / (2 + f)`:
-:math:`\ln x = k \ln 2 + 2\,(s + s^3/3 + s^5/5 + \dots)`, to the term of :math:`s^{19}`.
-"""
-
-exponential = compiled(error_model="numpy", forceinline=True)(_exponential)
-r"""exp(x), within one unit in the last place; arguments count as within -708 to 708, NaN as -708.
-
-With :math:`x = k \ln 2 + r`, :math:`2^k` times the series of :math:`e^r` to the term of :math:`r^{14}`.
-"""
 
 
 Array = NDArray[np.float64]
@@ -130,6 +127,7 @@ LARGEST_LOG = 600.0
 """Logarithms of forces count as at most this where they are turned into newtons: no overflow."""
 
 
+@compiled
 def _perturb(covariance: Array, perturbation: float, resetting: bool, trace_limit: float) -> None:
     """Enlarge P by delta I, or set it to delta I, as far as the limit of its trace allows."""
     size = covariance.shape[0]
@@ -143,9 +141,7 @@ def _perturb(covariance: Array, perturbation: float, resetting: bool, trace_limi
         covariance[i, i] += enlargement
 
 
-_compiled_perturb = compiled(_perturb)
-
-
+@compiled
 def _step(
     theta: Array,
     covariance: Array,
@@ -156,8 +152,6 @@ def _step(
     forgetting_factor: float,
     sensitivity: float,
     perturbation: float,
-    in_newtons: bool,
-    before: bool,
     resetting: bool,
     trace_limit: float,
 ) -> int:
@@ -170,12 +164,7 @@ def _step(
     innovation = target
     for i in range(size):
         innovation -= regressor[i] * theta[i]
-    error = innovation
-    if in_newtons:
-        error = math.exp(min(target, LARGEST_LOG)) - math.exp(min(target - innovation, LARGEST_LOG))
-    tripped = perturbation > 0.0 and sensitivity * error * error >= 1.0
-    if tripped and before:
-        _compiled_perturb(covariance, perturbation, resetting, trace_limit)
+    tripped = perturbation > 0.0 and sensitivity * innovation * innovation >= 1.0
     projected = np.empty(size)  # P Phi
     denominator = forgetting_factor / weight
     for i in range(size):
@@ -200,14 +189,11 @@ def _step(
             covariance[j, i] = value
     residuals[0] = forgetting_factor * residuals[0] + innovation * innovation * forgetting_factor / denominator
     residuals[1] = forgetting_factor * residuals[1] + 1.0
-    if tripped and not before:
-        _compiled_perturb(covariance, perturbation, resetting, trace_limit)
+    if tripped:
+        _perturb(covariance, perturbation, resetting, trace_limit)
     if not (trace / growth < LARGEST_TRACE and np.all(np.isfinite(theta))):
         return BROKEN
     return PERTURBED if tripped else LEARNT
-
-
-_compiled_step = compiled(_step)
 
 
 class Recursion:
@@ -218,9 +204,6 @@ class Recursion:
         initial_covariance: P_0 = this times I, positive.
         sensitivity: kappa of the self-perturbing test `kappa e^2 >= 1`.
         perturbation: delta; 0 switches the test off.
-        error_unit: Whether e is the innovation itself (`log`, for the targets are logarithms of forces) or the
-            difference of the forces (`newton`).
-        moment: Whether P is enlarged `before` the gain of the sample that trips the test, or `after` it.
         form: Whether delta I is added to P (`add`) or takes its place (`reset`).
         trace_limit: Neither forgetting nor perturbation takes the trace of P beyond it; inf for none. P_0 may lie
             beyond: then nothing is forgotten until samples have brought P below.
@@ -237,15 +220,13 @@ class Recursion:
         *,
         sensitivity: float = 0.0,
         perturbation: float = 0.0,
-        error_unit: ErrorUnit = "log",
-        moment: PerturbationMoment = "after",
         form: PerturbationForm = "add",
         trace_limit: float = math.inf,
     ) -> None:
         self._initial = initial
         # Compiled here, before any loop: the first call would otherwise cost a second inside it.
         self._initial_covariance = initial_covariance
-        self._choices = (sensitivity, perturbation, error_unit == "newton", moment == "before", form == "reset")
+        self._choices = (sensitivity, perturbation, form == "reset")
         self._trace_limit = trace_limit
         self._regressor = np.zeros(initial.size)
         self.reset()
@@ -283,7 +264,7 @@ class Recursion:
         for index, value in enumerate(regressor):
             self._regressor[index] = value
         return int(
-            _compiled_step(
+            _step(
                 self.theta,
                 self.covariance,
                 self._residuals,

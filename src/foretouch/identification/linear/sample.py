@@ -2,86 +2,70 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any
-
 import numpy as np
 from numba import config
 from numpy.typing import NDArray
 
-from foretouch.core.compiling import compiled, entry_point
-from foretouch.identification.linear.kernel import bounded_rate, forgetting, learn, refusal, rules_of, weight_of
-from foretouch.identification.linear.options import (
-    BIN,
-    BINS,
-    FIRST_COVARIANCE,
-    FIRST_THETA,
-    FLOOR,
-    FREE_AIR,
-    GAIN,
-    GATE_DEPTH,
-    GATE_FORCE,
-    LARGEST_RATE,
-    LAST_DEPTH,
-    LEARNT,
-    LOG_SCALE,
-    PERTURBED,
-    RATE,
-    RATE_FACTOR,
-    RESIDUALS,
-    RESTARTED,
-    SHARE,
-    VELOCITY_FACTOR,
-    WEIGHT,
+from foretouch.core.compiling import compiled, entry_point, inlined
+from foretouch.identification.linear import options as at
+from foretouch.identification.linear.kernel import (
+    bounded_rate,
+    forgetting,
+    learn,
+    read,
+    refusal,
+    rules_of,
+    weight_of,
+    write,
 )
-from foretouch.identification.linear.recovery import BINS_PER_DECADE, LARGEST_GAIN
+from foretouch.identification.linear.options import BINS, FREE_AIR, LEARNT, PERTURBED, RESTARTED
+from foretouch.identification.linear.recovery import BINS_PER_DECADE
 from foretouch.identification.linear.recursion import logarithm
 
 Array = NDArray[np.float64]
 
 BINS_PER_LOG = BINS_PER_DECADE / np.log(10.0)
 
-_inlined = compiled(error_model="numpy", forceinline=True)
+LARGEST_GAIN = 1e100
+"""Beyond this gain of the histogram its bins shrink after all: no overflow."""
 
 
-def _restart(state: Array, options: Array) -> None:
+@entry_point
+def restart(state: Array, options: Array) -> None:
     """Back to theta_0 and P_0, all samples forgotten."""
     state[:] = 0.0
     for i in range(4):
-        state[i] = options[FIRST_THETA + i]
+        state[i] = options[at.FIRST_THETA + i]
     for i in (4, 6, 9, 13):
-        state[i] = options[FIRST_COVARIANCE]
-    state[LAST_DEPTH] = np.nan
-    state[GAIN] = 1.0
+        state[i] = options[at.FIRST_COVARIANCE]
+    state[at.LAST_DEPTH] = np.nan
+    state[at.GAIN] = 1.0
 
 
-restart: Callable[[Array, Array], None] = entry_point(_restart)
-
-
-def _count_depth(state: Array, log_depth: float, velocity: float, inverse_mu: float, weight: float) -> None:
+@inlined
+def count_depth(state: Array, log_depth: float, velocity: float, inverse_mu: float, weight: float) -> None:
     """One sample more in the histogram of depths; see `recovery.DepthSummary`."""
     place = int(log_depth * BINS_PER_LOG + BINS)
     place = min(max(place, 0), BINS - 1)
     square = velocity * velocity
-    state[GAIN] *= inverse_mu
-    state[BIN + place] += state[GAIN] * weight * (square if square < 1e6 else 1e6)
-    if state[GAIN] > LARGEST_GAIN:
+    state[at.GAIN] *= inverse_mu
+    state[at.BIN + place] += state[at.GAIN] * weight * (square if square < 1e6 else 1e6)
+    if state[at.GAIN] > LARGEST_GAIN:
         for i in range(BINS):
-            state[BIN + i] /= state[GAIN]
-        state[GAIN] = 1.0
+            state[at.BIN + i] /= state[at.GAIN]
+        state[at.GAIN] = 1.0
 
 
-def _forget_depths(state: Array) -> None:
-    state[GAIN] = 1.0
+@compiled
+def forget_depths(state: Array) -> None:
+    """An empty histogram of depths."""
+    state[at.GAIN] = 1.0
     for i in range(BINS):
-        state[BIN + i] = 0.0
+        state[at.BIN + i] = 0.0
 
 
-count_depth: Any = _inlined(_count_depth)
-forget_depths: Any = compiled(_forget_depths)
-
-
-def _update(state: Array, options: Array, depth: float, velocity: float, force: float, in_contact: bool) -> int:
+@entry_point
+def update(state: Array, options: Array, depth: float, velocity: float, force: float, in_contact: bool) -> int:
     """One sample, in place.
 
     Args:
@@ -96,37 +80,27 @@ def _update(state: Array, options: Array, depth: float, velocity: float, force: 
         What was done, LEARNT to PERTURBED.
     """
     if not in_contact:
-        state[LAST_DEPTH] = np.nan
+        state[at.LAST_DEPTH] = np.nan
         return FREE_AIR
-    refused = refusal(depth, velocity, force, options[GATE_DEPTH], options[GATE_FORCE])
+    refused = refusal(depth, velocity, force, options[at.GATE_DEPTH], options[at.GATE_FORCE])
     if refused != LEARNT:
-        return refused  # type: ignore[no-any-return]
-    moved = abs(depth - state[LAST_DEPTH])
+        return refused
+    moved = abs(depth - state[at.LAST_DEPTH])
     moved = moved if moved >= 0.0 else 0.0
-    state[LAST_DEPTH] = depth
+    state[at.LAST_DEPTH] = depth
     log_depth = logarithm(depth)
-    mu = forgetting(moved, options[FLOOR], options[SHARE], options[RATE])
-    weight = weight_of(force, options[WEIGHT])
+    mu = forgetting(moved, options[at.FLOOR], options[at.SHARE], options[at.RATE])
+    weight = weight_of(force, options[at.WEIGHT])
     inverse_mu = 1.0 / mu
+    theta, p, residuals = read(state, 0, 1)
     done, theta, p, residuals = learn(
-        (state[0], state[1], state[2], state[3]),
+        theta,
+        p,
+        residuals,
         (
-            state[4],
-            state[5],
-            state[6],
-            state[7],
-            state[8],
-            state[9],
-            state[10],
-            state[11],
-            state[12],
-            state[13],
-        ),
-        (state[RESIDUALS], state[RESIDUALS + 1]),
-        (
-            log_depth - options[LOG_SCALE],
-            velocity * options[VELOCITY_FACTOR],
-            bounded_rate(depth, velocity, options[LARGEST_RATE]) * options[RATE_FACTOR],
+            log_depth - options[at.LOG_SCALE],
+            velocity * options[at.VELOCITY_FACTOR],
+            bounded_rate(depth, velocity, options[at.LARGEST_RATE]) * options[at.RATE_FACTOR],
         ),
         logarithm(force),
         (mu, inverse_mu, mu / weight),
@@ -135,27 +109,11 @@ def _update(state: Array, options: Array, depth: float, velocity: float, force: 
     if done == RESTARTED:
         restart(state, options)
         return RESTARTED
-    state[0], state[1], state[2], state[3] = theta
-    (
-        state[4],
-        state[5],
-        state[6],
-        state[7],
-        state[8],
-        state[9],
-        state[10],
-        state[11],
-        state[12],
-        state[13],
-    ) = p
-    state[RESIDUALS], state[RESIDUALS + 1] = residuals
+    write(state, theta, p, residuals)
     if done == PERTURBED:
         forget_depths(state)
     count_depth(state, log_depth, velocity, inverse_mu, weight)
-    return done  # type: ignore[no-any-return]
-
-
-update: Callable[[Array, Array, float, float, float, bool], int] = entry_point(_update)
+    return done
 
 
 def warm(state: Array, options: Array) -> None:

@@ -1,7 +1,7 @@
-"""The contact map for a loop: its step, its slopes and the work of the way out, each one compiled call.
+"""The contact map for a loop: its step, its slopes and the work to leave contact, each one compiled call.
 
-What the material remembers goes in as plain numbers: a call into compiled code takes 0.3 us whatever it does, and each
-array that is made of a tuple for it as much again.
+The memory of the material is passed as plain numbers: a call into compiled code takes 0.3 us in any case, and each
+array made of a tuple for it as much again.
 """
 
 from __future__ import annotations
@@ -19,8 +19,9 @@ from foretouch.models.contact_model import EXIT_SPEED, SLICE_BEYOND, SLICES, SLI
 Array = NDArray[np.float64]
 
 
-def _slopes_of(flat: Array, memory: Memory, depth: float, velocity: float, reach: float) -> tuple[float, float]:
-    """Local stiffness [N/m], the steeper side's size, and damping [N s/m]."""
+@compiled
+def slopes_of(flat: Array, memory: Memory, depth: float, velocity: float, reach: float) -> tuple[float, float]:
+    """Local stiffness [N/m], that of the steeper side, and damping [N s/m]."""
     place = depth - flat[ORIGIN]
     here = force_at(flat, memory, place, velocity)
     deeper = force_at(flat, memory, place + reach, velocity)
@@ -30,21 +31,19 @@ def _slopes_of(flat: Array, memory: Memory, depth: float, velocity: float, reach
     return max(abs(deeper - here), abs(here - shallower)) / reach, (faster - slower) / (2.0 * SPEED_STEP)
 
 
-slopes_of = compiled(_slopes_of)
-
-
-def _work_of(flat: Array, memory: Memory, depth: float, offset: float, largest: float) -> tuple[float, float]:
-    """Work of the force and a constant beside it, never below zero together, on the way out, without damping.
+@compiled
+def work_of(flat: Array, memory: Memory, depth: float, offset: float, largest: float) -> tuple[float, float]:
+    """Work of the force plus a constant, never below zero together, while leaving contact, without damping.
 
     Args:
         flat: The model.
-        memory: Of now.
-        depth: Of now [m].
+        memory: Present memory.
+        depth: Present depth [m].
         offset: The constant [N].
-        largest: The force counts as no more than this [N].
+        largest: Bound on the force [N].
 
     Returns:
-        The work [J], and the way on which there is any [m].
+        The work [J], and the distance over which it is done [m].
     """
     place = depth - flat[ORIGIN]
     before = max(min(force_at(flat, memory, place, 0.0), largest) + offset, 0.0)
@@ -67,16 +66,14 @@ def _work_of(flat: Array, memory: Memory, depth: float, offset: float, largest: 
     return energy, way
 
 
-work_of = compiled(_work_of)
-
-
 UNTOUCHED: ContactState = (math.nan,) * MEMORY
-"""What a material remembers before the first sample."""
+"""Memory of a material before the first sample."""
 
-_slopes, _exit_work = slopes_of, work_of
+_slopes, _leaving_work = slopes_of, work_of
 
 
-def _memory_of(state: ContactState) -> Memory:
+@compiled
+def memory_of(state: ContactState) -> Memory:
     """A state of `MEMORY` numbers; one with a number that is not finite counts as untouched."""
     for number in state:
         if not math.isfinite(number):
@@ -84,30 +81,21 @@ def _memory_of(state: ContactState) -> Memory:
     return state[0], state[1], state[2], state[3], state[4]
 
 
-memory_of = compiled(_memory_of)
-
-
-def _advance(
+@compiled
+def advance(
     flat: Array, state: ContactState, depth: float, velocity: float, period: float
 ) -> tuple[ContactState, float, float]:
-    """`ContactMap.advance` of a state of `MEMORY` numbers."""
+    """`ContactMapModel.advance` of a state of `MEMORY` numbers."""
     return advanced(flat, memory_of(state), depth, velocity, period)
 
 
-advance = compiled(_advance)
-
-
-def _local_slopes(flat: Array, state: ContactState, depth: float, velocity: float, reach: float) -> tuple[float, float]:
-    """`ContactMap.local_slopes` of a state of `MEMORY` numbers."""
+@compiled
+def local_slopes(flat: Array, state: ContactState, depth: float, velocity: float, reach: float) -> tuple[float, float]:
+    """`ContactMapModel.local_slopes` of a state of `MEMORY` numbers."""
     return _slopes(flat, memory_of(state), depth, velocity, reach)
 
 
-local_slopes = compiled(_local_slopes)
-
-
-def _exit_work_of(flat: Array, state: ContactState, depth: float, offset: float, largest: float) -> tuple[float, float]:
-    """`ContactMap.exit_work` of a state of `MEMORY` numbers."""
-    return _exit_work(flat, memory_of(state), depth, offset, largest)
-
-
-exit_work = compiled(_exit_work_of)
+@compiled
+def leaving_work(flat: Array, state: ContactState, depth: float, offset: float, largest: float) -> tuple[float, float]:
+    """`ContactMapModel.leaving_work` of a state of `MEMORY` numbers."""
+    return _leaving_work(flat, memory_of(state), depth, offset, largest)

@@ -1,7 +1,7 @@
-"""The numbers that a contact map is made of, and their places in the one flat array that holds it.
+"""Layout of the numbers of a contact map in the one flat array that holds it.
 
 The header comes first, then the coarse and the fine map: ranges of the features, weights of the elastic part, weights
-of the features. Follower and leader hold the same array; the equations are told by `foretouch.models.ContactMap`.
+of the features. Follower and leader hold the same array; the equations are in `foretouch.models.ContactMapModel`.
 """
 
 from __future__ import annotations
@@ -13,10 +13,10 @@ LENGTHS = (1e-3, 3e-5)
 
 BELOW = (10, 50)
 ABOVE = (40, 60)
-"""Knots above and below the origin, in that length: the coarse map reaches 10 mm out and 40 mm in."""
+"""Number of knots above and below the origin, in that length: the coarse map reaches 10 mm out and 40 mm in."""
 
 COARSENESS = 3
-"""Features vary more slowly over depth than the elastic part: their knots are so many times further apart."""
+"""Ratio of the knots' distances of features and elastic part: features vary more slowly over depth."""
 
 PLAYS = (1e-4, 3e-4)
 """Radii of the play operators [m]."""
@@ -25,40 +25,40 @@ TIMES = (0.05, 0.3, 1.5)
 """Time constants of the averages of depth [s]."""
 
 SPEED = 0.05
-"""Speed that counts as one [m/s]."""
+"""Unit of speed [m/s]."""
 
 MEMORY = len(PLAYS) + len(TIMES)
-"""Numbers of memory: positions of the plays, then the averages [m]; all NaN before the first sample."""
+"""Number of values of memory: positions of the plays, then the averages [m]; all NaN before the first sample."""
 
 FEATURES = (1 + MEMORY, 1)
-"""Of the coarse map: velocity, plays, averages; of the fine one: velocity."""
+"""Number of features of the coarse map (velocity, plays, averages) and of the fine one (velocity)."""
 
 LARGEST_FEATURES = max(FEATURES)
 
 REACH = 1.0
-"""Features count up to this many times their range so far."""
+"""Factor on the range of the features so far, beyond which they are clamped."""
 
 STEEPEST = 1.5
-"""Deeper than ever the force grows along the last slope, which counts as at least that of the chord from the
-surface, and at most this many times it."""
+"""Largest ratio of the slope beyond the visited depth, which is the last one, to that of the chord from the surface,
+which is also its least value."""
 
 SPEED_REACH = 1.5
-"""The law counts speeds up to this many times the largest so far."""
+"""Factor on the largest speed so far, beyond which the law clamps speeds."""
 
 LARGEST_FORCE = 1e6
-"""No force is larger [N]."""
+"""Largest force of a model [N]."""
 
 FINE_REACH = ABOVE[1] * LENGTHS[1]
-"""The knots of the fine map end here [m]."""
+"""Depth at which the knots of the fine map end [m]."""
 
 MOST = 20.0
-"""Deeper than ever the force is at most this many times the largest that was felt."""
+"""Largest ratio of a force beyond the visited depth to the largest that was felt."""
 
 LETTING_GO = 5e-3
-"""Further out than ever a force is gone after this distance [m] at the latest."""
+"""Distance outside the visited range after which a force is zero at the latest [m]."""
 
 LEAST_DEPTH = 1e-4
-"""A law that was seen no deeper than this [m] is believed down to it."""
+"""Least depth to which a law is used [m], also if it was learnt from less."""
 
 # --- the flat array --------------------------------------------------------------------------------------------------
 
@@ -68,8 +68,8 @@ LAW = 2  # k, lambda, n, alpha
 LAW_SURFACE = 6  # height of the law's surface above the published one [m]
 LAW_SPEED = 7  # largest in contact so far [m/s]
 LOWEST, REACHED = 8, 9  # smallest and largest place of learning [m], from the origin
-DOUBT = 10  # variance of the force: constant [N^2], share of the force's square, share of the speed's [N^2]
-DOUBTS = 3
+UNCERTAINTY = 10  # variance of the force: constant [N^2], share of the force's square, share of the speed's [N^2]
+UNCERTAINTIES = 3
 SHARES = 13  # of the law, the coarse map and the fine map
 EXPERTS = 3
 FELT = 16  # largest force so far [N]

@@ -1,4 +1,4 @@
-"""A contact law learnt as a map: force over depth and over what the material remembers; and what sums it up."""
+"""A contact law learnt as a map: force over depth and over the memory of the material; and its summary."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ from foretouch.quantities import Brief
 
 
 @dataclass(frozen=True, slots=True)
-class ContactMap(Brief, ContactModel):
-    r"""What was learnt of a material that is none of the laws: three experts in shares.
+class ContactMapModel(Brief, ContactModel):
+    r"""Model of a material that follows none of the laws: a weighted mean of three experts.
 
     .. math::
         F &= \sum_i \pi_i F_i, \quad F_i = \max(0,\; g_i(x) + \sum_j h_{ij}(x)\, \phi_j) \\
@@ -27,15 +27,15 @@ class ContactMap(Brief, ContactModel):
 
     g and h are cubic splines. The **coarse map** has knots every millimetre (the h every three), and remembers: z_r are
     play operators of radius r = 0.1 and 0.3 mm (hysteresis), x_T averages over T = 0.05, 0.3 and 1.5 s of the depth
-    that is inside (relaxation). All of this the motion alone determines. The **fine map** has knots every 0.03 mm and
-    velocity only, for what is rigid. The **law** is the paper's (4).
+    that is inside (relaxation). The motion alone determines all of this. The **fine map** has knots every 0.03 mm and
+    velocity only, for rigid materials. The **law** is the paper's (4).
 
-    Outside of what was visited nobody knows: features count within their range so far; deeper than ever a map goes on
-    along its last slope, held between the chord from the surface and 1.5 times that, and the law in proportion; the law
-    counts speeds up to 1.5 times the largest; and no force there is more than 20 times the largest felt. The standard
-    deviation is that of late predictions so far, from a constant and shares of force and speed, and grows with the
-    depth that is extrapolated. Slightly above the surface there may be a force: what has been learnt of depth knows
-    better where contact begins.
+    Outside the visited range the model extrapolates: features are held to their range so far; beyond the greatest depth
+    a map goes on along its last slope, held between the chord from the surface and 1.5 times that, and the law in
+    proportion; the law counts speeds up to 1.5 times the largest; and no force there is more than 20 times the largest
+    felt. The standard deviation is that of late predictions so far, from a constant and multiples of force and speed,
+    and grows with the depth that is extrapolated. Slightly above the surface there may be a force: the learnt map shows
+    more precisely where contact begins.
 
     Args:
         stiffness: k of the law [N/m^(n + alpha)], not negative; 0 while the law is unknown.
@@ -45,7 +45,7 @@ class ContactMap(Brief, ContactModel):
         map: The rest, packed (`foretouch.models.contact_map.wire`).
 
     Raises:
-        SettingError: A parameter out of range, or bytes that are no map.
+        SettingError: A parameter is out of range, or the bytes are not a map.
 
     References:
         Play operators: Brokate and Sprekels (1996), Hysteresis and Phase Transitions. Averages as relaxation: the Prony
@@ -75,7 +75,7 @@ class ContactMap(Brief, ContactModel):
 
     @property
     def shares(self) -> tuple[float, float, float]:
-        """Of the law, the coarse map and the fine map in the force; they sum to 1."""
+        """Weights of the law, the coarse map and the fine map in the force; they sum to 1."""
         from foretouch.models.contact_map.layout import EXPERTS, SHARES
 
         law, coarse, fine = self._flat[SHARES : SHARES + EXPERTS].tolist()
@@ -95,13 +95,13 @@ class ContactMap(Brief, ContactModel):
         state = state if len(state) == calls.MEMORY else calls.UNTOUCHED
         return calls.local_slopes(self._flat, state, depth, velocity, reach)  # type: ignore[no-any-return]
 
-    def exit_work(
+    def leaving_work(
         self, state: ContactState, depth: float, offset: float = 0.0, largest: float = math.inf
     ) -> tuple[float, float]:
-        """See `ContactModel.exit_work`."""
+        """See `ContactModel.leaving_work`."""
         calls = _calls()
         state = state if len(state) == calls.MEMORY else calls.UNTOUCHED
-        return calls.exit_work(self._flat, state, depth, offset, largest)  # type: ignore[no-any-return]
+        return calls.leaving_work(self._flat, state, depth, offset, largest)  # type: ignore[no-any-return]
 
     def remember(
         self, state: ContactState, depth: NDArray[np.float64], sample_period: NDArray[np.float64]
@@ -130,10 +130,10 @@ def _memory(state: ContactState) -> NDArray[np.float64]:
 
 
 DEPTH_SHARES = (0.25, 0.5, 0.9)
-"""Local stiffness is given at these shares of the deepest depth that was visited."""
+"""Fractions of the deepest visited depth at which local stiffness is given."""
 
 STEP = 0.02
-"""Half the distance over which it is taken, as a share of that depth."""
+"""Half the distance over which it is taken, as a fraction of that depth."""
 
 PERIOD = 1e-3
 
@@ -143,12 +143,12 @@ class MapSummary:
     """A contact map in a few numbers; depths count from the surface of the model.
 
     Attributes:
-        shares: Of the experts ``law``, ``coarse`` and ``fine`` in the force; they sum to 1.
-        depth_visited: Deepest so far [m].
-        speed_visited: Largest in contact so far [m/s].
-        depths: Where the two below are taken [m], a quarter, half and nine tenths of `depth_visited`; empty while
-            nothing was visited below the surface.
-        forces: Of the whole model, the probe at rest there and the material too [N].
+        shares: Weights of the experts ``law``, ``coarse`` and ``fine`` in the force; they sum to 1.
+        depth_visited: Greatest depth so far [m].
+        speed_visited: Largest speed in contact so far [m/s].
+        depths: Depths of the two below [m], a quarter, half and nine tenths of `depth_visited`; empty while no depth
+            below the surface was visited.
+        forces: Forces of the whole model there, probe and material at rest [N].
         stiffnesses: Local stiffness dF/dx there [N/m].
     """
 
@@ -160,10 +160,10 @@ class MapSummary:
     stiffnesses: tuple[float, ...]
 
     def figures(self, standard_deviation: float | None) -> dict[str, object]:
-        """The same as named figures for JSON.
+        """Named figures of the summary for JSON.
 
         Args:
-            standard_deviation: Of the newest force [N], None or NaN where it is not known.
+            standard_deviation: That of the newest force [N], None or NaN where it is not known.
         """
         known = standard_deviation is not None and math.isfinite(standard_deviation)
         return {
@@ -177,11 +177,11 @@ class MapSummary:
         }
 
 
-def summarise_map(model: ContactMap) -> MapSummary:
-    r"""Look at a contact map.
+def summarise_map(model: ContactMapModel) -> MapSummary:
+    r"""Summarise a contact map.
 
-    At depth x, the probe at rest in a material that has come to rest (no velocity, plays and averages where the probe
-    is), the local stiffness is
+    At depth x, the probe at rest in a material that has come to rest (no velocity, plays and averages at the position
+    of the probe), the local stiffness is
 
     .. math:: \frac{F(x + h) - F(x - h)}{2 h}
 
@@ -195,7 +195,7 @@ def summarise_map(model: ContactMap) -> MapSummary:
     from foretouch.models.contact_map.wire import unpack
 
     flat = unpack(model.map)
-    assert flat is not None  # a model that is none is never made
+    assert flat is not None  # invalid models cannot be constructed
     depth = max(float(flat[REACHED] + flat[ORIGIN]), 0.0)
     law, coarse, fine = model.shares
     depths = tuple(share * depth for share in DEPTH_SHARES) if depth > 0.0 else ()
@@ -210,6 +210,6 @@ def summarise_map(model: ContactMap) -> MapSummary:
     )
 
 
-def _at_rest(model: ContactMap, depth: float) -> float:
-    """Force where the probe rests and the material remembers nothing else [N]."""
+def _at_rest(model: ContactMapModel, depth: float) -> float:
+    """Force where the probe rests and the memory has settled there [N]."""
     return advance(model, NO_STATE, depth, 0.0, PERIOD)[1]

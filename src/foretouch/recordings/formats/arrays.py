@@ -148,7 +148,7 @@ def open_mat(path: str | PathLike[str]) -> Table:
     from scipy.io import loadmat
 
     try:
-        with warnings.catch_warnings(action="ignore"):  # of what has no name, which nobody can ask for
+        with warnings.catch_warnings(action="ignore"):  # on variables without a name, which cannot be asked for
             return MatTable(path, loadmat(str(path), squeeze_me=True, struct_as_record=False))
     except NotImplementedError:  # SciPy's word for version 7.3
         return Hdf5Table(path, "MATLAB 7.3 (HDF5)")
@@ -164,7 +164,7 @@ class MatTable(Table):
     """The numbers of a MATLAB file; structures are gone into, ``scope.signals[0].values[1]``.
 
     Args:
-        path: Of the file.
+        path: Path of the file.
         content: Its variables, as SciPy reads them with structures as objects.
     """
 

@@ -1,7 +1,6 @@
 """Bags of ROS 2: rosbag2 folders and database files (sqlite3 or MCAP storage, compressed or not), read by `rosbags`.
 
-What every bag does with the bytes of its messages is here, wherever it has them from. Definitions of message types are
-those that a file carries, else those of ROS 2's own packages.
+The decoding that all bags share is here. Definitions of message types are those in the file, else those of ROS 2.
 """
 
 from __future__ import annotations
@@ -20,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foretouch.errors import RecordingError
-from foretouch.recordings.formats.cdr_fields import STAMP, Definitions, Places, extract
+from foretouch.recordings.formats.cdr import STAMP, Definitions, Places, extract
 from foretouch.recordings.output import optional
 from foretouch.recordings.source import Bag, Column, Series, Topic, gathered, listed, one_line
 
@@ -31,12 +30,12 @@ def definitions_of(type_name: str, text: str, encoding: str) -> Definitions:
     """Definitions of a type and of those within it.
 
     Args:
-        type_name: As the file says, with ``/msg/``.
+        type_name: Name in the file, with ``/msg/``.
         text: Definition in the file, or empty.
         encoding: Of that text: ``ros2msg``, or ``ros2idl``.
 
     Raises:
-        ValueError: The text cannot be parsed, or there is none and the type is none of ROS 2's own.
+        ValueError: The text cannot be parsed, or there is none and the type is not one of ROS 2.
         MissingExtraError: The package ``rosbags`` is not installed.
     """
     typesys = optional("rosbags.typesys")
@@ -44,7 +43,7 @@ def definitions_of(type_name: str, text: str, encoding: str) -> Definitions:
         try:
             parsed = _parsed(typesys, type_name, text, encoding)
         except Exception as error:  # the parser raises many kinds on a text that is none
-            raise ValueError(f"the definition of {type_name} cannot be parsed: {_one_line(error)}") from None
+            raise ValueError(f"the definition of {type_name} cannot be parsed: {one_line(error)[:200]}") from None
         if type_name in parsed:
             return parsed
     known: Definitions = typesys.get_typestore(typesys.Stores.LATEST).fielddefs
@@ -62,10 +61,6 @@ def _parsed(typesys: Any, type_name: str, text: str, encoding: str) -> Definitio
     for part in parts or [text]:
         types.update(typesys.get_types_from_idl(part))
     return types
-
-
-def _one_line(error: Exception) -> str:
-    return " ".join(str(error).split())[:200] or type(error).__name__
 
 
 class RosBag(Bag):
@@ -141,7 +136,7 @@ class RosBag(Bag):
         return Series(topic, log_ns[present], stamps, kept, int((~present).sum()))
 
     def _fitting(self, topic: Topic, size: int) -> int:
-        """How many messages of a topic are of so many bytes, by its first one; at least one."""
+        """How many messages of a topic make up a size [bytes], by its first one; at least one."""
         raws, _ = self.messages(topic, 1)
         return max(1, size // max(1, len(raws[0]))) if raws else 1
 
@@ -149,7 +144,7 @@ class RosBag(Bag):
         return _definitions(topic.type_name, *self.definition(topic))
 
     def _refuse(self, topic: Topic, raw: bytes, fields: Sequence[str]) -> None:
-        """Say which field is missing, and what there is."""
+        """Error that names the missing field, and those that there are."""
         places = Places(raw, self._definitions(topic), topic.type_name)
         missing = [field for field in fields if places.find(field) is None]
         there = listed(name for name, _, _ in places.fields(8))
@@ -170,7 +165,7 @@ _PARSE_QOS_USERS: Final = ("reader", "storage_sqlite3", "storage_mcap")
 class Rosbag2(RosBag):
     """An opened rosbag2.
 
-    It stays open until nobody has it any more: opening parses the metadata of all topics, seconds for thousands.
+    It stays open as long as it is referenced: opening parses the metadata of all topics, seconds for thousands.
 
     Args:
         path: Its folder, with ``metadata.yaml``, or one ``.db3`` file.
@@ -225,7 +220,7 @@ class Rosbag2(RosBag):
             yield
         except RecordingError:
             raise
-        except Exception as error:  # YAML, sqlite, zstd and rosbags have their own errors
+        except Exception as error:  # YAML, sqlite, zstd and rosbags raise different errors
             raise RecordingError(self.path, f"is no rosbag2 that can be read: {one_line(error)}") from None
 
 

@@ -12,26 +12,46 @@ import os
 import struct
 import zlib
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
-from io import BytesIO
 from os import PathLike
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
+from foretouch.recordings.formats.mcap import (
+    ATTACHMENT,
+    ATTACHMENT_INDEX,
+    CHANNEL,
+    CHUNK,
+    CHUNK_INDEX,
+    FOOTER,
+    FOOTER_CONTENT,
+    MAGIC,
+    MESSAGE,
+    MESSAGE_HEAD,
+    MESSAGE_INDEX,
+    METADATA,
+    METADATA_INDEX,
+    RECORD,
+    SCHEMA,
+    STATISTICS,
+    parsed,
+    record_bytes,
+    records_read,
+)
 from foretouch.recordings.formats.topics import COUNTS
 from foretouch.recordings.output import optional
 
 
 class BlockFile:
-    """A new file that is written to in blocks, and read at any place before the newest.
+    """A new file that is written to in blocks, and read at any position before the newest.
 
     What `write` takes waits in memory for `flush`, which hands it to the operating system as one block. A block that
     does not fit on the disk is taken back whole. While it is open the file is locked: `being_written` says so.
 
     Args:
-        path: The file; one that is there is replaced, unless somebody else writes it.
+        path: The file; an existing one is replaced, unless another process writes it.
 
     Attributes:
         path: Where the file is; `keep` may have moved it.
@@ -74,7 +94,7 @@ class BlockFile:
         return os.pread(self._descriptor, size, position)
 
     def truncate(self, position: int) -> None:
-        """Forget everything behind a place."""
+        """Forget everything behind a position."""
         self._pending.clear()
         os.ftruncate(self._descriptor, position)
         self._end = position
@@ -142,71 +162,9 @@ def _create(path: Path) -> int:
     return descriptor
 
 
-MAGIC: Final = b"\x89MCAP0\r\n"
-FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, MESSAGE_INDEX = 0x02, 0x03, 0x04, 0x05, 0x06, 0x07
-CHUNK_INDEX, ATTACHMENT, ATTACHMENT_INDEX, STATISTICS = 0x08, 0x09, 0x0A, 0x0B
-METADATA, METADATA_INDEX, DATA_END = 0x0C, 0x0D, 0x0F
-RECORD = struct.Struct("<BQ")
-"""In front of each record: what it is, length of what follows."""
-LONGEST_STRUCTURE = 2**28
-"""Longer records [bytes] are damage: nobody writes such, and none is read into memory."""
-
 _chunk_head = struct.Struct("<QQQII")  # first and last log time, size, CRC, length of the compression's name
-message_head = struct.Struct("<HIQ")
-"""Begins the content of a message: channel, sequence, log time."""
 _index_head = struct.Struct("<HI")  # channel, bytes of entries
 _ENTRY = 16  # bytes of an entry of a message index
-
-
-def records_in(read_at: Callable[[int, int], bytes], position: int, end: int) -> Iterator[tuple[int, int, int]]:
-    """What each record is, where its content begins and where it ends; up to the first that is not there whole."""
-    while position + RECORD.size <= end:
-        code, length = RECORD.unpack(read_at(position, RECORD.size))
-        start = position + RECORD.size
-        position = start + length
-        if code == 0 or position > end or length > LONGEST_STRUCTURE:
-            return
-        yield code, start, position
-
-
-def chunk_content(chunk: Any) -> bytes:
-    """The records within a chunk record of the library; never more is unpacked than it says, nor than belongs in one.
-
-    Raises:
-        Exception: It is damaged; each compression library has its own errors.
-    """
-    size, packed = chunk.uncompressed_size, chunk.data
-    if size > LONGEST_STRUCTURE:
-        raise ValueError(f"it says that it holds {size} bytes, more than the {LONGEST_STRUCTURE} that one may")
-    if chunk.compression == "zstd":
-        zstandard = optional("zstandard")
-        stated = zstandard.frame_content_size(packed)
-        if stated > size:
-            raise ValueError(f"it says that it holds {size} bytes, and what is packed in it {stated}")
-        content: bytes = zstandard.decompress(packed, size)
-    elif chunk.compression == "lz4":
-        content = optional("lz4.frame").LZ4FrameDecompressor().decompress(packed, max_length=size + 1)
-    elif chunk.compression:
-        raise ValueError(f"compression {chunk.compression!r} is not known: zstd and lz4 are")
-    else:
-        return _checked(packed, chunk.uncompressed_crc)
-    if len(content) != size:
-        raise ValueError(f"it says that it holds {size} bytes, and holds {'more' if len(content) > size else 'fewer'}")
-    return _checked(content, chunk.uncompressed_crc)
-
-
-def _checked(content: bytes, crc: int) -> bytes:
-    if crc and zlib.crc32(content) != crc:
-        raise ValueError("its check sum is wrong")
-    return content
-
-
-def record_bytes(record: Any) -> bytes:
-    """Bytes of one record of the library."""
-    builder = optional("mcap.data_stream").RecordBuilder()
-    record.write(builder)
-    data: bytes = builder.end()
-    return data
 
 
 def counts_record(counts: Mapping[str, int]) -> bytes:
@@ -285,7 +243,7 @@ class _Found:
 def _chunk_indexes(file: BlockFile, end: int, found: _Found) -> Iterator[bytes]:
     """Index record of each block; the rest of the file is added up on the way."""
     chunk: Any = None
-    for code, start, stop in records_in(file.read_at, len(MAGIC), end):
+    for code, start, stop in records_read(file.read_at, len(MAGIC), end):
         if code == MESSAGE_INDEX:
             channel, length = _index_head.unpack(file.read_at(start, _index_head.size))
             found.messages[channel] += length // _ENTRY
@@ -300,7 +258,7 @@ def _chunk_indexes(file: BlockFile, end: int, found: _Found) -> Iterator[bytes]:
             found.chunks += 1
             found.span(chunk.message_start_time, chunk.message_end_time)
         elif code == MESSAGE:
-            channel, _, log_time = message_head.unpack(file.read_at(start, message_head.size))
+            channel, _, log_time, _ = MESSAGE_HEAD.unpack(file.read_at(start, MESSAGE_HEAD.size))
             found.messages[channel] += 1
             found.span(log_time, log_time)
         elif code in (METADATA, ATTACHMENT):
@@ -327,13 +285,11 @@ def _chunk_index(file: BlockFile, start: int, stop: int) -> Any:
 
 def _named(file: BlockFile, code: int, start: int, stop: int, found: _Found) -> None:
     """Index record of metadata or of an attachment."""
-    records, stream = optional("mcap.records"), optional("mcap.data_stream")
-    content = stream.ReadDataStream(BytesIO(file.read_at(start, stop - start)))
+    records, read = optional("mcap.records"), parsed(code, file.read_at(start, stop - start))
     place = {"offset": start - RECORD.size, "length": stop - start + RECORD.size}
     if code == METADATA:
-        found.metadata.append(records.MetadataIndex(name=records.Metadata.read(content).name, **place))
+        found.metadata.append(records.MetadataIndex(name=read.name, **place))
         return
-    read = records.Attachment.read(content)
     found.attachments.append(
         records.AttachmentIndex(
             create_time=read.create_time,
@@ -371,8 +327,8 @@ class _Summary:
         offsets_start = self._file.tell()
         for offset in self._offsets:
             self._put(record_bytes(offset))
-        head = RECORD.pack(FOOTER, 20) + struct.pack("<QQ", self._start, offsets_start)
-        self._put(head)
+        footer = RECORD.pack(FOOTER, FOOTER_CONTENT.size) + FOOTER_CONTENT.pack(self._start, offsets_start, 0)
+        self._put(footer[:-4])  # the check sum is of all that stands before it
         self._file.write(struct.pack("<I", self._crc) + MAGIC)
         self._file.flush()
 

@@ -10,8 +10,8 @@ unit of SI, :math:`u`, and stores the first count and then differences, which ar
 
 .. math:: q_i = \frac{1}{u} \sum_{j \le i} \Delta c_j
 
-Whoever made the original rounded in another order, to other last bits. Beside the counts stand by how many units in the
-last place that differs, so that the numbers are the original's bit by bit: on some recordings of something rigid an
+The originals were rounded in another order, to other last bits. A second column gives that difference in units in the
+last place, so that the numbers are the original's bit by bit: on some recordings of something rigid an
 estimator makes several percent of a difference of :math:`10^{-15}` m. A column that is no sensor's count but a filtered
 one is rounded to the nearest count, and has no such second column.
 
@@ -33,32 +33,33 @@ from numpy.typing import NDArray
 from foretouch.errors import RecordingError, UnknownNameError
 from foretouch.files import within_budget
 from foretouch.quantities import Recording
+from foretouch.recordings.meaning.names import FORCE_CHANNELS
 from foretouch.recordings.output import atomic_path
 
 Array = NDArray[np.float64]
 
 SUFFIX: Final = ".npz"
 
-FORCES: Final = {"raw": "force", "logged": "logged_force"}
+FORCES: Final = dict(zip(FORCE_CHANNELS, ("force", "logged_force"), strict=True))
 """The column of each force channel."""
 
 LAST: Final = "_last"
-"""Behind a column's name that of its units in the last place."""
+"""Suffix of a column's name for its units in the last place."""
 
 LEADER: Final = "leader_position"
 """The column of the motion of the leader's lever, where a recording has one."""
 
 
 class About(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """What an excerpt is made from.
+    """Origin of an excerpt.
 
     Attributes:
-        name: Of the recording.
+        name: Name of the recording.
         original: Address of the file.
         sha256: Checksum of that file.
-        licence: Of it, and its copyright line.
+        licence: Its licence and copyright line.
         contact_floor: Smallest force [N] that counts as contact.
-        counts_per_unit: Column to how many of its counts make a second, a metre or a newton.
+        counts_per_unit: Column to its number of counts per second, metre or newton.
     """
 
     name: str
@@ -106,7 +107,7 @@ def read_excerpt(path: str | PathLike[str]) -> Excerpt:
 
 
 def write_excerpt(path: str | PathLike[str], about: About, columns: Mapping[str, Array]) -> None:
-    """Write columns as counts, and what is left in the last place where that is all.
+    """Write columns as counts, with the differences in the last place where nothing else is left.
 
     Raises:
         KeyError: A column without counts per unit.
@@ -127,7 +128,7 @@ def recording_of(path: str | PathLike[str], force_channel: str = "raw", *, flip:
     """The recording that an excerpt holds.
 
     Args:
-        path: Of the excerpt.
+        path: Path of the excerpt.
         force_channel: ``"raw"``, or ``"logged"`` where it has one.
         flip: Change the sign of the positions.
 
@@ -174,9 +175,6 @@ TORQUE_PER_VOLT = 0.2361
 
 TUE_CONTACT_FLOOR = 0.3
 """Smallest force [N] that counts as contact: lever friction and inertia stay below it."""
-
-FORCE_CHANNELS: Final = tuple(FORCES)
-"""Forces of a file: the raw bridge, and the torque that the experiment logged."""
 
 _VARIABLES = ["scope", "env_est3"]
 
@@ -235,7 +233,7 @@ def is_tue(path: str | PathLike[str]) -> bool:
     try:
         with warnings.catch_warnings(action="ignore"):  # of what has no name in these files
             return loadmat(str(path), variable_names=_VARIABLES).keys() >= set(_VARIABLES)
-    except Exception:  # of another version, or none: who reads it says so
+    except Exception:  # of another version, or none: its reader reports that
         return False
 
 

@@ -128,14 +128,14 @@ def _encoding(path: str | PathLike[str]) -> str:
 
 @dataclass(frozen=True)
 class _Top:
-    """What stands above the samples.
+    """Header above the samples.
 
     Attributes:
-        separator: Between columns.
-        names: Of the columns.
-        units: Of each, empty where none stand below the names.
-        row: Of the names, as an editor counts.
-        lines: Above the first sample.
+        separator: Separator between columns.
+        names: Names of the columns.
+        units: Unit of each, empty where none stand below the names.
+        row: Row of the names, as an editor counts.
+        lines: Number of lines above the first sample.
         passed_over: Lines above the names that are no remarks.
     """
 
@@ -150,13 +150,17 @@ class _Top:
 class CsvTable(Table):
     """An opened CSV file whose header names the columns.
 
+    Args:
+        path: Path of the file.
+        skip_empty: Whether rows whose cells are all empty are passed over; without it such a row lacks its numbers.
+
     Raises:
         RecordingError: No UTF-8 text, or no header.
         OSError: The file cannot be read.
     """
 
-    def __init__(self, path: str | PathLike[str]) -> None:
-        self.path, self.format = path, "CSV"
+    def __init__(self, path: str | PathLike[str], *, skip_empty: bool = False) -> None:
+        self.path, self.format, self._skip_empty = path, "CSV", skip_empty
         self._encoding = _encoding(path)
         top = self._top()
         self._separator, self.header, self._skipped = top.separator, top.names, top.lines
@@ -165,7 +169,7 @@ class CsvTable(Table):
             above = "1 line above is" if top.passed_over == 1 else f"{top.passed_over} lines above are"
             self.notes = (f"the columns are named in line {top.row}; {above} passed over",)
         rows: list[list[str]] = []
-        with contextlib.suppress(RecordingError):  # whoever reads the whole says what is wrong
+        with contextlib.suppress(RecordingError):  # the reader of the whole reports what is wrong
             rows = [row for _, row in islice(self._rows(), LOOKED_AT)]
         comma = self._separator != "," and any(_DECIMAL_COMMA.match(cell) for row in rows for cell in row)
         self._decimal = "," if comma else "."
@@ -251,6 +255,16 @@ class CsvTable(Table):
                 columns[name].append(self._number(name, cells[place], line))
         return {name: np.array(values, dtype=np.float64) for name, values in columns.items()}
 
+    def texts(self, name: str) -> list[str]:
+        """The cells of a column as they stand.
+
+        Raises:
+            RecordingError: The column is missing or there twice.
+        """
+        require_names(self.path, self.header, [name], row=self._header_row)
+        place = self.header.index(name)
+        return [cells[place].strip() for _, cells in self._rows()]
+
     def row_of(self, sample: int) -> int:
         """Line of a sample, as an editor counts: blank lines, and those within quotes, count too."""
         return next(islice(self._rows(), sample, None))[0]
@@ -263,7 +277,8 @@ class CsvTable(Table):
             rows: Any = csv.reader(file, delimiter=self._separator)
             try:
                 for cells in rows:
-                    if cells and not (len(cells) == 1 and not cells[0].strip()):
+                    blank = not any(cell.strip() for cell in cells)
+                    if not (blank and (self._skip_empty or len(cells) < 2)):
                         yield self._skipped + rows.line_num, cells
             except csv.Error as error:
                 raise RecordingError(self.path, f"is no CSV: {error}", row=self._skipped + rows.line_num) from None

@@ -47,10 +47,10 @@ class Topic:
     """One topic of our own messages.
 
     Attributes:
-        name: Of the topic.
-        type_name: Of the ROS 2 type.
+        name: Name of the topic.
+        type_name: Name of the ROS 2 type.
         layout: Schema and bytes.
-        former: What the type was called in recordings that were made before; they are read too.
+        former: Name of the type in earlier recordings; they are read too.
     """
 
     name: str
@@ -117,7 +117,7 @@ string reason
 # Running number of the model; it counts from 1 in each process of the follower, and a gap is one that did not arrive.
 uint64 sequence
 """
-"""Definition in the ``.msg`` language, which says what each field is; ``ros2/foretouch_msgs`` has the same text."""
+"""Definition in the ``.msg`` language, which describes each field; ``ros2/foretouch_msgs`` has the same text."""
 
 _HEADER: Final = {"sec": "int32", "nanosec": "uint32", "frame_id": "string"}
 _FIELDS: Final = [line.split() for line in CONTACT_MODEL_MSG.splitlines() if line and not line.startswith("#")]
@@ -129,7 +129,7 @@ _NUMBER_ARRAY: Final = {"dimensions": "uint32", "label": "string", "size": "uint
 
 
 def parameter_names(law: str, count: int) -> tuple[str, ...]:
-    """Names of a law's numbers in their order; empty where the law is not known, or has not so many."""
+    """Names of a law's numbers in their order; empty where the law is not known, or has another number of them."""
     names = LAWS[law].parameter_names if law in LAWS else ()
     return names if len(names) == count else ()
 
@@ -140,7 +140,7 @@ def contact_model(update: ModelUpdate, stamp: tuple[int, int], frame: str) -> by
     Args:
         update: The model as the follower sent it.
         stamp: Seconds and nanoseconds of the header.
-        frame: Of the header.
+        frame: Frame of the header.
     """
     names = parameter_names(update.law, len(update.parameters))
     numbers = (names, update.parameters, update.standard_errors)
@@ -262,7 +262,7 @@ LARGEST_SECOND = 2**31 - 1
 
 
 def _stamp(time_ns: int) -> tuple[int, int]:
-    """Seconds and nanoseconds; a clock beyond what ROS 2 can say stays at the largest second."""
+    """Seconds and nanoseconds; a clock beyond the range of ROS 2 stays at the largest second."""
     second, nanosecond = divmod(time_ns, 1_000_000_000)
     return min(second, LARGEST_SECOND), nanosecond
 
@@ -280,7 +280,7 @@ def joint_state(time_ns: int, position: float, velocity: float | None, force: fl
 
 
 def pose(time_ns: int, place: Sequence[float], turn: Sequence[float] = (0.0, 0.0, 0.0)) -> bytes:
-    """CDR bytes of a PoseStamped in the world: a place [m] and a rotation vector [rad]."""
+    """CDR bytes of a PoseStamped in the world: a position [m] and a rotation vector [rad]."""
     return _pose.pack(HEADER, *_stamp(time_ns), _WORLD, *place, *quaternion(turn))
 
 

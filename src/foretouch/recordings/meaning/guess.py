@@ -1,4 +1,4 @@
-"""Guesses a map from names, units and message types; what nothing tells stays open and is said."""
+"""Guesses a map from names, units and message types; what cannot be guessed stays open and is reported."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from foretouch.recordings.meaning.names import (
     TIME,
     VELOCITY,
     Named,
-    Units,
+    RecordingOptions,
     name_says,
     rank,
     robot_column,
@@ -45,7 +45,7 @@ UNIT_OPTIONS = {"position": "--position-unit mm", "force": "--force-unit N"}
 _NUMBER = re.compile(r"[-+]?[\d.,]+(e[-+]?\d+)?\s*\Z", re.IGNORECASE)
 
 NAMED = 5
-"""So many candidates are named in a map that is to be completed."""
+"""Number of candidates that are named in a map that is to be completed."""
 
 
 @dataclass(frozen=True)
@@ -53,15 +53,15 @@ class Guess:
     """A map as far as it can be guessed.
 
     Attributes:
-        path: Of the recording.
-        time: Of its samples.
-        position: Of the probe, None where nothing could be it, or several; its unit may be `UNKNOWN`.
-        force: Of the sensor, likewise.
-        velocity: Of the probe, where it is there.
+        path: Path of the recording.
+        time: Times of its samples.
+        position: Position of the probe, None where no column fits, or several; its unit may be `UNKNOWN`.
+        force: Force of the sensor, likewise.
+        velocity: Velocity of the probe, where it is there.
         problems: One sentence for each thing that is open.
         notes: One sentence for each thing that should be known of what was guessed.
         candidates: What `position` and `force` might be, where there are several; the likeliest first.
-        contact_floor: Of a map that the file carries.
+        contact_floor: That of a map in the file.
         stated: The map that the file carries, which then is taken.
     """
 
@@ -78,7 +78,7 @@ class Guess:
 
     @property
     def open(self) -> tuple[str, ...]:
-        """One sentence for each thing that a map must still say; none where the guess is whole."""
+        """One sentence for each item that a map must still state; none where the guess is complete."""
         said = list(self.problems) if self.stated is None else []
         for name, signal, units in (("position", self.position, LENGTHS), ("force", self.force, FORCES)):
             if self.stated is not None or signal is None:
@@ -105,7 +105,7 @@ class Guess:
         return mapping
 
     def _what_to_do(self) -> str:
-        """What is open, and what says it: options where it is units alone."""
+        """Open items, and how to state them: by options where only units are open."""
         signals = {"position": self.position, "force": self.force}
         unknown = [name for name, signal in signals.items() if signal is not None and signal.unit == UNKNOWN]
         if None in signals.values() or self.problems or len(unknown) < len(self.open):
@@ -113,17 +113,17 @@ class Guess:
         options = " and ".join(UNIT_OPTIONS[name] for name in unknown)
         return f"{'; '.join(self.open)}: give {options}, say; or {HELP}"
 
-    def in_units(self, units: Units) -> Guess:
+    def in_units(self, options: RecordingOptions) -> Guess:
         """The same with units where the file states none, and with positions or forces turned round.
 
         Args:
-            units: As they were given.
+            options: As they were given.
 
         Raises:
             RecordingError: The file states another unit.
         """
-        position = self._with(self.position, "position", units.position, units.flip)
-        force = self._with(self.force, "force", units.force, units.flip_force)
+        position = self._with(self.position, "position", options.position_unit, options.flip)
+        force = self._with(self.force, "force", options.force_unit, options.flip_force)
         stated = self.stated
         if stated is not None and position is not None and force is not None:
             stated = msgspec.structs.replace(stated, position=position, force=force)
@@ -241,7 +241,7 @@ def _frame_notes(*signals: Signal | None) -> tuple[str, ...]:
 
 
 def _velocity(columns: tuple[Column, ...], position: Signal | None) -> Velocity | None:
-    """The column of velocities, where there is one and it says that it is in the position's unit a second."""
+    """The column of velocities, where there is one and its stated unit is the position's per second."""
     found = []
     for column in columns:
         named = name_says(column.name, column.unit)

@@ -43,10 +43,10 @@ class Clocks(NamedTuple):
 
     Attributes:
         topics: Names.
-        medians: Of log time less stamp, for each [s].
+        medians: Median of log time less stamp, for each [s].
         spread: Largest range of the middle half of that, over the topics [s].
         jitter: Largest range of the middle nine tenths [s].
-        period: Of the topic that comes less often [s].
+        period: Sample period of the less frequent topic [s].
     """
 
     topics: tuple[str, ...]
@@ -94,10 +94,10 @@ def clock_of(source: object, series: list[Series], asked: str) -> tuple[list[Tim
     Header stamps are when a sensor measured; log time is later by what network and recorder took, and differently late
     from message to message. So stamps are taken, as long as those of all topics are on one clock: that is so where they
     lie equally far from log time. Where they do not, either clocks differ or one topic takes longer to the recorder,
-    and the file does not say which: within `CLOCKS_AGREE` stamps are taken as they are, and the distance is said.
+    and the file does not say which: within `CLOCKS_AGREE` stamps are taken as they are, and the distance is noted.
 
     Args:
-        source: For messages.
+        source: Name of the file, for messages.
         series: One, or positions and forces.
         asked: ``"auto"``, ``"header"``, ``"log"`` or ``"aligned"``: stamps, those of positions moved by the distance of
             the medians.

@@ -1,4 +1,4 @@
-"""A recording out of an opened table or bag, as a map says."""
+"""A recording out of an opened table or bag, by a map."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ Array = NDArray[np.float64]
 DEEPER_WITH_LESS_FORCE = -0.5
 """Correlation of position and force below which positions look as if they shrank with depth."""
 LOOKED_AT = 100_000
-"""So many samples tell whether signs look wrong."""
+"""Number of samples that tell whether signs look wrong."""
 LEAST_CHANGE = 1e-9
-"""Over the largest value: what changes by less says nothing of signs."""
+"""Change, over the largest value, below which signs are not commented on."""
 
 
 def read_mapped(source: Table | Bag, mapping: Mapping) -> tuple[Recording, list[str]]:
@@ -30,9 +30,9 @@ def read_mapped(source: Table | Bag, mapping: Mapping) -> tuple[Recording, list[
     """
     if isinstance(source, Table):
         recording = _of_table(source, mapping)
-        return recording, _doubts(recording)
+        return recording, _uncertainties(recording)
     recording, notes = _of_bag(source, mapping)
-    return recording, [*notes, *_doubts(recording)]
+    return recording, [*notes, *_uncertainties(recording)]
 
 
 def _of_table(table: Table, mapping: Mapping) -> Recording:
@@ -154,7 +154,7 @@ def falls_with_depth(recording: Recording) -> bool:
     return _together(position, force) < DEEPER_WITH_LESS_FORCE
 
 
-def _doubts(recording: Recording) -> list[str]:
+def _uncertainties(recording: Recording) -> list[str]:
     """A sentence where signs look wrong: what presses is deeper, and its force positive."""
     position, force = _seen(recording)
     if _still(position) or _still(force):

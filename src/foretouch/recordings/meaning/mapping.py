@@ -31,10 +31,10 @@ NEEDS_SCALE: Final = {
     "Nm": "newtons for a newton metre, one over the length of the lever",
     "raw": "metres or newtons for one count or volt",
 }
-"""Units that are no length or force by themselves, and what their ``scale`` says."""
+"""Units that are no length or force by themselves, and the meaning of their ``scale``."""
 
 UNKNOWN: Final = "?"
-"""Unit of a guess that nothing in the file tells; a map must say it."""
+"""Unit of a guess where the file does not state it; a map must state it."""
 
 FORM: Final = "[time], [position] and [force] with column, or topic and field, and unit"
 
@@ -60,19 +60,19 @@ class TimeSource(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Signal(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    r"""Where position or force stands.
+    r"""Source of position or force in a file.
 
     .. math:: q = \text{sign} \cdot \text{scale} \cdot r / u
 
     with the value :math:`r` in the file and :math:`u` units to one of SI.
 
     Attributes:
-        column: Of a table.
-        topic: Of a bag.
-        field: Of the topic's messages, such as ``wrench.force.z``, ``position[0]`` or ``position[elbow]``.
+        column: Column of a table.
+        topic: Topic of a bag.
+        field: Field of the topic's messages, such as ``wrench.force.z``, ``position[0]`` or ``position[elbow]``.
         unit: One of `LENGTHS` or `FORCES`.
         sign: -1 where positions shrink with depth, or forces are negative under compression.
-        scale: Of the value once it is in SI units; `NEEDS_SCALE` says what it means for angles, torques and counts.
+        scale: Factor of the value in SI units; `NEEDS_SCALE` gives its meaning for angles, torques and counts.
     """
 
     column: str = ""
@@ -89,11 +89,11 @@ class Signal(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Velocity(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Where a measured velocity stands, in the position's unit a second, with its sign and scale; same topic or table.
+    """Source of a measured velocity, in the position's unit per second, with its sign and scale; same topic or table.
 
     Attributes:
-        column: Of a table.
-        field: Of the messages of the position's topic.
+        column: Column of a table.
+        field: Field of the messages of the position's topic.
     """
 
     column: str = ""
@@ -104,11 +104,11 @@ class Mapping(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """A whole map.
 
     Attributes:
-        position: Of the probe.
-        force: Of the sensor.
-        time: Of both.
-        velocity: Of the probe, or None: then it is estimated from the positions.
-        join: How positions come to the times of forces where they stand in two topics: ``"interpolate"`` between the
+        position: Position of the probe.
+        force: Force of the sensor.
+        time: Time of both.
+        velocity: Velocity of the probe, or None: then it is estimated from the positions.
+        join: How positions are resampled at the times of forces from another topic: ``"interpolate"`` between the
             two positions around, or ``"hold"`` the last one before.
         contact_floor: Smallest force [N] that counts as contact.
     """

@@ -1,4 +1,4 @@
-"""What the name of a column says: which quantity, in which unit, and of which frame.
+"""Quantity, unit and frame of a column by its name.
 
 Words are those of several languages, as files have them; some common robots' interfaces name their columns always
 alike. A table whose columns are named as here needs no map.
@@ -9,10 +9,15 @@ from __future__ import annotations
 import functools
 import re
 import unicodedata
-from dataclasses import dataclass
-from typing import Final, NamedTuple
+from dataclasses import dataclass, replace
+from os import PathLike
+from typing import Final, NamedTuple, TypedDict
 
 from foretouch.errors import UnknownNameError
+from foretouch.errors.checks import require_path, require_type
+
+FORCE_CHANNELS = ("raw", "logged")
+"""Forces of a published file: the raw bridge, and the torque that the experiment logged."""
 
 TIME, POSITION, FORCE, VELOCITY = "time", "position", "force", "velocity"
 
@@ -22,7 +27,7 @@ PRESSED: Final = (
     "penetracao compressao wglebienie penetracja kompresja vtisk komprese painuma puristuma benyomodas intryckning "
     "压入 压缩 压痕 圧入 圧縮 押込み вдавливание сжатие"
 )
-"""Positions by themselves; beside a word of forces they say which force: ``Force de compression``."""
+"""Positions by themselves; beside a word of forces they specify the force: ``Force de compression``."""
 
 WORDS: Final = {
     TIME: "time timestamp stamp seconds zeit temps tiempo tempo tijd tid czas cas aika idő 时间 時間 время",
@@ -72,11 +77,11 @@ _word = re.compile(r"[^\W\d_]+|\d+")
 
 
 class Named(NamedTuple):
-    """What the name of a column says.
+    """Words and unit in the name of a column.
 
     Attributes:
         words: Its words, lower case, without accents.
-        unit: In it, as written, or empty.
+        unit: Unit in it, as written, or empty.
     """
 
     words: tuple[str, ...]
@@ -164,15 +169,15 @@ def _plain(text: str) -> str:
 
 
 class RobotColumn(NamedTuple):
-    """What a robot's interface says of one of its numbers.
+    """Meaning of one number of a robot's interface.
 
     Attributes:
-        quantity: That it is.
+        quantity: Quantity of the number.
         rank: How well it fits, on the scale of `foretouch.recordings.meaning.names.rank`: below a column that is named
             as the quantity and nothing else, above one that has a word of it.
-        unit: As a map writes it.
-        said: What it is, and in which frame, for people.
-        axes: How the columns along x, y and z are numbered there.
+        unit: Unit as a map writes it.
+        said: Its name and frame, for people.
+        axes: Numbers of the columns along x, y and z there.
     """
 
     quantity: str
@@ -219,7 +224,7 @@ def robot_column(name: str) -> RobotColumn | None:
     """What a column is, such as ``O_T_EE[14]`` or ``actual_TCP_force_2``, if it is along z; None for any other.
 
     Args:
-        name: Of the column; what stands before the robot's name, as ``state/``, is passed over.
+        name: Name of the column; a prefix before the robot's name, as ``state/``, is passed over.
     """
     found = _indexed.search(name)
     known = KNOWN[found[1]] if found else None
@@ -236,29 +241,55 @@ REQUIRED: Final = ("time_s", "position_m", "force_N")
 VELOCITY_KEY: Final = "velocity_m_s"
 
 
+class ReadingKeywords(TypedDict, total=False):
+    """The attributes of `RecordingOptions`, as keyword arguments."""
+
+    position_unit: str | None
+    force_unit: str | None
+    flip: bool
+    flip_force: bool
+    force_channel: str
+    map_file: str | PathLike[str] | None
+
+
 @dataclass(frozen=True)
-class Units:
-    """What the numbers of a table mean.
+class RecordingOptions:
+    """How a recording is to be read, where its file does not say so by itself.
 
     Attributes:
-        position: Unit of positions; velocities are in that unit a second. None where nobody has said it.
-        force: Unit of forces, likewise.
-        flip: Whether positions grow out of the material, so that they change sign.
-        flip_force: Whether forces are negative under load, so that they change sign.
+        position_unit: Unit of positions, where columns are named as in `read_recording` or the file does not state it:
+            ``"m"``, ``"cm"``, ``"mm"`` or ``"um"``; velocities are in the same per second.
+        force_unit: Unit of its forces: ``"N"``, ``"mN"``, ``"cN"`` or ``"kN"``.
+        flip: Whether positions grow out of the material; position and velocity then change sign.
+        flip_force: Whether forces are negative under load; they then change sign.
+        force_channel: For TU/e recordings ``"raw"`` (the force bridge) or ``"logged"`` (the low-pass filtered torque).
+        map_file: TOML file of a `Mapping`: which column or message field is what, in which unit.
 
     Raises:
-        UnknownNameError: A unit that is not known.
+        UnknownNameError: A unit or force channel that is not known.
+        ArgumentTypeError: A unit or a path that is none.
     """
 
-    position: str | None = None
-    force: str | None = None
+    position_unit: str | None = None
+    force_unit: str | None = None
     flip: bool = False
     flip_force: bool = False
+    force_channel: str = "raw"
+    map_file: str | PathLike[str] | None = None
 
     def __post_init__(self) -> None:
-        for kind, name, known in (
-            ("position unit", self.position, POSITION_UNITS),
-            ("force unit", self.force, FORCE_UNITS),
+        if self.map_file is not None:
+            require_path("map_file", self.map_file)
+        for name, unit, known in (
+            ("position_unit", self.position_unit, POSITION_UNITS),
+            ("force_unit", self.force_unit, FORCE_UNITS),
         ):
-            if name is not None and name not in known:
-                raise UnknownNameError(kind, name, known)
+            require_type(name, unit, (str, type(None)), "the name of a unit, or None for what the file says")
+            if unit is not None and unit not in known:
+                raise UnknownNameError(name.replace("_", " "), unit, known)
+        if self.force_channel not in FORCE_CHANNELS:
+            raise UnknownNameError("force channel", self.force_channel, FORCE_CHANNELS)
+
+    def states_units(self) -> bool:
+        """Whether anything is stated that a map states too."""
+        return replace(self, map_file=None) != RecordingOptions()

@@ -31,36 +31,36 @@ POSITION_FIELDS: Final = {
     "geometry_msgs/msg/Pose": "position.z",
     "geometry_msgs/msg/Point": "z",
 }
-"""Types of messages that hold a place in metres, and its field along z."""
+"""Types of messages that hold a position in metres, and its field along z."""
 
 JOINTS: Final = "sensor_msgs/msg/JointState"
 PLAIN: Final = {f"std_msgs/msg/{kind}": "data" for kind in ("Float64", "Float32")}
 _OF = {POSITION: (POSITION_FIELDS, "m"), FORCE: (FORCE_FIELDS, "N")}
 
 LOOKED_INTO: Final = 8
-"""So many topics are looked into, those of most messages first; of other joint states one joint is taken for a
-candidate, and of other topics the rate over the whole bag for their rate."""
+"""Number of topics that are looked into, those of most messages first; of other joint states one joint is taken for
+a candidate, and of other topics the rate over the whole bag for their rate."""
 
 A_WORD: Final = 2.0
 """Rank of a name with a word of the quantity in it; a letter, as in ``/stage/x``, is none."""
 
 NAMED: Final = 5
-"""So many candidates are named in a sentence."""
+"""Number of candidates that are named in a sentence."""
 
 LARGEST_LOOK: Final = 2**25
-"""So many bytes of messages, the first ones, tell along which axis something moves."""
+"""Bytes of the first messages, which tell along which axis something moves."""
 
 
 @dataclass(frozen=True)
 class Candidate:
-    """One field that could be it.
+    """One field that could be the quantity.
 
     Attributes:
         signal: Topic, field and unit.
         standing: 3 for a type of message with that quantity, 2 for a joint alone, 1 for a joint among others or a bare
             number whose topic is named like the quantity; words in a name are no more than that.
-        count: Messages.
-        rate: Messages a second [1/s].
+        count: Number of messages.
+        rate: Messages per second [1/s].
     """
 
     signal: Signal
@@ -132,9 +132,9 @@ def axis_note(bag: Bag, quantity: str, signal: Signal) -> tuple[str, ...]:
     """A sentence where a quantity moves more along another axis than along z, which is assumed.
 
     Args:
-        bag: Opened.
-        quantity: For people.
-        signal: Its field ends with the axis, or says nothing of axes.
+        bag: The opened bag.
+        quantity: Name of the quantity, for people.
+        signal: Signal whose field ends with the axis, or names none.
     """
     stem, dot, axis = signal.field.rpartition(".")
     if axis != "z":
@@ -143,10 +143,10 @@ def axis_note(bag: Bag, quantity: str, signal: Signal) -> tuple[str, ...]:
     try:
         series = bag.read(signal.topic, list(fields.values()), within=LARGEST_LOOK)
     except RecordingError:
-        return ()  # whoever reads the whole says why
+        return ()  # the reader of the whole reports why
     moved = {name: float(np.ptp(series.values[field])) for name, field in fields.items()}
     most = max(moved, key=lambda name: moved[name])
-    if not moved[most] > moved["z"]:  # so that NaN says nothing
+    if not moved[most] > moved["z"]:  # so that NaN gives no sentence
         return ()
     unit = signal.unit
     said = f"it moves most along {most} ({_amount(moved[most], unit)} against {_amount(moved['z'], unit)})"

@@ -1,1 +1,1 @@
-"""A session's own file: written while it runs, read, repaired and exported."""
+"""The file of a session: written while it runs, read, repaired and exported."""

@@ -1,4 +1,4 @@
-"""What a session's follower measured, as those need it who learn from a recording; kept beside a long one."""
+"""Measurements of a session's follower, as needed to learn from a recording; kept beside a long one."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from foretouch.recordings.session.reader import read_samples
 Array = NDArray[np.float64]
 
 LARGE = 50_000_000
-"""Of recordings of at least so many bytes, some minutes, samples are kept in a file beside them."""
+"""Size [bytes], some minutes, from which on the samples of a recording are kept in a file beside it."""
 
 VERSION = 1
 """Version of the form of that file."""
@@ -32,19 +32,19 @@ _COLUMNS = ("time", "position", "force", "faults", "fault_counts")
 
 @dataclass(frozen=True, eq=False)
 class FollowerSamples(ByValue):
-    """The samples of the follower's process of the longest stretch (`SessionLog.longest`), and what is not among them.
+    """The samples of the follower's process of the longest segment (`SessionLog.longest`), and what is not among them.
 
     Attributes:
-        time: Since the first of them [s], shape (n,).
-        position: [m], shape (n,).
-        force: Of the sensor, offset included [N], shape (n,).
+        time: Time since the first of them [s], shape (n,).
+        position: Position of the probe [m], shape (n,).
+        force: Sensor force, offset included [N], shape (n,).
         faults: Kinds of samples that were left out because the sensors were not to be trusted, `validity` of
             `Telemetry`, shape (k,).
-        fault_counts: How many of each, shape (k,).
-        stretches: Of the session.
-        leader_starts: Processes of the leader that were heard.
-        follower_starts: Processes of the follower.
-        seconds: Of the longest stretch [s].
+        fault_counts: Number of each, shape (k,).
+        segments: Number of segments of the session.
+        leader_starts: Number of processes of the leader that were received from.
+        follower_starts: Number of processes of the follower.
+        seconds: Duration of the longest segment [s].
     """
 
     time: Array
@@ -52,7 +52,7 @@ class FollowerSamples(ByValue):
     force: Array
     faults: NDArray[np.int64]
     fault_counts: NDArray[np.int64]
-    stretches: int
+    segments: int
     leader_starts: int
     follower_starts: int
     seconds: float
@@ -64,11 +64,11 @@ def follower_samples(log: SessionLog) -> FollowerSamples:
     Args:
         log: Of `read_session`, or of `read_samples`.
     """
-    follower, stretch = log.follower, log.longest()
-    if stretch.follower.size:
-        follower = follower[follower["run"] == stretch.follower["run"][0]]
+    follower, segment = log.follower, log.longest()
+    if segment.follower.size:
+        follower = follower[follower["run"] == segment.follower["run"][0]]
     believed = follower[believable(follower)]
-    kinds, counts = np.unique(stretch.follower["validity"], return_counts=True)
+    kinds, counts = np.unique(segment.follower["validity"], return_counts=True)
     begin = believed["time_ns"][0] if believed.size else 0
     return FollowerSamples(
         (believed["time_ns"] - begin) / 1e9,
@@ -76,10 +76,10 @@ def follower_samples(log: SessionLog) -> FollowerSamples:
         believed["sensor_force"].astype(np.float64),
         kinds[kinds > 0],
         counts[kinds > 0],
-        len(log.stretches()),
+        len(log.segments()),
         int(np.unique(log.leader["epoch"]).size),
         int(np.unique(log.follower["run"]).size),
-        max(side_seconds(stretch.leader), side_seconds(stretch.follower)),
+        max(side_seconds(segment.leader), side_seconds(segment.follower)),
     )
 
 
@@ -113,10 +113,10 @@ def read_follower(path: str | PathLike[str], *, flip: bool = False) -> Recording
     """The follower's own measurement in a session: positions and the sensor force with its offset.
 
     Samples whose sensors were not to be trusted are left out, as the session itself learnt nothing from them. Of
-    several processes of the follower it is that of the longest stretch (`SessionLog.longest`).
+    several processes of the follower it is that of the longest segment (`SessionLog.longest`).
 
     Raises:
-        RecordingError: As `read_session`, or the follower said nothing that could be believed.
+        RecordingError: As `read_session`, or the follower sent no valid measurement.
     """
     samples = read_follower_samples(path)
     if samples.time.size < 2:
@@ -128,7 +128,7 @@ def read_follower(path: str | PathLike[str], *, flip: bool = False) -> Recording
 
 
 def _label(path: str | PathLike[str]) -> str:
-    """What a kept file says of the recording that it is of; empty where none is kept."""
+    """Identity of the recording that a kept file belongs to; empty where none is kept."""
     try:
         about = Path(path).stat()
     except OSError:
@@ -141,16 +141,16 @@ def _load(kept: Path, label: str) -> FollowerSamples:
     with kept.open("rb") as handle, np.load(handle, allow_pickle=False) as file:
         if str(file["label"]) != label:
             raise ValueError("of another recording")
-        stretches, leader_starts, follower_starts = file["starts"].tolist()
+        segments, leader_starts, follower_starts = file["starts"].tolist()
         time, position, force, faults, fault_counts = (file[name] for name in _COLUMNS)
         seconds = float(file["seconds"])
     return FollowerSamples(
-        time, position, force, faults, fault_counts, stretches, leader_starts, follower_starts, seconds
+        time, position, force, faults, fault_counts, segments, leader_starts, follower_starts, seconds
     )
 
 
 def _save(kept: Path, label: str, samples: FollowerSamples) -> None:
     columns = {name: getattr(samples, name) for name in _COLUMNS}
-    starts = np.array([samples.stretches, samples.leader_starts, samples.follower_starts])
+    starts = np.array([samples.segments, samples.leader_starts, samples.follower_starts])
     with atomic_path(kept) as beside, beside.open("wb") as file:
         np.savez(file, label=np.array(label), starts=starts, seconds=np.array(samples.seconds), **columns)

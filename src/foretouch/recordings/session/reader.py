@@ -5,7 +5,6 @@ from __future__ import annotations
 import mmap
 import struct
 from collections.abc import Mapping
-from io import BytesIO
 from os import PathLike
 from pathlib import Path
 from typing import Any, Final
@@ -38,22 +37,24 @@ from foretouch.messages import (
 from foretouch.messages.session_log import in_order
 from foretouch.quantities import Rows
 from foretouch.recordings.formats.cdr import Layout
-from foretouch.recordings.formats.mcap_index import (
+from foretouch.recordings.formats.mcap import (
     CHANNEL,
     CHUNK,
     FOOTER,
     MAGIC,
     MESSAGE,
+    MESSAGE_HEAD,
     METADATA,
-    RECORD,
     SCHEMA,
     chunk_content,
+    parsed,
+    records_in,
 )
 from foretouch.recordings.formats.topics import COUNTS, TOPICS, TRUNCATED
 from foretouch.recordings.output import optional
+from foretouch.recordings.source import one_line
 
-_channel_id = struct.Struct("<H")
-_MESSAGE_HEADER = 22  # channel 2, sequence 4, log time 8, publish time 8 bytes
+_channel_id = struct.Struct("<H")  # begins a message
 
 NOTHING: Final = "was cut off before anything was flushed"
 
@@ -145,7 +146,6 @@ class _Scan:
         kept: tuple[type[Message], ...],
     ) -> None:
         self._path, self._columns = path, columns
-        self._records, self._stream = optional("mcap.records"), optional("mcap.stream_reader")
         self._wanted = {TOPICS[kind].name: kind for kind in (*columns, *kept)}
         self._schemas: dict[int, Any] = {}
         self._kinds: dict[int, type[Message]] = {}  # by channel
@@ -191,22 +191,17 @@ class _Scan:
         """Read records from a buffer; whether it ends with the file's footer."""
         messages: dict[type[Message], list[tuple[int, int]]] = {}
         ended = False
-        while position + RECORD.size <= len(data):
-            code, length = RECORD.unpack_from(data, position)
-            start = position + RECORD.size
-            position = start + length
-            if code == 0 or position > len(data):  # a block that was never written, or only in part
-                break
+        for code, start, end in records_in(data, position):
             if code == MESSAGE:
                 kind = self._kinds.get(_channel_id.unpack_from(data, start)[0])
                 if kind is not None:
-                    messages.setdefault(kind, []).append((start + _MESSAGE_HEADER, position))
+                    messages.setdefault(kind, []).append((start + MESSAGE_HEAD.size, end))
             elif code in (SCHEMA, CHANNEL, CHUNK, METADATA):
-                self._structure(code, data[start:position], start)
-                if isinstance(data, mmap.mmap) and position > _PAGE:  # what has been read takes no memory any more
-                    data.madvise(mmap.MADV_DONTNEED, 0, position // _PAGE * _PAGE)
+                self._structure(code, data[start:end], start)
+                if isinstance(data, mmap.mmap) and end > _PAGE:  # what has been read takes no memory any more
+                    data.madvise(mmap.MADV_DONTNEED, 0, end // _PAGE * _PAGE)
             elif code == FOOTER:
-                ended = data[position : position + len(MAGIC)] == MAGIC
+                ended = data[end : end + len(MAGIC)] == MAGIC
                 break
         for kind, spans in messages.items():
             self._take(kind, data, spans)
@@ -218,13 +213,12 @@ class _Scan:
             self._read(code, content)
         except RecordingError:
             raise
-        except Exception as error:  # mcap, struct and each compression library have their own errors
-            problem = f"the block at byte {start} is damaged: {_one_line(error)}"
+        except Exception as error:  # mcap, struct and each compression library raise different errors
+            problem = f"the block at byte {start} is damaged: {one_line(error)}"
             raise RecordingError(self._path, f"{problem}; `foretouch recordings repair` keeps the others") from None
 
     def _read(self, code: int, content: bytes) -> None:
-        kinds = {SCHEMA: "Schema", CHANNEL: "Channel", CHUNK: "Chunk", METADATA: "Metadata"}
-        record = getattr(self._records, kinds[code]).read(self._stream.ReadDataStream(BytesIO(content)))
+        record = parsed(code, content)
         if code == SCHEMA:
             self._schemas[record.id] = record
         elif code == CHANNEL:
@@ -262,7 +256,7 @@ class _Scan:
                 else:
                     self._kept[kind].append(message)
         except ValueError as error:
-            raise RecordingError(self._path, f"{TOPICS[kind].name}: {_one_line(error)}") from None
+            raise RecordingError(self._path, f"{TOPICS[kind].name}: {one_line(error)}") from None
 
 
 def _columns(data: bytes | mmap.mmap, spans: list[tuple[int, int]], layout: Layout, wanted: np.dtype[np.void]) -> Rows:
@@ -288,7 +282,3 @@ def _ends(rows: Rows) -> Rows:
     new = np.ones(rows.size, dtype=np.bool_)
     new[1:] = (np.diff(rows["epoch"]) != 0) | (np.diff(rows["run"]) != 0)
     return rows[new | np.roll(new, -1)]
-
-
-def _one_line(error: Exception) -> str:
-    return " ".join(str(error).split()) or type(error).__name__

@@ -1,59 +1,56 @@
-"""Makes a recording whole whose writer was killed, whose disk was full, or that was damaged."""
+"""Repairs a recording whose writer was killed, whose disk was full, or that was damaged."""
 
 from __future__ import annotations
 
 import os
-import struct
 import zlib
 from collections import Counter, defaultdict, deque
 from collections.abc import Iterator
 from contextlib import closing
 from dataclasses import dataclass, field
-from io import BytesIO
 from os import PathLike
 from pathlib import Path
 from typing import Any
 
 from foretouch.errors import RecordingError
 from foretouch.files import within_budget
-from foretouch.recordings.formats.mcap_index import (
+from foretouch.recordings.formats.mcap import (
     ATTACHMENT,
     CHANNEL,
     CHUNK,
     DATA_END,
-    FOOTER,
+    FOOTER_CONTENT,
     MAGIC,
     MESSAGE,
+    MESSAGE_HEAD,
     MESSAGE_INDEX,
     METADATA,
     RECORD,
     SCHEMA,
-    BlockFile,
-    append_index,
-    being_written,
+    TAIL,
     chunk_content,
-    counts_record,
-    message_head,
+    footer_of,
+    parsed,
     record_bytes,
     records_in,
+    records_read,
 )
+from foretouch.recordings.formats.mcap_index import BlockFile, append_index, being_written, counts_record
 from foretouch.recordings.formats.topics import TRUNCATED
 from foretouch.recordings.output import atomic_path, optional
-
-_footer = struct.Struct("<QQI")  # where the index begins, where its own table does, check sum
 
 
 @dataclass(frozen=True)
 class Repair:
-    """What a recording was found to hold, and what was cut.
+    """Contents of a repaired recording, and what was cut.
 
     Attributes:
         path: Where the whole recording is now.
         was_whole: Whether nothing had to be done.
-        messages: By topic.
+        messages: Number of messages by topic.
         duration: From the first to the last message, by the recorder's clock [s].
-        bytes_kept: Of the file's data.
-        bytes_cut: Behind the last whole block.
+        bytes_kept: Bytes of the file's data that were kept.
+        bytes_cut: Bytes behind the last whole block.
         damaged_blocks: Blocks before it that could not be read and were left out.
     """
 
@@ -72,17 +69,12 @@ def is_whole(path: str | PathLike[str]) -> bool:
     Raises:
         RecordingError: No such file.
     """
-    tail = RECORD.size + _footer.size + len(MAGIC)
     try:
         with Path(path).open("rb") as file:
-            file.seek(0, 2)
-            if file.tell() < tail:
-                return False
-            file.seek(-tail, 2)
-            end = file.read(tail)
+            file.seek(max(file.seek(0, 2) - TAIL, 0))
+            return footer_of(file.read(TAIL)) is not None
     except OSError as error:
         raise RecordingError(path, f"cannot be read: {error.strerror}") from None
-    return end.startswith(RECORD.pack(FOOTER, _footer.size)) and end.endswith(MAGIC)
 
 
 def repair_session(
@@ -94,7 +86,7 @@ def repair_session(
 
     Args:
         path: MCAP file, of any writer.
-        output: Where the whole recording goes; without it, it takes the place of the file. Neither is ever half there.
+        output: Where the whole recording goes; without it, it replaces the file. Neither is ever incomplete.
         budget: How many times the usual memory and time this may take (`foretouch.files.budget_for`).
 
     Returns:
@@ -142,15 +134,15 @@ class _Data:
 def _index_stands(data: _Data) -> bool:
     """Whether the index of a file that has one is as it was written."""
     end = data.size - len(MAGIC)
-    start, _, crc = _footer.unpack(data.read_at(end - _footer.size, _footer.size))
-    found, end = 0, end - 4  # the check sum is not part of what it is of
+    start, _, crc = FOOTER_CONTENT.unpack(data.read_at(end - FOOTER_CONTENT.size, FOOTER_CONTENT.size))
+    found, end = 0, end - 4  # the checksum does not cover itself
     for position in range(start, end, 2**20):
         found = zlib.crc32(data.read_at(position, min(2**20, end - position)), found)
     return crc in (0, found)
 
 
 def _write(data: _Data, path: Path, target: Path, ended: bool) -> Repair:
-    """Copy what can be kept to a file of its own, end that, and put it in its place."""
+    """Copy the blocks that can be kept to a new file, complete that, and replace the old one by it."""
     scan = _Scan(data)
     with atomic_path(target) as part, closing(BlockFile(part)) as file:
         file.write(MAGIC)
@@ -171,8 +163,8 @@ class _Scan:
     """Goes through the data of a file once and gives what of it can be kept."""
 
     def __init__(self, data: _Data) -> None:
+        optional("mcap.records")  # without it every block would seem to be damaged
         self._data = data
-        self._records, self._stream = optional("mcap.records"), optional("mcap.stream_reader")
         self.schemas: dict[int, Any] = {}
         self.channels: dict[int, Any] = {}
         self.messages: Counter[int] = Counter()  # by channel
@@ -186,7 +178,7 @@ class _Scan:
     def blocks(self) -> Iterator[bytes]:
         """Records of the data section, each chunk with its message indexes."""
         chunk: _Chunk | None = None
-        for code, start, end in records_in(self._data.read_at, len(MAGIC), self._data.size):
+        for code, start, end in records_read(self._data.read_at, len(MAGIC), self._data.size):
             record = self._data.read_at(start - RECORD.size, end - start + RECORD.size)
             if code == MESSAGE_INDEX:
                 if chunk is not None:
@@ -206,14 +198,14 @@ class _Scan:
                         self._look(code, record[RECORD.size :])
                         yield record
                     self._kept += len(record)
-                except Exception:  # mcap, struct and each compression library have their own errors
+                except Exception:  # mcap, struct and each compression library raise different errors
                     self.damaged += 1
             self._end = end
         if chunk is not None:
             yield self._whole(chunk)
 
     def result(self, path: Path, *, was_whole: bool) -> Repair:
-        """What was found."""
+        """The report of the repair."""
         return Repair(
             path=path,
             was_whole=was_whole,
@@ -231,15 +223,15 @@ class _Scan:
         return chunk.record + index
 
     def _chunk(self, record: bytes) -> _Chunk:
-        """A chunk whose messages can all be read; what it says itself is taken over."""
-        head = self._records.Chunk.read(self._stream.ReadDataStream(BytesIO(record[RECORD.size :])))
+        """A chunk whose messages can all be read; its own header is kept."""
+        head = parsed(CHUNK, record[RECORD.size :])
         content = chunk_content(head)
         chunk, reached = _Chunk(), 0
         found: list[tuple[int, bytes]] = []
-        for code, start, end in records_in(lambda at, size: content[at : at + size], 0, len(content)):
+        for code, start, end in records_in(content):
             reached = end
             if code == MESSAGE:
-                channel, _, time_ns = message_head.unpack_from(content, start)
+                channel, _, time_ns, _ = MESSAGE_HEAD.unpack_from(content, start)
                 chunk.entries[channel].append((time_ns, start - RECORD.size))
             else:
                 found.append((code, content[start:end]))
@@ -255,27 +247,20 @@ class _Scan:
             times = [time_ns for entries in chunk.entries.values() for time_ns, _ in entries]
             head.message_start_time, head.message_end_time = min(times), max(times)
             self._span(head.message_start_time, head.message_end_time)
-        chunk.record = record_bytes(head)  # what it says of itself is true from here on
+        chunk.record = record_bytes(head)  # its header is correct from here on
         self.indexed &= chunk.record == record
         return chunk
 
     def _look(self, code: int, content: bytes) -> None:
         """Read a record that is no chunk, to see that it can be read, and to know schemas and channels."""
-        stream = self._stream.ReadDataStream(BytesIO(content))
-        if code == SCHEMA:
-            schema = self._records.Schema.read(stream)
-            self.schemas[schema.id] = schema
-        elif code == CHANNEL:
-            channel = self._records.Channel.read(stream)
-            self.channels[channel.id] = channel
-        elif code == METADATA:
-            self._records.Metadata.read(stream)
-        elif code == ATTACHMENT:
-            self._records.Attachment.read(stream)
-        elif code == MESSAGE:
-            number, _, time_ns = message_head.unpack_from(content)
+        if code == MESSAGE:
+            number, _, time_ns, _ = MESSAGE_HEAD.unpack_from(content)
             self.messages[self.channels[number].id] += 1
             self._span(time_ns, time_ns)
+        elif code in (SCHEMA, CHANNEL, METADATA, ATTACHMENT):
+            record = parsed(code, content)
+            if code in (SCHEMA, CHANNEL):
+                (self.schemas if code == SCHEMA else self.channels)[record.id] = record
 
     def _span(self, first: int, last: int) -> None:
         times = [*self._times, first, last]

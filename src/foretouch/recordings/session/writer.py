@@ -15,10 +15,10 @@ from foretouch.recordings.formats.topics import BESIDE, PROBE, STANDARD, TOPICS,
 from foretouch.recordings.output import optional
 
 LONGEST_BLOCK = 2000
-"""So many messages make a block even if nobody flushes."""
+"""Number of messages that make a block even without a flush."""
 
 POSE_EVERY = 10
-"""Of a session along a line every so-many-th telemetry is a pose, too: for tools that draw."""
+"""Number of telemetry messages of a session along a line for one that is a pose too, for tools that draw."""
 
 
 class SessionWriter:
@@ -72,11 +72,11 @@ class SessionWriter:
         return self._file.path
 
     def write(self, message: Message, log_time_ns: int) -> None:
-        """Record one message, and beside it the standard types that say the same, where there are such.
+        """Record one message, and beside it the standard types of the same content, where there are such.
 
         Args:
             message: Any message of `foretouch.messages`.
-            log_time_ns: When it came, by the recorder's clock [ns]; simulated time in a simulation.
+            log_time_ns: Time of its reception by the recorder's clock [ns]; simulated time in a simulation.
 
         Raises:
             RecordingError: The file cannot be written any more, for example because the disk is full. It stays as it
@@ -90,7 +90,7 @@ class SessionWriter:
             for topic, data in beside(message):
                 add(self._standard[topic], log_time_ns, data, time_ns, sequence)
         if isinstance(message, FollowerSpace):
-            self._in_space = True  # and says itself where the probe is
+            self._in_space = True  # and its messages give the probe's position
         elif isinstance(message, Telemetry) and not self._in_space and sequence % POSE_EVERY == 0:
             data = pose_on_a_line(time_ns, message.position)
             add(self._standard[PROBE], log_time_ns, data, time_ns, sequence)
@@ -139,13 +139,13 @@ class SessionWriter:
                 self._file.flush()
             append_index(self._file, self._schemas, self._channels)
         except OSError as error:
-            if not self._failed:  # otherwise said before
+            if not self._failed:  # otherwise reported before
                 raise _unwritable(self.path, error) from None
         finally:
             self._file.close()
 
     def _new_block(self) -> Any:
-        """A writer of the library for one block, which says by itself what its messages are."""
+        """A writer of the library for one block, which describes its messages by itself."""
         block = self._mcap.Writer(self._file, chunk_size=2**30, compression=self._mcap.CompressionType.LZ4)
         for schema in self._schemas:
             block.register_schema(schema.name, schema.encoding, schema.data)

@@ -12,10 +12,10 @@ Array = NDArray[np.float64]
 Ints = NDArray[np.int32]
 
 LEAF = 4
-"""Triangles in a box that is not divided."""
+"""Number of triangles in a box that is not divided."""
 
 STACK = 64
-"""Boxes that wait to be looked at, at most: two for each level of the tree."""
+"""Largest number of boxes waiting in a search: two for each level of the tree."""
 
 
 def build_boxes(corners: Array) -> tuple[Array, Ints]:
@@ -55,21 +55,20 @@ def build_boxes(corners: Array) -> tuple[Array, Ints]:
     return boxes, order.astype(np.int32)
 
 
-def _away(box: Array, x: float, y: float, z: float) -> float:
-    """Squared distance from a place to a box [m^2]."""
+@compiled
+def _box_distance(box: Array, x: float, y: float, z: float) -> float:
+    """Squared distance from a point to a box [m^2]."""
     dx = max(box[0] - x, 0.0, x - box[3])
     dy = max(box[1] - y, 0.0, y - box[4])
     dz = max(box[2] - z, 0.0, z - box[5])
     return float(dx * dx + dy * dy + dz * dz)
 
 
-_box_distance = compiled(_away)
-
-
-def _find_nearest(
+@compiled
+def find_nearest(
     triangles: Array, boxes: Array, order: Ints, x: float, y: float, z: float, first: int
 ) -> tuple[int, float]:
-    """The triangle nearest to a place, and its squared distance [m^2]; `first` is a guess."""
+    """The triangle nearest to a point, and its squared distance [m^2]; `first` is a guess."""
     best, found = nearest(triangles[first], x, y, z)[0], first
     stack = np.empty(STACK, np.int32)
     stack[0] = 0
@@ -96,11 +95,9 @@ def _find_nearest(
     return found, best
 
 
-find_nearest = compiled(_find_nearest)
-
-
-def _reaches(box: Array, at: tuple[float, float, float], way: tuple[float, float, float], until: float) -> bool:
-    """Whether a segment meets a box before this share of it (slabs)."""
+@compiled
+def _segment_meets(box: Array, at: tuple[float, float, float], way: tuple[float, float, float], until: float) -> bool:
+    """Whether a segment meets a box before this fraction of it (slabs)."""
     enter, leave = 0.0, until
     for k in range(3):
         if way[k] == 0.0:
@@ -113,17 +110,15 @@ def _reaches(box: Array, at: tuple[float, float, float], way: tuple[float, float
     return enter <= leave + 1e-9
 
 
-_segment_meets = compiled(_reaches)
-
-
-def _find_crossing(
+@compiled
+def find_crossing(
     triangles: Array,
     boxes: Array,
     order: Ints,
     at: tuple[float, float, float],
     way: tuple[float, float, float],
 ) -> tuple[int, float]:
-    """The first triangle that a segment comes in through, and at which share of it; (-1, 2.0) if there is none."""
+    """First triangle that a segment enters through, and the fraction of it up to there; (-1, 2.0) if there is none."""
     best, found = 2.0, -1
     stack = np.empty(STACK, np.int32)
     stack[0] = 0
@@ -144,6 +139,3 @@ def _find_crossing(
         stack[waiting + 1] = 2 * box + 2
         waiting += 2
     return found, best
-
-
-find_crossing = compiled(_find_crossing)

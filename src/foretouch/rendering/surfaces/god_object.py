@@ -38,30 +38,29 @@ IN_FRONT = 12  # 1 where a free probe was on the outward side of the surface, no
 MEMORY = 13
 
 ROUNDS = 100
-"""Triangles that the proxy goes on to in one tick, at most; then it waits there, in contact, for the next tick."""
+"""Largest number of triangles that the proxy passes in one tick; then it waits there, in contact, for the next."""
 
 PASSES = 3
-"""Ways in that are looked at in one tick, at most: a fast probe may cut a corner and come in behind it."""
+"""Largest number of entries tested in one tick: a fast probe may cut a corner and come in behind it."""
 
 NUDGE = 1e-9
-"""A way in begins so far outside of where the probe was [m]: rounding may have put it below the surface."""
+"""Distance outside the former position at which an entry begins [m]: rounding may have put it below the surface."""
 
 NO_DIRECTION = 1e-7
-"""Nearer to the surface than this [m] the direction to it is rounding; the normal of the surface counts."""
+"""Distance from the surface below which the direction to it is rounding [m]; the normal of the surface counts."""
 
 Spot = tuple[int, float, float, float, float, int]
 """A triangle, the squared distance to it [m^2], its nearest point [m] and the feature that this is on."""
 
 
-def _at(triangles: Array, triangle: int, x: float, y: float, z: float) -> Spot:
+@compiled
+def _spot(triangles: Array, triangle: int, x: float, y: float, z: float) -> Spot:
     distance, px, py, pz, feature = nearest(triangles[triangle], x, y, z)
     return triangle, distance, px, py, pz, feature
 
 
-_spot = compiled(_at)
-
-
-def _slide(
+@compiled
+def _walk(
     triangles: Array, links: Ints, starts: Ints, fans: Ints, triangle: int, x: float, y: float, z: float
 ) -> tuple[Spot, bool]:
     """Downhill from a triangle; and whether it came to a minimum."""
@@ -89,29 +88,23 @@ def _slide(
     return here, False
 
 
-_walk = compiled(_slide)
-
-
-def _beyond(links: Ints, spot: Spot) -> bool:
+@compiled
+def _on_border(links: Ints, spot: Spot) -> bool:
     """Whether the nearest point is on the border of an open surface: then the probe is beside it."""
     if spot[5] < 3:
         return bool(links[spot[0], BORDER_CORNERS + spot[5]] != 0)
     return bool(spot[5] < FACE and links[spot[0], NEIGHBOURS + spot[5] - 3] < 0)
 
 
-_on_border = compiled(_beyond)
-
-
-def _below(triangles: Array, spot: Spot, x: float, y: float, z: float) -> bool:
+@compiled
+def _is_inside(triangles: Array, spot: Spot, x: float, y: float, z: float) -> bool:
     """Whether the probe is on the inner side of what its nearest point is on."""
     return side(triangles[spot[0]], spot[5], x - spot[2], y - spot[3], z - spot[4]) < 0.0
 
 
-_is_inside = compiled(_below)
-
-
-def _note(triangles: Array, memory: Array, spot: Spot, touching: bool, x: float, y: float, z: float) -> None:
-    """Write down where probe and proxy are."""
+@compiled
+def _remember(triangles: Array, memory: Array, spot: Spot, touching: bool, x: float, y: float, z: float) -> None:
+    """Write the positions of probe and proxy into the memory."""
     sign = 1.0 if touching else -1.0
     distance = math.sqrt(spot[1])
     memory[STATE] = TOUCHING if touching else FREE
@@ -134,9 +127,7 @@ def _note(triangles: Array, memory: Array, spot: Spot, touching: bool, x: float,
         memory[NORMAL_AT + k] = triangles[spot[0], at + k]
 
 
-_remember = compiled(_note)
-
-
+@compiled
 def _enter(
     triangles: Array,
     links: Ints,
@@ -169,10 +160,8 @@ def _enter(
     return False
 
 
-_come_in = compiled(_enter)
-
-
-def _follow(
+@compiled
+def follow(
     triangles: Array,
     links: Ints,
     starts: Ints,
@@ -196,9 +185,9 @@ def _follow(
         order: From `build_boxes`.
         closed: Whether there is no border.
         memory: Of shape (13,), all 0 at first; written.
-        x: Of the probe [m], finite.
-        y: [m].
-        z: [m].
+        x: Coordinate of the probe [m], finite.
+        y: Coordinate of the probe [m], finite.
+        z: Coordinate of the probe [m], finite.
     """
     start = (
         memory[PLACE_AT] + NUDGE * memory[NORMAL_AT],
@@ -224,7 +213,7 @@ def _follow(
         dx, dy, dz = x - memory[PLACE_AT], y - memory[PLACE_AT + 1], z - memory[PLACE_AT + 2]
         room = -memory[DEPTH] - 2.0 * NUDGE
         near = room <= 0.0 or dx * dx + dy * dy + dz * dz >= room * room
-    if near and _come_in(triangles, links, starts, fans, boxes, order, memory, start, x, y, z):
+    if near and _enter(triangles, links, starts, fans, boxes, order, memory, start, x, y, z):
         return
     found, _ = find_nearest(triangles, boxes, order, x, y, z, last)
     spot = _spot(triangles, found, x, y, z)
@@ -232,7 +221,3 @@ def _follow(
     inside = _is_inside(triangles, spot, x, y, z)
     _remember(triangles, memory, spot, inside and not border and (closed or in_front), x, y, z)
     memory[IN_FRONT] = 0.0 if border or inside else 1.0
-
-
-follow = compiled(_follow)
-"""See `_follow`."""

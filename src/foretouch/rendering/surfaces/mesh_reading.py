@@ -1,6 +1,6 @@
-"""Meshes from files: read, repaired, or refused in one line.
+"""Meshes from files: read, repaired, or refused with a message of one line.
 
-STL as text is read line by line, for trimesh passes over what it cannot read, and a hole in a surface is felt.
+STL as text is read line by line, for trimesh skips what it cannot read, and a hole in a surface is felt.
 """
 
 from __future__ import annotations
@@ -19,13 +19,13 @@ from foretouch.files import within_budget
 from foretouch.rendering.surfaces.mesh import LARGEST_COORDINATE, TriangleMesh
 
 FACET: Final = ("facet normal", "outer loop", "vertex", "vertex", "vertex", "endloop", "endfacet")
-"""Lines of a triangle, by what they begin with; a normal and each vertex have three numbers behind it."""
+"""First words of the lines of a triangle; a normal and each vertex have three numbers after them."""
 
-_head = struct.Struct("<80sI")  # of a binary file: whatever one likes, and how many triangles of 50 bytes follow
+_head = struct.Struct("<80sI")  # of a binary file: a free text, and the number of triangles of 50 bytes that follow
 
 
 def is_text_stl(file: Path) -> bool:
-    """Whether an STL is text: it begins with ``solid``, and is not as long as its binary head says."""
+    """Whether an STL is text: it begins with ``solid``, and its length is not that of its binary header."""
     if file.suffix.lower() != ".stl":
         return False
     with file.open("rb") as opened:
@@ -36,10 +36,10 @@ def is_text_stl(file: Path) -> bool:
 
 
 def read_text_stl(file: Path) -> NDArray[np.float64]:
-    """The corners, three a triangle, shape (3 n, 3).
+    """Corners of the triangles, three each, shape (3 n, 3).
 
     Raises:
-        InputError: A line that is out of place, or whose numbers are none; the message names it.
+        InputError: A line is out of place, or its numbers are not numbers; the message names it.
     """
     corners: list[float] = []
     place = 0
@@ -65,7 +65,7 @@ def read_text_stl(file: Path) -> NDArray[np.float64]:
 
 
 def _numbers(words: list[str]) -> list[float | None]:
-    """What the words say; None for what is no number."""
+    """Numbers of the words; None for a word that is not a number."""
     values: list[float | None] = []
     for word in words:
         try:
@@ -76,13 +76,13 @@ def _numbers(words: list[str]) -> list[float | None]:
 
 
 FORMATS = (".stl", ".obj", ".ply")
-"""Endings of the files that are read."""
+"""Suffixes of the files that are read."""
 
 MOST_TRIANGLES = 1_000_000
-"""Meshes of more triangles are refused: reduce them first; a hand does not feel what they add."""
+"""Largest number of triangles; larger meshes must be reduced first, as a hand does not feel the difference."""
 
 MOST_BYTES = 400_000_000
-"""Larger files are not even read: so much a million triangles are as text."""
+"""Size above which files are refused unread [bytes]: that of a million triangles as text."""
 
 
 def read_mesh(
@@ -90,18 +90,18 @@ def read_mesh(
 ) -> TriangleMesh:
     """Read a mesh and repair it.
 
-    Vertices at one place become one, faces without area and faces that are there twice go, triangles are wound alike
+    Vertices at one position are merged, faces without area and duplicate faces are removed, triangles are wound alike
     and outwards, and small holes (of three or four edges) are filled where that leaves a surface.
 
     Args:
-        path: STL, OBJ or PLY.
-        scale: Metres in a unit of the file: 0.001 for millimetres.
+        path: STL, OBJ or PLY file.
+        scale: Size of a unit of the file [m]: 0.001 for millimetres.
         closed: Refuse a mesh that still has a border.
-        budget: How many times the usual memory and time its reading may take (`foretouch.files.budget_for`).
+        budget: Factor on the usual memory and time for reading (`foretouch.files.budget_for`).
 
     Raises:
-        InputError: No such file, no mesh, one that is still broken, or over the budget; the line says where and what
-            to do.
+        InputError: There is no such file or no mesh, it is still broken, or over the budget; the line says where and
+            what to do.
         MissingExtraError: trimesh is not installed.
     """
     require("scale", scale, above=0.0)
@@ -130,15 +130,15 @@ def _triangles(file: Path, scale: float) -> tuple[NDArray[np.float64], NDArray[n
 
 
 def first_hit_from_above(mesh: TriangleMesh, x: float, y: float) -> int:
-    """The triangle that a ray straight down (-z) hits first, from whichever side; -1 where it hits none.
+    """Index of the triangle that a ray straight down (-z) hits first, from either side; -1 if it hits none.
 
-    Only triangles about the ray are looked at, so that a large mesh costs no search tree. It is for the moment in which
-    a mesh is read; a proxy that moves has boxes of its own (`SurfaceProxy`).
+    Only triangles about the ray are tested, so that a large mesh needs no search tree. It is for the moment in which a
+    mesh is read; a moving proxy has its own tree of boxes (`SurfaceProxy`).
 
     Args:
-        mesh: To be hit.
-        x: Of the ray [m].
-        y: Of the ray [m].
+        mesh: The mesh.
+        x: Coordinate of the ray [m].
+        y: Coordinate of the ray [m].
 
     Raises:
         MissingExtraError: trimesh is not installed.
@@ -165,7 +165,7 @@ def _trimesh() -> Any:
 
 
 def _check_unit(mesh: Any, file: Path) -> None:
-    """Refuse what cannot be in metres."""
+    """Refuse a mesh that cannot be in metres."""
     farthest = float(np.abs(mesh.vertices).max())
     if farthest > LARGEST_COORDINATE:
         raise InputError(
@@ -175,7 +175,7 @@ def _check_unit(mesh: Any, file: Path) -> None:
 
 
 def _loaded(file: Path) -> Any:
-    """One mesh of all that the file holds."""
+    """One mesh of all that the file contains."""
     trimesh = _trimesh()
     if file.stat().st_size > MOST_BYTES:
         raise InputError(
@@ -189,7 +189,7 @@ def _loaded(file: Path) -> Any:
             mesh = trimesh.load(file, force="mesh", process=False, file_type=file.suffix.lower()[1:])
     except InputError:
         raise
-    except Exception as error:  # a reader of foreign files fails in every way there is
+    except Exception as error:  # readers of foreign file formats raise all kinds of errors
         raise InputError(f"{file}: no mesh could be read from it ({_short(error)})") from None
     if not isinstance(mesh, trimesh.Trimesh) or len(mesh.faces) == 0:
         raise InputError(f"{file}: there is no triangle in it, or it is cut off")
@@ -200,7 +200,7 @@ def _loaded(file: Path) -> Any:
 
 
 def _repaired(mesh: Any, file: Path) -> Any:
-    """The same with what can be repaired repaired."""
+    """The mesh, repaired where possible."""
     try:
         mesh.merge_vertices(merge_tex=True, merge_norm=True)
         mesh.update_faces(mesh.nondegenerate_faces())
@@ -216,7 +216,7 @@ def _repaired(mesh: Any, file: Path) -> Any:
         raise InputError(f"{file}: the mesh could not be repaired ({_short(error)}): export it again") from None
     if len(mesh.faces) == 0:
         raise InputError(f"{file}: no triangle in it has an area: is it in metres?")
-    _check_count(mesh, file)  # of loose triangles each is a hole, too, that was filled
+    _check_count(mesh, file)  # of loose triangles each is a filled hole, too
     return mesh
 
 
@@ -226,7 +226,7 @@ def _check_count(mesh: Any, file: Path) -> None:
 
 
 def _filled(mesh: Any) -> Any:
-    """Small holes filled; as it was where holes that touch would give an edge a third triangle."""
+    """The mesh with small holes filled; unchanged where touching holes would give an edge a third triangle."""
     vertices, faces = mesh.vertices.copy(), mesh.faces.copy()
     _trimesh().repair.fill_holes(mesh)
     if np.bincount(mesh.edges_unique_inverse).max() <= 2:

@@ -1,4 +1,4 @@
-"""What a surface is: a place in, the proxy on the surface out; and a plane, in closed form."""
+"""Surfaces, which map a position of the probe to its proxy; and a plane, in closed form."""
 
 from __future__ import annotations
 
@@ -17,26 +17,26 @@ Array: TypeAlias = NDArray[np.float64]
 Point: TypeAlias = tuple[float, float, float]
 
 FARTHEST = 1e3
-"""No probe is further away [m]."""
+"""Largest distance of a probe from the origin [m]."""
 
 FACES_ALL_WAYS = 0.1
-"""A mean normal shorter than this is none: it is the rest of sides that face each other, or of a few that are
-missing."""
+"""Least length of a mean normal: a shorter one is the remainder of sides that face each other, or of a few missing
+ones."""
 
 NO_TRIANGLE = -1
-"""Number of the touched triangle where a surface has none."""
+"""Index of the touched triangle where a surface has none."""
 
 
 class SurfaceContact(NamedTuple):
-    """Where a probe is against a surface.
+    """Position of a probe relative to a surface.
 
     Attributes:
-        depth: Positive inside: from the probe to its proxy [m]. Outside, minus the distance to the nearest point of the
-            surface [m], 0 on it.
+        depth: Distance from the probe to its proxy, positive inside [m]. Outside, minus the distance to the nearest
+            point of the surface [m], 0 on it.
         normal: Outward, of length 1; inside it is the direction from the probe to the proxy, so that a force along it
             has a potential.
-        point: The proxy: on the surface [m].
-        triangle: That the proxy is on, -1 where the surface has none.
+        point: The proxy, on the surface [m].
+        triangle: Index of the triangle that the proxy is on, -1 where the surface has none.
     """
 
     depth: float
@@ -46,11 +46,11 @@ class SurfaceContact(NamedTuple):
 
 
 class Surface(ABC):
-    """A surface in the frame of the fixture. Leaves do not change; what a contact remembers is the caller's.
+    """A surface in the frame of the fixture. Subclasses do not change; the caller keeps the memory of a contact.
 
-    A probe that has pressed past an edge, or through the middle of a thin plate, is nearest to a side that it never
-    came through. So contact has a history: the proxy (god object) stays on the surface and goes only where it can slide
-    towards the probe. `SurfaceProxy` keeps that history.
+    A probe that has pressed past an edge, or through the middle of a thin plate, is nearest to a side that it did not
+    come through. So contact has a history: the proxy (god object) stays on the surface and moves only where it can
+    slide towards the probe. `SurfaceProxy` keeps that history.
 
     References:
         Zilles and Salisbury (1995), A constraint-based god-object method for haptic display, IEEE/RSJ IROS.
@@ -58,25 +58,25 @@ class Surface(ABC):
 
     @abstractmethod
     def initial_memory(self) -> Array:
-        """What a contact that has not begun remembers."""
+        """Memory of a contact that has not begun."""
 
     @abstractmethod
     def follow(self, memory: Array, x: float, y: float, z: float) -> SurfaceContact:
-        """Move the probe on to a place and the proxy after it; never raises.
+        """Move the probe to a position and the proxy after it; never raises.
 
         Args:
-            memory: Of this contact, from `initial_memory`; written in place.
-            x: Of the probe [m], finite.
-            y: [m], finite.
-            z: [m], finite.
+            memory: Memory of this contact, from `initial_memory`; written in place.
+            x: Coordinate of the probe [m], finite.
+            y: Coordinate of the probe [m], finite.
+            z: Coordinate of the probe [m], finite.
         """
 
     @abstractmethod
     def outline(self) -> tuple[Array, NDArray[np.int64]]:
-        """To draw it: vertices [m] of shape (n, 3), and triangles of shape (m, 3) of their indices."""
+        """Vertices [m] of shape (n, 3) to draw the surface, and triangles of shape (m, 3) of their indices."""
 
     def facing(self) -> Point:
-        """Mean outward normal over its area, of length 1; (0, 0, 0) where it closes about a body and faces all ways."""
+        """Mean outward normal over its area, of length 1; (0, 0, 0) for a closed body, which faces all ways."""
         vertices, triangles = self.outline()
         corners = vertices[triangles]
         areas = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -86,10 +86,10 @@ class Surface(ABC):
         return x, y, z
 
     def relief(self) -> tuple[float, float]:
-        """Sine of the largest angle between its normal and `facing`, and how far it reaches along that [m].
+        """Sine of the largest angle between its normal and `facing`, and its extent along `facing` [m].
 
-        A plane has 0 and 0. One that turns by a right angle or more has 1; so has one that faces all ways, and the
-        diagonal of what it fills.
+        A plane has 0 and 0. A surface that turns by a right angle or more has 1; so has one that faces all ways, whose
+        extent is the diagonal of its bounding box.
         """
         vertices, triangles = self.outline()
         corners, mean = vertices[triangles], np.array(self.facing())
@@ -100,10 +100,10 @@ class Surface(ABC):
         return float(sines.max()), float(np.ptp(vertices @ mean))
 
     def contact(self, place: Sequence[float]) -> SurfaceContact:
-        """Contact of a probe that has no history: with the nearest point of the surface.
+        """Contact of a probe without history: with the nearest point of the surface.
 
         Args:
-            place: Of the probe [m], three numbers, finite.
+            place: Position of the probe [m], three numbers, finite.
         """
         x, y, z = (float(value) for value in place)
         return self.follow(self.initial_memory(), x, y, z)
@@ -116,10 +116,10 @@ class SurfaceProxy:
     """The god object of one probe on one surface.
 
     Args:
-        surface: What it is on.
+        surface: The surface.
 
     Attributes:
-        newest: The contact of the newest place; infinitely far outside before the first.
+        newest: Contact of the newest position; infinitely far outside before the first.
     """
 
     __slots__ = ("_memory", "newest", "surface")
@@ -129,18 +129,18 @@ class SurfaceProxy:
         self.restart()
 
     def restart(self) -> None:
-        """Forget the history: the next place is met by the nearest point of the surface."""
+        """Forget the history: the next position is met by the nearest point of the surface."""
         self._memory = self.surface.initial_memory()
         self.newest = _FAR
 
     def follow(self, place: Sequence[float]) -> SurfaceContact:
-        """Follow the probe to a place.
+        """Follow the probe to a position.
 
-        One that is not finite, or beyond 1 km, changes nothing and gets the newest contact again. Call it in every
-        tick, outside the surface too: from which side the probe comes in is seen on the way.
+        A position that is not finite, or beyond 1 km, changes nothing and gets the newest contact again. Call it in
+        every tick, outside the surface too: the side from which the probe comes is seen before contact.
 
         Args:
-            place: Of the probe [m], three numbers.
+            place: Position of the probe [m], three numbers.
         """
         x, y, z = place
         if -FARTHEST <= x <= FARTHEST and -FARTHEST <= y <= FARTHEST and -FARTHEST <= z <= FARTHEST:
@@ -152,12 +152,12 @@ _NO_MEMORY = np.zeros(0)
 
 
 class Plane(Surface):
-    r"""All that is below a plane is inside.
+    r"""A plane: all that is below it is inside.
 
     .. math:: d = (o - p) \cdot n, \quad q = p + d\, n
 
     Args:
-        origin: o, a point of it [m].
+        origin: o, a point of the plane [m].
         normal: n, outwards, of any length but 0.
         size: Side of the square about the origin that is drawn [m], positive.
 
@@ -183,7 +183,7 @@ class Plane(Surface):
         self.size = size
 
     def initial_memory(self) -> Array:
-        """Nothing: a plane has no other side to come from."""
+        """Empty memory: a plane has no other side to come from."""
         return _NO_MEMORY
 
     def follow(self, memory: Array, x: float, y: float, z: float) -> SurfaceContact:
@@ -202,7 +202,7 @@ class Plane(Surface):
         return np.array(self.origin) + corners @ np.array([along, across]), np.array([(0, 1, 2), (0, 2, 3)])
 
     def relief(self) -> tuple[float, float]:
-        """None; see `Surface.relief`."""
+        """Zero; see `Surface.relief`."""
         return 0.0, 0.0
 
 

@@ -17,12 +17,13 @@ NORMAL, EDGE_NORMALS, VERTEX_NORMALS, SIZE = 9, 12, 21, 30
 """Where in a row the face's normal stands, the edges' and the corners', and how long a row is."""
 
 FACE = 6
-"""The feature that is neither corner nor edge."""
+"""Index of the feature that is neither corner nor edge."""
 
 _OVERLAP = 1e-9  # a segment through the very edge of two triangles is seen by both: no gap to fall through
 
 
-def _nearest(t: Array, px: float, py: float, pz: float) -> tuple[float, float, float, float, int]:
+@compiled
+def nearest(t: Array, px: float, py: float, pz: float) -> tuple[float, float, float, float, int]:
     """Nearest point of a triangle: its squared distance [m^2], its coordinates [m] and the feature that it is on.
 
     References:
@@ -66,11 +67,9 @@ def _nearest(t: Array, px: float, py: float, pz: float) -> tuple[float, float, f
     return dx * dx + dy * dy + dz * dz, x, y, z, feature
 
 
-nearest = compiled(_nearest)
-
-
-def _side(t: Array, feature: int, dx: float, dy: float, dz: float) -> float:
-    """Positive where a place that is (dx, dy, dz) away from its nearest point is outside, by the feature's normal.
+@compiled
+def side(t: Array, feature: int, dx: float, dy: float, dz: float) -> float:
+    """Positive where a point (dx, dy, dz) away from its nearest point is outside, by the feature's normal.
 
     References:
         Baerentzen and Aanaes (2005), Signed distance computation using the angle weighted pseudonormal, IEEE
@@ -84,11 +83,9 @@ def _side(t: Array, feature: int, dx: float, dy: float, dz: float) -> float:
     return float(t[at] * dx + t[at + 1] * dy + t[at + 2] * dz)
 
 
-side = compiled(_side)
-
-
-def _crossing(t: Array, x: float, y: float, z: float, dx: float, dy: float, dz: float) -> float:
-    """Share of the segment from (x, y, z) along (dx, dy, dz) at which it comes in through the triangle; 2 if never.
+@compiled
+def crossing(t: Array, x: float, y: float, z: float, dx: float, dy: float, dz: float) -> float:
+    """Fraction of the segment from (x, y, z) along (dx, dy, dz) at which it enters through the triangle; 2 if never.
 
     From behind nothing is crossed.
 
@@ -112,6 +109,3 @@ def _crossing(t: Array, x: float, y: float, z: float, dx: float, dy: float, dz: 
     if u < -_OVERLAP or v < -_OVERLAP or u + v > 1.0 + _OVERLAP or share < 0.0 or share > 1.0:
         return 2.0
     return float(share)
-
-
-crossing = compiled(_crossing)

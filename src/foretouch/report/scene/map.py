@@ -25,22 +25,19 @@ CELL = 1e-3
 """Side of a cell of the map [m]."""
 
 NEAR = 3e-3
-"""A place was touched if the probe was so near, half of what two nodes are apart [m]."""
+"""Largest distance of the probe from a point that counts as touched [m], half the distance of two nodes."""
 
 PRESSED = 0.05
 """Force of a touch [N]."""
 
-REACH = 0.03
-"""Half the side of the map [m]."""
-
-MIDDLE = (0.075, 0.0)
-"""Middle of the map in the fixture's frame [m]."""
+MIDDLE, REACH = (0.075, 0.0), 0.03
+"""Middle of the map in the fixture's frame, and half its side [m]."""
 
 HIGH, CLOSE, STEPS = 0.2, 1e-6, 30
-"""Rays to the surface begin so far above it, end so near to it [m], and take at most so many steps."""
+"""Height above the surface at which rays begin, distance at which they end [m], and their largest number of steps."""
 
 STIFFEST = 98.0
-"""Percentile of the stiffest places: a single one may overshoot."""
+"""Percentile of the local stiffness taken as the largest: a single point may overshoot."""
 
 SMALL = 1e-6
 """Difference of depths over which a slope is taken [m]."""
@@ -51,19 +48,19 @@ class StiffnessMap(ByValue):
     """Local stiffness at rest over a scene's surface, seen from above; fields of shape (rows, columns).
 
     Attributes:
-        x: Of the columns, in the fixture's frame [m].
-        y: Of the rows [m].
+        x: Coordinates of the columns, in the fixture's frame [m].
+        y: Coordinates of the rows [m].
         learnt: Local stiffness at `depth` [N/m].
-        doubt: Its standard deviation [N/m].
-        true: What the simulated material has; None where nobody knows.
-        touched: Whether the probe was within 3 mm of the place.
-        depth: [m].
+        uncertainty: Its standard deviation [N/m].
+        true: That of the simulated material; None where it is unknown.
+        touched: Whether the probe was within 3 mm of the point.
+        depth: Depth at which it is taken [m].
     """
 
     x: Array
     y: Array
     learnt: Array
-    doubt: Array
+    uncertainty: Array
     true: Array | None
     touched: Flags
     depth: float = FIELD_DEPTH
@@ -82,29 +79,29 @@ def learnt_field(log: SessionLog) -> MaterialField | None:
 def stiffness_map(
     rows: SceneRows, field: MaterialField, scene: Scene, material: str | None, felt_deeper: float = 0.0
 ) -> StiffnessMap:
-    r"""What was learnt over the surface, and what is there.
+    r"""Learnt and true local stiffness over the surface.
 
     .. math:: K(p) = s(p)\, \frac{\partial f}{\partial d}(d, 0)
 
     with the material's law f at rest and the inclusion's factor s. Depths count from the shape of the scene. A soft
-    beginning is felt late, and the laws of the field begin where something was felt: that is taken off. Where the probe
-    was is taken from the true pose of the fixture, else from the one that the follower believed.
+    material is detected late, and the laws of the field begin where contact was detected: that is taken off. The
+    probe's position is taken from the true pose of the fixture, else from the follower's estimate.
 
     Args:
-        rows: Of the session.
+        rows: Rows of the session.
         field: The newest one.
         scene: What was touched.
-        material: Name of the simulated one; None where nobody knows what it was.
-        felt_deeper: How much deeper than the shape the surface was felt, as the newest model says [m].
+        material: Name of the simulated one; None where it is unknown.
+        felt_deeper: Depth below the shape at which the surface was detected, by the newest model [m].
     """
     x = MIDDLE[0] + np.arange(-REACH, REACH + 0.5 * CELL, CELL)
     y = MIDDLE[1] + np.arange(-REACH, REACH + 0.5 * CELL, CELL)
     points = _surface_points(scene, x, y)
-    learnt, doubt = field.stiffness_at(points, max(FIELD_DEPTH - felt_deeper, 0.0))
+    learnt, uncertainty = field.stiffness_at(points, max(FIELD_DEPTH - felt_deeper, 0.0))
     shape = (y.size, x.size)
     touched = _touched(points, _touched_places(rows))
     true = None if material is None else _true_stiffness(scene, material, points).reshape(shape)
-    return StiffnessMap(x, y, learnt.reshape(shape), doubt.reshape(shape), true, touched.reshape(shape))
+    return StiffnessMap(x, y, learnt.reshape(shape), uncertainty.reshape(shape), true, touched.reshape(shape))
 
 
 def map_figures(found: StiffnessMap, field: MaterialField, scene: Scene) -> dict[str, Any]:
@@ -112,22 +109,19 @@ def map_figures(found: StiffnessMap, field: MaterialField, scene: Scene) -> dict
 
     Returns:
         ``depth_mm``; ``touched_cm2``; ``nodes``; ``median_error_percent`` and ``p95_error_percent`` of the local
-        stiffness where it was touched; ``within_two_deviations_percent`` of these places; ``learnt_N_per_m``: the
-        least, median and largest local stiffness there. ``inclusion``: ``centre_mm`` and ``radius_mm`` of what is
-        stiffer than half way between the median and the stiffest (98 %), among places touched on all sides, ``ratio``
+        stiffness where it was touched; ``within_two_deviations_percent`` of these points; ``learnt_N_per_m``: the
+        least, median and largest local stiffness there. ``inclusion``: ``centre_mm`` and ``radius_mm`` of the region
+        stiffer than half way between the median and the stiffest (98 %), among points touched on all sides, ``ratio``
         of the stiffest to the median, the same with ``true_``, and ``centre_error_mm``; None where the scene has none,
-        or where all that was touched is alike. What needs the truth is None where nobody knows it.
+        or where all that was touched is alike. Figures that need the truth are None where it is unknown.
     """
     inside, learnt = found.touched, found.learnt[found.touched]
     figures: dict[str, Any] = {
         "depth_mm": 1e3 * found.depth,
         "touched_cm2": float(inside.sum()) * (1e2 * CELL) ** 2,
         "nodes": len(field),
-        "median_error_percent": None,
-        "p95_error_percent": None,
-        "within_two_deviations_percent": None,
-        "learnt_N_per_m": None,
-        "inclusion": None,
+        **dict.fromkeys(("median_error_percent", "p95_error_percent", "within_two_deviations_percent")),
+        **dict.fromkeys(("learnt_N_per_m", "inclusion")),
     }
     if not inside.any():
         return figures
@@ -138,7 +132,7 @@ def map_figures(found: StiffnessMap, field: MaterialField, scene: Scene) -> dict
     error = 100.0 * np.abs(learnt - true) / true
     figures["median_error_percent"] = float(np.median(error))
     figures["p95_error_percent"] = float(np.percentile(error, 95.0))
-    within = np.abs(learnt - true) <= 2.0 * found.doubt[inside]
+    within = np.abs(learnt - true) <= 2.0 * found.uncertainty[inside]
     figures["within_two_deviations_percent"] = 100.0 * float(within.mean())
     if scene.inclusion is not None:
         figures["inclusion"] = _inclusion(found, scene)
@@ -182,7 +176,7 @@ def _surface_points(scene: Scene, x: Array, y: Array) -> Array:
 
 
 def _height(scene: Scene, x: float, y: float) -> float:
-    """Of the surface at a place: from above down by as much as is free, again and again [m]."""
+    """Height of the surface at a point: from above down by the free distance, again and again [m]."""
     height = HIGH
     for _ in range(STEPS):
         free = -scene.surface.contact((x, y, height)).depth
@@ -193,7 +187,7 @@ def _height(scene: Scene, x: float, y: float) -> float:
 
 
 def _touched(points: Array, places: Array) -> Flags:
-    """Which points have a touched place near them, seen from above."""
+    """Flags of the points near a touched one, seen from above."""
     if not len(places):
         return np.zeros(len(points), dtype=np.bool_)
     return np.asarray(cKDTree(places).query(points[:, :2])[0] < NEAR)

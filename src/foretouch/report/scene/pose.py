@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from foretouch.messages import SessionLog
 from foretouch.quantities import ByValue, Rows
-from foretouch.report.hand import number_of, setting
+from foretouch.report.numbers import number_of, setting
 from foretouch.report.pairs import Pairs
 
 Array = NDArray[np.float64]
@@ -23,7 +23,7 @@ ONE_CLOCK_NS = 5_000_000
 
 @dataclass(frozen=True, eq=False)
 class SceneRows(ByValue):
-    """One stretch of a session in three dimensions; columns of one side have the same length.
+    """One segment of a session in three dimensions; columns of one side have the same length.
 
     Attributes:
         leader: Rows of `SessionLog.leader`.
@@ -45,18 +45,18 @@ class SceneRows(ByValue):
 
 
 def has_scene(log: SessionLog) -> bool:
-    """Whether a session is one in three dimensions, with something said in it."""
+    """Whether a session is one in three dimensions and has messages in space."""
     return bool(setting(log.settings, "scene", "")) and bool(log.leader_space.size and log.follower_space.size)
 
 
 def scene_rows(log: SessionLog, pairs: Pairs) -> SceneRows:
-    """The rows of a stretch, with the leader's ticks on the follower's clock.
+    """The rows of a segment, with the leader's ticks on the follower's clock.
 
     The clocks of two machines are brought together by the fastest command, which took the position delay of the
     settings. Where that shows them less apart than the jitter and a few ticks, they are one, as in simulated time.
 
     Args:
-        log: One stretch (`SessionLog.stretches`).
+        log: One segment (`SessionLog.segments`).
         pairs: Its rows at equal command.
     """
     leader, hand = _of_same_tick(log.leader, log.leader_space, "epoch")
@@ -82,7 +82,7 @@ def vectors(rows: Rows, name: str, *, turn: bool = False) -> Array:
 
 
 def _of_same_tick(rows: Rows, space: Rows, process: str) -> tuple[Rows, Rows]:
-    """The ticks that both tables have; a stretch has one process of either side."""
+    """The ticks that both tables have; a segment has one process of either side."""
     if not rows.size:
         return rows, space[:0]
     space = space[space[process] == rows[process][0]]
@@ -103,23 +103,23 @@ def _clocks_apart(settings: Mapping[str, str], pairs: Pairs) -> int:
 Flags = NDArray[np.bool_]
 
 TOUCHES = 4
-"""So many touches a pose is given until it should be known."""
+"""Number of touches after which a pose should be known."""
 
 NEAR_MM, NEAR_DEGREES, NEAR_FOR = 0.5, 0.5, 0.5
-"""A pose is right again after a bump once it is nearer than this, for so long [s]."""
+"""A pose is right again after a bump once it has been nearer than this [mm, degrees] for this time [s]."""
 
 
 @dataclass(frozen=True, eq=False)
 class PoseError(ByValue):
-    """What is between the rendered and the true fixture, at each tick of the leader; shape (n,).
+    """Difference between the rendered and the true fixture, at each tick of the leader; shape (n,).
 
     Attributes:
-        time: [s].
-        place: Distance of the two origins [mm]; NaN where nobody knows the truth.
+        time: Time of the tick [s].
+        place: Distance of the two origins [mm]; NaN where the truth is unknown.
         turn: Angle between them [degrees].
-        place_deviation: Standard deviation of the first, as the filter says [mm].
-        turn_deviation: And of the second [degrees].
-        touches: When each touch began [s].
+        place_deviation: Standard deviation of the distance by the filter [mm].
+        turn_deviation: Standard deviation of the angle by the filter [degrees].
+        touches: Beginning of each touch [s].
         bumps: Beginning and end of each motion of the true fixture [s].
     """
 
@@ -157,15 +157,15 @@ def pose_figures(log: SessionLog, error: PoseError) -> dict[str, Any]:
     """The figures of the pose.
 
     Args:
-        log: The session, for what the tracker counted.
-        error: Of the pose.
+        log: The session, for the counts of the tracker.
+        error: Error of the pose.
 
     Returns:
-        ``place_mm`` and ``turn_degrees``, each with ``median``, ``p95`` and the filter's own median ``deviation``, from
+        ``place_mm`` and ``turn_degrees``, each with ``median``, ``p95`` and the filter's median ``deviation``, from
         the fourth touch on, all ticks if there were fewer; those between a bump and `recovered` are left out.
         ``touches``; ``bumps``, each with ``at_s`` and ``recovered_s``, the time from its beginning until the error is
         below 0.5 mm and 0.5 degrees for half a second, None where it never is. ``images_used``, ``contacts_used`` and
-        ``refused`` as the tracker counted. Errors are None where nobody knows the truth.
+        ``refused`` as the tracker counted. Errors are None where the truth is unknown.
     """
     counted = _settled(error)
     recovered = [(begin, _recovered(error, begin, end)) for begin, end in error.bumps]

@@ -18,16 +18,16 @@ from foretouch.errors import ForetouchError
 from foretouch.messages import SessionLog
 from foretouch.models import MaterialField
 from foretouch.report.energy import (
-    ROUNDING,
     Account,
     BookedDevice,
+    account_figures,
     as_told,
     book,
     booked_device,
     lost_rows,
     summed_account,
 )
-from foretouch.report.hand import number_of, setting
+from foretouch.report.numbers import number_of, runs, setting
 from foretouch.report.pairs import Pairs, not_scored
 from foretouch.report.scene.map import StiffnessMap, learnt_field, map_figures, stiffness_map
 from foretouch.report.scene.pose import PoseError, SceneRows, pose_error, pose_figures, scene_rows, vectors
@@ -50,7 +50,7 @@ class Wrong(NamedTuple):
     Attributes:
         false: The leader predicts a force, and the probe touches nothing.
         missed: The probe touches, and the leader, which has a model, predicts nothing.
-        first: The probe touches, and there is no model yet: nobody could know.
+        first: The probe touches, and there is no model yet to predict it.
         counted: Rows that are looked at: the robot was where the command said.
     """
 
@@ -61,7 +61,7 @@ class Wrong(NamedTuple):
 
 
 def wrong_contacts(log: SessionLog, pairs: Pairs) -> Wrong | None:
-    """Wrong contacts of a stretch; None where nobody knows the true force."""
+    """Wrong contacts of a segment; None where the true force is unknown."""
     true = pairs.follower["exact_force"]
     if not np.isfinite(true).any():
         return None
@@ -74,16 +74,16 @@ def wrong_contacts(log: SessionLog, pairs: Pairs) -> Wrong | None:
 
 
 def contact_figures(wrong: Wrong | None, time: Array) -> dict[str, Any]:
-    """Shares and numbers of the wrong contacts.
+    """Fractions and numbers of the wrong contacts.
 
     Args:
-        wrong: Of the rows at equal command; None where nobody knows.
-        time: Of these rows [s].
+        wrong: Wrong contacts of the rows at equal command; None where unknown.
+        time: Time of these rows [s].
 
     Returns:
         ``false``, ``missed`` and ``before_model``, each with ``percent`` of the rows that are counted, the number of
-        ``episodes`` longer than 20 ms, and the ``longest_s`` of them, 0 where there is none; all None where nobody
-        knows.
+        ``episodes`` longer than 20 ms, and the ``longest_s`` of them, 0 where there is none; all None where
+        unknown.
     """
     if wrong is None:
         nothing = dict.fromkeys(("percent", "episodes", "longest_s"))
@@ -96,9 +96,9 @@ def friction_figures(log: SessionLog, coefficient: float | None, viscous: float 
     """Friction as it was learnt last, beside what a simulated scene has.
 
     Args:
-        log: One stretch.
-        coefficient: The true one, None where nobody knows.
-        viscous: [N s/m].
+        log: One segment.
+        coefficient: The true one, None where it is unknown.
+        viscous: True viscous friction [N s/m].
     """
     said = next((model.friction for model in reversed(log.models) if len(model.friction) >= 4), (None,) * 4)
     return {
@@ -125,23 +125,22 @@ def force_figures(rows: SceneRows) -> dict[str, float | None]:
 
 
 def _figures(flags: Flags, counted: Flags, time: Array) -> dict[str, float | int | None]:
-    edges = np.flatnonzero(np.diff(flags, prepend=False, append=False))
-    lengths = [float(time[end - 1] - time[start]) for start, end in zip(edges[::2], edges[1::2], strict=True)]
+    lengths = [float(time[end - 1] - time[begin]) for begin, end in runs(flags)]
     long = [length for length in lengths if length > EPISODE]
     share = 100.0 * float(flags.sum() / counted.sum()) if counted.any() else None
     return {"percent": share, "episodes": len(long), "longest_s": max(long, default=0.0)}
 
 
 def spatial_account(rows: SceneRows, *, position_scale: float, device: BookedDevice | None) -> Account:
-    """The account in all directions, from the recorded forces and places of the hand.
+    """The account in all directions, from the recorded forces and positions of the hand.
 
-    As `foretouch.rendering.SpatialEnergyAccount` keeps it. Where hand and robot are not coupled, the place of the hand
-    in the world says nothing of its motion: there, and where rows were lost, the leader is believed.
+    As `foretouch.rendering.SpatialEnergyAccount` keeps it. Where hand and robot are not coupled, the hand's position
+    in the world does not give its motion: there, and where rows were lost, the leader's account is used.
 
     Args:
-        rows: Of one stretch.
+        rows: Of one segment.
         position_scale: Follower's motion for the hand's.
-        device: The hand's; None where nobody knows it: then all of it is the leader's.
+        device: Device in the hand; None where it is unknown: then the whole account is the leader's.
     """
     told = rows.hand
     if device is None:
@@ -159,51 +158,21 @@ def spatial_account(rows: SceneRows, *, position_scale: float, device: BookedDev
     return as_told(rows.leader, told, account)[0]
 
 
-def spatial_energy_figures(rows: SceneRows, account: Account) -> dict[str, Any]:
-    """Whether the account kept its bound, and whether the leader said the same.
-
-    Returns:
-        ``net_energy_J``: the smallest E, 0 where it was never negative; ``energy_margin_J``: its smallest distance from
-        the bound; ``energy_bound_J``: the bound in that tick; ``late_energy_J``: the smallest L; ``energy_agrees``:
-        within 1e-9 J; ``certificate_holds``: both.
-    """
-    energy, bound, late = account
-    hand = rows.hand
-    told = (energy, hand["energy"]), (bound, hand["energy_bound"]), (late, hand["late_energy"])
-    late_energy = min(float(late.min()), 0.0) if late.size else 0.0
-    agrees = all(bool((np.abs(found - said) <= ROUNDING).all()) for found, said in told)
-    under_force = ~((bound == 0.0) & (energy >= 0.0))
-    if not under_force.any():
-        nothing = dict.fromkeys(("net_energy_J", "energy_margin_J", "energy_bound_J"), 0.0)
-        return {**nothing, "late_energy_J": late_energy, "energy_agrees": agrees, "certificate_holds": agrees}
-    energy, bound = energy[under_force], bound[under_force]
-    lowest = int(energy.argmin()) if not energy.min() >= 0.0 else int(bound.argmax())
-    margin = float((energy + bound).min())
-    return {
-        "net_energy_J": min(float(energy[lowest]), 0.0),
-        "energy_margin_J": 0.0 if -ROUNDING <= margin < 0.0 else margin,
-        "energy_bound_J": float(bound[lowest]),
-        "late_energy_J": late_energy,
-        "energy_agrees": agrees,
-        "certificate_holds": agrees and bool(margin >= -ROUNDING),
-    }
-
-
 NOT_ALONG_A_LINE = ("contact_force_rms_N", "prediction_rmse_N", "prediction_error_percent", "within_jnd_percent")
 
 
 @dataclass(frozen=True, eq=False)
 class SceneFindings:
-    """What figures and drawings of one stretch are made of.
+    """Data behind the figures and drawings of one segment.
 
     Attributes:
-        rows: Of the session.
+        rows: Rows of the session.
         pose: Error of the fixture's pose.
-        wrong: Contacts at equal command; None where nobody knows the true force.
-        account: Of energy, in all directions.
-        scene: What was touched; None where it is not to be had any more, as the file of a mesh.
+        wrong: Contacts at equal command; None where the true force is unknown.
+        account: Energy account in all directions.
+        scene: What was touched; None where it is no longer available, as the file of a mesh.
         field: The newest materials over the surface; None where there were none.
-        map: Of local stiffness; None without a scene or a field.
+        map: Map of local stiffness; None without a scene or a field.
     """
 
     rows: SceneRows
@@ -219,7 +188,7 @@ def look_at_scene(log: SessionLog, pairs: Pairs) -> SceneFindings:
     """Everything that figures and drawings of a session in three dimensions are made of.
 
     Args:
-        log: One stretch, with something said in space.
+        log: One segment, with messages in space.
         pairs: Its rows at equal command.
     """
     rows = scene_rows(log, pairs)
@@ -238,16 +207,16 @@ def look_at_scene(log: SessionLog, pairs: Pairs) -> SceneFindings:
 
 
 def scene_figures(log: SessionLog, pairs: Pairs, found: SceneFindings) -> dict[str, Any]:
-    """What a report says of a scene, as plain numbers, texts and None; a figure is None where nobody knows the truth.
+    """Figures of a scene in a report, as plain numbers, texts and None; a figure is None where the truth is unknown.
 
     Args:
-        log: One stretch.
+        log: One segment.
         pairs: Its rows at equal command.
-        found: What `look_at_scene` found.
+        found: Result of `look_at_scene`.
 
     Returns:
         ``name``, ``fusion``, and by kind ``pose`` (`pose_figures`), ``contacts`` (`contact_figures`), ``friction``
-        (`friction_figures`), ``forces`` (`force_figures`), ``energy`` (`spatial_energy_figures`) and ``map``
+        (`friction_figures`), ``forces`` (`force_figures`), ``energy`` (`account_figures`) and ``map``
         (`map_figures`, None without a map).
     """
     true = found.scene if _is_simulated(found.rows) else None
@@ -262,21 +231,21 @@ def scene_figures(log: SessionLog, pairs: Pairs, found: SceneFindings) -> dict[s
         "contacts": contact_figures(found.wrong, pairs.time),
         "friction": friction_figures(log, coefficient, viscous),
         "forces": force_figures(found.rows),
-        "energy": spatial_energy_figures(found.rows, found.account),
+        "energy": account_figures(found.account, found.rows.hand),
         "map": stiffness,
     }
 
 
 def in_scene(report: dict[str, Any], scene: Mapping[str, Any], found: SceneFindings) -> dict[str, Any]:
-    """A report with its scene, in which nothing is said as if it were along a line.
+    """A report with its scene, without the figures that hold along a line only.
 
-    The account of energy is that in all directions, and so is the distance between robot and command. What compares
-    positions along one line, or the whole contact force with the model's part along the normal, is None.
+    The account of energy is that in all directions, and so is the distance between robot and command. Figures that
+    compare positions along one line, or the whole contact force with the model's part along the normal, are None.
 
     Args:
-        report: Of the session along the normal.
-        scene: What `scene_figures` gave.
-        found: And what from.
+        report: Report of the session along the normal.
+        scene: Result of `scene_figures`.
+        found: Data that it was computed from.
     """
     energy, hand = scene["energy"], report["hand"]
     holds = energy["certificate_holds"]
@@ -298,7 +267,7 @@ def in_scene(report: dict[str, Any], scene: Mapping[str, Any], found: SceneFindi
 
 
 def _tracking(rows: SceneRows, score_from: float) -> dict[str, float | None]:
-    """How far the probe was from the place of the command that it applied, in space."""
+    """Distance of the probe from the position that it was commanded to, in space."""
     applied, at = np.unique(rows.follower["command_sequence"], return_index=True)
     _, told, did = np.intersect1d(rows.hand["sequence"], applied, return_indices=True)
     apart = vectors(rows.hand[told], "place") - vectors(rows.probe[at[did]], "place")
@@ -310,7 +279,7 @@ def _tracking(rows: SceneRows, score_from: float) -> dict[str, float | None]:
 
 
 def _is_simulated(rows: SceneRows) -> bool:
-    """Whether somebody knows where the fixture really is."""
+    """Whether the true pose of the fixture is known."""
     return bool(np.isfinite(rows.probe["exact_x"]).any())
 
 

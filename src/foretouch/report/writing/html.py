@@ -44,17 +44,17 @@ pre { overflow-x: auto; background: var(--card); border: 1px solid var(--line); 
 
 
 MOST_COLUMNS = 6
-"""So many cards stand beside each other on a wide page."""
+"""Largest number of cards beside each other on a wide page."""
 
 
 MOST_BYTES = 400_000
-"""So many bytes a figure takes as lines; one with more has its curves as pixels."""
+"""Most bytes that a figure may take as lines; one with more has its curves as pixels."""
 
 MOST_WORDS = 100
 """Words among the curves are pixels too where there are more than this: the numbers of a matrix."""
 
 PIXELS = 150
-"""By the inch, of such curves: half as many again as the widest page has."""
+"""Pixels per inch of such curves: half as many again as the widest page has."""
 
 
 def embedded(figure: Any, caption: str) -> str:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from foretouch.identification.offline import fit_offline
 from foretouch.report import finished, new_figure, pair
-from foretouch.report.writing.drawing import DELAYED, TRUE
+from foretouch.report.drawing import DELAYED, TRUE
 from foretouch.reproduction.experiment import (
     FIRST_PRESS,
     FURTHER_BACK,
@@ -31,25 +31,25 @@ from foretouch.reproduction.relearning import (
     predict_again,
     without_perturbation,
 )
-from foretouch.reproduction.section import Claim, Outcome, Section, Table, judge
+from foretouch.reproduction.section import Claim, Outcome, Section, Table, judge, verdict_of
 from foretouch.session import SAMPLE_PERIOD
 
 Array = NDArray[np.float64]
 
 NEARLY = 10.0
-"""A force almost lies on another one when they differ by less than this [% of the RMS]: the just noticeable share."""
+"""Largest RMS difference at which a force almost lies on another [% of the RMS]: the just noticeable difference."""
 
 SEEDS = (0, 1, 2, 3)
 """Seeds of the noise; everything but the comparison with the delayed force is made with the first."""
 
 AFTER_FIRST_PRESS = FIRST_PRESS + PRESS_PERIOD
-"""When the second press begins [s]."""
+"""Time at which the second press begins [s]."""
 
 OWED = 1.1
 """Adaptiveness is owed to the self-perturbing action if the error without it is larger by this factor."""
 
 LARGEST_HAND_FORCE = 15.0
-"""Of the paper's experiment [N]."""
+"""Largest force on the hand in the paper's experiment [N]."""
 
 SETTING = "simulated, 80 ms out and 300 ms back, true force at the follower at equal command sequence, from 1.5 s on"
 
@@ -160,7 +160,7 @@ def _accurate(made: Mapping[str, Predictions]) -> list[Claim]:
 
 
 def _owed(hand: Experiment, made: Mapping[str, Predictions]) -> Claim:
-    """The same without self-perturbing."""
+    """The claim that compares the runs without self-perturbing."""
     outcomes = []
     without: dict[str, Prediction] = {}
     for choice, other in zip(CHOICES, without_perturbation(), strict=True):
@@ -181,12 +181,7 @@ def _owed(hand: Experiment, made: Mapping[str, Predictions]) -> Claim:
 
 
 def tripped(choice: Choice, course: Mapping[str, Array]) -> int:
-    """How often the self-perturbing test tripped after the first notes, computed from them.
-
-    Args:
-        choice: Of `CHOICES`.
-        course: What it found (`Watched.history`).
-    """
+    """How often the self-perturbing test tripped after the first notes, computed from a choice's estimates."""
     before = np.stack([course[name][:-1] for name in ("ln_k", "s", "b1", "b2")])
     depth, velocity, force = (course[name][1:] for name in ("depth", "velocity", "force"))
     regressors = np.stack([np.ones_like(depth), np.log(depth), velocity, velocity / depth])
@@ -203,7 +198,7 @@ def _gentle(hand: Experiment) -> Claim:
         "Hand: it is pressed with less than 15 N",
         "under 15 N",
         f"{force.max():.1f} N at most",
-        "holds" if force.max() < LARGEST_HAND_FORCE else "does not hold",
+        verdict_of(force.max() < LARGEST_HAND_FORCE),
         f"presses of 7, 8.2 and 6.5 mm; the exact force of the simulator; the robot's own limit of 15 N cut {clipped} "
         "commands",
     )

@@ -10,18 +10,15 @@ from numpy.typing import NDArray
 
 from foretouch.models import ContinuousSwitching, KelvinVoigt
 from foretouch.report import COLOURS, finished, legend, new_figure
-from foretouch.reproduction.section import Claim, Section, Table
-from foretouch.reproduction.theory import (
-    LowDampingError,
+from foretouch.reproduction.section import Claim, Section, Table, verdict_of
+from foretouch.reproduction.theory.energy_loss import (
     energy_loss,
     energy_loss_by_quadrature,
     h_of,
     h_of_gamma_functions,
-    integrate_impact,
     loss_exponent,
-    low_damping_error,
-    low_damping_limit,
 )
+from foretouch.reproduction.theory.impact import LowDampingError, integrate_impact, low_damping_error, low_damping_limit
 
 LAWS = {
     r"$\alpha$ = 0": (1.4, 0.0),
@@ -39,7 +36,7 @@ UNDAMPED = 1e-4
 """Damping ratio that counts as none [-]."""
 
 TOLERANCE = 0.1
-"""Error of (12) at which the low-damping approximation is said to end [-]."""
+"""Error of (12) at which the low-damping approximation is taken to end [-]."""
 
 Array = NDArray[np.float64]
 
@@ -121,28 +118,28 @@ def _claims_of_theory(h: Array) -> tuple[Claim, ...]:
             "[2, 3]",
             f"[{gamma.min():.6g}, {gamma.max():.6g}]; 2 only at n = {n[lowest]:g}, alpha = {alpha[lowest]:g}, 3 "
             "exactly where alpha = 0",
-            "holds" if ends and gamma.min() == 2.0 and gamma.max() == 3.0 else "does not hold",
+            verdict_of(ends and gamma.min() == 2.0 and gamma.max() == 3.0),
             f"(14) on {gamma.size:,} points of (5), closed edges included; both ends are attained",
         ),
         Claim(
             "gamma follows from the slope of the line through (0, -1) and (alpha, n)",
             "(14)",
             f"both forms of (14) apart by at most {by_slope:.1g}",
-            "holds" if by_slope < 1e-12 else "does not hold",
+            verdict_of(by_slope < 1e-12),
             f"{slope.size:,} points of (5) with alpha > 0",
         ),
         Claim(
             "h(beta) grows with beta and is bounded at [1, 2.5)",
             "[1, 2.5)",
             f"[{h[0]:.6g}, {h[-1]:.6g}], always growing; the supremum is 3 pi / 4 = {0.75 * math.pi:.6g} and attained",
-            "holds" if h[0] == 1.0 and bool((np.diff(h) > 0.0).all()) and h[-1] < 2.5 else "does not hold",
+            verdict_of(h[0] == 1.0 and bool((np.diff(h) > 0.0).all()) and h[-1] < 2.5),
             f"beta in [0, 0.5]; the bound is not tight; hypergeometric and gamma functions agree to {cross:.1g}",
         ),
         Claim(
             "(12) is the integral (9)",
             "equal",
             f"apart by at most {wrong:.1g} (relative)",
-            "holds" if wrong < 1e-9 else "does not hold",
+            verdict_of(wrong < 1e-9),
             "closed form against adaptive quadrature on 121 points of (5), upper limit M of (9) read as x_M",
         ),
     )
@@ -179,7 +176,7 @@ def _claims_of_impacts(damped: dict[str, dict[str, Array]], ends: dict[str, LowD
             "(13), (14)",
             f"exponent of integrated impacts within {apart:.1g} of gamma at a damping ratio of {UNDAMPED:g}; at 0.1 "
             f"off by {min(off.values()):+.3f} to {max(off.values()):+.3f}",
-            "holds under stated choice" if apart < 1e-3 else "does not hold",
+            verdict_of(choice=apart < 1e-3),
             f"choice: low damping; {len(pairs)} points of (5), force as rendered (never negative)",
         ),
         Claim(
@@ -189,7 +186,7 @@ def _claims_of_impacts(damped: dict[str, dict[str, Array]], ends: dict[str, LowD
             + ", ".join(f"{limit.damping_ratio:.3f} (alpha = {alpha:g})" for alpha, limit in limits.items())
             + f"; restitution there {min(x.restitution for x in limits.values()):.2f} to "
             f"{max(x.restitution for x in limits.values()):.2f}",
-            "holds under stated choice" if min(x.damping_ratio for x in limits.values()) > 0.01 else "does not hold",
+            verdict_of(choice=min(x.damping_ratio for x in limits.values()) > 0.01),
             f"choice: speed out over speed in above {max(x.restitution for x in limits.values()):.2f}; "
             "integrated impacts, n = 1.4 (1 - alpha), force as rendered",
         ),
@@ -198,7 +195,7 @@ def _claims_of_impacts(damped: dict[str, dict[str, Array]], ends: dict[str, LowD
             "low impact speed suffices",
             "share lost at 1, 0.1, 0.01 m/s: "
             + "; ".join(f"{', '.join(f'{100.0 * x:.3g} %' for x in lost)} ({label})" for label, lost in shares.items()),
-            "holds under stated choice" if shares["alpha = 0"][-1] < 0.05 else "does not hold",
+            verdict_of(choice=shares["alpha = 0"][-1] < 0.05),
             "choice: alpha = 0; the share goes as v^(gamma - 2), so slowly for larger alpha and not at all for "
             "Kelvin-Voigt; 1 kg on the softer two materials of Fig. 7c, and on that of Fig. 2",
         ),
@@ -206,7 +203,7 @@ def _claims_of_impacts(damped: dict[str, dict[str, Array]], ends: dict[str, LowD
 
 
 def _lost(law: ContinuousSwitching | KelvinVoigt, speed: float) -> float:
-    """Share of the energy that an impact of 1 kg costs [-]."""
+    """Fraction of the energy that an impact of 1 kg costs [-]."""
     impact = integrate_impact(law, 1.0, speed, samples=2)
     return impact.energy_loss / (0.5 * speed**2)
 
@@ -217,10 +214,7 @@ def _figure(beta: Array, h: Array, damped: dict[str, dict[str, Array]]) -> Any:
     factor.plot(beta, h, color="black", linewidth=1.6)
     factor.axhline(0.75 * math.pi, color=COLOURS[1], linewidth=1.0, label=r"supremum 3$\pi$/4")
     factor.axhline(2.5, color="0.5", linestyle="--", linewidth=1.0, label="the paper's bound 2.5")
-    factor.set_title(r"(a) h($\beta$)")
-    factor.set_xlabel(r"$\beta$ [-]")
-    factor.set_ylabel("h [-]")
-    factor.set_xlim(0.0, 0.5)
+    factor.set(title=r"(a) h($\beta$)", xlabel=r"$\beta$ [-]", ylabel="h [-]", xlim=(0.0, 0.5))
     legend(factor, columns=2)
     _draw_map(figure, plane)
     for (name, rows), colour in zip(damped.items(), COLOURS, strict=False):
@@ -229,8 +223,7 @@ def _figure(beta: Array, h: Array, damped: dict[str, dict[str, Array]]) -> Any:
         power.semilogx(rows["damping_ratio"], rows["exponent"], "o-", color=colour, markersize=3.0, linewidth=1.4)
         power.axhline(float(loss_exponent(*LAWS[name])), color=colour, linestyle="--", linewidth=0.9)
     error.axhline(100.0 * TOLERANCE, color="0.5", linestyle="--", linewidth=1.0)
-    error.set_title("(c) Error of (12) against integrated impacts")
-    error.set_ylabel("energy loss too large by [%]")
+    error.set(title="(c) Error of (12) against integrated impacts", ylabel="energy loss too large by [%]")
     legend(error, columns=5)
     power.set_title(r"(d) Exponent of integrated impacts (dashed: $\gamma$)", pad=22.0)
     power.set_ylabel("exponent of speed [-]")
@@ -253,8 +246,6 @@ def _draw_map(figure: Any, axes: Any) -> None:
     axes.plot(
         [0.0, 0.0], [1.0, 2.0], color=COLOURS[1], linewidth=3.0, clip_on=False, label=r"Hunt-Crossley, $\gamma$ = 3"
     )
-    axes.set_title(r"(b) $\gamma$ over the area of (5)")
-    axes.set_xlabel(r"switching $\alpha$ [-]")
-    axes.set_ylabel("exponent n [-]")
+    axes.set(title=r"(b) $\gamma$ over the area of (5)", xlabel=r"switching $\alpha$ [-]", ylabel="exponent n [-]")
     legend(axes, columns=2)
     figure.colorbar(colours, ax=axes, ticks=np.arange(2.0, 3.05, 0.2), label=r"$\gamma$ [-]")

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from foretouch.models import ContinuousSwitching
 from foretouch.report import COLOURS, finished, legend, new_figure
 from foretouch.reproduction.presses import linearisation_press
-from foretouch.reproduction.section import Claim, Section, Table
-from foretouch.reproduction.theory import (
+from foretouch.reproduction.section import Claim, Section, Table, verdict_of
+from foretouch.reproduction.theory.linearisation import (
     TABLE_1,
     LinearisationError,
     fit_polynomial,
@@ -34,12 +34,9 @@ def _law(switching: float) -> ContinuousSwitching:
 
 
 def phi_range(switching: float, depth: float, tolerance: float) -> tuple[float, float]:
-    """Phi at release and while deepening [m^alpha] at which the step to (16) alone is wrong by a share.
+    """Phi at release and while deepening [m^alpha] at which the step to (16) alone has a relative error of force [-].
 
-    Args:
-        switching: alpha [-].
-        depth: [m].
-        tolerance: Relative error of force [-].
+    The depth is in m, and alpha and the error [-] are given.
     """
     from scipy.optimize import brentq
 
@@ -55,7 +52,7 @@ def phi_range(switching: float, depth: float, tolerance: float) -> tuple[float, 
 
 
 def scaled_error(switching: float, deepest: float) -> tuple[float, float]:
-    """Error of x^(2 - alpha) by a1 x^2 + a2 x over depths up to one [m]: in shares of the largest, and relative at 5 %.
+    """Error of x^(2 - alpha) by a1 x^2 + a2 x over depths up to one [m]: as ratios to the largest, and relative at 5 %.
 
     The second is that of 1/x^alpha at a twentieth of the greatest depth.
     """
@@ -69,11 +66,7 @@ def scaled_error(switching: float, deepest: float) -> tuple[float, float]:
 
 
 def claims_of_phi(largest: float) -> tuple[Claim, ...]:
-    """Whether the paper's bound of phi is conservative.
-
-    Args:
-        largest: Greatest phi of the paper's own runs.
-    """
+    """Whether the paper's bound of phi is conservative, beside the greatest phi of the paper's own runs."""
     ends = {alpha: phi_range(alpha, 0.020, NOTICED) for alpha in (0.0, *TABLE_1)}
     at_bound = {alpha: [100.0 * _taylor_error(alpha, 0.020, phi) for phi in (-CONDITION, CONDITION)] for alpha in ends}
     said = {
@@ -89,7 +82,7 @@ def claims_of_phi(largest: float) -> tuple[Claim, ...]:
             "||phi|| < 0.1 is conservative, for Hunt-Crossley",
             "rather conservative in many cases",
             said[0.0],
-            "holds under stated choice" if wide else "does not hold",
+            verdict_of(choice=wide),
             "choice: alpha = 0, where phi is damper over spring and has no unit; error of force by (16), any depth",
         ),
         Claim(
@@ -99,7 +92,7 @@ def claims_of_phi(largest: float) -> tuple[Claim, ...]:
                 f"alpha = {alpha:g}: {said[alpha]}; under 10 % up to 0.1 only beyond {1e3 * depths[alpha]:.0f} mm"
                 for alpha in TABLE_1
             ),
-            "does not hold" if narrow else "holds",
+            verdict_of(not narrow),
             f"error of force by (16) at 20 mm; the paper's own runs stay below phi = {largest:.4f} and do not test it",
         ),
     )
@@ -112,7 +105,7 @@ def _taylor_error(switching: float, depth: float, phi: float) -> float:
 
 
 def claims_of_polynomial() -> tuple[Claim, ...]:
-    """How good (17) is, whether small depths help, and its two limiting cases."""
+    """The accuracy of (17), whether small depths help, and its two limiting cases."""
     small = {alpha: scaled_error(alpha, 0.040) for alpha in TABLE_1}
     large = {alpha: scaled_error(alpha, 40.0) for alpha in TABLE_1}
     same = max(abs(a - b) for alpha in TABLE_1 for a, b in zip(small[alpha], large[alpha], strict=True))
@@ -131,21 +124,21 @@ def claims_of_polynomial() -> tuple[Claim, ...]:
                 f"{100.0 * near:+.0f} % at a twentieth of the depth"
                 for alpha, (whole, near) in small.items()
             ),
-            "holds under stated choice" if max(whole for whole, _ in small.values()) < 0.05 else "does not hold",
+            verdict_of(choice=max(whole for whole, _ in small.values()) < 0.05),
             "choice: measured in shares of the largest value; least squares over depths to 40 mm, evenly spaced",
         ),
         Claim(
             "(17) is good if the value of x is small",
             "x small",
             f"relative errors over depths to 40 mm and to 40 m are equal to {same:.1g}",
-            "does not hold" if same < 1e-6 else "holds",
+            verdict_of(same >= 1e-6),
             "only the ratio of greatest to smallest depth matters; fits as in the row above",
         ),
         Claim(
             "a1 = 0 is Kelvin-Voigt (alpha = 1), a2 = 0 is Hunt-Crossley (alpha = 0)",
             "limiting cases",
             f"fits at alpha = 0 and 1 within {off:.1g} of (1, 0) and (0, 1); both positive at alpha = 0.1 to 0.9",
-            "holds" if off < 1e-9 and min(min(fit.a1, fit.a2) for fit in between) > 0.0 else "does not hold",
+            verdict_of(off < 1e-9 and min(min(fit.a1, fit.a2) for fit in between) > 0.0),
             "least squares of (17) in three forms over 0.5 to 40 mm; between the ends the spring keeps its exponent s, "
             "so the Kelvin-Voigt part is one only where s = 1",
         ),
@@ -185,7 +178,7 @@ SMALL = 0.01
 """Error that the paper calls too small to be sensed [N]."""
 
 DURATION, RATE = 12.5, 10.0
-"""Of the press: as long as the sine stays inside [s], and at the rate of the paper's simulations [Hz]."""
+"""Duration of the press, as long as the sine stays inside [s], and rate of the paper's simulations [Hz]."""
 
 
 def press_error(
@@ -198,12 +191,8 @@ def press_error(
 ) -> tuple[Array, LinearisationError]:
     """Times [s] and the error along the paper's trajectory, with the a1 and a2 of Table 1.
 
-    Args:
-        law: One of `CASES`.
-        rate: Samples per second [Hz].
-        duration: [s].
-        seed: Of the trajectory's noise.
-        by_differences: Velocity from the noisy depth instead of the sine's own.
+    The rate [Hz], the duration [s] and the seed of the noise are the trajectory's; `by_differences` takes the velocity
+    from the noisy depth instead of the sine's own.
     """
     time = np.arange(round(duration * rate) + 1) / rate
     depth, velocity = linearisation_press(time, seed=seed)
@@ -213,7 +202,7 @@ def press_error(
 
 
 def share_small(error: LinearisationError) -> float:
-    """Share of the samples with an error below `SMALL` [-]; where (15) has no value it is not below."""
+    """Fraction of the samples with an error below `SMALL` [-]; where (15) has no value it is not below."""
     return float(np.mean(np.abs(error.total) < SMALL))
 
 
@@ -289,7 +278,7 @@ def _claims_of_press(runs: dict[int, tuple[Array, LinearisationError]], shares: 
             + "; largest "
             + ", ".join(f"{np.abs(error.total).max():.3f}" for _, error in runs.values())
             + " N",
-            "holds" if min(shares.values()) > 0.5 else "does not hold",
+            verdict_of(min(shares.values()) > 0.5),
             f"{setting}; over 4 durations, 3 seeds and both velocities at {RATE:g} Hz: {100.0 * min(others):.0f} to "
             f"{100.0 * max(others):.0f} %",
         ),
@@ -297,14 +286,14 @@ def _claims_of_press(runs: dict[int, tuple[Array, LinearisationError]], shares: 
             "Linearisation error at 1 kHz, velocity from the noisy depth: mostly below 0.01 N",
             "most below 0.01 N",
             ", ".join(f"{100.0 * share:.0f} % (case {number})" for number, share in fast.items()),
-            "holds" if min(fast.values()) > 0.5 else "does not hold",
+            verdict_of(min(fast.values()) > 0.5),
             "as before, central differences of the depth at 1 kHz: 0.5 mm of noise are 250 mm/s",
         ),
         Claim(
             "Big errors come mostly from the constant a1 and a2",
             "mostly",
             f"{by_fit} of the {count} errors of 0.01 N and more come more from (17) than from (16)",
-            "holds" if by_fit > 0.5 * count else "does not hold",
+            verdict_of(by_fit > 0.5 * count),
             setting,
         ),
     )
@@ -334,8 +323,7 @@ def _figure(runs: dict[int, tuple[Array, LinearisationError]]) -> Any:
     force.set_ylabel("force [N]")
     legend(force, columns=3)
     error.axhspan(-SMALL, SMALL, color="0.5", alpha=0.25, linewidth=0.0, label=r"$\pm$0.01 N")
-    error.set_title("(b) Error: force by (18) less force by (15)")
-    error.set_ylabel("error [N]")
+    error.set(title="(b) Error: force by (18) less force by (15)", ylabel="error [N]")
     legend(error, columns=1)
     for axes in (force, error):
         axes.set_xlabel("time [s]")
@@ -344,10 +332,12 @@ def _figure(runs: dict[int, tuple[Array, LinearisationError]]) -> Any:
         relative = np.abs(linearisation_error(law, *TABLE_1[law.switching], depth, -0.010).relative)
         surface.loglog(1e3 * depth, 100.0 * relative, color=colour, linewidth=1.2, label=f"case {number}")
     surface.axhline(100.0 * NOTICED, color="0.5", linestyle="--", linewidth=1.0)
-    surface.set_ylim(1e-3, 1e3)
-    surface.set_title("(c) Error of (18) near the surface, release at 10 mm/s")
-    surface.set_xlabel("depth [mm]")
-    surface.set_ylabel("size of relative error [%]")
+    surface.set(
+        ylim=(1e-3, 1e3),
+        title="(c) Error of (18) near the surface, release at 10 mm/s",
+        xlabel="depth [mm]",
+        ylabel="size of relative error [%]",
+    )
     surface.set_title(surface.get_title(), pad=22.0)
     table = taylor_table()
     for (name, curve), colour in zip(list(table.items())[1:], (COLOURS[6], COLOURS[0], COLOURS[1]), strict=True):
@@ -355,9 +345,11 @@ def _figure(runs: dict[int, tuple[Array, LinearisationError]]) -> Any:
         taylor.plot(table["phi"], 100.0 * np.asarray(curve, dtype=np.float64), color=colour, linewidth=1.4, label=label)
     taylor.axvspan(-CONDITION, CONDITION, color="0.5", alpha=0.2, linewidth=0.0, label=r"|$\varphi$| < 0.1")
     taylor.axhline(100.0 * NOTICED, color="0.5", linestyle="--", linewidth=1.0)
-    taylor.set_ylim(0.0, 60.0)
-    taylor.set_title("(d) Error of (16) at 20 mm")
-    taylor.set_xlabel(r"$\varphi = \lambda v / k$ [$m^\alpha$]")
-    taylor.set_ylabel("relative error of force [%]")
+    taylor.set(
+        ylim=(0.0, 60.0),
+        title="(d) Error of (16) at 20 mm",
+        xlabel=r"$\varphi = \lambda v / k$ [$m^\alpha$]",
+        ylabel="relative error of force [%]",
+    )
     legend(taylor, columns=4)
     return finished(figure, 2, gap=1.0)

@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 from foretouch.identification import HuntCrossleyLogOptions, KelvinVoigtOptions, SwitchingOptions, TwoStageOptions
 from foretouch.identification.linear.recursion import PerturbationForm
 from foretouch.report import COLOURS, finished, legend, new_figure
-from foretouch.reproduction.choices import NEAREST, PRINTED, PRINTED_WORDS, claims_of, runs_of
 from foretouch.reproduction.presses import Press, press
+from foretouch.reproduction.questions.choices import NEAREST, PRINTED, PRINTED_WORDS, claims_of, runs_of
 from foretouch.reproduction.questions.tried import THRESHOLD, errors_of_fprls_threshold, errors_of_threshold, ordinal
-from foretouch.reproduction.section import Claim, Section
+from foretouch.reproduction.section import Claim, Section, verdict_of
 
 Array = NDArray[np.float64]
 
@@ -33,7 +33,7 @@ DRAWN = (1.0, 0.95, 0.85)
 """Forgetting factors that the figure draws."""
 
 PAPER_SWITCH, PAPER_SHOCK = 198, 4.5
-"""Iteration, and error [N] just before it."""
+"""Iteration of the paper's switch, and error [N] just before it."""
 
 
 @dataclass(frozen=True)
@@ -41,10 +41,10 @@ class Switch:
     """Threshold switching under one choice.
 
     Attributes:
-        choice: How both laws were learnt, in words.
-        data: Which data it saw.
-        iterations: At which the law went from Hunt-Crossley to Kelvin-Voigt.
-        back: At which it went back.
+        choice: Choice by which both laws were learnt, in words.
+        data: Data that it was given.
+        iterations: Iterations at which the law went from Hunt-Crossley to Kelvin-Voigt.
+        back: Iterations at which it went back.
         shocks: Error before and after each of `iterations` [N].
     """
 
@@ -56,7 +56,7 @@ class Switch:
 
     @property
     def text(self) -> str:
-        """Where it switches, and the errors around."""
+        """Iterations of the switches, and the errors around."""
         if not self.iterations:
             return "never switches"
         each = (
@@ -68,7 +68,7 @@ class Switch:
 
     @property
     def distance(self) -> float:
-        """From the paper's iteration; inf where there is no switch."""
+        """Distance from the paper's iteration; inf where there is no switch."""
         return float(min((abs(at - PAPER_SWITCH) for at in self.iterations), default=np.inf))
 
     @property
@@ -83,7 +83,7 @@ class Switch:
 
     @property
     def shock_distance(self) -> float:
-        """Of the error before a single switch from the paper's [N]; inf unless it then is below 0.5 N."""
+        """Distance of the error before a single switch from the paper's [N]; inf unless it then is below 0.5 N."""
         return abs(self.shocks[0][0] - PAPER_SHOCK) if self.single and self.shocks[0][1] < 0.5 else np.inf
 
     @property
@@ -180,7 +180,7 @@ def make() -> Section:
 
 
 def _share(error: Array, other: Array) -> float:
-    """Of the samples at which the first is smaller."""
+    """Fraction of the samples at which the first is smaller."""
     there = np.isfinite(other)
     return float(np.mean(error[there] < other[there]))
 
@@ -205,7 +205,7 @@ def _switching_claims(least_squares: list[Switch], fprls: list[Switch]) -> Itera
         f"by least squares without forgetting it {usual.text}; by {likely.choice}, {likely.text}. "
         f"{_rates_words(printed)} Nearest ({nearest.choice}, {nearest.data}): {nearest.text}. "
         f"At the 198th itself: {exact or 'none'} of {len(every)} combinations",
-        "holds" if usual.holds else "holds under stated choice" if nearest.holds else "does not hold",
+        verdict_of(usual.holds, choice=nearest.holds),
         setting + "Holds if there is one switch, within 2 iterations",
     )
     like = [switch for switch in every if switch.shock_holds]
@@ -216,13 +216,13 @@ def _switching_claims(least_squares: list[Switch], fprls: list[Switch]) -> Itera
         f"by {likely.choice}, from {likely.shocks[0][0]:.2f} to {likely.shocks[0][1]:.2g} N; closest "
         f"({closest.choice}, {closest.data}): {closest.text}. Holds under {len(like)} of {len(every)} combinations, "
         f"{sum(switch.shock_holds for switch in least_squares)} of them by least squares",
-        "holds under stated choice" if like else "does not hold",
+        verdict_of(choice=bool(like)),
         setting + "Holds if the error goes from 4 to 5 N to below 0.5 N in a single switch",
     )
 
 
 def _rates_words(printed: list[Switch]) -> str:
-    """At which rho there is one switch, and where and with which shock, as printed and on ideal data."""
+    """Values of rho with one switch, and its time and shock, as printed and on ideal data."""
     pairs = [(rate, switch) for rate, switch in zip(RATES, printed, strict=True) if switch.single]
     words = []
     for at, same in itertools.groupby(pairs, key=lambda pair: pair[1].iterations[0]):
@@ -247,7 +247,7 @@ def _jump_claim(errors: dict[str, Array]) -> Claim:
         f"largest change from one sample to the next, less the one before, {smooth:.2g} N as printed, "
         f"{best:.2g} N with {NEAREST['better']}; "
         f"threshold switching {words}",
-        "holds" if smooth < least else "holds under stated choice" if best < least else "does not hold",
+        verdict_of(smooth < least, choice=best < least),
         f"{PRINTED_WORDS}. From the 20th iteration on. Holds if smaller than that of threshold switching",
     )
 
@@ -273,12 +273,10 @@ def _figure(errors: dict[str, Array], stiff: dict[float | None, NDArray[np.bool_
             linewidth=1.6,
             label=name,
         )
-    top.set_yscale("log")
-    top.set_ylim(1e-4, 300.0)
+    top.set(yscale="log", ylim=(1e-4, 300.0))
     top.axvline(PAPER_SWITCH, color="0.3", linewidth=0.8, linestyle="--")
     top.annotate("the paper's switch", (PAPER_SWITCH, 2e-4), (5, 0), textcoords="offset points", fontsize="small")
-    top.set_ylabel("|F - F_hat| [N]")
-    top.set_title("Error of the force (gaps: threshold switching has no law there)")
+    top.set(ylabel="|F - F_hat| [N]", title="Error of the force (gaps: threshold switching has no law there)")
     legend(top, columns=3)
     top.set_title(top.get_title(), pad=36.0)
     for row, chosen in enumerate(stiff.values()):
@@ -293,9 +291,7 @@ def _figure(errors: dict[str, Array], stiff: dict[float | None, NDArray[np.bool_
     )
     bottom.set_ylim(-len(stiff) + 0.4, 0.6)
     bottom.axvline(PAPER_SWITCH, color="0.3", linewidth=0.8, linestyle="--")
-    bottom.set_xlabel("iteration")
-    bottom.set_title("Law in use by threshold switching")
-    bottom.set_xlim(1, 250)
+    bottom.set(xlabel="iteration", title="Law in use by threshold switching", xlim=(1, 250))
     handles, labels = bottom.get_legend_handles_labels()
     known = dict(zip(labels, handles, strict=True))
     bottom.legend(

@@ -13,11 +13,9 @@ from numpy.typing import NDArray
 
 from foretouch.models import HuntCrossley, KelvinVoigt, MemorylessLaw
 from foretouch.report import COLOURS, finished, legend, new_figure
-from foretouch.reproduction.section import Claim, Section, Table
-from foretouch.reproduction.theory import Impact, damping_ratio, integrate_impact
-
-MASS, SPEED = 1.0, 0.5
-"""Of the impacts of Figs. 2 and 3 [kg], [m/s]; the paper gives none."""
+from foretouch.reproduction.section import Claim, Section, verdict_of
+from foretouch.reproduction.theory.energy_loss import damping_ratio
+from foretouch.reproduction.theory.impact import MASS, SPEED, Impact, impact_of, impact_table, integrate_impact
 
 GIVEN, BACK, PULLED = COLOURS[0], COLOURS[2], COLOURS[1]
 """Colours of H1, H2 and H3."""
@@ -25,22 +23,17 @@ GIVEN, BACK, PULLED = COLOURS[0], COLOURS[2], COLOURS[1]
 Areas = tuple[float, float, float]
 
 
-def impact_of(law: MemorylessLaw, *, speed: float = SPEED, allow_tension: bool = True) -> Impact:
-    """One impact with so many samples that sums over them are integrals to five digits."""
-    return integrate_impact(law, MASS, speed, allow_tension=allow_tension, samples=2001)
-
-
-def slope(law: MemorylessLaw, speed: float, *, allow_tension: bool = True) -> float:
+def slope(law: MemorylessLaw, speed: float) -> float:
     """Local exponent of speed in the energy that an impact costs [-], from integrated impacts 1 % to either side."""
     low, high = (
-        integrate_impact(law, MASS, speed * factor, allow_tension=allow_tension, samples=2).damping_work
+        integrate_impact(law, MASS, speed * factor, allow_tension=True, samples=2).damping_work
         for factor in (0.99, 1.01)
     )
     return math.log(high / low) / math.log(1.01 / 0.99)
 
 
 def areas_of_loop(impact: Impact) -> Areas:
-    """H1, H2 and H3 [J] as areas between force and depth: way in, way out above zero, way out below zero."""
+    """H1, H2 and H3 [J] as areas between force and depth: loading, unloading above zero, unloading below zero."""
     deepest = int(np.argmax(impact.depth))
     back, force = impact.depth[deepest:], impact.force[deepest:]
     given = np.trapezoid(impact.force[: deepest + 1], impact.depth[: deepest + 1])
@@ -50,7 +43,7 @@ def areas_of_loop(impact: Impact) -> Areas:
 
 
 def areas_of_power(impact: Impact) -> Areas:
-    """The same [J] as areas between power and time: before the turn, below zero, and above zero after the turn."""
+    """H1, H2 and H3 [J] as areas between power and time: before the turn, below zero, and above zero after the turn."""
     deepest = int(np.argmax(impact.depth))
     time, power = impact.time[deepest:], impact.power[deepest:]
     given = np.trapezoid(impact.power[: deepest + 1], impact.time[: deepest + 1])
@@ -59,17 +52,6 @@ def areas_of_power(impact: Impact) -> Areas:
         float(np.trapezoid(np.minimum(power, 0.0), time)),
         float(np.trapezoid(np.maximum(power, 0.0), time)),
     )
-
-
-def impact_table(impact: Impact) -> Table:
-    """Everything that the figure draws."""
-    return {
-        "time_s": impact.time,
-        "depth_m": impact.depth,
-        "velocity_m_s": impact.velocity,
-        "force_N": impact.force,
-        "power_W": impact.power,
-    }
 
 
 def impact_figure(impact: Impact, name: str) -> Any:
@@ -88,17 +70,13 @@ def impact_figure(impact: Impact, name: str) -> Any:
     loop.plot(depth, impact.force, color="black", linewidth=1.4)
     for at in (0.45 * deepest, deepest + 0.45 * (impact.time.size - deepest)):
         _arrow(loop, depth, impact.force, int(at))
-    loop.set_title(f"(a) Hysteresis loop, {name}")
-    loop.set_xlabel("depth [mm]")
-    loop.set_ylabel("force on the mass [N]")
+    loop.set(title=f"(a) Hysteresis loop, {name}", xlabel="depth [mm]", ylabel="force on the mass [N]")
     time = 1e3 * impact.time
     flow.fill_between(time[into], impact.power[into], color=GIVEN, alpha=0.2, linewidth=0.0, label=named[0])
     flow.fill_between(time[out], np.minimum(back_power, 0.0), color=BACK, alpha=0.45, linewidth=0.0, label=named[1])
     flow.fill_between(time[out], np.maximum(back_power, 0.0), color=PULLED, alpha=0.6, linewidth=0.0, label=named[2])
     flow.plot(time, impact.power, color="black", linewidth=1.4)
-    flow.set_title("(b) Power into the material")
-    flow.set_xlabel("time [ms]")
-    flow.set_ylabel("power [W]")
+    flow.set(title="(b) Power into the material", xlabel="time [ms]", ylabel="power [W]")
     for axes in (loop, flow):
         axes.axhline(0.0, color="0.3", linewidth=0.8)
         legend(axes, columns=3)
@@ -148,7 +126,7 @@ def make_fig2() -> Section:
             "Kelvin-Voigt: shock force at first touch, where there is no depth yet",
             "force follows the speed at the beginning",
             f"{first:.1f} N at depth 0 (B v = {VOIGT.damping * SPEED:.1f} N)",
-            "holds" if abs(first - VOIGT.damping * SPEED) < 1e-3 * first else "does not hold",
+            verdict_of(abs(first - VOIGT.damping * SPEED) < 1e-3 * first),
             setting,
         ),
         Claim(
@@ -156,21 +134,21 @@ def make_fig2() -> Section:
             "H3 extracted from the mass even in the restitution phase",
             f"down to {printed.force.min():.2f} N below {1e3 * pulling.max():.2f} mm; H1 = {1e3 * given:.2f}, "
             f"H2 = {1e3 * back:.2f}, H3 = {1e3 * pulled:.2f} mJ, sum = loss = {1e3 * printed.energy_loss:.2f} mJ",
-            "holds" if printed.force.min() < 0.0 < pulled else "does not hold",
+            verdict_of(printed.force.min() < 0.0 < pulled),
             setting,
         ),
         Claim(
             "Areas of the loop (a) are the areas under the power (b)",
             "H_i in (b) correspond to (a)",
             f"apart by at most {1e6 * apart:.2g} uJ of {1e6 * given:.3g} uJ",
-            "holds" if apart < 1e-5 * given else "does not hold",
+            verdict_of(apart < 1e-5 * given),
             f"{setting}; trapezoids over {printed.time.size} samples",
         ),
         Claim(
             "Kelvin-Voigt: energy loss proportional to the square of the impact speed",
             "exponent 2",
             f"{min(exponents):.4f} to {max(exponents):.4f}",
-            "holds" if max(abs(e - 2.0) for e in exponents) < 1e-3 else "does not hold",
+            verdict_of(max(abs(e - 2.0) for e in exponents) < 1e-3),
             f"integrated impacts at 0.01 to 10 m/s, {setting}; the equation is linear, so at any damping",
         ),
     )
@@ -183,7 +161,7 @@ HUNT = HuntCrossley(stiffness=3000.0, damping=1500.0, exponent=1.4)
 """The paper's <2>."""
 
 SPEEDS = (0.001, 0.01, 0.1, 0.5, 2.0, 10.0)
-"""At which the exponent of the energy loss is measured [m/s]."""
+"""Speeds at which the exponent of the energy loss is measured [m/s]."""
 
 
 def make_fig3() -> Section:
@@ -212,7 +190,7 @@ def make_fig3() -> Section:
             "Hunt-Crossley: no shock force at beginning and end",
             "shock force disappears at both",
             f"{ends:.1g} N at touch and release; smallest force {impact.force.min():.1g} N",
-            "holds" if ends < 1e-6 * impact.force.max() and impact.force.min() >= 0.0 else "does not hold",
+            verdict_of(ends < 1e-6 * impact.force.max() and impact.force.min() >= 0.0),
             setting,
         ),
         Claim(
@@ -220,14 +198,14 @@ def make_fig3() -> Section:
             "no power extracted",
             f"H1 = {1e3 * given:.2f}, H2 = {1e3 * back:.2f}, H3 = {1e3 * pulled:.2f} mJ "
             f"(at {SPEEDS[-1]:g} m/s: H3 = {1e3 * fast.areas[2]:.2f} mJ); (a) and (b) apart by {1e6 * apart:.2g} uJ",
-            "holds" if abs(pulled) < 1e-9 * given and apart < 1e-5 * given else "does not hold",
+            verdict_of(abs(pulled) < 1e-9 * given and apart < 1e-5 * given),
             setting,
         ),
         Claim(
             "Hunt-Crossley: energy loss proportional to the cube of the impact speed",
             "exponent 3",
             ", ".join(f"{exponent:.3f} at {speed:g} m/s" for speed, exponent in exponents.items()),
-            "holds under stated choice" if abs(slow - 3.0) < 0.01 else "does not hold",
+            verdict_of(choice=abs(slow - 3.0) < 0.01),
             f"choice: low damping, here under about 0.01 m/s; integrated impacts, <2>, {MASS:g} kg",
         ),
     )

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from foretouch.report import COLOURS, finished, legend, new_figure
 from foretouch.reproduction.presses import linearisation_press
-from foretouch.reproduction.section import Claim, Section
-from foretouch.reproduction.theory import TABLE_1, fit_polynomial
+from foretouch.reproduction.section import Claim, Section, verdict_of
+from foretouch.reproduction.theory.linearisation import TABLE_1, fit_polynomial
 
 DEPTHS = np.geomspace(0.5e-3, 40e-3, 400)
 """Depths over which the lines are drawn [m]."""
@@ -31,11 +31,11 @@ class Choice:
     """What the paper leaves open about the fit of (17).
 
     Attributes:
-        duration: Of the trajectory of Fig. 5 [s].
+        duration: Duration of the trajectory of Fig. 5 [s].
         rate: Samples per second [Hz].
         noise: Greatest of the trajectory's noise [m].
         power: Power of depth that (17) is multiplied by: 0 as printed, 1, or 2 for x^(2 - alpha) = a1 x^2 + a2 x.
-        forgetting_factor: Of the recursive least squares [-]; 1 is the plain one.
+        forgetting_factor: Forgetting factor of the recursive least squares [-]; 1 is the plain one.
         covariance: Initial P of them, times I, in metres; infinite for a start without opinion.
     """
 
@@ -94,7 +94,7 @@ def _depths(duration: float, rate: float, noise: float) -> Array:
 
 
 def distance(line: Line, switching: float) -> float:
-    """How far a fit is from Table 1: the greater relative difference of a1 and a2 [-]."""
+    """Distance of a fit from Table 1: the greater relative difference of a1 and a2 [-]."""
     return max(abs(found / printed - 1.0) for found, printed in zip(line, TABLE_1[switching], strict=True))
 
 
@@ -135,7 +135,7 @@ def make() -> Section:
             "2.35, 0.016 (alpha 0.3); 3.44, 0.067 (alpha 0.5)",
             f"nearest {_say(tried[both][1][0.3])} and {_say(tried[both][1][0.5])}, "
             f"{100.0 * apart.max(axis=1)[both]:.1f} % off",
-            "holds under stated choice" if apart.max(axis=1)[both] < CLOSE else "does not hold",
+            verdict_of(choice=apart.max(axis=1)[both] < CLOSE),
             f"{tried[both][0]}; best of {len(tried):,} settings, metres",
         ),
         *(_claim_alone(alpha, tried, apart, exact[alpha], alone[alpha]) for alpha in TABLE_1),
@@ -169,7 +169,7 @@ def _claim_alone(
         f"Table 1: a1 and a2 for alpha = {alpha:g} alone",
         f"{TABLE_1[alpha][0]:g}, {TABLE_1[alpha][1]:g}",
         f"{_say(lines[alpha])} ({100.0 * off:.1f} % off); {len(exact)} of the settings round to the printed digits",
-        "holds under stated choice" if off < CLOSE else "does not hold",
+        verdict_of(choice=off < CLOSE),
         f"choice: {choice}, metres; within {100.0 * CLOSE:g} % counts as met",
     )
 
@@ -199,11 +199,8 @@ def _figure() -> Any:
         ours = fit_polynomial(alpha, np.linspace(0.5e-3, 40e-3, 400), depth_power=1.0)
         relative = 100.0 * _relative((ours.a1, ours.a2), alpha)
         error.semilogx(depth, relative, color=colour, linewidth=1.2, label=rf"even fit, $\alpha$ = {alpha}")
-    values.set_title("(a) Both sides of (17)")
-    values.set_ylabel(r"$x^{-\alpha}$ and $a_1 + a_2 / x$ [$m^{-\alpha}$]")
-    error.set_title("(b) Error of (17)")
-    error.set_ylabel("relative error [%]")
-    error.set_ylim(-20.0, 60.0)
+    values.set(title="(a) Both sides of (17)", ylabel=r"$x^{-\alpha}$ and $a_1 + a_2 / x$ [$m^{-\alpha}$]")
+    error.set(title="(b) Error of (17)", ylabel="relative error [%]", ylim=(-20.0, 60.0))
     error.axhline(0.0, color="0.3", linewidth=0.8)
     for axes in (values, error):
         axes.set_xlabel("depth [mm]")

@@ -20,7 +20,7 @@ from foretouch.identification.offline import OfflineFit, fit_offline
 from foretouch.models import ContinuousSwitching, HuntCrossley
 from foretouch.report import COLOURS, finished, legend, new_figure
 from foretouch.reproduction.presses import HUNT_CROSSLEY, KELVIN_VOIGT, WAVES, Press, follow, press
-from foretouch.reproduction.section import Claim, Section, Table
+from foretouch.reproduction.section import Claim, Section, Table, verdict_of
 
 Array = NDArray[np.float64]
 
@@ -37,17 +37,16 @@ WAVE_NOISE, SEEDS = 0.02, 8
 """Force noise [N] of the runs with fewer waves, and how many of them."""
 
 START_ERRORS = (0.0, 0.001, 0.01, 0.1)
-"""Of n at the beginning."""
+"""Errors of n at the beginning."""
 
 SLIP = 0.01
 """Error of an exponent."""
 
 
 def wave_errors(waves: tuple[tuple[float, float], ...]) -> tuple[float, float, float]:
-    """Median over seeds and both pure laws of the error of k at the 50th and at the 250th iteration, and the condition.
+    """Medians over seeds and both pure laws of the relative errors of k at the 50th and the 250th iteration.
 
-    Returns:
-        Two relative errors; the condition number of the regressors scaled to unit columns.
+    The third number is the condition of the regressors scaled to unit columns.
     """
     errors, condition = [], 0.0
     for material in ("kelvin-voigt", "hunt-crossley"):
@@ -76,7 +75,7 @@ def _hunt_crossley(estimator: Estimator, pressed: Press) -> Array:
 
 
 def two_stage_errors(start_error: float) -> tuple[Array, Array]:
-    """Of two stages and of a single one on <2>, both begun with an error of n; see `_hunt_crossley`."""
+    """Errors of two stages and of a single one on <2>, both begun with an error of n; see `_hunt_crossley`."""
     pressed = press("hunt-crossley")
     exponent = HUNT_CROSSLEY.exponent + start_error
     rate = HUNT_CROSSLEY.damping / HUNT_CROSSLEY.stiffness
@@ -189,7 +188,7 @@ def _wave_claim(waves: dict[str, tuple[float, float, float]]) -> Claim:
         "The trajectory needs enough sine waves for good convergence",
         "enough kinds of sine waves",
         f"error of k at the 50th and the 250th iteration with so many waves: {words}",
-        "holds" if needed else "does not hold",
+        verdict_of(needed),
         f"FPRLS as printed, force noise {WAVE_NOISE:g} N, median of {SEEDS} seeds and both pure laws. Holds if four "
         "waves at least halve the error of every smaller set at the 50th",
     )
@@ -210,7 +209,7 @@ def _stage_claim(stages: dict[float, tuple[Array, Array]]) -> Claim:
         f"{double[2, 249]:+.2g} (never forgotten). One stage at the 50th: k {100 * single[0, 49]:+.1g} %, lambda "
         f"{100 * single[1, 49]:+.1g} %, n {single[2, 49]:+.1g}. With n wrong by 0.1, lambda at the 50th is off by "
         f"{100 * stages[0.1][0][1, 49]:+.2g} %",
-        "holds" if grown and kept and apart else "does not hold",
+        verdict_of(grown and kept and apart),
         "Hunt-Crossley <2> on Fig. 6, no noise; two stages as Diolaiti, one by logarithm as Haddadi and "
         "Hashtrudi-Zaad. Holds if the error stays in n and makes those of k and lambda ten times as large, and one "
         "stage has less than a tenth of it",
@@ -226,7 +225,7 @@ def _exponent_claim(effects: dict[str, Array]) -> Claim:
         f"n wrong by {SLIP:g}: spring up to {100 * worst['spring']:.2g} %, damper {100 * worst['damper']:.2g} %, force "
         f"{100 * worst['force']:.2g} %; continuous switching halfway, n wrong with s held: force "
         f"{100 * worst['continuous']:.2g} % (s wrong by {SLIP:g}: {100 * worst['spring']:.2g} % there too)",
-        "holds" if same and worst["force"] > 3.0 * worst["continuous"] else "does not hold",
+        verdict_of(same and worst["force"] > 3.0 * worst["continuous"]),
         "<2> along Fig. 6, all other parameters right. Holds if the two effects are the same and the force error is "
         "more than three times that of continuous switching",
     )
@@ -249,7 +248,7 @@ def _stiff_claim(fits: dict[str, tuple[Press | None, Array, OfflineFit, OfflineF
         f"of the force RMS ({100 * fits['slow'][2].residual_rms / damping:.0f} % of the damping force); taps "
         f"{fits['taps'][2].residual_rms:.2g} N, {100 * taps:.2g} %. Kelvin-Voigt: {100 * shares['slow'][1]:.1g} % and "
         f"{100 * shares['taps'][1]:.1g} %",
-        "holds" if slow > poor else "holds under stated choice" if taps > poor else "does not hold",
+        verdict_of(slow > poor, choice=taps > poor),
         "Kelvin-Voigt <1> fitted offline within (5); taps of 5 mm at 2 Hz from the surface at 1 kHz instead of Fig. 6. "
         f"Holds if the residual is above {100 * poor:g} % of the force RMS",
     )
@@ -268,19 +267,18 @@ def _figure(
         heights = [100.0 * row[index] for row in waves.values()]
         one.bar(place + shift, heights, 0.38, color=COLOURS[index], label=label)
     one.set_xticks(place, list(waves))
-    one.set_yscale("log")
-    one.set_xlabel("sine waves in the trajectory")
-    one.set_ylabel("error of k [%]")
-    one.set_title("Fewer waves")
+    one.set(yscale="log", xlabel="sine waves in the trajectory", ylabel="error of k [%]", title="Fewer waves")
     across = np.arange(1, 251)
     for (error, (double, single)), colour in zip(stages.items(), COLOURS, strict=False):
         two.plot(across, np.abs(100.0 * double[1]), color=colour, label=f"{error:g}")
         two.plot(across, np.abs(100.0 * single[1]), color=colour, linestyle=":")
-    two.set_yscale("log")
-    two.set_ylim(1e-3, 1e5)
-    two.set_xlabel("iteration")
-    two.set_ylabel("error of lambda [%]")
-    two.set_title("Two stages begun with n off by (dotted: one stage)")
+    two.set(
+        yscale="log",
+        ylim=(1e-3, 1e5),
+        xlabel="iteration",
+        ylabel="error of lambda [%]",
+        title="Two stages begun with n off by (dotted: one stage)",
+    )
     order = np.argsort(effects["depth_m"])
     depth = 1e3 * effects["depth_m"][order]
     for name, label, style, colour in (
@@ -289,15 +287,11 @@ def _figure(
         ("continuous", "force, continuous, s held", "-", COLOURS[2]),
     ):
         three.plot(depth, 100.0 * effects[name][order], style, color=colour, label=label)
-    three.set_xlabel("depth [mm]")
-    three.set_ylabel("change [%]")
-    three.set_title(f"n of Hunt-Crossley wrong by {SLIP:g}")
+    three.set(xlabel="depth [mm]", ylabel="change [%]", title=f"n of Hunt-Crossley wrong by {SLIP:g}")
     _, time, soft, stiff = fits["taps"]
     four.plot(time, soft.residual, color=COLOURS[1], label="Hunt-Crossley")
     four.plot(time, stiff.residual, color=COLOURS[0], label="Kelvin-Voigt")
-    four.set_xlabel("time [s]")
-    four.set_ylabel("residual [N]")
-    four.set_title("Best fits to quick taps on Kelvin-Voigt <1>")
+    four.set(xlabel="time [s]", ylabel="residual [N]", title="Best fits to quick taps on Kelvin-Voigt <1>")
     for axes, columns in ((one, 2), (two, 4), (three, 3), (four, 2)):
         legend(axes, columns=columns)
     return finished(figure, 2, gap=1.1)

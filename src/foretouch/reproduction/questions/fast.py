@@ -10,17 +10,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foretouch.identification import FPRLS, ROBUST, Estimator, FPRLSOptions, RobustFPRLS, RobustOptions, Status
-from foretouch.identification.exact.recursive import ExactRecursive
+from foretouch.identification.exact.recursive import ExactContinuousSwitching
 from foretouch.models import ContactModel, ContinuousSwitching, LinearisedContinuousSwitching, MotionFilter
 from foretouch.quantities import Brief
 from foretouch.report import COLOURS, finished, legend, new_figure
 from foretouch.reproduction.presses import STEPS, Press, follow, forces_of, press
-from foretouch.reproduction.section import Claim, Section
+from foretouch.reproduction.section import Claim, Section, verdict_of
 
 Array = NDArray[np.float64]
 
 PERIOD = 1e-3
-"""Between samples [s]."""
+"""Time between samples [s]."""
 
 NOISE, ENCODER = 0.02, 5e-6
 """Standard deviation of the force noise [N]; step of the encoder [m]."""
@@ -29,26 +29,26 @@ AHEAD = 300
 """Samples between what a model was learnt from and what it predicts: the paper's delay of 300 ms."""
 
 STRIDE = 10
-"""Every so many samples a model is kept."""
+"""Number of samples from one kept model to the next."""
 
 TAP_DEPTH, TAP_PERIOD, TAP_TIME = 0.010, 2.0, 10.0
-"""Of the taps: deepest [m], from touch to touch [s], in all [s]."""
+"""Largest depth of the taps [m], time from touch to touch [s], and duration of all [s]."""
 
 TREMOR, TREMOR_RATE = 1e-5, 8.0
-"""Of the hand in taps and holding: amplitude [m] and rate [Hz]."""
+"""Amplitude [m] and rate [Hz] of the hand's tremor in taps and holding."""
 
 HOLD_TIME = 10.0
-"""How long a press is held [s]."""
+"""Time for which a press is held [s]."""
 
 TAP_LAW = ContinuousSwitching(4500.0, 1000.0, 0.7, 0.5)
 """The paper's material after the first change."""
 
 
-def measured_press(pressed: Press, seed: int = 0) -> Press:
-    """The same press as sensors see it: force with noise, depth in steps of the encoder, velocity from those depths."""
+def measured_press(pressed: Press) -> Press:
+    """The press as sensors measure it: force with noise, depth in steps of the encoder, velocity from those depths."""
     depth = np.round(pressed.depth / ENCODER) * ENCODER
     velocity = MotionFilter().run(pressed.time.tolist(), depth.tolist())
-    noise = NOISE * np.random.default_rng(seed).standard_normal(depth.size)
+    noise = NOISE * np.random.default_rng(0).standard_normal(depth.size)
     return replace(pressed, depth=depth, velocity=velocity, force=pressed.true_force + noise)
 
 
@@ -81,13 +81,13 @@ class Walk(Brief):
     """What an estimator made of a press, at every `STRIDE`-th sample.
 
     Attributes:
-        index: Of those samples, shape (m,).
+        index: Indices of those samples, shape (m,).
         k: Stiffness [N/m^s], NaN before there is a law, shape (m,).
         s: Exponent, shape (m,).
         next_error: Error of the force at the next sample [N], shape (m,).
         ahead_error: Error of the force `AHEAD` samples later on the motion of then [N]; NaN at the end, shape (m,).
-        restarts: How often the estimator had to begin again.
-        force_rms: Of the true force [N].
+        restarts: Number of restarts of the estimator.
+        force_rms: RMS of the true force [N].
     """
 
     index: NDArray[np.int64]
@@ -170,7 +170,7 @@ VARIANTS: dict[str, Callable[[], Estimator]] = {
     "scaled, P bounded": _fprls(RobustOptions(scaled=True, covariance_limit=ROBUST.covariance_limit)),
     "robust-fprls": RobustFPRLS,
     "robust, P before": lambda: RobustFPRLS(FPRLSOptions(robust=ROBUST, perturbation_moment="before")),
-    "exact": ExactRecursive,
+    "exact": ExactContinuousSwitching,
 }
 """The printed estimator, each change of it alone, all of them, and the estimator of the exact law."""
 
@@ -233,7 +233,7 @@ def make() -> Section:
 
 
 MOTIONS = {"steps": "sudden changes", "taps": "taps from the surface", "hold": "a press held, then taps"}
-"""What the motions are."""
+"""The motions in words."""
 
 SETTING = f"1 kHz, force noise {NOISE:g} N, encoder {1e6 * ENCODER:g} um, velocity by MotionFilter, surface known"
 
@@ -275,14 +275,14 @@ def _recovery_claim(walks: dict[str, dict[str, Walk]]) -> Claim:
         "real-time identification; parameters converge rapidly",
         "; ".join(words(name) for name in dict.fromkeys(("as printed", best, "robust-fprls", "exact")))
         + f"; within 5 % everywhere: {', '.join(fine) or 'none'}",
-        "holds" if good("as printed") else "holds under stated choice" if fine else "does not hold",
+        verdict_of(good("as printed"), choice=bool(fine)),
         f"{SETTING}; Fig. 7c, error in the last second of each of the three materials. Holds if k is within 5 % and s "
         "within 0.05 in each; the nearest: " + best,
     )
 
 
 def floor() -> float:
-    """RMS error share on the sudden changes of one who always knows the law of `AHEAD` samples ago."""
+    """Relative RMS error on the sudden changes for a predictor that always knows the law of `AHEAD` samples ago."""
     pressed = press("steps", period=PERIOD)
     old = forces_of(pressed.laws[:-AHEAD], pressed.depth[AHEAD:], pressed.velocity[AHEAD:])
     error = old - pressed.true_force[AHEAD:]
@@ -300,11 +300,7 @@ def _force_claim(walks: dict[str, dict[str, Walk]], motion: str) -> Claim:
         "accurate enough",
         f"RMS of the error in the RMS of the force: {words}"
         + (f"; {restarts} restarts as printed" if restarts else ""),
-        "holds"
-        if shares["as printed"] <= limit
-        else "holds under stated choice"
-        if shares[best] <= limit
-        else "does not hold",
+        verdict_of(shares["as printed"] <= limit, choice=shares[best] <= limit),
         f"{SETTING}. Holds if at most {100.0 * limit:g} %"
         + (
             f" (one who knows each law at once has {100.0 * floor():.3g} %, for 300 ms after a change)"
@@ -330,7 +326,7 @@ def _rate_claim() -> Claim:
         "Parameters follow the continuous change if only the rate is high enough",
         "(the paper samples at 10 Hz)",
         "; ".join(words),
-        "holds under stated choice" if min(worst) <= 0.1 else "does not hold",
+        verdict_of(choice=min(worst) <= 0.1),
         "continuous change at 1 kHz, no noise, from 2 s on. Holds if the median error of k is at most 10 %",
     )
 
@@ -350,20 +346,13 @@ def _figure(pressed: Press, walks: dict[str, dict[str, Walk]]) -> Any:
         )
     for axes, truth in ((stiff, true_k), (exponent, true_s)):
         axes.plot(pressed.time, truth, "--", color="black", linewidth=1.2, label="true")
-    stiff.set_yscale("log")
-    stiff.set_ylim(5e2, 5e4)
-    stiff.set_ylabel("k [N/m$^s$]")
-    stiff.set_title("Stiffness, sudden changes")
-    exponent.set_ylim(0.0, 2.4)
-    exponent.set_ylabel("s")
-    exponent.set_title("Exponent s = n + alpha")
-    error.set_yscale("log")
-    error.set_ylim(1e-3, 1e4)
-    error.set_ylabel("error of the force [N]")
-    error.set_title("Error 300 ms ahead, sudden changes")
+    stiff.set(yscale="log", ylim=(5e2, 5e4), ylabel="k [N/m$^s$]", title="Stiffness, sudden changes")
+    exponent.set(ylim=(0.0, 2.4), ylabel="s", title="Exponent s = n + alpha")
+    error.set(
+        yscale="log", ylim=(1e-3, 1e4), ylabel="error of the force [N]", title="Error 300 ms ahead, sudden changes"
+    )
     for axes in (stiff, exponent, error):
-        axes.set_xlabel("time [s]")
-        axes.set_xlim(0.0, 25.0)
+        axes.set(xlabel="time [s]", xlim=(0.0, 25.0))
         legend(axes, columns=4)
     place = np.arange(len(walks))
     for shift, motion, colour in ((-0.27, "steps", COLOURS[4]), (0.0, "taps", COLOURS[5]), (0.27, "hold", COLOURS[6])):
@@ -371,8 +360,6 @@ def _figure(pressed: Press, walks: dict[str, dict[str, Walk]]) -> Any:
         bars.barh(place + shift, shares, 0.25, color=colour, label=motion)
     bars.set_yticks(place, list(walks), fontsize="small")
     bars.invert_yaxis()
-    bars.set_xscale("log")
-    bars.set_xlabel("RMS error in RMS force [%]")
-    bars.set_title("Error 300 ms ahead")
+    bars.set(xscale="log", xlabel="RMS error in RMS force [%]", title="Error 300 ms ahead")
     legend(bars, columns=3)
     return finished(figure, 2, gap=1.1, between=0.38)

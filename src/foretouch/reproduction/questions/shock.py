@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from foretouch.models import ContinuousSwitching, MemorylessLaw
 from foretouch.report import COLOURS, finished, legend, new_figure
-from foretouch.reproduction.figures.impacts import MASS, SPEED, impact_of, impact_table
-from foretouch.reproduction.section import Claim, Section
-from foretouch.reproduction.theory import integrate_impact, maximum_depth
+from foretouch.reproduction.section import Claim, Section, verdict_of
+from foretouch.reproduction.theory.energy_loss import maximum_depth
+from foretouch.reproduction.theory.impact import MASS, SPEED, impact_of, impact_table, integrate_impact
 
 STEPS = {
     "<2> Hunt-Crossley": ContinuousSwitching(3000.0, 1500.0, 1.4, 0.0),
@@ -71,7 +71,7 @@ def greatest_pull(law: MemorylessLaw, speed: float) -> tuple[float, float]:
 def make() -> Section:
     """First touch and release by the paper's own laws, and impacts on comparable ones."""
     impacts = {alpha: impact_of(comparable_law(alpha)) for alpha in SWITCHINGS}
-    grid = np.linspace(0.2, 1.0, 17)  # below, the share is under the 1e-9 that the integration resolves
+    grid = np.linspace(0.2, 1.0, 17)  # below, the fraction is under the 1e-9 that the integration resolves
     release = _Release(grid, np.array([_pulled_share(comparable_law(float(alpha))) for alpha in grid]))
     first = {name: float(law.force(1e-9, TOUCH)) for name, law in STEPS.items()}
     tick = {name: float(law.force(TICK * TOUCH, TOUCH)) for name, law in STEPS.items()}
@@ -96,7 +96,7 @@ def make() -> Section:
             "Shock force avoided by (4), at first touch",
             "shock force in KVM is also avoided as HCM",
             "force at 1 nm: " + ", ".join(f"{force:.2g} N ({name})" for name, force in first.items()),
-            "holds under stated choice" if first["middle"] < 1e-3 < first["<1> Kelvin-Voigt"] else "does not hold",
+            verdict_of(choice=first["middle"] < 1e-3 < first["<1> Kelvin-Voigt"]),
             f"choice: n > 0, which (5) does not ask at alpha = 1; {setting}",
         ),
         Claim(
@@ -104,9 +104,7 @@ def make() -> Section:
             "shock force in KVM is also avoided as HCM",
             ", ".join(f"{force:.2g} N ({name})" for name, force in tick.items())
             + f", {float(late.force(TICK * TOUCH, TOUCH)):.1f} N (alpha = 0.9)",
-            "holds under stated choice"
-            if tick["middle"] < 0.5 < float(late.force(TICK * TOUCH, TOUCH))
-            else "does not hold",
+            verdict_of(choice=tick["middle"] < 0.5 < float(late.force(TICK * TOUCH, TOUCH))),
             f"choice: n well above 0; {setting}, at {1e3 * TICK * TOUCH:g} mm; alpha = 0.9 is the gradual change of "
             "the paper at 22.5 s",
         ),
@@ -117,7 +115,7 @@ def make() -> Section:
             + ", ".join(f"{100.0 * value:.2g} % at alpha = {alpha}" for alpha, value in share.items())
             + f"; middle material at {1e3 * RELEASE:g} mm/s: pulls below {1e3 * middle[0]:.3f} mm, by up to "
             f"{-middle[1][1]:.2f} N",
-            "does not hold" if min(value for alpha, value in share.items() if alpha != "0") > 0.0 else "holds",
+            verdict_of(min(value for alpha, value in share.items() if alpha != "0") <= 0.0),
             f"equation as printed, impacts of {MASS:g} kg at {SPEED:g} m/s on laws of equal spring force and damping; "
             "holds for alpha = 0 alone, or with the force held at zero",
         ),
@@ -145,12 +143,8 @@ def _figure(impacts: dict[float, Any], speeds: Array, depths: dict[str, Array], 
     for (alpha, impact), colour in zip(impacts.items(), COLOURS, strict=False):
         for axes in (loops, touch):
             axes.plot(1e3 * impact.depth, impact.force, color=colour, linewidth=1.3, label=rf"$\alpha$ = {alpha:g}")
-    loops.set_title("(a) Impacts by (4), as printed")
-    loops.set_xlabel("depth [mm]")
-    touch.set_title("(b) The same near the surface")
-    touch.set_xlabel("depth [mm]")
-    touch.set_xlim(-0.005, 0.5)
-    touch.set_ylim(-1.5, 4.0)
+    loops.set(title="(a) Impacts by (4), as printed", xlabel="depth [mm]")
+    touch.set(title="(b) The same near the surface", xlabel="depth [mm]", xlim=(-0.005, 0.5), ylim=(-1.5, 4.0))
     for axes in (loops, touch):
         axes.axhline(0.0, color="0.3", linewidth=0.8)
         axes.set_ylabel("force [N]")
@@ -159,10 +153,12 @@ def _figure(impacts: dict[float, Any], speeds: Array, depths: dict[str, Array], 
     for (name, depth), colour in zip(depths.items(), (COLOURS[0], COLOURS[2], COLOURS[4]), strict=True):
         if depth.max() > 0.0:
             where.loglog(1e3 * speeds, 1e3 * depth, color=colour, linewidth=1.6, label=name)
-    where.set_title("(c) Depth below which the equation pulls")
-    where.set_xlabel("speed of release [mm/s]")
-    where.set_ylabel("depth [mm]")
-    where.set_ylim(1e-6, 1e3)
+    where.set(
+        title="(c) Depth below which the equation pulls",
+        xlabel="speed of release [mm/s]",
+        ylabel="depth [mm]",
+        ylim=(1e-6, 1e3),
+    )
     legend(where, columns=3)
     cost.semilogy(
         release.switching,
@@ -172,9 +168,11 @@ def _figure(impacts: dict[float, Any], speeds: Array, depths: dict[str, Array], 
         markersize=3.5,
         label="$H_3$ (none at $\\alpha$ = 0)",
     )
-    cost.set_xlim(0.0, 1.02)
-    cost.set_title("(d) Energy taken at release, by impacts as in (a)")
-    cost.set_xlabel(r"switching $\alpha$, at n = 1.4 (1 - $\alpha$)")
-    cost.set_ylabel("share of the energy that came in [%]")
+    cost.set(
+        xlim=(0.0, 1.02),
+        title="(d) Energy taken at release, by impacts as in (a)",
+        xlabel=r"switching $\alpha$, at n = 1.4 (1 - $\alpha$)",
+        ylabel="share of the energy that came in [%]",
+    )
     legend(cost, columns=1)
     return finished(figure, 2, gap=1.0)

@@ -22,14 +22,14 @@ from foretouch.reproduction.presses import KELVIN_VOIGT, PERIOD, STEPS, Press, T
 Array = NDArray[np.float64]
 
 THRESHOLD = 4000.0
-"""Of the paper [N/m]."""
+"""Threshold of the paper [N/m]."""
 
 FEWEST = 20
-"""There is no law from fewer samples, as in the estimators."""
+"""Smallest number of samples with a law, as in the estimators."""
 
 
 def errors_of_threshold(pressed: Press, options: SwitchingOptions | None = None) -> tuple[Array, NDArray[np.bool_]]:
-    """Of threshold switching at each sample: error of the force [N], NaN before there is a law; whether Kelvin-Voigt.
+    """Threshold switching at each sample: error of the force [N], NaN before there is a law; whether Kelvin-Voigt.
 
     The law is the one learnt from that sample too.
     """
@@ -51,13 +51,9 @@ def errors_of_fprls_threshold(
         F = K x + B v, \quad e = F - \hat F \;[\mathrm{N}]; \qquad
         \ln F = \ln k + n \ln x + \tfrac{\lambda}{k} v, \quad e = \ln F - \ln \hat F
 
-    Both forget by the distance moved, and enlarge P after the gain of a sample with :math:`e^2 \ge 1`: for
-    Kelvin-Voigt that is an error of a newton, for Hunt-Crossley a factor of e. Nothing bounds the damping.
-
-    Args:
-        pressed: The press.
-        rate: rho of the forgetting factor [1/m].
-        form: Whether delta I is added to P, as printed, or takes its place.
+    Both forget by the distance moved, with the rate rho [1/m], and enlarge P after the gain of a sample with
+    :math:`e^2 \ge 1`: for Kelvin-Voigt that is an error of a newton, for Hunt-Crossley a factor of e. Nothing bounds
+    the damping. The form says whether delta I is added to P, as printed, or takes its place.
     """
     forgetting, begin = by_distance(rate), 1e6
     stiff, soft = (Recursion(np.zeros(size), begin, sensitivity=1.0, perturbation=begin, form=form) for size in (2, 3))
@@ -85,7 +81,7 @@ Runs = Mapping[str, tuple[Press, Trace]]
 """Press and trace by material."""
 
 SETTLED = 0.05
-"""k within this share of its true value, and s within this of its own, count as found."""
+"""Largest relative error of k, and distance of s from its own true value, at which both count as found."""
 
 FOUND = 20
 """Iteration at which the paper has k and s."""
@@ -99,12 +95,7 @@ RATIO = KELVIN_VOIGT.damping / KELVIN_VOIGT.stiffness
 
 @dataclass(frozen=True)
 class Answer:
-    """One question, measured.
-
-    Attributes:
-        value: What the limit is for; smaller is nearer to the paper, inf for never.
-        text: What was measured, with units.
-    """
+    """One question, measured in words with units, and as a value: smaller is nearer to the paper, inf is never."""
 
     value: float
     text: str
@@ -115,12 +106,12 @@ class Question:
     """A claim of the paper with the number that decides it.
 
     Attributes:
-        claim: In short.
-        paper: Its number or words.
+        claim: The claim in short.
+        paper: The paper's number or words.
         rule: What counts as holding.
         limit: Greatest value at which it holds.
-        materials: That it needs.
-        measure: From runs to the value.
+        materials: Materials that it needs.
+        measure: Function from runs to the value.
     """
 
     claim: str
@@ -384,4 +375,4 @@ QUESTIONS: dict[str, Question] = {
         _force_after_steps,
     ),
 }
-"""By a short name."""
+"""The questions by a short name."""

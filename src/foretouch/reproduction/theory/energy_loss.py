@@ -1,6 +1,6 @@
 r"""What an impact costs, in closed form: equations (6) to (14) of the paper.
 
-A mass m meets the material at speed v_i and is thrown back. With little damping the way in is that of the spring
+A mass m meets the material at speed v_i and is thrown back. With little damping the loading is that of the spring
 alone, by (6) without the dissipated part,
 
 .. math::
@@ -42,9 +42,7 @@ Array = NDArray[np.float64]
 def beta_of(exponent: ArrayLike, switching: ArrayLike) -> Array:
     r""":math:`\beta = \alpha / (n + \alpha + 1)` of (10) [-]: 0 for Hunt-Crossley, 0.5 for Kelvin-Voigt.
 
-    Args:
-        exponent: n, floats or arrays that broadcast with `switching`.
-        switching: alpha.
+    Exponent n and switching alpha are floats or arrays that broadcast.
     """
     n, alpha = np.asarray(exponent, dtype=np.float64), np.asarray(switching, dtype=np.float64)
     result: Array = alpha / (n + alpha + 1.0)
@@ -54,11 +52,7 @@ def beta_of(exponent: ArrayLike, switching: ArrayLike) -> Array:
 def loss_exponent(exponent: ArrayLike, switching: ArrayLike) -> Array:
     r"""Exponent :math:`\gamma = 3 - 2 \beta` of speed in the energy loss, equation (14) [-].
 
-    3 for Hunt-Crossley, 2 for Kelvin-Voigt, between them in the whole range (5).
-
-    Args:
-        exponent: n, floats or arrays that broadcast with `switching`.
-        switching: alpha.
+    3 for Hunt-Crossley, 2 for Kelvin-Voigt, between them in the whole range (5); n and alpha as in `beta_of`.
     """
     result: Array = 3.0 - 2.0 * beta_of(exponent, switching)
     return result
@@ -116,16 +110,9 @@ def maximum_depth(law: MemorylessLaw, mass: float, speed: ArrayLike) -> Array:
 
 
 def speed_at_depth(law: MemorylessLaw, mass: float, speed: float, depth: ArrayLike) -> Array:
-    """Speed [m/s] at a depth on the way in, equation (8); by the same approximation also on the way out.
+    """Speed [m/s] at a depth in loading, equation (8); by the same approximation also in unloading.
 
-    Args:
-        law: The contact law.
-        mass: m [kg], positive.
-        speed: v_i [m/s], positive.
-        depth: x [m], from 0 to `maximum_depth`; NaN comes back for depths that are not reached.
-
-    Raises:
-        SettingError: A mass or a speed that is not positive.
+    Depths x [m] go from 0 to `maximum_depth`, whose arguments and errors these are; NaN where they are not reached.
     """
     _, _, n, alpha = law.general_form
     power = n + alpha + 1.0
@@ -138,13 +125,7 @@ def speed_at_depth(law: MemorylessLaw, mass: float, speed: float, depth: ArrayLi
 def damping_ratio(law: MemorylessLaw, mass: float, speed: ArrayLike) -> Array:
     r"""Damper over spring :math:`\epsilon = \lambda v_i / (k x_M^\alpha)` [-]; equation (12) is its limit to zero.
 
-    Args:
-        law: The contact law.
-        mass: m [kg], positive.
-        speed: v_i [m/s], positive, a float or an array.
-
-    Raises:
-        SettingError: A mass or a speed that is not positive.
+    Arguments and errors are those of `maximum_depth`.
     """
     k, damping, _, alpha = law.general_form
     result: Array = damping * _speeds(speed) / (k * maximum_depth(law, mass, speed) ** alpha)
@@ -154,12 +135,7 @@ def damping_ratio(law: MemorylessLaw, mass: float, speed: ArrayLike) -> Array:
 def loss_scale(law: MemorylessLaw, mass: float) -> float:
     r"""Scale :math:`K_0 = \frac{4 \lambda h(\beta)}{3 (s + 1)} c^{1 - \gamma}` of (13) [J / (m/s)^gamma].
 
-    Args:
-        law: The contact law.
-        mass: m [kg], positive.
-
-    Raises:
-        SettingError: A mass that is not positive.
+    Arguments and errors are those of `maximum_depth`.
     """
     k, damping, n, alpha = law.general_form
     require("mass", mass, above=0.0)
@@ -173,13 +149,7 @@ def loss_scale(law: MemorylessLaw, mass: float) -> float:
 def energy_loss(law: MemorylessLaw, mass: float, speed: ArrayLike) -> Array:
     """Energy that an impact costs [J] by (12) in the form (13), the limit of low damping.
 
-    Args:
-        law: The contact law.
-        mass: m [kg], positive.
-        speed: v_i [m/s], positive, a float or an array.
-
-    Raises:
-        SettingError: A mass or a speed that is not positive.
+    Arguments and errors are those of `maximum_depth`.
     """
     _, _, n, alpha = law.general_form
     result: Array = loss_scale(law, mass) * _speeds(speed) ** loss_exponent(n, alpha)
@@ -187,15 +157,9 @@ def energy_loss(law: MemorylessLaw, mass: float, speed: ArrayLike) -> Array:
 
 
 def energy_loss_by_quadrature(law: MemorylessLaw, mass: float, speed: float) -> float:
-    """The same energy [J] by numerical quadrature of (9): what (10) to (12) make of it is checked by this.
+    """The same energy [J] by numerical quadrature of (9): it checks (10) to (12).
 
-    Args:
-        law: The contact law.
-        mass: m [kg], positive.
-        speed: v_i [m/s], positive.
-
-    Raises:
-        SettingError: A mass or a speed that is not positive.
+    Arguments and errors are those of `maximum_depth`; the speed is one number.
     """
     from scipy.integrate import quad
 
@@ -204,7 +168,7 @@ def energy_loss_by_quadrature(law: MemorylessLaw, mass: float, speed: float) -> 
     deepest = float(maximum_depth(law, mass, speed))
     scale: float = 2.0 * damping * math.sqrt(2.0 * k / (mass * (s + 1.0)))  # A of (9)
 
-    # In shares of x_M the integral is of order 1, whatever the units make of the force.
+    # As ratios to x_M the integral is of order 1, whatever the units make of the force.
     def integrand(share: float) -> float:
         return float(share**n * math.sqrt(1.0 - share ** (s + 1.0)))
 
@@ -213,11 +177,7 @@ def energy_loss_by_quadrature(law: MemorylessLaw, mass: float, speed: float) -> 
 
 
 def _speeds(speed: ArrayLike) -> Array:
-    """Speeds of impact as an array.
-
-    Raises:
-        SettingError: One that is not positive and finite.
-    """
+    """Speeds of impact as an array; a SettingError names the first that is not positive and finite."""
     v = np.asarray(speed, dtype=np.float64)
     good = np.isfinite(v) & (v > 0.0)
     if not good.all():

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -32,13 +32,13 @@ from foretouch.reproduction.theory.energy_loss import energy_loss
 Array = NDArray[np.float64]
 
 _LONGEST = 1e4
-"""When an impact that neither separates nor loses its energy is given up [lengths over speeds of the scaling]."""
+"""Time at which an impact that neither separates nor loses its energy is given up [scaled length over speed]."""
 
 _MOST_EVALUATIONS = 200_000
 """Evaluations of the law before an impact is given up: seconds. Ordinary ones take some thousands."""
 
 _LEFT = 1e-9
-"""Share of the energy with which a mass that is pulled back counts as stuck: it creeps out forever."""
+"""Fraction of the energy with which a mass that is pulled back counts as stuck: it creeps out forever."""
 
 _PERIOD = 1e-3
 """Sample period that the laws are given [s]; those without memory do not look at it."""
@@ -50,12 +50,12 @@ class Impact(Brief):
 
     Attributes:
         mass: m [kg].
-        speed: At first touch, v_i [m/s].
-        rebound_speed: At separation [m/s], positive; 0 for a mass that sticks.
+        speed: Speed at first touch, v_i [m/s].
+        rebound_speed: Speed at separation [m/s], positive; 0 for a mass that sticks.
         separated: False for a mass that sticks (only with tension).
-        duration: From touch to separation [s].
+        duration: Time from touch to separation [s].
         maximum_depth: Greatest depth x_M [m].
-        fastest_return: Greatest speed on the way out [m/s]; the rebound speed, unless the material pulls at release.
+        fastest_return: Greatest speed in unloading [m/s]; the rebound speed, unless the material pulls at release.
         damping_work: Energy that the damper took [J], integrated along the way from its power.
         time: Sample times [s], evenly spaced, shape (samples,).
         depth: x [m], shape (samples,).
@@ -125,8 +125,8 @@ def integrate_impact(
         mass: m [kg], positive.
         speed: v_i [m/s], positive.
         allow_tension: True lets the law pull at release, as the equations are written. Needs a `MemorylessLaw`.
-        samples: How many evenly spaced times come back, at least 2.
-        relative_tolerance: Of the solver.
+        samples: Number of evenly spaced times returned, at least 2.
+        relative_tolerance: Relative tolerance of the solver.
 
     Raises:
         SettingError: A law with a memory, tension asked of a law that knows none, a number out of range, or an impact
@@ -165,7 +165,7 @@ def integrate_impact(
         return 0.5 * (1.0 - _LEFT) - float(state[2]) if allow_tension else 1.0
 
     for event, ends in ((surface, True), (turning, False), (pulling, False), (stuck, True)):
-        vars(event).update(terminal=ends, direction=-1.0)  # attributes of a function: how SciPy wants to be told
+        vars(event).update(terminal=ends, direction=-1.0)  # attributes of a function: SciPy's interface for events
     solution: Any = solve_ivp(
         rates,
         (0.0, _LONGEST),
@@ -207,11 +207,7 @@ def _cannot(law: ContactModel, mass: float, speed: float) -> SettingError:
 
 
 def _force_of(law: ContactModel, allow_tension: bool) -> Callable[[float, float], float]:
-    """Force [N] of depth and velocity, in scalar arithmetic.
-
-    Raises:
-        SettingError: A law with a memory, or tension asked of a law that knows none.
-    """
+    """Force [N] of depth and velocity, in scalar arithmetic; a SettingError where a law has a memory or cannot pull."""
     if law.initial_state() != NO_STATE:
         raise SettingError("law", law.law, "must have no memory: its force must follow from depth and velocity")
     if not allow_tension:
@@ -241,12 +237,12 @@ def _first_guess(force: Callable[[float, float], float], mass: float, speed: flo
 
 @dataclass(frozen=True, slots=True)
 class LowDampingError:
-    """The closed form beside the integrated impact, in shares of the energy that comes in.
+    """The closed form beside the integrated impact, as ratios to the incoming energy.
 
     Attributes:
         damping_ratio: epsilon [-].
-        approximate_loss: Share of the energy lost by (12) [-]; above 1 it is absurd.
-        loss: Share lost by integration [-].
+        approximate_loss: Fraction of the energy lost by (12) [-]; above 1 it is absurd.
+        loss: Fraction lost by integration [-].
         restitution: Speed out over speed in, by integration [-].
         relative_error: approximate_loss / loss - 1 [-].
     """
@@ -261,7 +257,7 @@ class LowDampingError:
 def low_damping_error(
     exponent: float, switching: float, damping_ratio: float, *, allow_tension: bool = False
 ) -> LowDampingError:
-    """How wrong (12) is at one damping ratio.
+    """The error of (12) at one damping ratio.
 
     Args:
         exponent: n [-], not negative.
@@ -284,7 +280,7 @@ def low_damping_error(
 
 
 def low_damping_limit(exponent: float, switching: float, tolerance: float) -> LowDampingError:
-    """The damping ratio at which (12) is wrong by a share, and what an impact there is like.
+    """The damping ratio at which (12) has a given relative error, and an impact there.
 
     Args:
         exponent: n [-], not negative.
@@ -304,22 +300,21 @@ def low_damping_limit(exponent: float, switching: float, tolerance: float) -> Lo
     return low_damping_error(exponent, switching, math.exp(brentq(beyond, math.log(1e-6), math.log(100.0), rtol=1e-8)))
 
 
-def low_damping_table(
-    cases: Sequence[tuple[float, float]] = ((1.5, 0.0), (1.0, 0.3), (0.7, 0.5), (0.2, 0.8), (0.0, 1.0)),
-    tolerances: Sequence[float] = (0.01, 0.05, 0.1),
-) -> str:
-    """Lines of text: for each law the damping ratio at which (12) is wrong by each tolerance, and the rebound there.
+MASS, SPEED = 1.0, 0.5
+"""Mass [kg] and speed [m/s] of the impacts of Figs. 2 and 3; the paper gives none."""
 
-    Args:
-        cases: Pairs (n, alpha).
-        tolerances: Relative errors.
-    """
-    lines = ["   n  alpha  (12) wrong by  damping ratio  restitution  loss by (12)  loss integrated"]
-    for exponent, switching in cases:
-        for tolerance in tolerances:
-            row = low_damping_limit(exponent, switching, tolerance)
-            lines.append(
-                f"{exponent:4.1f} {switching:6.1f} {row.relative_error:+12.1%} {row.damping_ratio:14.4f} "
-                f"{row.restitution:12.3f} {row.approximate_loss:13.2%} {row.loss:16.2%}"
-            )
-    return "\n".join(lines)
+
+def impact_of(law: MemorylessLaw, *, speed: float = SPEED, allow_tension: bool = True) -> Impact:
+    """One impact, sampled densely enough that sums over it are integrals to five digits."""
+    return integrate_impact(law, MASS, speed, allow_tension=allow_tension, samples=2001)
+
+
+def impact_table(impact: Impact) -> dict[str, NDArray[np.float64]]:
+    """What figures of an impact draw, by column."""
+    return {
+        "time_s": impact.time,
+        "depth_m": impact.depth,
+        "velocity_m_s": impact.velocity,
+        "force_N": impact.force,
+        "power_W": impact.power,
+    }

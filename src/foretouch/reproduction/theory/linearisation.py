@@ -52,7 +52,7 @@ class PolynomialFit:
         a2: [m^(1 - alpha)].
         shallowest: Smallest depth fitted [m].
         deepest: Greatest depth fitted [m].
-        largest_relative_error: Of a1 + a2 / x against x^-alpha, at the depths fitted [-].
+        largest_relative_error: Error of a1 + a2 / x against x^-alpha, at the depths fitted [-].
     """
 
     switching: float
@@ -87,15 +87,9 @@ class LinearisationError(Brief):
 
 
 def log_force(law: MemorylessLaw, depth: ArrayLike, velocity: ArrayLike) -> Array:
-    """Logarithm of the exact force [ln N], equation (15).
+    """Logarithm of the exact force [ln N], equation (15), for depth x [m] and velocity [m/s] that broadcast.
 
-    Args:
-        law: The contact law.
-        depth: x [m], broadcasts with `velocity`.
-        velocity: [m/s].
-
-    Returns:
-        ln F; NaN outside and where the law pulls: there is no logarithm.
+    NaN outside and where the law pulls: there is no logarithm.
     """
     k, _, n, alpha = law.general_form
     x = _inside(depth)
@@ -105,13 +99,7 @@ def log_force(law: MemorylessLaw, depth: ArrayLike, velocity: ArrayLike) -> Arra
 
 
 def taylor_log_force(law: MemorylessLaw, depth: ArrayLike, velocity: ArrayLike) -> Array:
-    """Logarithm of the force with the Taylor expansion (16) [ln N]; NaN outside.
-
-    Args:
-        law: The contact law.
-        depth: x [m], broadcasts with `velocity`.
-        velocity: [m/s].
-    """
+    """Logarithm of the force with the Taylor expansion (16) [ln N], as `log_force`; NaN outside."""
     k, _, n, alpha = law.general_form
     x = _inside(depth)
     result: Array = math.log(k) + (n + alpha) * np.log(x) + _psi(law, x, velocity)
@@ -119,16 +107,9 @@ def taylor_log_force(law: MemorylessLaw, depth: ArrayLike, velocity: ArrayLike) 
 
 
 def linearised_log_force(law: MemorylessLaw, a1: float, a2: float, depth: ArrayLike, velocity: ArrayLike) -> Array:
-    """Logarithm of the force by the linearised law (18), from the exact law's numbers [ln N]; NaN outside.
+    """Logarithm of the force by the linearised law (18), as `log_force`, with a1 and a2 of (17) [ln N]; NaN outside.
 
     It is the equation itself, with no guard at small depths (`LinearisedContinuousSwitching` has one).
-
-    Args:
-        law: The contact law.
-        a1: Of (17) [m^-alpha].
-        a2: Of (17) [m^(1 - alpha)].
-        depth: x [m], broadcasts with `velocity`.
-        velocity: [m/s].
     """
     model = linearise(law, a1, a2)
     x, v = _inside(depth), np.asarray(velocity, dtype=np.float64)
@@ -159,7 +140,7 @@ def fit_polynomial(switching: float, depth: ArrayLike, *, depth_power: float = 1
     x = np.asarray(depth, dtype=np.float64).ravel()
     if x.size < 2 or not (np.isfinite(x).all() and x.min() > 0.0 and x.max() > x.min()):
         raise SettingError("depth", f"{x.size} values", "must hold at least two different depths in m, all above 0")
-    r = x / x.max()  # in shares of the greatest depth both columns are of order 1
+    r = x / x.max()  # relative to the greatest depth both columns are of order 1
     weight = r**depth_power
     columns = np.column_stack([weight, weight / r])
     c1, c2 = np.linalg.lstsq(columns, weight * r**-switching, rcond=None)[0]
@@ -172,13 +153,7 @@ def fit_polynomial(switching: float, depth: ArrayLike, *, depth_power: float = 1
 def linearise(law: MemorylessLaw, a1: float, a2: float) -> LinearisedContinuousSwitching:
     """The linearised law (18) of an exact law: ln k, s = n + alpha, b1 = a1 lambda / k, b2 = a2 lambda / k.
 
-    Args:
-        law: The contact law.
-        a1: Of (17) [m^-alpha].
-        a2: Of (17) [m^(1 - alpha)].
-
-    Raises:
-        SettingError: A number that is not finite.
+    a1 [m^-alpha] and a2 [m^(1 - alpha)] are those of (17); a SettingError where a number is not finite.
     """
     k, damping, n, alpha = law.general_form
     return LinearisedContinuousSwitching(math.log(k), n + alpha, a1 * damping / k, a2 * damping / k)
@@ -213,7 +188,7 @@ def linearisation_error(
 
 
 def taylor_error_depth(law: MemorylessLaw, velocity: float, tolerance: float) -> float:
-    r"""Depth [m] below which the step to (16) alone makes the force wrong by more than a share.
+    r"""Depth [m] below which the step to (16) alone has more than a given relative error of the force.
 
     The force of (16) is :math:`e^{\psi} / (1 + \psi)` times the exact one; the psi at which that exceeds 1 +
     tolerance gives :math:`x = (|\varphi| / |\psi|)^{1 / \alpha}`.

@@ -33,7 +33,7 @@ class Material:
     Attributes:
         name: Name in the registry, for example ``"foam-measured"``.
         description: One line for the user.
-        provenance: Where the numbers come from, one line.
+        provenance: Source of the numbers, one line.
         model: The contact law with its numbers.
         press_depth: A typical deepest press [m], positive.
         surface: Position of the undeformed surface [m], on the probe's path.
@@ -96,8 +96,8 @@ def hand() -> Material:
       pressed slowly (1 + F / (p - g p))^2, gives both ratios with p - g p = 2.5 N and 10 N. Skin is much stiffer:
       30 N, by order of magnitude.
     - Thicknesses: 1.5, 3 and 10 mm, by order of magnitude for a thenar.
-    - Shares: one half of fat and muscle, so that a quick press meets about twice the force of a slow one at the same
-      depth; Spartacus et al. found 2 to 2.75 times in vivo on the palm. Skin 0.6; Wang et al. (mouse): 0.72 +- 0.13.
+    - Fractions g: one half of fat and muscle, so that a quick press meets about twice the force of a slow one at the
+      same depth; Spartacus et al. found 2 to 2.75 in vivo on the palm. Skin 0.6; Wang et al. (mouse): 0.72 +- 0.13.
     - Times: skin 0.19 s (Wang et al.: 0.19 +- 0.10 s); muscle 0.15 s and fat 1 s (Zheng and Mak, soft tissue of the
       lower limb: 0.05 to 8.93 s).
     - Bone: 1,000 N/mm, by order of magnitude: stiff, and no more than what carries it.
@@ -328,7 +328,7 @@ def foam_measured() -> Material:
 
 
 DEFAULT_MATERIAL = "foam-measured"
-"""What is pressed where nothing else is asked for."""
+"""Material that is pressed by default."""
 
 MATERIALS: dict[str, Callable[[], Material]] = {
     "bone": bone,

@@ -22,7 +22,7 @@ from foretouch.models import ContactModel, ContactState
 from foretouch.models.contact_model import LARGEST_DEPTH
 
 Layer = tuple[float, float, float, float]
-"""One layer: thickness h [m], force p that halves it [N], relaxing share g [-], relaxation time tau [s]."""
+"""One layer: thickness h [m], force p that halves it [N], relaxing fraction g [-], relaxation time tau [s]."""
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ class LayeredContact(ContactModel):
     The velocity of the call is not used. The state is (F, g_1 o_1, g_2 o_2, g_3 o_3).
 
     Args:
-        layers: From the surface down; h, p and tau above 0, g from 0 to below 1.
+        layers: Layers from the surface down; h, p and tau above 0, g from 0 to below 1.
         base_stiffness: K [N/m], above 0.
 
     Raises:
@@ -91,7 +91,7 @@ class LayeredContact(ContactModel):
 
 
 Relaxation = tuple[float, float]
-"""One part of the memory: share g of the response [-], relaxation time tau [s]."""
+"""One part of the memory: fraction g of the response [-], relaxation time tau [s]."""
 
 USUAL_PERIOD = 5e-4  # of the arm's physics [s]: what it needs of exponentials is kept
 SMALLEST_RATIO = 1e-6  # of stress to flow force: below it sinh(z) / z is 1
@@ -215,7 +215,7 @@ class RelaxingContact(ContactModel):
         return self._rates_at(USUAL_PERIOD)
 
     def _rates_at(self, h: float) -> list[tuple[float, float]]:
-        """Of each part of linear relaxation: what it keeps in h seconds, and what it takes from the stress."""
+        """For each part of linear relaxation, the fractions kept after h seconds and taken from the stress."""
         return [(math.exp(-h / time), -share * math.expm1(-h / time)) for share, time in self.relaxation]
 
 
@@ -258,7 +258,7 @@ class HystereticContact(ContactModel):
     3. Loss of contact: x <= y always, and F > 0 is reported only with x_k = y_k, so that
        F (x_k - x_{k-1}) >= F (y_k - y_{k-1}): the probe never gets more than the material gives. Where zero is
        reported instead of F, the surface either stays, or falls while it still pushes, or is pushed in while it
-       pulls: the material gives energy away and nobody gets it.
+       pulls: the material loses energy that the probe does not get.
 
     U >= 0 and V >= 0, so W >= 0 at all times.
 

@@ -15,15 +15,17 @@ from foretouch.core.compiling import compiled
 
 Array = NDArray[np.float64]
 
-BISECTIONS = 10  # the free surface is found to a thousandth of its way in one hysteretic_step
+BISECTIONS = 10  # the free surface is found to a thousandth of its range in one hysteretic_step
 
 
-def _ramp(y: float, start: float, end: float) -> float:
+@compiled
+def ramp(y: float, start: float, end: float) -> float:
     """R(y; a, b): 0 before the start, 1 after the end, straight between."""
     return min(1.0, max(0.0, (y - start) / (end - start)))
 
 
-def _area(y: float, start: float, end: float) -> float:
+@compiled
+def area(y: float, start: float, end: float) -> float:
     """Integral of the ramp from 0 to y [m]."""
     if y <= start:
         return 0.0
@@ -32,11 +34,8 @@ def _area(y: float, start: float, end: float) -> float:
     return 0.5 * (y - start) * (y - start) / (end - start)
 
 
-ramp = compiled(_ramp)
-area = compiled(_area)
-
-
-def _mean_ramp(before: float, after: float, start: float, end: float) -> float:
+@compiled
+def mean_ramp(before: float, after: float, start: float, end: float) -> float:
     """Mean of the ramp over the way from one deflection to the next."""
     way = after - before
     if abs(way) < 1e-9:
@@ -44,17 +43,15 @@ def _mean_ramp(before: float, after: float, start: float, end: float) -> float:
     return (area(after, start, end) - area(before, start, end)) / way
 
 
-def _load_branch(load: float, way: float, h: float, stiffness: float, slip: float, relaxation: float) -> float:
+@compiled
+def load_branch(load: float, way: float, h: float, stiffness: float, slip: float, relaxation: float) -> float:
     """Load of a branch [N] after its ramp has passed on `way` [m] in h seconds."""
     load = (load + stiffness * way) / (1.0 + h / relaxation)
     return min(slip, max(-slip, load))
 
 
-mean_ramp = compiled(_mean_ramp)
-load_branch = compiled(_load_branch)
-
-
-def _total_force(loads: Array, before: float, after: float, h: float, table: Array, springs: int) -> float:
+@compiled
+def total_force(loads: Array, before: float, after: float, h: float, table: Array, springs: int) -> float:
     """Force of the whole material [N] if its surface moves from one deflection to the next."""
     force = 0.0
     for i in range(springs):
@@ -66,10 +63,8 @@ def _total_force(loads: Array, before: float, after: float, h: float, table: Arr
     return force
 
 
-total_force = compiled(_total_force)
-
-
-def _hysteretic_step(state: tuple[float, ...], depth: float, h: float, table: Array, springs: int) -> Array:
+@compiled
+def hysteretic_step(state: tuple[float, ...], depth: float, h: float, table: Array, springs: int) -> Array:
     """New deflection, branch loads and, last, the force on the probe [N].
 
     The first `springs` rows of the table are springs, the others branches.
@@ -101,7 +96,8 @@ def _hysteretic_step(state: tuple[float, ...], depth: float, h: float, table: Ar
     return result
 
 
-def _branch_response(deflection: Array, h: float, start: float, end: float, slip: float, relaxation: float) -> Array:
+@compiled
+def branch_response(deflection: Array, h: float, start: float, end: float, slip: float, relaxation: float) -> Array:
     """Force per unit stiffness [m] of one branch along a path of deflections; `slip` is per unit stiffness too."""
     response = np.zeros(deflection.size)
     load = 0.0
@@ -113,17 +109,14 @@ def _branch_response(deflection: Array, h: float, start: float, end: float, slip
     return response
 
 
-hysteretic_step = compiled(_hysteretic_step)
-branch_response = compiled(_branch_response)
-
-
 State = tuple[float, float, float, float]
 
 TOLERANCE = 1e-7  # last step of Newton's method [N], relative beyond 1 N: it leaves the square of that
 LARGEST_COUNT = 60  # of steps; two or three are usual
 
 
-def _solve_force(depth: float, force: float, shifts: State, table: Array) -> float:
+@compiled
+def solve_force(depth: float, force: float, shifts: State, table: Array) -> float:
     """F [N] at which all is pressed in by `depth`, 0 where it lies deeper by itself; begins at a force before.
 
     `shifts` are p + g o of the layers, then the compliance of the base.
@@ -148,10 +141,8 @@ def _solve_force(depth: float, force: float, shifts: State, table: Array) -> flo
     return force
 
 
-solve_force = compiled(_solve_force)
-
-
-def _layered_step(state: State, depth: float, h: float, compliance: float, table: Array) -> State:
+@compiled
+def layered_step(state: State, depth: float, h: float, compliance: float, table: Array) -> State:
     """New force [N] and new g o of the three layers [N]; a row of the table is a layer: h, p, g, tau."""
     force = state[0]
     first = state[1] - math.expm1(-h / table[0, 3]) * (table[0, 2] * (force + state[1]) - state[1])
@@ -161,6 +152,3 @@ def _layered_step(state: State, depth: float, h: float, compliance: float, table
         shifts = (table[0, 1] + first, table[1, 1] + second, table[2, 1] + third, compliance)
         return solve_force(depth, force, shifts, table), first, second, third
     return 0.0, first, second, third
-
-
-layered_step = compiled(_layered_step)

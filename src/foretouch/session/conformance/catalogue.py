@@ -1,6 +1,6 @@
-"""All robots, devices, materials and estimators that there are, and their checks by name.
+"""All robots, devices, materials and estimators available, and their checks by name.
 
-A check whose calls do not come back is left alone, and told of.
+A check whose calls do not return is abandoned, and reported.
 """
 
 from __future__ import annotations
@@ -26,18 +26,18 @@ from foretouch.session.conformance.finding import Finding, told
 from foretouch.session.conformance.material_checks import check_material
 from foretouch.session.conformance.robot_checks import check_robot
 from foretouch.session.operators import make_operator
-from foretouch.session.processes.news import where
 from foretouch.session.robots import make_session_robot
+from foretouch.session.runners.news import where
 from foretouch.session.settings import ROBOTS, SessionSettings
 
 LONGEST_ANSWER = 5.0
-"""A call of a device or robot that has not come back for so long [s] hangs ..."""
+"""Time without return after which a call of a device or robot counts as hanging [s]."""
 LONGEST_MAKING = 30.0
-"""... and one that makes it, which may have to find its way home, for so long [s]."""
+"""The same time for the call that makes a device or robot, which may have to find its home position [s]."""
 LONGEST_CHECK = 60.0
-"""One check of those that have nothing of Python to be seen in lasts at most so long [s]."""
+"""Longest duration of one check of a device or robot whose calls are not visible in Python [s]."""
 LOOK_PERIOD = 0.1
-"""Between two looks at it [s]."""
+"""Time between two checks of a running call [s]."""
 ROOM = __name__.rpartition(".")[0]
 
 
@@ -48,15 +48,15 @@ def watched(
     longest: float = LONGEST_ANSWER,
     making: float = LONGEST_MAKING,
 ) -> None:
-    """Run a check on a thread of its own, which is left where it is when a call of what is checked does not come back.
+    """Run a check on a separate thread, which is abandoned when a call of what is checked does not return.
 
-    All of it is on one thread, for there are drivers that want to be called by the one that made them.
+    The whole check runs on one thread, for some drivers must be called by the thread that made them.
 
     Args:
-        check: Given whom it tells its findings.
-        tell: Told each finding on the calling thread as soon as it is known; the last is of the call that hangs.
-        longest: That a call may take [s].
-        making: That the first one may take, before there is any finding [s].
+        check: Called with the function that takes its findings.
+        tell: Called with each finding on the calling thread as soon as it is known; the last is of the hanging call.
+        longest: Longest duration of a call [s].
+        making: Longest duration of the first one, before there is any finding [s].
 
     Raises:
         Exception: Whatever the check raises.
@@ -66,7 +66,7 @@ def watched(
     def work() -> None:
         try:
             check(found.put)
-        except BaseException as error:  # it is raised where it was asked for
+        except BaseException as error:  # re-raised in the calling thread
             found.put(error)
         else:
             found.put(None)
@@ -92,28 +92,28 @@ def watched(
 
 
 class _Calls:
-    """Looks at how long a thread has been in one call of what is checked.
+    """Measures how long a thread has been in one call of what is checked.
 
     Args:
-        thread: That checks.
+        thread: Thread of the check.
     """
 
     def __init__(self, thread: threading.Thread) -> None:
         self._thread = thread
-        self._call: FrameType | None = None  # held, so that no other call can be taken for it
+        self._call: FrameType | None = None  # held, so that no other call can be mistaken for it
         self._since = time.monotonic()
 
     def begin(self) -> None:
-        """Count from now on."""
+        """Start timing now."""
         self._call, self._since = None, time.monotonic()
 
     def hung(self, longest: float) -> str:
-        """What is to be said where a call has lasted for longer than this [s]; empty where none has."""
+        """Description of a call that has lasted longer than this [s]; empty where none has."""
         frame = sys._current_frames().get(self._thread.ident or 0)
         call = _call(frame)
         if call is not self._call:
             self._call, self._since = call, time.monotonic()
-        if call is None:  # in the check itself, or in a call that is not of Python: which of them, nobody can tell
+        if call is None:  # in the check itself, or in a call not visible in Python: which of them is unknown
             longest = max(longest, LONGEST_CHECK)
         if frame is None or time.monotonic() - self._since < longest:
             return ""
@@ -121,7 +121,7 @@ class _Calls:
 
 
 def _call(frame: FrameType | None) -> FrameType | None:
-    """The call that a check makes, None where it makes none: the outermost frame within the innermost of a check."""
+    """The call that a check is in, None if in none: the outermost frame within the innermost of a check."""
     inner = None
     while frame is not None and not str(frame.f_globals.get("__name__", "")).startswith(ROOM):
         inner, frame = frame, frame.f_back
@@ -134,11 +134,11 @@ BUILT_IN: dict[str, tuple[str, ...]] = {
     "material": tuple(MATERIALS),
     "estimator": tuple(sorted(BUILT_IN_ESTIMATORS)),
 }
-"""Names of the package by kind; no other may take one."""
+"""Names of this package by kind; no other package may take one."""
 
 
 Tell = Callable[[str, Finding], None]
-"""Is told a title and a finding."""
+"""Function called with a title and a finding."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -146,12 +146,12 @@ class Entry:
     """One robot, device, material or estimator.
 
     Attributes:
-        kind: Of `foretouch.plugins.GROUPS`.
-        name: As on the command line.
-        package: That it is of.
-        version: Of that package.
+        kind: Key of `foretouch.plugins.GROUPS`.
+        name: Name as on the command line.
+        package: Package that provides it.
+        version: Version of that package.
         target: ``module:attribute``; empty for those of foretouch.
-        laws: That it learns, of an estimator.
+        laws: Laws that an estimator learns.
         problem: What is wrong with it; empty where nothing is.
     """
 
@@ -165,7 +165,7 @@ class Entry:
 
 
 def catalogue() -> list[Entry]:
-    """All that there are, those of foretouch first; what other packages bring is imported to see whether it can be."""
+    """All entries, those of foretouch first; other packages' are imported to see whether they can be."""
     own = version("foretouch")
     entries = [
         Entry(kind, name, "foretouch", own, laws=_laws(name) if kind == "estimator" else ())
@@ -188,24 +188,24 @@ def catalogue() -> list[Entry]:
 def check_named(
     name: str, *, kind: str = "", move: bool = False, tell: Callable[[str, Finding], None] = lambda of, finding: None
 ) -> dict[str, list[Finding]]:
-    """The conformance checks of what has this name.
+    """Run the conformance checks of the entry with this name.
 
-    A device or robot that does not answer any more is left alone after some seconds; the last finding is then of that.
+    A device or robot that no longer returns is abandoned after some seconds; the last finding then reports it.
 
     Args:
-        name: As on the command line.
-        kind: Of `foretouch.plugins.GROUPS`; empty where the name is of one kind alone.
+        name: Name as on the command line.
+        kind: Key of `foretouch.plugins.GROUPS`; empty where only one kind has the name.
         move: Whether a real robot may be moved.
-        tell: Told each finding, with its title, as soon as it is known.
+        tell: Called with each finding and its title as soon as it is known.
 
     Returns:
-        Findings by title: the kind and the name; of an estimator for several laws, one for each.
+        Findings by title: the kind and the name; for an estimator of several laws, one title each.
 
     Raises:
         UnknownNameError: Nothing has this name.
-        SettingError: More than one kind has it.
-        PluginError: It is another package's and cannot be used.
-        ForetouchError: It cannot be made here, for what it says.
+        SettingError: More than one kind has this name.
+        PluginError: It is from another package and cannot be used.
+        ForetouchError: It cannot be made here, for the reason in its message.
     """
     if kind and kind not in GROUPS:
         raise UnknownNameError("group", kind, GROUPS)
@@ -249,7 +249,7 @@ def _check_device(name: str, _: bool, tell: Tell) -> dict[str, list[Finding]]:
 def _watched(
     title: str, check: Callable[[Callable[[Finding], None]], list[Finding]], tell: Tell
 ) -> dict[str, list[Finding]]:
-    """The findings of what may hang, by their title."""
+    """Findings of an entry that may hang, by title."""
     found: list[Finding] = []
 
     def hear(finding: Finding) -> None:

@@ -1,4 +1,4 @@
-"""What every device keeps to."""
+"""Conformance checks of a device."""
 
 from __future__ import annotations
 
@@ -20,18 +20,18 @@ from foretouch.session.settings import SAMPLE_PERIOD
 
 TICK_NS = round(SAMPLE_PERIOD * 1e9)
 FARTHEST, FASTEST = 0.5, 1.0
-"""No hand is further from its start [m], or faster [m/s]: more is another unit, or positions that come seldom."""
+"""Largest distance from its start [m] and speed [m/s] of a hand; more shows another unit or slow sampling."""
 NEAREST = 1e-4
-"""Less motion than this [m] is none."""
+"""Smallest displacement that counts as motion [m]."""
 LONGEST_CALL = 2e-4
-"""Of a read or a render, in 99 of 100 [s]."""
+"""Longest duration of 99 of 100 reads or renders [s]."""
 FAR_TOO_LONG = 1e-3
-"""Of one at the median [s]: a whole tick, and nothing else is looked at."""
+"""Median duration of a call, a whole tick, above which no other check is run [s]."""
 TIME_RULE = f"99 of 100 take at most {1e3 * LONGEST_CALL:g} ms"
 MOVING_TIME, REAL_TIME = 20.0, 4.0
-"""How long a device is watched that moves by itself, and one that somebody moves [s]."""
+"""Observation time of a device that moves by itself, and of one that a person moves [s]."""
 PUSH = 1.0
-"""Force by which a hand is to be moved [N]."""
+"""Force that must move a simulated hand [N]."""
 
 
 def check_device(
@@ -43,26 +43,26 @@ def check_device(
 ) -> list[Finding]:
     """Check a device: rate, units, signs, limits, truth, fail to zero, times that go back, timing.
 
-    One of `Device.real_time` is watched for some seconds of real time, in which somebody is to move it in and out. No
-    force above 0 is asked of it but in the check of its limits, in single ticks that end at once. Of one that is far
-    too slow the time is told and nothing else looked at.
+    A `Device.real_time` device is watched for some seconds of real time, in which a person moves it in and out. No
+    force above 0 is rendered except in the check of its limits, in single ticks that end at once. Of one that is far
+    too slow only the time is reported.
 
     Args:
-        make: Makes a fresh one; called several times for one that is simulated, once for one in real time.
-        name: That it is to have; without one, any.
-        watched: For so long one that somebody moves [s].
-        tell: Told each finding as soon as it is known.
+        make: Makes a new device; called several times for a simulated one, once for one in real time.
+        name: Name that it must have; without one, any.
+        watched: Observation time of a device that a person moves [s].
+        tell: Called with each finding as soon as it is known.
 
     Returns:
-        One finding a check.
+        One finding per check.
 
     Raises:
-        ForetouchError: It cannot be made here, for what it says.
+        ForetouchError: It cannot be made here, for the reason in its message.
     """
     try:
         device: object = make()
     except ForetouchError:
-        raise  # its line says what is missing
+        raise  # its message states what is missing
     except Exception as error:
         return told([Finding("made", False, f"raises {type(error).__name__}: {error}", "it can be made")], tell)
     if not isinstance(device, Device):
@@ -91,33 +91,33 @@ def check_device(
     try:
         return told(_slow(device, [check for check, _ in checks]), tell) or guarded(checks, tell)
     finally:
-        with contextlib.suppress(Exception):  # what it raises has been found
+        with contextlib.suppress(Exception):  # an exception of it has been reported
             device.close()
 
 
 def _slow(device: Device, checks: list[str]) -> list[Finding]:
-    """What is found of a device that is far too slow, all at one time, so that its hand stays where it begins."""
+    """Findings of a device that is far too slow, all at one time, so that its hand stays at its start."""
     calls: dict[str, Callable[[], object]] = {
         "read time": lambda: device.read(0),
         "render time": lambda: device.render(0.0),
     }
     for check, call in calls.items():
         others = [other for other in checks if other != check]
-        with contextlib.suppress(Exception):  # what raises is found by the checks themselves
+        with contextlib.suppress(Exception):  # exceptions are reported by the checks themselves
             if found := too_slow(check, call, LONGEST_CALL, FAR_TOO_LONG, TIME_RULE, others):
                 return found
     return []
 
 
 class Motion(NamedTuple):
-    """What a device was seen to do: positions [m], and the time since the one before [s], both of shape (n,)."""
+    """Observed motion of a device: positions [m], and time since the previous one [s], both of shape (n,)."""
 
     position: NDArray[np.float64]
     period: NDArray[np.float64]
 
 
 def _motion(device: Device, watched: float) -> Motion:
-    """The device at every tick; in real time where somebody moves it, and then as late as this machine is."""
+    """Motion of the device at every tick; in real time where a person moves it, and then as late as this machine is."""
     ticks = round((watched if device.real_time else MOVING_TIME) / SAMPLE_PERIOD)
     positions, times = np.empty(ticks), np.arange(ticks) * SAMPLE_PERIOD
     begin = time.monotonic()
@@ -255,5 +255,5 @@ def _closed(device: Device) -> Finding:
 
 
 def _holds(device: Device) -> bool:
-    """Whether there is anything to close: a device that is simulated in the package holds nothing."""
+    """Whether there is anything to close: a simulated device of this package holds nothing."""
     return type(device).close is not Device.close

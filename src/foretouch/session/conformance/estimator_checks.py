@@ -29,11 +29,11 @@ OWN_LAWS: dict[str, ContactModel] = {
     "kelvin-voigt": KelvinVoigt(600.0, 2.0),
     "quadratic": QuadraticContact(300.0, 4e4, 300.0),
 }
-"""Whose presses an estimator of that law learns whole."""
+"""Laws all of whose presses an estimator of that law learns."""
 SOFT = HuntCrossley(3000.0, 300.0, 1.4)
 """Estimators of all other laws learn presses of this one, which every law of the paper can be near to."""
 SURFACE, OFFSET, DEEPEST = 0.01, 0.3, 0.01
-"""Of the presses: where they begin [m], the sensor's force in free air [N], and how deep they go [m]."""
+"""Start of the presses [m], the sensor's force in free air [N], and depth of the presses [m]."""
 LEAST_FORCE = 1e-3
 """Less than this [N] is none: a map may have rounding beyond its surface."""
 LARGEST_ERROR = 0.1
@@ -44,7 +44,7 @@ NONSENSE = (math.nan, math.inf, -math.inf, 0.0, -1.0, 1e300, 1e-300)
 
 
 def check_estimator(make: Callable[[], Estimator], *, name: str = "") -> list[Finding]:
-    """Check an estimator: it learns, predicts, never raises, forgets, and doubts in finite numbers; and it is quick.
+    """Check an estimator: it learns, predicts, never raises, forgets, is quick, and its uncertainty is finite.
 
     An estimator of a law that is not foretouch's learns presses of `SOFT`, then presses of what it has learnt: those it
     has to learn whole.
@@ -57,7 +57,7 @@ def check_estimator(make: Callable[[], Estimator], *, name: str = "") -> list[Fi
         One finding a check.
 
     Raises:
-        ForetouchError: It cannot be made here, for what it says.
+        ForetouchError: It cannot be made here, for the reason in its message.
     """
     try:
         estimator: object = make()

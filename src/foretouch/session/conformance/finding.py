@@ -1,4 +1,4 @@
-"""What a check found."""
+"""Findings of conformance checks."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 LONGEST_LOOK = 2.0
-"""Of calls that are slow, ten at least and as many as end within so long [s] are timed."""
+"""Time over which slow calls are timed, at least ten of them [s]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,16 +40,16 @@ def skipped(check: str, why: str, rule: str) -> Finding:
 
 
 def failed(findings: Iterable[Finding]) -> list[Finding]:
-    """Those whose rule is not kept."""
+    """Findings whose rule is not kept."""
     return [finding for finding in findings if finding.passed is False]
 
 
 def nobody(finding: Finding) -> None:
-    """Is told of findings, and passes over them."""
+    """Ignore a finding."""
 
 
 def told(findings: list[Finding], tell: Callable[[Finding], None]) -> list[Finding]:
-    """The findings, after they were told."""
+    """Pass the findings to `tell`, and return them."""
     for finding in findings:
         tell(finding)
     return findings
@@ -58,11 +58,11 @@ def told(findings: list[Finding], tell: Callable[[Finding], None]) -> list[Findi
 def guarded(
     checks: Sequence[tuple[str, Callable[[], Finding | list[Finding]]]], tell: Callable[[Finding], None] = nobody
 ) -> list[Finding]:
-    """Make each check; one in which what is checked raises has failed by that.
+    """Run each check; one in which what is checked raises has failed.
 
     Args:
         checks: Name and check.
-        tell: Told each finding as soon as it is known.
+        tell: Called with each finding as soon as it is known.
     """
     findings: list[Finding] = []
     for name, check in checks:
@@ -80,14 +80,14 @@ def guarded(
 def too_slow(
     check: str, call: Callable[[], object], limit: float, gross: float, rule: str, others: Iterable[str]
 ) -> list[Finding]:
-    """What is found of something so slow that to look at all of it would take minutes; nothing where it is not.
+    """Findings of something so slow that checking all of it would take minutes; none where it is not.
 
     Args:
         check: Name of the check of the time.
-        call: Whose time it is; a hundred are made.
-        limit: That it keeps [s].
-        gross: Longer than this [s], at the median, and nothing else is looked at.
-        rule: Of the check.
+        call: Call that is timed, a hundred times.
+        limit: Limit of its time [s].
+        gross: Median time above which no other check is run [s].
+        rule: Rule of the check.
         others: Names of the checks that are then left out.
     """
     begin = time.perf_counter()
@@ -108,10 +108,10 @@ def percentile_time(call: Callable[[int], object], calls: int, percentile: float
     """How long one call takes [s] at a percentile; of some rounds the best, for other processes want the machine too.
 
     Args:
-        call: Given its number.
-        calls: In a round.
+        call: Called with its number.
+        calls: Number of calls in a round.
         percentile: 0 to 100.
-        rounds: Of them.
+        rounds: Number of rounds.
     """
     best = math.inf
     for repeat in range(rounds):

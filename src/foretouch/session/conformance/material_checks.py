@@ -18,11 +18,11 @@ from foretouch.session.settings import SAMPLE_PERIOD
 SLOW, FAST = 0.01, 0.2
 """Speeds of a press [m/s]."""
 LEAST_FORCE, MOST_FORCE = 0.02, 1e4
-"""Of a slow press to the press depth [N]: less or more is another unit."""
+"""Range of the force of a slow press to the press depth [N]: a force outside shows another unit."""
 DEEPEST, FARTHEST = 0.1, 0.2
 """Largest press depth and surface position that a session takes [m]."""
 ROUNDING = 2e-3
-"""Of the energy that went in, and of the largest force: what sampling may seem to give back or take."""
+"""Tolerances as fractions of the energy that went in, and of the largest force, for the error of sampling."""
 CALLS, LARGEST_GROWTH = 5000, 16384
 """Calls of a law after which no more memory than this is in use [bytes]."""
 
@@ -38,12 +38,12 @@ def check_material(make: Callable[[], Material], *, name: str = "") -> list[Find
         One finding a check.
 
     Raises:
-        ForetouchError: It cannot be made here, for what it says.
+        ForetouchError: It cannot be made here, for the reason in its message.
     """
     try:
         material: object = make()
     except ForetouchError:
-        raise  # its line says what is missing
+        raise  # its message states what is missing
     except Exception as error:
         return [Finding("made", False, f"raises {type(error).__name__}: {error}", "it can be made")]
     if not isinstance(material, Material):

@@ -1,4 +1,4 @@
-"""What every robot keeps to."""
+"""Conformance checks of a robot."""
 
 from __future__ import annotations
 
@@ -29,29 +29,29 @@ RANGES: dict[str, tuple[float, float]] = {
     "sensor_range": (0.1, math.inf),
     "largest_offset": (0.0, math.inf),
 }
-"""Of a specification's numbers, in SI units: what is outside is another unit."""
+"""Ranges of a specification's numbers, in SI units: a value outside shows another unit."""
 FARTHEST, MOST_FORCE, MOST_ACCELERATION = 2.0, 5000.0, 1000.0
-"""Of what sensors show [m, N, m/s^2]."""
+"""Largest values of the sensors [m, N, m/s^2]."""
 STEP, SPEED = 0.005, 0.02
-"""Motion that is asked for [m, m/s]: from where it is, in and back."""
+"""Distance and speed of the commanded motion, in from the robot's position and back [m, m/s]."""
 SWING, SWINGS = 0.001, 3.0
-"""Amplitude [m] and frequency [Hz] of the motion by which the accelerometer is looked at."""
+"""Amplitude [m] and frequency [Hz] of the motion that tests the accelerometer."""
 STILL = 1e-3
-"""A robot that is told nothing moves by no more than this [m]."""
+"""Largest motion of a robot that is commanded nothing [m]."""
 TOUCH = 0.3
-"""Less force than this [N] is no contact."""
+"""Least force that counts as contact [N]."""
 FAR_TOO_LONG = 3e-3
-"""Of an exchange at the median [s]: nothing else is looked at."""
+"""Median duration of an exchange above which no other check is run [s]."""
 STEP_TIME = 3e-4
-"""A follower's step takes about so long [s]: what a driver that waits for the next cycle of its bus waits less."""
+"""Approximate duration of a follower's step [s], by which a driver that waits for its bus's next cycle waits less."""
 ROUND = 1.1 * SAMPLE_PERIOD
-"""An exchange of such a driver, with a step before it, comes round once in a cycle, give or take a tenth [s]."""
+"""Longest period of such a driver's exchanges with a step before each: one cycle and a tenth [s]."""
 TIME_RULE = (
     f"99 of 100 exchanges take at most the sample period, {1e3 * SAMPLE_PERIOD:g} ms; where they wait for the next "
     f"cycle of a bus, with {1e3 * STEP_TIME:g} ms of other work before each at most {1e3 * ROUND:g} ms in all"
 )
 HELD = 1.05
-"""The force that is held in the end may be so many times the limit: sensors have noise."""
+"""Largest ratio of the force held in the end to the limit: sensors have noise."""
 
 
 def check_robot(
@@ -59,19 +59,19 @@ def check_robot(
 ) -> list[Finding]:
     """Check a robot: specification, units, signs, limits, nonsense, timing.
 
-    A real one is only read and given no command; with `move` it is also moved, 5 mm into where it points and back, so
-    that there has to be free air. What presses is tried on simulated ones alone.
+    A real robot is only read and given no command; with `move` it is also moved, 5 mm in its pointing direction and
+    back, which needs free air. Pressing is tried on simulated robots only.
 
     Args:
-        make: Makes a fresh one; called several times for one that is simulated.
+        make: Makes a new robot; called several times for a simulated one.
         move: Whether a real one may be moved.
-        tell: Told each finding as soon as it is known.
+        tell: Called with each finding as soon as it is known.
 
     Returns:
-        One finding a check.
+        One finding per check.
 
     Raises:
-        ForetouchError: It cannot be made here, for what it says.
+        ForetouchError: It cannot be made here, for the reason in its message.
     """
     try:
         robot: object = make()
@@ -123,9 +123,9 @@ def _checks(
 
 
 def _slow(robot: Robot, checks: list[str]) -> list[Finding]:
-    """What is found of a robot whose exchange is far too slow; it is told to go nowhere."""
+    """Findings of a robot whose exchange is far too slow; it is commanded no motion."""
     others = [other for other in checks if other != "exchange time"]
-    with contextlib.suppress(Exception):  # what raises is found by the checks themselves
+    with contextlib.suppress(Exception):  # exceptions are reported by the checks themselves
         return too_slow(
             "exchange time", lambda: robot.exchange(math.nan), SAMPLE_PERIOD, FAR_TOO_LONG, TIME_RULE, others
         )
@@ -164,7 +164,7 @@ def _units(robot: Robot) -> Finding:
 
 
 def _noise(own: RobotSpecification) -> float:
-    """What two readings of one place may differ by [m]."""
+    """Largest difference of two readings of one position [m]."""
     return 12.0 * own.encoder_noise + 2.0 * own.encoder_resolution + 1e-6
 
 
@@ -191,7 +191,7 @@ def _timing(robot: Robot) -> Finding:
     taken = percentile_time(lambda _: robot.exchange(math.nan), 300, 99.0)
     if taken <= SAMPLE_PERIOD:
         return Finding("exchange time", True, f"{1e3 * taken:.4g} ms", TIME_RULE)
-    # One that waits for its cycle takes the whole of it by itself, and no longer with a step before it.
+    # A driver that waits for its cycle takes the whole of it by itself, and no longer with a step before it.
     found, round_time = f"{1e3 * taken:.4g} ms", percentile_time(lambda _: _work_and_exchange(robot), 300, 99.0)
     return Finding("exchange time", round_time <= ROUND, f"{found}, {1e3 * round_time:.4g} ms with a step", TIME_RULE)
 

@@ -1,1 +1,1 @@
-"""Who may command, how old a command may be, and when a model is sent."""
+"""Control lease, freshness of commands, and sending of models."""

@@ -1,4 +1,4 @@
-"""Who may command: one leader at a time; and who else would, or speaks with the name of the one who does."""
+"""Control lease: one leader commands at a time; contending leaders and duplicate names are detected."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from foretouch.errors import SettingError
 from foretouch.messages import Command, Hello
 
 LEASE = 1.0
-"""A leader that is silent for so long [s] holds control no longer."""
+"""Silence after which a leader no longer holds control [s]."""
 
 MOST_ENDED = 4096
-"""Tenures that are remembered as ended. Beyond them nobody new is let in: to forget one could let it come back."""
+"""Largest number of ended tenures remembered; then no new one is admitted, for a forgotten one could return."""
 
 RANDOM_BITS = 21
-"""Of an epoch; the rest is the time in milliseconds."""
+"""Number of random bits in an epoch; the rest is the time in milliseconds."""
 
 _MS_NS = 1_000_000
 
@@ -37,7 +37,7 @@ def make_epoch(wall_ns: int, random_bits: int) -> int:
         random_bits: A random number below 2^21, from the operating system.
 
     Returns:
-        At most 2^63 - 1, above 0.
+        Epoch, above 0 and at most 2^63 - 1.
 
     Raises:
         SettingError: A number out of range.
@@ -51,12 +51,12 @@ def make_epoch(wall_ns: int, random_bits: int) -> int:
 
 
 class ControlLease:
-    """Lets one leader command, and tells the others who does.
+    """Lets one leader command, and names it to the others.
 
-    A tenure is a holder's name with its epoch. It begins with the first command that is let in and goes on as long as
-    commands come; after `lease` of silence control is free, and whoever speaks first has it, the last holder like any
-    other, and like its own next start. A tenure that somebody else has followed is over for good: its commands are let
-    in never again, however late they come.
+    A tenure is a holder's name with its epoch. It begins with the first command that is admitted and lasts as long as
+    commands come; after `lease` of silence control is free, and the next leader to send a command gets it, be it the
+    last holder or a new start of it. A tenure that another has followed is over for good: its commands are never
+    admitted again, however late they come.
 
     Time is the receiver's own monotonic clock; a call with an earlier time than before counts as no later.
 
@@ -64,12 +64,12 @@ class ControlLease:
         lease: Silence after which control is free [s], above 0.
 
     Attributes:
-        holder: Who held control last, "" before the first.
-        epoch: Of that tenure, 0 before the first.
-        refused: Commands that were not let in.
+        holder: Name of the last holder of control, "" before the first.
+        epoch: Epoch of that tenure, 0 before the first.
+        refused: Number of commands that were not admitted.
 
     Raises:
-        SettingError: A lease that is none.
+        SettingError: The lease is not a positive number.
     """
 
     __slots__ = ("_ended", "_heard_ns", "_lease_ns", "epoch", "holder", "refused")
@@ -89,7 +89,7 @@ class ControlLease:
 
         Args:
             holder: Name of the leader, not empty.
-            epoch: Of its process, above 0.
+            epoch: Epoch of its process, above 0.
             now_ns: Receiver's monotonic clock [ns].
         """
         if not self._holds(holder, epoch):
@@ -104,7 +104,7 @@ class ControlLease:
         return True
 
     def is_held(self, now_ns: int) -> bool:
-        """Whether somebody holds control.
+        """Whether any leader holds control.
 
         Args:
             now_ns: Receiver's monotonic clock [ns].
@@ -112,11 +112,11 @@ class ControlLease:
         return bool(self.holder) and now_ns - self._heard_ns < self._lease_ns
 
     def refusal(self, holder: str, epoch: int, now_ns: int) -> str:
-        """One sentence for a leader that is not let in: who holds control, or why it does not get it; "" if it is.
+        """One sentence for a leader that is not admitted: the holder of control, or why it gets none; "" if it is.
 
         Args:
             holder: Name of the leader.
-            epoch: Of its process.
+            epoch: Epoch of its process.
             now_ns: Receiver's monotonic clock [ns].
         """
         if self._holds(holder, epoch) or self._may_follow(holder, epoch, now_ns):
@@ -140,29 +140,29 @@ class ControlLease:
 
 
 MANY = 20
-"""Another leader is told of once so many of its commands have come within `WINDOW_NS`: one that was just killed may
-have some under way."""
+"""Number of another leader's commands within `WINDOW_NS` above which it is reported: some of a leader that was just
+killed may still be under way."""
 
 WINDOW_NS = 1_000_000_000
-"""The time in which these commands are counted [ns]."""
+"""Time over which these commands are counted [ns]."""
 
 TOLD_NS = 5_000_000_000
-"""What was noticed is told until it has not been noticed for so long [ns]."""
+"""Time for which a contest is reported after it was last detected [ns]."""
 
 
 class Contest:
-    """Looks at commands as they arrive, before any fault is simulated, and says who contests control.
+    """Inspects commands as they arrive, before any simulated fault, and reports a contest for control.
 
-    Between machines a leader is known by its certificate, so that nobody else can speak with its name; on one machine,
-    or where two hold the same key, somebody can. The commands of one process come over one connection in the order in
-    which they were made, and each has the number after the last one's. So where a second speaks with its name and
-    epoch, some number is not larger than the one that came before it, whatever numbers the second chooses: between
-    those of the first none is free. One is enough, for one command far ahead silences the leader for seconds.
+    Between machines a leader is known by its certificate, so that no other can use its name; on one machine, or where
+    two hold the same key, another can. The commands of one process come over one connection in the order in which they
+    were made, each numbered one above the last. So where a second process uses its name and epoch, some number is not
+    larger than the one before it, whatever numbers the second chooses: none is free between those of the first. One is
+    enough to report, for one command far ahead silences the leader for seconds.
 
-    It decides nothing: who is obeyed, `ControlLease` says. It is asked in every tick and keeps three names.
+    It decides nothing: `ControlLease` decides which leader is obeyed. It is called in every tick and keeps three names.
 
     Args:
-        lease: Says who is obeyed.
+        lease: Decides which leader is obeyed.
     """
 
     __slots__ = (
@@ -199,7 +199,7 @@ class Contest:
                 self._tell(command.holder, now_ns)
 
     def sentence(self, now_ns: int) -> str:
-        """What people have to know of it; "" where nobody contests control.
+        """Sentence for people about the contest; "" where control is uncontested.
 
         Args:
             now_ns: This side's monotonic clock [ns].
@@ -215,7 +215,7 @@ class Contest:
         return f"CONTROL CONTESTED: {other} would command too, and is not obeyed: {holder} holds control"
 
     def _change(self, now_ns: int) -> None:
-        """Another holds control than before, or the same from another process."""
+        """Start again: control is held by another leader than before, or by another process of the same."""
         lease = self._lease
         self._former = self._holder if self._holder != lease.holder else ""
         if self._former:
@@ -228,12 +228,12 @@ class Contest:
 
 
 class ContestHeard:
-    """Says in the terminal of who only listens what the follower says of a contest, once each time that it changes.
+    """Prints in a listener's terminal what the follower reports of a contest, once per change.
 
     Args:
-        role: Of who listens.
+        role: Role of the listener.
         say: Prints one line for people.
-        parent: Process id of a parent, whose other children say it in the same terminal: then nothing is said here.
+        parent: Process id of a parent, whose other children print it in the same terminal: then nothing is printed.
     """
 
     __slots__ = ("_role", "_say", "_told")
@@ -243,7 +243,7 @@ class ContestHeard:
         self._say = say if parent is None else None
 
     def hear(self, hello: Hello) -> None:
-        """Take a `Hello` of anybody; only the follower's tells of a contest."""
+        """Take a `Hello` of any role; only the follower's reports a contest."""
         if hello.role != "follower":
             return
         contest = hello.texts.get("contest", "")

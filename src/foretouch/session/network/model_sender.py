@@ -1,6 +1,6 @@
-"""What the follower sends of what it has learnt, when, what the leader is known to have of it, and how late it is used.
+"""Sending of models by the follower, the leader's acknowledgement of them, and their delay until use.
 
-How late is told by the clock of the one who sends it.
+The delay is measured by the sender's own clock.
 """
 
 from __future__ import annotations
@@ -10,21 +10,21 @@ from heapq import heappop, heappush
 
 from foretouch.identification import SENSOR_SENTENCES, Estimator, Learner, LearntModel, SensorState
 from foretouch.messages import VERSION, ModelUpdate, encode
-from foretouch.models import ContactMap, ContactModel
+from foretouch.models import ContactMapModel, ContactModel
 
 PERIOD_NS = 1_000_000_000
-"""The smallest round trip is taken over so long [ns], and said once in it."""
+"""Interval over which the smallest round trip is taken, and after which it is reported [ns]."""
 
 LARGEST_MEMORY = 4096
-"""No more models and commands are remembered than this: a leader that never answers fills nothing."""
+"""Largest number of models and commands remembered: a leader that never answers fills no memory."""
 
 
 class RoundTrip:
     """Time from sending a model to applying the first command of a leader that had it.
 
-    That is how far the motion that a model is used on is ahead of the motion that it was learnt from: the way there and
-    the way back, whichever of them is the longer. Both ends are ticks of the follower, so no clock is compared with
-    another's. The smallest of a second is taken: what is larger waited somewhere.
+    It is how far the motion that a model is used on is ahead of the motion that it was learnt from: the delay in both
+    directions together. Both ends are ticks of the follower, so no two clocks are compared. The smallest of a second
+    is taken: a larger one includes waiting.
 
     Attributes:
         current: Model that the leader of the newest applied command rendered from; 0 for none.
@@ -38,7 +38,7 @@ class RoundTrip:
         self.restart()
 
     def restart(self) -> None:
-        """Another leader, who counts from 1 again and knows nothing yet."""
+        """Start again with another leader, which counts from 1 again and has no model yet."""
         self._acknowledged: dict[int, int] = {}  # models by command
         self._commands: list[int] = []  # those commands, as a heap
         self._applied = self.current = 0
@@ -51,7 +51,7 @@ class RoundTrip:
         self._sent[model] = now_ns
 
     def commanded(self, command: int, model: int) -> None:
-        """A command has arrived whose leader had this model; one that comes after its turn says nothing new."""
+        """A command has arrived whose leader had this model; one that comes after its turn adds nothing."""
         if command <= self._applied:
             return
         if len(self._acknowledged) >= LARGEST_MEMORY:
@@ -89,28 +89,28 @@ class RoundTrip:
 
 
 SURFACE_CHANGE = 1e-4
-"""A surface that has moved by more than this [m] since the last model is sent at once."""
+"""Motion of a surface since the last model above which one is sent at once [m]."""
 
 BYTE_RATE, LARGEST_BURST = 43e3, 3e3
-"""Models take so many bytes a second, and so many at once after a silence [bytes]: with the one that may exceed it, no
-second holds more than 50 kB. What does not fit waits, and is sent as it is known by then."""
+"""Byte rate of the models [byte/s], and bytes that may be sent at once after a silence: with the one that may exceed
+it, no second holds more than 50 kB. A model that does not fit waits, and is sent as it is by then."""
 
 ERRORS_PERIOD_NS = 500_000_000
-"""Standard errors of the parameters are asked for so often [ns]."""
+"""Time between two computations of the parameters' standard errors [ns]."""
 
 CHANGE_TOLD_NS = 2_000_000_000
-"""Models say so long [ns] that the material has changed."""
+"""Time for which models report that the material has changed [ns]."""
 
 
 class ModelSender:
     """Sends models on schedule, and at once when something has changed, as far as the bytes allow.
 
     Args:
-        period_ns: Between two models while nothing changes [ns].
+        period_ns: Time between two models while nothing changes [ns].
         run: Epoch of this process.
 
     Attributes:
-        sequence: Of the newest model sent, 0 before the first.
+        sequence: Sequence number of the newest model sent, 0 before the first.
         round_trip: Learns how late models are used.
         remembers: Whether surfaces are remembered until the leader is known to have them.
     """
@@ -153,7 +153,7 @@ class ModelSender:
         self.round_trip = RoundTrip()
 
     def known_surface(self) -> float:
-        """Surface of the newest model that the leader renders from, as far as its applied commands say [m]; or NaN."""
+        """Surface of the newest model that the leader renders from, as its applied commands acknowledge [m]; or NaN."""
         current = self.round_trip.current
         if current != self._known_model:
             surfaces, self._known_model = self._surfaces, current
@@ -168,11 +168,11 @@ class ModelSender:
         """The model to send in this tick, if one is due.
 
         Args:
-            learner: Whose model it is.
-            sensors: What they are worth.
-            command_sequence: Of the newest command that was applied.
-            epoch: Of the leader whose it is.
-            now_ns: [ns].
+            learner: Learner of the model.
+            sensors: Validity of the sensors.
+            command_sequence: Sequence number of the newest command that was applied.
+            epoch: Epoch of the leader of that command.
+            now_ns: Time of this tick [ns].
         """
         if self._is_changed(learner, now_ns):
             self._changed = True
@@ -200,7 +200,7 @@ class ModelSender:
             model is not None,
             self._reason(learnt, sensors, now_ns),
             learner.estimator.name,
-            model.map if isinstance(model, ContactMap) else b"",
+            model.map if isinstance(model, ContactMapModel) else b"",
             epoch,
             self._run,
             standard_errors=() if model is None else self._errors_of(model, learner.estimator, now_ns),
@@ -239,13 +239,13 @@ class ModelSender:
         if math.isnan(surface) or sent.model is None:
             return learner.learnt().model is not sent.model
         # A map stays valid until its estimator begins anew.
-        valid = estimator.updates > 0 if isinstance(sent.model, ContactMap) else estimator.model is not None
+        valid = estimator.updates > 0 if isinstance(sent.model, ContactMapModel) else estimator.model is not None
         return not valid or abs(surface - sent.surface) > SURFACE_CHANGE
 
     def _reason(self, learnt: LearntModel, sensors: SensorState, now_ns: int) -> str:
-        """What the sensors say if they fail; else the learner, or for a while after a change that there was one.
+        """State of the sensors if they fail; else of the learner, or for a while after a change that there was one.
 
-        The message that said so may be lost.
+        It is repeated, for a message may be lost.
         """
         if sensors is not SensorState.GOOD:
             return f"nothing is learnt: {SENSOR_SENTENCES[sensors]}"

@@ -15,25 +15,25 @@ from foretouch.errors.checks import require
 from foretouch.quantities import LARGEST_POSITION
 
 MEMORY_NS = 60_000_000_000
-"""The smallest transit is that of so long [ns]."""
+"""Time over which the smallest transit is taken [ns]."""
 
 BLOCK_NS = 1_000_000_000
 """The smallest transit is kept by blocks of this length [ns]."""
 
 SLACK_NS = 1_000_000_000
-"""A command's number may be ahead of its clock by so much [ns], and its clock ahead of ours by ten times that."""
+"""Largest lead of a command's number over its clock [ns]; its clock may lead ours by ten times that."""
 
 
 class Arrival(IntEnum):
-    """What a command is, when it arrives."""
+    """Judgement of a command on arrival."""
 
     FRESH = 0
     STALE = 1
-    """It waited somewhere."""
+    """It waited somewhere on its way."""
     OVERTAKEN = 2
-    """A newer one was here before it, or it was itself: reordered or replayed."""
+    """It or a newer one had already arrived: reordered or replayed."""
     FUTURE = 3
-    """Its number or its clock is ahead of what can be."""
+    """Its number or its clock is impossibly far ahead."""
 
 
 FRESH, STALE, OVERTAKEN, FUTURE = Arrival
@@ -72,16 +72,16 @@ class Freshness:
         self.begin()
 
     def begin(self) -> None:
-        """Another leader, with a clock of its own: what was known of the old one says nothing."""
+        """Start again with another leader: the old one's clock does not apply to it."""
         self._number = self._sent_ns = 0
         self.begin_way()
 
     def begin_way(self) -> None:
-        """Another way, as where a simulated delay was set anew: what the old one needed says nothing."""
+        """Start again with another path, as after a change of a simulated delay: the old transit does not apply."""
         self._smallest: deque[tuple[int, int]] = deque()  # (begin of the block, transit), transits growing [ns]
 
     def judge(self, sequence: int, sent_ns: int, now_ns: int) -> Arrival:
-        """What a command is that comes now.
+        """Judge a command that arrives now.
 
         Args:
             sequence: Its number.
@@ -112,16 +112,16 @@ class Freshness:
 
 
 LONGEST_BRIDGE = 250
-"""After an outage the way to the newest command takes so many periods; what was sent meanwhile is not played."""
+"""Number of periods in which playback reaches the newest command after an outage; commands between are not played."""
 
 LARGEST_LEAD = 2 * LONGEST_BRIDGE
-"""Lead [periods] from which on there was an outage; less is played off."""
+"""Lead above which there was an outage [periods]; a smaller one is reduced gradually."""
 
 LOOK_BACK = 500
-"""Ticks: the smallest lead of the last one to two times as many tells how much of it is needed."""
+"""Number of ticks over one to two times which the smallest lead is taken, which shows how much of it is needed."""
 
 LARGEST_HASTE = 1.0
-"""Played at most at twice the pace at which it was sent."""
+"""Largest increase of the pace: at most twice the pace of sending."""
 
 HASTE_PER_LEAD = 0.004
 """Pace added for each period of lead that was never needed."""
@@ -132,18 +132,18 @@ class Playout:
 
     The newest command is taken at once for as long as one comes a tick. Where a tick finds none, the last position is
     held, and from then on the stream is played that much later, so that the same unevenness does not show again: a
-    robot that is told 0, 1, 0, 2 steps in turn shakes. What is missing in between is interpolated. A lead that has
-    not been needed for a while is played off, a little faster than it was sent. Only sequence numbers count; no clock
-    is compared with another.
+    robot that is commanded 0, 1, 0, 2 steps in turn shakes. Missing commands are interpolated. A lead that has not been
+    needed for a while is reduced by playing a little faster than sent. Only sequence numbers count; no two clocks are
+    compared.
 
     Args:
-        go: In three dimensions: goes on towards a place [m], and returns the position [m] that it has come to along the
-            surface's normal. It is called with each place that is played.
+        go: In three dimensions: moves towards a position [m], and returns the coordinate [m] reached along the
+            surface's normal. It is called with each position that is played.
 
     Attributes:
-        applied: Sequence number of the newest command at or before the point that is played; 0 before the first.
-        position: Played now [m]; NaN before the first command.
-        place: The same in three dimensions, where commands have places; empty otherwise.
+        applied: Sequence number of the newest command at or before the playback point; 0 before the first.
+        position: Position played now [m]; NaN before the first command.
+        place: The same in three dimensions, where commands have positions in space; empty otherwise.
     """
 
     __slots__ = (
@@ -164,7 +164,7 @@ class Playout:
         self.restart()
 
     def restart(self) -> None:
-        """Another leader, who counts from 1 again: nothing is left to play, and the position is no number."""
+        """Start again with another leader, which counts from 1: nothing is left to play, and the position is NaN."""
         self._commands: list[tuple[float, float]] = []  # (sequence, position), those still needed, in order
         self._places: dict[float, tuple[float, ...]] = {}  # by sequence, of those still needed
         self._point = math.nan  # what is played, in sequence numbers
@@ -175,14 +175,14 @@ class Playout:
         self.place: tuple[float, ...] = ()
 
     def forget(self) -> None:
-        """Leave out what has not been played; the position is no number until the next command comes."""
+        """Drop what has not been played; the position is NaN until the next command comes."""
         self._commands.clear()
         self._places.clear()
         self._point = self.position = math.nan
         self.place = ()
 
     def push(self, sequence: int, position: float, place: tuple[float, ...] = ()) -> None:
-        """Take one command; one that comes after its turn, or is no position within a metre, is left out."""
+        """Take one command; it is dropped if it comes after its turn, or has no position within a metre."""
         if not abs(position) <= LARGEST_POSITION or sequence <= self._point:
             return
         commands = self._commands
@@ -216,7 +216,7 @@ class Playout:
         self._play(newest)
 
     def _haste(self, lead: float) -> float:
-        """How much faster than sent, from the smallest lead of the last ticks."""
+        """Increase of the pace over that of sending, from the smallest lead of the last ticks."""
         if lead < self._least:
             self._least = lead
         self._ticks += 1
@@ -228,7 +228,7 @@ class Playout:
         return min(LARGEST_HASTE, HASTE_PER_LEAD * unneeded) if 0.0 < unneeded < math.inf else 0.0
 
     def _bridge(self, newest: float) -> None:
-        """Go from where the robot is to the newest command, in `LONGEST_BRIDGE` periods."""
+        """Move from the robot's position to the newest command, in `LONGEST_BRIDGE` periods."""
         self._point = newest - LONGEST_BRIDGE
         self._commands[:-1] = [(self._point, self.position)]
         if self.place:
@@ -237,7 +237,7 @@ class Playout:
         self._ticks = 0
 
     def _play(self, newest: float) -> None:
-        """Interpolate at the point, and forget what is no longer needed."""
+        """Interpolate at the playback point, and drop what is no longer needed."""
         commands, places, point = self._commands, self._places, self._point
         after = len(commands) if point >= newest else bisect_right(commands, (point, math.inf))
         if not after:
@@ -259,6 +259,6 @@ class Playout:
             del commands[: after - 1]
 
     def _between(self, there: tuple[float, ...], share: float) -> None:
-        """Interpolate the place."""
+        """Interpolate the position in space."""
         if len(there) == len(self.place):
             self.place = tuple(a + (b - a) * share for a, b in zip(self.place, there, strict=True))

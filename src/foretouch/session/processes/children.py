@@ -1,6 +1,6 @@
-"""Processes that a session is made of: started, ended in order, and killed where they do not end.
+"""Processes of a session: started, ended in order, and killed where they do not end.
 
-What a console chooses while a session runs is heard by the process that supervises the others.
+A console's choices while a session runs are received by the process that supervises the others.
 """
 
 from __future__ import annotations
@@ -20,24 +20,24 @@ from foretouch.errors import SettingError
 from foretouch.link import ZenohLink
 from foretouch.messages import Choice, EmergencyStop, Hello, Settings
 from foretouch.robot import make_material
-from foretouch.session.processes.housekeeping import BEAT, COMPILING, GIVING_UP, HELLO_PERIOD, LEAVING
+from foretouch.session.runners.housekeeping import BEAT, COMPILING, GIVING_UP, HELLO_PERIOD, LEAVING
 from foretouch.session.settings import SessionSettings
 
 CHOICE_CHANNELS = ("choice", "settings", "stop", "emergency", "hello")
-"""What the supervisor's link receives."""
+"""Channels that the supervisor's link receives."""
 
 SUPERVISOR = "supervisor"
-"""Its role in `Hello` messages."""
+"""Role of the supervisor in `Hello` messages."""
 
 LATCHING = 2.0
-"""For so long [s] after an emergency stop was asked for it counts as latched, whatever the follower has said so far."""
+"""Time for which a requested emergency stop counts as latched, whatever the follower has reported so far [s]."""
 
 
 def choose(settings: SessionSettings, choice: Choice) -> SessionSettings:
-    """The settings with what was chosen in their place; what is "" stays.
+    """Settings with the console's choice applied; a field that is "" stays.
 
     Args:
-        settings: Of the session as it runs.
+        settings: Settings of the session as it runs.
         choice: From a console.
 
     Raises:
@@ -51,10 +51,10 @@ def choose(settings: SessionSettings, choice: Choice) -> SessionSettings:
 
 
 def with_faults(settings: SessionSettings, faults: Settings) -> SessionSettings:
-    """The settings with the delays and faults that a console has set since, for processes that start now.
+    """Settings with the delays and faults set at a console since, for processes that start now.
 
     Args:
-        settings: Of the session as it was started.
+        settings: Settings of the session as it was started.
         faults: From a console; what other settings forbid leaves them as they were.
     """
     names = ("position_delay", "force_delay", "jitter", "loss", "outage")
@@ -65,17 +65,17 @@ def with_faults(settings: SessionSettings, faults: Settings) -> SessionSettings:
 
 
 class Desk:
-    """Where the supervisor hears consoles, and says what runs.
+    """Receives the consoles' messages, and publishes what runs.
 
     Args:
-        link: With `CHOICE_CHANNELS`, joined to the follower and to the console.
+        link: Link with `CHOICE_CHANNELS`, joined to the follower and to the console.
 
     Attributes:
         refused: Why the newest choice was not followed; "" where it was.
         recording: File that is being written; "" for none.
         faults: Delays and faults that a console has set, None before the first.
-        compiling: How far compiling is before the session can begin, "" while nothing is compiled.
-        ended: When somebody asked for the session's end [s], infinite before.
+        compiling: Progress of compiling before the session can begin, "" while nothing is compiled.
+        ended: Time at which the session's end was requested [s], infinite before.
     """
 
     def __init__(self, link: ZenohLink) -> None:
@@ -91,7 +91,7 @@ class Desk:
         self.ended = math.inf
 
     def hear(self) -> list[Choice]:
-        """Take what has arrived; what was chosen, oldest first."""
+        """Take what has arrived; return the choices, oldest first."""
         for _, message in self._link.take("emergency"):
             if isinstance(message, EmergencyStop):
                 self._stop_asked = time.monotonic()
@@ -106,7 +106,7 @@ class Desk:
 
     @property
     def latched(self) -> bool:
-        """Whether an emergency stop holds the robot: a follower that began anew would have forgotten it."""
+        """Whether an emergency stop holds the robot: a restarted follower would have forgotten it."""
         return bool(self._stop_said) or time.monotonic() - self._stop_asked < LATCHING
 
     def say(self) -> None:
@@ -121,7 +121,7 @@ class Desk:
         self._link.publish(Hello.of(SUPERVISOR, self._hellos, time.monotonic_ns(), texts))
 
     def say_now(self) -> None:
-        """Publish a `Hello`, for something has changed."""
+        """Publish a `Hello` at once, after a change."""
         self._spoken = -math.inf
         self.say()
 
@@ -131,24 +131,24 @@ class Desk:
 
 
 PATIENCE = LEAVING + GIVING_UP
-"""A process that is to end has so long [s] to end by itself; then it is told to, then it is killed. A follower unloads
-its robot first, and its driver may hang then."""
+"""Time that a process has to end by itself before it is terminated, and again before it is killed [s]. A follower
+unloads its robot first, and its driver may hang then."""
 
 POLL_PERIOD = 0.05
-"""Between two looks at the processes [s]."""
+"""Time between two checks of the processes [s]."""
 
 SIDES = ("follower", "leader")
-"""Roles whose loops are listened to, in the order in which they begin."""
+"""Roles whose loops are monitored, in the order in which they begin."""
 
 GOING = 2.0
-"""Where the other side has ended in order, the last word has been said: a side has so long [s] to end with an exit code
-of its own, for a signal that comes while an interpreter ends would take its place."""
+"""Time for a side to end with its own exit code after the other has ended in order and sent the last message [s]: a
+signal that comes while an interpreter ends would replace that code."""
 
 BEGINNING = 180.0
-"""A side has so long [s] to begin, beside the time in which it compiles."""
+"""Time for a side to begin, apart from the time in which it compiles [s]."""
 
 LONGEST_LOOK = 0.5
-"""Time between two looks counts as so much [s] at most: whoever looks may have been stopped meanwhile."""
+"""Largest time counted between two checks [s]: the supervisor itself may have been stopped meanwhile."""
 
 
 @dataclass
@@ -157,13 +157,13 @@ class Child:
 
     Attributes:
         role: The `foretouch` command.
-        process: That runs it.
-        started: When it was started [s].
-        lasts: Its loop ends by itself after so long [s], infinite without an end.
-        compiled: When it was heard last that it compiles [s], infinitely long ago before.
-        begun: When the first beat of its loop was heard [s], None before.
-        silence: Time without a beat since [s], as far as it was listened to and not stopped by a signal.
-        listened: When it was listened to last [s].
+        process: Process that runs the command.
+        started: Time of its start [s].
+        lasts: Duration after which its loop ends by itself [s], infinite without an end.
+        compiled: Time of its newest sign that it compiles [s], minus infinity before.
+        begun: Time of its loop's first beat [s], None before.
+        silence: Time without a beat [s], as far as it was monitored and not stopped by a signal.
+        listened: Time at which it was last monitored [s].
     """
 
     role: str
@@ -176,7 +176,7 @@ class Child:
     listened: float = field(default_factory=time.monotonic)
 
     def listen(self) -> None:
-        """Hear its loop's beats (`foretouch.session.processes.housekeeping.BEAT`); what else it prints is dropped."""
+        """Read its loop's beats (`foretouch.session.runners.housekeeping.BEAT`); its other output is dropped."""
         pipe, now = self.process.stdout, time.monotonic()
         if pipe is None or pipe.closed:
             return
@@ -193,7 +193,7 @@ class Child:
             self.begun = now
 
     def hangs(self) -> str:
-        """What is wrong with its loop, as far as its beats tell; empty while nothing is."""
+        """What is wrong with its loop, as far as its beats show; empty while nothing is."""
         now = time.monotonic()
         if not self.running:
             return ""
@@ -208,15 +208,15 @@ class Child:
 
     @property
     def compiles(self) -> bool:
-        """Whether it compiles, by what was heard of it last."""
+        """Whether it compiles, by its newest output."""
         return self.begun is None and time.monotonic() - self.compiled < 4.0 * HELLO_PERIOD
 
     @property
     def goes_on(self) -> bool:
-        """Whether it is a side whose loop begins or goes on, by its newest beats: it has heard no last word.
+        """Whether it is a side whose loop begins or goes on, by its newest beats: it has not received a final message.
 
-        A follower obeys no last word of a leader that never had control: of one that was still compiling, or waited for
-        its recorder.
+        A follower ignores the final message of a leader that never had control: of one that was still compiling, or
+        waited for its recorder.
         """
         return self.role in SIDES and self.running and self.silence < 2.0 * HELLO_PERIOD
 
@@ -227,11 +227,11 @@ class Child:
 
 
 def start(role: str, arguments: Sequence[str]) -> Child:
-    """Start one process of ours; Ctrl-C reaches only this one, which then ends the others in order.
+    """Start one process of the session; Ctrl-C reaches only the caller, which then ends the others in order.
 
     Args:
         role: The `foretouch` command.
-        arguments: Its options.
+        arguments: Options of the command.
     """
     command = [sys.executable, "-m", "foretouch", role, *arguments]
     heard = subprocess.PIPE if role in SIDES else subprocess.DEVNULL
@@ -242,7 +242,7 @@ def start(role: str, arguments: Sequence[str]) -> Child:
 
 
 def _read(descriptor: int) -> bytes:
-    """What there is to read, without waiting for more."""
+    """Read what is available, without waiting for more."""
     try:
         return os.read(descriptor, 65536)
     except BlockingIOError:
@@ -250,7 +250,7 @@ def _read(descriptor: int) -> bytes:
 
 
 def _stopped(process: int) -> bool:
-    """Whether a process was stopped by a signal, and is no worse for it; False where the system does not say."""
+    """Whether a process was stopped by a signal but is intact; False where the system does not report it."""
     try:
         return Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0] in "Tt"
     except (OSError, IndexError):
@@ -263,8 +263,8 @@ def wait_for(
     """Wait until all have ended.
 
     Args:
-        children: To wait for.
-        patience: At most so long [s]; None for `PATIENCE`.
+        children: Processes to wait for.
+        patience: Longest wait [s]; None for `PATIENCE`.
         meanwhile: Called in every round.
     """
     waited = list(children)
@@ -277,10 +277,10 @@ def wait_for(
 
 
 def retire(children: Iterable[Child], *, meanwhile: Callable[[], None] = lambda: None) -> None:
-    """End processes whose session goes on: they say no `Stop`.
+    """End processes whose session goes on: they send no `Stop`.
 
     Args:
-        children: To end.
+        children: Processes to end.
         meanwhile: Called in every round of waiting.
     """
     leaving = [child for child in children if child.running]
@@ -294,14 +294,14 @@ def retire(children: Iterable[Child], *, meanwhile: Callable[[], None] = lambda:
 
 
 def end_session(children: Sequence[Child], *, meanwhile: Callable[[], None] = lambda: None) -> list[Child]:
-    """End all processes: the leader first, whose last word ends the others; then, or if it has none, by signal.
+    """End all processes: the leader first, whose final message ends the others; then, or if it sends none, by signal.
 
     Args:
-        children: Of the session.
+        children: Processes of the session.
         meanwhile: Called in every round of waiting.
 
     Returns:
-        Those that had to be killed.
+        Processes that had to be killed.
     """
     leading = next((child for child in children if child.role == "leader" and child.running), None)
     spoken, killed = all(child.process.poll() in (None, 0) for child in children), []
@@ -311,7 +311,7 @@ def end_session(children: Sequence[Child], *, meanwhile: Callable[[], None] = la
         _tell([leading])
         wait_for([leading], meanwhile=meanwhile)
         killed = _kill([leading])
-        spoken = leading.process.returncode >= 0  # else it ended by a signal
+        spoken = leading.process.returncode >= 0  # negative if it ended by a signal
     if spoken:
         wait_for(children, patience=GOING, meanwhile=meanwhile)
         _tell(child for child in children if child.goes_on)
@@ -322,14 +322,14 @@ def end_session(children: Sequence[Child], *, meanwhile: Callable[[], None] = la
 
 
 def _tell(children: Iterable[Child]) -> None:
-    """Tell those that still run to end."""
+    """Send SIGTERM to those that still run."""
     for child in children:
         if child.running:
             child.process.terminate()
 
 
 def _kill(children: Iterable[Child]) -> list[Child]:
-    """Kill those that still run; they are returned."""
+    """Kill those that still run; return them."""
     killed = [child for child in children if child.running]
     for child in killed:
         child.process.kill()

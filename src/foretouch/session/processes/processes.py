@@ -1,4 +1,4 @@
-"""The whole lap on one machine: each part a process of its own, and their supervision."""
+"""A whole session on one machine: each part in a separate process, and their supervision."""
 
 from __future__ import annotations
 
@@ -24,28 +24,28 @@ from foretouch.session.processes.children import (
     wait_for,
     with_faults,
 )
-from foretouch.session.processes.housekeeping import StopFlag
 from foretouch.session.processes.recorder import RECORDING_INCOMPLETE
+from foretouch.session.runners.housekeeping import StopFlag
 from foretouch.session.runners.warm_up import compiled_share
 from foretouch.session.settings import SessionSettings
 
 WATCHERS = {"console": "console", "record": "recorder", "camera": "camera"}
-"""Processes that the session goes on without, unless what they were told to do is refused (exit code 2)."""
+"""Processes without which the session goes on, unless their options are refused (exit code 2)."""
 
 SETTLING = 15.0
-"""A side that fails within so long [s] after a choice is started again as it was before it."""
+"""Time after a choice within which a side that fails is started again with the settings before it [s]."""
 
 SLOW_BEGINNING = 30.0
-"""A side that has not begun for so long [s], beside the time in which it compiles, is told of."""
+"""Time after which a side that has not begun is reported, apart from the time in which it compiles [s]."""
 
 TOLD_EVERY = 0.2
-"""How far compiling is is told in such shares."""
+"""Fraction of compiling done between two reports of its progress."""
 
 ENDING = 3.0
-"""A session that somebody ended ends so long [s] afterwards, though no leader was there then to hear of it."""
+"""Time after which a session that was ended by request ends even if no leader received the request [s]."""
 
 ENDING_TOLD = 2.0
-"""Who waits for the end is told so often what it waits for [s]."""
+"""Time between two reports of what the end waits for [s]."""
 
 LATCHED = "the emergency stop is latched: release it first, for a robot that begins anew would have forgotten it"
 
@@ -59,16 +59,16 @@ def run_processes(
     stop: StopFlag,
     say: Callable[[str], None],
 ) -> int:
-    """Start the processes of a session, wait for its end, and see that none stays behind.
+    """Start the processes of a session, wait for its end, and see that none remains.
 
-    While it runs, a console may choose another material, operator or grip, with which the sides begin anew, and end or
-    begin a recording: a further one stands beside the first, with a number behind its name.
+    While it runs, a console may choose another material, operator or grip, with which the sides restart, and end or
+    begin a recording: a further one is written beside the first, with a number appended to its name.
 
     Args:
-        settings: Of the session.
+        settings: Session settings.
         recording: The MCAP file to write.
         console_port: Port of the console on 127.0.0.1, None for no console.
-        duration: [s], None until somebody ends it.
+        duration: Duration [s], None until an end is requested.
         stop: Set by Ctrl-C.
         say: Prints one line for people.
 
@@ -85,7 +85,7 @@ def run_processes(
 
 
 class _Supervisor:
-    """Starts the processes, watches them, and starts some of them again with what a console chooses."""
+    """Starts the processes, watches them, and restarts some of them with a console's choice."""
 
     def __init__(
         self,
@@ -116,26 +116,26 @@ class _Supervisor:
 
     @property
     def incomplete(self) -> bool:
-        """Whether a recording is not all there."""
+        """Whether a recording is incomplete."""
         return any(recorder.process.returncode for recorder in self._recorders)
 
     @property
     def failed(self) -> int:
-        """Exit code of a side that failed, and whose last word ended the others before anybody looked; else 0."""
+        """Exit code of a side that failed and whose last message ended the others before it was checked; else 0."""
         if self._hung:
             return 1
         codes = (child.process.returncode or 0 for child in self._children if child.role not in WATCHERS)
         return next((code for code in codes if code > 0), 0)
 
     def start(self, console_port: int | None) -> None:
-        """Start everything; the leader last, and its time counts from then on."""
+        """Start everything, the leader last; its duration counts from then on."""
         self._start_follower()
         if self._camera:
             ends = ["--listen", self._camera, "--connect", self._follower]
             self._children.append(start("camera", [*ends, *self._chosen(), *self._common]))
         if console_port is not None:
             options = ["--port", str(console_port), "--listen", self._console]
-            for folder in (self._recording.parent, Path()):  # this session's, and where earlier ones are kept
+            for folder in (self._recording.parent, Path()):  # this session's folder, and that of earlier ones
                 options += ["--recordings", str(folder)]
             self._children.append(start("console", [*options, *self._watching, *self._common]))
             self._watching += ["--connect", self._console]
@@ -167,7 +167,7 @@ class _Supervisor:
         return 0
 
     def end(self) -> None:
-        """End all processes, and say what is waited for where that takes long."""
+        """End all processes, and report what is waited for where that takes long."""
         self._ending = self._said = time.monotonic()
         self._say("ending: the robot unloads, and the recording is closed")
         for child in end_session(self._children, meanwhile=self._tell_of_ending):
@@ -218,7 +218,7 @@ class _Supervisor:
             )
 
     def _judge(self, child: Child) -> int | None:
-        """The exit code of the session where this process has ended it, None where it goes on."""
+        """The exit code of the session if this process has ended it, None if it goes on."""
         code = child.process.poll()
         if code is None:
             return None
@@ -237,7 +237,7 @@ class _Supervisor:
         return 0 if child.role in SIDES else None
 
     def _goes_back(self, child: Child) -> bool:
-        """Whether a side that failed soon after a choice was started again as it was before."""
+        """Whether a side that failed soon after a choice was started again with the settings before it."""
         late = time.monotonic() - child.started > SETTLING
         if late or self._settings == self._before or child.role in WATCHERS:
             return False
@@ -247,7 +247,7 @@ class _Supervisor:
         return True
 
     def _pass_on(self) -> None:
-        """An emergency stop, and its release, are the follower's."""
+        """Pass an emergency stop and its release on to the follower."""
         followers = [child.process for child in self._children if child.role == "follower"]
         if self._stop.emergency:
             self._stop.emergency = ""
@@ -258,10 +258,10 @@ class _Supervisor:
             for process in followers:
                 process.send_signal(signal.SIGUSR2)
 
-    # What a console chooses.
+    # Choices of a console.
 
     def _follow(self, choice: Choice) -> None:
-        """Do what was chosen, or say why not."""
+        """Apply a choice, or report why it is refused."""
         if self._desk is None:
             return
         self._desk.refused = ""
@@ -285,7 +285,7 @@ class _Supervisor:
         self._say(f"chosen in the console: {what}; {who_begin} anew")
 
     def _begin_anew(self, settings: SessionSettings, *, whole: bool) -> None:
-        """Start the leader again, or both sides where the material is another: what was learnt is of that material."""
+        """Restart the leader, or both sides where the material changes: a model holds only for its material."""
         roles = ("leader", "follower") if whole else ("leader",)
         leaving = [child for child in self._children if child.role in roles]
         self._children = [child for child in self._children if child not in leaving]
@@ -300,7 +300,7 @@ class _Supervisor:
         self._start_leader()
 
     def _meanwhile(self) -> None:
-        """What does not wait for a process that ends."""
+        """Do the work that does not wait for a process that ends."""
         self._pass_on()
         for child in self._children:
             child.listen()
@@ -311,7 +311,7 @@ class _Supervisor:
         recording = [child for child in self._children if child.role == "record"]
         if record == "stop":
             for child in recording:
-                child.process.terminate()  # it ends its file; the session goes on
+                child.process.terminate()  # it completes its file; the session goes on
         elif record == "start" and not recording:
             self._record(_next_name(self._recording))
 
@@ -330,7 +330,7 @@ class _Supervisor:
         self._tell_recording(path)
 
     def _tell_recording(self, path: Path | None = None) -> None:
-        """Say which file is written; without one, none where no recorder runs."""
+        """Publish the path of the file being written; without one, none where no recorder runs."""
         if self._desk is None:
             return
         if path is not None:
@@ -353,21 +353,21 @@ class _Supervisor:
         self._children.append(leader)
 
     def _time_left(self) -> float | None:
-        """How long the leader's loop is to last [s], None without an end."""
+        """Remaining duration of the leader's loop [s], None without an end."""
         if self._duration is None:
             return None
         self._begun = time.monotonic() if self._begun is None else self._begun
         return max(self._duration - (time.monotonic() - self._begun), 0.1)
 
     def _chosen(self) -> list[str]:
-        """The settings as options of `foretouch leader` and `foretouch follower`."""
+        """Settings as options of `foretouch leader` and `foretouch follower`."""
         settings = self._settings
         stated = [(name, text) for name, text in settings.as_text().items() if getattr(settings, name) is not None]
         return [part for name, value in stated for part in (f"--{name.replace('_', '-')}", value)]
 
 
 def _next_name(path: Path) -> Path:
-    """The first name of a further recording that no file has."""
+    """The first unused name for a further recording."""
     number = 2
     while (name := path.with_stem(f"{path.stem}-{number}")).exists():
         number += 1

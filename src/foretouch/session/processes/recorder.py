@@ -1,4 +1,4 @@
-"""The recorder: a process of its own that listens to both sides and writes what it hears."""
+"""The recorder: a separate process that listens to both sides and writes what it receives."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from foretouch.messages import (
 )
 from foretouch.recordings import SessionWriter
 from foretouch.session.network.lease import ContestHeard
-from foretouch.session.processes.housekeeping import ORPHANED, StopFlag, orphaned
+from foretouch.session.runners.housekeeping import ORPHANED, StopFlag, orphaned
 
 RECORDER_CHANNELS = (
     "telemetry",
@@ -39,37 +39,37 @@ RECORDER_CHANNELS = (
     "fixture",
     "image",
 )
-"""What the recorder's link receives and the recording holds."""
+"""Channels that the recorder's link receives and the recording holds."""
 
 RECORDING_INCOMPLETE = 3
-"""Exit code of a recorder, and of a session, whose recording is not all there, or not where it was asked for."""
+"""Exit code of a recorder, and of a session, whose recording is incomplete or not at the requested path."""
 
 FLUSH_PERIOD = 0.4
-"""Between two flushes [s]: what a killed recorder loses."""
+"""Time between two flushes [s]: a killed recorder loses that much."""
 
 HELLO_PERIOD = 0.5
-"""Between two `Hello` of the recorder [s]."""
+"""Time between two `Hello` messages of the recorder [s]."""
 
 POLL_PERIOD = 0.02
-"""Between two looks at the inboxes [s]."""
+"""Time between two checks of the inboxes [s]."""
 
 GRACE = 1.0
-"""Listening goes on for this long after a `Stop` [s], for the last messages of the other side."""
+"""Time for which listening goes on after a `Stop`, for the last messages of the other side [s]."""
 
 MOST_PROCESSES = 64
-"""Starts of a side whose gaps in the sequence are counted, each a message that the recording does not hold."""
+"""Largest number of starts of a side whose gaps in the sequence are counted as messages missing from the recording."""
 
 
 class Recorder:
-    """Writes what it is given, counts what it was not, and goes on without a file where one cannot be written.
+    """Writes the messages it is given, counts those missing, and goes on without a file where one cannot be written.
 
     Args:
         path: The MCAP file.
 
     Attributes:
-        path: Where the file is: another place once the folder was removed.
-        problem: Why the recording is not all there, or not where it was asked for; "" while it is.
-        heard: Roles that have said hello.
+        path: Path of the file: another one once the folder was removed.
+        problem: Why the recording is incomplete or not at the requested path; "" while it is neither.
+        heard: Roles that have sent a `Hello`.
 
     Raises:
         RecordingError: The file cannot be begun.
@@ -98,7 +98,7 @@ class Recorder:
                 self._try(self._writer.write, message, arrival)
 
     def _count(self, name: str, process: int, number: int) -> None:
-        """Each process of a side counts its messages from 1."""
+        """Count gaps: each process of a side numbers its messages from 1."""
         if (name, process) not in self._sequences and len(self._sequences) < MOST_PROCESSES:
             self._sequences[name, process] = SequenceCounter()
         if sequence := self._sequences.get((name, process)):
@@ -106,27 +106,27 @@ class Recorder:
 
     @property
     def counts(self) -> dict[str, int]:
-        """Counters that the sides have said."""
+        """Counters that the sides have sent."""
         return self._hellos.counts
 
     def flush(self) -> None:
-        """Hand what was written to the operating system."""
+        """Flush to the operating system."""
         if self._writing:
             self._try(self._writer.flush)
 
     def close(self, counts: dict[str, int]) -> None:
-        """End the file with these counters."""
+        """Complete the file with these counters."""
         if self._writing:
             self._try(self._writer.close, counts)
 
     @property
     def missed(self) -> int:
-        """Messages between the first and the newest of each side that have not arrived here."""
+        """Number of messages between the first and the newest of each side that have not arrived here."""
         return sum(sequence.lost for sequence in self._sequences.values())
 
     @property
     def kept(self) -> str:
-        """How much of the session stands in the file, as a text."""
+        """Text on how much of the session is in the file."""
         kept = self._writer.kept_ns
         return f"{(kept[1] - kept[0]) * 1e-9:.1f} s are kept in {self.path}" if kept else "nothing was recorded"
 
@@ -148,23 +148,23 @@ def run_recorder(
 ) -> str:
     """Record until a `Stop` has arrived or `stop` is set, then close the file.
 
-    Once both sides have been heard it says `Hello` itself, twice a second, so that a leader may wait for it and all may
-    know what it missed. Where the disk is full or the file was removed it says so at once, here and in its `Hello` as
-    ``recorder_failed``, and stays.
+    Once both sides have been received it sends `Hello` itself, twice a second, so that a leader may wait for it and all
+    see what it missed. Where the disk is full or the file was removed it reports that at once, here and in its `Hello`
+    as ``recorder_failed``, and keeps running.
 
     Args:
-        link: With `RECORDER_CHANNELS`.
+        link: Link with `RECORDER_CHANNELS`.
         path: The MCAP file.
-        stop: Looked at in every round.
+        stop: Checked in every round.
         say: Prints one line for people.
         parent: Process whose end ends this one.
 
     Returns:
-        Why the recording is not all there, or not where it was asked for; "" where it is.
+        Why the recording is incomplete or not at the requested path; "" if it is neither.
 
     Raises:
         RecordingError: The file cannot be begun.
-        PeerVersionError: All that was heard speaks another version; no file is left.
+        PeerVersionError: All messages received are of another version; no file is left.
     """
     recorder = Recorder(path)
     try:
@@ -190,7 +190,7 @@ def run_recorder(
 def _listen(
     link: ZenohLink, recorder: Recorder, stop: StopFlag, say: Callable[[str], None], parent: int | None
 ) -> None:
-    """Record until the end; say what went wrong as soon as it does."""
+    """Record until the end; report a problem as soon as it occurs."""
     said, hellos = "", 0
     contest = ContestHeard("recorder", say, parent)
     flushed, spoken = time.monotonic(), -math.inf
@@ -220,12 +220,12 @@ def _listen(
 
 
 def _other_version(link: ZenohLink, parent: int | None) -> PeerVersionError | None:
-    """Why nothing of this session can be recorded; processes of one parent are of one version."""
+    """Error if nothing of this session can be recorded; processes of one parent are of one version."""
     return link.other_version() if parent is None else None
 
 
 def _counts(link: ZenohLink, recorder: Recorder) -> dict[str, int]:
-    """What the recording does not hold."""
+    """Counters of what is missing from the recording."""
     return {
         "recorder_undecodable": link.undecodable,
         "recorder_dropped": link.dropped,
@@ -234,7 +234,7 @@ def _counts(link: ZenohLink, recorder: Recorder) -> dict[str, int]:
 
 
 def _hello(number: int, counts: dict[str, int], problem: str) -> Hello:
-    """What the recorder says of itself."""
+    """The recorder's `Hello`."""
     texts = {COUNT_PREFIX + name: str(count) for name, count in counts.items()}
     if problem:
         texts["recorder_failed"] = problem

@@ -1,11 +1,10 @@
-"""The settings and the machines of a recorded session, for it to be run again.
+"""The settings, operator and robot of a recorded session, for its replay.
 
-The operator moves as it did; the robot feels what it felt.
+The operator moves as recorded; the robot feels the recorded force.
 """
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Mapping
 from typing import Any
@@ -19,10 +18,10 @@ from foretouch.errors import InputError
 from foretouch.quantities import LARGEST_POSITION, Rows
 from foretouch.robot import Robot, RobotSample, RobotSpecification, material_names
 from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
+from foretouch.settings import DEFAULTS
 
-_DEFAULTS: dict[str, Any] = {one.name: one.default for one in dataclasses.fields(SessionSettings) if one.init}
-del _DEFAULTS["robot"]  # it is played, whatever it was
-del _DEFAULTS["calibration"]  # what was recorded is corrected already
+_DEFAULTS = {name: default for name, default in DEFAULTS.items() if name not in ("robot", "calibration")}
+"""Defaults of a recording's settings: its robot is replayed, whatever it was, with values already calibrated."""
 
 
 def recorded_settings(
@@ -30,8 +29,8 @@ def recorded_settings(
 ) -> tuple[SessionSettings, tuple[str, ...]]:
     """The settings that a recording names, some of them changed.
 
-    What the recording does not say, or what no version knows that this one is, has its default. A changed law has its
-    own default estimator, unless that is changed too.
+    A setting that the recording lacks, or that this version does not know, has its default. A changed law has its own
+    default estimator, unless that is changed too.
 
     Args:
         texts: `foretouch.messages.SessionLog.settings`.
@@ -57,16 +56,16 @@ def recorded_settings(
 
 
 def _parsed(texts: Mapping[str, str]) -> tuple[dict[str, Any], list[str]]:
-    """The values in the texts, by name, and what is to be said of the others."""
+    """The values in the texts, by name, and notes on the others."""
     values: dict[str, Any] = {}
     missing, notes = [], []
     for name, default in _DEFAULTS.items():
         if name not in texts:
             missing.append(name)
         elif name == "operator" and texts[name] not in OPERATORS:
-            continue  # a shadow, or a device of somebody's own: it is played, whoever it was
+            continue  # a shadow, or a device from elsewhere: it is replayed, whatever it was
         elif name == "material" and texts[name] not in material_names():
-            continue  # of a package that is not here: what it answered is played
+            continue  # of a package that is not installed: its output is replayed
         else:
             try:
                 values[name] = (float if default is None else type(default))(texts[name])  # None: a number not stated
@@ -78,10 +77,10 @@ def _parsed(texts: Mapping[str, str]) -> tuple[dict[str, Any], list[str]]:
 
 
 def _understood(values: dict[str, Any]) -> tuple[dict[str, Any], list[str]]:
-    """Those values that go together, as many as can be had, and what is to be said of the others."""
+    """Those values that are consistent, as many as possible, and notes on the others."""
     taken: dict[str, Any] = {}
     left = dict(values)
-    for _ in range(2):  # some need others that come later
+    for _ in range(2):  # some depend on others that come later
         for name in list(left):
             try:
                 SessionSettings(**taken, **{name: left[name]})
@@ -102,14 +101,14 @@ Array = NDArray[np.float64]
 class PlayedOperator(Device):
     """A hand that moves as it did in a recorded session, whatever it feels.
 
-    Between the recorded ticks the motion is a straight line; behind the last it stays. A hand that felt something
-    waited until it had met the follower: its time began then, and here it waits again.
+    Between the recorded ticks the motion is linear; after the last it stays. A hand that felt something waited until it
+    was coupled with the follower: its time began then, and here it waits again.
 
     Args:
-        name: Of the operator that was recorded.
+        name: Name of the recorded operator.
         leader: Rows of one process of the leader, at least 1, with some position of the hand in them.
-        position_scale: Of the session: recordings of old have the proxy's position alone.
-        intends: Whether the motion is what the hand meant to do, where that is known, and not what it did. It feels
+        position_scale: Position scale of the session: old recordings have only the proxy's position.
+        intends: Whether to play the hand's intended motion, where that is known, and not the measured one. It feels
             nothing then: it is for a `foretouch.devices.Hand` to follow.
     """
 
@@ -131,12 +130,12 @@ class PlayedOperator(Device):
         self._now = 0.0
 
     @property
-    def name(self) -> str:  # type: ignore[override]  # that of whoever was recorded
+    def name(self) -> str:  # type: ignore[override]  # of the recorded operator
         """Name of the operator."""
         return self._name
 
     @property
-    def closed_loop(self) -> bool:  # type: ignore[override]  # who felt something waited, and waits again
+    def closed_loop(self) -> bool:  # type: ignore[override]  # a hand that felt something waited, and waits again
         """Whether the hand waits for the follower; no force moves it."""
         return self._waits
 
@@ -151,35 +150,35 @@ class PlayedOperator(Device):
         return float(np.interp(self._now, self._time, self._place))
 
     def render(self, force: float) -> float:
-        """Nobody feels it: the force [N] within the limit that every device has."""
+        """The force [N], clipped to the limit of every device; it moves nothing."""
         return limit_force(force)
 
     @property
     def exact_position(self) -> float:
-        """Where the hand was [m], not rounded; NaN where nobody knows."""
+        """Exact position of the hand [m]; NaN where it is unknown."""
         return float(np.interp(self._now, self._time, self._exact))
 
     @property
     def intention(self) -> float:
-        """Where the hand meant to be [m]; NaN where nobody knows."""
+        """Intended position of the hand [m]; NaN where it is unknown."""
         return float(np.interp(self._now, self._time, self._wanted))
 
     @property
     def clutched(self) -> bool:
-        """Whether hand and follower, once they had met, were apart: the clutch was pressed, or the robot stopped."""
+        """Whether hand and follower, once coupled, were apart: the clutch was pressed, or the robot stopped."""
         return bool(self._clutched[np.searchsorted(self._time, self._now, side="right") - 1])
 
 
 class PlayedRobot(Robot):
-    """A robot that goes its recorded way and feels what it felt, whatever it is told.
+    """A robot that follows its recorded path and feels the recorded force, whatever is commanded.
 
-    Weight and inertia of the tool are off the recorded force already. Samples whose sensors were not believed show no
-    number, so that they are not believed again. Before the first sample and behind the last that one is repeated.
+    Weight and inertia of the tool are already subtracted from the recorded force. Samples of sensors not trusted
+    are NaN, so that they are rejected again. Before the first sample and after the last that one is repeated.
 
     Args:
-        rows: Of `foretouch.messages.SessionLog.follower`, of one process, at least 1.
-        time_ns: When each of them is felt, from the first tick of the replay on [ns], increasing, shape of `rows`.
-        ticks: Of the replay.
+        rows: Rows of `foretouch.messages.SessionLog.follower`, of one process, at least 1.
+        time_ns: Time at which each of them is felt, from the replay's first tick [ns], increasing, shape of `rows`.
+        ticks: Number of ticks of the replay.
 
     Attributes:
         rows: The newest row at each tick, shape (ticks,).
@@ -208,7 +207,7 @@ class PlayedRobot(Robot):
         )
 
     def read(self) -> RobotSample:
-        """What the sensors showed at this tick."""
+        """Sensor sample at this tick."""
         position, force, exact = (column[self._tick] for column in self._columns)
         return RobotSample(position, force, 0.0, exact, math.nan, position, self._clipped[self._tick])
 
@@ -219,7 +218,7 @@ class PlayedRobot(Robot):
 
 
 def _filled(values: Array) -> Array:
-    """The same with what is not finite taken from the last that is, and at the beginning from the first."""
+    """Replace values that are not finite by the last finite one, and at the beginning by the first."""
     known = np.isfinite(values)
     if not known.any():
         return values

@@ -1,4 +1,4 @@
-"""A recorded session again: its learning from the follower's columns, its prediction on the leader's motion."""
+"""Replay of a recorded session: learning from the follower's columns, prediction on the leader's motion."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Replay(ByValue):
-    """A session's forces at each leader tick of its longest stretch.
+    """A session's forces at each leader tick of its longest segment.
 
     Attributes:
         predicted: Force that the leader would have rendered under the delay asked for.
@@ -32,34 +32,34 @@ class Replay(ByValue):
 
 
 def replay(log: SessionLog, learner: Learner, *, delay: float) -> Replay:
-    """Learn from what the follower felt and predict on what the operator did, under a delay of one's own choice.
+    """Learn from the follower's forces and predict on the operator's motion, under a chosen delay.
 
     Models and telemetry are sent in the ticks in which the session sent them, and arrive when they arrived in the
     session, earlier or later by the difference of the delays: the network's own jitter and losses stay, and no two
     clocks are compared. At the session's own delay the session's own prediction comes out. As in the session, nothing
     is learnt from samples whose sensors were not to be trusted.
 
-    Where a side ended and began again, the leader's motion is that of the longest stretch (`SessionLog.longest`), and
-    all that the follower's process of that stretch had learnt before it counts; what the leader brought along of a
+    Where a side ended and began again, the leader's motion is that of the longest segment (`SessionLog.longest`), and
+    all that the follower's process of that segment had learnt before it counts; what the leader brought along of a
     process before that does not.
 
     Args:
-        log: Of the session.
-        learner: Fresh.
-        delay: Of models and telemetry [s], not negative.
+        log: Log of the session.
+        learner: New learner.
+        delay: Delay of models and telemetry [s], not negative.
 
     Raises:
         RecordingError: A side is missing, the session's own delay is, or a column cannot be read as a recording.
         SettingError: delay is negative or not finite.
     """
     require("delay", delay, at_least=0.0)
-    stretch = log.longest()
-    leader, felt = stretch.leader, _felt(log, stretch)
+    segment = log.longest()
+    leader, felt = segment.leader, _felt(log, segment)
     believed = believable(felt)
     if believed.sum() < 2 or not leader.size:
         raise RecordingError("session", "a side is missing: nothing to predict")
     try:
-        later = delay - float(stretch.settings["force_delay"])
+        later = delay - float(segment.settings["force_delay"])
     except (KeyError, ValueError):
         raise RecordingError(
             "session", "does not say its force_delay: no other delay can be put in its place"
@@ -68,7 +68,7 @@ def replay(log: SessionLog, learner: Learner, *, delay: float) -> Replay:
     places = np.cumsum(believed) - 1  # of the newest sample that was learnt, among those that were
     published = np.flatnonzero((np.diff(felt["model_sequence"], prepend=0) > 0) & (places >= 0))
     arrived = _arrivals(clock, leader["model_sequence"], felt["model_sequence"][published]) + later
-    # A model whose past is what another leader commanded is not taken.
+    # A model learnt from the commands of another leader is not taken.
     arrived[~np.isin(felt["epoch"][published], (0, leader["epoch"][0]))] = np.inf
     motion = Motion(
         clock,
@@ -80,18 +80,18 @@ def replay(log: SessionLog, learner: Learner, *, delay: float) -> Replay:
     )
     time = (felt["time_ns"] - felt["time_ns"][0])[believed] * 1e-9
     recording = Recording(time, felt["position"][believed], felt["sensor_force"][believed])
-    told = _arrivals(clock, leader["telemetry_sequence"], stretch.follower["sequence"]) + later
+    told = _arrivals(clock, leader["telemetry_sequence"], segment.follower["sequence"]) + later
     known = np.searchsorted(told, clock + TIME_TOLERANCE, side="right") - 1
-    force = stretch.follower["force"]
+    force = segment.follower["force"]
     delayed = np.where(known >= 0, force[known], 0.0) if force.size else np.zeros(clock.size)
     return Replay(predict_motion(recording, learner, motion), delayed)
 
 
-def _felt(log: SessionLog, stretch: SessionLog) -> Rows:
-    """What the follower's process of a stretch felt up to its end; learning begins with the first command."""
-    if not stretch.follower.size:
-        return stretch.follower
-    last = stretch.follower[-1]
+def _felt(log: SessionLog, segment: SessionLog) -> Rows:
+    """Rows of a segment's follower process up to its end; learning begins with the first command."""
+    if not segment.follower.size:
+        return segment.follower
+    last = segment.follower[-1]
     felt = log.follower[(log.follower["run"] == last["run"]) & (log.follower["sequence"] <= last["sequence"])]
     begun: NDArray[np.bool_] = np.maximum.accumulate(felt["command_sequence"] > 0)
     return np.asarray(felt[begun])
@@ -105,9 +105,9 @@ def _learnt_at(felt: Rows, believed: NDArray[np.bool_]) -> NDArray[np.int64]:
 
 
 def _round_trips(log: SessionLog, felt: Rows) -> Array:
-    """What the follower told its estimator of the delay at each of these ticks [s], NaN where nothing.
+    """Delay that the follower gave its estimator at each of these ticks [s], NaN where none.
 
-    Which models the leader had when it sent a command stands in the leader's own row of that command.
+    The leader's own row of a command shows which models it had when it sent that command.
     """
     trip, told = RoundTrip(), np.full(felt.size, np.nan)
     acknowledged = np.zeros(felt.size, dtype=np.int64)
@@ -133,11 +133,11 @@ def _round_trips(log: SessionLog, felt: Rows) -> Array:
 
 
 def _acknowledged(leader: Rows, felt: Rows, obeying: NDArray[np.bool_]) -> NDArray[np.int64]:
-    """The model that one leader's process rendered from when it sent what was applied in these ticks, 0 for none."""
+    """The model that one leader process rendered from when it sent the commands applied in these ticks, 0 for none."""
     ours = leader[np.isin(leader["run"], (0, felt["run"][0]))]
     row = np.searchsorted(ours["sequence"], felt["command_sequence"][obeying], side="right")
     newest = np.concatenate(([0], ours["model_sequence"]))[row]
-    # It takes no model whose past is what another leader commanded.
+    # It takes no model learnt from the commands of another leader.
     sent = np.flatnonzero(np.diff(felt["model_sequence"], prepend=0) > 0)
     index = np.searchsorted(felt["model_sequence"][sent], newest, side="right") - 1
     for_whom = np.append(felt["epoch"][sent], 0)[index]
@@ -145,7 +145,7 @@ def _acknowledged(leader: Rows, felt: Rows, obeying: NDArray[np.bool_]) -> NDArr
 
 
 def _told_before(told: Array, believed: NDArray[np.bool_]) -> Array:
-    """What was told last before each sample that was learnt, NaN where nothing was since the one before it."""
+    """Newest delay given before each sample that was learnt, NaN where there was none since the previous one."""
     newest = np.maximum.accumulate(np.where(np.isnan(told), -1, np.arange(told.size)))[believed]
     fresh = np.diff(newest, prepend=-1) > 0
     return np.where(fresh, told[newest], np.nan)
@@ -155,8 +155,8 @@ def _arrivals(clock: Array, newest: NDArray[np.int64], sequences: NDArray[np.int
     """Time at which each message, or a newer one, had arrived [s]; inf where none did.
 
     Args:
-        clock: Of the receiver's ticks [s].
+        clock: Clock at the receiver's ticks [s].
         newest: Newest sequence number that had arrived at each tick.
-        sequences: Of the messages, increasing.
+        sequences: Sequence numbers of the messages, increasing.
     """
     return np.append(clock, np.inf)[np.searchsorted(np.maximum.accumulate(newest), sequences)]

@@ -1,6 +1,6 @@
-"""A recorded session run again under other delays, faults, laws or estimators, by the runners in simulated time.
+"""Replay of a recorded session under other delays, faults, laws or estimators, by the runners in simulated time.
 
-In three dimensions a hand moves as it did, and all else is simulated again.
+In three dimensions the hand moves as recorded, and all else is simulated again.
 """
 
 from __future__ import annotations
@@ -22,12 +22,13 @@ from foretouch.robot import MATERIALS, Robot, material_names
 from foretouch.session.network.playout import Playout
 from foretouch.session.replay.machines import PlayedOperator, PlayedRobot
 from foretouch.session.robots import make_session_robot
+from foretouch.session.runners.lap import simulate_scene
 from foretouch.session.runners.simulated import simulate
-from foretouch.session.runners.simulated_scene import simulate_scene
-from foretouch.session.settings import NO_GRIP, SAMPLE_PERIOD, SessionSettings
+from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
 from foretouch.session.spatial.camera import SimulatedCamera
 from foretouch.session.spatial.making import make_camera, make_spatial_operator, make_spatial_robot
 from foretouch.session.spatial.scenes import Scene, make_scene
+from foretouch.settings import NO_GRIP
 
 _REAL = "is of a real robot in three dimensions, which nobody can simulate again"
 _HELD = "is of a hand in three dimensions, which is run again with --closed-loop alone"
@@ -39,9 +40,9 @@ class PlayedSpatialOperator(SpatialDevice):
     """A hand that moves through the world as it did in a recorded session, whatever it feels or sees.
 
     Args:
-        name: Of the operator that was recorded.
-        space: Rows of `SessionLog.leader_space` of one process, with some place of the hand in them.
-        position_scale: Of the session: the places are those of the follower.
+        name: Name of the recorded operator.
+        space: Rows of `SessionLog.leader_space` of one process, with some position of the hand in them.
+        position_scale: Position scale of the session: the recorded positions are the follower's.
     """
 
     def __init__(self, name: str, space: Rows, *, position_scale: float = 1.0) -> None:
@@ -52,19 +53,19 @@ class PlayedSpatialOperator(SpatialDevice):
         self._place: Vector = (math.nan, math.nan, math.nan)
 
     @property
-    def name(self) -> str:  # type: ignore[override]  # that of whoever was recorded
+    def name(self) -> str:  # type: ignore[override]  # of the recorded operator
         """Name of the operator."""
         return self._name
 
     def read(self, now_ns: int) -> Vector:
-        """Place of the hand [m]; between the recorded ticks on a straight line."""
+        """Position of the hand [m]; between the recorded ticks interpolated linearly."""
         x, y, z = (float(np.interp(now_ns, self._time, axis)) for axis in self._axes)
         self._place = (x, y, z)
         return self._place
 
     @property
     def intention(self) -> Vector:
-        """Where the hand is: nothing moves it."""
+        """Position of the hand: it does not react to forces."""
         return self._place
 
 
@@ -77,20 +78,20 @@ def replay_scene(
 ) -> SessionLog:
     """Run a session in three dimensions again; see `foretouch.session.replay.under`.
 
-    World, robot and camera are simulated again from the settings and their seed. In an open loop the hand goes its
-    recorded way; in a closed loop the script is played again to a hand that the force moves.
+    World, robot and camera are simulated again from the settings and their seed. In an open loop the hand follows its
+    recorded path; in a closed loop the script is played again to a hand that the force moves.
 
     Args:
-        log: One stretch of a simulated session.
-        settings: All of them.
+        log: One segment of a simulated session.
+        settings: All settings.
         closed_loop: Whether the force moves the hand.
         description: Further texts for the log.
-        progress: Called now and then with the time that has been run again [s].
+        progress: Called now and then with the time that has been replayed [s].
 
     Raises:
-        RecordingError: The robot was a real one, the material is of a package that is not installed, or there was a
-            camera and there is none here. In an open loop: the hand felt something. In a closed loop: the hand did not
-            follow a script.
+        RecordingError: The robot was real, the material is of a package that is not installed, or a camera was used and
+            none is available here. In an open loop: the hand felt something. In a closed loop: the hand did not follow
+            a script.
     """
     if not np.isfinite(log.follower_space["exact_x"]).any():
         raise RecordingError("session", _REAL)
@@ -106,11 +107,10 @@ def replay_scene(
     try:
         return simulate_scene(
             settings,
-            scene,
+            operator,
+            robot,
+            camera,
             duration=ticks * SAMPLE_PERIOD,
-            operator=operator,
-            robot=robot,
-            camera=camera,
             description=description,
             progress=progress,
         ).log
@@ -144,10 +144,10 @@ def _camera(settings: SessionSettings, scene: Scene) -> SimulatedCamera | None:
 Times = NDArray[np.int64]
 
 FIXED_MOTION = "the operator's motion is fixed: who feels another force would have moved otherwise"
-"""What is to be known of a replay in an open loop."""
+"""Note on a replay in an open loop."""
 
 CLOSED_LOOP = "the hand answers: the force that is rendered now moves it"
-"""What is to be known of one in a closed loop."""
+"""Note on a replay in a closed loop."""
 
 _PERIOD_NS = round(SAMPLE_PERIOD * 1e9)
 
@@ -161,27 +161,27 @@ def replay_under(
     """Run a recorded session again, under other settings.
 
     In an open loop the hand moves as it was recorded, in a closed loop its recorded intention moves a simulated hand,
-    with the settings' grip, against the force that is rendered now. A material that was simulated answers: it and its
-    robot are simulated again, from the settings and their seed. Of a real robot, or one that somebody else moved, there
-    is only the force that was measured where it was measured: it goes its recorded way and feels what it felt, later or
-    earlier by as much as its commands come.
+    with the settings' grip, against the force that is rendered now. A simulated material reacts: it and its robot are
+    simulated again, from the settings and their seed. Of a real robot, or one moved by a person, only the force
+    measured on its path is known: it follows its recorded path and feels the recorded force, later or earlier by the
+    change in the commands' delay.
 
-    Both sides run in ticks of exactly `SAMPLE_PERIOD`, over one clock. A simulated session under its own settings comes
-    out bit by bit.
+    Both sides run in ticks of exactly `SAMPLE_PERIOD`, over one clock. A simulated session under its own settings is
+    reproduced bit by bit.
 
     Args:
-        log: The session; of one in which a side began again, the longest stretch is taken.
-        settings: All of them; `recorded_settings` has those of the recording.
+        log: The session; if a side began again in it, the longest segment is used.
+        settings: All settings; `recorded_settings` has those of the recording.
         closed_loop: Whether the force moves the hand.
-        progress: Called now and then with the time that has been run again [s].
+        progress: Called now and then with the time that has been replayed [s].
 
     Returns:
-        The session that comes of it. Its `settings` also say ``replay``, "open loop" or "closed loop".
+        The resulting session. Its `settings` also contain ``replay``, "open loop" or "closed loop".
 
     Raises:
-        RecordingError: A side is missing, or the motion of the hand; of one in three dimensions, what cannot be
+        RecordingError: A side or the motion of the hand is missing; or part of a session in three dimensions cannot be
             simulated again.
-        SettingError: A closed loop without a grip, or with a robot that does not answer.
+        SettingError: A closed loop without a grip, or with a robot that does not react.
     """
     log = log.longest()
     leader = log.leader
@@ -203,7 +203,7 @@ def replay_under(
         rule = "needs a material that answers: of this robot there is only the force where it was measured"
         raise SettingError("closed loop", True, rule)
     felt = _felt_at(log, settings)
-    ticks = min(ticks, int(felt[-1]) // _PERIOD_NS + 1)  # behind its last sample there is nothing to learn from
+    ticks = min(ticks, int(felt[-1]) // _PERIOD_NS + 1)  # after its last sample there is nothing to learn from
     if ticks < 2:
         raise RecordingError("session", "the robot felt nothing while the operator moved")
     played = PlayedRobot(log.follower, felt, ticks)
@@ -211,7 +211,7 @@ def replay_under(
 
 
 def material_answers(log: SessionLog) -> bool:
-    """Whether what the robot pressed can be simulated again: it was, and nobody else moved the robot."""
+    """Whether what the robot pressed can be simulated again: it was simulated, and no person moved the robot."""
     log = log.longest()
     follower = log.follower
     known = log.settings.get("material") in MATERIALS and bool(np.isfinite(follower["exact_force"]).all())
@@ -219,7 +219,7 @@ def material_answers(log: SessionLog) -> bool:
 
 
 def replay_notes(log: SessionLog, settings: SessionSettings, closed_loop: bool = False) -> tuple[str, ...]:
-    """What is to be known of a replay: what is fixed in it, what answers, and what of the recording is not in it.
+    """Notes on a replay: what is fixed in it, what reacts, and what of the recording is missing.
 
     Args:
         log: The session.
@@ -227,15 +227,15 @@ def replay_notes(log: SessionLog, settings: SessionSettings, closed_loop: bool =
         closed_loop: As for `replay_under`.
 
     Returns:
-        Sentences, without a full stop; the first says whether the operator's motion is fixed.
+        Sentences without a full stop; the first states whether the operator's motion is fixed.
     """
-    stretches, stretch = log.stretches(), log.longest()
-    leader = stretch.leader
+    segments, segment = log.segments(), log.longest()
+    leader = segment.leader
     notes = [CLOSED_LOOP if closed_loop else FIXED_MOTION]
     if closed_loop and not np.isfinite(leader["intended_position"]).any():
         notes.append("what the hand meant was not recorded: where it was is taken for that")
     if not closed_loop and settings.grip != NO_GRIP:
-        if stretch.settings.get("replay") != "open loop":
+        if segment.settings.get("replay") != "open loop":
             lets = ": --closed-loop lets it" if material_answers(log) else ""
             notes.append(f"recorded in a closed loop, and the hand does not answer here{lets}")
         notes.append("the hand is where it was; how far the robot is from it comes of the replay's own models")
@@ -244,9 +244,9 @@ def replay_notes(log: SessionLog, settings: SessionSettings, closed_loop: bool =
         notes.append(f"the robot and its material ({settings.material}){beside} are simulated again")
     else:
         notes.append("the robot's motion is fixed too: its measured force comes as late as its commands do")
-    if len(stretches) > 1:
-        notes.append(f"a side began again: of {len(stretches)} stretches the longest is run again")
-    if len(stretch.phases()) > 1:
+    if len(segments) > 1:
+        notes.append(f"a side began again: of {len(segments)} segments the longest is run again")
+    if len(segment.phases()) > 1:
         notes.append("the network was changed meanwhile: it is run again as it was at the end")
     if log.emergencies:
         notes.append("the recording's emergency stops are not given again")
@@ -258,7 +258,7 @@ def replay_notes(log: SessionLog, settings: SessionSettings, closed_loop: bool =
 
 
 def _operator(log: SessionLog, leader: Rows, settings: SessionSettings, closed_loop: bool) -> Device:
-    """Who moves the leader again."""
+    """Operator that moves the leader in the replay."""
     played = PlayedOperator(
         log.settings.get("operator", settings.operator),
         leader,
@@ -270,7 +270,7 @@ def _operator(log: SessionLog, leader: Rows, settings: SessionSettings, closed_l
     if not closed_loop:
         return played
     _require_grip(settings, closed_loop)
-    return Hand(played, GRIPS[settings.grip], settings.device, settings.clutch_times)
+    return Hand(played, GRIPS[settings.grip], settings.device, settings.clutch)
 
 
 def _require_grip(settings: SessionSettings, closed_loop: bool) -> None:
@@ -280,7 +280,7 @@ def _require_grip(settings: SessionSettings, closed_loop: bool) -> None:
 
 
 def _told(log: SessionLog, settings: SessionSettings, closed_loop: bool) -> dict[str, str]:
-    """What the recording said beside its settings, and what this is."""
+    """Texts of the recording beside its settings, and those of this replay."""
     chosen = settings.as_text()
     told = {name: text for name, text in log.settings.items() if name not in chosen}
     return told | {"replay": "closed loop" if closed_loop else "open loop"}
@@ -295,9 +295,9 @@ def _run(
     ticks: int,
     progress: Callable[[float], None] | None,
 ) -> SessionLog:
-    """Run the session; the log says what the recording said beside its settings."""
+    """Run the session; the log contains the recording's texts beside its settings."""
     chosen = settings.as_text()
-    # Who is played counts as the session does.
+    # The played operator counts as the session does.
     framed = dataclasses.replace(settings, leader_frame=SessionSettings.leader_frame)
     told = {name: chosen[name] for name in ("leader_frame", "follower_frame")}
     if isinstance(robot, PlayedRobot):
@@ -314,26 +314,26 @@ def _run(
     return session.log
 
 
-def _felt_at(stretch: SessionLog, settings: SessionSettings) -> Times:
-    """When the replay's robot feels what the recorded one felt, from the first tick on [ns]: as its commands come.
+def _felt_at(segment: SessionLog, settings: SessionSettings) -> Times:
+    """Times at which the replay's robot feels what the recorded one felt, since the first tick [ns]: as commands come.
 
-    What two clocks are apart is in the transit of the commands that they show; the replay's own takes its place.
+    The offset of two clocks is in the transit of the commands that they show; the replay's own transit replaces it.
     """
-    rows = stretch.rows()
+    rows = segment.rows()
     if not rows.leader.size:
         raise RecordingError("session", "the robot applied no command: there is nothing to run again")
     shown = _usual(rows.follower["time_ns"] - rows.leader["time_ns"])
-    later = _usual_transit(settings, stretch.leader.size) - shown
-    return np.asarray(stretch.follower["time_ns"] + later - stretch.leader["time_ns"][0])
+    later = _usual_transit(settings, segment.leader.size) - shown
+    return np.asarray(segment.follower["time_ns"] + later - segment.leader["time_ns"][0])
 
 
 def _usual_transit(settings: SessionSettings, ticks: int) -> int:
-    """How long commands usually take in a replay, until they are played [ns]."""
+    """Usual time until commands are played in a replay [ns]."""
     stage: FaultStage[int] = FaultStage(settings.command_faults)
     playout, taken, applied, newest = Playout(), [], 0, 0
     for tick in range(ticks):
         for sequence in stage.pop_due(tick * _PERIOD_NS):
-            if sequence > newest:  # what was overtaken is refused
+            if sequence > newest:  # an overtaken command is refused
                 newest = sequence
                 playout.push(sequence, 0.0)
         playout.advance()
@@ -345,14 +345,14 @@ def _usual_transit(settings: SessionSettings, ticks: int) -> int:
 
 
 def _usual(times: Times) -> int:
-    """Their median, one of them."""
+    """Median of these times, as one of them."""
     return int(np.percentile(times, 50.0, method="lower"))
 
 
 def _as_it_was(log: SessionLog, recorded: Rows) -> SessionLog:
-    """The replay of a robot that went its own way: held back, or not, is what either the recording or the replay says.
+    """Replay of a robot that followed its own path: it is held back where the recording or the replay reports it.
 
-    What is held back, or did something else than follow, is not scored.
+    Ticks in which the robot is held back, or did not follow, are not scored.
     """
     follower = log.follower.copy()
     follower["guarded"] |= recorded["guarded"]

@@ -21,8 +21,8 @@ class DrivenFollower(Protocol):
     """A follower's step with its robot.
 
     Attributes:
-        channels: That it listens to beside those of every follower.
-        state: Of the follower along the line or the normal.
+        channels: Channels that it listens to beside those of every follower.
+        state: State of the follower along the line or the normal.
     """
 
     channels: tuple[str, ...]
@@ -55,8 +55,8 @@ class DrivenLeader(Protocol):
     """A leader's step with its operator.
 
     Attributes:
-        channels: That it listens to beside those of every leader.
-        state: Of the leader along the line or the normal, or of a baseline.
+        channels: Channels that it listens to beside those of every leader.
+        state: State of the leader along the line or the normal, or of a baseline.
         nowhere: Ticks in which the device gave no position: the hand then counts as not moved.
     """
 
@@ -85,7 +85,7 @@ class LineFollower:
     channels: tuple[str, ...] = ()
 
     def __init__(self, robot: Robot, settings: SessionSettings, run: int) -> None:
-        self._robot = framed_robot(robot, settings.frames[1])
+        self._robot = framed_robot(robot, settings.follower_frame)
         self.state = follower.start(self._robot.specification, settings, run=run)
         self._sample = self._robot.read()
         self._desired = self._sample.commanded_position
@@ -140,7 +140,7 @@ class LineLeader:
         self._side = leading_side(settings)
         self.state = self._side.start(settings, holder=holder, epoch=epoch, device=felt_device(operator, settings))
         self.nowhere = 0
-        self._operator = framed_device(operator, settings.frames[0])
+        self._operator = framed_device(operator, settings.leader_frame)
         self._mouse: BrowserOperator | None = browser_operator(self._operator)
 
     def take(self, handle: Handle, now_ns: int) -> None:

@@ -42,17 +42,21 @@ class SpaceFollower:
         self._whole = follower.start(robot.specification, settings, scene.surface, scene.nominal, run=run)
         self.state = self._whole.inner
         self._beliefs: list[FixtureBelief] = []
-        self._sample = robot.read()
-        self._desired = self._sample.place
+        self.sample = robot.read()
+        self._desired = self.sample.place
         self._back = settings.return_speed * SAMPLE_PERIOD
 
     def exchange(self) -> None:
         """Let a sample period of the robot pass, with the newest command."""
-        self._sample = self._robot.exchange(self._desired)
+        self.sample = self._robot.exchange(self._desired)
 
     def listen(self, link: ZenohLink) -> None:
         """Take what the tracker says."""
-        self._beliefs = [belief for _, belief in link.take("fixture")]
+        self.believe([belief for _, belief in link.take("fixture")])
+
+    def believe(self, beliefs: list[FixtureBelief]) -> None:
+        """Take what is believed of the fixture, for the next tick."""
+        self._beliefs = beliefs
 
     def tick(
         self,
@@ -67,7 +71,7 @@ class SpaceFollower:
     ) -> list[Message]:
         """One tick: what it says."""
         beliefs, self._beliefs = self._beliefs, []
-        inputs = follower.Inputs(commands, self._sample, period_ns, compute_ns, beliefs, stop, release, ended)
+        inputs = follower.Inputs(commands, self.sample, period_ns, compute_ns, beliefs, stop, release, ended)
         _, acted = follower.step(self._whole, inputs, now_ns)
         self._desired = acted.desired
         said = (acted.telemetry, acted.space, acted.model, acted.field)
@@ -75,7 +79,7 @@ class SpaceFollower:
 
     def back_off(self) -> None:
         """Where a tick raises: go back along the force that the newest sample feels, whatever is believed."""
-        force = subtract(self._sample.force, self._whole.bias)
+        force = subtract(self.sample.force, self._whole.bias)
         size = norm(force)
         if 0.0 < size < math.inf:
             along_the_line.feel_plainly(self.state, size)

@@ -1,4 +1,4 @@
-"""The runner in real time: one process a side, joined by the network; the same steps as in simulated time."""
+"""Real-time runner: one process per side, joined by the network, with the same steps as in simulated time."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from foretouch.messages import PROCESS, SIDES, VERSION, Command, EmergencyStop, 
 from foretouch.robot import Robot, SpatialRobot
 from foretouch.session.network.lease import Contest, own_epoch
 from foretouch.session.operators import close_operator
-from foretouch.session.processes.housekeeping import LEAVING, ORPHANED, Housekeeper, StopFlag, orphaned
-from foretouch.session.processes.news import LoopWatch, all_of, follower_news, follower_says, leader_news, over
 from foretouch.session.runners.driven import DrivenFollower, drive_follower, drive_leader
+from foretouch.session.runners.housekeeping import LEAVING, ORPHANED, Housekeeper, Process, StopFlag, orphaned
 from foretouch.session.runners.loop_timer import LoopTimer, let_pass, steady
+from foretouch.session.runners.news import LoopWatch, all_of, follower_news, follower_says, leader_news, over
 from foretouch.session.runners.warm_up import prepare
 from foretouch.session.safety.safety import LEFT
 from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
@@ -32,38 +32,38 @@ from foretouch.session.steps.counting import (
 )
 
 FOLLOWER_CHANNELS = ("command", "settings", "stop", "emergency", "hello")
-"""What the follower's link receives."""
+"""Channels that the follower's link receives."""
 
 LEADER_CHANNELS = ("model", "telemetry", "handle", "settings", "stop", "hello")
-"""What the leader's link receives."""
+"""Channels that the leader's link receives."""
 
 SPACE_FOLLOWER_CHANNELS = ("fixture",)
-"""What a follower's link receives beside these in three dimensions."""
+"""Further channels that a follower's link receives in three dimensions."""
 
 SPACE_LEADER_CHANNELS = ("follower-space", "field")
-"""What a leader's link receives beside these in three dimensions."""
+"""Further channels that a leader's link receives in three dimensions."""
 
 MOST_PRESSES = 1024
-"""Presses of an emergency stop that are known as such when they come again."""
+"""Number of emergency-stop presses remembered, so that a repeated message is recognised."""
 
 ANSWERS = 1000
-"""An emergency stop is asked for until so many ticks of the follower have been heard, and the newest says it."""
+"""Follower ticks that must arrive, the newest confirming the stop, before an emergency stop is no longer sent."""
 
 RECORDER_PATIENCE = 10.0
-"""A leader that was told to wait for a recorder waits at most so long [s]."""
+"""Longest wait of a leader for a recorder that it was asked to wait for [s]."""
 
 
 def wait_for_hello(
     link: ZenohLink, roles: set[str], stop: StopFlag, *, timeout: float | None = None, parent: int | None = None
 ) -> dict[str, dict[str, str]]:
-    """Wait until each of these roles has said hello; return what each said.
+    """Wait until each of these roles has sent a `Hello`; return the texts of each.
 
     Returns early, with what there is, when `stop` is set, after `timeout` [s], or when the process `parent`, whose
     end ends this one, has gone.
 
     Raises:
-        PeerVersionError: A side that is waited for speaks another version. Processes of one `parent` are of one
-            version, and for them it was a stranger.
+        PeerVersionError: An awaited side speaks another version. Processes of one `parent` are of one version, and
+            ignore a message of another.
     """
     heard: dict[str, dict[str, str]] = {}
     end = None if timeout is None else time.monotonic() + timeout
@@ -81,34 +81,29 @@ def wait_for_hello(
 
 
 def run_follower(
-    link: ZenohLink,
+    process: Process,
     robot: Robot | SpatialRobot,
     settings: SessionSettings,
     *,
-    stop: StopFlag,
-    say: Callable[[str], None],
     description: dict[str, str],
     duration: float | None = None,
-    parent: int | None = None,
 ) -> dict[str, str | int]:
-    """Run the follower's loop until a `Stop` arrives, `stop` is set, or `duration` [s] is over.
+    """Run the follower's loop until a `Stop` arrives, the process's `stop` is set, or `duration` [s] is over.
 
     Args:
-        link: With `FOLLOWER_CHANNELS`, and in three dimensions `SPACE_FOLLOWER_CHANNELS`.
-        robot: To command; along a line it counts as the settings' follower frame says.
-        settings: Of the session.
-        stop: Looked at in every tick.
-        say: Prints one line for people.
+        process: Its link has `FOLLOWER_CHANNELS`, and in three dimensions `SPACE_FOLLOWER_CHANNELS`.
+        robot: Robot to command; along a line it counts as the settings' follower frame says.
+        settings: Session settings.
         description: Texts for the `Hello` messages.
-        duration: [s], None for no end.
-        parent: Process whose end ends this one.
+        duration: Duration [s], None for no end.
 
     Returns:
-        Why it ended, as ``ended``, and what was counted, by name.
+        Reason for the end, as ``ended``, and the counters, by name.
 
     Raises:
         SideError: The loop raised.
     """
+    link, stop, say, parent = process
     if never_begun := prepare(settings, stop, say, parent):
         return {"ended": never_begun}
     stage: FaultStage[Command] = FaultStage(settings.command_faults)
@@ -128,16 +123,14 @@ def run_follower(
     def news(_: Mapping[str, Mapping[str, str]]) -> str:
         return all_of(contest.sentence(time.monotonic_ns()), follower_news(state, anew=house.leader_leaves))
 
-    house = Housekeeper(
-        link, "follower", describe, stop, say, parent, news, release=robot.close, over=lambda: over(state)
-    )
+    house = Housekeeper(process, "follower", describe, news, release=robot.close, over=lambda: over(state))
     house.start()
     loop = house.loop
     timer = LoopTimer(SAMPLE_PERIOD)
     simulated = robot.specification.simulated
     woke, compute = 0, 0
     end = None if duration is None else time.monotonic_ns() + round(duration * 1e9)
-    # The last word comes last: until then somebody notices a driver that hangs while the robot unloads.
+    # The last message is sent last: until then the watch detects a driver that hangs while the robot unloads.
     with ended_in_order(house, stop), steady(), unloaded_at_last(driven, timer, loop, link.publish, say):
         while not stop.reason:
             now, periods = timer.wait()
@@ -156,13 +149,13 @@ def run_follower(
                     stop.set(last_word.reason or "the session was ended")
             if end is not None and now >= end:
                 stop.set("the duration is over")
-            # Taken only where it is there: a signal may come at any moment, and is not to be lost.
+            # Cleared only if set: a signal may come at any moment and must not be lost.
             emergency, release = stop.emergency, stop.release
             if emergency:
                 stop.emergency = ""
             if release:
                 stop.release = False
-            for _, asked in link.take("emergency"):  # no fault that is simulated is in its way
+            for _, asked in link.take("emergency"):  # no simulated fault delays it
                 if asked.press not in presses:
                     emergency = emergency or asked.reason or "no reason given"
                     if asked.press:
@@ -186,13 +179,13 @@ def unloaded_at_last(
     publish: Callable[[Message], None],
     say: Callable[[str], None],
 ) -> Iterator[None]:
-    """Leave no robot pressing, however a loop ends, also by an exception of its own or of the robot's driver.
+    """Leave no robot pressing, however a loop ends, including by an exception of its own or of the robot's driver.
 
     Args:
-        driven: With its robot.
-        timer: Of the loop.
-        loop: Is told of each tick, and notices a driver that hangs.
-        publish: Sends what the ticks say.
+        driven: Follower with its robot.
+        timer: Timer of the loop.
+        loop: Counts each tick, and detects a driver that hangs.
+        publish: Sends the messages of the ticks.
         say: Prints one line for people.
     """
     try:
@@ -208,14 +201,14 @@ def _leave(
     publish: Callable[[Message], None],
     say: Callable[[str], None],
 ) -> None:
-    """Do as after a long silence, until the robot feels next to nothing, for at most `LEAVING`.
+    """Act as after a long silence, until the robot feels next to nothing, for at most `LEAVING`.
 
-    A driver that raised may take the next command. Where a tick raises, the robot goes back from what its newest sample
-    feels.
+    A driver that raised may accept the next command. Where a tick raises, the robot retreats according to the force in
+    its newest sample.
     """
     end = time.monotonic() + LEAVING
     failures = driven.state.failures
-    learns, failures.learns = failures.learns, False  # that may be what raised
+    learns, failures.learns = failures.learns, False  # learning may be what raised
     deaf = False
     while _presses(driven) and time.monotonic() < end:
         now, _ = timer.wait()
@@ -229,19 +222,19 @@ def _leave(
         try:
             said = driven.tick([], 0, 0, now, ended=True)
         except Exception:
-            with contextlib.suppress(Exception):  # it holds its place
+            with contextlib.suppress(Exception):  # it holds its position
                 driven.back_off()
             continue
-        with contextlib.suppress(Exception):  # to unload comes first, whoever hears of it
+        with contextlib.suppress(Exception):  # unloading comes first, whether or not it is published
             for message in said:
                 publish(message)
-    failures.learns = learns  # the last word tells what the session was
+    failures.learns = learns  # the last message reports the session as it was
     if deaf:
         say("follower: the robot takes no commands any more and pressed last: stop it by its own switch")
 
 
 def _presses(driven: DrivenFollower) -> bool:
-    """Whether the robot feels more than next to nothing, or while nobody knows, is not yet out by the way it came."""
+    """Whether the robot feels more than next to nothing or, if its force is unknown, has not yet retraced its path."""
     safety, sample = driven.state.safety, driven.state.learner.sample
     if safety.status is Status.SENSOR_FAULT:
         return safety.pressing
@@ -249,25 +242,23 @@ def _presses(driven: DrivenFollower) -> bool:
 
 
 def run_leader(
-    link: ZenohLink,
+    process: Process,
     operator: Device | SpatialDevice,
     settings: SessionSettings,
     *,
-    stop: StopFlag,
-    say: Callable[[str], None],
     description: dict[str, str],
     duration: float | None = None,
     wait_for_recorder: bool = False,
-    parent: int | None = None,
     name: str = "leader",
 ) -> dict[str, str | int]:
     """Run the leader's loop until a `Stop` arrives, `stop` is set, or `duration` [s] is over.
 
-    Arguments as for `run_follower`; `link` has `LEADER_CHANNELS`, and in three dimensions `SPACE_LEADER_CHANNELS`;
+    Arguments as for `run_follower`; the link has `LEADER_CHANNELS`, and in three dimensions `SPACE_LEADER_CHANNELS`;
     `operator` moves the handle, and along a line counts as the settings' leader frame says; with `wait_for_recorder`
-    the loop begins once a recorder listens, or after `RECORDER_PATIENCE`. Other leaders are told the `name` of this
+    the loop begins once a recorder listens, or after `RECORDER_PATIENCE`. Other leaders receive the `name` of this
     one. Returns and raises as that does.
     """
+    link, stop, say, parent = process
     if never_begun := prepare(settings, stop, say, parent):
         return {"ended": never_begun}
     stage: FaultStage[Message] = FaultStage(settings.return_faults)
@@ -297,12 +288,9 @@ def run_leader(
             close_operator(operator)
 
     house = Housekeeper(
-        link,
+        process,
         "leader",
         describe,
-        stop,
-        say,
-        parent,
         news,
         epoch=state.epoch,
         release=release,
@@ -330,7 +318,7 @@ def run_leader(
             if press and now - asked_ns >= ASKING_PERIOD_NS:
                 asked, asked_ns = asked + 1, now
                 link.publish(EmergencyStop(VERSION, asked, now, f"{stop.emergency} at {name}", press))
-            # What says that it has stopped may have been under way since an earlier stop.
+            # A message that it has stopped may have been under way since an earlier stop.
             if press and state.heard.stopped and state.heard.telemetry.received >= answered:
                 stop.emergency, press = "", 0
             if link.inboxes["settings"]:
@@ -355,14 +343,14 @@ def run_leader(
 
 @contextmanager
 def ended_in_order(house: Housekeeper, stop: StopFlag) -> Iterator[None]:
-    """Say why a side ends, and its last word, also where its loop raises, as the driver of a device or robot may.
+    """Send why a side ends as its last message, also where its loop raises, as a device's or robot's driver may.
 
     Args:
-        house: Of that side.
-        stop: Its reason is the last word's.
+        house: Housekeeper of that side.
+        stop: Its reason is that of the last message.
 
     Raises:
-        SideError: From whatever the loop raised.
+        SideError: From whatever exception the loop raised.
     """
     try:
         yield

@@ -1,4 +1,4 @@
-"""The pace of every real-time loop: absolute deadlines, sleep, then a short spin; and whom the kernel runs first.
+"""Pace of every real-time loop: absolute deadlines, sleep, then a short spin; and the scheduling of processes.
 
 Loops run at once, watchers when there is time.
 """
@@ -18,20 +18,20 @@ from contextlib import contextmanager
 from foretouch.errors.checks import require
 
 WATCHERS_NICE = 5
-"""Of a process that watches: a loop beside it has three times its share of a processor that both want."""
+"""Nice value of a watching process: a loop beside it gets three times its time on a processor that both want."""
 
 SLACK_NS = 1_000
-"""A sleep may end so much later than asked for [ns]. The kernel's own 50 us would have to be spun in every tick."""
+"""Allowed delay of the end of a sleep [ns]. The kernel's own 50 us would have to be spun in every tick."""
 
 SLICE_NS = 100_000
-"""Time that a loop's process asks for at a stretch [ns]. Who asks for little is run at once, before one that asks for
-the kernel's usual milliseconds; its share stays as it is. Linux knows this since 6.12, and before passes it over."""
+"""Scheduling slice requested by a loop's process [ns]. A process with a short slice runs before one with the kernel's
+usual milliseconds, at an unchanged processor time. Linux supports this since 6.12, and ignored it before."""
 
 PROMPT_NS, USUAL_NS = 80_000, 200_000
-"""How late a sleep ends at most, as a rule [ns]: with `SLACK_NS`, and as the kernel usually has it."""
+"""Usual largest delay of a sleep [ns]: with `SLACK_NS`, and with the kernel's default."""
 
 SET_TIMER_SLACK, GET_TIMER_SLACK = 29, 30
-"""Of `prctl`."""
+"""Options of `prctl`."""
 SET_ATTRIBUTES = {"x86_64": 314, "aarch64": 274}
 """Number of the system call `sched_setattr`, for which the C library has no function."""
 ATTRIBUTES = struct.Struct("<IIQiIQQQ")
@@ -56,7 +56,7 @@ def be_prompt() -> None:
 
 
 def give_way() -> None:
-    """Let a process that watches have less of a busy processor than the loops have, and take it from nobody who runs.
+    """Give a watching process less of a busy processor than the loops, and let it preempt no running one.
 
     To be called before it starts threads: on Linux each has a priority of its own, and those that come after take over
     that of the thread that starts them.
@@ -67,7 +67,7 @@ def give_way() -> None:
 
 
 def wakes_late_ns() -> int:
-    """How much earlier than needed a sleep of this thread should end [ns]: what is left can be spun."""
+    """Time by which a sleep of this thread should end early [ns]: what is left can be spun."""
     if sys.platform != "linux":
         return USUAL_NS
     slack = ctypes.CDLL(None).prctl(GET_TIMER_SLACK, 0, 0, 0, 0)
@@ -75,11 +75,11 @@ def wakes_late_ns() -> int:
 
 
 LONGEST_CATCH_UP = 50
-"""A simulated robot that was held up lets at most so many sample periods pass at once."""
+"""Largest number of sample periods that a simulated robot makes up at once after a delay."""
 
 LONGEST_EXCHANGE_NS = 500_000
-"""No further one passes once each has taken so long [ns] at the mean: half a tick, for a slow simulation would fall
-behind the more the more it catches up."""
+"""Mean duration of an exchange above which no further period is made up [ns]: half a tick, for a slow simulation would
+fall further behind the more it catches up."""
 
 
 class LoopTimer:
@@ -89,7 +89,7 @@ class LoopTimer:
     Sleeping ends somewhat before a deadline, for it is late by more or less (`wakes_late_ns`); the rest is spun.
 
     Args:
-        period: [s], positive.
+        period: Period [s], positive.
 
     Attributes:
         missed: Deadlines skipped so far.
@@ -132,7 +132,7 @@ class LoopTimer:
 
 
 def let_pass(exchange: Callable[[], None], periods: int, *, simulated: bool) -> None:
-    """Let the sample periods pass that have gone by: with a real robot, whose time passes by itself, one exchange.
+    """Let the elapsed sample periods pass: with a real robot, whose time passes by itself, one exchange.
 
     A driver may wait in it for the next cycle of its bus: to make up for missed periods it would wait for as many more
     cycles, and miss more. Only a simulated robot, whose time stands still otherwise, is given them.

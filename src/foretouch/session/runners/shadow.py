@@ -1,42 +1,41 @@
 """A follower that estimates and predicts and commands nothing: for a first day on a real robot.
 
-Somebody else moves the robot. Both steps of a session run in this one process: the leader's hand is the robot's own
-measured position, and the models reach it as late as the settings say. What would have been rendered is there to be
-seen, recorded and scored; what the follower would have done stays in here.
+A person or another program moves the robot. Both steps of a session run in this one process: the leader's hand is the
+robot's measured position, and the models reach it with the delay of the settings. The force that would have been
+rendered can be seen, recorded and scored; the follower's commands are discarded.
 
-How well the force is predicted while it is felt is kept in a few sums.
+The accuracy of the predicted force during contact is kept in a few sums.
 """
 
 from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import msgspec
 
 from foretouch.identification.conditioning.kernel import CONTACT_FLOOR
-from foretouch.link import FaultStage, ZenohLink
+from foretouch.link import FaultStage
 from foretouch.messages import PROCESS, LeaderState, ModelUpdate, Status, Telemetry
 from foretouch.robot import Robot, RobotSample, RobotSpecification
 from foretouch.session.frames import framed_robot
 from foretouch.session.network.lease import own_epoch
-from foretouch.session.processes.housekeeping import Housekeeper, StopFlag
-from foretouch.session.processes.news import shadow_news
+from foretouch.session.runners.housekeeping import Housekeeper, Process
 from foretouch.session.runners.live import ended_in_order
 from foretouch.session.runners.loop_timer import LoopTimer, let_pass, steady
+from foretouch.session.runners.news import shadow_news
 from foretouch.session.runners.warm_up import prepare
-from foretouch.session.settings import NO_GRIP, SAMPLE_PERIOD, SessionSettings
+from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings, shadow_settings
 from foretouch.session.steps import follower, leader
 from foretouch.session.steps.counting import as_texts, fault_texts, follower_counts, leader_counts, link_counts
 
 SCORED_AFTER = 1.5
-"""Scoring begins so long after the first tick [s], as in a session's report."""
+"""Time after the first tick at which scoring begins [s], as in a session's report."""
 
 LONGEST_TICK = 0.1
-"""A tick counts for the time since the one before, at most this [s]: longer, and nobody was looking."""
+"""Longest time since the previous tick that a tick counts for [s]: beyond it, nothing was observed."""
 
 
 class ShadowScore:
@@ -45,10 +44,10 @@ class ShadowScore:
     .. math:: e = 100 \sqrt{\operatorname{mean}_S (\hat F - F)^2} \Big/ \sqrt{\operatorname{mean}_C F^2}
 
     as in a session's report, with one difference: C is what the follower takes for contact while it happens, for the
-    report's threshold is known at the end alone. S is C and the ticks whose prediction is above the contact floor.
+    report's threshold is known only at the end. S is C and the ticks whose prediction is above the contact floor.
 
     Attributes:
-        contact_time: Time in contact that was scored [s].
+        contact_time: Scored time in contact [s].
     """
 
     __slots__ = ("_before_ns", "_began_ns", "_contact", "_delayed", "_felt", "_predicted", "_scored", "contact_time")
@@ -65,10 +64,10 @@ class ShadowScore:
 
         Args:
             now_ns: Monotonic clock [ns].
-            force: Felt [N].
-            predicted: By the newest model that had arrived [N].
-            delayed: The newest that had arrived [N]; one that is no number counts as 0.
-            in_contact: Whether the robot is.
+            force: Measured force [N].
+            predicted: Force predicted by the newest model that had arrived [N].
+            delayed: Newest force that had arrived [N]; NaN counts as 0.
+            in_contact: Whether the robot is in contact.
         """
         if self._began_ns is None:
             self._began_ns = now_ns
@@ -79,7 +78,7 @@ class ShadowScore:
             self._contact += 1
             self._felt += force * force
             self.contact_time += min(since, LONGEST_TICK)
-        # Not "above": a prediction that is no number is an error without bound.
+        # Not "above": a NaN prediction is an error without bound.
         if in_contact or not predicted <= CONTACT_FLOOR:
             self._scored += 1
             self._predicted += (predicted - force) ** 2
@@ -87,24 +86,24 @@ class ShadowScore:
 
     @property
     def contact_force_rms(self) -> float:
-        """[N]; NaN without contact."""
+        """RMS of the force in contact [N]; NaN without contact."""
         return math.sqrt(self._felt / self._contact) if self._contact else math.nan
 
     @property
     def prediction_error_percent(self) -> float:
-        """Of the predicted force; NaN without contact."""
+        """Error of the predicted force [%]; NaN without contact."""
         return self._error(self._predicted)
 
     @property
     def delayed_force_error_percent(self) -> float:
-        """Of the delayed force; NaN without contact."""
+        """Error of the delayed force [%]; NaN without contact."""
         return self._error(self._delayed)
 
     def sentence(self, delay: float) -> str:
-        """The figures in a line.
+        """Figures in one line.
 
         Args:
-            delay: At which the models came [s].
+            delay: Delay of the models [s].
         """
         if not self.contact_time > 0.0:
             return f"nothing was touched after the first {SCORED_AFTER:g} s: there is nothing to compare"
@@ -120,21 +119,21 @@ class ShadowScore:
 
 
 SHADOW_CHANNELS = ("settings", "stop", "emergency", "hello")
-"""What the link of a shadow receives: no commands."""
+"""Channels that a shadow's link receives: no commands."""
 
 NAME = "shadow"
-"""Of the leader inside, and of the session's operator in what is recorded."""
+"""Name of the leader inside, and of the session's operator in the recording."""
 
 
 @dataclass(slots=True)
 class State:
-    """What a shadow remembers from tick to tick; updated in place.
+    """State of a shadow, updated in place in each tick.
 
     Attributes:
-        following: The follower's step.
-        leading: The leader's, in an open loop.
-        returned: What is on its way from the first to the second.
-        score: How well the force was predicted so far.
+        following: State of the follower's step.
+        leading: State of the leader's step, in an open loop.
+        returned: Messages on their way from the first to the second.
+        score: Score of the predicted force so far.
     """
 
     following: follower.State
@@ -144,13 +143,13 @@ class State:
 
 
 class Inputs(NamedTuple):
-    """What a tick is given.
+    """Inputs of a tick.
 
     Attributes:
-        sample: What the robot's sensors show.
-        period_ns: Since the last tick began [ns].
-        compute_ns: That the last tick's computing took, of both sides [ns].
-        release: Whether somebody at the robot says that the sensors are mended.
+        sample: Sample of the robot's sensors.
+        period_ns: Time since the last tick began [ns].
+        compute_ns: Computing time of both sides in the last tick [ns].
+        release: Whether the sensors are reported as repaired at the robot.
     """
 
     sample: RobotSample
@@ -160,40 +159,20 @@ class Inputs(NamedTuple):
 
 
 class Outputs(NamedTuple):
-    """What a tick gives: all that a session's two sides say, and nothing for the robot."""
+    """Outputs of a tick: all messages of a session's two sides, and nothing for the robot."""
 
     record: LeaderState
     telemetry: Telemetry
     model: ModelUpdate | None
 
 
-def shadow_settings(settings: SessionSettings) -> SessionSettings:
-    """The settings with nobody's hand in them: none commands, feels the force, or has a clutch, scales or a frame.
-
-    Args:
-        settings: Of the session.
-    """
-    return replace(
-        settings,
-        position_delay=0.0,
-        grip=NO_GRIP,
-        clutch="",
-        largest_stiffness=0.0,
-        position_scale=1.0,
-        force_scale=1.0,
-        leader_frame="0,1",
-        first_touch="follow",
-        baseline="none",
-    )
-
-
 def start(specification: RobotSpecification, settings: SessionSettings, *, epoch: int = 1, run: int = 1) -> State:
     """State before the first tick.
 
     Args:
-        specification: Of the robot.
-        settings: Of the session, as `shadow_settings` leaves them.
-        epoch: Of the leader inside (`foretouch.session.network.lease.own_epoch`).
+        specification: Specification of the robot.
+        settings: Session settings, as `shadow_settings` leaves them.
+        epoch: Epoch of the leader inside (`foretouch.session.network.lease.own_epoch`).
         run: Epoch of this process.
     """
     return State(
@@ -204,14 +183,13 @@ def start(specification: RobotSpecification, settings: SessionSettings, *, epoch
 
 
 def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
-    """One tick: the leader at the robot's own position, then the follower, which applies that command at once.
+    """One tick: the leader at the robot's measured position, then the follower, which applies that command at once.
 
-    At equal command both are at the same position, so that what is compared there is the force alone, and a predicted
-    force is as old as the model that it comes from.
+    Both are at the same position, so that only the forces are compared, and a predicted force is as old as its model.
 
     Args:
         state: Updated in place and returned.
-        inputs: Of this tick.
+        inputs: Inputs of this tick.
         now_ns: Monotonic clock [ns].
     """
     sample, period_ns, compute_ns, release = inputs
@@ -227,8 +205,8 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
         follower.Inputs([led.command], sample, period_ns, compute_ns, release=release),
         now_ns,
     )
-    state.following.released_tick = 0  # nothing is obeyed here: nobody has to know that sensors were mended
-    # The robot was told nothing; and what the safety layer would have done about it is no news.
+    state.following.released_tick = 0  # no command is obeyed here, so a repair of the sensors need not be announced
+    # The robot was commanded nothing, so the safety layer's reaction is not reported.
     said = msgspec.structs.replace(acted.telemetry, desired_position=math.nan, status=Status.SHADOW)
     state.returned.push(now_ns, said)
     if acted.model is not None:
@@ -239,38 +217,33 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
 
 
 def run_shadow(
-    link: ZenohLink,
+    process: Process,
     robot: Robot,
     settings: SessionSettings,
     *,
-    stop: StopFlag,
-    say: Callable[[str], None],
     description: dict[str, str],
     duration: float | None = None,
-    parent: int | None = None,
 ) -> dict[str, str | int | float]:
-    """Watch a robot until a `Stop` arrives, `stop` is set, or `duration` [s] is over; then say how well it went.
+    """Watch a robot until a `Stop` arrives, a stop is requested, or `duration` [s] is over; then report the score.
 
-    An emergency stop stops nothing here, and who asks for one is told so. The console's force delay is taken, and
-    scoring begins anew with it.
+    An emergency stop stops nothing here, and a request for one is answered so. The console's force delay is applied,
+    and scoring begins anew with it.
 
     Args:
-        link: With `SHADOW_CHANNELS`.
-        robot: That somebody else moves; it is given no position. It counts as the settings' follower frame says.
-        settings: Of the session; what is the hand's among them is left out.
-        stop: Looked at in every tick.
-        say: Prints one line for people.
+        process: Its link has `SHADOW_CHANNELS`.
+        robot: Robot moved from elsewhere; no position is commanded. It counts as the settings' follower frame says.
+        settings: Session settings; those of the hand are left out.
         description: Further texts for the `Hello` messages.
-        duration: [s], None for no end.
-        parent: Process whose end ends this one.
+        duration: Duration [s], None for no end.
 
     Returns:
-        Why it ended, as ``ended``, how well it went, and what was counted, by name.
+        Reason for the end, as ``ended``, the score, and the counters, by name.
     """
+    link, stop, say, parent = process
     settings = shadow_settings(settings)
     if never_begun := prepare(settings, stop, say, parent):
         return {"ended": never_begun}
-    robot = framed_robot(robot, settings.frames[1])
+    robot = framed_robot(robot, settings.follower_frame)
     epoch = own_epoch()
     state = start(robot.specification, settings, epoch=epoch, run=epoch)
     texts = settings.as_text() | {"operator": NAME} | description
@@ -284,7 +257,7 @@ def run_shadow(
         told = {PROCESS: str(epoch), "control": "nobody", "trouble": news()}
         return texts | fault_texts(state.returned, "force_delay", changed_ns) | told | as_texts(counts)
 
-    house = Housekeeper(link, "follower", describe, stop, say, parent, lambda _: news(), release=robot.close)
+    house = Housekeeper(process, "follower", describe, lambda _: news(), release=robot.close)
     house.start()
     loop = house.loop
     timer = LoopTimer(SAMPLE_PERIOD)
@@ -307,7 +280,7 @@ def run_shadow(
                     delay=chosen.force_delay, jitter=chosen.jitter, loss=chosen.loss, outage=chosen.outage
                 )
                 state.score, changed_ns = ShadowScore(), now
-            # Taken only where it is there: a signal may come at any moment, and is not to be lost.
+            # Cleared only if set: a signal may come at any moment and must not be lost.
             if release := stop.release:
                 asked, stop.release = "", False
             for _, message in link.take("emergency"):

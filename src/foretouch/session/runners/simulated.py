@@ -9,15 +9,14 @@ from foretouch.errors import InputError, SettingError
 from foretouch.errors.checks import require, require_type
 from foretouch.robot import Robot
 from foretouch.session.operators import require_simulated_operator, say_on_stderr
-from foretouch.session.runners.simulated_line import Record, SimulatedSession, prepare_line
-from foretouch.session.runners.simulated_scene import prepare_scene
+from foretouch.session.runners.lap import Record, SimulatedSession, prepare_line, prepare_scene
 from foretouch.session.settings import SessionSettings
 
 
 def simulate(
     settings: SessionSettings,
     *,
-    duration: float,
+    duration: float = 20.0,
     operator: Device | None = None,
     robot: Robot | None = None,
     description: Mapping[str, str] | None = None,
@@ -32,7 +31,7 @@ def simulate(
 
     Args:
         settings: Of the session.
-        duration: Simulated [s].
+        duration: Simulated [s]; by default as long as on the command line.
         operator: Moves the leader, and has moved none before; counts as the settings' leader frame says. None for the
             settings' own.
         robot: The follower's, which has not moved before and presses the settings' material, or one of your own; counts

@@ -1,7 +1,7 @@
-"""Everything compiled, before a loop begins that has no time for it.
+"""Compilation of everything before a loop begins that has no time for it.
 
-Compiled code is kept (`foretouch.core.compiling`), so that it is made once on a machine, by `compile_all`: at set-up,
-or before the first use. `warm_up` loads it into a process, and makes what is not there.
+Compiled code is cached (`foretouch.core.compiling`): `compile_all` makes it once per machine, at set-up or before the
+first use. `warm_up` loads it into a process, and compiles what is missing.
 """
 
 from __future__ import annotations
@@ -30,39 +30,40 @@ from foretouch.errors import ForetouchError
 from foretouch.errors.checks import require_type
 from foretouch.identification import ESTIMATORS, ContactSample, Learner, identify, make_estimator, predict
 from foretouch.messages import VERSION, Command, ModelUpdate, Telemetry
-from foretouch.models import ContactMap, Predictor, make_model
+from foretouch.models import ContactMapModel, Predictor, make_model
 from foretouch.quantities import Recording
 from foretouch.robot import RobotSample, RobotSpecification
 from foretouch.session.operators import make_operator
-from foretouch.session.processes.housekeeping import COMPILING, HELLO_PERIOD, ORPHANED, StopFlag, orphaned
-from foretouch.session.settings import SAMPLE_PERIOD, SIMULATED, SessionSettings
+from foretouch.session.runners.housekeeping import COMPILING, HELLO_PERIOD, ORPHANED, StopFlag, orphaned
+from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
 from foretouch.session.steps import follower, leader
+from foretouch.settings import SIMULATED
 
 TICKS = 700
 DEPTH, STIFFNESS, SURFACE, ABOVE = 2e-3, 500.0, 0.01, 1e-3
-"""Of a press [m, N/m, m, m] that exists nowhere else."""
+"""Depth, stiffness, surface and start height of an artificial press for warming up [m, N/m, m, m]."""
 
 SPECIFICATION = RobotSpecification(SAMPLE_PERIOD, 15.0, 0.0, 0.0, 0.0, 0.0, 0.02, 0.0, 200.0, (-1.0, 1.0))
 
 KERNELS = {"map": (112, 0.6), "others": (228, 0.4)}
-"""How many functions are compiled for each part, and its share of the time: they say how far it is."""
+"""Number of functions compiled in each part and its fraction of the time, from which progress is estimated."""
 
 LOOK_PERIOD = 0.2
-"""Between two looks at how far it is [s]."""
+"""Time between two readings of the progress [s]."""
 
 
 def warm_up(settings: SessionSettings | None = None) -> None:
     """Load into this process all compiled code that a session runs, or compile it where that was never done.
 
-    Presses that exist nowhere are learnt and rendered, and thrown away. Call it before a loop of your own that uses
-    `Learner`, `Predictor` or `Renderer`: without it the first touch waits for the compiler. It takes about a second
-    where everything was compiled before (`make setup`, or ``foretouch warm-up``), and else some tens of seconds.
+    Artificial presses are learnt and rendered, and thrown away. Call it before a loop of your own that uses `Learner`,
+    `Predictor` or `Renderer`: without it the first touch waits for the compiler. It takes about a second where
+    everything was compiled before (`make setup`, or ``foretouch warm-up``), and else some tens of seconds.
 
     Args:
-        settings: Of the session that is to begin; law and estimator are taken from them. None for the defaults.
+        settings: Settings of the coming session, of which law and estimator are used. None for the defaults.
 
     Raises:
-        ArgumentTypeError: Settings that are none.
+        ArgumentTypeError: The settings are not `SessionSettings`.
     """
     settings = SessionSettings() if settings is None else settings
     require_type("settings", settings, SessionSettings, "SessionSettings, or None for the defaults")
@@ -82,7 +83,7 @@ def _press(tick: int) -> tuple[float, float]:
 
 
 def _press_alone(settings: SessionSettings) -> None:
-    """What a loop of one's own calls."""
+    """Run what a loop without a session calls."""
     learner = Learner(settings.make_estimator(), surface=SURFACE, force_offset=0.0)
     predictor, renderer = Predictor(), leader.start(settings).renderer
     renderer.engage(0.0, SURFACE - ABOVE)
@@ -92,7 +93,7 @@ def _press_alone(settings: SessionSettings) -> None:
         if tick % 20 == 19:
             learnt = learner.learnt()
             if learnt.model is not None:
-                content = learnt.model.map if isinstance(learnt.model, ContactMap) else b""
+                content = learnt.model.map if isinstance(learnt.model, ContactMapModel) else b""
                 model = make_model(learnt.model.law, learnt.model.parameters, content)
                 renderer.adopt(model, learnt.surface, learnt.state, tick // 2, message=tick)
                 predictor.adopt(model, learnt.surface, learnt.state, tick // 2)
@@ -101,8 +102,8 @@ def _press_alone(settings: SessionSettings) -> None:
 
 
 def _press_in_a_session(settings: SessionSettings) -> None:
-    """What the two steps of a session along a line call: the same press by both, with no way between."""
-    settings = dataclasses.replace(settings, calibration="", sensor_fault="", scene="")
+    """Run what the two steps of a session along a line call: the same press by both, with no network between."""
+    settings = dataclasses.replace(settings, calibration="", sensor_fault=None, scene="")
     follows, leads = follower.start(SPECIFICATION, settings), leader.start(settings)
     models: list[ModelUpdate] = []
     telemetry: list[Telemetry] = []
@@ -117,9 +118,9 @@ def _press_in_a_session(settings: SessionSettings) -> None:
 
 
 def _move_the_simulated(settings: SessionSettings) -> None:
-    """What a simulated robot and a simulated hand call, as far as they can be simulated here."""
+    """Run what a simulated robot and a simulated hand call, as far as they can be simulated here."""
     by_script = dataclasses.replace(settings, operator="scripted")
-    with suppress(ForetouchError):  # MuJoCo is not installed: then none will move
+    with suppress(ForetouchError):  # MuJoCo is not installed: then no session uses it
         if settings.scene:
             from foretouch.session.spatial import make_scene, make_spatial_operator, make_spatial_robot
 
@@ -142,22 +143,22 @@ def _move_the_simulated(settings: SessionSettings) -> None:
 
 
 def _recording() -> Recording:
-    """The press, recorded."""
+    """Record the press."""
     places, forces = zip(*map(_press, range(TICKS)), strict=True)
     return Recording(np.linspace(0.0, TICKS * SAMPLE_PERIOD, TICKS), np.array(places), np.array(forces))
 
 
 def _learn_offline(law: str) -> None:
-    """What `identify` and `predict` call, with every estimator of a law."""
+    """Run what `identify` and `predict` call, with every estimator of a law."""
     for estimator in ESTIMATORS[law]:
         for use in (identify, lambda recording, learner: predict(recording, learner, delay=0.02)):
-            with suppress(ForetouchError):  # not of one force along a line
+            with suppress(ForetouchError):  # an estimator not of one force along a line
                 use(_recording(), Learner(make_estimator(law, estimator)))
 
 
 def _compile_map() -> None:
-    """The contact map, which takes longest."""
-    # First what nobody else needs: meanwhile the other process compiles what both do, and this one finds it.
+    """Compile the contact map, which takes longest."""
+    # Functions of this part alone come first: the other process meanwhile compiles the common ones, found here later.
     bank = SessionSettings().make_estimator()
     for tick in range(TICKS):
         position, force = _press(tick)
@@ -169,7 +170,7 @@ def _compile_map() -> None:
 
 
 def _compile_others() -> None:
-    """All that needs no contact map."""
+    """Compile everything that needs no contact map."""
     settings = SessionSettings(model="hunt-crossley", estimator="exact", grip="normal")
     warm_up(settings)
     for scene in ("plane", "hill", "phantom"):
@@ -183,13 +184,13 @@ PARTS: dict[str, Callable[[], None]] = {"map": _compile_map, "others": _compile_
 
 
 def is_compiled() -> bool:
-    """Whether everything was compiled here, of these sources; also where nothing is ever compiled or kept."""
+    """Whether everything is compiled here, from these sources; also true where nothing is compiled or cached."""
     mark = None if config.DISABLE_JIT else complete_mark()
     return mark is None or mark.is_dir()
 
 
 def compiled_share() -> float | None:
-    """How much the process that compiles has done, 0 to 1; None while none does."""
+    """Progress of the process that compiles, 0 to 1; None while none does."""
     root = compiled_root()
     try:
         return None if root is None else float(Path(root, "share").read_text())
@@ -198,30 +199,33 @@ def compiled_share() -> float | None:
 
 
 def compile_all(progress: Callable[[float], None] = lambda share: None, *, stop: Callable[[], bool] = bool) -> bool:
-    """Compile everything, once on a machine, in two processes; whoever comes second waits for the first.
+    """Compile everything, once on a machine, in two processes; a second caller waits for the first.
 
     Args:
-        progress: Told how much is done, 0 to 1, some times a second.
-        stop: Asked as often whether to give up.
+        progress: Called with the progress, 0 to 1, some times a second.
+        stop: Called as often; returns whether to give up.
 
     Returns:
-        Whether all was compiled. What could not be is compiled where it is first needed.
+        Whether everything was compiled. What could not be is compiled where it is first needed.
     """
     root = compiled_root()
     if root is None or is_compiled():
         return is_compiled()
     with Path(root, "lock").open("w") as lock:
+        waited = 0.0
         while not _taken(lock.fileno()):
-            progress(compiled_share() or 0.0)
+            waited = max(waited, compiled_share() or 0.0)  # the file goes when the other process has finished
+            progress(waited)
             if stop():
                 return False
             time.sleep(LOOK_PERIOD)
         if is_compiled():
             return True
-        share = Path(root, "share")
+        share, next_share = Path(root, "share"), Path(root, "share.next")
         try:
             for done in _compile_in_processes(stop):
-                share.write_text(f"{done:.3f}")
+                next_share.write_text(f"{done:.3f}")
+                next_share.replace(share)  # atomic: a reader finds the old file or the new one
                 progress(done)
         except (OSError, subprocess.SubprocessError):
             return False
@@ -235,7 +239,7 @@ def compile_all(progress: Callable[[float], None] = lambda share: None, *, stop:
 
 
 def _taken(lock: int) -> bool:
-    """Whether this process holds a lock now; it ends with the process."""
+    """Whether this process holds a lock now, until it ends."""
     try:
         fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except OSError:
@@ -244,10 +248,10 @@ def _taken(lock: int) -> bool:
 
 
 def _compile_in_processes(stop: Callable[[], bool]) -> Iterator[float]:
-    """Compile the parts side by side; gives the share that is done, now and then.
+    """Compile the parts side by side; yields the progress, 0 to 1, now and then.
 
     Raises:
-        subprocess.SubprocessError: One of them failed.
+        subprocess.SubprocessError: A part failed.
     """
     command = [sys.executable, "-m", "foretouch.session.runners.warm_up"]
     parts = [
@@ -287,13 +291,13 @@ def warm_up_once(settings: SessionSettings) -> None:
 
 
 def prepare(settings: SessionSettings, stop: StopFlag, say: Callable[[str], None], parent: int | None) -> str:
-    """Compile what was never compiled, load what was, and say meanwhile that it goes on.
+    """Compile what was never compiled, load what was, and report progress meanwhile.
 
     Args:
-        settings: Of the session that is to begin.
-        stop: Looked at meanwhile, and set where the parent process has gone.
-        say: Told how far it is, where there is no parent who says so.
-        parent: Process that hears `COMPILING`, and whose end ends this one.
+        settings: Settings of the session that is to begin.
+        stop: Checked meanwhile, and set where the parent process has gone.
+        say: Prints the progress, where there is no parent that prints it.
+        parent: Process that receives `COMPILING`, and whose end ends this one.
 
     Returns:
         Why the session is not to begin any more; "" where it is.
@@ -332,14 +336,14 @@ class _Counted(event.Listener):  # type: ignore[misc]  # Numba is not typed
     """Writes a byte for each function that has been compiled."""
 
     def on_start(self, event: object) -> None:
-        """Nothing is done yet."""
+        """Do nothing."""
 
     def on_end(self, event: object) -> None:
         os.write(1, b".")
 
 
 def main(part: str) -> None:
-    """Compile one of `PARTS`, and end with whoever reads how far it is."""
+    """Compile one of `PARTS`; end when the reader of the progress has ended."""
     for number in (signal.SIGINT, signal.SIGPIPE):
         signal.signal(number, signal.SIG_DFL)
     event.register("numba:compile", _Counted())

@@ -1,4 +1,4 @@
-"""How fast a robot may go deeper, or has to go back, so that a force comes to a limit and does not pass it.
+"""How fast a robot may go deeper, or has to retreat, so that a force approaches a limit without passing it.
 
 One tick of it is compiled. With it the follower guards a contact that the leader does not know yet.
 """
@@ -16,40 +16,40 @@ from foretouch.errors.checks import require
 Array = NDArray[np.float64]
 
 PATIENCE = 0.01
-"""Time constant in which a force is brought to its limit [s]: longer than sensor and drive are late."""
+"""Time constant with which a force is brought to its limit [s]: longer than the delay of sensor and drive."""
 
 STEEPER = 2.0
-"""A material counts as so many times stiffer than its secant and its tangent: it may stiffen."""
+"""Factor by which a material is assumed stiffer than its secant and its tangent: it may stiffen."""
 
 SHORTEST_DEPTH = 2e-5
-"""The secant is taken over at least so far [m]."""
+"""Least distance over which the secant is computed [m]."""
 
 SOFTEST = 50.0
-"""The least stiffness that is reckoned with [N/m]."""
+"""Least stiffness that is assumed [N/m]."""
 
 STRIDE, KEPT = 1e-4, 0.5
-"""The tangent is taken over at least so far [m], and after it this share of what was steeper before is kept."""
+"""Least distance over which the tangent is computed [m], and fraction of a steeper one before that is kept after it."""
 
 AWAY = 1e-3
-"""A contact is over once the robot is so far outside of where it began [m]."""
+"""Distance outside its onset at which a contact is over [m]."""
 
 STIFFNESS, ONSET = 0, 1
-"""Places among its numbers of what it tells [N/m, m]; the others are the kernel's own."""
+"""Indices of its results in the array [N/m, m]; the others are the kernel's own."""
 
 
 class ForceGuard:
-    r"""Watches the contact that the robot is in.
+    r"""Limits the speed by the contact that the robot is in.
 
     .. math:: \dot x = \frac{F_{limit} - F}{K \tau + b}
 
-    with tau = 10 ms, b the damping that is reckoned with, and K twice the steepest of this contact's secant, force over
-    depth since it began, and its tangent over 0.1 mm; where what follows is less steep, K is halved every 0.1 mm. The
-    force then comes to its limit as by a first-order low-pass, and does not pass it, on any material that stiffens by
-    no more than that. What speed and mass add at an impact is not seen here: `foretouch.models.impact_bound`.
+    with tau = 10 ms, b the assumed damping, and K twice the steepest of this contact's secant, force over depth since
+    its onset, and its tangent over 0.1 mm; where the material is less steep further on, K is halved every 0.1 mm. The
+    force then approaches its limit as by a first-order low-pass, and does not pass it, on any material that stiffens by
+    no more than that. The effect of speed and mass in an impact is not included: `foretouch.models.impact_bound`.
 
     Args:
-        contact: Where its numbers are kept, in an array that somebody else holds too, shape
-            (`foretouch.session.safety.force_guard.SIZE`,); None for one of its own.
+        contact: Array that holds its numbers, shared with others, shape
+            (`foretouch.session.safety.force_guard.SIZE`,); None for an array of its own.
     """
 
     __slots__ = ("_contact",)
@@ -65,39 +65,39 @@ class ForceGuard:
 
     @property
     def onset(self) -> float:
-        """Where this contact began [m]; NaN once the robot was 1 mm further out without one."""
+        """Onset of this contact [m]; NaN once the robot was 1 mm further out without one."""
         return float(self._contact[ONSET])
 
     def observe(self, position: float, force: float, in_contact: bool) -> None:
-        """One sample of the sensors; where one is no number, nothing is known of the force.
+        """Take one sample of the sensors; where one is NaN, the force is unknown.
 
         Args:
-            position: [m].
-            force: [N].
+            position: Position of the robot [m].
+            force: Measured force [N].
             in_contact: Whether that is contact.
         """
         observe(self._contact, position, force, in_contact)
 
     def speed(self, limit: float, damping: float = 0.0) -> float:
-        """Speed at which the robot may go deeper now, negative where it has to go back [m/s]; 0 while nobody knows.
+        """Speed at which the robot may go deeper now, negative where it has to retreat [m/s]; 0 if force unknown.
 
         Args:
-            limit: Force to come to [N].
-            damping: b, that it may feel where it goes deeper [N s/m].
+            limit: Force to approach [N].
+            damping: b, assumed where it goes deeper [N s/m].
         """
         return allowed_speed(self._contact, limit, damping)
 
 
 FORCE, REFERENCE, REFERENCE_FORCE = 2, 3, 4
-"""Places in the array, behind those of what `ForceGuard` tells, of the newest force [N], NaN where nobody knows it; and
-of where the newest tangent is taken from [m, N], NaN for none."""
+"""Indices in the array, after those of the results, of the newest force [N], NaN if unknown; and of the start of the
+newest tangent [m, N], NaN for none."""
 
 SIZE = 5
 
 
 @compiled("void(f8[::1])")
 def forget(guard: Array) -> None:
-    """Nothing has been touched, and nobody knows the force."""
+    """Forget the contact and the force."""
     guard[:] = math.nan
     guard[STIFFNESS] = SOFTEST
 
@@ -117,7 +117,7 @@ def observe(guard: Array, position: float, force: float, in_contact: bool) -> No
         guard[ONSET] = guard[REFERENCE] = position
         guard[REFERENCE_FORCE] = force
     way = position - guard[REFERENCE]
-    if way >= STRIDE:  # the stiffness here, each time that it has gone so much deeper
+    if way >= STRIDE:  # the stiffness here, after each such distance
         tangent = (force - guard[REFERENCE_FORCE]) / way
         guard[STIFFNESS] = max(KEPT * guard[STIFFNESS], STEEPER * tangent, SOFTEST)
     if way >= STRIDE or way < 0.0:
@@ -136,11 +136,11 @@ def allowed_speed(guard: Array, limit: float, damping: float) -> float:
 
 
 UNKNOWN_FROM = 1e-3
-"""Contact further out than the surface that the leader knows, by more than this [m], is contact with something else."""
+"""Distance outside the surface known to the leader above which a contact is with something else [m]."""
 
 
 class FirstTouch:
-    r"""Keeps a robot from following blindly into what only it has touched.
+    r"""Keeps a robot from following blindly into a surface that the leader does not know.
 
     Until the leader is known to render from a model that has this surface, the robot
 
@@ -149,12 +149,12 @@ class FirstTouch:
       as `foretouch.session.safety.force_guard.ForceGuard` says, no faster than that either;
     - follows outwards at once.
 
-    Then the way back to the commands is as slow as the approach. Where nothing is guarded, commands pass as they are.
+    Then the return to the commands is as slow as the approach. Where nothing is guarded, commands pass unchanged.
 
     Args:
-        approach_speed: [m/s], positive.
+        approach_speed: Speed of approach [m/s], positive.
         force: F_h [N], positive.
-        sample_period: [s], positive.
+        sample_period: Sample period [s], positive.
 
     Attributes:
         guarded: Whether the newest command was held back.
@@ -173,21 +173,21 @@ class FirstTouch:
         self.restart()
 
     def restart(self) -> None:
-        """Nothing is guarded, or told: it begins where the robot then is."""
+        """Start again where the robot then is, guarding nothing."""
         self._told = math.nan
         self._held = 0.0
         self._unknown = False
         self.guarded = False
 
     def update(self, desired: float, position: float, force: float, in_contact: bool, known_surface: float) -> float:
-        """One tick: the position for the robot [m]. While force or position are no numbers it goes no deeper.
+        """One tick: the position for the robot [m]. While force or position are NaN it goes no deeper.
 
         Args:
-            desired: What the commands say [m].
-            position: Where the robot is [m].
-            force: That it feels [N].
+            desired: Commanded position [m].
+            position: Position of the robot [m].
+            force: Measured force [N].
             in_contact: Whether that is contact.
-            known_surface: Of the newest model that the leader is known to render from [m]; NaN while there is none.
+            known_surface: Surface of the newest model that the leader is known to render from [m]; NaN for none.
         """
         unknown = math.isnan(known_surface) or (in_contact and position < known_surface - UNKNOWN_FROM)
         if math.isnan(self._told):
@@ -196,7 +196,7 @@ class FirstTouch:
             self._told = min(desired, self._told + self._allowed(position, force, in_contact) * self._period)
             self._held = desired - self._told
         else:
-            if self._unknown:  # a step of the commands, as where the index has met the surface, is none of the robot's
+            if self._unknown:  # a step of the commands, as where the index has met the surface, is none of the robot
                 self._held = desired - self._told
             back = self._speed * self._period
             self._held -= math.copysign(min(back, abs(self._held)), self._held)

@@ -20,64 +20,64 @@ from foretouch.session.safety.proven_way import SIZE as WAY_SIZE
 Array = NDArray[np.float64]
 
 AIMED = 0.88
-"""Share of the force ceiling that a press is brought to: the zero of a sensor that began in contact may err by 1 N, and
-an arm that lets go of a damped contact and stops swings back into it. At 0.95 a search led to 15.1 N in
+"""Fraction of the force ceiling that a press is brought to: the zero of a sensor that began in contact may err by 1 N,
+and an arm that leaves a damped contact and stops swings back into it. At 0.95 a search led to 15.1 N in
 Kelvin-Voigt."""
 
 PROVEN_SHARE = 0.75
-"""What was proven at one speed may lead to this share of the ceiling at a higher one: a robot that sets out overshoots
+"""Fraction of the ceiling up to which a crossing at one speed permits a higher one: a robot that sets out overshoots
 its speed."""
 
 MARGIN, BRAKING_DELAY = 5e-4, 5e-3
-"""The robot has braked so far before what allows less [m], by a path that it follows so much later [s]."""
+"""Distance before a lower speed limit at which the robot has braked to it [m], and delay of the robot's motion [s]."""
 
 START_BACK = 3e-5
-"""A robot that presses begins so far outside of where it seems to be [m]: an encoder's count may show it deeper than it
-is, and it would press on."""
+"""Distance outside its measured position at which a robot that presses begins [m]: an encoder's count may show it
+deeper than it is, and it would press on."""
 
 UNLOADED, REST_FORCE = 0.5, 1.0
-"""A robot that unloads goes back until it feels the first [N]; the second counts as unloaded [N]."""
+"""Force to which a robot unloads, and largest force that counts as unloaded [N]."""
 
 REJOINED_FOR = 0.3
-"""A robot that has kept up with the commands for so long [s] follows them again: longer than the playout takes to lead
-from where it was held to where they are."""
+"""Time for which a robot keeps up with the commands before it follows them again [s]: longer than the playout takes to
+lead from where it was held to where they are."""
 
 CLEARANCE = 5e-3
-"""A robot that retreats goes so far out of the contact that it was in [m]."""
+"""Distance by which a retreating robot leaves the contact that it was in [m]."""
 
 AIM, RETURNING, MET, NEW = 0, 1, 2, 3
-"""Places in the array: where it is to be [m]; whether it is on the way back to the commands; for how many ticks it has
-been with them; whether it has not followed yet."""
+"""Indices in the array: aim [m]; whether it is returning to the commands; number of ticks in which it has been with
+them; whether it has not followed yet."""
 
 CAME, FAULTY_FOR = 4, 5
-"""Where the robot was told to be when this contact began [m], NaN for none; how long its sensors are faulty [s]."""
+"""Indices of the robot's commanded position when this contact began [m], NaN for none; and duration of a fault [s]."""
 
 FORCE, DEPTH, LOWEST, HIGHEST, SPEED, ACCELERATION, RETURN_SPEED = 6, 7, 8, 9, 10, 11, 12
 HOLD_AFTER, UNLOAD_AFTER, RETREATS = 13, 14, 15
-"""What stays: the numbers of `SafetyLimits`."""
+"""Indices of constants from `SafetyLimits`."""
 
 PERIOD, IMPEDANCE, DAMPING = 16, 17, 18
-"""T [s]; Z; and the damping of what nobody has gone through [N s/m]."""
+"""Indices of the constants T [s]; Z; and the damping assumed of an untouched region [N s/m]."""
 
 IN_SPACE, NEAREST = 19, 20
-"""Whether the aim is brought into space, and the motion limited there; and where the place that the robot was told
-there is against the surface [m], which on a curved one is not quite the aim."""
+"""Indices of whether the aim is brought into space, where the motion is limited; and of the position of the robot's
+commanded point there against the surface [m], which on a curved one is not quite the aim."""
 
 FASTEST, SHIFTED = 21, 22
-"""What the motion limits are told beside the aim: how fast it may go deeper, negative where it has to go back [m/s],
-and by how far the aim was set elsewhere [m]."""
+"""Indices of the motion limits' inputs beside the aim: largest speed deeper, negative where it has to retreat [m/s],
+and displacement of the aim by a limit [m]."""
 
 NEARING = 23
-"""In space: how fast it may be coming nearer to what may be there by going along it [m/s]."""
+"""Index of the speed, in space, at which motion along the surface may bring the robot nearer to it [m/s]."""
 
 GUARD = 24
-"""From here on stand the numbers of its `ForceGuard`."""
+"""First index of the numbers of its `ForceGuard`."""
 
 MOTION = GUARD + GUARD_SIZE
-"""From here on stand those of its `MotionLimits`; in space its position and velocity are those along the normal."""
+"""First index of those of its `MotionLimits`; in space its position and velocity are those along the normal."""
 
 WAY = MOTION + MOTION_SIZE
-"""From here on stand those of its `ProvenWay`."""
+"""First index of those of its `ProvenWay`."""
 
 SIZE = WAY + WAY_SIZE
 
@@ -86,8 +86,9 @@ HOLDING, UNLOADING, RETREATING = int(Status.HOLDING), int(Status.UNLOADING), int
 STOPPED, SENSOR_FAULT = int(Status.STOPPED), int(Status.SENSOR_FAULT)
 
 
+@compiled
 def _decide(memory: Array, stopped: bool, silence: float, faulty: bool) -> int:
-    """What it does: a `Status`. Whatever is none of the commands' has a way back to them."""
+    """Decide the `Status`. All but following the commands is left by a return to them."""
     if stopped:
         status = STOPPED
     elif faulty:
@@ -102,23 +103,21 @@ def _decide(memory: Array, stopped: bool, silence: float, faulty: bool) -> int:
     return status
 
 
-_decided = compiled(_decide)
-
-
 @compiled
 def _ahead(memory: Array) -> float:
-    """How far in it is to be, or in space is told to be, against the surface [m]."""
+    """Commanded depth, in space of the commanded point, against the surface [m]."""
     return float(max(memory[AIM], memory[NEAREST]))
 
 
+@compiled
 def _fastest(memory: Array, status: int, position: float, surface: float, free: float) -> float:
-    """How fast it may go deeper, negative where it has to go back [m/s]."""
+    """Largest speed at which it may go deeper, negative where it has to retreat [m/s]."""
     guard, aimed = memory[GUARD:MOTION], AIMED * memory[FORCE]
     if status < HOLDING:
         ahead = _ahead(memory)
         untouched = not ahead < free and proven_speed(memory[WAY:], ahead, aimed) == 0.0
         inwards = max(allowed_speed(guard, aimed, memory[DAMPING] if untouched else 0.0), -memory[SPEED])
-        inwards = min(inwards, _towards(memory, free))
+        inwards = min(inwards, _approach(memory, free))
         return float(min(inwards, memory[RETURN_SPEED]) if memory[RETURNING] != 0.0 else inwards)
     if status == RETREATING and math.isfinite(surface) and not position < surface - CLEARANCE:
         return -float(memory[RETURN_SPEED])
@@ -129,16 +128,15 @@ def _fastest(memory: Array, status: int, position: float, surface: float, free: 
     return float(min(back, 0.0))
 
 
-def _inside(memory: Array) -> bool:
-    """Whether it is not yet out by the way that it came into this contact."""
+@compiled
+def _is_inside(memory: Array) -> bool:
+    """Whether it has not yet left this contact along its path into it."""
     return bool(memory[MOTION + POSITION] > memory[CAME] - AWAY)
 
 
-_is_inside = compiled(_inside)
-
-
+@compiled
 def _approach(memory: Array, free: float) -> float:
-    """How fast it may come to what may be there [m/s], up to some place [m] through air that is known to be free."""
+    """Largest speed of approach to a possible obstacle [m/s], through air known to be free up to a position [m]."""
     way, ceiling, felt, aim = memory[WAY:], memory[FORCE], memory[GUARD + FELT], _ahead(memory)
     if not (math.isfinite(felt) and abs(aim) < 1e6):
         return 0.0
@@ -150,7 +148,7 @@ def _approach(memory: Array, free: float) -> float:
         if math.sqrt(late * late + memory[ACCELERATION] * away) - late >= fastest:
             break
         middle = (cell + 0.5) * CELL
-        # Who has let go of a material does not feel how hard it presses at that depth.
+        # A robot that has left a material does not feel how hard it presses at that depth.
         hidden = max(felt, proven_force(way, middle - CELL), proven_force(way, middle))
         unproven = max(max(AIMED * ceiling - hidden, 0.0) / memory[IMPEDANCE] - memory[NEARING], 0.0)
         allowed = max(proven_speed(way, middle, PROVEN_SHARE * ceiling), unproven) + late
@@ -158,12 +156,9 @@ def _approach(memory: Array, free: float) -> float:
     return float(fastest)
 
 
-_towards = compiled(_approach)
-_fastest_now = compiled(_fastest)
-
-
+@compiled
 def _rejoin(memory: Array, desired: float, aim: float) -> None:
-    """Follow again, once the way back has been with the commands for long enough."""
+    """Follow again, once the return has kept up with the commands for long enough."""
     memory[MET] = 0.0 if desired > aim else memory[MET] + 1.0
     first = memory[NEW] != 0.0
     kept_up = memory[MET] > 0.0 if first else memory[MET] * memory[PERIOD] >= REJOINED_FOR
@@ -171,10 +166,8 @@ def _rejoin(memory: Array, desired: float, aim: float) -> None:
     memory[NEW] = memory[RETURNING] if first else 0.0
 
 
-_rejoined = compiled(_rejoin)
-
-
-def _within(memory: Array, wanted: float, surface: float) -> float:
+@compiled
+def _clip(memory: Array, wanted: float, surface: float) -> float:
     """Clip to depth and workspace."""
     lowest, highest = memory[LOWEST], memory[HIGHEST]
     if math.isfinite(surface):
@@ -182,11 +175,9 @@ def _within(memory: Array, wanted: float, surface: float) -> float:
     return float(min(max(wanted, lowest), highest))
 
 
-_clipped = compiled(_within)
-
-
+@compiled
 def _see(memory: Array, position: float, force: float, in_contact: bool, faulty: bool) -> None:
-    """Look at the sensors, if they can be believed."""
+    """Take the sensors' readings, if they can be believed."""
     guard = memory[GUARD:MOTION]
     memory[FAULTY_FOR] = memory[FAULTY_FOR] + memory[PERIOD] if faulty else 0.0
     if faulty or not (math.isfinite(position) and math.isfinite(force)):
@@ -201,10 +192,8 @@ def _see(memory: Array, position: float, force: float, in_contact: bool, faulty:
         memory[CAME] = position if math.isnan(path) else path
 
 
-_sees = compiled(_see)
-
-
-def _keep_safe(
+@compiled("Tuple((f8, i8, b1))(f8[::1], b1, f8, f8, f8, b1, f8, f8, b1, b1, f8, b1)")
+def keep_safe(
     memory: Array,
     stopped: bool,
     desired: float,
@@ -216,53 +205,50 @@ def _keep_safe(
     faulty: bool,
     guarded: bool,
     free: float,
-    doubtful: bool,
+    uncertain: bool,
 ) -> tuple[float, int, bool]:
     """One tick.
 
     Args:
         memory: Written, shape (SIZE,).
         stopped: Whether an emergency stop is latched.
-        desired: This and what follows as in `Safety.update`.
-        position: [m].
-        force: [N].
+        desired: This and the following arguments are as in `Safety.update`.
+        position: Position of the robot [m].
+        force: Measured force [N].
         in_contact: Whether that is contact.
-        surface: [m].
-        silence: [s].
+        surface: Position of the surface [m].
+        silence: Time since the newest fresh command [s].
         faulty: Whether the sensors are not to be trusted.
         guarded: Whether `desired` was held back.
-        free: [m].
-        doubtful: Whether the force is being judged.
+        free: End of the free air [m].
+        uncertain: Whether the force is being judged.
 
     Returns:
-        The position for the robot, in space the aim [m], what was done (a `Status`), and whether it presses.
+        The position for the robot, in space the aim [m], the `Status`, and whether it presses.
     """
     motion = memory[MOTION:WAY]
     if math.isnan(motion[POSITION]) and math.isfinite(position):
         memory[AIM] = position if abs(force) <= REST_FORCE else position - START_BACK
         begin(motion, memory[AIM], 0.0, 0.0)
-    _sees(memory, position, force, in_contact, faulty)
-    status = _decided(memory, stopped, silence, faulty)
-    fastest = _fastest_now(memory, status, position, surface, free)
-    if doubtful:
+    _see(memory, position, force, in_contact, faulty)
+    status = _decide(memory, stopped, silence, faulty)
+    fastest = _fastest(memory, status, position, surface, free)
+    if uncertain:
         fastest = min(fastest, 0.0)
-    # The aim in the next tick, never further inside than the path soon is, for it would press on by itself; beside it,
-    # by how far it was set back for that.
+    # The aim in the next tick, never beyond the next position on the path, for it would press on by itself; and the
+    # displacement of the aim by that limit.
     path, shifted = motion[POSITION], 0.0
     if not math.isnan(path):
         shifted = min(path + max(fastest, 0.0) * PATIENCE - memory[AIM], 0.0)
     aim = memory[AIM] + shifted + fastest * memory[PERIOD]
     if status < HOLDING:
         if math.isfinite(desired):
-            _rejoined(memory, desired, aim)
+            _rejoin(memory, desired, aim)
         aim = min(desired if math.isfinite(desired) else memory[AIM], aim)
     if guarded and status == FOLLOWING:
         status = GUARDED
-    memory[AIM] = _clipped(memory, aim, surface)
+    memory[AIM] = _clip(memory, aim, surface)
     memory[FASTEST], memory[SHIFTED] = fastest, shifted
     told = memory[AIM] if memory[IN_SPACE] != 0.0 else limited(motion, memory[AIM], max(fastest, 0.0), shifted)
     presses = not abs(force) <= REST_FORCE if not faulty else math.isnan(memory[CAME]) or _is_inside(memory)
     return told, status, presses
-
-
-keep_safe = compiled("Tuple((f8, i8, b1))(f8[::1], b1, f8, f8, f8, b1, f8, f8, b1, b1, f8, b1)")(_keep_safe)

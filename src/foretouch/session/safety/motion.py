@@ -1,7 +1,7 @@
-"""The last thing before the robot: a path that keeps limits of speed, acceleration and jerk, whatever it is told.
+"""Last stage before the robot: a path that keeps limits of speed, acceleration and jerk, whatever is commanded.
 
 Like the other kernels of the follower's step it keeps its numbers in one array, and has its types stated: a driver that
-says a whole number where a fraction came before is no reason to compile anew in a loop.
+returns an integer where a float came before must cause no new compilation in a loop.
 """
 
 from __future__ import annotations
@@ -20,30 +20,30 @@ from foretouch.quantities.pose import Vector, norm
 Array = NDArray[np.float64]
 
 Bound = tuple[float, float, float, float]
-"""A direction of length 1 and how fast the path may go that way at most [m/s], not negative."""
+"""A direction of length 1 and the largest speed of the path that way [m/s], not negative."""
 
 UNBOUNDED: Bound = (0.0, 0.0, 0.0, math.inf)
-"""None."""
+"""Bound that limits nothing."""
 
 RATE = 100.0
-"""Lambda: how fast a lag dies away [rad/s]."""
+"""Lambda: decay rate of a lag [rad/s]."""
 
 LOCKING = 0.1
-"""The stream is caught up with once this share of what acceleration allows in a tick would lead to it."""
+"""Fraction of the largest change of velocity in a tick within which the path locks onto the stream."""
 
 EMERGENCY = 5.0
-"""In the direction of a bound, a path that would pass the stream, or is too fast, brakes by up to so many times the
-largest acceleration."""
+"""Largest braking as a multiple of the largest acceleration, for a path that would pass the stream in the direction of
+a bound, or is too fast."""
 
 BRAKING = 0.7
-"""Share of the largest acceleration with which it reckons when it brakes in time."""
+"""Fraction of the largest acceleration assumed for braking in time."""
 
 FARTHEST = 1e3
-"""A place beyond this is none [m]: so far off nothing can be reckoned to a micrometre."""
+"""Largest coordinate of a valid position [m]: beyond it nothing can be computed to a micrometre."""
 
 POSITION, VELOCITY, ACCELERATION = 0, 3, 6
-"""Where the three numbers of the path's place, velocity and acceleration begin in its array [m, m/s, m/s^2]; on a line
-the first of three is all of it. The others are the kernel's own."""
+"""First indices of the path's position, velocity and acceleration in its array [m, m/s, m/s^2], three numbers each; on
+a line the first of three is all of it. The others are the kernel's own."""
 
 
 class MotionLimits:
@@ -65,9 +65,9 @@ class MotionLimits:
 
     .. math:: |v| \le V, \quad |\Delta v| \le A T, \quad |\Delta a| \le J T.
 
-    Bounds are directions in which going on is dangerous: deeper into a surface, or against a force. Who would go
-    further that way than the stream, or faster than the bound says, brakes harder, at once, and by up to 5 A: nothing
-    is worse than to press more than one is told. In such a tick, and the one after it, the last two limits are
+    Bounds are directions in which going on is dangerous: deeper into a surface, or against a force. A path that would
+    go further that way than the stream, or faster than the bound allows, brakes harder, at once, and by up to 5 A: to
+    press more than commanded is the worst case. In such a tick, and the one after it, the last two limits are
 
     .. math:: |\Delta v| \le 5 A T, \quad |\Delta a| \le 10 A.
 
@@ -81,7 +81,7 @@ class MotionLimits:
         acceleration: A [m/s^2], positive.
         jerk: J [m/s^3], positive.
         sample_period: T [s], positive.
-        path: Where its numbers are kept, in zeros that somebody else holds too, shape
+        path: Array of zeros that holds its numbers, shared with others, shape
             (`foretouch.session.safety.motion.SIZE`,); None for an array of its own.
     """
 
@@ -102,22 +102,22 @@ class MotionLimits:
 
     @property
     def place(self) -> Vector:
-        """Of the path [m]; no numbers before it has begun."""
+        """Position of the path [m]; NaN before it has begun."""
         return self._vector(POSITION)
 
     @property
     def velocity(self) -> Vector:
-        """Of the path [m/s]."""
+        """Velocity of the path [m/s]."""
         return self._vector(VELOCITY)
 
     @property
     def acceleration(self) -> Vector:
-        """Of the path [m/s^2]."""
+        """Acceleration of the path [m/s^2]."""
         return self._vector(ACCELERATION)
 
     @property
     def speed(self) -> float:
-        """Of the path [m/s], not negative."""
+        """Speed of the path [m/s], not negative."""
         return norm(self.velocity)
 
     def _vector(self, begin: int) -> Vector:
@@ -135,7 +135,7 @@ class MotionLimits:
             wanted: Newest position of the stream [m]; no number means to stay.
             upwards: Where positions grow the path is no faster than this either [m/s], not negative; a path that is,
                 brakes.
-            shifted: By how far the stream was set elsewhere since the last tick [m]: no motion of it; no number, or
+            shifted: Displacement of the stream by a limit since the last tick [m], which is no motion of it; NaN, or
                 more than 1 km, is 0.
         """
         return limited(self._path, wanted, upwards, shifted)
@@ -152,8 +152,8 @@ class MotionLimits:
             wanted: Newest place of the stream [m]; one with no number, or beyond 1 km, means to stay.
             bounds: Directions in which going on is dangerous; where they are at odds, the last comes first. One without
                 numbers is none, and a speed that is no number is 0.
-            shifted: By how far the stream was set elsewhere since the last tick [m]: no motion of it; one with no
-                number, or beyond 1 km, is 0.
+            shifted: Displacement of the stream by a limit since the last tick [m], which is no motion of it; NaN, or
+                more than 1 km, is 0.
         """
         first, second, third = bounds
         self._asked[:] = wanted + shifted + first + second + third
@@ -162,14 +162,14 @@ class MotionLimits:
 
 
 BEFORE, STREAM, CAUGHT = 9, 12, 15
-"""Places in the array, behind those of the path, of what is known of the stream: its newest place [m] and its
-low-passed velocity u [m/s], three numbers each, and whether it was caught up with."""
+"""Indices, after those of the path, of the stream's newest position [m] and its low-passed velocity u [m/s], three
+numbers each, and of whether it was caught up with."""
 
 WANTED, SHIFTED, BOUNDS = 16, 19, (22, 26, 30)
-"""What is asked in this tick: three numbers [m], three [m], and directions with the speed that is allowed there."""
+"""Indices of this tick's inputs: three numbers [m], three [m], and directions with the speed allowed there."""
 
 SPEED, LARGEST, JERK, PERIOD, GAIN = 34, 35, 36, 37, 38
-"""What stays: V [m/s], A [m/s^2], J [m/s^3], T [s], and the gain of the low-pass."""
+"""Indices of the constants V [m/s], A [m/s^2], J [m/s^3], T [s], and the gain of the low-pass."""
 
 SIZE = 39
 
@@ -182,88 +182,75 @@ _scaled = compiled(rigid.scaled)
 _subtract = compiled(rigid.subtract)
 
 
+@compiled
 def _read(path: Array, begin: int) -> Vector:
     return path[begin], path[begin + 1], path[begin + 2]
 
 
-_three = compiled(_read)
-
-
+@compiled
 def _write(path: Array, begin: int, vector: Vector) -> None:
     path[begin], path[begin + 1], path[begin + 2] = vector
 
 
-_keep = compiled(_write)
-
-
+@compiled
 def _know(vector: Vector, otherwise: Vector) -> Vector:
-    """What to take for it where it has no number, or one beyond `FARTHEST`."""
+    """Replace a vector that has no number, or one beyond `FARTHEST`."""
     x, y, z = vector
     return vector if abs(x) <= FARTHEST and abs(y) <= FARTHEST and abs(z) <= FARTHEST else otherwise
 
 
-_known = compiled(_know)
-
-
+@compiled
 def _clip(vector: Vector, longest: float) -> Vector:
-    """With a length of at most this."""
+    """Limit a vector to this length."""
     length = _norm(vector)
     return _scaled(vector, longest / length) if length > longest else vector
 
 
-_clipped = compiled(_clip)
-
-
+@compiled
 def _slow_down(path: Array, velocity: Vector) -> Vector:
-    """No faster than the bounds allow."""
+    """Limit a velocity to the bounds."""
     for bound in BOUNDS:
-        direction = _three(path, bound)
+        direction = _read(path, bound)
         beyond = _dot(velocity, direction) - path[bound + 3]
         if beyond > 0.0:
             velocity = _subtract(velocity, _scaled(direction, beyond))
     return velocity
 
 
-_slowed = compiled(_slow_down)
-
-
-def _is_kept(path: Array, velocity: Vector, last_velocity: Vector, last_acceleration: Vector) -> bool:
+@compiled
+def _is_within(path: Array, velocity: Vector, last_velocity: Vector, last_acceleration: Vector) -> bool:
     """Whether a step at this velocity keeps all limits, and the next ones can."""
     period, speed, jerk = path[PERIOD], path[SPEED], path[JERK]
     acceleration = _scaled(_subtract(velocity, last_velocity), 1.0 / period)
     size = _norm(acceleration)
-    # While the acceleration comes back to 0 at the largest jerk, the velocity grows by so much of it.
+    # While the acceleration returns to 0 at the largest jerk, the velocity grows by this amount.
     coming = max(size / (2.0 * jerk) - 0.5 * period, 0.0)
     if not (_norm(velocity) <= speed and _norm(_add(velocity, _scaled(acceleration, coming))) <= speed):
         return False
     for bound in BOUNDS:
-        if not _dot(velocity, _three(path, bound)) <= path[bound + 3]:
+        if not _dot(velocity, _read(path, bound)) <= path[bound + 3]:
             return False
     change = _norm(_subtract(acceleration, last_acceleration))
     return bool(size <= path[LARGEST] and change <= jerk * period)
 
 
-_is_within = compiled(_is_kept)
-
-
+@compiled
 def _brake(path: Array, velocity: Vector, last_velocity: Vector, lag: Vector) -> Vector:
-    """Never further in a dangerous direction, nor faster, than is told, if it can stop."""
+    """Brake so as to go no further or faster than commanded in a dangerous direction, if the path can stop."""
     period = path[PERIOD]
     hardest = EMERGENCY * path[LARGEST] * period
     braked = velocity
     for bound in BOUNDS:
-        direction = _three(path, bound)
+        direction = _read(path, bound)
         most = min(max(_dot(lag, direction) / period, 0.0), path[bound + 3])
         fast = _dot(braked, direction)
         if fast > most:
             slower = min(fast, max(most, _dot(last_velocity, direction) - hardest))
             braked = _subtract(braked, _scaled(direction, fast - slower))
-    return _add(last_velocity, _clipped(_subtract(braked, last_velocity), hardest))
+    return _add(last_velocity, _clip(_subtract(braked, last_velocity), hardest))
 
 
-_braked = compiled(_brake)
-
-
+@compiled
 def _catch_up(path: Array, lag: Vector, stream: Vector, last_velocity: Vector, last_acceleration: Vector) -> Vector:
     """The velocity with which a path that is not with the stream comes to it."""
     period, largest, jerk = path[PERIOD], path[LARGEST], path[JERK]
@@ -272,18 +259,16 @@ def _catch_up(path: Array, lag: Vector, stream: Vector, last_velocity: Vector, l
     if far > 0.0:
         closing = min(0.5 * rate * far, math.sqrt(2.0 * BRAKING * largest * far))
         towards = _add(stream, _scaled(lag, closing / far))
-    towards = _slowed(path, _clipped(towards, path[SPEED]))
-    acceleration = _clipped(_scaled(_subtract(towards, last_velocity), 2.0 * rate), largest)
-    change = _clipped(_subtract(acceleration, last_acceleration), jerk * period)
-    acceleration = _clipped(_add(last_acceleration, change), largest)
-    velocity = _clipped(_add(last_velocity, _scaled(acceleration, period)), path[SPEED])
-    return _braked(path, velocity, last_velocity, lag)
+    towards = _slow_down(path, _clip(towards, path[SPEED]))
+    acceleration = _clip(_scaled(_subtract(towards, last_velocity), 2.0 * rate), largest)
+    change = _clip(_subtract(acceleration, last_acceleration), jerk * period)
+    acceleration = _clip(_add(last_acceleration, change), largest)
+    velocity = _clip(_add(last_velocity, _scaled(acceleration, period)), path[SPEED])
+    return _brake(path, velocity, last_velocity, lag)
 
 
-_caught_up = compiled(_catch_up)
-
-
-def _begin(path: Array, x: float, y: float, z: float) -> None:
+@compiled("void(f8[::1], f8, f8, f8)")
+def begin(path: Array, x: float, y: float, z: float) -> None:
     """See `MotionLimits.begin`; the array is written."""
     path[: CAUGHT + 1] = 0.0
     path[POSITION], path[POSITION + 1], path[POSITION + 2] = x, y, z
@@ -291,42 +276,38 @@ def _begin(path: Array, x: float, y: float, z: float) -> None:
     path[CAUGHT] = 1.0
 
 
-begin = compiled("void(f8[::1], f8, f8, f8)")(_begin)
-
-
-def _move(path: Array) -> None:
+@compiled("void(f8[::1])")
+def moved(path: Array) -> None:
     """One tick: see `MotionLimits.move`; what is asked has been written, and the path is."""
     if math.isnan(path[POSITION]):
         return
     period, largest = path[PERIOD], path[LARGEST]
-    last_velocity, last_acceleration = _three(path, VELOCITY), _three(path, ACCELERATION)
-    before, stream = _three(path, BEFORE), _three(path, STREAM)
-    stayed = _add(before, _known(_three(path, SHIFTED), NOTHING))
-    wanted = _known(_three(path, WANTED), stayed)
+    last_velocity, last_acceleration = _read(path, VELOCITY), _read(path, ACCELERATION)
+    before, stream = _read(path, BEFORE), _read(path, STREAM)
+    stayed = _add(before, _know(_read(path, SHIFTED), NOTHING))
+    wanted = _know(_read(path, WANTED), stayed)
     for bound in BOUNDS:
-        _keep(path, bound, _known(_three(path, bound), NOTHING))
+        _write(path, bound, _know(_read(path, bound), NOTHING))
         if not path[bound + 3] >= 0.0:
             path[bound + 3] = 0.0
-    lag = _subtract(wanted, _three(path, POSITION))
-    going = _clipped(_scaled(_subtract(wanted, stayed), 1.0 / period), path[SPEED])  # a jump is no speed to follow
+    lag = _subtract(wanted, _read(path, POSITION))
+    going = _clip(_scaled(_subtract(wanted, stayed), 1.0 / period), path[SPEED])  # a jump is no speed to follow
     stream = _add(stream, _scaled(_subtract(going, stream), path[GAIN]))
     velocity = _scaled(lag, 1.0 / period)
     near = path[CAUGHT] != 0.0 or _norm(_subtract(velocity, stream)) <= LOCKING * largest * period
     kept = near and _is_within(path, velocity, last_velocity, last_acceleration)
     if not kept:
-        velocity = _caught_up(path, lag, stream, last_velocity, last_acceleration)
+        velocity = _catch_up(path, lag, stream, last_velocity, last_acceleration)
     path[CAUGHT] = 1.0 if kept else 0.0
-    _keep(path, BEFORE, wanted)
-    _keep(path, STREAM, stream)
-    _keep(path, VELOCITY, velocity)
-    _keep(path, ACCELERATION, _scaled(_subtract(velocity, last_velocity), 1.0 / period))
-    _keep(path, POSITION, _add(_three(path, POSITION), _scaled(velocity, period)))
+    _write(path, BEFORE, wanted)
+    _write(path, STREAM, stream)
+    _write(path, VELOCITY, velocity)
+    _write(path, ACCELERATION, _scaled(_subtract(velocity, last_velocity), 1.0 / period))
+    _write(path, POSITION, _add(_read(path, POSITION), _scaled(velocity, period)))
 
 
-moved = compiled("void(f8[::1])")(_move)
-
-
-def _limit(path: Array, wanted: float, upwards: float, shifted: float) -> float:
+@compiled("f8(f8[::1], f8, f8, f8)")
+def limited(path: Array, wanted: float, upwards: float, shifted: float) -> float:
     """One tick on a line: the next position [m]. The arguments are those of `MotionLimits.update`."""
     path[WANTED:SPEED] = 0.0
     path[WANTED], path[SHIFTED] = wanted, shifted
@@ -335,6 +316,3 @@ def _limit(path: Array, wanted: float, upwards: float, shifted: float) -> float:
     path[BOUNDS[0]], path[BOUNDS[0] + 3] = 1.0, upwards
     moved(path)
     return float(path[POSITION])
-
-
-limited = compiled("f8(f8[::1], f8, f8, f8)")(_limit)

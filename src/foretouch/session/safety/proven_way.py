@@ -1,4 +1,4 @@
-"""What the robot's own motion has proven of the way in, place by place, compiled; all else counts as the worst."""
+"""What the robot's own motion has proven of its path into a material, cell by cell, compiled."""
 
 from __future__ import annotations
 
@@ -12,50 +12,50 @@ from foretouch.core.compiling import compiled
 Array = NDArray[np.float64]
 
 CELL = 2.5e-4
-"""Length of a cell of the way [m]: a count of 15 um that flickers is 6 % of it, and a millimetre has four."""
+"""Length of a cell of the path [m]: a count of 15 um that flickers is 6 % of it, and a millimetre has four."""
 
 CELLS = 1024
-"""So many are remembered, 256 mm; the newest take the place of those that lie as far away."""
+"""Number of cells remembered, 256 mm; the newest replace those as far away as the whole memory."""
 
 MEAN = 10
-"""Positions are the mean of so many ticks, and forces the largest of the same: noise is no motion, and sensors are
-late."""
+"""Number of ticks over which positions are averaged and the largest force is taken: noise is no motion, and sensors
+are late."""
 
 LARGEST_STEP = 2e-3
-"""A position that is further than this from that of the tick before [m] is another place, and no motion to it."""
+"""Step of the position in one tick above which it is another position, and no motion to it [m]."""
 
 GROWTH = 4.0
-"""A way that was gone at one speed is gone so many times as fast at most the next time: no law is believed further."""
+"""Largest ratio of the allowed speed to that of the last crossing: no law is trusted further."""
 
 CONTRADICTED = 1.2
-"""A force so many times as large as what was proven takes its place."""
+"""Ratio of a force to the proven one above which it replaces it."""
 
 LEAST_FORCE = 0.25
-"""Damping is reckoned with from at least this force [N]: the sensor's zero errs."""
+"""Least force with which damping is computed [N]: the sensor's zero errs."""
 
 
 class ProvenWay:
-    r"""Remembers how fast the robot has gone in through each cell of the way, and what that felt like.
+    r"""Remembers how fast the robot has gone in through each cell of its path, and what forces it felt.
 
-    A cell that it went through at the mean speed u, with at most the force F while it was there, and at least the force
-    E on the way back out, bounds the force at any other speed v there:
+    A cell crossed at the mean speed u, with at most the force F in it, and at least the force E on leaving through it,
+    bounds the force at any other speed v there:
 
     .. math:: F(v) \le F + (F - E) \max(v / u - 1, 0)
 
     for a material whose force is elastic, E(x) or more, and damped in proportion to speed, or less; and for linear
-    viscoelastic ones at a steady speed. So it may go there at
+    viscoelastic ones at a steady speed. So it may cross the cell at
 
     .. math:: w = u \Big(1 + \frac{F_a - F}{F - E}\Big) \le 4 u
 
-    with F_a the force that may be reached, and no faster than u where F is above F_a. Speed and place are those of the
-    mean of ten measured positions, and the speed is that over a whole cell: what was told, or what an encoder's noise
-    shows in one tick, proves nothing. A cell that was never crossed, from its outer to its inner end, proves nothing.
-    A crossing that felt 1.2 times as much as was proven, or as much less than that allows, takes its place: it is
-    another material. Else the fastest stays.
+    with F_a the force that may be reached, and no faster than u where F is above F_a. Position is the mean of ten
+    measured ones, and speed that over a whole cell: a command, or an encoder's noise in one tick, proves nothing. A
+    cell that was never crossed, from its outer to its inner end, proves nothing. A crossing that felt 1.2 times the
+    proven force, or as much less than the bound, replaces the proven one: it is another material. Else the fastest is
+    kept.
 
     Args:
-        numbers: Where they are kept, in an array that somebody else holds too, shape
-            (`foretouch.session.safety.proven_way.SIZE`,); None for one of its own.
+        numbers: Array that holds its numbers, shared with others, shape
+            (`foretouch.session.safety.proven_way.SIZE`,); None for an array of its own.
     """
 
     __slots__ = ("_numbers",)
@@ -65,24 +65,24 @@ class ProvenWay:
         self.forget()
 
     def forget(self) -> None:
-        """Nothing is proven any more: it is another place."""
+        """Forget all that was proven: it is another point."""
         forget_way(self._numbers)
 
     def observe(self, position: float, force: float, period: float) -> None:
         """One sample of the sensors, finite.
 
         Args:
-            position: [m].
-            force: That is felt [N].
-            period: Since the one before [s].
+            position: Position of the robot [m].
+            force: Measured force [N].
+            period: Time since the previous sample [s].
         """
         observe_way(self._numbers, position, force, period)
 
     def speed(self, position: float, allowed: float) -> float:
-        """Speed w at which the cell of a place may be gone through [m/s]; NaN where nothing is proven.
+        """Speed w at which the cell at a position may be crossed [m/s]; NaN where nothing is proven.
 
         Args:
-            position: [m].
+            position: Position [m].
             allowed: F_a [N].
         """
         found = proven_speed(self._numbers, position, allowed)
@@ -90,32 +90,32 @@ class ProvenWay:
 
 
 SEEN, AT, PLACE, TIME = 0, 1, 2, 3
-"""Places in the array: samples in the ring, at most `MEAN`; where the next goes; the newest mean position [m], NaN for
-none; and the time of it [s]."""
+"""Indices in the array: number of samples in the ring, at most `MEAN`; where the next goes; the newest mean position
+[m], NaN for none; and the time of it [s]."""
 
 IN_EDGE, IN_TIME, LARGEST = 4, 5, 6
-"""The edge that was crossed last on the way in, by number, NaN for none; when [s]; and the largest force since [N]."""
+"""Indices of the edge crossed last going in, by number, NaN for none; its time [s]; the largest force since [N]."""
 
 OUT_EDGE, LEAST = 7, 8
-"""The edge that was crossed last on the way out, NaN for none; and the least force since [N]."""
+"""Indices of the edge crossed last on leaving, NaN for none; and the least force since [N]."""
 
 POSITIONS, FORCES = 9, 9 + MEAN
-"""Rings of the newest samples [m, N]."""
+"""First indices of the rings of the newest samples [m, N]."""
 
 NUMBERS = FORCES + MEAN
-"""Number of the cell that is kept in each place, NaN for none; then u [m/s], F and E [N] of them."""
+"""First index of the number of the cell kept in each slot, NaN for none; then of its u [m/s], F and E [N]."""
 
 SPEEDS, HIGHEST, LOWEST = NUMBERS + CELLS, NUMBERS + 2 * CELLS, NUMBERS + 3 * CELLS
 
 SIZE = NUMBERS + 4 * CELLS
 
 FARTHEST = 1e6
-"""No robot is further out than this [m]: the numbers of its cells would be none."""
+"""Largest distance of a robot for which cells are numbered [m]."""
 
 
 @compiled
 def _set_out(way: Array) -> None:
-    """What comes is no motion from what was."""
+    """Start again: the next sample is no motion from the last."""
     way[SEEN] = way[AT] = 0.0
     way[PLACE] = way[IN_EDGE] = way[OUT_EDGE] = math.nan
     way[LARGEST] = way[LEAST] = 0.0
@@ -137,14 +137,14 @@ def _predicted(speed: float, highest: float, lowest: float, at: float) -> float:
 
 @compiled
 def _allowed(speed: float, highest: float, lowest: float, allowed: float) -> float:
-    """Speed at which no more than what is allowed is felt [m/s]."""
+    """Speed at which the force stays within the allowed one [m/s]."""
     spare = max(allowed - highest, 0.0) / max(highest - lowest, LEAST_FORCE)
     return speed * min(1.0 + spare, GROWTH)
 
 
 @compiled
 def _crossed(way: Array, cell: float, speed: float, force: float) -> None:
-    """Take a crossing of a whole cell on the way in."""
+    """Take a crossing of a whole cell inwards."""
     at = int(cell) % CELLS
     if way[NUMBERS + at] == cell:
         known, highest = way[SPEEDS + at], way[HIGHEST + at]
@@ -161,7 +161,7 @@ def _crossed(way: Array, cell: float, speed: float, force: float) -> None:
 
 @compiled
 def _go_in(way: Array, before: float, place: float, period: float, largest: float) -> None:
-    """The mean position has grown: cells may have been crossed."""
+    """Take a mean position that has grown: cells may have been crossed."""
     edge, last = math.floor(before / CELL) + 1.0, math.floor(place / CELL)
     while edge <= last:
         time = way[TIME] + period * (edge * CELL - before) / (place - before)
@@ -174,7 +174,7 @@ def _go_in(way: Array, before: float, place: float, period: float, largest: floa
 
 @compiled
 def _go_out(way: Array, before: float, place: float, least: float) -> None:
-    """The mean position has shrunk: what a cell gives back bounds what is elastic in it."""
+    """Take a mean position that has shrunk: the force on leaving a cell bounds its elastic part."""
     edge, last = math.ceil(before / CELL) - 1.0, math.ceil(place / CELL)
     while edge >= last:
         at = int(edge) % CELLS
@@ -229,7 +229,7 @@ def proven_speed(way: Array, position: float, allowed: float) -> float:
 
 @compiled("f8(f8[::1], f8)")
 def proven_force(way: Array, position: float) -> float:
-    """Largest force when the cell of a place was crossed [N]; 0 where nothing is proven."""
+    """Largest force when the cell at a position was crossed [N]; 0 where nothing is proven."""
     if not abs(position) < FARTHEST:
         return 0.0
     cell = math.floor(position / CELL)

@@ -1,4 +1,4 @@
-"""What stands between commands and robot: whatever the leader says, and whether it says anything."""
+"""Safety layer between commands and robot, independent of the leader's messages or silence."""
 
 from __future__ import annotations
 
@@ -18,38 +18,37 @@ from foretouch.session.safety.motion import POSITION, VELOCITY, MotionLimits
 from foretouch.session.safety.proven_way import ProvenWay
 
 REACTION = 3e-3
-"""After its first touch a robot is no faster than before for so long [s], and then stops: its sensor and drive are as
-late as that. The simulated arm takes 2.3 to 2.8 ms."""
+"""Time after its first touch for which a robot keeps its speed before it stops [s]: the delay of its sensor and drive.
+The simulated arm takes 2.3 to 2.8 ms."""
 
 LEFT = 0.6
-"""With no more than this [N] a session leaves its robot, if there is time: a little over what unloading comes to."""
+"""Largest force at which a session leaves its robot, if there is time [N]: a little above that after unloading."""
 
 REST_SPEED, SEEN_AT_REST = 5e-3, 1e-2
-"""A robot is at rest whose path is slower than the first, and whose own velocity, as its encoder shows it, than the
-second [m/s]."""
+"""Largest speed of the path, and largest velocity of the robot by its encoder, of a robot at rest [m/s]."""
 
 STATES = tuple(Status)
-"""By value."""
+"""The statuses by value."""
 
 
 @dataclass(frozen=True, slots=True)
 class SafetyLimits:
-    """What a follower never does, whatever it is told.
+    """Limits that a follower never exceeds, whatever is commanded.
 
     Args:
-        force: Ceiling of the contact force [N]; 15 is what the paper holds for a hand.
-        depth: Deepest below the surface that was felt [m].
+        force: Ceiling of the contact force [N]; 15 is the paper's limit for a hand.
+        depth: Largest depth below the surface that was felt [m].
         workspace: Smallest and largest position [m].
-        speed: [m/s].
-        acceleration: [m/s^2].
-        jerk: [m/s^3].
-        mass: That moves with the probe [kg]: what an impact is of.
-        stiffest: What nobody has gone through yet counts as so stiff [N/m]; 1e5 is bone under a probe.
-        most_damped: And as so damped at once [N s/m]; 500 is the paper's Kelvin-Voigt material.
-        return_speed: Inwards, on the way back to the commands after it was held [m/s].
+        speed: Largest speed [m/s].
+        acceleration: Largest acceleration [m/s^2].
+        jerk: Largest jerk [m/s^3].
+        mass: Mass that moves with the probe, for the force of an impact [kg].
+        stiffest: Stiffness assumed of an untouched region [N/m]; 1e5 is bone under a probe.
+        most_damped: Damping assumed of it at once [N s/m]; 500 is the paper's Kelvin-Voigt material.
+        return_speed: Largest speed inwards on the return to the commands after a hold [m/s].
         hold_after: Time without a fresh command until it holds [s].
-        unload_after: And until it unloads [s].
-        retreats: Whether it then goes out the way that it came.
+        unload_after: Time without a fresh command until it unloads [s].
+        retreats: Whether it then retraces its path out of the contact.
 
     Raises:
         SettingError: A number out of range.
@@ -81,24 +80,24 @@ class Safety:
 
     In this order, each tick:
 
-    1. **What it does** (`Status`): after an emergency stop it unloads and stays so; with a fault of its sensors it
-       holds; without a fresh command it holds after 50 ms, and after 500 ms unloads, or retreats. Unloading is
-       compliant: the force is brought to 0.5 N as `ForceGuard` says. A stop also goes back by the way, at the return
-       speed, until it is 1 mm further out than where this contact began: it needs no force for that. So does a fault
-       of the sensors that lasts as long as a silence until it unloads, in what the robot was told: it needs none.
-    2. **The way back** to the commands is inwards no faster than the return speed, until it has been with them for
+    1. **Status** (`Status`): after an emergency stop it unloads and stays so; with a fault of its sensors it holds;
+       without a fresh command it holds after 50 ms, and after 500 ms unloads, or retreats. Unloading is compliant: the
+       force is brought to 0.5 N by `ForceGuard`. A stop also retraces its path, at the return speed, until it is 1 mm
+       further out than where this contact began: that needs no force. So does a fault of the sensors that lasts as
+       long as a silence until it unloads, in commanded positions: that needs no sensor.
+    2. **Return** to the commands is inwards no faster than the return speed, until it has kept up with them for
        0.3 s; outwards it is free.
-    3. **Force**: deeper no faster than `ForceGuard` allows for 88 % of the ceiling, and back where that is passed, also
-       while it holds.
-    4. **Impact**: where the robot has not gone in through itself, no faster than
+    3. **Force**: deeper no faster than `ForceGuard` allows for 88 % of the ceiling, and back where that is exceeded,
+       also while it holds.
+    4. **Impact**: where the robot has not gone in before, no faster than
 
        .. math:: v_0 = \frac{0.88\, F - f}{Z}
 
-       F being the ceiling, f the force that is felt, or that was when it was there, and Z what `impact_impedance` says
-       of the robot's mass, 3 ms of reaction, and the stiffest and most damped that is assumed, as both at once: the
-       largest force of an impact of all that is no stiffer and no more damped. Where it has, as fast as `ProvenWay`
-       says for three quarters of the ceiling. It brakes in time before what allows less: at a way d before, 0.5 mm of
-       margin off, and w being allowed there, by
+       F being the ceiling, f the measured force, or that at the robot's last passage, and Z the `impact_impedance` of
+       the robot's mass, 3 ms of reaction, and the largest stiffness and damping assumed, both at once: the largest
+       force of an impact on all that is no stiffer and no more damped. Where it has, as fast as `ProvenWay` allows for
+       three quarters of the ceiling. It brakes in time before a lower limit: at a distance d before it, less 0.5 mm of
+       margin, with w the speed allowed there, by
 
        .. math:: v = \sqrt{(w + A \tau / 2)^2 + A\, d} - A \tau / 2, \quad \tau = 5\ \mathrm{ms}
 
@@ -106,20 +105,20 @@ class Safety:
     5. **Depth and workspace.**
     6. **Speed, acceleration, jerk** (`MotionLimits`), from where the robot is in the first tick, at rest.
 
-    On a surface in space the first five are reckoned along its normal, and the last once that is a place again: see
-    `in_space`.
+    On a surface in space the first five are computed along its normal, and the last once the result is a position in
+    space again: see `in_space`.
 
-    It never raises; a command that is no number counts as none.
+    It never raises; a NaN command counts as none.
 
     Args:
-        limits: What is never done.
+        limits: Limits that are never exceeded.
         sample_period: T [s], positive.
 
     Attributes:
-        status: What it did in the newest tick.
+        status: Status in the newest tick.
         stop_reason: Why it was stopped; empty while it is not.
-        pressing: Whether the robot feels more than 1 N; while nobody knows what it feels, whether it is not yet out by
-            the way that it came.
+        pressing: Whether the robot feels more than 1 N; if its force is unknown, whether it has not yet retraced its
+            path out of the contact.
     """
 
     __slots__ = (
@@ -163,9 +162,9 @@ class Safety:
         self.pressing = False
 
     def in_space(self) -> MotionLimits:
-        """Leave the last rule to who brings the aim into space: its limits, for places there.
+        """Leave the last rule to the caller that brings the aim into space: return its limits, for positions there.
 
-        From then on `update` returns the aim, and `went` is told in each tick what came of it.
+        From then on `update` returns the aim, and `went` must be called in each tick with the result.
         """
         self._memory[kernel.IN_SPACE] = 1.0
         self._motion = self._motion_limits()
@@ -177,42 +176,42 @@ class Safety:
 
     @property
     def limits(self) -> SafetyLimits:
-        """What is never done."""
+        """Limits that are never exceeded."""
         return self._limits
 
     @property
     def blind_speed(self) -> float:
-        """Speed at which the robot may come to what may be there, feeling nothing yet [m/s]."""
+        """Speed at which the robot may approach a possible obstacle before it feels anything [m/s]."""
         memory = self._memory
         return float(kernel.AIMED * memory[kernel.FORCE] / memory[kernel.IMPEDANCE])
 
     def comes_nearer(self, speed: float) -> None:
-        """In space: by what goes along the surface it may come nearer at this speed [m/s]."""
+        """In space: set the speed at which motion along the surface may bring the robot nearer to it [m/s]."""
         self._memory[kernel.NEARING] = speed
 
     @property
     def fastest(self) -> float:
-        """Speed at which the robot may go deeper now, negative where it has to go back [m/s]."""
+        """Speed at which the robot may go deeper now, negative where it has to retreat [m/s]."""
         return float(self._memory[kernel.FASTEST])
 
     @property
     def shifted(self) -> float:
-        """By how far the aim was set elsewhere in the newest tick [m], not positive: no motion of it."""
+        """Displacement of the aim by a limit in the newest tick [m], not positive: it is no motion."""
         return float(self._memory[kernel.SHIFTED])
 
     def went(self, position: float, velocity: float, nearest: float) -> None:
-        """In space: where the robot was told to be.
+        """In space: take the robot's commanded position.
 
         Args:
-            position: Along the normal that the aim is on [m].
-            velocity: Towards the surface [m/s].
-            nearest: Where that place itself is against the surface [m].
+            position: Its coordinate along the normal of the aim [m].
+            velocity: Velocity towards the surface [m/s].
+            nearest: Coordinate of that point itself against the surface [m].
         """
         self._path[POSITION], self._path[VELOCITY] = position, velocity
         self._memory[kernel.NEAREST] = nearest
 
     def go_on_from(self, position: float) -> None:
-        """On a line: the robot was told this position by somebody else [m]; the path goes on there, at rest."""
+        """On a line: go on, at rest, from a position that something else commanded [m]."""
         self._motion.begin(position)
 
     def stop(self, reason: str) -> None:
@@ -220,11 +219,11 @@ class Safety:
         self.stop_reason = self.stop_reason or reason or "no reason given"
 
     def release(self, velocity: float, force: float) -> bool:
-        """Let a stopped robot follow again, if it is at rest: whether it was.
+        """Let a stopped robot follow again, if it is at rest; return whether it was.
 
         Args:
-            velocity: Of the robot [m/s].
-            force: That it feels [N].
+            velocity: Velocity of the robot [m/s].
+            force: Measured force [N].
         """
         still = self._motion.speed <= REST_SPEED and abs(velocity) <= SEEN_AT_REST
         if not (still and abs(force) <= kernel.REST_FORCE):
@@ -233,7 +232,7 @@ class Safety:
         return True
 
     def forget_way(self) -> None:
-        """What the way in has proven is of another place: it counts as untouched again."""
+        """Forget the proven approach, which is of another point: all counts as untouched again."""
         self._proven.forget()
 
     def update(
@@ -248,21 +247,21 @@ class Safety:
         faulty: bool,
         guarded: bool = False,
         free: float = -math.inf,
-        doubtful: bool = False,
+        uncertain: bool = False,
     ) -> float:
-        """One tick: the position for the robot, in space the aim [m]; no number before it is known where the robot is.
+        """One tick: the position for the robot, in space the aim [m]; NaN before the robot's position is known.
 
         Args:
-            desired: What the commands say [m].
-            position: Where the robot is [m].
-            force: That it feels [N].
+            desired: Commanded position [m].
+            position: Position of the robot [m].
+            force: Measured force [N].
             in_contact: Whether that is contact.
-            surface: That was felt [m]; NaN while there is none.
+            surface: Position of the surface that was felt [m]; NaN while there is none.
             silence: Time since the newest fresh command [s]; infinite before the first.
             faulty: Whether the sensors are not to be trusted.
             guarded: Whether `desired` was held back for a first touch.
-            free: Up to there nothing is in the way, though the robot has not gone there itself [m].
-            doubtful: Whether it is being judged if the force can be believed: until then it goes no deeper.
+            free: Position up to which the air is free, though the robot has not gone there itself [m].
+            uncertain: Whether it is being judged if the force can be believed: meanwhile it goes no deeper.
         """
         told, status, self.pressing = kernel.keep_safe(
             self._memory,
@@ -276,7 +275,7 @@ class Safety:
             faulty,
             guarded,
             free,
-            doubtful,
+            uncertain,
         )
         self.status = STATES[status]
         return told

@@ -1,11 +1,11 @@
 """Sessions in three dimensions: the steps along a line, with geometry about them, a tracker and a camera."""
 
-from foretouch.session.spatial.camera import CAMERA_CHANNELS, SimulatedCamera, run_camera
+from foretouch.session.spatial.camera import SimulatedCamera
 from foretouch.session.spatial.making import make_camera, make_spatial_operator, make_spatial_robot
-from foretouch.session.spatial.scenes import SCENES, Inclusion, Scene, make_scene
+from foretouch.session.spatial.scenes import Inclusion, Scene, make_scene
+from foretouch.settings import SCENES
 
 __all__ = [
-    "CAMERA_CHANNELS",
     "SCENES",
     "Inclusion",
     "Scene",
@@ -14,5 +14,4 @@ __all__ = [
     "make_scene",
     "make_spatial_operator",
     "make_spatial_robot",
-    "run_camera",
 ]

@@ -14,7 +14,7 @@ from foretouch.rendering.surfaces import Surface, SurfaceProxy
 from foretouch.session.safety.force_guard import ForceGuard
 
 Numbers6: TypeAlias = tuple[float, float, float, float, float, float]
-"""A place [m] and a rotation vector [rad]."""
+"""A position [m] and a rotation vector [rad]."""
 
 
 ROUNDING = 1e-9
@@ -24,7 +24,7 @@ FARTHEST = 10.0
 """No fixture is believed further away than this [m], or turned by more [rad]."""
 
 
-class Footing(NamedTuple):
+class ClosestPoint(NamedTuple):
     """Where a place is against the surface, in the world's frame.
 
     Attributes:
@@ -67,10 +67,10 @@ class SurfaceLine:
         pose: That is believed.
         motion: The same, as a motion.
         offset: o [m].
-        footing: Of the newest place; None before it.
+        closest: Of the newest place; None before it.
     """
 
-    __slots__ = ("_leads", "_place", "_proxy", "footing", "motion", "offset", "pose", "surface")
+    __slots__ = ("_leads", "_place", "_proxy", "closest", "motion", "offset", "pose", "surface")
 
     def __init__(self, surface: Surface, pose: Sequence[float], *, leads: bool = True) -> None:
         self._leads = leads
@@ -80,7 +80,7 @@ class SurfaceLine:
         self.pose: Numbers6 = _six(pose)
         self.motion = RigidMotion.from_numbers(pose)
         self.offset = 0.0
-        self.footing: Footing | None = None
+        self.closest: ClosestPoint | None = None
 
     def believe(self, pose: Sequence[float]) -> bool:
         """Believe the fixture elsewhere; the coordinate of the newest place stays. Whether that was any news.
@@ -89,19 +89,19 @@ class SurfaceLine:
         """
         if len(pose) != 6 or not all(abs(number) <= FARTHEST for number in pose) or _six(pose) == self.pose:
             return False
-        before = self.footing
+        before = self.closest
         self.pose, self.motion = _six(pose), RigidMotion.from_numbers(pose)
         if before is not None and self._place is not None:
             self.follow(self._place)
         return True
 
-    def follow(self, place: Vector) -> Footing:
+    def follow(self, place: Vector) -> ClosestPoint:
         """Follow a place [m]; one that is not finite is left out."""
         if not all(map(math.isfinite, place)):
-            if self.footing is not None:
-                return self.footing
+            if self.closest is not None:
+                return self.closest
             place = self.motion.apply((0.0, 0.0, 0.1))
-        before, moved = self.footing, math.inf if self._place is None else math.dist(place, self._place)
+        before, moved = self.closest, math.inf if self._place is None else math.dist(place, self._place)
         self._place = place
         motion = self.motion
         contact = self._proxy.follow(motion.apply_back(place))
@@ -110,8 +110,8 @@ class SurfaceLine:
             normal = unit(subtract(place, point), normal)
         if self._leads and before is not None and abs(contact.depth - before.depth) > moved + ROUNDING:
             self.offset += before.depth - contact.depth
-        self.footing = Footing(contact.depth, contact.depth + self.offset, normal, point, contact.point)
-        return self.footing
+        self.closest = ClosestPoint(contact.depth, contact.depth + self.offset, normal, point, contact.point)
+        return self.closest
 
     def restart(self) -> None:
         """Forget from which side the place came; the coordinate goes on where it was."""
@@ -128,10 +128,10 @@ def _six(pose: Sequence[float]) -> Numbers6:
 
 
 HELD = 0.7
-"""Share of the largest force that an obstacle sideways is pushed with at most."""
+"""Fraction of the largest force with which an obstacle at the side is pushed at most."""
 
 OBSTACLE = 0.5
-"""What is more than friction by so much is an obstacle [N]."""
+"""Excess over friction above which a force is an obstacle [N]."""
 
 NOWHERE = (math.nan, math.nan, math.nan)
 NO_VECTOR: Vector = (0.0, 0.0, 0.0)
@@ -164,8 +164,8 @@ class Course:
     it may slide; outwards at once. A force along the surface that no friction explains, for it is larger than the one
     along the normal, is an obstacle that nobody knew: against it the course goes only as `ForceGuard` allows.
 
-    Its coordinate q along the normal n of its footing goes through safety as a position on a line does. What is left of
-    it, an aim that is no deeper, is brought into space by a vector h to
+    Its coordinate q along the normal n of its closest point goes through safety as a position on a line does. What is
+    left of it, an aim that is no deeper, is brought into space by a vector h to
 
     .. math:: c + h, \quad h \to (q - aim)\, n
 
@@ -176,7 +176,7 @@ class Course:
 
     Args:
         line: Of the course: with an offset of its own.
-        ceiling: Of the force [N].
+        ceiling: Ceiling of the force [N].
         speed: Largest of the robot [m/s].
         return_speed: At which it takes in what no motion explains [m/s].
         sample_period: [s].
@@ -184,7 +184,7 @@ class Course:
     Attributes:
         place: c [m]; no numbers before it has begun.
         line: As given.
-        footing: Of c.
+        closest: Of c.
         way: Of this tick.
     """
 
@@ -198,7 +198,7 @@ class Course:
         "_period",
         "_return",
         "_size",
-        "footing",
+        "closest",
         "line",
         "place",
         "way",
@@ -216,42 +216,42 @@ class Course:
         self._apart = NO_VECTOR  # h
         self._size = 0.0  # q less the aim
         self.place: Vector = NOWHERE
-        self.footing: Footing | None = None
+        self.closest: ClosestPoint | None = None
         self.way = Way(False, NOWHERE, NO_VECTOR, 0.0, 0.0, 0.0)
 
     def begin(self, place: Vector) -> None:
         """Begin where the robot is [m]."""
         self.place = place
-        self.footing = self.line.follow(place)
+        self.closest = self.line.follow(place)
 
     def go(self, target: tuple[float, ...]) -> float:
         """One tick towards a place [m], on the way that was set before; returns q [m]."""
-        footing = self.footing
-        if footing is None:
+        closest = self.closest
+        if closest is None:
             return math.nan
         if self.way.open:
             x, y, z = target
-            step = self._step(subtract((x, y, z), self.place), footing.normal)
+            step = self._step(subtract((x, y, z), self.place), closest.normal)
             self.place = self._held_back(add(self.place, step))
-            self.footing = self.line.follow(self.place)
-        return self.footing.along if self.footing is not None else math.nan
+            self.closest = self.line.follow(self.place)
+        return self.closest.along if self.closest is not None else math.nan
 
     def meet(self, offset: float) -> None:
         """Come nearer to the coordinate of the probe, whose line has this offset [m], no faster than it may return."""
-        if not self.way.open or self.footing is None:
+        if not self.way.open or self.closest is None:
             return
         apart = offset - self.line.offset
         deeper = min(self._return, max(self.way.deeper, 0.0) * self._period)
         self.line.offset += min(max(apart, -self._return), deeper)
-        self.footing = self.line.follow(self.place)
+        self.closest = self.line.follow(self.place)
 
     def held_at(self, aim: float) -> Vector:
         """The place for an aim along the normal [m]."""
-        footing = self.footing
-        if footing is None:
+        closest = self.closest
+        if closest is None:
             return NOWHERE
-        before, self._size = self._size, max(footing.along - aim, 0.0)
-        apart, normal = self._apart, footing.normal
+        before, self._size = self._size, max(closest.along - aim, 0.0)
+        apart, normal = self._apart, closest.normal
         if self._size < before:
             apart = scaled(apart, self._size / before)
         else:
@@ -281,7 +281,7 @@ class Course:
         way = self.way
         force = norm(way.resistance)
         if not force < math.inf:
-            return self.place  # nobody knows what it would push
+            return self.place  # the obstacle's properties are unknown
         unexplained = force - max(way.pressed, 0.0)
         if self._inwards is None:
             if unexplained <= OBSTACLE:

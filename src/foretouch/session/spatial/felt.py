@@ -13,7 +13,7 @@ from foretouch.messages import VERSION, FieldUpdate
 from foretouch.quantities import Brief
 from foretouch.quantities.pose import Vector, add, scaled, subtract
 from foretouch.session.settings import SAMPLE_PERIOD
-from foretouch.session.spatial.course import Footing
+from foretouch.session.spatial.course import ClosestPoint
 
 LATEST = 2e-3
 """A contact that would have been noticed later than this depth tells no surface [m]."""
@@ -50,27 +50,27 @@ class FeltSurface:
         left, self.ticks = self.ticks > 0, 0
         return left
 
-    def feel(self, force: float, place: Vector, footing: Footing, tick: int) -> None:
+    def feel(self, force: float, place: Vector, closest: ClosestPoint, tick: int) -> None:
         """Feel a force [N] in a tick.
 
         Args:
             force: Along the normal.
             place: Of the probe [m].
-            footing: The same against the surface.
+            closest: The same against the surface.
             tick: Number of this one.
         """
         self.ticks += 1
         if self.ticks == 1:
-            self._onset, self._told = (force, footing.along), False
+            self._onset, self._told = (force, closest.along), False
         began, at = self._onset
-        way = footing.along - at
+        way = closest.along - at
         if self._told or way < FELT_WAY:
             return
         self._told = True
         ratio = (began / force) ** (1.0 / TOUCH_EXPONENT) if 0.0 < began < force else 1.0
-        if ratio * way > LATEST * (1.0 - ratio):  # it hardly grew: nobody can say where it began
+        if ratio * way > LATEST * (1.0 - ratio):  # it hardly grew: its onset is unknown
             return
-        self.place = add(place, scaled(footing.normal, way / (1.0 - ratio)))
+        self.place = add(place, scaled(closest.normal, way / (1.0 - ratio)))
         self.tick = tick
 
 
@@ -78,7 +78,7 @@ FIELD_PERIOD_NS = 100_000_000
 """Between two fields of materials, at least [ns]."""
 
 FIELD_RATE = 30e3
-"""Fields take so many bytes a second at most."""
+"""Largest byte rate of the fields [byte/s]."""
 
 
 class FieldSender:
@@ -116,7 +116,7 @@ SMOOTHED = -math.expm1(-2.0 * math.pi * 20.0 * SAMPLE_PERIOD)
 
 
 @dataclass(slots=True)
-class Rubbed(Brief):
+class SmoothedContact(Brief):
     """What friction is learnt from, through one low-pass of 20 Hz: the speed of one tick is mostly the encoders' noise.
 
     Attributes:

@@ -1,7 +1,7 @@
 """The follower's step in three dimensions: geometry about the step along a line.
 
-Commands, the probe and what it feels are brought onto the normal of the believed surface; there the follower along a
-line decides who commands, learns, guards and limits; and what it allows is brought back into space.
+Commands, the probe and its force are projected onto the normal of the believed surface; there the follower along a
+line decides which leader commands, learns, guards and limits; and the allowed position is brought back into space.
 """
 
 from __future__ import annotations
@@ -28,58 +28,59 @@ from foretouch.rendering.surfaces import Surface
 from foretouch.robot import RobotSample, RobotSpecification, SpatialSample
 from foretouch.session.network.playout import Playout
 from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
-from foretouch.session.spatial.course import Course, Footing, SurfaceLine, Way
-from foretouch.session.spatial.felt import FeltSurface, FieldSender, Rubbed
+from foretouch.session.spatial.course import ClosestPoint, Course, SurfaceLine, Way
+from foretouch.session.spatial.felt import FeltSurface, FieldSender, SmoothedContact
 from foretouch.session.spatial.last_limit import LastLimit
 from foretouch.session.spatial.way_in import MISSED, MISSED_TICKS, WayIn
 from foretouch.session.steps import follower
 
 BIAS_RATE = 2e-4
-"""Share per tick in which the sensor's offset follows what is measured in free air, once it is known from 5 s."""
+"""Weight per tick of the measured force in the sensor's offset in free air, once it is known from 5 s."""
 
 QUIET, SETTLING = 0.3, 50
-"""Free air shows no more than this beside the offset [N], once that is known from so many ticks."""
+"""Largest deviation from the offset in free air [N], and number of ticks after which the offset is known."""
 
 LARGEST_PULL, PULL_SHARE = 0.5, 0.02
-"""Of what pulls more than this [N] so much is seen: enough that a sensor does not seem to be stuck."""
+"""Pull above which a force is reduced [N], and fraction of it kept: enough that a sensor does not seem stuck."""
 
 AFTER_CONTACT = 500
-"""Free air begins so many ticks after a contact: who leaves slowly still feels a little, and thinks it is none."""
+"""Ticks after a contact before free air begins: a probe that leaves slowly still feels a little below the threshold."""
 
 SLIDING = 0.01
-"""Slower than this nobody knows in which direction it slides [m/s]: the encoders' noise turns it, and friction seems to
-be less."""
+"""Speed below which the direction of sliding is unknown [m/s]: the encoders' noise turns it, and friction seems to be
+less."""
 
 NAN3 = (math.nan, math.nan, math.nan)
 POSE_NUMBERS = 6
 
 
+NO_BELIEF = FixtureBelief(VERSION, 0, 0, (0.0,) * 6, (), math.inf, 0, 0, 0, "", epoch=0)
+"""Belief before the first: no image has shown the fixture, and its error is unknown."""
+
+
 @dataclass(slots=True)
 class State:
-    """What the follower remembers from tick to tick; updated in place.
+    """State of the follower, updated in place in each tick.
 
     Attributes:
-        inner: Of the follower along the surface's normal.
-        line: Of the probe.
-        course: Goes towards the commands.
-        last: Stands before the robot.
-        way_in: What is known of it.
-        fields: Sends them.
-        approach_speed: Along a surface whose first touch is guarded [m/s].
-        largest_speed: Of the robot [m/s].
-        friction: Learns it.
-        rubbed: From what.
+        inner: State of the follower along the surface's normal.
+        line: Line of the probe.
+        course: Course towards the commands.
+        last: Last stage before the robot.
+        way_in: Knowledge of the approach to the surface.
+        fields: Sends the fields of materials.
+        approach_speed: Speed along a surface whose first touch is guarded [m/s].
+        largest_speed: Largest speed of the robot [m/s].
+        friction: Learns friction.
+        smoothed: Smoothed forces from which it learns.
         bias: The sensor's offset [N].
-        bias_ticks: That it is known from.
-        free_ticks: Since free air began; negative for a while after a contact.
-        missed_ticks: In which nothing was felt below the surface.
-        age: Since an image showed the fixture, as the newest belief says [s].
-        belief_said: Epoch of its tracker, and its sequence.
-        believed_ns: Clock when that came: whoever tells no more lets it age [ns].
-        deviation: Of the newest belief.
-        contacts_believed: Touches that the newest belief is made of.
-        touch: Where the newest contact began.
-        point: Of the surface, in the fixture, in the tick before [m].
+        bias_ticks: Number of ticks that it is known from.
+        free_ticks: Ticks since free air began; negative for a while after a contact.
+        missed_ticks: Ticks without force below the surface.
+        belief: Newest belief of the fixture's pose, as its tracker sent it.
+        believed_ns: Clock at its arrival: it ages while no other comes [ns].
+        touch: Onset of the newest contact.
+        point: Point of the surface, in the fixture, in the tick before [m].
     """
 
     inner: follower.State
@@ -91,31 +92,28 @@ class State:
     approach_speed: float
     largest_speed: float
     friction: FrictionEstimator = field(default_factory=FrictionEstimator)
-    rubbed: Rubbed = field(default_factory=lambda: Rubbed())
+    smoothed: SmoothedContact = field(default_factory=lambda: SmoothedContact())
     bias: Vector = (0.0, 0.0, 0.0)
     bias_ticks: int = 0
     free_ticks: int = 0
     missed_ticks: int = 0
-    age: float = math.inf
+    belief: FixtureBelief = NO_BELIEF
     believed_ns: int = 0
-    belief_said: tuple[int, int] = (0, 0)
-    deviation: tuple[float, ...] = ()
-    contacts_believed: int = 0
     touch: FeltSurface = field(default_factory=FeltSurface)
     point: Vector = NAN3
 
 
 class Inputs(NamedTuple):
-    """What a tick is given: as `foretouch.session.steps.follower.Inputs`, and what the tracker says.
+    """Inputs of a tick: as `foretouch.session.steps.follower.Inputs`, with the tracker's beliefs.
 
     Attributes:
-        commands: That have arrived since the last tick, with places.
-        sample: What the robot's sensors show.
-        period_ns: Since the last tick began [ns].
-        compute_ns: That the last tick's computing took [ns].
-        beliefs: Of the fixture's pose, that have come since the last tick.
-        stop: Why an emergency stop was asked for; empty while none was.
-        release: Whether somebody at the robot asks to end it.
+        commands: Commands with positions in space that have arrived since the last tick.
+        sample: Sample of the robot's sensors.
+        period_ns: Time since the last tick began [ns].
+        compute_ns: Computing time of the last tick [ns].
+        beliefs: Beliefs of the fixture's pose that have arrived since the last tick.
+        stop: Why an emergency stop was requested; empty while none was.
+        release: Whether its end is requested at the robot.
         ended: Whether the session is over.
     """
 
@@ -130,14 +128,14 @@ class Inputs(NamedTuple):
 
 
 class Outputs(NamedTuple):
-    """What a tick gives.
+    """Outputs of a tick.
 
     Attributes:
-        desired: Place for the robot [m].
-        telemetry: For all that watch, along the normal.
-        model: For the leader, when one is due.
-        space: For all that watch, in space.
-        field: For the leader, when one is due.
+        desired: Position for the robot [m].
+        telemetry: Telemetry for all subscribers, along the normal.
+        model: Model for the leader, when one is due.
+        space: Telemetry for all subscribers, in space.
+        field: Field for the leader, when one is due.
     """
 
     desired: Vector
@@ -159,11 +157,11 @@ def start(
     """State before the first tick.
 
     Args:
-        specification: Of the robot; its tool is weighed out already.
-        settings: Of the session.
-        surface: That is touched, in the fixture's frame.
-        pose: Of the fixture, as it is believed to be: a place [m] and a rotation vector [rad].
-        estimator: Fresh; None for the one that the settings name.
+        specification: Specification of the robot; its tool is already compensated.
+        settings: Session settings.
+        surface: Surface that is touched, in the fixture's frame.
+        pose: Believed pose of the fixture: a position [m] and a rotation vector [rad].
+        estimator: New estimator; None for the one that the settings name.
         run: Epoch of this process.
     """
     inner = follower.start(specification, settings, estimator, run=run)
@@ -181,7 +179,7 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
 
     Args:
         state: Updated in place and returned.
-        inputs: Of this tick.
+        inputs: Inputs of this tick.
         now_ns: This side's monotonic clock [ns].
     """
     inner, sample, line, course = state.inner, inputs.sample, state.line, state.course
@@ -192,44 +190,44 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
     except Exception as error:
         failures.note("what it believes of the fixture", error)
     before = line.offset
-    footing = line.follow(sample.place)
+    closest = line.follow(sample.place)
     _share_offset(state, before)
-    state.way_in.come_to(inner, line, footing, seen=math.isfinite(state.age))
+    state.way_in.come_to(inner, line, closest, seen=math.isfinite(state.belief.image_age))
     force = subtract(sample.force, state.bias)
     commands = _with_positions(state, inputs.commands)
     estimator = inner.learner.estimator
     if failures.learns and isinstance(estimator, MaterialFieldLearner):
         try:
-            estimator.touch_at(footing.inner_point)
+            estimator.touch_at(closest.inner_point)
         except Exception as error:
             failures.stop_learning("its learning in space", error)
-    # What pulls is no contact of this surface: learnt as the sensor's offset, it would hide one.
-    felt = dot(force, footing.normal)
+    # A pulling force is no contact of this surface: learnt as the sensor's offset, it would hide one.
+    felt = dot(force, closest.normal)
     if felt < -LARGEST_PULL:
         felt = PULL_SHARE * (felt + LARGEST_PULL) - LARGEST_PULL
-    sideways = subtract(force, scaled(footing.normal, felt))
-    if course.footing is None and all(map(math.isfinite, sample.place)):
+    sideways = subtract(force, scaled(closest.normal, felt))
+    if course.closest is None and all(map(math.isfinite, sample.place)):
         course.begin(sample.place)
         state.last.begin(sample.place)
-    state.last.observe(sample.place, force, footing.normal)
+    state.last.observe(sample.place, force, closest.normal)
     course.way = _way(state, sample, sideways)
     course.meet(line.offset)
     along = RobotSample(
-        position=footing.along,
+        position=closest.along,
         sensor_force=felt,
         acceleration=0.0,
         exact_force=norm(sample.exact_force),
         exact_position=math.nan,
-        commanded_position=footing.along,
+        commanded_position=closest.along,
         clipped=sample.clipped,
     )
     told = follower.Inputs(
         commands, along, inputs.period_ns, inputs.compute_ns, inputs.stop, inputs.release, inputs.ended
     )
     _, allowed = follower.step(inner, told, now_ns)
-    model, materials = _learn_in_space(state, footing, sample, sideways, allowed.model, now_ns)
-    desired, desired_along = state.last.update(course, allowed.desired_position, free=footing.along < inner.free)
-    space = _space(state, sample, footing, force, desired, now_ns)
+    model, materials = _learn_in_space(state, closest, sample, sideways, allowed.model, now_ns)
+    desired, desired_along = state.last.update(course, allowed.desired_position, free=closest.along < inner.free)
+    space = _space(state, sample, closest, force, desired, now_ns)
     telemetry = msgspec.structs.replace(allowed.telemetry, desired_position=desired_along)
     return state, Outputs(desired, telemetry, model, space, materials)
 
@@ -239,8 +237,8 @@ def _way(state: State, sample: SpatialSample, sideways: Vector) -> Way:
     inner, fastest = state.inner, state.largest_speed
     if inner.first_touch.guarded:
         fastest = state.approach_speed
-    if state.line.footing is not None:
-        fastest = state.way_in.along_speed(inner, state.line.footing, state.last.going, fastest)
+    if state.line.closest is not None:
+        fastest = state.way_in.along_speed(inner, state.line.closest, state.last.going, fastest)
     return Way(
         inner.safety.status < Status.HOLDING,
         sample.place,
@@ -252,20 +250,19 @@ def _way(state: State, sample: SpatialSample, sideways: Vector) -> Way:
 
 
 def _believe(state: State, belief: FixtureBelief, now_ns: int) -> None:
-    said = (belief.epoch, belief.sequence)
-    if belief.run != state.inner.run or said <= state.belief_said:
+    known = state.belief
+    if belief.run != state.inner.run or (belief.epoch, belief.sequence) <= (known.epoch, known.sequence):
         return  # it is late, or of another process
-    state.belief_said, state.believed_ns = said, now_ns
     before = state.line.offset
     if state.line.believe(belief.pose):
-        if belief.contacts == state.contacts_believed:
-            # The image shows that the fixture is elsewhere: what was felt of it is, too. A touch shows where it was all
-            # the time.
+        if belief.contacts == known.contacts:
+            # The image shows that the fixture is elsewhere: so is the surface that was felt. A touch shows where it was
+            # all the time.
             state.inner.learner.conditioner.shift(state.line.offset - before)
         state.course.line.believe(belief.pose)
         state.last.believe(belief.pose, state.line.offset)
     state.way_in.believe(belief)
-    state.age, state.deviation, state.contacts_believed = belief.image_age, belief.deviation, belief.contacts
+    state.belief, state.believed_ns = belief, now_ns
 
 
 def _share_offset(state: State, before: float) -> None:
@@ -291,14 +288,14 @@ def _with_position(command: Command) -> Command:
 
 
 def _learn_in_space(
-    state: State, footing: Footing, sample: SpatialSample, sideways: Vector, model: ModelUpdate | None, now_ns: int
+    state: State, closest: ClosestPoint, sample: SpatialSample, sideways: Vector, model: ModelUpdate | None, now_ns: int
 ) -> tuple[ModelUpdate | None, FieldUpdate | None]:
     """Learn what is beside the law; the model with its fixture and the materials that are due."""
     failures = state.inner.failures
     if not failures.learns:
         return None, None
     try:
-        _learn_beside_the_law(state, footing, sample, sideways)
+        _learn_beside_the_law(state, closest, sample, sideways)
         return None if model is None else _with_fixture(state, model, now_ns), state.fields.due(
             state.inner.learner.estimator, now_ns
         )
@@ -307,14 +304,14 @@ def _learn_in_space(
         return None, None
 
 
-def _learn_beside_the_law(state: State, footing: Footing, sample: SpatialSample, sideways: Vector) -> None:
+def _learn_beside_the_law(state: State, closest: ClosestPoint, sample: SpatialSample, sideways: Vector) -> None:
     """The sensor's offset in free air; in contact friction, and where the contact began."""
-    inner, point = state.inner, footing.inner_point
+    inner, point = state.inner, closest.inner_point
     learnt_from, moved = inner.learner.sample, subtract(point, state.point)
     state.point = point
     if not learnt_from.in_contact:
         if state.touch.leave():
-            inner.learner.conditioner.doubt_surface()
+            inner.learner.conditioner.distrust_surface()
         state.free_ticks += 1
         _miss_surface(state)
         still = not norm(subtract(sample.force, state.bias)) > QUIET or state.bias_ticks < SETTLING
@@ -325,15 +322,15 @@ def _learn_beside_the_law(state: State, footing: Footing, sample: SpatialSample,
         return
     state.free_ticks = -AFTER_CONTACT
     if math.isfinite(moved[0] + sideways[0] + sideways[1] + sideways[2]):
-        rubbed = state.rubbed
-        rubbed.update(learnt_from.force, sideways, state.line.motion.rotate(scaled(moved, 1.0 / SAMPLE_PERIOD)))
-        if norm(rubbed.sliding) > SLIDING:
-            state.friction.update(rubbed.pressed, rubbed.sideways, rubbed.sliding, SAMPLE_PERIOD)
-    state.touch.feel(learnt_from.force, sample.place, footing, inner.tick)
+        smoothed = state.smoothed
+        smoothed.update(learnt_from.force, sideways, state.line.motion.rotate(scaled(moved, 1.0 / SAMPLE_PERIOD)))
+        if norm(smoothed.sliding) > SLIDING:
+            state.friction.update(smoothed.pressed, smoothed.sideways, smoothed.sliding, SAMPLE_PERIOD)
+    state.touch.feel(learnt_from.force, sample.place, closest, inner.tick)
 
 
 def _miss_surface(state: State) -> None:
-    """A robot that is deeper than the surface was felt, and feels nothing for a while, shows that it is not there."""
+    """Detect a missed surface: the robot is deeper than where it was felt, and feels nothing for a while."""
     inner, depth = state.inner, state.inner.learner.sample.depth
     state.missed_ticks = state.missed_ticks + 1 if depth > MISSED and inner.watch.state is SensorState.GOOD else 0
     if state.missed_ticks >= MISSED_TICKS:
@@ -348,14 +345,14 @@ def _with_fixture(state: State, model: ModelUpdate, now_ns: int) -> ModelUpdate:
         model,
         surface=model.surface - state.line.offset if model.valid else 0.0,
         fixture=state.line.pose,
-        fixture_deviation=state.deviation,
-        fixture_age=state.age + (now_ns - state.believed_ns) * 1e-9,
+        fixture_deviation=state.belief.deviation,
+        fixture_age=state.belief.image_age + (now_ns - state.believed_ns) * 1e-9,
         friction=(friction.coefficient, friction.viscous, *friction.deviations) if friction.known else (),
     )
 
 
 def _space(
-    state: State, sample: SpatialSample, footing: Footing, force: Vector, desired: Vector, now_ns: int
+    state: State, sample: SpatialSample, closest: ClosestPoint, force: Vector, desired: Vector, now_ns: int
 ) -> FollowerSpace:
     inner = state.inner
     x, y, z, rx, ry, rz = sample.fixture if len(sample.fixture) == POSE_NUMBERS else (math.nan,) * POSE_NUMBERS
@@ -366,8 +363,8 @@ def _space(
         *sample.place,
         *desired,
         *force,
-        *footing.normal,
-        footing.depth,
+        *closest.normal,
+        closest.depth,
         *state.line.pose,
         *(x, y, z, rx, ry, rz),
         *state.touch.place,

@@ -1,6 +1,6 @@
-"""The last stage before the robot in space: whatever surface, normal or pose is believed, a place within the limits.
+"""Last stage before the robot in space: keeps its position within the limits, whatever surface or pose is believed.
 
-The force on the probe is kept below its ceiling whichever way it points.
+The force on the probe is kept below its ceiling in every direction.
 """
 
 from __future__ import annotations
@@ -16,42 +16,42 @@ from foretouch.session.safety.safety import Safety
 from foretouch.session.spatial.course import Course, SurfaceLine
 
 SLOWED = 0.6
-"""Share of the ceiling from which on sliding gets slower, until it stands at `AIMED`."""
+"""Fraction of the force ceiling above which sliding slows down, until it stops at `AIMED`."""
 
 AHEAD, RATE_SHARE = 0.02, 0.2
-"""Sliding reckons with the force as it will be after so long [s]; its rate is smoothed by this share a tick."""
+"""Look-ahead time of the force for sliding [s], and weight of a tick in the smoothing of the force's rate."""
 
 RECOVERY = 0.002
-"""A slide that was slowed down may grow faster again by so much of its speed a tick: what slips after it has stuck
-would be at its full speed before the force of that is felt."""
+"""Fraction of its speed by which a slide that was slowed may grow per tick: a probe that slips after it has stuck would
+otherwise reach full speed before its force is felt."""
 
 CONE = 0.8
-"""Cosine of the largest angle between a force and the normal that friction explains."""
+"""Cosine of the largest angle between force and normal that friction explains."""
 
 FELT = 1.0
-"""Less is no contact that matters [N]."""
+"""Smallest force that counts as a contact that matters [N]."""
 
 
 class ForceCap:
-    """A limit in space: along the force that is measured, whatever normal is believed.
+    """Force limit in space: along the measured force, whatever normal is believed.
 
-    Within the cone in which friction may turn a force its direction is that of the believed normal: who goes back along
-    friction slides the other way, and it turns.
+    Within the cone in which friction may turn a force its direction is that of the believed normal: friction turns
+    when the probe slides back along it.
 
-    The place goes no deeper against the force than `ForceGuard` allows for 88 % of the ceiling, by the way that the
-    probe has gone against it, and goes back where that is passed. Where the normal does not explain the force, what was
-    proven along it says nothing of this material, which counts as damped as one that nobody has touched. And who slides
-    while the force nears the ceiling is slowed down: a surface that rises on the way makes a force grow that no depth
+    The position goes no deeper against the force than `ForceGuard` allows for 88 % of the ceiling, by the distance that
+    the probe has moved against it, and retreats where that is exceeded. Where the normal does not explain the force,
+    what was proven along it says nothing of this material, which counts as damped as an untouched one. A slide is
+    slowed down while the force nears the ceiling: a surface that rises on the way makes a force grow that no depth
     explains.
 
     Args:
-        ceiling: [N], positive.
-        most_damped: That a material counts as which nobody has touched [N s/m], not negative.
-        speed: Largest of the robot [m/s], positive.
-        sample_period: [s], positive.
+        ceiling: Force ceiling [N], positive.
+        most_damped: Damping assumed of an untouched material [N s/m], not negative.
+        speed: Largest speed of the robot [m/s], positive.
+        sample_period: Sample period [s], positive.
 
     Attributes:
-        fastest: Speed against the force at most, negative where it has to go back [m/s].
+        fastest: Largest speed against the force, negative where it has to retreat [m/s].
     """
 
     __slots__ = (
@@ -83,9 +83,9 @@ class ForceCap:
         self._known, self._sliding, self._slide = False, 1.0, 0.0
 
     def observe(self, here: Vector, force: Vector, normal: Vector) -> None:
-        """See where the probe is [m], what it feels [N] and what normal is believed.
+        """Take the probe's position [m], the measured force [N] and the believed normal.
 
-        A force that is no number is not known: nothing slides, and nothing goes deeper.
+        A NaN force is unknown: nothing slides, and nothing goes deeper.
         """
         size = norm(force)
         if not (size < math.inf and all(map(math.isfinite, here))):
@@ -108,9 +108,9 @@ class ForceCap:
         self._sliding = min(max(allowed, 0.0), 1.0, self._sliding + RECOVERY)
 
     def slide(self, fastest: float) -> float:
-        """How fast the probe may slide now, where all but the force allows so much [m/s].
+        """Largest speed at which the probe may slide now, given the speed that all other limits allow [m/s].
 
-        In contact that grows no faster than a slide that was slowed down recovers, whatever becomes allowed at once.
+        In contact it grows no faster than a slowed slide recovers, however suddenly more becomes allowed.
         """
         speed = self._sliding * fastest
         if self._force > FELT:
@@ -119,11 +119,11 @@ class ForceCap:
         return speed
 
     def limit(self, wanted: Vector, told: Vector) -> tuple[Vector, Vector]:
-        """The place that is allowed, and by how far it was set elsewhere, which is no motion of it [m].
+        """Allowed position, and its displacement by a limit, which is no motion of the position [m].
 
         Args:
-            wanted: [m].
-            told: Where the robot was told to be in the tick before [m].
+            wanted: Wanted position [m].
+            told: Position commanded to the robot in the tick before [m].
         """
         before, self._place, shifted = self._place, wanted, (0.0, 0.0, 0.0)
         if before is None:
@@ -132,7 +132,7 @@ class ForceCap:
             self._place = before
             return before, shifted
         outwards, deeper = self._outwards, max(self.fastest, 0.0)
-        # Never further on than the path soon is, for it would slide and press on by itself.
+        # Never beyond the next position on the path, for the probe would slide and press on by itself.
         shifted = subtract(add(told, self._shortened(subtract(before, told), self._slide * PATIENCE)), before)
         before = add(before, shifted)
         self._place = add(before, self._shortened(subtract(wanted, before), self._slide * self._period))
@@ -146,9 +146,9 @@ class ForceCap:
         return self._place, shifted
 
     def _shortened(self, step: Vector, longest: float) -> Vector:
-        """A step whose part across the force is no longer than this [m].
+        """Shorten a step so that its part across the force is at most this long [m].
 
-        A course that goes out of a surface that stands otherwise than believed may slide along the true one.
+        A course that leaves a surface inclined otherwise than believed may slide along the true one.
         """
         along = scaled(self._outwards, dot(step, self._outwards))
         across = subtract(step, along)
@@ -156,7 +156,7 @@ class ForceCap:
         return add(along, scaled(across, longest / length)) if length > longest else step
 
     def bound(self, fastest: float) -> Bound:
-        """Against the force no faster than it allows, nor than this [m/s]; where none is felt, along the normal."""
+        """Limit motion against the force, or along the normal where none is felt, to what it allows and this [m/s]."""
         x, y, z = self._outwards
         return -x, -y, -z, max(min(self.fastest, fastest), 0.0)
 
@@ -164,23 +164,23 @@ class ForceCap:
 NO_VECTOR: Vector = (0.0, 0.0, 0.0)
 
 ALIGNED = math.cos(0.5)
-"""A normal that is turned further than this against the surface's mean one is taken for an edge's: few slopes of a
-surface of heights are as steep."""
+"""Cosine of the largest angle between a normal and the surface's mean one; a normal turned further is taken for an
+edge's: few slopes of a surface of heights are as steep."""
 
 
 class LastLimit:
-    """Brings what safety aims at along the normal into space, and limits speed, acceleration and jerk there.
+    """Brings the aim of safety along the normal into space, and limits speed, acceleration and jerk there.
 
-    In this order: the place of the course with this aim; no further against the force than `ForceCap` allows; and then
-    `MotionLimits`, as on a line. At most as fast as safety allows it goes in three directions: outside the surface,
-    against its mean normal, for it may stand elsewhere than believed, so that another part of it is near; into the
-    surface from where the robot was told to be; and against the force on the probe or, where none is felt, into the
-    surface under it. Over a flat one they are the same, at an edge they differ.
+    In this order: the position on the course with this aim; no further against the force than `ForceCap` allows; then
+    `MotionLimits`, as on a line. Three directions are limited to the speed that safety allows: outside the surface,
+    against its mean normal, for it may be elsewhere than believed, so that another part of it is near; into the
+    surface from the robot's commanded position; and against the force on the probe or, where none is felt, into the
+    surface under it. Over a flat surface they are the same, at an edge they differ.
 
     Args:
-        safety: Whose aims are brought into space, and whose limits hold there.
-        line: Of the places that the robot is told.
-        sample_period: [s].
+        safety: Safety layer whose aims are brought into space, and whose limits hold there.
+        line: Line of the commanded positions.
+        sample_period: Sample period [s].
 
     Attributes:
         line: As given.
@@ -196,12 +196,12 @@ class LastLimit:
         self._facing = line.surface.facing()
 
     def begin(self, place: Vector) -> None:
-        """Begin where the robot is [m], at rest."""
+        """Begin at the robot's position [m], at rest."""
         self._limits.begin(*place)
         self.line.follow(place)
 
     def believe(self, pose: Sequence[float], offset: float) -> None:
-        """Believe the fixture elsewhere, the probe's line having this offset [m]."""
+        """Take a new believed pose of the fixture, with this offset of the probe's line [m]."""
         self.line.offset = offset
         self.line.believe(pose)
 
@@ -215,34 +215,34 @@ class LastLimit:
 
     @property
     def going(self) -> tuple[float, float]:
-        """Speeds of the told place along the surface and into it [m/s]."""
-        velocity, footing = self._limits.velocity, self.line.footing
-        if footing is None:
+        """Speeds of the commanded position along the surface and into it [m/s]."""
+        velocity, closest = self._limits.velocity, self.line.closest
+        if closest is None:
             return 0.0, 0.0
-        inwards = -dot(velocity, footing.normal)
-        return norm(add(velocity, scaled(footing.normal, inwards))), inwards
+        inwards = -dot(velocity, closest.normal)
+        return norm(add(velocity, scaled(closest.normal, inwards))), inwards
 
     def update(self, course: Course, aim: float, *, free: bool) -> tuple[Vector, float]:
-        """One tick: the place for the robot, and its position along the course's normal [m].
+        """One tick: the position for the robot, and its coordinate along the course's normal [m].
 
         Args:
-            course: With this tick's footing.
-            aim: Of safety along the normal [m].
-            free: Whether the air that the probe is in is known to be free.
+            course: Course with this tick's closest point.
+            aim: Aim of safety along the normal [m].
+            free: Whether the air around the probe is known to be free.
         """
         safety, limits, line = self._safety, self._limits, self.line
-        before, gone, footing = limits.place, course.footing, line.footing
-        if gone is None or footing is None or not math.isfinite(aim):
+        before, gone, closest = limits.place, course.closest, line.closest
+        if gone is None or closest is None or not math.isfinite(aim):
             return before, aim
         allowed = course.held_at(aim)
         wanted, shifted = self._cap.limit(allowed, before)
         shifted = add(shifted, scaled(gone.normal, -safety.shifted))
         deeper = max(safety.fastest, 0.0)
-        facing = line.motion.rotate(self._facing) if footing.depth < 0.0 else NO_VECTOR
-        # Beside an edge the way in was proven towards the edge, and not down to where the surface may go on.
-        beside = not free and dot(facing, footing.normal) < ALIGNED
+        facing = line.motion.rotate(self._facing) if closest.depth < 0.0 else NO_VECTOR
+        # Beside an edge the approach was proven towards the edge, and not down to where the surface may go on.
+        beside = not free and dot(facing, closest.normal) < ALIGNED
         down = min(deeper, safety.blind_speed) if beside else deeper
-        bounds = _against(facing, down), _against(footing.normal, deeper), self._cap.bound(deeper)
+        bounds = _against(facing, down), _against(closest.normal, deeper), self._cap.bound(deeper)
         told = limits.move(wanted, bounds, shifted)
         here = line.follow(told)
         position = aim + dot(subtract(allowed, told), gone.normal)
@@ -251,6 +251,6 @@ class LastLimit:
 
 
 def _against(normal: Vector, speed: float) -> Bound:
-    """Against a normal at most so fast [m/s]."""
+    """Limit the speed against a normal [m/s]."""
     x, y, z = normal
     return -x, -y, -z, speed

@@ -1,8 +1,8 @@
 """The leader's step in three dimensions: geometry about the step along a line.
 
-The hand's place is brought onto the normal of the rendered surface; there the leader along a line renders, mediates and
-accounts; and what it gives is brought back into space, with the friction along the surface beside it. The law is that
-of the place where the hand is, from the newest field of materials, with its doubt.
+The hand's position is projected onto the normal of the rendered surface; there the leader along a line renders,
+mediates and accounts; and its force is brought back into space, with the friction along the surface added. The law is
+that at the hand's position, from the newest field of materials, with its uncertainty.
 """
 
 from __future__ import annotations
@@ -28,43 +28,44 @@ from foretouch.models import FIELD_DEPTH, MaterialField, QuadraticContact
 from foretouch.quantities.pose import Vector, add, dot, norm, scaled, subtract
 from foretouch.rendering import FrictionRenderer, NormalAccount, SpatialEnergyAccount
 from foretouch.rendering.surfaces import Surface
-from foretouch.session.settings import NO_GRIP, SAMPLE_PERIOD, SessionSettings
-from foretouch.session.spatial.course import Footing, SurfaceLine
+from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
+from foretouch.session.spatial.course import ClosestPoint, SurfaceLine
 from foretouch.session.steps import leader
+from foretouch.settings import NO_GRIP
 
 FAR_FROM_LAW = 1e-3
-"""The material of another place is taken once the hand is so far from where it was taken last [m]."""
+"""Displacement of the hand after which the material is looked up again [m]."""
 
 NEAR = 5e-3
-"""Materials are taken from the field within this way of the surface [m]."""
+"""Distance from the surface within which materials are taken from the field [m]."""
 
 NOWHERE = (math.nan, math.nan, math.nan)
 
 
 class TouchedMaterial:
-    r"""What is known of the surface's material, place by place, at the leader.
+    r"""The surface's material as a field over the surface, as the leader knows it.
 
-    A field states the standard deviation of the local stiffness K at 2 mm. The force at a place is doubted in the same
-    proportion,
+    A field gives the standard deviation of the local stiffness K at 2 mm. The force there has the same relative
+    standard deviation,
 
     .. math:: \sigma_F = F\, \sigma_K / K
 
     Attributes:
-        doubt: sigma_K / K of the law that was taken last; NaN before the first.
-        refused: Fields that could not be used.
+        uncertainty: sigma_K / K of the law that was taken last; NaN before the first.
+        refused: Number of fields that could not be used.
     """
 
-    __slots__ = ("_at", "_field", "_run", "_sequence", "doubt", "refused")
+    __slots__ = ("_at", "_field", "_run", "_sequence", "refused", "uncertainty")
 
     def __init__(self) -> None:
         self._field: MaterialField | None = None
         self._sequence = self._run = 0
         self._at: Vector = NOWHERE
-        self.doubt = math.nan
+        self.uncertainty = math.nan
         self.refused = 0
 
     def take(self, update: FieldUpdate) -> None:
-        """Take a field, unless a newer one of the same process of the follower is there already."""
+        """Take a field, unless a newer one of the same follower process is already there."""
         if update.run == self._run and update.sequence <= self._sequence:
             return
         self._sequence, self._run = update.sequence, update.run
@@ -74,57 +75,57 @@ class TouchedMaterial:
             self.refused += 1
 
     def law(self, point: Vector, depth: float) -> QuadraticContact | None:
-        """The law of a place; None where nothing is known of it, or the hand is too far above.
+        """The law at a point; None where nothing is known of it, or the hand is too far above.
 
         Args:
-            point: On the surface, in the fixture's frame [m].
-            depth: Of the hand below it [m].
+            point: Point on the surface, in the fixture's frame [m].
+            depth: Depth of the hand below it [m].
         """
         if self._field is None or depth < -NEAR:
             return None
         law, deviation, known = self._field.law_at(point)
         stiffness = law.stiffness + 2.0 * FIELD_DEPTH * law.stiffening
-        self.doubt = deviation / stiffness if stiffness > 0.0 else math.nan
+        self.uncertainty = deviation / stiffness if stiffness > 0.0 else math.nan
         if not known:
             return None
         self._at = point
         return law
 
     def is_elsewhere(self, point: Vector) -> bool:
-        """Whether the law was taken so far from this point, or never, that another may hold."""
+        """Whether the law was never taken, or too far from this point to hold here."""
         return not norm(subtract(point, self._at)) <= FAR_FROM_LAW
 
 
 MOST_FRICTION, MOST_VISCOUS = 2.0, 20.0
-"""Whatever a follower says, no more friction is rendered [-, N s/m]."""
+"""Largest coefficients of friction that are rendered, whatever a follower sends [-, N s/m]."""
 
 REACH = 1e-4
-"""Way over which the local stiffness is told [m]."""
+"""Interval over which the local stiffness is given [m]."""
 
 
 @dataclass(slots=True)
 class State:
-    """What the leader remembers from tick to tick; updated in place.
+    """State of the leader, updated in place in each tick.
 
     Attributes:
-        inner: Of the leader along the surface's normal.
-        line: Of the hand.
-        friction: Renders it.
-        account: Of the energy in all directions.
-        position_scale: Follower's motion for the hand's.
-        force_scale: Hand's force for the follower's.
-        largest_force: That the device gives [N].
-        apart: What the hand and its place in the world are apart [m].
-        hand: Place of the hand in the world [m].
-        left: Where the follower is told to be [m].
-        material: Of the surface, place by place, as it came last.
-        model: The newest model's message, None before.
+        inner: State of the leader along the surface's normal.
+        line: Line of the hand.
+        friction: Renders friction.
+        account: Energy account in all directions.
+        position_scale: Ratio of the follower's motion to the hand's.
+        force_scale: Ratio of the hand's force to the follower's.
+        largest_force: Largest force of the device [N].
+        apart: Offset between the hand and its position in the world [m].
+        hand: Position of the hand in the world [m].
+        left: Commanded position of the follower [m].
+        material: Newest field of the surface's material.
+        model: Message of the newest model, None before.
         felt_deeper: How much deeper than believed the surface was felt [m].
-        coefficient: Of Coulomb friction.
-        viscous: Of viscous friction [N s/m].
-        follower_at: Where the follower was told to be [m].
-        follower_run: And which process of it.
-        offset: Of the line then [m].
+        coefficient: Coefficient of Coulomb friction.
+        viscous: Coefficient of viscous friction [N s/m].
+        follower_at: Newest commanded position of the follower that was received [m].
+        follower_run: Run of the follower process that sent it.
+        offset: Offset of the line then [m].
     """
 
     inner: leader.State
@@ -148,20 +149,20 @@ class State:
 
 
 class Inputs(NamedTuple):
-    """What a tick is given: as `foretouch.session.steps.leader.Inputs`, in space.
+    """Inputs of a tick: as `foretouch.session.steps.leader.Inputs`, in space.
 
     Attributes:
-        place: Of the operator's hand, as the device's encoders show it [m].
-        models: That have arrived since the last tick.
-        telemetry: That has arrived since the last tick.
-        spaces: Of the follower, that have arrived since the last tick.
-        fields: That have arrived since the last tick.
-        period_ns: Since the last tick began [ns].
-        compute_ns: That the last tick's computing took [ns].
+        place: Position of the operator's hand, from the device's encoders [m].
+        models: Models that have arrived since the last tick.
+        telemetry: Telemetry that has arrived since the last tick.
+        spaces: Spatial telemetry of the follower that has arrived since the last tick.
+        fields: Fields that have arrived since the last tick.
+        period_ns: Time since the last tick began [ns].
+        compute_ns: Computing time of the last tick [ns].
         clutched: Whether the clutch is pressed.
-        stopping: Whether an emergency stop was asked for here, and the follower has not said yet that it has stopped.
-        exact_place: Of a simulated hand [m]; recorded only.
-        intended: Where the hand wants to be [m]; recorded only.
+        stopping: Whether an emergency stop was requested here, and the follower has not yet confirmed it.
+        exact_place: Position of a simulated hand [m]; recorded only.
+        intended: Intended position of the hand [m]; recorded only.
     """
 
     place: Vector
@@ -178,12 +179,12 @@ class Inputs(NamedTuple):
 
 
 class Outputs(NamedTuple):
-    """What a tick gives.
+    """Outputs of a tick.
 
     Attributes:
-        command: For the follower.
-        record: Of this tick, along the normal.
-        space: Of this tick, in space; its force is for the hand.
+        command: Command for the follower.
+        record: Record of this tick, along the normal.
+        space: Record of this tick, in space; its force is for the hand.
     """
 
     command: Command
@@ -192,7 +193,7 @@ class Outputs(NamedTuple):
 
     @property
     def force(self) -> Vector:
-        """For the hand [N]."""
+        """Force for the hand [N]."""
         return self.space.force_x, self.space.force_y, self.space.force_z
 
 
@@ -202,11 +203,11 @@ def start(
     """State before the first tick.
 
     Args:
-        settings: Of the session.
-        surface: Of the virtual scene, in the fixture's frame.
-        pose: Of the fixture, as it is believed to be.
+        settings: Session settings.
+        surface: Surface of the virtual scene, in the fixture's frame.
+        pose: Believed pose of the fixture.
         holder: Name of this leader.
-        epoch: Of this process.
+        epoch: Epoch of this process.
     """
     held = settings.grip != NO_GRIP
     device = settings.device
@@ -232,7 +233,7 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
 
     Args:
         state: Updated in place and returned.
-        inputs: Of this tick.
+        inputs: Inputs of this tick.
         now_ns: This side's monotonic clock [ns].
     """
     for space in inputs.spaces:
@@ -242,16 +243,16 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
             state.material.take(update)
     models = [_take_model(state, model) for model in inputs.models]
     hand, telemetry = _couple(state, inputs)
-    footing = state.line.follow(hand)
+    closest = state.line.follow(hand)
     seen = all(map(math.isfinite, inputs.place))
     period = leader.moving_time(inputs.period_ns, inputs.exact_place[0], now_ns, state.inner.newest_ns)
-    state.account.observe(inputs.place, period)  # the device's own, whatever it is coupled with
-    models = [_local(state, model, footing) for model in models]
+    state.account.observe(inputs.place, period)  # the device's own position, whatever it is coupled with
+    models = [_local(state, model, closest) for model in models]
     if not models:
-        _go_on(state, footing)
+        _go_on(state, closest)
     state.offset = state.line.offset
     told = leader.Inputs(
-        footing.along / state.position_scale if seen and math.isfinite(hand[0]) else math.nan,
+        closest.along / state.position_scale if seen and math.isfinite(hand[0]) else math.nan,
         models,
         telemetry,
         inputs.period_ns,
@@ -264,21 +265,23 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
     _, led = leader.step(state.inner, told, now_ns)
     position = led.command.position
     if math.isfinite(position):
-        state.left = footing.place_at(position)
-    force = _force(state, footing, led.record.rendered_force, period)
+        state.left = closest.place_at(position)
+    force = _force(state, closest, led.record.rendered_force, period)
     place = state.left if math.isfinite(position) else ()
     command = msgspec.structs.replace(led.command, place=place)
-    record = msgspec.structs.replace(led.record, standard_deviation=state.material.doubt * led.record.predicted_force)
-    return state, Outputs(command, record, _space(state, footing, force, now_ns))
+    record = msgspec.structs.replace(
+        led.record, standard_deviation=state.material.uncertainty * led.record.predicted_force
+    )
+    return state, Outputs(command, record, _space(state, closest, force, now_ns))
 
 
 def _is_current(state: State, run: int) -> bool:
-    """Whether this follower's process is the one that is heard; none is, before the first."""
+    """Whether this run of the follower is the current one; none is, before the first."""
     return state.inner.heard.run in (0, run)
 
 
 def _take_model(state: State, model: ModelUpdate) -> ModelUpdate:
-    """Believe what a model says of fixture and friction, if it is the newest; its surface comes onto the line."""
+    """Take fixture and friction from a model, if it is the newest; return it with its surface on the line."""
     newest = state.model
     is_newest = newest is None or model.run != newest.run or model.sequence > newest.sequence
     if is_newest and _is_current(state, model.run):
@@ -294,9 +297,9 @@ def _take_model(state: State, model: ModelUpdate) -> ModelUpdate:
 
 
 def _couple(state: State, inputs: Inputs) -> tuple[Vector, list[Telemetry]]:
-    """Place of the hand in the world, and the telemetry as a leader along the line is to read it.
+    """Position of the hand in the world, and the telemetry for a leader along the line.
 
-    Hand and follower meet where the follower is told to be, and after a clutch where the hand was.
+    Hand and follower meet at the follower's commanded position, and after a clutch at the hand's last one.
     """
     proxy = state.inner.renderer.proxy
     here = scaled(inputs.place, state.position_scale)
@@ -320,46 +323,46 @@ def _couple(state: State, inputs: Inputs) -> tuple[Vector, list[Telemetry]]:
     return meet, [msgspec.structs.replace(one, desired_position=along) for one in inputs.telemetry]
 
 
-def _local(state: State, model: ModelUpdate, footing: Footing) -> ModelUpdate:
-    """A model with the law of the place where the hand is, where the field knows it."""
+def _local(state: State, model: ModelUpdate, closest: ClosestPoint) -> ModelUpdate:
+    """A model with the law at the hand's position, where the field knows it."""
     if not model.valid:
         return model
-    law = _law(state, footing)
+    law = _law(state, closest)
     return model if law is None else msgspec.structs.replace(model, law=law.law, parameters=law.parameters, map=b"")
 
 
-def _law(state: State, footing: Footing) -> QuadraticContact | None:
-    return state.material.law(footing.inner_point, footing.depth)
+def _law(state: State, closest: ClosestPoint) -> QuadraticContact | None:
+    return state.material.law(closest.inner_point, closest.depth)
 
 
-def _go_on(state: State, footing: Footing) -> None:
-    """Take the law of another place, where no model came: the hand goes over the surface meanwhile."""
+def _go_on(state: State, closest: ClosestPoint) -> None:
+    """Take the law of another point, where no model came: the hand moves over the surface meanwhile."""
     predictor = state.inner.renderer.predictor
-    elsewhere = state.material.is_elsewhere(footing.inner_point)
+    elsewhere = state.material.is_elsewhere(closest.inner_point)
     if predictor.model is None or not (elsewhere or state.offset != state.line.offset):
         return
-    law = _law(state, footing) or predictor.model
+    law = _law(state, closest) or predictor.model
     if law is not predictor.model or state.offset != state.line.offset:
         surface = state.line.offset + state.felt_deeper
         state.inner.renderer.adopt(law, surface, message=predictor.message)
 
 
 def _depth_of(state: State, place: Vector) -> float:
-    """A recorded place as a position along the normal of the hand's footing [m]."""
-    footing = state.line.footing
-    if footing is None or not math.isfinite(place[0]):
+    """A recorded position as a coordinate along the normal of the hand's closest point [m]."""
+    closest = state.line.closest
+    if closest is None or not math.isfinite(place[0]):
         return math.nan
     here = subtract(scaled(place, state.position_scale), state.apart)
-    return (footing.along - dot(subtract(here, state.hand), footing.normal)) / state.position_scale
+    return (closest.along - dot(subtract(here, state.hand), closest.normal)) / state.position_scale
 
 
-def _force(state: State, footing: Footing, rendered: float, period: float) -> Vector:
-    """For the hand: along the normal as rendered, friction beside it, within the device and the energy [N]."""
+def _force(state: State, closest: ClosestPoint, rendered: float, period: float) -> Vector:
+    """Force for the hand: normal force as rendered, friction, within the limits of device and energy [N]."""
     pressed = rendered / state.force_scale
     friction = state.friction.update(
-        footing.point, footing.normal, pressed, state.coefficient, state.viscous, min(period, SAMPLE_PERIOD)
+        closest.point, closest.normal, pressed, state.coefficient, state.viscous, min(period, SAMPLE_PERIOD)
     )
-    force = scaled(footing.normal, rendered)
+    force = scaled(closest.normal, rendered)
     beside = scaled(friction, state.force_scale)
     left = math.sqrt(max(state.largest_force**2 - rendered**2, 0.0))
     size = norm(beside)
@@ -369,7 +372,7 @@ def _force(state: State, footing: Footing, rendered: float, period: float) -> Ve
     return state.account.hold(force)
 
 
-def _space(state: State, footing: Footing, force: Vector, now_ns: int) -> LeaderSpace:
+def _space(state: State, closest: ClosestPoint, force: Vector, now_ns: int) -> LeaderSpace:
     inner, model = state.inner, state.model
     predictor = inner.renderer.predictor
     known = model is not None and len(model.fixture_deviation) == 6
@@ -381,10 +384,10 @@ def _space(state: State, footing: Footing, force: Vector, now_ns: int) -> Leader
         now_ns,
         *state.hand,
         *state.left,
-        *footing.point,
-        *footing.normal,
+        *closest.point,
+        *closest.normal,
         *force,
-        footing.depth - state.felt_deeper,
+        closest.depth - state.felt_deeper,
         stiffness,
         *state.line.pose,
         math.sqrt(sum(value * value for value in deviation[:3])),

@@ -25,19 +25,19 @@ from foretouch.quantities.pose import RigidMotion, Vector, add, dot, norm, scale
 from foretouch.rendering.surfaces import SurfaceProxy
 from foretouch.robot import GantryArm, Material, make_material
 from foretouch.robot.gantry_arm import LEAST_STEPS, MOVED_MASS
-from foretouch.session.settings import NO_GRIP, SAMPLE_PERIOD, SessionSettings
+from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
 from foretouch.session.spatial.camera import SimulatedCamera
 from foretouch.session.spatial.scenes import Scene, palpation
-from foretouch.vision import ImageFault
+from foretouch.settings import NO_GRIP
 
 BUMP_TIME = 0.15
-"""A bump moves the fixture in so long [s]."""
+"""Duration of a bump of the fixture [s]."""
 
 BUMP_SHARE = 0.4
-"""Of the first displacement, at most."""
+"""Largest bump as a fraction of the first displacement."""
 
 STICTION_SPEED = 1e-3
-"""Friction grows to its full size up to this speed [m/s]."""
+"""Speed at which friction reaches about its full size [m/s]."""
 
 SECOND_LAW = "remembers what was done to it, and in a scene each place would need a memory of its own"
 
@@ -51,15 +51,15 @@ class SpatialWorld:
 
     Args:
         scene: Shape, inclusion and friction.
-        material: Whose law is pressed; one without memory.
-        displacement: The fixture stands at most so far from where it is believed [m].
-        turn: And is turned by at most so much [rad].
-        bump: When it is bumped, to somewhere within 40 % of that [s]; 0 for never.
-        seed: Of where it stands, not negative.
+        material: Material whose law is pressed; one without memory.
+        displacement: Largest displacement of the fixture from its believed position [m].
+        turn: Largest rotation of the fixture from its believed one [rad].
+        bump: Time of a bump, to somewhere within 40 % of that [s]; 0 for never.
+        seed: Random seed of its pose, not negative.
 
     Attributes:
-        time: Since the start [s].
-        depth: Of the probe [m].
+        time: Time since the start [s].
+        depth: Depth of the probe [m].
 
     Raises:
         SettingError: A material with a memory.
@@ -86,7 +86,7 @@ class SpatialWorld:
         self.depth = -math.inf
 
     def fixture(self) -> tuple[float, ...]:
-        """Where the fixture is now: a place [m] and a rotation vector [rad]."""
+        """Present pose of the fixture: a position [m] and a rotation vector [rad]."""
         return self._pose
 
     def touch(self, place: Vector, velocity: Vector, elapsed: float) -> Vector:
@@ -120,7 +120,7 @@ class SpatialWorld:
 
 
 def _displaced(random: np.random.Generator, displacement: float, turn: float) -> Pose:
-    """A pose within these of none at all: anywhere between half and all of them, in any direction."""
+    """A random displacement: between half and all of these amounts, in any direction."""
     way, axis = (vector / np.linalg.norm(vector) for vector in random.normal(size=(2, 3)))
     far, angle = random.uniform(0.5, 1.0, 2) * (displacement, turn)
     return Pose.from_rotation_vector(axis * angle, way * far)
@@ -131,19 +131,20 @@ def _numbers(pose: Pose) -> tuple[float, ...]:
 
 
 PRESS_DEPTH = 0.005
-"""Of a palpating hand [m]."""
+"""Press depth of a palpating hand [m]."""
 
 STOPPED_AT_MOST = 0.7
-"""Share of the probe's speed that a damper takes in one physics step: with 1 it stops, and with 2 it swings up."""
+"""Largest fraction of the probe's speed that a damper may take in one physics step: with 1 it stops, with 2 it swings
+up."""
 
 
 def make_spatial_robot(settings: SessionSettings, scene: Scene, *, force_limit: float = 15.0) -> GantryArm:
     """The simulated arm over the scene's fixture, which stands elsewhere than believed.
 
     Args:
-        settings: Of the session.
-        scene: What is touched.
-        force_limit: Force that each drive can hold at most [N].
+        settings: Session settings.
+        scene: Scene that is touched.
+        force_limit: Largest force of each drive [N].
 
     Raises:
         SettingError: A material that remembers, or one in which the safety's bound on an impact is known not to hold.
@@ -190,7 +191,7 @@ def make_camera(settings: SessionSettings, scene: Scene, *, say: Callable[[str],
         scene: What is seen.
         say: Told in one line what to install.
     """
-    faults = (ImageFault.from_text("image_fault", settings.image_fault),) if settings.image_fault else ()
+    faults = (settings.image_fault,) if settings.image_fault else ()
     try:
         return SimulatedCamera(scene, faults, seed=settings.seed)
     except MissingExtraError as error:  # no MuJoCo, no OpenCV, or no library that draws without a display
@@ -214,4 +215,4 @@ def make_spatial_operator(settings: SessionSettings, scene: Scene, pose: Sequenc
     moved: SpatialDevice = SpatialBrowserOperator(script, scale) if settings.operator == "browser" else script
     if settings.grip == NO_GRIP:
         return moved
-    return SpatialHand(moved, GRIPS[settings.grip], settings.device, settings.clutch_times)
+    return SpatialHand(moved, GRIPS[settings.grip], settings.device, settings.clutch)

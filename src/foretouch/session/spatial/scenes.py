@@ -25,15 +25,16 @@ from foretouch.rendering.surfaces import (
     first_hit_from_above,
     read_mesh,
 )
+from foretouch.settings import MESH_ENDINGS, SCENES
 
 SMALLEST_SIDE, LARGEST_SIDE = 0.005, 0.5
 """Seen from above a specimen is at least and at most as wide as this [m]: others are in another unit."""
 
 REACH = 0.04
-"""The middle of a mesh, seen from above, and its top are so near to where specimens stand [m]."""
+"""Largest distance of a mesh's middle, seen from above, and of its top from where specimens stand [m]."""
 
 TRIED = (0.0, -0.25, 0.25)
-"""Where the hand comes down on a mesh, in shares of the sides: a hole in the middle is none everywhere."""
+"""Offsets tried for the hand's descent on a mesh, as fractions of its sides: the middle may be a hole."""
 
 Array = NDArray[np.float64]
 
@@ -48,7 +49,7 @@ def specimen_of(path: Path, middle: Vector) -> TriangleMesh:
     Raises:
         InputError: No such file, no mesh, or one that no hand can touch there: too small, too large, elsewhere, or
             with nothing that faces up.
-        MissingExtraError: What reads meshes is not installed.
+        MissingExtraError: The package that reads meshes is not installed.
     """
     mesh = read_mesh(path)
     corners = mesh.vertices[mesh.faces].reshape(-1, 3)
@@ -99,7 +100,7 @@ def _faces_up(mesh: TriangleMesh, triangle: int) -> bool:
 
 
 MIDDLE: Vector = (0.075, 0.0, 0.0)
-"""Of the specimen, in the fixture's frame [m]; the origin is in the middle of the board."""
+"""Centre of the specimen, in the fixture's frame [m]; the origin is in the middle of the board."""
 
 SIDE = 0.08
 """Of the specimen [m]."""
@@ -109,13 +110,12 @@ NOMINAL = (-0.075, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 HILL_HEIGHT, HILL_WIDTH = 0.004, 0.018
 GRID = 2e-3
-MESH_ENDINGS = (".stl", ".obj", ".ply")
 
 HOVER, TALL = 0.010, 0.05
 """Height of the hand above the surface between presses, and from which the first one begins [m]."""
 
 FROM_ABOVE, STEP_DOWN = 0.1, 5e-4
-"""A probe that looks for the surface comes down from here, by so much at a time [m]."""
+"""Step of a probe that looks for the surface from above [m]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -146,7 +146,7 @@ class Inclusion:
 
 @dataclass(frozen=True, slots=True)
 class Scene:
-    """What is touched.
+    """Scene that is touched.
 
     Attributes:
         name: As it was asked for.
@@ -210,7 +210,7 @@ def _hilly() -> HeightField:
     return HeightField(heights, GRID, (MIDDLE[0] - 0.5 * SIDE, MIDDLE[1] - 0.5 * SIDE))
 
 
-SCENES = {"plane": _plane, "hill": _hill, "phantom": _phantom}
+_MAKERS = dict(zip(SCENES, (_plane, _hill, _phantom), strict=True))
 """Scenes of the package: a flat specimen, one with a hill, and that with a stiff inclusion under it."""
 
 
@@ -224,10 +224,10 @@ def make_scene(name: str) -> Scene:
     Raises:
         UnknownNameError: Neither.
         InputError: A file that cannot be read as a mesh, or one that no hand can touch where it is.
-        MissingExtraError: What reads meshes is not installed.
+        MissingExtraError: The package that reads meshes is not installed.
     """
     if name in SCENES:
-        return SCENES[name](name)
+        return _MAKERS[name](name)
     if name.lower().endswith(MESH_ENDINGS):
         return Scene(name, specimen_of(Path(name), MIDDLE))
     raise UnknownNameError("scene", name, (*SCENES, *(f"FILE{ending}" for ending in MESH_ENDINGS)))
@@ -238,8 +238,8 @@ def palpation(scene: Scene, depth: float, seed: int) -> list[Keyframe]:
 
     Args:
         scene: Whose surface it goes over.
-        depth: Of the presses [m].
-        seed: Of small differences between presses.
+        depth: Depth of the presses [m].
+        seed: Random seed of small differences between presses.
     """
     random = np.random.default_rng(seed)
     x, y, reach = _middle(scene.surface)

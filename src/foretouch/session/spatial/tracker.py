@@ -1,4 +1,4 @@
-"""The tracker's step: images and touches in; where the fixture is believed to be, out.
+"""The tracker's step: takes images and touches; gives the believed pose of the fixture.
 
 It stands beside the camera, at the follower, in a process of its own: the filter takes longer than a tick of the loops.
 """
@@ -20,14 +20,14 @@ TOUCH_DEVIATION = 2e-4
 """Standard deviation of where a touch puts the surface along its normal [m]: encoders, sensor noise, softness."""
 
 FIRST_TICKS = 100
-"""A tracker that hears the follower from within so many ticks on has missed no touch."""
+"""Largest tick number at a tracker's first contact with the follower for which it has missed no touch."""
 
 REMEMBERED = 3000
-"""Ticks whose times are remembered: images come late."""
+"""Number of ticks whose times are remembered: images come late."""
 
 SECOND = 1e-9
 TELLING_PERIOD = 0.03
-"""The belief is told again after so long, for its doubt grows [s]."""
+"""Time after which the belief is sent again, for its uncertainty grows [s]."""
 
 
 @dataclass(slots=True)
@@ -35,20 +35,20 @@ class State:
     """What the tracker remembers; updated in place.
 
     Attributes:
-        filter: Of the fixture's pose.
+        filter: Filter of the fixture's pose.
         uses_images: Whether images count.
         uses_touches: Whether touches count.
         times: The follower's clock by its ticks [ns].
-        touch_tick: Of the newest touch that was taken.
-        run: The follower's process that is heard.
-        epoch: Of this process.
-        gone: The follower's processes that others have followed.
-        pose_seen: Of the newest image that showed the board.
-        sequence: Of the newest belief.
+        touch_tick: Tick of the newest touch that was taken.
+        run: Run of the current follower process.
+        epoch: Epoch of this process.
+        gone: Runs of the follower processes before it.
+        pose_seen: Pose in the newest image that showed the board.
+        sequence: Sequence number of the newest belief.
         told: Time of the newest belief [s].
-        images: Used so far.
-        contacts: Used so far.
-        refused: So far.
+        images: Number of images used so far.
+        contacts: Number of touches used so far.
+        refused: Number of images and touches refused so far.
     """
 
     filter: FixtureFilter
@@ -68,7 +68,7 @@ class State:
 
 
 def counts(state: State) -> dict[str, int]:
-    """What was used of images and touches, and what was refused."""
+    """Numbers of images and touches used and refused."""
     return {"images_used": state.images, "contacts_used": state.contacts, "seen_refused": state.refused}
 
 

@@ -14,8 +14,8 @@ Nothing imports it but a session that asks for a baseline (`foretouch.session.st
   this port alone, and a controller here acts only where this port gives more than it got, so it is the milder of the
   two, and needs nothing of the other side.
 
-No model, no mediation, no index, and no ceiling: the limits of force, of how fast it rises, and of the device are as
-for models; where no controller takes the force away it falls no faster than it rises. The last force is held where none
+No model, no mediation, no index, and no ceiling: the limits of force, of its rate of rise, and of the device are as
+for models; where no controller removes the force it falls no faster than it rises. The last force is held where none
 arrives.
 
 References:
@@ -34,31 +34,32 @@ from foretouch.messages import VERSION, Command, LeaderState
 from foretouch.models import MotionFilter
 from foretouch.rendering import LARGEST_FORCE, EnergyAccount, ForceLimiter, Proxy
 from foretouch.rendering.passivity_control import PassivityController
-from foretouch.session.settings import NO_GRIP, SAMPLE_PERIOD, SessionSettings
+from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
 from foretouch.session.steps.heard import Heard
 from foretouch.session.steps.leader import Inputs, Outputs, meeting_place, moving_time
+from foretouch.settings import NO_GRIP
 
 LOCAL_DAMPING = 5.0
-"""Of the damper that is put beside a delayed force, at the hand [N s/m]."""
+"""Damping of the local damper that is added to a delayed force, at the hand [N s/m]."""
 
 
 @dataclass(slots=True)
 class State:
-    """What a baseline remembers from tick to tick; updated in place.
+    """State of a baseline, updated in place in each tick.
 
     Attributes:
         proxy: Couples hand and follower; it is never indexed.
-        limiter: The clamps, as for models.
-        account: Of the energy, to be recorded: it limits nothing.
-        controller: Of passivity, None where there is none.
-        settings: Of the session.
+        limiter: Force limits, as for models.
+        account: Energy account, for the record: it limits nothing.
+        controller: Passivity controller, None where there is none.
+        settings: Session settings.
         holder: Name of this leader.
-        epoch: Of this process.
-        heard: What the follower says.
+        epoch: Epoch of this process.
+        heard: Messages received from the follower.
         start_ns: Clock at the first tick, None before it.
         newest_ns: Clock at the newest tick, None before the first.
-        sequence: Of the newest command.
-        refused: 0: models are not looked at.
+        sequence: Sequence number of the newest command.
+        refused: Always 0: models are not used.
         proxy_motion: Velocity of the proxy.
         hand_motion: Velocity of the hand.
     """
@@ -82,14 +83,14 @@ class State:
 def start(
     settings: SessionSettings, *, holder: str = "leader", epoch: int = 1, device: DeviceSpecification | None = None
 ) -> State:
-    """State before the first tick, as `foretouch.session.steps.leader.start`; no baseline has a `device` of its own."""
+    """State before the first tick, as `foretouch.session.steps.leader.start`; no baseline has its own `device`."""
     device = settings.device
     felt = settings.grip != NO_GRIP
     return State(
         Proxy(settings.position_scale),
         ForceLimiter(min(LARGEST_FORCE, device.force_limit) if felt else LARGEST_FORCE),
         EnergyAccount.of(device if felt else None, SAMPLE_PERIOD),
-        # Passive rendering of a damper from samples asks for b > |B|.
+        # Passive rendering of a damper from samples requires b > |B|.
         PassivityController(device.damping) if settings.baseline == "delayed-tdpa" else None,
         settings,
         holder,
@@ -103,7 +104,7 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
 
     Args:
         state: Updated in place and returned.
-        inputs: Of this tick.
+        inputs: Inputs of this tick.
         now_ns: This side's monotonic clock [ns].
     """
     if state.start_ns is None:
@@ -169,9 +170,9 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
 
 
 def _render(state: State, inputs: Inputs, velocity: float) -> float:
-    """Set the limiter's force, which the hand gets; return what was wanted before the limits [N]."""
+    """Set the limiter's force, which the hand gets; return the force wanted before the limits [N]."""
     heard = state.heard
-    # In free air the sensor shows noise, which nobody is to feel.
+    # In free air the sensor shows noise, which the operator is not to feel.
     touching = heard.touching and heard.force > 0.0 and state.proxy.engaged
     wanted = 0.0
     if touching:
@@ -180,7 +181,7 @@ def _render(state: State, inputs: Inputs, velocity: float) -> float:
     if state.controller is not None:
         state.controller.observe(inputs.position)
         controlled = state.controller.control(wanted, velocity, SAMPLE_PERIOD)
-        if controlled < wanted:  # what passivity takes away goes at once, whatever the rate
+        if controlled < wanted:  # a reduction for passivity takes effect at once, whatever the rate
             ceiling = controlled
         wanted = controlled
     # A tick that came late is no reason for a larger step of force.

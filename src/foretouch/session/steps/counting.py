@@ -1,6 +1,6 @@
-"""What each side tells the report in its `Hello`: what it counted, and what it does to the messages that it takes.
+"""Texts of each side's `Hello` for the report: its counters, and the faults that it applies to arriving messages.
 
-The operator's time, in which a hand that feels something begins once it is coupled, is kept here too.
+The operator's clock, which starts for a hand that feels something once it is coupled, is here too.
 """
 
 from __future__ import annotations
@@ -59,13 +59,13 @@ def as_texts(counts: dict[str, int]) -> dict[str, str]:
 
 
 def fault_texts(stage: FaultStage[Any], delay: str, changed_ns: int, prefix: str = "") -> dict[str, str]:
-    """What a side does to the messages that it takes, as settings of its `Hello`: nobody else knows it.
+    """Faults that a side applies to arriving messages, as settings of its `Hello`; no other side knows them.
 
     Args:
-        stage: That the messages pass.
-        delay: Name of the setting that their delay is.
-        changed_ns: When it was changed last, by the side's own clock [ns]; 0 for never.
-        prefix: Of the names of the other faults: ``"return_"`` for those of models and telemetry.
+        stage: Stage that the messages pass.
+        delay: Name of the setting of their delay.
+        changed_ns: Time of its last change, by the side's own clock [ns]; 0 for never.
+        prefix: Prefix of the names of the other faults: ``"return_"`` for those of models and telemetry.
     """
     faults = {f"{prefix}{name}": str(getattr(stage.faults, name)) for name in ("jitter", "loss", "outage")}
     return {delay: str(stage.delay)} | faults | ({SINCE: str(changed_ns)} if changed_ns else {})
@@ -74,11 +74,11 @@ def fault_texts(stage: FaultStage[Any], delay: str, changed_ns: int, prefix: str
 class OperatorClock:
     """The clock that an operator is read by.
 
-    A hand that holds a device waits where it is until it is known where the follower is; a person would. From then on
-    its time runs, from zero. For an operator that feels nothing it is the session's own clock.
+    A hand that holds a device waits, as a person would, until the follower's position is known. From then on its time
+    runs, from zero. For an operator that feels nothing it is the session's own clock.
 
     Args:
-        operator: Whose time it is.
+        operator: Operator whose time it is.
     """
 
     __slots__ = ("_begun_ns", "_waits")

@@ -1,8 +1,8 @@
-"""The follower's step: commands and sensors in; a robot position, telemetry and models out.
+"""The follower's step: takes commands and sensor samples; gives a robot position, telemetry and models.
 
-The order is: who may command, which of the commands are fresh, what the sensors are worth, what is learnt, and at the
-end, whatever was said, what the robot may do (`foretouch.session.safety.safety`). An exception in what comes before
-that last stage is counted and told, and the last stage has its turn all the same.
+The order is: which leader commands, which commands are fresh, whether the sensors are valid, learning, and last,
+whatever was commanded, the robot's limits (`foretouch.session.safety.safety`). An exception in the earlier stages is
+counted and reported, and the last stage runs all the same.
 """
 
 from __future__ import annotations
@@ -22,53 +22,54 @@ from foretouch.session.network.model_sender import ModelSender
 from foretouch.session.network.playout import Arrival, Freshness, Playout
 from foretouch.session.safety.force_guard import FirstTouch
 from foretouch.session.safety.safety import Safety, SafetyLimits
-from foretouch.session.settings import SAFETY_LIMITS, SAMPLE_PERIOD, SessionSettings
+from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
 from foretouch.session.steps.sensing import Failures, TickRate, calibrated
+from foretouch.settings import SAFETY_LIMITS
 
-# What every tick asks for: a member of an enumeration costs more to look up than to compare.
+# Constants used in every tick: a member of an enumeration costs more to look up than to compare.
 GOOD = SensorState.GOOD
 FRESH, FUTURE = Arrival.FRESH, Arrival.FUTURE
-EFFORT_FROM, EFFORT_DOUBT = 0.3, 0.5
-"""From this share of the force ceiling on, what the drive pushes with counts as felt, less so much [N]: friction of the
-drive is in it. A sensor that is dead from the start is pressed into bone with 16.2 N at a share of 0.5, 14.5 at 0.3 and
-14.4 at 0.2."""
+EFFORT_FROM, EFFORT_UNCERTAINTY = 0.3, 0.5
+"""Fraction of the force ceiling above which the drive's force counts as felt, and the part of it [N] subtracted as
+friction of the drive. A sensor that is dead from the start is pressed into bone with 16.2 N at a fraction of 0.5, 14.5
+at 0.3 and 14.4 at 0.2."""
 
 HOLDING, RETREATING = int(Status.HOLDING), int(Status.RETREATING)
 
 
 @dataclass(slots=True)
 class State:
-    """What the follower remembers from tick to tick; updated in place.
+    """State of the follower, updated in place in each tick.
 
     Attributes:
-        specification: Of the robot, as calibrated: its tool is weighed out of the force.
-        learner: Conditions and identifies.
+        specification: Specification of the robot, as calibrated: its tool is compensated in the force.
+        learner: Conditions samples and identifies.
         run: Epoch of this process, at least 1.
         sender: Sends models, and learns how late they are used.
-        watch: Says what the sensors are worth.
+        watch: Judges the validity of the sensors.
         lease: Lets one leader command.
         freshness: Judges its commands.
-        commands: Counts them.
-        playout: Makes an even stream of them.
+        commands: Counts its commands.
+        playout: Makes an even stream of its commands.
         tick: Number of the newest tick.
         start_ns: Clock at the first tick that had a command, None before it.
-        first_touch: Guards the contact that the leader does not know of.
-        safety: Stands before the robot.
+        first_touch: Guards a contact that is unknown to the leader.
+        safety: Last stage before the robot.
         held_ticks: Ticks in which the robot was held for want of a fresh command, since there was the first.
         faulty_ticks: Ticks whose sensors were not believed.
         guards: Whether this side's settings guard first touches.
-        guarded: Whether they are: by these, or because a command of this leader asks for it.
-        free: Up to there nothing is in the way, though the robot has not gone there itself [m]: in space, before the
+        guarded: Whether they are guarded: by these, or because a command of this leader asks for it.
+        free: Position up to which the air is free, though the robot has not gone there itself [m]: in space, before the
             surface; on a line that is never known.
-        slid: By how much the probe has moved across the surface since the last tick [m]; on a line it does not.
-        failures: What raised, and whether learning goes on.
-        rate: Of the loop.
-        felt_commands: Applied in the newest ticks that were learnt from, as many as the sensor is late.
+        slid: Motion of the probe across the surface since the last tick [m]; on a line 0.
+        failures: Exceptions, and whether learning goes on.
+        rate: Tick rate of the loop.
+        felt_commands: Commands applied in the newest ticks that were learnt from, for the delay of the sensor.
         released_tick: Number of the first telemetry behind the newest release, 0 before the first release.
-        before_release: Commands refused because their leader did not know of it.
-        zero: What the sensor shows in free air beside its tool [N]; None where it is found.
-        compliance: Of arm, sensor and tip in series [m/N].
-        limits: Of `safety`.
+        before_release: Number of commands refused because their leader did not know of it.
+        zero: Sensor reading in free air beside its tool [N]; None where it is estimated.
+        compliance: Compliance of arm, sensor and tip in series [m/N].
+        limits: Limits of `safety`.
     """
 
     specification: RobotSpecification
@@ -101,15 +102,15 @@ class State:
 
 
 class Inputs(NamedTuple):
-    """What a tick is given.
+    """Inputs of a tick.
 
     Attributes:
-        commands: That have arrived since the last tick.
-        sample: What the robot's sensors show.
-        period_ns: Since the last tick began [ns].
-        compute_ns: That the last tick's computing took [ns].
-        stop: Why an emergency stop was asked for; empty while none was.
-        release: Whether somebody at the robot asks to end an emergency stop, or says that the sensors are mended.
+        commands: Commands that have arrived since the last tick.
+        sample: Sample of the robot's sensors.
+        period_ns: Time since the last tick began [ns].
+        compute_ns: Computing time of the last tick [ns].
+        stop: Why an emergency stop was requested; empty while none was.
+        release: Whether the end of an emergency stop is requested at the robot, or a repair of the sensors reported.
         ended: Whether the session is over: the robot is left as after a long silence.
     """
 
@@ -123,12 +124,12 @@ class Inputs(NamedTuple):
 
 
 class Outputs(NamedTuple):
-    """What a tick gives.
+    """Outputs of a tick.
 
     Attributes:
-        desired_position: For the robot [m].
-        telemetry: For all that watch.
-        model: For the leader, when one is due.
+        desired_position: Position for the robot [m].
+        telemetry: Telemetry for all subscribers.
+        model: Model for the leader, when one is due.
     """
 
     desired_position: float
@@ -142,14 +143,14 @@ def start(
     """State before the first tick.
 
     Args:
-        specification: Of the robot.
-        settings: Of the session.
-        estimator: Fresh; None for the one that the settings name.
+        specification: Specification of the robot.
+        settings: Session settings.
+        estimator: New estimator; None for the one that the settings name.
         run: Epoch of this process (`foretouch.session.network.lease.own_epoch`).
 
     Raises:
         RecordingError: The settings' calibration cannot be read.
-        SettingError: It does not fit this robot.
+        SettingError: The calibration does not fit this robot.
     """
     known = calibrated(specification, settings)
     specification, force = known.specification, specification.sensor_range
@@ -178,7 +179,7 @@ def start(
 
 
 def _limits(specification: RobotSpecification, settings: SessionSettings) -> SafetyLimits:
-    """Of the session, for this robot."""
+    """Safety limits of the session, for this robot."""
     return SafetyLimits(
         **{name: getattr(settings, setting) for name, setting in SAFETY_LIMITS.items()},
         workspace=specification.workspace,
@@ -190,12 +191,12 @@ def _limits(specification: RobotSpecification, settings: SessionSettings) -> Saf
 def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
     """One tick of the follower.
 
-    Learning begins with the first command: nobody operates before, and who records a session from its first command
+    Learning begins with the first command: no operator is active before, and a recording from the first command on
     holds all that was learnt from.
 
     Args:
         state: Updated in place and returned.
-        inputs: Of this tick.
+        inputs: Inputs of this tick.
         now_ns: This side's monotonic clock [ns].
     """
     sample = inputs.sample
@@ -231,18 +232,18 @@ def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
 
 
 def tip(state: State, sample: RobotSample) -> float:
-    """Where the tip is [m]: p = x - F / k, with what the encoders show and the compliance 1 / k, if that is known."""
+    """Position of the tip [m]: p = x - F / k, with the encoders' x and the compliance 1 / k, if that is known."""
     give = state.compliance * _less_offset(state, sensor_force(state, sample)) if state.compliance else 0.0
     return sample.position - give if math.isfinite(give) else sample.position
 
 
 def sensor_force(state: State, sample: RobotSample) -> float:
-    """What the sensor shows less weight and inertia of the tool, which are no contact, and its calibrated zero [N]."""
+    """Sensor force less weight and inertia of the tool, which are no contact, and its calibrated zero [N]."""
     return sample.sensor_force - state.specification.tool_force(sample.acceleration) - (state.zero or 0.0)
 
 
 def feel_plainly(state: State, force: float) -> None:
-    """Take a sensor force [N] for what is felt, less the offset as far as it is known: nothing conditions it."""
+    """Take a sensor force [N] as the contact force, less the offset as far as it is known, without conditioning."""
     last, felt = state.learner.sample, _less_offset(state, force)
     state.learner.sample = ContactSample(last.time, last.depth, 0.0, felt, felt > CONTACT_FLOOR)
 
@@ -253,18 +254,18 @@ def _less_offset(state: State, force: float) -> float:
 
 
 def _commanded(state: State, commands: list[Command], now_ns: int) -> float:
-    """Take the commands that have come; where they say that the robot is to be now [m], no number where they do not."""
+    """Take the commands that have come; return the commanded position for now [m], NaN where there is none."""
     try:
         for command in commands:
             _take(state, command, now_ns)
-        return state.playout.advance()  # no number while no leader has said one
+        return state.playout.advance()  # NaN while no leader has sent a position
     except Exception as error:
         state.failures.note("its commands", error)
         return math.nan
 
 
 def _sensed(state: State, sample: RobotSample, now_ns: int) -> tuple[float, float, SensorState]:
-    """Position of the tip [m], force of the sensor [N], and what the sensors are worth."""
+    """Position of the tip [m], force of the sensor [N], and validity of the sensors."""
     try:
         force = sensor_force(state, sample)
         tool_force = state.specification.tool_force(sample.acceleration)
@@ -285,7 +286,7 @@ def _sensed(state: State, sample: RobotSample, now_ns: int) -> tuple[float, floa
 
 
 def _learn(state: State, position: float, force: float, validity: SensorState, now_ns: int) -> ModelUpdate | None:
-    """Learn from this sample, where it is worth anything; the model that is due."""
+    """Learn from this sample, if it is valid; return the model that is due."""
     playout, learner = state.playout, state.learner
     if state.start_ns is None:
         if not playout.applied:
@@ -312,7 +313,7 @@ def _learn(state: State, position: float, force: float, validity: SensorState, n
 
 
 def _feel(state: State, time: float, position: float, force: float) -> None:
-    """Learn nothing: safety needs to know what is felt all the same."""
+    """Learn nothing, but take the force that safety needs."""
     try:
         state.learner.feel(time, position, force)
     except Exception as error:
@@ -326,7 +327,7 @@ def _take(state: State, command: Command, now_ns: int) -> None:
     holder, epoch = lease.holder, lease.epoch
     if not lease.admit(command.holder, command.epoch, now_ns):
         return
-    if lease.epoch != epoch or lease.holder != holder:  # another leader: nothing of the one before is valid any more
+    if lease.epoch != epoch or lease.holder != holder:  # another leader: nothing of the one before is still valid
         state.freshness.begin()
         state.commands.restart()
         state.playout.restart()
@@ -335,7 +336,7 @@ def _take(state: State, command: Command, now_ns: int) -> None:
         state.guarded = state.guards
     sequence, position = command.sequence, command.position
     if state.released_tick and (command.run != state.run or command.telemetry_sequence < state.released_tick):
-        state.before_release += 1  # its leader did not know yet that the robot was let go on
+        state.before_release += 1  # its leader did not know yet of the release
         state.commands.is_newest(sequence)
         return
     arrival = state.freshness.judge(sequence, command.time_ns, now_ns)
@@ -343,7 +344,7 @@ def _take(state: State, command: Command, now_ns: int) -> None:
         state.commands.is_newest(sequence)
     if arrival is not FRESH:
         return
-    if math.isfinite(position):  # what has no position is never played
+    if math.isfinite(position):  # a command without a position is never played
         state.playout.push(sequence, position, command.place)
         state.sender.round_trip.commanded(sequence, command.acknowledged_model)
     if command.guarded:
@@ -351,17 +352,17 @@ def _take(state: State, command: Command, now_ns: int) -> None:
 
 
 def _stop_or_release(state: State, inputs: Inputs, felt: float, faulty: bool) -> bool:
-    """Do what is asked for at the robot; whether what the commands say holds."""
+    """Apply requests at the robot; return whether the commands hold."""
     safety, released = state.safety, False
     if inputs.stop:
         safety.stop(inputs.stop)
     elif inputs.release and faulty:
-        state.watch.reset()  # a stop stays: what the robot feels is known from the next samples on
+        state.watch.reset()  # a stop stays: the robot's force is known from the next samples on
         released = True
     elif inputs.release and safety.stop_reason:
         released = safety.release(state.learner.sample.velocity, felt)
     if released:
-        state.released_tick = state.tick + 1  # the number of this tick's telemetry, which is the first to say so
+        state.released_tick = state.tick + 1  # the number of this tick's telemetry, the first to report it
     if released or safety.stop_reason:
         state.playout.forget()
         return False
@@ -369,18 +370,18 @@ def _stop_or_release(state: State, inputs: Inputs, felt: float, faulty: bool) ->
 
 
 def _allowed(state: State, desired_position: float, inputs: Inputs, force: float, now_ns: int, faulty: bool) -> float:
-    """What the robot may do of what it is told to: the first touch, then safety [m]."""
+    """Allowed position for a commanded one: the first touch, then safety [m]."""
     sample, learnt_from, safety, first_touch = inputs.sample, state.learner.sample, state.safety, state.first_touch
-    # Who begins in contact learns that force as the sensor's offset: what no offset explains is felt.
+    # A follower that begins in contact learns that force as the sensor's offset: an excess over any offset is felt.
     unexplained = force - state.specification.largest_offset
     felt = max(learnt_from.force, unexplained)
     witnessed = state.watch.effort > EFFORT_FROM * state.limits.force  # where a wrong sensor would do harm
     if witnessed:
-        felt = max(felt, state.watch.effort - EFFORT_DOUBT)
+        felt = max(felt, state.watch.effort - EFFORT_UNCERTAINTY)
     touches = learnt_from.in_contact or unexplained > CONTACT_FLOOR or witnessed
     if not _stop_or_release(state, inputs, felt, faulty):
         desired_position = math.nan
-    if state.compliance and not faulty and touches:  # commands say where the tip is to be
+    if state.compliance and not faulty and touches:  # commands give the position of the tip
         desired_position += state.compliance * min(max(felt, 0.0), state.limits.force)
     try:
         if not state.guarded or math.isnan(desired_position):
@@ -405,7 +406,7 @@ def _allowed(state: State, desired_position: float, inputs: Inputs, force: float
         faulty=faulty,
         guarded=first_touch.guarded,
         free=state.free,
-        doubtful=state.watch.doubtful,
+        uncertain=state.watch.uncertain,
     )
     if faulty:
         state.faulty_ticks += 1

@@ -1,4 +1,4 @@
-"""What a leader has heard of the follower: which process answers, whom it obeys, and what it does."""
+"""The leader's knowledge of the follower: which process answers, which leader it obeys, and its state."""
 
 from __future__ import annotations
 
@@ -8,41 +8,41 @@ from foretouch.link import SequenceCounter
 from foretouch.messages import ModelUpdate, Status, Telemetry
 
 STOPPED, SHADOW = int(Status.STOPPED), int(Status.SHADOW)
-"""States of the robot as they stand in messages."""
+"""States of the robot as encoded in messages."""
 
 AS_DEEP = 5e-4
-"""A robot that has been as deep as one before, but for so much [m], has felt what that had."""
+"""Tolerance of depth [m] within which a robot has been as deep as one before, and so has felt the same."""
 
 MOST_OF_FORMER = 200
-"""A process that is thought to be gone and says so much, while the one that is thought to be there says nothing, is not
-gone: its messages only came later."""
+"""Number of messages from a process taken to be gone, with none from its successor, that show that it is not gone: its
+messages only came later."""
 
 MOST_FORMER = 4096
-"""Processes that are known to be gone; of more, those that went first are forgotten."""
+"""Largest number of processes remembered as gone; the oldest are forgotten first."""
 
 TOUCHED_ENOUGH = 3000
-"""Ticks of contact from which on a process knows more than one that is gone: the material may be another."""
+"""Ticks of contact after which a process knows more than one that is gone: the material may be another."""
 
 
 class Heard:
-    """Tells what is meant for this leader from what is late, from a follower that is gone, or for another leader.
+    """Separates messages for this leader from late ones, and from those of a past follower or for another leader.
 
     A follower's process counts its messages from 1. With another process, which its epoch shows, counting begins anew;
     messages of a process that another has followed are left out, however late they come.
 
     Args:
-        epoch: Of this leader.
+        epoch: Epoch of this leader.
 
     Attributes:
         run: Epoch of the follower's process, 0 before the first message.
         models: Counts arriving models.
         telemetry: Counts arriving telemetry.
-        in_control: Whether the follower obeys this leader, or nobody yet.
+        in_control: Whether the follower obeys this leader, or none yet.
         had_control: Whether it has ever obeyed this leader.
         stopped: Whether its emergency stop is latched.
-        shadows: Whether it only watches a robot that somebody else moves: it commands nothing, and obeys nobody.
-        position: Where it was told to be, as the newest telemetry says [m]; NaN before the first.
-        force: That it felt then [N].
+        shadows: Whether it only watches a robot that is moved from elsewhere: it commands nothing, and obeys no leader.
+        position: Its commanded position in the newest telemetry [m]; NaN before the first.
+        force: Force that it felt then [N].
         touching: Whether that was contact.
         has_relearnt: Whether this process has felt what the one before had: its robot has been as deep, or has touched
             for 3 s. True for the first process.
@@ -89,7 +89,7 @@ class Heard:
         self._of_former = 0
 
     def take_telemetry(self, telemetry: Telemetry) -> None:
-        """Note what a telemetry says, if it is the newest."""
+        """Take a telemetry message, if it is the newest."""
         if not self._is_current(telemetry.run) or not self.telemetry.is_newest(telemetry.sequence):
             return
         status, position = telemetry.status, telemetry.position
@@ -109,12 +109,12 @@ class Heard:
             self.has_relearnt = felt or self._touched >= TOUCHED_ENOUGH
 
     def is_for_us(self, model: ModelUpdate) -> bool:
-        """Whether a model is the newest, and its past is what this leader commanded, or nobody."""
+        """Whether a model is the newest, and learnt from commands of this leader, or of none."""
         newest = self._is_current(model.run) and self.models.is_newest(model.sequence)
         return newest and model.epoch in (0, self._epoch)
 
     def take_renewed(self) -> bool:
-        """Whether another process has taken the follower's place since this was asked last."""
+        """Whether another process has taken the follower's place since the last call."""
         renewed, self._renewed = self._renewed, False
         return renewed
 

@@ -1,6 +1,6 @@
-"""The leader's step: the operator's motion in; a command and the force of the virtual environment out.
+"""The leader's step: takes the operator's motion; gives a command and the force of the virtual environment.
 
-Hand and follower belong together from the first that is known of both, but for a pressed clutch.
+Hand and follower are coupled as soon as both positions are known, except while the clutch is pressed.
 """
 
 from __future__ import annotations
@@ -16,19 +16,20 @@ from foretouch.models import make_model
 from foretouch.quantities import LARGEST_POSITION
 from foretouch.rendering import Proxy, Renderer
 from foretouch.rendering.energy import RenderingAccount
-from foretouch.session.settings import NO_GRIP, SAMPLE_PERIOD, SessionSettings
+from foretouch.session.settings import SAMPLE_PERIOD, SessionSettings
 from foretouch.session.steps.heard import Heard
+from foretouch.settings import NO_GRIP
 
 
 def meeting_place(proxy: Proxy, hand: float, follower: float, *, clutched: bool) -> float:
-    """Where a hand and a proxy that are apart are to be coupled in this tick [m]; NaN where they are not to be.
+    """Position at which a hand and a proxy that are apart are coupled in this tick [m]; NaN where they are not.
 
     They meet where the follower is, and after a clutch where the proxy was left; a pressed clutch lets the hand go.
 
     Args:
-        proxy: Of the hand.
+        proxy: Proxy of the hand.
         hand: Its position [m]; one that is no number is not coupled.
-        follower: Where the follower is, as far as it is known [m]; NaN before.
+        follower: Position of the follower, as far as it is known [m]; NaN before.
         clutched: Whether the clutch is pressed.
     """
     if clutched:
@@ -39,17 +40,17 @@ def meeting_place(proxy: Proxy, hand: float, follower: float, *, clutched: bool)
 
 
 def moving_time(period_ns: int, exact_position: float, now_ns: int, newest_ns: int | None) -> float:
-    """Time in which the hand moved to where it is in this tick [s].
+    """Time in which the hand moved to its position in this tick [s].
 
-    A hand of flesh is where it is when a tick really begins, late as that may be. A simulated one is where it is at the
-    tick's own time, on an even grid: what it does while the machine sleeps is seen a tick later. Booked by when ticks
-    really began, a motion of many milliseconds would count as one of one millisecond, and widen the bound of energy.
+    A human hand is measured when a tick really begins, however late. A simulated one is evaluated at the tick's nominal
+    time, on an even grid: its motion while the machine sleeps is seen a tick later. Timed by the real starts of ticks,
+    a motion of many milliseconds would count as one of one millisecond, and widen the bound of energy.
 
     Args:
-        period_ns: Since the last tick really began [ns].
-        exact_position: Of a simulated hand [m]; no number for one of flesh.
+        period_ns: Time since the last tick really began [ns].
+        exact_position: Position of a simulated hand [m]; NaN for a human one.
         now_ns: Time of this tick [ns].
-        newest_ns: Of the last one [ns]; None for none.
+        newest_ns: Time of the last one [ns]; None for none.
     """
     if newest_ns is None or not math.isfinite(exact_position):
         return period_ns * 1e-9
@@ -57,24 +58,24 @@ def moving_time(period_ns: int, exact_position: float, now_ns: int, newest_ns: i
 
 
 SAME_SURFACE = 1e-3
-"""Surfaces that two processes have found are one if they are no further apart [m]."""
+"""Largest distance of surfaces found by two processes that count as the same surface [m]."""
 
 
 @dataclass(slots=True)
 class State:
-    """What the leader remembers from tick to tick; updated in place.
+    """State of the leader, updated in place in each tick.
 
     Attributes:
         renderer: Makes the force for the hand from the newest model.
         guarded: Whether the follower is asked to guard the first touch.
         holder: Name of this leader.
-        epoch: Of this process, at least 1.
-        heard: What the follower says. Its force is recorded and never rendered.
+        epoch: Epoch of this process, at least 1.
+        heard: Messages received from the follower. Its force is recorded and never rendered.
         start_ns: Clock at the first tick, None before it.
         newest_ns: Clock at the newest tick, None before the first.
-        sequence: Of the newest command.
-        inherits: Whether the model is of a follower's process that is gone, and the one in its place knows less yet.
-        refused: Models that could not be used, whatever they claimed.
+        sequence: Sequence number of the newest command.
+        inherits: Whether the model is of a follower's process that is gone, and its successor knows less yet.
+        refused: Number of models that could not be used, whatever they claimed.
     """
 
     renderer: Renderer = field(default_factory=Renderer)
@@ -90,18 +91,18 @@ class State:
 
 
 class Inputs(NamedTuple):
-    """What a tick is given.
+    """Inputs of a tick.
 
     Attributes:
-        position: Of the operator's hand, as the device's encoder shows it [m].
-        models: That have arrived since the last tick.
-        telemetry: That has arrived since the last tick.
-        period_ns: Since the last tick began [ns].
-        compute_ns: That the last tick's computing took [ns].
+        position: Position of the operator's hand, from the device's encoder [m].
+        models: Models that have arrived since the last tick.
+        telemetry: Telemetry that has arrived since the last tick.
+        period_ns: Time since the last tick began [ns].
+        compute_ns: Computing time of the last tick [ns].
         clutched: Whether the clutch is pressed: the hand moves and the follower stays.
-        exact_position: Of a simulated hand [m]; recorded only.
-        intended_position: Where the hand wants to be [m]; recorded only.
-        stopping: Whether an emergency stop was asked for here, and the follower has not said yet that it has stopped.
+        exact_position: Position of a simulated hand [m]; recorded only.
+        intended_position: Intended position of the hand [m]; recorded only.
+        stopping: Whether an emergency stop was requested here, and the follower has not yet confirmed it.
     """
 
     position: float
@@ -116,7 +117,7 @@ class Inputs(NamedTuple):
 
 
 class Outputs(NamedTuple):
-    """What a tick gives: a command for the follower, and its own record, whose `rendered_force` is for the hand."""
+    """Outputs of a tick: a command for the follower, and its own record, whose `rendered_force` is for the hand."""
 
     command: Command
     record: LeaderState
@@ -133,11 +134,11 @@ def start(
     """State before the first tick.
 
     Args:
-        settings: Of the session.
-        holder: Name of this leader, not empty: who else would command is told it.
-        epoch: Of this process (`foretouch.session.network.lease.own_epoch`).
-        device: That a person holds and feels; None where there is none, or a simulated one with a grip.
-        account: Of the energy; None for one along this line.
+        settings: Session settings.
+        holder: Name of this leader, not empty; it is sent to leaders that contend for control.
+        epoch: Epoch of this process (`foretouch.session.network.lease.own_epoch`).
+        device: Device that a person holds and feels; None for none, or for a simulated one with a grip.
+        account: Energy account; None for one along this line.
     """
     settings = SessionSettings() if settings is None else settings
     guarded = settings.guards(simulated=device is None)  # a person who feels it is not simulated either
@@ -158,17 +159,17 @@ def start(
 def step(state: State, inputs: Inputs, now_ns: int) -> tuple[State, Outputs]:
     """One tick of the leader.
 
-    The force comes from the newest model at the operator's own motion alone. The delayed force is noted for those
-    who compare and goes nowhere else.
+    The force comes from the newest model at the operator's own motion alone. The delayed force is recorded for
+    comparison and used nowhere else.
 
-    A hand that feels the force is coupled with the follower once it is known where that is, and again each time that
-    the clutch is let go, without a jump of either; until then commands carry no position. While an emergency stop is
-    latched, or the follower obeys another leader, it is let go and feels nothing. Where another process has taken the
-    follower's place the model stays, for the material is the same, until that process knows as much (`Heard`).
+    A hand that feels the force is coupled with the follower once the follower's position is known, and again each time
+    the clutch is released, without a jump of either; until then commands carry no position. While an emergency stop is
+    latched, or the follower obeys another leader, it is let go and feels nothing. Where another follower process has
+    started the model stays, for the material is the same, until that process knows as much (`Heard`).
 
     Args:
         state: Updated in place and returned.
-        inputs: Of this tick.
+        inputs: Inputs of this tick.
         now_ns: This side's monotonic clock [ns].
     """
     if state.start_ns is None:
@@ -244,7 +245,7 @@ def _couple(state: State, inputs: Inputs) -> None:
 
 
 def _renew(state: State) -> None:
-    """Another process has taken the follower's place: it is elsewhere, and knows nothing yet."""
+    """Start again with another follower process: it is elsewhere, and knows nothing yet."""
     renderer = state.renderer
     renderer.predictor.disown()
     state.inherits = renderer.predictor.model is not None
@@ -253,7 +254,7 @@ def _renew(state: State) -> None:
 
 
 def _adopt(state: State, update: ModelUpdate) -> None:
-    """Predict from an arrived model; one that claims to be valid and cannot be run counts as no model."""
+    """Predict from an arrived model; one that claims to be valid and cannot be evaluated counts as no model."""
     if state.inherits and not (update.valid and state.heard.has_relearnt):
         predictor = state.renderer.predictor
         if update.valid and abs(update.surface - predictor.surface) < SAME_SURFACE:
@@ -275,6 +276,6 @@ def _adopt(state: State, update: ModelUpdate) -> None:
 
 
 def _refuse(state: State) -> None:
-    """Render nothing, and acknowledge nothing: the follower is not to think that its surface is known."""
+    """Render nothing, and acknowledge nothing: the follower must not assume that its surface is known."""
     state.refused += 1
     state.renderer.adopt(None, 0.0)

@@ -1,6 +1,6 @@
-"""What a follower thinks of itself: whether its calibration fits the robot, what raised in a step, how often it ticks.
+"""Self-checks of a follower: whether its calibration fits the robot, exceptions in a step, and its tick rate.
 
-What raises is counted, kept in one sentence, and no reason to leave a robot alone; a loop that ticks too seldom is not
+An exception is counted, kept in one sentence, and no reason to abandon a robot; a loop whose rate is too low is not
 safe.
 """
 
@@ -20,28 +20,27 @@ from foretouch.robot import RobotSpecification
 from foretouch.session.settings import SessionSettings
 
 LARGEST_GIVE = 5e-3
-"""What gives way further than this [m] under the force ceiling is no arm: a stiffness that was found on something soft
-would be taken off every material."""
+"""Largest deflection of an arm under the force ceiling [m]; more means a stiffness measured on something soft, which
+would be subtracted from every material."""
 
 SAME_GRAVITY = 1.0
-"""Gravity along the approach differs by more than this [m/s^2] for a robot that approaches in another direction, by 6
-degrees where it is level."""
+"""Largest difference of gravity along the approach for the same direction [m/s^2]: 6 degrees for a level robot."""
 
 SURE = 3.0
-"""Standard errors within which a bias surely is."""
+"""Number of standard errors within which a bias is assumed."""
 
 NOISE_FACTOR = 6.0
-"""Contact is more than so many standard deviations of the sensor's noise, as conditioning has it."""
+"""Number of standard deviations of the sensor's noise above which a force is contact, as in conditioning."""
 
 
 class Calibrated(NamedTuple):
-    """What a follower uses of a calibration; what was not calibrated is as it would be without.
+    """Calibrated values that a follower uses; those not calibrated keep their defaults.
 
     Attributes:
-        specification: Of the robot, with what is known of its tool and of its sensor's offset.
-        zero: Along a line, what the sensor shows in free air beside its tool [N]; None where it is found.
-        compliance: Of arm, sensor and tip in series [m/N].
-        sensor_lag: How late forces are against positions [s].
+        specification: Specification of the robot, with the known properties of tool and sensor offset.
+        zero: Along a line, sensor reading in free air beside its tool [N]; None where it is estimated.
+        compliance: Compliance of arm, sensor and tip in series [m/N].
+        sensor_lag: Delay of forces against positions [s].
         contact_floor: Least force that counts as contact [N].
     """
 
@@ -57,7 +56,7 @@ def session_calibration(settings: SessionSettings) -> SensorCalibration | None:
 
     Raises:
         RecordingError: The file cannot be read, or is no calibration.
-        SettingError: There is nothing in it that a session uses.
+        SettingError: It contains nothing that a session uses.
     """
     if not settings.calibration:
         return None
@@ -68,19 +67,19 @@ def session_calibration(settings: SessionSettings) -> SensorCalibration | None:
 
 
 def calibrated(specification: RobotSpecification, settings: SessionSettings) -> Calibrated:
-    r"""What a follower of this robot uses of the settings' calibration.
+    r"""Values that a follower of this robot uses from the settings' calibration.
 
     Along a line the sensor shows :math:`F_0 - m (\ddot p - g)` less in contact, :math:`F_0 = -a \cdot b` being its bias
     along the approach. In space the sensor may turn, and the tool is weighed out by the robot: of the bias only its
     size is used, as the largest offset that the sensor can have.
 
     Args:
-        specification: Of the robot, as it says itself.
-        settings: Of the session.
+        specification: The robot's own specification.
+        settings: Session settings.
 
     Raises:
         RecordingError: The file cannot be read, or is no calibration.
-        SettingError: It does not fit this robot.
+        SettingError: The calibration does not fit this robot.
     """
     found = session_calibration(settings)
     if found is None:
@@ -128,18 +127,18 @@ def _refuse(settings: SessionSettings, rule: str) -> None:
 
 
 LONGEST_TEXT = 200
-"""Characters of an exception's own text that are kept."""
+"""Largest number of characters kept of an exception's text."""
 
 
 class Failures:
     """Exceptions in the stages of a follower's step.
 
-    A stage that learns ends with its first exception: what it holds then is worth nothing. Other stages are tried
+    A stage that learns ends with its first exception: its state is then useless. Other stages are tried
     again in the next tick. Safety comes after all of them and needs none.
 
     Attributes:
-        count: Of exceptions so far.
-        sentence: What raised first, where and why, on one line; "" while nothing has.
+        count: Number of exceptions so far.
+        sentence: First exception with place and reason, on one line; "" while there is none.
         learns: Whether learning goes on.
     """
 
@@ -154,7 +153,7 @@ class Failures:
         """Take one exception.
 
         Args:
-            stage: Where, as the end of "raised in".
+            stage: Stage, as the end of "raised in".
             error: What was raised; neither it nor its frames are kept.
         """
         self.count += 1
@@ -163,33 +162,32 @@ class Failures:
             self.sentence = f"{type(error).__name__} raised in {stage}{f' ({said})' if said else ''}"
 
     def stop_learning(self, stage: str, error: Exception) -> None:
-        """Take one exception of what learns: it learns no more.
+        """Take one exception of a learning stage, which then learns no more.
 
         Args:
             stage: As for `note`.
             error: As for `note`.
         """
         if self.learns:
-            self.sentence = ""  # that learning has ended is what people have to know
+            self.sentence = ""  # the end of learning takes precedence as news
         self.learns = False
         self.note(stage, error)
 
 
 LEAST_RATE = 500
-"""A loop that makes fewer ticks a second than this is too slow: half of what limits and filters are made for."""
+"""Tick rate below which a loop is too slow [1/s]: half of the rate for which limits and filters are made."""
 
 AGAIN_FROM = 600
-"""A loop that was too slow is fast enough again from so many ticks a second on: one that stays about the limit does not
-come and go."""
+"""Tick rate from which a slow loop is fast enough again [1/s]: the hysteresis keeps the judgement from flickering."""
 
 WINDOW = 500
-"""The rate is that of so many ticks: a second at the least rate, half a second at the usual one."""
+"""Number of ticks over which the rate is taken: a second at the least rate, half a second at the usual one."""
 
 LONGEST_NS = 250_000_000
-"""A tick counts for at most so long [ns]: a process that stood still once is not slow."""
+"""Largest time that one tick counts for [ns]: a process that stood still once is not slow."""
 
 _USUAL_NS = 1_000_000
-"""Before there was a tick the loop counts as in time [ns]."""
+"""Period assumed of a loop before its first tick [ns]."""
 
 
 class TickRate:
@@ -214,7 +212,7 @@ class TickRate:
         """Take one tick; whether the loop is too slow.
 
         Args:
-            period_ns: Since the tick before began [ns]; 0 in the first.
+            period_ns: Time since the tick before began [ns]; 0 in the first.
         """
         period_ns = min(max(period_ns, 0), LONGEST_NS)
         at = self._next

@@ -1,0 +1,289 @@
+"""MCAP: the framing of its records, and a file of ROS 2 messages by any writer, with or without its index."""
+
+from __future__ import annotations
+
+import mmap
+import struct
+import sys
+import zlib
+from collections.abc import Callable, Iterator
+from functools import partial
+from io import BytesIO
+from os import PathLike
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from foretouch.errors import RecordingError
+from foretouch.recordings.formats.bags import RosBag
+from foretouch.recordings.output import optional
+from foretouch.recordings.source import MAP_NAME, Topic, gathered, one_line
+
+MAGIC: Final = b"\x89MCAP0\r\n"
+FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, MESSAGE_INDEX = 0x02, 0x03, 0x04, 0x05, 0x06, 0x07
+CHUNK_INDEX, ATTACHMENT, ATTACHMENT_INDEX, STATISTICS = 0x08, 0x09, 0x0A, 0x0B
+METADATA, METADATA_INDEX, DATA_END = 0x0C, 0x0D, 0x0F
+RECORD: Final = struct.Struct("<BQ")
+"""In front of each record: what it is, length of what follows."""
+MESSAGE_HEAD: Final = struct.Struct("<HIQQ")
+"""Begins the content of a message: channel, sequence, log time, publish time; the rest is its bytes."""
+FOOTER_CONTENT: Final = struct.Struct("<QQI")
+"""Where the index begins, where the table of its groups does, and the check sum of both; 0 where there is none."""
+TAIL: Final = RECORD.size + FOOTER_CONTENT.size + len(MAGIC)
+"""Bytes at the end of a file that its writer has ended."""
+LONGEST_STRUCTURE: Final = 2**28
+"""Largest record that is read into memory [byte]: no writer makes a longer one, so it is damage."""
+
+_NAMES: Final = {
+    SCHEMA: "Schema",
+    CHANNEL: "Channel",
+    CHUNK: "Chunk",
+    CHUNK_INDEX: "ChunkIndex",
+    STATISTICS: "Statistics",
+    ATTACHMENT: "Attachment",
+    METADATA: "Metadata",
+    METADATA_INDEX: "MetadataIndex",
+}
+
+
+def records(
+    head_at: Callable[[int], tuple[Any, ...]], position: int, end: int, longest: int = sys.maxsize
+) -> Iterator[tuple[int, int, int]]:
+    """Code, begin and end of the content of each record, up to the first incomplete one.
+
+    Args:
+        head_at: Code and length of the record that begins at a position.
+        position: Position of the first.
+        end: Position behind the last.
+        longest: Bytes of content beyond which a record is damage.
+    """
+    while position + RECORD.size <= end:
+        code, length = head_at(position)
+        start = position + RECORD.size
+        position = start + length
+        if code == 0 or position > end or length > longest:
+            return
+        yield code, start, position
+
+
+def records_in(data: bytes | mmap.mmap, position: int = 0) -> Iterator[tuple[int, int, int]]:
+    """The same of a buffer."""
+    return records(partial(RECORD.unpack_from, data), position, len(data))
+
+
+def records_read(read_at: Callable[[int, int], bytes], position: int, end: int) -> Iterator[tuple[int, int, int]]:
+    """The same of a file that is read piece by piece; `read_at` takes position and size."""
+    return records(lambda at: RECORD.unpack(read_at(at, RECORD.size)), position, end, LONGEST_STRUCTURE)
+
+
+def footer_of(tail: bytes) -> tuple[int, int, int] | None:
+    """`FOOTER_CONTENT` out of the last `TAIL` bytes of a file; None where its writer has not ended it."""
+    if not (tail.startswith(RECORD.pack(FOOTER, FOOTER_CONTENT.size)) and tail.endswith(MAGIC) and len(tail) == TAIL):
+        return None
+    start, groups, crc = FOOTER_CONTENT.unpack_from(tail, RECORD.size)
+    return start, groups, crc
+
+
+def parsed(code: int, content: bytes) -> Any:
+    """A record of the library from its content.
+
+    Raises:
+        Exception: It is damaged; the library and `struct` raise different errors.
+    """
+    stream = optional("mcap.stream_reader").ReadDataStream(BytesIO(content))
+    return getattr(optional("mcap.records"), _NAMES[code]).read(stream)
+
+
+def record_bytes(record: Any) -> bytes:
+    """Bytes of one record of the library."""
+    builder = optional("mcap.data_stream").RecordBuilder()
+    record.write(builder)
+    data: bytes = builder.end()
+    return data
+
+
+def chunk_content(chunk: Any) -> bytes:
+    """The records within a chunk record; never more is unpacked than its stated size, nor than belongs in one.
+
+    Raises:
+        Exception: It is damaged; each compression library raises different errors.
+    """
+    size, packed = chunk.uncompressed_size, chunk.data
+    if size > LONGEST_STRUCTURE:
+        raise ValueError(f"it says that it holds {size} bytes, more than the {LONGEST_STRUCTURE} that one may")
+    if chunk.compression == "zstd":
+        zstandard = optional("zstandard")
+        stated = zstandard.frame_content_size(packed)
+        if stated > size:
+            raise ValueError(f"it says that it holds {size} bytes, and what is packed in it {stated}")
+        content: bytes = zstandard.decompress(packed, size)
+    elif chunk.compression == "lz4":
+        content = optional("lz4.frame").LZ4FrameDecompressor().decompress(packed, max_length=size + 1)
+    elif chunk.compression:
+        raise ValueError(f"compression {chunk.compression!r} is not known: zstd and lz4 are")
+    else:
+        return _checked(packed, chunk.uncompressed_crc)
+    if len(content) != size:
+        raise ValueError(f"it says that it holds {size} bytes, and holds {'more' if len(content) > size else 'fewer'}")
+    return _checked(content, chunk.uncompressed_crc)
+
+
+def _checked(content: bytes, crc: int) -> bytes:
+    if crc and zlib.crc32(content) != crc:
+        raise ValueError("its check sum is wrong")
+    return content
+
+
+class McapFile(RosBag):
+    """An opened MCAP file.
+
+    A file that ends before its index, because its writer was killed or still writes, is read as far as it goes.
+
+    Args:
+        path: Path of the file.
+        peek: Look no further than the first block of a file without index: its topics, as far as that has them.
+
+    Raises:
+        RecordingError: It is no MCAP, or damaged.
+        MissingExtraError: The packages ``mcap`` or ``rosbags`` are not installed.
+        OSError: It cannot be read.
+    """
+
+    def __init__(self, path: str | PathLike[str], *, peek: bool = False) -> None:
+        super().__init__(path, "MCAP")
+        optional("mcap.records")
+        self._schemas: dict[int, Any] = {}
+        self._channels: dict[int, Any] = {}
+        self._counts: dict[int, int] = {}
+        self._chunks: list[
+            tuple[int, frozenset[int] | None]
+        ] = []  # where each begins, and the channels of its messages
+        with Path(path).open("rb") as file:
+            if file.read(len(MAGIC)) != MAGIC:
+                raise RecordingError(path, "is not an MCAP file: it does not begin as one does")
+            with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
+                if not self._read_summary(data):
+                    self._read_all(data, peek)
+        self.topics = gathered(
+            Topic(channel.topic, schema.name if schema else "", self._counts.get(number, 0))
+            for number, channel in self._channels.items()
+            for schema in [self._schemas.get(channel.schema_id)]
+        )
+
+    def definition(self, topic: Topic) -> tuple[str, str]:
+        """As `RosBag.definition`."""
+        channel = next(found for found in self._channels.values() if found.topic == topic.name)
+        if channel.message_encoding != "cdr":
+            said = channel.message_encoding or "in no stated encoding"
+            raise RecordingError(self.path, f"messages of {topic.name} are {said}: only CDR of ROS 2 is read")
+        schema = self._schemas.get(channel.schema_id)
+        return (bytes(schema.data).decode(errors="replace"), schema.encoding) if schema else ("", "")
+
+    def messages(self, topic: Topic, most: int | None = None) -> tuple[list[bytes], NDArray[np.int64]]:
+        """As `RosBag.messages`."""
+        wanted = {number for number, channel in self._channels.items() if channel.topic == topic.name}
+        raws: list[bytes] = []
+        times: list[int] = []
+        with Path(self.path).open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
+            for block in self._blocks(data, wanted):
+                for code, start, stop in records_in(block, len(MAGIC) if block is data else 0):
+                    if code != MESSAGE:
+                        continue
+                    channel, _, log_time, _ = MESSAGE_HEAD.unpack_from(block, start)
+                    if channel in wanted:
+                        raws.append(block[start + MESSAGE_HEAD.size : stop])
+                        times.append(log_time)
+                        if len(raws) == most:
+                            return raws, np.array(times, dtype=np.int64)
+        return raws, np.array(times, dtype=np.int64)
+
+    def _blocks(self, data: mmap.mmap, wanted: set[int]) -> Iterator[bytes | mmap.mmap]:
+        """The parts of the file that hold messages of some channels."""
+        loose = not self._chunks
+        for begin, whose in self._chunks:
+            if whose is None or whose & wanted:
+                _, length = RECORD.unpack_from(data, begin)
+                yield self._chunk(data[begin + RECORD.size : begin + RECORD.size + length], begin)
+        if loose:
+            yield data
+
+    # --- the file's statements about itself ---------------------------------------------------------------------------
+
+    def _read_summary(self, data: mmap.mmap) -> bool:
+        """Take the index at the end; whether there is one that serves."""
+        footer = footer_of(data[-TAIL:])
+        summary = 0 if footer is None else footer[0]
+        if not len(MAGIC) < summary < len(data):
+            return False
+        statistics = None
+        for code, start, stop in records_in(data, summary):
+            if code in (SCHEMA, CHANNEL):
+                self._structure(code, data[start:stop], start)
+            elif code == CHUNK_INDEX:
+                index = self._record(code, data[start:stop], start)
+                self._chunks.append((index.chunk_start_offset, frozenset(index.message_index_offsets) or None))
+            elif code == STATISTICS:
+                statistics = self._record(code, data[start:stop], start)
+            elif code == METADATA_INDEX:
+                self._stated(data, self._record(code, data[start:stop], start))
+        if statistics is None or (statistics.message_count and not self._channels):
+            self._chunks.clear()
+            return False
+        self._counts = dict(statistics.channel_message_counts)
+        self.begin_ns, self.end_ns = statistics.message_start_time, statistics.message_end_time
+        return True
+
+    def _stated(self, data: mmap.mmap, index: Any) -> None:
+        if index.name == MAP_NAME:
+            begin = index.offset + RECORD.size
+            record = self._record(METADATA, data[begin : index.offset + index.length], index.offset)
+            self.stated_map = record.metadata.get("toml", "")
+
+    def _read_all(self, data: mmap.mmap, peek: bool) -> None:
+        """Go through the whole file where it has no index."""
+        self.whole = data[-len(MAGIC) :] == MAGIC and len(data) > len(MAGIC)
+        first: int | None = None
+        for code, start, stop in records_in(data, len(MAGIC)):
+            if code == CHUNK:
+                self._chunks.append((start - RECORD.size, None))
+            block: bytes | mmap.mmap = data
+            inside = iter([(code, start, stop)])
+            if code == CHUNK:
+                block = self._chunk(data[start:stop], start)
+                inside = records_in(block)
+            for inner, begin, end in inside:
+                if inner in (SCHEMA, CHANNEL):
+                    self._structure(inner, block[begin:end], begin)
+                elif inner == METADATA:
+                    record = self._record(inner, block[begin:end], begin)
+                    self.stated_map = record.metadata.get("toml", "") if record.name == MAP_NAME else self.stated_map
+                elif inner == MESSAGE:
+                    channel, _, log_time, _ = MESSAGE_HEAD.unpack_from(block, begin)
+                    self._counts[channel] = self._counts.get(channel, 0) + 1
+                    first = log_time if first is None else min(first, log_time)
+                    self.end_ns = max(self.end_ns, log_time)
+            if code == FOOTER or (peek and code == CHUNK and self._channels):
+                break
+        self.begin_ns = first or 0
+
+    def _structure(self, code: int, content: bytes, start: int) -> None:
+        record = self._record(code, content, start)
+        if code == SCHEMA:
+            self._schemas[record.id] = record
+        else:
+            self._channels[record.id] = record
+
+    def _record(self, code: int, content: bytes, start: int) -> Any:
+        try:
+            return parsed(code, content)
+        except Exception as error:  # mcap and struct have their own errors
+            raise RecordingError(self.path, f"the record at byte {start} is damaged: {one_line(error)}") from None
+
+    def _chunk(self, content: bytes, start: int) -> bytes:
+        record = self._record(CHUNK, content, start)
+        try:
+            return chunk_content(record)
+        except Exception as error:  # each compression library has its own errors
+            raise RecordingError(self.path, f"the block at byte {start} is damaged: {one_line(error)}") from None

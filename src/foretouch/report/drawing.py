@@ -1,0 +1,228 @@
+"""What every figure here has in common: colours, legends, margins, and no more points than can be seen.
+
+What a page takes is bounded by its width, however long a recording is; no global state is touched.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from foretouch.quantities import Rows, colours, columns
+from foretouch.report.numbers import largest
+from foretouch.report.statuses import Segment
+
+Array = NDArray[np.float64]
+
+TRUE, PREDICTED, DELAYED, RENDERED, ERROR = (
+    colours.css(colour)
+    for colour in (colours.TRUE, colours.PREDICTED, colours.DELAYED, colours.RENDERED, colours.WRONG)
+)
+"""Colours by their meaning in a session."""
+
+COLOURS = columns.COLOURS
+"""For curves that stand in a row."""
+
+
+def legend(axes: Any, columns: int) -> None:
+    """A legend between title and plot, where it hides nothing."""
+    axes.legend(
+        loc="lower left",
+        bbox_to_anchor=(0.0, 1.0),
+        ncols=columns,
+        frameon=False,
+        fontsize="small",
+        columnspacing=1.2,
+        handlelength=1.6,
+        borderaxespad=0.2,
+    )
+    rows = -(-len(axes.get_legend_handles_labels()[1]) // columns)
+    axes.set_title(axes.get_title(), pad=22.0 + 13.0 * max(rows - 1, 0))
+
+
+def shade(axes: Any, time: NDArray[np.float64], flags: NDArray[np.bool_], colour: str, label: str) -> None:
+    """Shade the times at which a flag is set, over the whole height."""
+    if not flags.any():
+        return
+    when, inside = corners(time, flags)
+    axes.fill_between(
+        when,
+        0.0,
+        1.0,
+        where=inside,
+        transform=axes.get_xaxis_transform(),
+        color=colour,
+        alpha=0.15,
+        linewidth=0.0,
+        label=label,
+    )
+
+
+def mark(axes: Any, segments: Sequence[Segment]) -> None:
+    """Hatch the times in which the robot was not where the commands said, within what the axes show.
+
+    Args:
+        axes: With the curves drawn.
+        segments: Segments in the time of the axes.
+    """
+    begin, end = sides = axes.get_xlim()
+    for failing, (label, hatch, colour) in _MARKS.items():
+        seen = [one[:2] for one in segments if one.failing == failing and one.end >= begin and one.begin <= end]
+        spans = joined(np.array(sorted(seen)).reshape(-1, 2), end - begin)
+        for number, span in enumerate(np.clip(spans, begin, end).tolist()):
+            axes.axvspan(
+                *span,
+                facecolor=(0.5, 0.5, 0.5, 0.12),
+                edgecolor=colour,
+                hatch=hatch,
+                linewidth=0.0,
+                zorder=0.5,
+                label=label if number == 0 else None,
+            )
+    axes.set_xlim(sides)
+
+
+_MARKS = {False: ("not following", "\\\\\\", "0.65"), True: ("faulty sensors", "///", colours.css(colours.PURPLE))}
+"""Legend, hatch and its colour, by whether the sensors failed."""
+
+
+def finished(
+    figure: Any, rows: int, *, above: float = 0.6, gap: float = 0.85, right: float = 0.985, between: float = 0.2
+) -> Any:
+    """Place the axes by hand: the automatic layouts draw everything twice.
+
+    Args:
+        figure: With its axes drawn.
+        rows: Of axes.
+        above: Room above the first row [inches].
+        gap: Between rows [inches].
+        right: Right end of the axes, as a fraction of the width.
+        between: Gap between columns, as a fraction of their width.
+
+    Returns:
+        The figure.
+    """
+    height = figure.get_figheight()
+    below = 0.55
+    row = (height - above - below - (rows - 1) * gap) / rows
+    figure.subplots_adjust(
+        left=0.08, right=right, bottom=below / height, top=1.0 - above / height, hspace=gap / row, wspace=between
+    )
+    for axes in figure.axes:
+        axes.grid(alpha=0.3, linewidth=0.6)
+        axes.spines[["top", "right"]].set_visible(False)
+        axes.title.set_fontsize("medium")
+        axes.title.set_fontweight("bold")
+    return figure
+
+
+def peak(values: Array) -> float:
+    """The largest finite value, 0 where there is none: to where axes reach."""
+    return largest(values) or 0.0
+
+
+def since_first(leader: Rows) -> Array:
+    """Time of the leader's ticks since its first [s]."""
+    return np.asarray((leader["time_ns"] - leader["time_ns"][0]) * 1e-9)
+
+
+def last_contact(time: Array, force: Array, length: float) -> tuple[float, float]:
+    """Begin and end of a close-up of the last contact [s]: by then the estimate has had its time to settle.
+
+    Args:
+        time: Increasing [s], shape (n,), n of at least 1.
+        force: Contact force [N], shape (n,).
+        length: From the begin to the end of the contact [s]; a tenth more is shown after that.
+    """
+    touched = np.flatnonzero(force > 0.2 * peak(force))
+    begin = max(float(time[touched[-1] if touched.size else -1]) - length, float(time[0]))
+    return begin, begin + 1.1 * length
+
+
+GAP, GAP_PERIODS = 0.05, 10.0
+"""Times further apart than this [s], and than this many usual periods, are not joined by a line."""
+
+NARROW = 500
+"""Part of the time shown below which two marks are not distinguished."""
+
+
+def extremes(values: Array, buckets: int = 1500) -> NDArray[np.intp]:
+    """Indices of the lowest and the highest sample of each bucket, in order: with them every peak is drawn.
+
+    A bucket without a number has one index, so that a hole in a curve stays one.
+
+    Args:
+        values: Shape (n,).
+        buckets: Largest number of buckets; with no more than two samples for each, all are kept.
+
+    Returns:
+        Increasing, at most two for each bucket.
+    """
+    size = -(-values.size // buckets)
+    if size <= 2:
+        return np.arange(values.size)
+    finite = np.isfinite(values)
+    low, high = np.where(finite, values, np.inf), np.where(finite, values, -np.inf)
+    kept = [
+        start + int(place)
+        for start in range(0, values.size, size)
+        for place in sorted({low[start : start + size].argmin(), high[start : start + size].argmax()})
+    ]
+    return np.array(kept, dtype=np.intp)
+
+
+def thinned(time: Array, values: Array, buckets: int = 1500) -> tuple[Array, Array]:
+    """Lowest and highest sample of each bucket, in order: the same picture with fewer points.
+
+    In a gap of time there is one that is no number, so that no line is drawn over it.
+
+    Args:
+        time: Increasing [s], shape (n,).
+        values: Shape (n,).
+        buckets: As of `extremes`; of more gaps than that the longest are kept.
+    """
+    kept = extremes(values, buckets)
+    periods = np.diff(time)
+    if not periods.size:
+        return time[kept], values[kept]
+    gaps = np.flatnonzero(periods > max(GAP, GAP_PERIODS * float(np.median(periods))))
+    if gaps.size > buckets:
+        gaps = np.sort(gaps[np.argsort(periods[gaps])[-buckets:]])
+    places = np.searchsorted(time[kept], time[gaps], side="right")
+    return np.insert(time[kept], places, time[gaps]), np.insert(values[kept], places, np.nan)
+
+
+def joined(spans: Array, shown: float) -> Array:
+    """Spans of time, with those too near to each other to be distinguished joined.
+
+    Args:
+        spans: Begin and end of each [s], by their begin, shape (n, 2).
+        shown: Length of what the axes show [s].
+
+    Returns:
+        Shape (m, 2), at most some `NARROW` of them within what is shown.
+    """
+    if not len(spans):
+        return spans
+    ends = np.maximum.accumulate(spans[:, 1])
+    cuts = np.flatnonzero(spans[1:, 0] - ends[:-1] > shown / NARROW)
+    return np.column_stack((spans[np.append(0, cuts + 1), 0], ends[np.append(cuts, -1)]))
+
+
+def corners(time: Array, flags: NDArray[np.bool_]) -> tuple[Array, NDArray[np.bool_]]:
+    """The times at which a flag is set, with the corners alone.
+
+    Args:
+        time: Increasing [s], shape (n,).
+        flags: Shape (n,).
+
+    Returns:
+        Times and flags: of each span its begin and its end, and its end once more without the flag.
+    """
+    changes = np.diff(np.concatenate(([0], flags.astype(np.int8), [0])))
+    begin, end = np.flatnonzero(changes > 0), np.flatnonzero(changes < 0) - 1
+    spans = joined(np.column_stack((time[begin], time[end])), float(np.ptp(time)) if time.size else 0.0)
+    return np.column_stack((spans, spans[:, 1])).ravel(), np.tile([True, True, False], len(spans))

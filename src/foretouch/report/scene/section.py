@@ -1,0 +1,268 @@
+"""A session in three dimensions: what became of the scene, in text and drawn."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from foretouch.messages import SessionLog
+from foretouch.quantities import new_figure
+from foretouch.report.drawing import ERROR, NARROW, PREDICTED, TRUE, extremes, finished, joined, legend, shade, thinned
+from foretouch.report.numbers import Finding, figure, filled
+from foretouch.report.pairs import Pairs
+from foretouch.report.scene.map import StiffnessMap, map_figures
+from foretouch.report.scene.pose import NEAR_DEGREES, NEAR_MM, PoseError
+from foretouch.report.scene.scene import Wrong
+from foretouch.report.section import Drawing, Section, View
+from foretouch.session.spatial import Inclusion
+
+Array = NDArray[np.float64]
+
+LEAST_MM, LEAST_DEGREES = 0.01, 0.01
+"""Where the axes of errors begin: no camera knows less."""
+
+
+def pose_figure(error: PoseError) -> Any:
+    """Error of the rendered fixture, position and rotation, with the filter's standard deviations.
+
+    Args:
+        error: With at least one tick.
+    """
+    figure = new_figure(6.4)
+    place, turn = figure.subplots(2, 1, sharex=True)
+    for axes, values, deviation, near, least, unit, what in (
+        (place, error.place, error.place_deviation, NEAR_MM, LEAST_MM, "mm", "distance of the origins"),
+        (turn, error.turn, error.turn_deviation, NEAR_DEGREES, LEAST_DEGREES, "degrees", "angle"),
+    ):
+        axes.plot(*thinned(error.time, np.maximum(values, least)), color=PREDICTED, linewidth=1.1, label=what)
+        told = np.maximum(deviation, least)
+        axes.plot(*thinned(error.time, told), color=ERROR, linewidth=1.1, label="the filter's own standard deviation")
+        axes.axhline(near, color="0.4", linestyle=":", linewidth=1.0, label=f"{near:g} {unit}")
+        _mark_touches(axes, error)
+        axes.set_yscale("log")
+        axes.yaxis.set_major_formatter("{x:g}")
+        axes.tick_params(which="minor", labelleft=False)  # their powers of ten would push the title of the axis out
+        axes.set_ylabel(f"error [{unit}]")
+    place.set_title("Where the leader shows the fixture, against where it is: place")
+    turn.set_title("The same: turn")
+    turn.set_xlabel("time [s]")
+    legend(place, columns=5)
+    legend(turn, columns=5)
+    return finished(figure, 2)
+
+
+def contact_figure(log: SessionLog, pairs: Pairs, wrong: Wrong, true_friction: float | None, start_ns: int) -> Any:
+    """False and missed contacts, and friction as it is learnt.
+
+    Args:
+        log: One segment, with the follower's models.
+        pairs: Its rows at equal command, at least one.
+        wrong: Contacts of these rows.
+        true_friction: Coefficient; None where it is unknown.
+        start_ns: Time zero by the follower's clock [ns].
+    """
+    figure = new_figure(6.4)
+    force, friction = figure.subplots(2, 1, sharex=True)
+    force.plot(*thinned(pairs.time, pairs.follower["exact_force"]), color=TRUE, linewidth=1.3, label="true")
+    wanted = pairs.leader["predicted_force"]
+    force.plot(*thinned(pairs.time, wanted), color=PREDICTED, linewidth=1.0, label="predicted, along the normal")
+    shade(force, pairs.time, wrong.false, ERROR, "false: nothing is there")
+    shade(force, pairs.time, wrong.missed, "#CC79A7", "missed")
+    shade(force, pairs.time, wrong.first, "0.5", "before any model")
+    force.set_title("Contacts at equal command")
+    force.set_ylabel("force [N]")
+    legend(force, columns=5)
+    said = [(1e-9 * (model.time_ns - start_ns), *model.friction) for model in log.models if len(model.friction) >= 4]
+    if said:
+        told = np.array(said)
+        time, coefficient, _, deviation, _ = told[extremes(told[:, 1], NARROW)].T
+        low, high = np.maximum(coefficient - 2.0 * deviation, 0.0), coefficient + 2.0 * deviation
+        friction.fill_between(time, low, high, color=PREDICTED, alpha=0.2, linewidth=0.0, label="two deviations")
+        friction.plot(time, coefficient, color=PREDICTED, linewidth=1.2, label="learnt")
+    else:
+        friction.text(0.5, 0.5, "not learnt", ha="center", va="center", transform=friction.transAxes)
+    if true_friction is not None:
+        friction.axhline(true_friction, color=TRUE, linestyle="--", linewidth=1.0, label="true")
+    friction.set_ylim(0.0, 2.0 * (true_friction or 0.5))
+    friction.set_title("Coefficient of friction")
+    friction.set_ylabel("coefficient")
+    friction.set_xlabel("time [s]")
+    if friction.get_legend_handles_labels()[1]:
+        legend(friction, columns=4)
+    return finished(figure, 2)
+
+
+def map_figure(found: StiffnessMap, inclusion: Inclusion | None = None, *, centre: Sequence[float] = ()) -> Any:
+    """The map of local stiffness as it was learnt, its standard deviation, and the truth where it is known.
+
+    What was not touched is left grey.
+
+    Args:
+        found: The map.
+        inclusion: The true one; None for none.
+        centre: Its estimated centre [mm], x and y; or nothing.
+    """
+    panels = [("learnt", found.learnt, "stiffness"), ("standard deviation", found.uncertainty, "uncertainty")]
+    if found.true is not None:
+        panels.insert(0, ("true", found.true, "stiffness"))
+    figure = new_figure(0.9 + 7.6 / len(panels))
+    seen = found.learnt[found.touched]
+    scales = {
+        "stiffness": _scale(seen if found.true is None else np.append(seen, found.true[found.touched])),
+        "uncertainty": _scale(found.uncertainty[found.touched]),
+    }
+    grid = figure.subplots(1, len(panels), sharey=True)
+    edges = 1e3 * np.array([found.x[0], found.x[-1], found.y[0], found.y[-1]]) + 0.5 * np.array([-1, 1, -1, 1])
+    for axes, (title, values, kind) in zip(np.ravel(grid), panels, strict=True):
+        shown = values if title == "true" else np.where(found.touched, values, np.nan)
+        low, high = scales[kind]
+        image = axes.imshow(shown, origin="lower", extent=edges, vmin=low, vmax=high, cmap="cividis")
+        axes.set_facecolor("0.85")
+        _outlines(axes, found, inclusion, centre)
+        axes.set_title(f"{title} [N/m]")
+        axes.set_xlabel("x in the fixture's frame [mm]")
+        figure.colorbar(image, ax=axes, fraction=0.046, pad=0.03)
+    first = np.ravel(grid)[0]
+    first.set_ylabel("y [mm]")
+    if first.get_legend_handles_labels()[1]:
+        first.legend(loc="lower left", fontsize="x-small", framealpha=0.9)
+    figure.suptitle(f"Local stiffness {1e3 * found.depth:g} mm deep; grey: not touched", y=0.97, fontsize="medium")
+    figure.subplots_adjust(left=0.07, right=0.95, bottom=0.14, top=0.84, wspace=0.25)
+    return figure
+
+
+def _mark_touches(axes: Any, error: PoseError) -> None:
+    shown = float(np.ptp(error.time))
+    touches = joined(np.column_stack((error.touches, error.touches)), shown)
+    for number, touch in enumerate(touches[:, 0].tolist()):
+        axes.axvline(touch, color="0.75", linewidth=0.7, zorder=0.5, label="touch" if number == 0 else None)
+    for number, (begin, end) in enumerate(joined(np.array(error.bumps).reshape(-1, 2), shown).tolist()):
+        label = "bump" if number == 0 else None
+        axes.axvspan(begin, max(end, begin + 0.1), color=ERROR, alpha=0.35, linewidth=0.0, label=label)
+
+
+def _outlines(axes: Any, found: StiffnessMap, inclusion: Inclusion | None, centre: Sequence[float]) -> None:
+    if inclusion is not None:
+        angle = np.linspace(0.0, 2.0 * np.pi, 100)
+        x = 1e3 * (inclusion.middle[0] + inclusion.radius * np.cos(angle))
+        y = 1e3 * (inclusion.middle[1] + inclusion.radius * np.sin(angle))
+        axes.plot(x, y, color="white", linestyle="--", linewidth=1.2)
+        axes.plot(x, y, color=TRUE, linestyle=(3, (3, 3)), linewidth=1.2, label="inclusion")
+    if len(centre) == 2:
+        axes.plot(*centre, marker="+", color=ERROR, markersize=11, markeredgewidth=2.2, linestyle="", label="found at")
+    axes.set_xlim(1e3 * found.x[0], 1e3 * found.x[-1])
+    axes.set_ylim(1e3 * found.y[0], 1e3 * found.y[-1])
+
+
+def _scale(values: Array) -> tuple[float, float]:
+    """Least and largest that are shown: the outermost fiftieths go beyond."""
+    if not values.size:
+        return 0.0, 1.0
+    low, high = np.percentile(values, [2.0, 98.0])
+    return float(low), float(max(high, low + 1.0))
+
+
+def _findings(report: Mapping[str, Any]) -> Iterator[Finding]:
+    """What is wrong in a scene."""
+    if "scene" not in report:
+        return
+    for bump in report["scene"]["pose"]["bumps"]:
+        if bump["recovered_s"] is None:
+            yield Finding(filled("After the bump at {at_s:.1f} s the fixture was never again where it is shown.", bump))
+    for name, what in (("false", "rendered where the robot touched nothing"), ("missed", "felt by the robot alone")):
+        wrong = report["scene"]["contacts"][name]
+        if wrong["episodes"]:
+            many = f"{wrong['episodes']} times" if wrong["episodes"] > 1 else "once"
+            yield Finding(f"A contact was {what}, {many} for more than 20 ms, {wrong['longest_s']:.2f} s at most.")
+
+
+def _lines(report: Mapping[str, Any]) -> Iterator[str]:
+    """The block of the report on a scene; none for a session along a line."""
+    if "scene" not in report:
+        return
+    scene = report["scene"]
+    yield f"Scene {scene['name']}, the fixture's pose from {_FUSIONS.get(scene['fusion'], scene['fusion'])}"
+    yield from _pose(scene["pose"])
+    if scene["contacts"]["false"]["percent"] is not None:
+        yield from (filled(line, scene["contacts"]) for line in _CONTACTS)
+    yield _friction(scene["friction"])
+    yield filled(_FORCES, scene["forces"])
+    yield from _map(scene["map"])
+    yield ""
+
+
+_FUSIONS = {"full": "images and touches", "image": "images", "contact": "touches", "none": "nothing"}
+_CONTACTS = (
+    "  contacts   false in {false.percent:%} of the commands ({false.episodes} over 20 ms), "
+    "missed in {missed.percent:%} of the commands ({missed.episodes} over 20 ms);",
+    "             {before_model.percent:%} touched before there was any model",
+)
+_FORCES = (
+    "  in space   at most {total_hand_N:N} at the hand ({tangential_hand_N:N} of it along the surface), "
+    "{total_robot_N:N} at the robot ({tangential_robot_N:N} of it along the surface)"
+)
+
+
+def _pose(pose: Mapping[str, Any]) -> Iterator[str]:
+    since = "after the fourth touch" if pose["after_touches"] else "in all, for there were fewer than four touches"
+    if pose["place_mm"]["median"] is not None:
+        wrong = (
+            "  pose       wrong by {place_mm.median:mm} and {turn_degrees.median:degrees} at the median, "
+            "{place_mm.p95:mm} and {turn_degrees.p95:degrees} in 95 %"
+        )
+        yield f"{filled(wrong, pose)}, {since}"
+    if pose["place_mm"]["deviation"] is not None:
+        own = "{place_mm.deviation:mm} and {turn_degrees.deviation:degrees}"
+        yield f"             its own standard deviation, at the median: {filled(own, pose)}"
+    for bump in pose["bumps"]:
+        again = "never again" if bump["recovered_s"] is None else "again {recovered_s:s} later"
+        yield filled(f"  bump       at {{at_s:.1f}} s; within 0.5 mm and 0.5 degrees {again}", bump)
+    if pose["images_used"] is not None:
+        used = "{images_used:,} images and {contacts_used:,} touches used, {refused:,} refused"
+        yield f"  seen       {filled(used, pose)}"
+
+
+def _friction(friction: Mapping[str, Any]) -> str:
+    if friction["coefficient"] is None:
+        return "  friction   not learnt"
+    true = "" if friction["true_coefficient"] is None else "; it is {true_coefficient:=}"
+    return filled(f"  friction   coefficient {{coefficient:=}}, standard deviation {{deviation:=}}{true}", friction)
+
+
+def _map(found: Mapping[str, Any] | None) -> Iterator[str]:
+    if found is None or found["learnt_N_per_m"] is None:
+        return
+    low, middle, high = (figure(value) for value in found["learnt_N_per_m"])
+    area = filled("{depth_mm:mm} deep, over {touched_cm2:cm2} touched", found)
+    yield f"  stiffness  {low} to {high} N/m, {middle} at the median, {area}"
+    if found["median_error_percent"] is not None:
+        wrong = "wrong by {median_error_percent:%} at the median, {p95_error_percent:%} in 95 %"
+        within = "{within_two_deviations_percent:%} within two deviations"
+        yield f"             {filled(f'{wrong}; {within}', found)}"
+    if found["inclusion"] is not None:
+        said = "centre found {centre_error_mm:mm} off, radius {radius_mm:mm} (it is {true_radius_mm:=})"
+        yield f"  inclusion  {filled(said, found['inclusion'])}"
+
+
+def _drawings(view: View) -> Iterator[Drawing]:
+    """Error of the pose, wrong contacts and friction, and the map of stiffness, as far as they are known."""
+    scene = view.scene
+    if scene is None:
+        return
+    if np.isfinite(scene.pose.place).any():
+        yield Drawing(pose_figure(scene.pose), "Error of the fixture's pose as the leader shows it, place and turn")
+    if scene.wrong is not None and view.pairs.time.size:
+        friction = None if scene.scene is None else scene.scene.friction
+        contacts = contact_figure(view.log, view.pairs, scene.wrong, friction, view.start_ns)
+        yield Drawing(contacts, "False and missed contacts at equal command, and the friction that was learnt")
+    if scene.map is not None and scene.map.touched.any() and scene.field is not None and scene.scene is not None:
+        found = map_figures(scene.map, scene.field, scene.scene)["inclusion"]
+        centre = () if found is None else found["centre_mm"]
+        drawn = map_figure(scene.map, scene.scene.inclusion if found else None, centre=centre)
+        yield Drawing(drawn, "Local stiffness over the surface: true, learnt, and its standard deviation")
+
+
+SCENE = Section("scene", _findings, _lines, _drawings)

@@ -1,0 +1,1 @@
+"""The sections of a report: of each its figures, its sentences and what a page draws of it."""

@@ -1,0 +1,107 @@
+"""The camera's process in real time: images of a simulated scene, and what the tracker believes of the fixture."""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from collections.abc import Callable, Mapping
+
+from foretouch.link import ZenohLink
+from foretouch.messages import CameraImage, FollowerSpace, Hello
+from foretouch.session.network.lease import own_epoch
+from foretouch.session.runners.housekeeping import ORPHANED, StopFlag, orphaned
+from foretouch.session.settings import SessionSettings
+from foretouch.session.spatial import tracker
+from foretouch.session.spatial.camera import IMAGE_PERIOD, VIEW, SimulatedCamera
+from foretouch.session.spatial.scenes import KnownSurface, Scene
+
+CAMERA_CHANNELS = ("follower-space", "stop")
+"""What the camera's link receives: a simulated camera sees what the follower's simulation says."""
+
+POLL_PERIOD = 0.005
+HELLO_PERIOD = 0.5
+GRACE = 1.0
+"""Whoever is told that the session ends goes on for so long [s]."""
+
+
+def run_camera(
+    link: ZenohLink,
+    scene: Scene,
+    camera: SimulatedCamera | None,
+    settings: SessionSettings,
+    *,
+    stop: StopFlag,
+    parent: int | None = None,
+    description: Callable[[], Mapping[str, str]] = dict,
+) -> dict[str, str | int]:
+    """Take images, track the fixture, and publish both, until a `Stop` has arrived or `stop` is set.
+
+    Args:
+        link: With `CAMERA_CHANNELS`.
+        scene: What stands on the fixture.
+        camera: None where there is none: then touches alone are tracked.
+        settings: Of the session.
+        stop: Looked at in every round.
+        parent: Process whose end ends this one.
+        description: Gives the texts of the `Hello` messages.
+
+    Returns:
+        Why it ended, as ``ended``, and what the tracker used and refused, by name.
+    """
+    state: tracker.State | None = None
+    epoch = own_epoch()
+    images: deque[tuple[float, CameraImage]] = deque()
+    newest: FollowerSpace | None = None
+    begun = exposed = spoken = time.monotonic()
+    end, hellos = float("inf"), 0
+    while not stop.reason and (now := time.monotonic()) <= end:
+        spaces = [space for _, space in link.take("follower-space")]
+        if spaces:
+            if newest is None or spaces[-1].run > newest.run:  # another process, and a world that begins anew
+                epoch += 1
+                state = _begin(scene, settings, spaces[-1], epoch)
+                images.clear()
+                begun = now
+            newest = spaces[-1]
+        if camera is not None and newest is not None and now - exposed >= IMAGE_PERIOD:
+            exposed = max(exposed + IMAGE_PERIOD, now - IMAGE_PERIOD)
+            images.append((now + settings.camera_delay, _take(camera, newest, now - begun)))
+        due = []
+        while images and images[0][0] <= now:
+            due.append(images.popleft()[1])
+            link.publish(due[-1])
+        if newest is not None and state is not None:
+            belief = tracker.step(state, spaces, due, newest.time_ns)
+            if belief is not None:
+                link.publish(belief)
+        if link.take("stop"):
+            end = min(end, now + GRACE)
+        if now - spoken >= HELLO_PERIOD:
+            spoken, hellos = now, hellos + 1
+            link.publish(Hello.of("camera", hellos, time.monotonic_ns(), description()))
+            if orphaned(parent):
+                stop.set(ORPHANED)
+        time.sleep(POLL_PERIOD)
+    used = {} if state is None else tracker.counts(state)
+    return {"ended": stop.reason or "the session was ended"} | used
+
+
+def _begin(scene: Scene, settings: SessionSettings, space: FollowerSpace, epoch: int) -> tracker.State:
+    """A tracker from where the follower believes the fixture, at its clock."""
+    believed = (
+        space.fixture_x,
+        space.fixture_y,
+        space.fixture_z,
+        space.fixture_rx,
+        space.fixture_ry,
+        space.fixture_rz,
+    )
+    known, time_ns = KnownSurface(scene.surface), space.time_ns
+    return tracker.start(known, believed, settings.fusion, view=VIEW, time=time_ns * 1e-9, epoch=epoch)
+
+
+def _take(camera: SimulatedCamera, space: FollowerSpace, seconds: float) -> CameraImage:
+    """An image of the follower's newest tick."""
+    fixture = (space.exact_x, space.exact_y, space.exact_z, space.exact_rx, space.exact_ry, space.exact_rz)
+    probe = (space.place_x, space.place_y, space.place_z)
+    return camera.take(fixture, probe, space.sequence, seconds, time.monotonic_ns(), space.run)
