@@ -178,11 +178,10 @@ class _Supervisor:
 
     def _tell_of_ending(self) -> None:
         now = time.monotonic()
-        if now - self._said < ENDING_TOLD:
-            return
-        self._said = now
         there = " and ".join(f"the {WATCHERS.get(child.role, child.role)}" for child in self._children if child.running)
-        self._say(f"ending, {now - self._ending:.0f} s: waits for {there}")
+        if there and now - self._said >= ENDING_TOLD:  # the last may have ended since it was last looked at
+            self._said = now
+            self._say(f"ending, {now - self._ending:.0f} s: waits for {there}")
 
     def _one_hangs(self) -> bool:
         """Whether a side hangs; it is killed, for it has not ended by itself where it could."""
