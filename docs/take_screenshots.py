@@ -101,7 +101,6 @@ def _take(url: str, hang: Hanging) -> None:
     """Watch for a while, look at what was recorded, press while the robot is still behind; then stop it, and hang."""
     with open_page(url, 1280, 900) as (page, _):
         page.wait_for_timeout(1000 * WATCHED)
-        _close_notices(page)
         open_tab(page, "Model")
         page.get_by_text("at rest").wait_for()
         _scroll(page, to_end=True)
@@ -127,7 +126,6 @@ def _take_scene(url: str, _: Hanging) -> None:
     with open_page(url, 1440, 900, SPACE_INSTRUCTION) as (page, _):
         page.keyboard.press("o")
         page.wait_for_timeout(1000 * PALPATED)
-        _close_notices(page)
         _picture(page, SCENE)
         open_tab(page, "Fixture")
         with held_in_space(page, DOWN_MM):
@@ -180,12 +178,6 @@ def _scroll(page: Any, *, to_end: bool) -> None:
         to_end,
     )
     page.wait_for_timeout(500)
-
-
-def _close_notices(page: Any) -> None:
-    """Close what the viewer says about rendering without a graphics card."""
-    for button in page.locator(".mantine-Notification-closeButton").all():
-        button.click()
 
 
 def _shrink(path: Path) -> None:
