@@ -8,6 +8,8 @@ import sys
 
 import foretouch
 
+if len(sys.argv) != 2:
+    sys.exit("Usage: read_a_session.py SESSION.mcap")
 log = foretouch.read_session(sys.argv[1])
 table = log.to_pandas()
 touching = table[table["in_contact"]]

@@ -188,7 +188,7 @@ def test_a_stop_is_said_with_the_segment_in_which_it_was_pressed(quiet: SessionL
     short = make_session(2.0)
     log = twice(with_status(short, (1500, 2000, Status.STOPPED)), with_status(quiet, (0, 300, Status.STOPPED)))
     text = render_text(session_figures(replace(log, news={"stopped": ("pressed in the console",)})))
-    assert "Emergency stop in segment 1, 0.72 s: pressed in the console." in text
+    assert "Emergency stop in segment 1, for 0.72 s: pressed in the console." in text
 
 
 def test_many_stops_are_counted_at_the_top_with_how_long_they_lasted(quiet: SessionLog) -> None:
@@ -198,9 +198,9 @@ def test_many_stops_are_counted_at_the_top_with_how_long_they_lasted(quiet: Sess
     report = session_figures(log)
     assert report["safety"]["statuses"]["stopped"]["times"] == 6
     top = render_text(report).splitlines()[:6]
-    assert "6 emergency stops in segment 2, 1.20 s in all: pressed in the console." in top
+    assert "6 emergency stops in segment 2, for 1.20 s in all: pressed in the console." in top
     silent = session_figures(with_status(quiet, (500, 1500, Status.STOPPED)))
-    assert "Emergency stop, 1.00 s: nobody said why." in render_text(silent)
+    assert "Emergency stop, for 1.00 s: nobody said why." in render_text(silent)
 
 
 def test_the_first_line_has_the_length_of_the_whole_session(quiet: SessionLog, tmp_path: Path) -> None:

@@ -202,7 +202,7 @@ PARTS: dict[str, tuple[Part, ...]] = {
             ((Mediation, "update"),),
         ),
         Part(
-            "foreseeing the way out",
+            "predicting the work to leave contact",
             ((Renderer, "_leaving_work"),),
             within="mediating",
         ),

@@ -148,7 +148,9 @@ def numbers_html(n: Numbers) -> str:
         again = zip(curves, n.again, n.again_errors, strict=True)
         rows += [Row(curve.name, number(force, "N"), curve, number(error, "%", 1)) for curve, force, error in again]
     rows.append(Row("Depth of the probe", number(max(n.depth, 0.0) * 1e3, "mm", 1)))
-    heads = (Row(f"{AWAY.name}: {number(n.away, 's', 1)}", "", AWAY), "value", f"error, last {SECONDS:.0f} s")
+    followed = n.away < 0.05  # 0.0 s as written
+    first = Row("", "") if followed else Row(f"{AWAY.name}: {number(n.away, 's', 1)}", "", AWAY)
+    heads = (first, "value", f"error, last {SECONDS:.0f} s")
     warnings = "".join(
         f'<div style="color:{css(VERMILLION)};overflow-wrap:anywhere;padding-bottom:4px">'
         f"<b>{html.escape(warning)}</b></div>"

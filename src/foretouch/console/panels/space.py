@@ -15,8 +15,8 @@ from foretouch.console.watched import Watched
 from foretouch.messages import FixtureBelief, LeaderSpace
 from foretouch.quantities.colours import BLUE, INK, VERMILLION, css
 
-PLACE = Curve("Deviation of its place", BLUE, 2.0)
-TURN = Curve("Deviation of its turn", VERMILLION, 2.0, "dashed")
+PLACE = Curve("Deviation of its position", BLUE, 2.0)
+TURN = Curve("Deviation of its rotation", VERMILLION, 2.0, "dashed")
 AGE = Curve("Since an image showed it", INK, 2.0)
 AGED = 0.5
 """An older pose is worth a sentence [s]."""
@@ -115,7 +115,7 @@ def pose_sentence(watched: Watched, now: float) -> str:
     if watched.settings.get("camera") == "there is none":
         return f"No camera: {belief.reason}."
     if leader.fixture_age > AGED and math.isfinite(leader.fixture_age):
-        return f"The board was last seen {leader.fixture_age:.1f} s before that was told: the pose gets less sure."
+        return f"The board was last seen {leader.fixture_age:.1f} s before that pose was sent: it gets less certain."
     return f"{belief.reason[:1].upper()}{belief.reason[1:].rstrip('.')}."
 
 
@@ -123,9 +123,9 @@ def _rows(leader: LeaderSpace, belief: FixtureBelief | None) -> list[Row]:
     turn = leader.fixture_turn * 180.0 / math.pi
     used = ("–", "–") if belief is None else (f"{belief.images} / {belief.contacts}", f"{belief.refused}")
     return [
-        Row("Deviation of the fixture's place", number(leader.fixture_deviation * 1e3, "mm"), PLACE),
-        Row("Deviation of its turn", number(turn, "°"), TURN),
-        Row("Since an image showed it, as told", number(leader.fixture_age, "s", 1), AGE),
+        Row("Deviation of the fixture's position", number(leader.fixture_deviation * 1e3, "mm"), PLACE),
+        Row("Deviation of its rotation", number(turn, "°"), TURN),
+        Row(AGE.name, number(leader.fixture_age, "s", 1), AGE),
         Row("Images / touches used", used[0]),
         Row("Images and touches refused", used[1]),
         Row(

@@ -15,7 +15,7 @@ from foretouch.console.views.hold import Hold
 from foretouch.console.views.probes import UNITS, Measures, Probes
 from foretouch.console.views.shapes import HANDLE_HEIGHT, MaterialView, add_body
 from foretouch.console.watched import Watched
-from foretouch.quantities.colours import BLUE
+from foretouch.quantities.colours import BLUE, GREY
 from foretouch.quantities.pose import Vector
 
 DRAG, LET_GO = "Drag me down to press", "Let go and the script goes on"
@@ -82,7 +82,7 @@ class Scene:
         self._hand = add_body(scene, "/line/hand", shapes.ring(), BLUE, opacity=0.6)
         self._hand.visible = False
         self._handle = add_body(scene, "/line/handle", shapes.handle(), BLUE)
-        self._hint = add_body(scene, "/line/hint", shapes.hint(), BLUE)
+        self._hint = add_body(scene, "/line/hint", shapes.hint(), GREY)  # blue arrows are forces
         self._rail = add_body(scene, "/line/rail", shapes.rail(0.0, 1.0), BLUE, opacity=0.1)
         for node in (
             self._handle,

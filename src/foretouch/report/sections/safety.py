@@ -192,7 +192,7 @@ def _stops(report: Mapping[str, Any]) -> str:
     several = bool(found and found["times"] > 1)
     many = f"{found['times']} emergency stops" if found and several else "Emergency stop"
     where = f" in {_listed(began)}" if began else ""
-    long = f", {number(found['seconds'], 's')}{' in all' if several else ''}" if found else ""
+    long = f", for {number(found['seconds'], 's')}{' in all' if several else ''}" if found else ""
     why = "; ".join(reason.rstrip(".") for reason in safety["emergency_stops"]) or "nobody said why"
     return f"{many}{where}{long}: {why}."
 

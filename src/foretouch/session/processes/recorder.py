@@ -183,7 +183,7 @@ def run_recorder(
     if recorder.problem != said:
         say(f"recorder: {recorder.problem}; {recorder.kept}")
     elif not said:
-        say(f"recorder: wrote {recorder.path}")
+        say(f"recorder: wrote {recorder.path}; next: foretouch report {recorder.path}")
     return recorder.problem
 
 
