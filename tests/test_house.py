@@ -11,13 +11,13 @@ from pathlib import Path
 import grimp
 
 SOURCE = Path(__file__).resolve().parents[1] / "src" / "foretouch"
-FILES, LINES = 384, 75_822
+FILES, LINES = 384, 75_645
 FLAT, LARGEST, MEDIAN = 12, 417, range(120, 229)
 PARAMETERS, LONG_SIGNATURES = 8, 5
 FIELDS, LARGE_CLASSES = 20, 2
 RECORDS = ("sweep.outcome.Outcome", "report.writing.session_report.SessionReport")
 """One row of a table and one JSON object: like a message, each is as large as what it says."""
-ONLY_NEIGHBOURS = 15
+ONLY_NEIGHBOURS = 6
 """Modules that one neighbour alone imports, beside kernels and these folders, of which each file is one of many:"""
 ALTERNATIVES = ("cli.commands", "doctor", "reproduction.figures", "reproduction.questions", "bench.benchmarks")
 

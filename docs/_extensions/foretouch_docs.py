@@ -221,16 +221,19 @@ def _imports(room: str) -> Iterator[str]:
 
 
 def _folders(room: str) -> Iterator[str]:
-    """What belongs in each folder of a room, by the docstring of its package."""
-    for path in sorted((ROOT / "src").joinpath(*room.split(".")).glob("*/__init__.py")):
+    """What belongs in each folder of a room, by the docstring of its package; imports go down this list, too."""
+    names = [name for layer in _layers(room) for name in layer]
+    paths = (ROOT / "src").joinpath(*room.split(".")).glob("*/__init__.py")
+    for path in sorted(paths, key=lambda path: names.index(path.parent.name) if names else path):
         text = ast.get_docstring(ast.parse(path.read_text())) or ""
         yield f"- ``{path.parent.name}/``: {text.splitlines()[0]}"
 
 
-def _layers() -> list[list[str]]:
-    """The rooms by layer, highest first."""
-    rules = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["importlinter"]["contracts"][0]
-    return [[room.strip() for room in layer.split("|")] for layer in rules["layers"]]
+def _layers(container: str = "foretouch") -> list[list[str]]:
+    """The rooms of the package, or the folders of a room, by layer, highest first; none where no rule holds them."""
+    rules = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["importlinter"]["contracts"]
+    layers = next((rule["layers"] for rule in rules if rule["containers"] == [container]), [])
+    return [[name.strip() for name in layer.split("|")] for layer in layers]
 
 
 def _command_names(group: object, before: tuple[str, ...] = ()) -> Iterator[tuple[str, ...]]:

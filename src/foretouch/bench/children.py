@@ -15,13 +15,15 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from foretouch.bench import launcher
 from foretouch.errors import ForetouchError
 
 ONE_THREAD = dict.fromkeys(
     ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS", "VECLIB_MAXIMUM_THREADS"), "1"
 )
 """No pool of threads takes a core that another contestant has."""
+
+LAUNCHER = Path(__file__).with_name("launcher.py")
+"""Program that times a process and asks for its memory."""
 
 GRACE = 5.0
 """Time after which a process that was asked to end is killed [s]."""
@@ -138,7 +140,7 @@ def measure_process(arguments: Sequence[str]) -> Ended:
         children() as started,
     ):
         result = Path(folder) / "result.json"
-        command = [sys.executable, "-I", launcher.__file__, str(result), sys.executable, *arguments]
+        command = [sys.executable, "-I", str(LAUNCHER), str(result), sys.executable, *arguments]
         code = started.start(command, stdout=out, stderr=err).wait()
         measured = json.loads(result.read_text()) if code == 0 else {"code": code}
         out.seek(0)

@@ -68,7 +68,7 @@ def warm_up(settings: SessionSettings | None = None) -> None:
     settings = SessionSettings() if settings is None else settings
     require_type("settings", settings, SessionSettings, "SessionSettings, or None for the defaults")
     if settings.scene:
-        from foretouch.session.runners.warm_up_scene import warm_up_scene
+        from foretouch.session.spatial.warm_up import warm_up_scene
 
         warm_up_scene(settings)
     _press_alone(settings)
