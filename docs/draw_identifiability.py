@@ -5,6 +5,7 @@ Usage: `.venv/bin/python docs/draw_identifiability.py`; it takes some seconds.
 
 from __future__ import annotations
 
+import argparse
 from pathlib import Path
 
 import matplotlib as mpl
@@ -110,6 +111,7 @@ def shares() -> dict[str, str]:
 
 def main() -> None:
     """Draw, and fill the page."""
+    argparse.ArgumentParser(description=__doc__.partition("\n")[0]).parse_args()
     import matplotlib.pyplot as plt
 
     errors = np.array([standard_errors(frequency)[0] for frequency in FREQUENCIES])

@@ -122,7 +122,7 @@ def test_a_law_says_whether_its_errors_hold_that_of_the_surface(press: Path) -> 
     alone, both = (output_of(*arguments, name) for name in ("rls", "offline"))
     assert alone["standard_errors_with_surface"] is None
     assert both["standard_errors_with_surface"]["stiffness"] > both["standard_errors"]["stiffness"]
-    assert "(each ± takes the surface for right: see surface_m)" in run(*arguments, "rls").stdout
+    assert "(each ± takes the surface for right: see surface)" in run(*arguments, "rls").stdout
     assert "(each ± holds that of the surface too)" in run(*arguments, "offline").stdout
 
 

@@ -428,6 +428,9 @@ def test_the_sides_run_one_by_one(
         monkeypatch.setenv("FORETOUCH_KEYS", str(tmp_path / "keys"))
         for words in (["init"], ["issue", "leader"], ["issue", "follower"], ["issue", "watcher"]):
             run(["keys", *words])
+    if "sensor.toml" in lap["follower"]:
+        poses = ROOT / "docs" / "examples" / "poses.csv"
+        run(["calibrate", "sensor", str(poses), "--output", str(tmp_path / "sensor.toml")])
     follower = without(on_this_machine(lap["follower"], kind, ports), "--duration")
     leader = lasting(1.5)(on_this_machine(lap["leader"], kind, ports))
     recorder = on_this_machine(lap["record"], kind, ports)

@@ -1,7 +1,16 @@
 """What is measured: one table of names, units and signs, and the recording that holds the samples."""
 
 from foretouch.quantities.brief import Brief, ByValue, brief_number, brief_text, measured, shortest
-from foretouch.quantities.columns import QUANTITIES, Columns, Quantity, Rows, as_frame, new_figure, parameter_unit
+from foretouch.quantities.columns import (
+    QUANTITIES,
+    Columns,
+    Quantity,
+    Rows,
+    as_frame,
+    in_words,
+    new_figure,
+    parameter_unit,
+)
 from foretouch.quantities.pose import Pose, cross_matrix
 from foretouch.quantities.recording import LARGEST_POSITION, Frame, Recording, numbers_of
 from foretouch.quantities.sensor_calibration import STANDARD_GRAVITY, SensorCalibration
@@ -23,6 +32,7 @@ __all__ = [
     "brief_number",
     "brief_text",
     "cross_matrix",
+    "in_words",
     "measured",
     "new_figure",
     "numbers_of",

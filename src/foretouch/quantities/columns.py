@@ -86,6 +86,16 @@ def parameter_unit(name: str, names: Iterable[str]) -> str:
     return "" if unit == "1" else unit
 
 
+def in_words(name: str) -> tuple[str, str]:
+    """Name of a figure as people read it, and its unit: ``contact_force_rms_N`` is "contact force RMS" and "N".
+
+    Args:
+        name: In lower case with underlines, ending in its unit where it has one.
+    """
+    words = (word.upper() if word in ("rms", "rmse", "jnd") else word for word in _quantity(name).split("_"))
+    return " ".join(words), _unit(name)
+
+
 Rows = Any
 """A structured array, shape (n,): ``rows["force"]`` is a column. To NumPy's types a column is an array of anything, for
 which every operator tries all of its overloads: more than half of all the time that the type checker took."""
@@ -101,10 +111,11 @@ UNITS = {
     "m_s": "m/s",
     "m_s2": "m/s²",
     "N": "N",
+    "N_per_s": "N/s",
     "percent": "%",
     "us": "us",
 }
-"""Units by the end of a column's name, after the last underline but for velocities and accelerations."""
+"""Units by the end of a column's name, by its longest ending that stands here."""
 
 
 class Columns(ByValue):

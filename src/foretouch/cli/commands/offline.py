@@ -364,7 +364,7 @@ def _finite(value: float) -> float | None:
 
 def _print_lines(title: str, content: dict[str, Any]) -> None:
     """A result as aligned lines: what is known with an error has as many digits as that allows."""
-    from foretouch.quantities import measured
+    from foretouch.quantities import in_words, measured
     from foretouch.report import IDLE_LAW, law_is_idle
     from foretouch.report.numbers import parameter_text
 
@@ -388,17 +388,17 @@ def _print_lines(title: str, content: dict[str, Any]) -> None:
             errors, alone = content["standard_errors_with_surface"], content["standard_errors"]
             text = parameter_text(value, errors or alone)
             if alone and content["surface_error_m"]:
-                holds = "holds that of the surface too" if errors else "takes the surface for right: see surface_m"
+                holds = "holds that of the surface too" if errors else "takes the surface for right: see surface"
                 text += f"\n  {'':<28} (each ± {holds})"
             if content["map"] is not None and law_is_idle(content["map"]):
                 text += f"\n  {'':<28} ({IDLE_LAW})"
         elif error in content:
-            text = measured(value, content[error])
-        elif isinstance(value, float):
-            text = f"{value:.6g}"
+            text = measured(value, content[error], in_words(name)[1])
+        elif value is None:
+            text = "-"
         else:
-            text = "-" if value is None else str(value)
-        show(f"  {name:<28} {text}")
+            text = f"{value:.4g} {in_words(name)[1]}" if isinstance(value, float) else str(value)
+        show(f"  {in_words(name)[0]:<28} {text}")
 
 
 def _print_map(figures: dict[str, Any] | None) -> None:

@@ -48,6 +48,9 @@ class EnergyPanel:
 LARGEST_DRAWN = 15.0
 """Forces beyond this limit of the robot [N] are drawn there: a model that has diverged would hide the others."""
 
+LEAST_AXIS = 1.0
+"""The axis of forces reaches at least this far [N]: the sensor's noise in free air is a line near zero, as it is."""
+
 TRUE = Curve("True force (robot's sensor)", INK, 3.0)
 PREDICTED = Curve("Predicted force now", BLUE, 2.0, band=True)
 DELAYED = Curve("Delayed force now", VERMILLION, 2.0, "dashed")
@@ -107,7 +110,9 @@ class ForcePanel:
     def __init__(self, gui: Any) -> None:
         curves = (TRUE, PREDICTED, DELAYED, RENDERED, AWAY, PREDICTED_AGAIN, DELAYED_AGAIN)
         title = f"Contact force [N], drawn up to {LARGEST_DRAWN:.0f} N"
-        self._plot = TimePlot(gui, title, curves, height=138, time="time of your motion before now [s]")
+        self._plot = TimePlot(
+            gui, title, curves, height=138, least=LEAST_AXIS, time="time of your motion before now [s]"
+        )
         self._text = gui.add_html("")
 
     def plot(self, window: Window, other: Window | None = None) -> None:

@@ -65,6 +65,9 @@ def map_lines(figures: Mapping[str, Any]) -> list[str]:
     places = [f"{figure(k)} N/m at {figure(1e3 * x)} mm ({figure(force)} N)" for x, k, force in at]
     if places:
         lines.append(f"at rest: {', '.join(places)}")
+    if any(k < 0.0 for k in figures["local_stiffness_N_per_m"]):
+        falls = "where the stiffness is negative the map's force falls with depth: too few presses, or it gives way"
+        lines.append(falls)
     if figures["standard_deviation_N"] is not None:
         lines.append(f"standard deviation of the last force in contact: {number(figures['standard_deviation_N'], 'N')}")
     return lines
