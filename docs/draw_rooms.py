@@ -90,7 +90,7 @@ def main() -> None:
     figure, both = plt.subplots(2, 1, figsize=(10.0, 9.4), layout="constrained", sharex=True)
     draw(both[0], "Before", earlier())
     draw(both[1], "Now", present())
-    key = "A strip is a file, as wide as it has lines; shades tell folders apart; imports go down. Beside a room: its files."
+    key = "A strip is a file, as wide as it has lines; shades tell folders apart; imports go down. Number: files."
     figure.supxlabel(key, fontsize=8.5, x=0.01, ha="left")
     figure.savefig(ROOT / "docs" / "images" / "rooms.png", dpi=110)
 
