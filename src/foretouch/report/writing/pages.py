@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from foretouch.identification import SeriesCompliance, ToolWeight
 from foretouch.messages import SessionLog
-from foretouch.quantities import new_figure
+from foretouch.quantities import in_words, new_figure
 from foretouch.report.drawing import COLOURS, finished, legend
 from foretouch.report.numbers import Finding, number
 from foretouch.report.pairs import pair
@@ -24,8 +24,10 @@ from foretouch.report.sections.energy import stability_word
 from foretouch.report.sections.forces import prediction_figure, scoring_findings
 from foretouch.report.sections.session import baseline_sentence, lasted, pressed, segment_sentence
 from foretouch.report.statuses import follower_away
-from foretouch.report.writing.html import embedded, named_values, tiles, write_html
+from foretouch.report.writing.html import embedded, named_values, table, tiles, write_html
 from foretouch.report.writing.text import SECTIONS, findings, render_text
+from foretouch.session import SessionSettings
+from foretouch.settings import SETTINGS
 
 
 def write_page(
@@ -54,7 +56,7 @@ def write_page(
         _tiles(report, {"stable": stability_word(report)}),
         *_drawn(log, report),
         "<h2>Settings</h2>",
-        named_values(report["settings"] or {"settings": "not recorded"}),
+        _settings(report["settings"]),
         "<h2>All figures</h2>",
         f"<pre>{escape(render_text(report))}</pre>",
     ]
@@ -104,8 +106,25 @@ def write_prediction_page(
         time = columns["time_s"] - columns["time_s"][0]
         drawn = prediction_figure(time, measured, predicted, known, columns["in_contact"].astype(np.bool_))
         body.append(embedded(drawn, "Measured, predicted and delayed force over time, and the errors"))
-    body += ["<h2>All figures</h2>", named_values(figures)]
+    shown = ((*in_words(name), value) for name, value in figures.items())
+    rows = [(words, f"{value:.4g} {unit}" if isinstance(value, float) else value) for words, unit, value in shown]
+    body += ["<h2>All figures</h2>", table((), rows)]
     return write_html(directory, f"Prediction on {name}", body, made)
+
+
+def _settings(chosen: Mapping[str, str]) -> str:
+    """What was chosen, with what each setting is and its unit; what had its default is folded."""
+    if not chosen:
+        return '<p class="quiet">not recorded</p>'
+    defaults = SessionSettings().as_text()
+    names = sorted(chosen, key=lambda name: chosen[name] == defaults.get(name))
+    rows = [(name, chosen[name], SETTINGS[name].sentence if name in SETTINGS else "") for name in names]
+    changed = sum(chosen[name] != defaults.get(name) for name in names)
+    head = ("setting", "value", "what it is")
+    folded = (
+        f"<details><summary>{len(rows) - changed} with their defaults</summary>{table(head, rows[changed:])}</details>"
+    )
+    return (table(head, rows[:changed]) if changed else "") + folded
 
 
 def _sentences(said: list[Finding]) -> list[str]:
