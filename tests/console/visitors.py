@@ -192,7 +192,8 @@ class Printed:
         return "".join(self.lines)
 
     def _read(self, stream: IO[str]) -> None:
-        for line in stream:
-            self.lines.append(line)
-            if found := re.search(r"console: .*?(http://\S+)", line):
-                self._addresses.append(found[1])
+        with contextlib.suppress(ValueError):  # who ends the command closes its pipe
+            for line in stream:
+                self.lines.append(line)
+                if found := re.search(r"console: .*?(http://\S+)", line):
+                    self._addresses.append(found[1])

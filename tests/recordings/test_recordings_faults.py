@@ -21,7 +21,7 @@ FOUND = {
     "dropout": SensorState.DROPOUT,
     "stuck": SensorState.STUCK,
     "saturated": SensorState.SATURATED,
-    "offset-step": SensorState.OFFSET_STEP,
+    "offset-step": SensorState.FORCE_DISAGREES,  # in contact the drive's own force shows it first
     "spikes": SensorState.SPIKE,
     "encoder-jump": SensorState.ENCODER_JUMP,
 }

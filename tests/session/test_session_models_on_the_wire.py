@@ -175,7 +175,8 @@ def test_a_change_of_the_material_is_sent_at_once_and_told_for_two_seconds() -> 
 
 @pytest.mark.parametrize("faults", [{"loss": 0.2}, pytest.param({"outage": 0.15}, marks=pytest.mark.long)])
 def test_lost_models_are_made_good_within_200_ms(faults: dict[str, float], session: SessionLog) -> None:
-    log = simulated(5.0, material="foam-measured", **faults)
+    seconds = 12.0 if "outage" in faults else 5.0  # one outage in every 10 s
+    log = simulated(seconds, material="foam-measured", **faults)
     sent = {model.sequence: model.time_ns for model in log.models}
     rows = log.leader[log.leader["model_sequence"] > 0]
     # The age that a model may have: its delay, 20 ms to the next one, and 200 ms; the outage is on top.

@@ -220,6 +220,7 @@ def compile_all(progress: Callable[[float], None] = lambda share: None, *, stop:
                 return False
             time.sleep(LOOK_PERIOD)
         if is_compiled():
+            progress(1.0)
             return True
         share, next_share = Path(root, "share"), Path(root, "share.next")
         try:
