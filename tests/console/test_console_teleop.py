@@ -168,8 +168,8 @@ def test_what_is_chosen_while_it_runs_is_what_runs_and_each_recording_can_be_rea
         page.get_by_text("live-2.mcap").wait_for()
         wait_for_bytes(page, tmp_path / "live-2.mcap", 1_000_000)
         open_tab(page, "Recordings")
-        choose(page, "Recording", "live.mcap")
-        page.get_by_text("RECORDING, NOT LIVE: live.mcap").wait_for(timeout=20_000)
+        choose(page, "Recording", str(path))  # it is in another folder than the command
+        page.get_by_text(f"RECORDING, NOT LIVE: {path}").wait_for(timeout=20_000)
     first, second = read_session(path), read_session(tmp_path / "live-2.mcap")
     assert "truncated" not in first.counts | second.counts
     assert second.settings["material"] == "kelvin-voigt"

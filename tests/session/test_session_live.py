@@ -356,7 +356,8 @@ def test_a_baseline_renders_what_the_network_brings(tmp_path: Path) -> None:
     leader = live_log(tmp_path, *options).leader
     felt = leader["delayed_force"] > 0.5
     assert felt.sum() > 100
-    assert np.median(np.abs(leader["rendered_force"] - leader["delayed_force"])[felt]) < 0.05
+    late, rendered = leader["delayed_force"][felt], leader["rendered_force"][felt]
+    assert np.median(np.abs(rendered - late)) < 0.1 * np.median(late)  # but for what the account of energy takes
 
 
 def test_a_first_start_says_that_it_compiles_and_ends_when_told(tmp_path: Path) -> None:

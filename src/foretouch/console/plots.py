@@ -71,8 +71,7 @@ class TimePlot:
         curves: From the back to the front.
         height: [pixel].
         lowest: Lower end of the drawn range; None to fit it to the curves.
-        least: Upper end of the drawn range where all curves are below it, so that noise does not fill the plot; with a
-            lower end. None to fit it to the curves.
+        least: What the drawn range reaches at least, so that noise does not fill the plot; None to fit it to the curves.
         time: What stands below the time axis.
     """
 
@@ -98,6 +97,8 @@ class TimePlot:
             colour = faint(curves[index].colour)
             bands.append({"series": (len(series), len(series) + 1), "fill": colour})
             series += [_series(f"{curves[index].name}, {word}", colour, 1.0, ()) for word in ("more", "less")]
+        if least is not None:
+            series.append(_series("least range", "transparent", 0.0, ()))
         self._columns = len(series) - 1
         start = np.array([-SECONDS, 0.0])
         self._plot = gui.add_uplot(
@@ -105,7 +106,10 @@ class TimePlot:
             tuple(series),
             bands=tuple(bands),
             title=title,
-            scales=self._scales(least),
+            scales={
+                "x": {"time": False, "range": (-SECONDS, 0.0)},
+                "y": {"time": False, "range": (lowest, None)} if lowest is not None else {"time": False},
+            },
             axes=({"label": time, "labelSize": 18.0, "size": 30.0}, {"size": 50.0}),
             legend={"show": False},
             cursor={"show": False},
@@ -131,16 +135,9 @@ class TimePlot:
             spread = np.where(np.isfinite(deviation) & np.isfinite(values[index]), deviation, 0.0)
             middle = np.where(np.isfinite(values[index]), values[index], self._lowest or 0.0)  # it would fill a gap
             columns += [middle + spread, middle - spread]
-        drawn = [self._drawable(column, most) for column in columns]
         if self._least is not None:
-            small = all(not (column > self._least).any() for column in drawn)  # a gap is not more
-            put(self._plot, scales=self._scales(self._least if small else None))
-        self._plot.data = (time, *drawn)
-
-    def _scales(self, most: float | None) -> dict[str, Any]:
-        """Both axes, of which the upright one ends at `most`, or where the curves do."""
-        upright = {} if self._lowest is None else {"range": (self._lowest, most)}
-        return {"x": {"time": False, "range": (-SECONDS, 0.0)}, "y": {"time": False, **upright}}
+            columns.append(np.full(len(time), self._least))
+        self._plot.data = (time, *(self._drawable(column, most) for column in columns))
 
     def _drawable(self, values: Array, most: float) -> Array:
         """Within what is drawn. Where a curve is not known it has a gap, which the page leaves (`gate/page.js`).
