@@ -107,12 +107,7 @@ def make_folder(path: Path) -> None:
 
 
 def made_by(recordings: Sequence[Path] = (), **what: Any) -> dict[str, Any]:
-    """Origin of a page, for its end: this command as it was given, the recordings, and further values.
-
-    Args:
-        recordings: Recordings that are read; files are identified by a checksum.
-        **what: Further values by name; None is left out.
-    """
+    """Origin of a page, for its end: this command as it was given, the recordings, and further values."""
     said: dict[str, Any] = {"command": shlex.join(["foretouch", *sys.argv[1:]])}
     if recordings:
         said["recording" if len(recordings) == 1 else "recordings"] = "; ".join(map(_which, recordings))
@@ -186,11 +181,7 @@ def _bounded(value: Any) -> Any:
 
 
 def session_settings(**defaults: object) -> Callable[..., SessionSettings]:
-    """Makes the settings of a session from options, for `with_options`.
-
-    Args:
-        **defaults: Those of the command that differ from the common ones.
-    """
+    """Makes the settings of a session from options, for `with_options`."""
 
     def make(**given: Any) -> SessionSettings:
         from foretouch.session import SessionSettings
@@ -201,12 +192,7 @@ def session_settings(**defaults: object) -> Callable[..., SessionSettings]:
 
 
 def changed_settings(panel: str, *names: str) -> Callable[..., dict[str, Any]]:
-    """Maker of a mapping of the settings that are given as options, without defaults, for `with_options`.
-
-    Args:
-        panel: Heading of the help.
-        *names: Names of the settings.
-    """
+    """Maker of a mapping of the settings that are given as options, without defaults, for `with_options`."""
 
     def make(**given: Any) -> dict[str, Any]:
         return {name: value for name, value in given.items() if value is not None}
@@ -252,12 +238,6 @@ def open_link(
     watch: Callable[[Message], None] | None = None,
 ) -> ZenohLink:
     """The link of one process, with its keys where an endpoint asks for them; prints its warnings.
-
-    Args:
-        process: leader, follower, or the name of a watcher.
-        endpoints: At least one.
-        channels: Channels that it receives.
-        watch: Called with each message that arrives, instead of keeping them.
 
     Raises:
         LinkError: No endpoint, or one that cannot be used.

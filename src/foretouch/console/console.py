@@ -13,8 +13,7 @@ from typing import Any
 from foretouch.console.gate import Entrance, make_gated_server
 from foretouch.console.gate.entrance import free_port, require_free_port
 from foretouch.console.library import Library
-from foretouch.console.panels.forces import numbers_of
-from foretouch.console.panels.model import describe
+from foretouch.console.panels.figures import describe, numbers_of
 from foretouch.console.panels.network import NetworkFaults, Speech
 from foretouch.console.panels.panel import CHOOSE_RECORDING, INSTRUCTION, WATCH_RECORDING, Actions, Panel, felt
 from foretouch.console.panels.stop import ASKING, LATCHED, READY, UNABLE, EmergencyCall

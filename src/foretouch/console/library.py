@@ -87,11 +87,7 @@ class Library:
         self._said = said
 
     def open(self, name: str) -> None:
-        """Look at a recording from its beginning; it is paused.
-
-        Args:
-            name: One of `names`; whatever else it is, nothing is opened.
-        """
+        """Look at one of `names` from its beginning, paused; whatever else it is, nothing is opened."""
 
         def read() -> str:
             path = self._listed().get(name)
@@ -108,13 +104,7 @@ class Library:
         self._start(read, f"Reading {name}{self._size(name)} …", "This recording cannot be looked at")
 
     def run_again(self, position_delay: float, force_delay: float, *, closed_loop: bool) -> None:
-        """Run the recorded session again under other delays, beside what was recorded.
-
-        Args:
-            position_delay: One-way delay of commands [s].
-            force_delay: Of models and telemetry [s].
-            closed_loop: Whether the force that is rendered then moves the hand.
-        """
+        """Run the recorded session again under other one-way delays [s], there and back, beside what was recorded."""
         shown = self.playback
         if shown is None:
             return

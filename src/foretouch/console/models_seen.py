@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from foretouch.console.window import NAN, Array
+from foretouch.console.history import NAN, Array
 from foretouch.errors import InputError
 from foretouch.messages import ModelUpdate
 from foretouch.models import ContactModel, advance, make_model

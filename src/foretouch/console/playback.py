@@ -9,11 +9,10 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from foretouch.console.history import LossTrace
+from foretouch.console.history import NAN, Array, LossTrace, Window, empty_window, window_of
 from foretouch.console.models_seen import ModelFigures, ModelTrace, figures_of, trace_of
 from foretouch.console.space_heard import PoseTrace, SpaceHeard, newest_field, newest_image
 from foretouch.console.watched import Watched
-from foretouch.console.window import NAN, Array, Window, empty_window, window_of
 from foretouch.errors import RecordingError
 from foretouch.messages import (
     VERSION,
@@ -36,9 +35,6 @@ class RecordedSpace(SpaceHeard):
     """Messages received in space at a moment; see `SpaceHeard`.
 
     Those of the robot's side are those that the operator's had received: two recorded clocks need not agree.
-
-    Args:
-        segment: Of the session; nothing is shown of one along a line.
     """
 
     def __init__(self, segment: SessionLog) -> None:
@@ -55,12 +51,7 @@ class RecordedSpace(SpaceHeard):
         self._belief_times = [belief.time_ns for belief in self._beliefs]
 
     def go_to(self, leader: int, telemetry: int) -> None:
-        """Show another moment.
-
-        Args:
-            leader: Sequence of the leader's tick.
-            telemetry: Sequence of the newest telemetry that it had received.
-        """
+        """Show the leader's tick of a sequence, and the newest telemetry that it had received."""
         row = int(np.searchsorted(self._leads["sequence"], leader, side="right")) - 1
         self.leader = LeaderSpace(VERSION, *_numbers(self._leads[row])) if row >= 0 else None
         self.follower = self.heard(telemetry)
@@ -116,9 +107,6 @@ class RecordedWatch(Watched):
 
     For a session in which a side began again, the longest segment.
 
-    Args:
-        log: The session.
-
     Attributes:
         duration: From the leader's first tick to its last [s].
 
@@ -147,11 +135,7 @@ class RecordedWatch(Watched):
         self.go_to(0.0)
 
     def go_to(self, now: float) -> None:
-        """Show another moment.
-
-        Args:
-            now: Since the leader's first tick [s]; held within the recording.
-        """
+        """Show another moment since the leader's first tick [s], held within the recording."""
         self.now = min(max(now, 0.0), self.duration) if math.isfinite(now) else 0.0
         row = int(np.searchsorted(self._seconds, self.now + TOLERANCE, side="right")) - 1
         self.leader = _message(LeaderState, self._leader[row])
@@ -230,18 +214,6 @@ class RecordedWatch(Watched):
 
 class Playback:
     """A recording that is played, and perhaps a second run of it beside it.
-
-    Args:
-        log: The session.
-        other: The same session run again under other settings.
-        name: Name of the recording, for people.
-
-    Attributes:
-        shown: State received at this moment.
-        other: State of the second run, None where there is none.
-        log: The session.
-        name: Name of the recording.
-        playing: Whether time goes on.
 
     Raises:
         RecordingError: Nothing was recorded of a leader.

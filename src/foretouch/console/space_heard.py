@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from foretouch.console.window import Array
+from foretouch.console.history import Array
 from foretouch.messages import CameraImage, FieldUpdate, FixtureBelief, FollowerSpace, LeaderSpace, Message
 
 TICKS_PER_SECOND = 1000
@@ -38,13 +38,7 @@ class PoseTrace(NamedTuple):
 
     @classmethod
     def of(cls, rows: Sequence[tuple[float, float, float, float]], now: float, seconds: float) -> PoseTrace:
-        """The last seconds before a moment.
-
-        Args:
-            rows: Time [s], deviation [m], turn [rad] and age [s].
-            now: The moment [s].
-            seconds: How far back.
-        """
+        """The last seconds before a moment [s], of rows as above."""
         table = np.array(rows, dtype=np.float64).reshape(-1, 4)
         time = table[:, 0] - now
         inside = (time >= -seconds) & (time <= 0.0)
@@ -78,13 +72,7 @@ class SpaceHeard:
         self._traced_ns = 0
 
     def take(self, message: Message, now: float, epoch: int) -> None:
-        """Take note of one message; those along a line are left out.
-
-        Args:
-            message: Message as received.
-            now: Time of reception [s].
-            epoch: Epoch of the leader that is shown, 0 before it is known.
-        """
+        """Take note of a message received at a time [s], of the leader of this epoch (0 for any); none along a line."""
         if isinstance(message, LeaderSpace):
             if epoch in (0, message.epoch):
                 self._take_leader(message)
@@ -99,31 +87,18 @@ class SpaceHeard:
             self.belief, self.belief_heard = message, now
 
     def heard(self, sequence: int) -> FollowerSpace | None:
-        """State of the robot that the operator's side received last.
-
-        Args:
-            sequence: Sequence of the newest telemetry that the leader had.
-        """
+        """State of the robot in the newest telemetry that the leader had."""
         tick, newest = self._ticks[sequence % LENGTH], self.follower
         known = tick is not None and newest is not None and tick.sequence == sequence and tick.run == newest.run
         return tick if known else None
 
     def image(self, sequence: int, camera_delay: float) -> CameraImage | None:
-        """The image that has come over the network; None before the first.
-
-        Args:
-            sequence: Sequence of the newest telemetry that the leader had.
-            camera_delay: Time from the moment that an image shows to its reading [s].
-        """
+        """The image that had come by that telemetry, a camera's delay [s] after its exposure; else None."""
         run = 0 if self.follower is None else self.follower.run
         return newest_image(tuple(self._images), sequence, camera_delay, run)
 
     def field(self, sequence: int) -> FieldUpdate | None:
-        """The materials that have come over the network; None before the first.
-
-        Args:
-            sequence: Sequence of the newest telemetry that the leader had.
-        """
+        """The materials that had come by that telemetry; None before the first."""
         tick = self.heard(sequence)
         return None if tick is None else newest_field(tuple(self._fields), tick)
 
@@ -147,14 +122,7 @@ class SpaceHeard:
 
 
 def newest_image(images: Sequence[CameraImage], sequence: int, camera_delay: float, run: int = 0) -> CameraImage | None:
-    """The newest image that had come by a tick of the follower.
-
-    Args:
-        images: Images in order of reception.
-        sequence: Sequence of the tick.
-        camera_delay: Time from the moment that an image shows to its reading [s].
-        run: Number of the follower's process; 0 for any, and in an image without one.
-    """
+    """The newest image that had come by a follower's tick, a camera's delay [s] later; 0 stands for any run."""
     latest = sequence - round(camera_delay * TICKS_PER_SECOND)
     for image in reversed(images):
         if image.tick <= latest and (image.run == run or 0 in (run, image.run)):
@@ -163,12 +131,7 @@ def newest_image(images: Sequence[CameraImage], sequence: int, camera_delay: flo
 
 
 def newest_field(fields: Sequence[FieldUpdate], tick: FollowerSpace) -> FieldUpdate | None:
-    """The newest field that was sent by a tick of the follower.
-
-    Args:
-        fields: In the order in which they came.
-        tick: By the clock of the same process.
-    """
+    """The newest field that was sent by a tick of the follower."""
     for field in reversed(fields):
         if field.time_ns <= tick.time_ns and field.run == tick.run:
             return field

@@ -45,13 +45,7 @@ class Column:
 
 @dataclass(frozen=True)
 class Topic:
-    """One topic of a bag.
-
-    Attributes:
-        name: Name of the topic.
-        type_name: Type of its messages.
-        count: Number of its messages.
-    """
+    """One topic of a bag."""
 
     name: str
     type_name: str

@@ -65,9 +65,6 @@ def nowhere(leader: Rows) -> NDArray[np.bool_]:
     """Rows in which the operator's device gave no position.
 
     There are none in a recording of old, which has commands and no hand.
-
-    Args:
-        leader: Rows of `SessionLog.leader`.
     """
     known = np.isfinite(leader["hand_position"])
     recorded = known.any() or not np.isfinite(leader["position"]).any()

@@ -54,14 +54,7 @@ def nothing(*_: Any) -> tuple[()]:
 
 
 class Section(NamedTuple):
-    """One section of a report; each function gives nothing where the session has nothing of that to show.
-
-    Attributes:
-        name: Of what it is about.
-        findings: Sentences about the figures that `session_report` gave.
-        lines: A block of text about these figures.
-        drawings: What a page draws.
-    """
+    """One section of a report; each function gives nothing where the session has nothing of that to show."""
 
     name: str
     findings: Callable[[Mapping[str, Any]], Iterable[Finding]] = nothing

@@ -22,10 +22,6 @@ def runs_of(follower: Rows, flags: Flags) -> list[slice]:
     """Segments of rows from the first to the last that is flagged, those less than 0.1 s apart joined.
 
     Time without any tick is no time apart: a loop that was late did not do something else meanwhile.
-
-    Args:
-        follower: Rows of `SessionLog.follower`, shape (n,).
-        flags: Shape (n,).
     """
     ticks = np.flatnonzero(flags)
     if not ticks.size:
@@ -36,12 +32,7 @@ def runs_of(follower: Rows, flags: Flags) -> list[slice]:
 
 
 def seconds_of(follower: Rows, flags: Flags) -> float:
-    """How long the flag was set [s]: from each flagged tick to the next tick, however late that was.
-
-    Args:
-        follower: Rows of `SessionLog.follower` of one process, shape (n,).
-        flags: Shape (n,).
-    """
+    """How long the flag was set [s]: from each flagged tick to the next tick, however late that was."""
     lasted = np.diff(follower["time_ns"]) * 1e-9
     last = usual_period(follower) if flags.size and flags[-1] else 0.0  # the last tick's duration is unknown
     return float(lasted[flags[:-1]].sum()) + last
@@ -79,21 +70,12 @@ class Segment(NamedTuple):
 
 
 def away(follower: Rows) -> Flags:
-    """In which rows the robot was not where the commands said, guarded ones left out: they have separate figures.
-
-    Args:
-        follower: Rows of `SessionLog.follower`.
-    """
+    """In which rows the robot was not where the commands said, guarded ones left out: they have separate figures."""
     return np.asarray(~np.isin(follower["status"], WITH_THE_COMMANDS))
 
 
 def trusted(follower: Rows, rows: Rows) -> Flags:
-    """Which rows hold a true force: the sensors are believed, then and in the 0.1 s that a fault may go unnoticed.
-
-    Args:
-        follower: All rows of one process of the follower, as in `SessionLog.follower`.
-        rows: Some of them.
-    """
+    """Which rows hold a true force: the sensors are believed, then and in the 0.1 s that a fault may go unnoticed."""
     good = believable(rows)
     failing = follower["validity"] > 0
     found = follower["time_ns"][failing & ~np.concatenate((np.zeros(min(1, failing.size), np.bool_), failing[:-1]))]
@@ -105,12 +87,7 @@ def trusted(follower: Rows, rows: Rows) -> Flags:
 
 
 def follower_away(log: SessionLog, start_ns: int) -> list[Segment]:
-    """Where one process of the follower was away, or its sensors failed, since a time of its clock [ns].
-
-    Args:
-        log: One segment of a session.
-        start_ns: Time zero.
-    """
+    """Where one process of the follower was away, or its sensors failed, since a time of its clock [ns]."""
     rows = since_first_command(log.follower)
     failing = rows["validity"] > 0
     told = away(rows) & ~joining(rows)
@@ -129,11 +106,7 @@ def since_first_command(follower: Rows) -> Rows:
 
 
 def joining(rows: Rows) -> Flags:
-    """The way to the first command, where it takes no longer than a moment.
-
-    Args:
-        rows: Of `SessionLog.follower`, of one process, from the first command on.
-    """
+    """The way to the first command, where it takes no longer than a moment."""
     returning = rows["status"] == Status.RETURNING
     flags = np.zeros(rows.size, dtype=np.bool_)
     if rows.size and returning[0]:

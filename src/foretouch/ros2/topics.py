@@ -158,10 +158,6 @@ def type_of(topic: StandardTopic) -> TopicType:
 def as_ros(message: Message, stamp_ns: int) -> tuple[tuple[StandardTopic, bytes], ...]:
     """The topics that say what a message says, with their CDR bytes.
 
-    Args:
-        message: Message of a session.
-        stamp_ns: Time for the headers: nanoseconds since 1970.
-
     Returns:
         Empty for a kind of message that has no counterpart, and for samples of sensors that are not to be trusted.
     """
@@ -172,10 +168,5 @@ def as_ros(message: Message, stamp_ns: int) -> tuple[tuple[StandardTopic, bytes]
 
 
 def probe_on_a_line(telemetry: Telemetry, stamp_ns: int) -> tuple[tuple[StandardTopic, bytes], ...]:
-    """The position of the probe in a session along a line: z of the world points out of the surface, as the force does.
-
-    Args:
-        telemetry: Telemetry of the follower.
-        stamp_ns: Nanoseconds since 1970.
-    """
+    """The position of the probe along a line: z of the world points out of the surface, as the force does."""
     return () if telemetry.validity else ((PROBE, pose_on_a_line(stamp_ns, telemetry.position)),)

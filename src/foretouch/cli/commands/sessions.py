@@ -42,14 +42,7 @@ MODULES = {"sim": "mujoco", "link": "zenoh", "console": "viser", "recordings": "
 
 
 def require_extras(*extras: str) -> None:
-    """Refuse in one line what is not installed; nothing is imported.
-
-    Args:
-        *extras: Names from `MODULES`.
-
-    Raises:
-        MissingExtraError: Naming all that are missing.
-    """
+    """Refuse in one line what is not installed; nothing is imported."""
     missing = [extra for extra in extras if importlib.util.find_spec(MODULES[extra]) is None]
     if missing:
         raise MissingExtraError(", ".join(MODULES[extra] for extra in missing), ",".join(missing))

@@ -13,9 +13,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from foretouch.console.history import LossTrace
-from foretouch.console.plots import Curve, Row, TimePlot, number, put, table
-from foretouch.console.window import Window
+from foretouch.console.history import LossTrace, Window
+from foretouch.console.plots import Curve, Row, TimePlot, moved, number, put, table
 from foretouch.messages import VERSION, Choice, EmergencyStop, Handle, Message, Settings, Stop
 from foretouch.quantities.colours import BLUE, INK, VERMILLION
 
@@ -57,12 +56,7 @@ SLIDERS = {
 
 
 class NetworkPanel:
-    """Sliders, and below them delay and loss as they are measured.
-
-    Args:
-        gui: The viewer's user interface.
-        on_faults: Called with all of them when a user moves a slider.
-    """
+    """Sliders, and below them delay and loss as measured; `on_faults` gets all of them when a person moves one."""
 
     def __init__(self, gui: Any, on_faults: Callable[[NetworkFaults], None]) -> None:
         self._on_faults = on_faults
@@ -72,17 +66,13 @@ class NetworkPanel:
             for name, (label, end, step, hint) in SLIDERS.items()
         }
         for slider in self._sliders.values():
-            slider.on_update(self._slid)
+            slider.on_update(moved(self._slid))
         self._trip = TimePlot(gui, "Round trip as measured [ms]", (TRIP,), height=120)
         self._text = gui.add_html("")
         self._loss = TimePlot(gui, "Messages lost [%]", (THERE, BACK), height=120)
 
     def put(self, faults: Mapping[str, float]) -> None:
-        """Put sliders where the session is, without telling the session.
-
-        Args:
-            faults: By name, as in `NetworkFaults`.
-        """
+        """Put sliders where the session is, without telling the session."""
         if time.monotonic() - self._moved < OWN:
             return  # the session will confirm its new value
         for name, value in faults.items():
@@ -102,21 +92,15 @@ class NetworkPanel:
         rows = [Row(TRIP.name, number(float(known[-1]) if len(known) else np.nan, "ms", 0), TRIP)]
         for curve, shares in ((THERE, losses.there), (BACK, losses.back)):
             rows.append(Row(curve.name, number(float(shares[-1]) if len(shares) else np.nan, "%", 1), curve))
-        content = f'<div style="padding:0 12px">{table(rows)}</div>'
-        put(self._text, content=content)
+        put(self._text, content=f'<div style="padding:0 12px">{table(rows)}</div>')
 
-    async def _slid(self, event: Any) -> None:
-        if event.client is not None:  # None: the program set it
-            self._moved = time.monotonic()
-            self._on_faults(NetworkFaults(**{name: float(slider.value) for name, slider in self._sliders.items()}))
+    def _slid(self, event: Any) -> None:
+        self._moved = time.monotonic()
+        self._on_faults(NetworkFaults(**{name: float(slider.value) for name, slider in self._sliders.items()}))
 
 
 class Speech:
-    """Numbers the messages and publishes them.
-
-    Args:
-        publish: Called with every message. It should return at once.
-    """
+    """Numbers the messages and publishes them."""
 
     def __init__(self, publish: Callable[[Message], None]) -> None:
         self._publish = publish

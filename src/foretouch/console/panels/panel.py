@@ -7,15 +7,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from foretouch.console.panels.forces import EnergyPanel, ForcePanel
-from foretouch.console.panels.image import ImagePanel
-from foretouch.console.panels.keys import HELP, SPACE_HELP, add_keys
-from foretouch.console.panels.model import ModelPanel
+from foretouch.console.panels.figures import EnergyPanel, ForcePanel, ModelPanel
 from foretouch.console.panels.network import NetworkFaults, NetworkPanel
 from foretouch.console.panels.session import RecordingsPanel, SessionPanel
-from foretouch.console.panels.stop import Alarm
+from foretouch.console.panels.space import ImagePanel
+from foretouch.console.panels.stop import HELP, SPACE_HELP, Alarm, add_keys
 from foretouch.console.playback import Playback
-from foretouch.console.plots import put
+from foretouch.console.plots import heard, put
 from foretouch.console.sentences import WAITING_INSTRUCTION
 from foretouch.quantities.colours import BLUE, GREY, INK, ORANGE, css
 
@@ -29,26 +27,15 @@ _TOP = (
 
 
 class Banner:
-    """Banner over the top of the picture, where it moves nothing aside.
-
-    Args:
-        gui: The viewer's user interface.
-        meanwhile: Text below the name of a recording.
-    """
+    """Banner over the top of the picture, where it moves nothing aside."""
 
     def __init__(self, gui: Any, meanwhile: str) -> None:
         self._meanwhile = meanwhile
         self._box = gui.add_html("")
 
     def show(self, playback: Playback | None, note: str = "") -> None:
-        """Show which recording is looked at, and which moment of it.
-
-        Args:
-            playback: The recording, None for none.
-            note: Text where none is looked at; "" for none.
-        """
-        content = _note_html(note) if playback is None else _html(playback, self._meanwhile)
-        put(self._box, content=content)
+        """Show which recording is looked at, and which moment of it; without one, a note."""
+        put(self._box, content=_note_html(note) if playback is None else _html(playback, self._meanwhile))
 
 
 def _note_html(note: str) -> str:
@@ -145,22 +132,9 @@ class Panel:
         server: The viewer's server.
         actions: Functions called for actions of a person.
         live: Whether a session may be received; else recordings come first, and nothing offers to act on a robot.
-
-    Attributes:
-        alarm: The emergency stop and what is urgent.
-        banner: Note that a recording is shown.
-        forces: Plot and numbers.
-        image: Image of the camera at the robot, in a session in three dimensions.
-        tabs: All the rest.
-        network: Delays, faults, losses.
-        models: The learnt models.
-        energy: The account of energy.
-        session: The running session.
-        recordings: The recordings.
     """
 
     def __init__(self, server: Any, actions: Actions, *, live: bool = True) -> None:
-        self._on_clutch = actions.clutch
         gui = self._gui = server.gui
         gui.set_panel_label("foretouch")
         gui.configure_theme(control_width="large", show_logo=False, show_share_button=False, brand_color=BLUE)
@@ -173,7 +147,7 @@ class Panel:
         self.forces = ForcePanel(gui)
         self.image = ImagePanel(gui)
         self._clutch = gui.add_button(PRESS_CLUTCH, color=GREY, hint=_CLUTCH)
-        self._clutch.on_click(self._clutch_clicked)
+        self._clutch.on_click(heard(lambda event: actions.clutch(event.client_id)))
         self.tabs = tabs = gui.add_tab_group()
         if not live:
             self._add_recordings(actions, live)
@@ -198,13 +172,11 @@ class Panel:
 
     def explain_space_keys(self) -> None:
         """Name the keys that a session in three dimensions has too."""
-        content = _help_html(HELP.replace("Keys: ", f"Keys: {SPACE_HELP}"))
-        put(self._help, content=content)
+        put(self._help, content=_help_html(HELP.replace("Keys: ", f"Keys: {SPACE_HELP}")))
 
     def instruct(self, instruction: str, note: str) -> None:
         """Show what to do, in one line, and which hand the force moves."""
-        content = _head_html(instruction, note)
-        put(self._head, content=content)
+        put(self._head, content=_head_html(instruction, note))
 
     def offer_clutch(self, offered: bool) -> None:
         """Show the clutch, or hide it where no leader uses it."""
@@ -215,17 +187,9 @@ class Panel:
         self._clutch.label = RELEASE_CLUTCH if pressed else PRESS_CLUTCH
         self._clutch.color = BLUE if pressed else GREY
 
-    async def _clutch_clicked(self, event: Any) -> None:
-        self._on_clutch(event.client_id)
-
 
 def felt(grip: str, by_mouse: bool) -> str:
-    """Which hand the force moves, in a sentence.
-
-    Args:
-        grip: How a hand holds the device that the force moves; empty where it moves none.
-        by_mouse: Whether the mouse leads.
-    """
+    """Which hand the force moves, in a sentence; an empty grip says that it moves none."""
     if not grip:
         return "A mouse cannot push back: see the blue arrow." if by_mouse else "It moves nobody's hand."
     leads = "that follows your mouse" if by_mouse else "of the operator"

@@ -5,6 +5,7 @@ A session has material, operator, grip and recording; recordings have a list, a 
 
 from __future__ import annotations
 
+import functools
 import html
 import math
 import time
@@ -13,7 +14,7 @@ from typing import Any
 
 from foretouch.console.panels.network import LONGEST_DELAY
 from foretouch.console.playback import Playback
-from foretouch.console.plots import put
+from foretouch.console.plots import heard, moved, put
 from foretouch.console.sentences import NOTHING_LIVE
 from foretouch.devices import GRIPS, OPERATORS
 from foretouch.quantities.colours import BLUE, GREY, VERMILLION, css
@@ -40,15 +41,7 @@ closed, the browser would hear of neither, and the focus would stay in it, where
 
 
 class SessionPanel:
-    """Dropdowns, the recording's button, and the end.
-
-    Args:
-        gui: The viewer's user interface.
-        on_choice: Called with a choice's name and what was chosen.
-        on_record: Called when a recording is to begin or to end.
-        on_end: Called when the session is to end.
-        live: Whether there may be one.
-    """
+    """Dropdowns, the recording's button, and the end."""
 
     def __init__(
         self,
@@ -59,7 +52,7 @@ class SessionPanel:
         *,
         live: bool = True,
     ) -> None:
-        self._on_choice, self._on_record, self._on_end = on_choice, on_record, on_end
+        self._on_choice = on_choice
         self._supervised_elsewhere = BY_HAND if live else NOTHING_LIVE
         self._waiting: dict[str, tuple[str, float]] = {}  # what was chosen, and when [s]
         self._dropdowns = {
@@ -67,22 +60,15 @@ class SessionPanel:
             for name, (label, options, hint) in CHOICES.items()
         }
         for name, dropdown in self._dropdowns.items():
-            dropdown.on_update(self._chooser(name))
+            dropdown.on_update(moved(functools.partial(self._choose, name)))
         self._record = gui.add_button(START_RECORDING, color=GREY, disabled=True)
         self._note = gui.add_html("")
         self._end = gui.add_button(END, color=GREY, disabled=not live)
-        self._record.on_click(self._record_clicked)
-        self._end.on_click(self._end_clicked)
+        self._record.on_click(heard(lambda event: on_record()))
+        self._end.on_click(heard(lambda event: on_end()))
 
     def show(self, runs: dict[str, str], *, offered: bool, recording: str, refused: str) -> None:
-        """Show what runs.
-
-        Args:
-            runs: Material, operator and grip by name, those that are known.
-            offered: Whether a process follows a choice.
-            recording: File that is written; "" for none.
-            refused: Why the newest choice was not followed; "" where it was.
-        """
+        """Show what runs: choices, the file that is written, and why the newest choice was refused; "" for none."""
         for name, (chosen, at) in tuple(self._waiting.items()):
             waited = time.monotonic() - at
             if waited > BEGINNING or (waited > CLOSED and (refused or runs.get(name) == chosen)):
@@ -114,24 +100,13 @@ class SessionPanel:
             lines += [f"<b>Begins anew with {html.escape(chosen)} …</b>" for chosen, _ in self._waiting.values()]
         if refused:
             lines.append(f'<b style="color:{css(VERMILLION)}">Not chosen: {html.escape(refused)}</b>')
-        text = f'<div style="padding:2px 12px;overflow-wrap:anywhere">{"<br>".join(lines)}</div>'
-        put(self._note, content=text)
+        put(self._note, content=f'<div style="padding:2px 12px;overflow-wrap:anywhere">{"<br>".join(lines)}</div>')
 
-    def _chooser(self, name: str) -> Callable[[Any], Any]:
-        async def chosen(event: Any) -> None:
-            if event.client is not None:  # None: the program set it
-                value = str(event.target.value)
-                event.target.disabled = True  # it lets go of the focus too, in which no key would stop the robot
-                self._waiting[name] = (value, time.monotonic())
-                self._on_choice(name, value)
-
-        return chosen
-
-    async def _record_clicked(self, event: Any) -> None:
-        self._on_record()
-
-    async def _end_clicked(self, event: Any) -> None:
-        self._on_end()
+    def _choose(self, name: str, event: Any) -> None:
+        value = str(event.target.value)
+        event.target.disabled = True  # it lets go of the focus too, in which no key would stop the robot
+        self._waiting[name] = (value, time.monotonic())
+        self._on_choice(name, value)
 
 
 SETTLED = 0.3
@@ -148,17 +123,7 @@ _QUIET = "padding:2px 12px;color:#555;overflow-wrap:anywhere"
 
 
 class RecordingsPanel:
-    """What was recorded, and when of it is shown.
-
-    Args:
-        gui: The viewer's user interface.
-        on_open: Called with the name of a recording.
-        on_play: Called when it is to go on or to pause.
-        on_seek: Called with the moment [s] at which a person puts the bar.
-        on_live: Called when the session that runs is to be shown again.
-        on_again: Called with both delays [s] and whether the force moves the hand.
-        live: Whether there may be a session to go back to.
-    """
+    """What was recorded, and when of it is shown."""
 
     def __init__(
         self,
@@ -171,8 +136,7 @@ class RecordingsPanel:
         *,
         live: bool = True,
     ) -> None:
-        self._on_open, self._on_play, self._on_seek = on_open, on_play, on_seek
-        self._on_live, self._on_again = on_live, on_again
+        self._on_open, self._on_seek, self._on_again = on_open, on_seek, on_again
         self._list = gui.add_dropdown("Recording", (CHOOSE,), hint="The newest first")
         self._where = gui.add_html("")
         self._bar = gui.add_slider("Time [s]", 0.0, 1.0, 0.01, 0.0, disabled=True)
@@ -187,21 +151,15 @@ class RecordingsPanel:
         self._again = gui.add_button(RUN_AGAIN, color=GREY, disabled=True)
         self._shown: Playback | None = None
         self._moved = math.nan  # when a person moved the bar [s], until it has settled
-        self._list.on_update(self._chosen)
-        self._bar.on_update(self._dragged)
-        self._play.on_click(self._play_clicked)
-        self._live.on_click(self._live_clicked)
-        self._again.on_click(self._again_clicked)
+        self._list.on_update(moved(self._chosen))
+        self._bar.on_update(moved(self._dragged))
+        self._play.on_click(heard(lambda event: on_play()))
+        self._live.on_click(heard(lambda event: on_live()))
+        self._again.on_click(heard(self._run_again))
 
     def list(self, names: tuple[str, ...], where: str) -> None:
-        """Show which recordings there are.
-
-        Args:
-            names: The newest first.
-            where: In which folders they are.
-        """
-        text = f'<div style="{_QUIET}">{html.escape(where)}</div>'
-        put(self._where, content=text)
+        """Show which recordings there are, and in which folders."""
+        put(self._where, content=f'<div style="{_QUIET}">{html.escape(where)}</div>')
         options = (CHOOSE, *names)
         if tuple(self._list.options) != options:
             value = self._list.value
@@ -210,13 +168,7 @@ class RecordingsPanel:
                 self._list.value = value
 
     def show(self, playback: Playback | None, note: str, busy: bool) -> None:
-        """Show the recording that is looked at.
-
-        Args:
-            playback: It, None for none.
-            note: One line.
-            busy: Whether something is being read or run.
-        """
+        """Show the recording that is looked at, one line on it, and whether something is being read or run."""
         if playback is not self._shown:
             if playback is None:
                 self._list.value, self._bar.value, self._play.label = CHOOSE, 0.0, PLAY
@@ -230,10 +182,8 @@ class RecordingsPanel:
             put(control, disabled=not offered)
         if playback is not None:
             self._place_bar(playback.now)
-            label = PAUSE if playback.playing else PLAY
-            put(self._play, label=label)
-        text = f'<div style="{_QUIET}">{html.escape(note)}</div>'
-        put(self._note, content=text)
+            put(self._play, label=PAUSE if playback.playing else PLAY)
+        put(self._note, content=f'<div style="{_QUIET}">{html.escape(note)}</div>')
 
     def _place_bar(self, now: float) -> None:
         """Put the bar where the recording is [s]."""
@@ -249,21 +199,14 @@ class RecordingsPanel:
         for slider, name in ((self._position_delay, "position_delay"), (self._force_delay, "force_delay")):
             slider.value = min(max(playback.shown.setting(name, 0.0), 0.0), LONGEST_DELAY)
 
-    async def _chosen(self, event: Any) -> None:
-        if event.client is not None and self._list.value != CHOOSE:
+    def _chosen(self, event: Any) -> None:
+        if self._list.value != CHOOSE:
             self._list.disabled = True  # it lets go of the focus too, in which no key would stop the robot
             self._on_open(str(self._list.value))
 
-    async def _dragged(self, event: Any) -> None:
-        if event.client is not None:
-            self._moved = time.monotonic()
-            self._on_seek(float(self._bar.value))
+    def _dragged(self, event: Any) -> None:
+        self._moved = time.monotonic()
+        self._on_seek(float(self._bar.value))
 
-    async def _play_clicked(self, event: Any) -> None:
-        self._on_play()
-
-    async def _live_clicked(self, event: Any) -> None:
-        self._on_live()
-
-    async def _again_clicked(self, event: Any) -> None:
+    def _run_again(self, event: Any) -> None:
         self._on_again(float(self._position_delay.value), float(self._force_delay.value), bool(self._closed.value))

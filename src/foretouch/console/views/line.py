@@ -35,12 +35,7 @@ RULER_X = -4.4
 
 
 def look(server: Any, camera: tuple[tuple[float, ...], tuple[float, ...]]) -> None:
-    """Put the camera of every browser, and of those that come, where a picture can be seen as a whole.
-
-    Args:
-        server: The viewer's server.
-        camera: Where it is and what it looks at [scene units].
-    """
+    """Put the camera of every browser, and of those that come, where a picture is seen as a whole [scene units]."""
     position, target = camera
     server.initial_camera.position, server.initial_camera.look_at = position, target
     for client in server.get_clients().values():
@@ -99,15 +94,7 @@ class Scene:
         put(self._root, visible=shown)
 
     def draw(self, z: float, ghost_z: float, force: float, ghost_force: float, deviation: float = math.nan) -> None:
-        """Move everything.
-
-        Args:
-            z: Height of the operator's tip [scene units].
-            ghost_z: Height of the robot's tip as last seen [scene units]; NaN hides it.
-            force: Force rendered to the operator [N].
-            ghost_force: Delayed force [N].
-            deviation: Standard deviation of the predicted force [N]; NaN where none is shown.
-        """
+        """Move tips to heights [scene units] and show forces [N] and their deviation; NaN hides one."""
         self._material.draw(-z)
         self._probes.draw_probe((0.0, 0.0, z), _upwards(force), deviation)
         seen = math.isfinite(ghost_z)
@@ -124,13 +111,7 @@ class Scene:
             self._hint.position = (1.75, -0.3, self._handle_z - 1.6 + bob)
 
     def draw_hand(self, z: float, ahead: float) -> None:
-        """Show where the hand is while it and the probe are apart.
-
-        Args:
-            z: Height of the probe's tip [scene units].
-            ahead: How much lower the hand is [scene units]; NaN hides it, and so does a distance too small to see or
-                as large as the picture.
-        """
+        """Show the hand below the probe's tip [scene units], unless that is NaN, or too little or too far to see."""
         self._hand.visible = SMALLEST_APART < abs(ahead) < LARGEST_APART
         if self._hand.visible:
             self._hand.position = (0.0, 0.0, z - ahead)
@@ -148,13 +129,7 @@ class Scene:
             self._rail.vertices = shapes.rail(*ends)[0]
 
     def offer_handle(self, offered: bool, *, useful: bool, hinted: bool) -> None:
-        """Show the handle and its rail, or hide them where no leader uses them.
-
-        Args:
-            offered: Whether a leader uses them.
-            useful: Whether a drag moves the robot: only then there is a text on what to do.
-            hinted: Whether an arrow shows it, too: the handle has not been used yet.
-        """
+        """Show the handle and its rail, what to do where a drag moves the robot, and an arrow until it was used."""
         for node, shown in ((self._handle, offered), (self._rail, offered), (self._handle_label, offered and useful)):
             node.visible = shown
         self._hint.visible = offered and useful and hinted
@@ -206,11 +181,6 @@ class LineView:
     """What a console shows of a session along a line.
 
     The handle is drawn in the probe's frame, from 0 to 1.2 times the press depth below the surface.
-
-    Args:
-        server: The viewer's server.
-        watched: The session, to which the handle belongs whatever is shown.
-        hold: The handle along the line.
     """
 
     def __init__(self, server: Any, watched: Watched, hold: Hold) -> None:
@@ -222,13 +192,7 @@ class LineView:
         self._scene.show(False)
 
     def draw(self, shown: Watched, *, live: bool, useful: bool) -> None:
-        """Draw the picture.
-
-        Args:
-            shown: The session, or a recording.
-            live: Whether a person can move the hand in it.
-            useful: Whether the robot goes along then.
-        """
+        """Draw a session or recording; whether a person can move its hand, and the robot goes along then."""
         self._scene.show(True)
         self.hold.follow()
         leader, surface, position = shown.leader, shown.surface, shown.probe_position
@@ -249,9 +213,6 @@ class LineView:
         """Write beside handle, force and robot what they are.
 
         How large a force is stands in the panel alone: the viewer draws labels some pictures later than numbers.
-
-        Args:
-            shown: The session, or a recording.
         """
         leader = shown.leader
         if leader is None:

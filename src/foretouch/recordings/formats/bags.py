@@ -167,9 +167,6 @@ class Rosbag2(RosBag):
 
     It stays open as long as it is referenced: opening parses the metadata of all topics, seconds for thousands.
 
-    Args:
-        path: Its folder, with ``metadata.yaml``, or one ``.db3`` file.
-
     Raises:
         RecordingError: It is none, is damaged, or was not ended by its recorder.
         MissingExtraError: The package ``rosbags`` is not installed.

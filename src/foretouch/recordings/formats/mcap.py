@@ -141,10 +141,6 @@ class McapFile(RosBag):
 
     A file that ends before its index, because its writer was killed or still writes, is read as far as it goes.
 
-    Args:
-        path: Path of the file.
-        peek: Look no further than the first block of a file without index: its topics, as far as that has them.
-
     Raises:
         RecordingError: It is no MCAP, or damaged.
         MissingExtraError: The packages ``mcap`` or ``rosbags`` are not installed.

@@ -53,9 +53,6 @@ class BlockFile:
     Args:
         path: The file; an existing one is replaced, unless another process writes it.
 
-    Attributes:
-        path: Where the file is; `keep` may have moved it.
-
     Raises:
         OSError: Also by every method.
     """

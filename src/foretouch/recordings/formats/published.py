@@ -127,11 +127,6 @@ def write_excerpt(path: str | PathLike[str], about: About, columns: Mapping[str,
 def recording_of(path: str | PathLike[str], force_channel: str = "raw", *, flip: bool = False) -> Recording:
     """The recording that an excerpt holds.
 
-    Args:
-        path: Path of the excerpt.
-        force_channel: ``"raw"``, or ``"logged"`` where it has one.
-        flip: Change the sign of the positions.
-
     Raises:
         RecordingError: The file is no excerpt, or has no such channel.
         UnknownNameError: Another force channel.

@@ -128,16 +128,7 @@ def _encoding(path: str | PathLike[str]) -> str:
 
 @dataclass(frozen=True)
 class _Top:
-    """Header above the samples.
-
-    Attributes:
-        separator: Separator between columns.
-        names: Names of the columns.
-        units: Unit of each, empty where none stand below the names.
-        row: Row of the names, as an editor counts.
-        lines: Number of lines above the first sample.
-        passed_over: Lines above the names that are no remarks.
-    """
+    """Header above the samples."""
 
     separator: str
     names: list[str]
@@ -317,12 +308,7 @@ def _by_spaces(line: str, below: str) -> bool:
 
 
 def _under_a_preamble(first: int, lines: list[str]) -> _Top | None:
-    """The header below lines of fewer columns: names, perhaps units, and then as many cells with numbers among them.
-
-    Args:
-        first: Row of the first of the lines.
-        lines: Below the first one that has fewer.
-    """
+    """The header below lines of fewer columns: names, perhaps units, and then as many cells with numbers among them."""
     for place, line in enumerate(lines[:-1]):
         separator = _separator_of(line)
         names = _cells(line, separator)

@@ -44,14 +44,7 @@ TRUNCATED: Final = {"truncated": 1}
 
 @dataclass(frozen=True)
 class Topic:
-    """One topic of our own messages.
-
-    Attributes:
-        name: Name of the topic.
-        type_name: Name of the ROS 2 type.
-        layout: Schema and bytes.
-        former: Name of the type in earlier recordings; they are read too.
-    """
+    """One topic of our own messages."""
 
     name: str
     type_name: str
@@ -135,13 +128,7 @@ def parameter_names(law: str, count: int) -> tuple[str, ...]:
 
 
 def contact_model(update: ModelUpdate, stamp: tuple[int, int], frame: str) -> bytes:
-    """CDR bytes of a ContactModel.
-
-    Args:
-        update: The model as the follower sent it.
-        stamp: Seconds and nanoseconds of the header.
-        frame: Frame of the header.
-    """
+    """CDR bytes of a ContactModel."""
     names = parameter_names(update.law, len(update.parameters))
     numbers = (names, update.parameters, update.standard_errors)
     return pack_fields(

@@ -76,10 +76,6 @@ def wrong_contacts(log: SessionLog, pairs: Pairs) -> Wrong | None:
 def contact_figures(wrong: Wrong | None, time: Array) -> dict[str, Any]:
     """Fractions and numbers of the wrong contacts.
 
-    Args:
-        wrong: Wrong contacts of the rows at equal command; None where unknown.
-        time: Time of these rows [s].
-
     Returns:
         ``false``, ``missed`` and ``before_model``, each with ``percent`` of the rows that are counted, the number of
         ``episodes`` longer than 20 ms, and the ``longest_s`` of them, 0 where there is none; all None where
@@ -93,13 +89,7 @@ def contact_figures(wrong: Wrong | None, time: Array) -> dict[str, Any]:
 
 
 def friction_figures(log: SessionLog, coefficient: float | None, viscous: float | None) -> dict[str, float | None]:
-    """Friction as it was learnt last, beside what a simulated scene has.
-
-    Args:
-        log: One segment.
-        coefficient: The true one, None where it is unknown.
-        viscous: True viscous friction [N s/m].
-    """
+    """Friction as it was learnt last, beside the true coefficient and viscous friction [N s/m], None where unknown."""
     said = next((model.friction for model in reversed(log.models) if len(model.friction) >= 4), (None,) * 4)
     return {
         "coefficient": said[0],
@@ -241,11 +231,6 @@ def in_scene(report: dict[str, Any], scene: Mapping[str, Any], found: SceneFindi
 
     The account of energy is that in all directions, and so is the distance between robot and command. Figures that
     compare positions along one line, or the whole contact force with the model's part along the normal, are None.
-
-    Args:
-        report: Report of the session along the normal.
-        scene: Result of `scene_figures`.
-        found: Data that it was computed from.
     """
     energy, hand = scene["energy"], report["hand"]
     holds = energy["certificate_holds"]

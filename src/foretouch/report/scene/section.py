@@ -55,15 +55,7 @@ def pose_figure(error: PoseError) -> Any:
 
 
 def contact_figure(log: SessionLog, pairs: Pairs, wrong: Wrong, true_friction: float | None, start_ns: int) -> Any:
-    """False and missed contacts, and friction as it is learnt.
-
-    Args:
-        log: One segment, with the follower's models.
-        pairs: Its rows at equal command, at least one.
-        wrong: Contacts of these rows.
-        true_friction: Coefficient; None where it is unknown.
-        start_ns: Time zero by the follower's clock [ns].
-    """
+    """False and missed contacts of rows at equal command, at least one, and friction as it is learnt."""
     figure = new_figure(6.4)
     force, friction = figure.subplots(2, 1, sharex=True)
     force.plot(*thinned(pairs.time, pairs.follower["exact_force"]), color=TRUE, linewidth=1.3, label="true")

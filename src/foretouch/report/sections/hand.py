@@ -327,13 +327,7 @@ def _drawings(view: View) -> Iterator[Drawing]:
 
 
 def hand_figure(log: SessionLog, pairs: Pairs, burst_at: float | None = None) -> Any:
-    """What the hand meant, what it did, and where it was for the follower, with the force that it was given.
-
-    Args:
-        log: The session, with at least one row of the leader.
-        pairs: Its rows at equal command: they tell which commands the follower held back.
-        burst_at: Where the close-up is to begin, because the hand oscillates there [s]; None for the first contact.
-    """
+    """What the hand meant and did, where it was for the follower, and its force; the close-up shows an oscillation."""
     leader = log.leader
     time = since_first(leader)
     figure = new_figure(9.5)

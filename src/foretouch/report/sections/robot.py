@@ -51,12 +51,7 @@ def _tracking(view: View) -> Iterator[Drawing]:
 
 
 def tracking_figure(pairs: Pairs, segments: Sequence[Segment] = ()) -> Any:
-    """Commanded and actual position of the robot, and the distance between them.
-
-    Args:
-        pairs: Rows at equal command.
-        segments: In which the robot was not where the commands said, in the time of the rows.
-    """
+    """Commanded and actual position of the robot, and the distance between them."""
     figure = new_figure(5.0)
     place, apart = figure.subplots(2, 1, sharex=True)
     commanded, actual = 1e3 * pairs.leader["position"], 1e3 * pairs.follower["position"]

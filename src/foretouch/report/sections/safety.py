@@ -23,9 +23,6 @@ from foretouch.report.statuses import guarded_runs, joining, runs_of, seconds_of
 def guarded_figures(log: SessionLog) -> dict[str, Any]:
     """What the guard did, over all ticks of the follower.
 
-    Args:
-        log: The session.
-
     Returns:
         ``guarded_contact_percent``: fraction of the ticks in contact that were guarded; None without contact.
         ``guarded_contacts``: guarded segments with contact in them. ``guarded_s``: all guarded ticks, those of an
@@ -97,9 +94,6 @@ def safety_figures(log: SessionLog) -> dict[str, Any]:
 
     From the first command on; a robot that joins that within 0.1 s does not count as returned. An emergency stop in
     which one process ended and the next began is one: it had not been released.
-
-    Args:
-        log: The whole session.
 
     Returns:
         ``statuses`` and ``sensor_faults``: by name the ``times``, the ``seconds`` and the ``sentence``; what is less

@@ -156,11 +156,7 @@ def contacts(log: SessionLog) -> list[Contact]:
 
 
 def hand_begins_ns(leader: Rows) -> int:
-    """When the time of the hand begins, by the leader's clock [ns]: one that feels something waits for the follower.
-
-    Args:
-        leader: Rows of `SessionLog.leader`, of one process, at least 1.
-    """
+    """When the time of the hand begins, by the leader's clock [ns]: one that feels something waits for the follower."""
     waits = bool(np.isfinite(leader["exact_hand_position"]).any() and leader["engaged"].any())
     return int(leader["time_ns"][int(np.argmax(leader["engaged"])) if waits else 0])
 
@@ -183,11 +179,7 @@ def render_replay(content: Mapping[str, Any]) -> str:
 
 
 def table_rows(content: Mapping[str, Any]) -> list[tuple[str, str, str, str]]:
-    """What `render_replay` and the page show: name, recorded, replayed, and their ratio, as text.
-
-    Args:
-        content: What `compare_replay` gave.
-    """
+    """What `render_replay` and the page show: name, recorded, replayed, and their ratio, as text."""
     before, after = content["recorded"], content["replayed"]
     always = ("position_delay", "force_delay", "model", "estimator")
     names = [*always, *(name for name in content["settings"] if name not in always)]
