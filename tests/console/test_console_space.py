@@ -23,8 +23,8 @@ from foretouch.console.space_heard import SpaceHeard, newest_image
 from foretouch.console.views import fixture
 from foretouch.console.views import shapes as shape
 from foretouch.console.views.fixture import COLOURS, StiffnessScale, known_share, legend_html, levels_of
-from foretouch.console.views.shapes import along, wxyz_of
 from foretouch.console.views.hold import HOME, REACH, SpaceHold
+from foretouch.console.views.shapes import along, wxyz_of
 from foretouch.console.watched import Watched
 from foretouch.messages import (
     VERSION,

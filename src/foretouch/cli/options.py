@@ -88,8 +88,8 @@ ContactFloor = Annotated[
 ]
 
 
-def make_folder(path: Path) -> None:
-    """Make a folder for results, before anything is computed that would be lost.
+def make_folder(path: Path | None) -> None:
+    """Make a folder for results where one is asked for, before anything is computed that would be lost.
 
     Below the working directory its parents are made with it; elsewhere the parent must exist, so that a slip in a path
     makes no folder that goes unnoticed.
@@ -97,8 +97,10 @@ def make_folder(path: Path) -> None:
     Raises:
         SettingError: It cannot be made or written to.
     """
+    if path is None:
+        return
     try:
-        if not path.parent.is_dir() and not _is_below_here(path):
+        if not path.parent.is_dir() and not path.resolve().is_relative_to(Path.cwd()):
             raise SettingError("folder", str(path), f"there is no {path.parent} that it could be made in")
         path.mkdir(parents=True, exist_ok=True)
         require_writable(path)
@@ -133,22 +135,20 @@ def require_writable(folder: Path) -> None:
         raise SettingError("folder", str(folder), f"cannot be written: {error.strerror}") from None
 
 
-def _is_below_here(path: Path) -> bool:
-    return path.resolve().is_relative_to(Path.cwd())
-
-
 def require_duration(duration: float | None) -> None:
     """Raise `SettingError` unless it is above 0, or not given."""
     if duration is not None and not 0.0 < duration < math.inf:
         raise SettingError("duration", duration, "must be finite and above 0 s")
 
 
-def require_recording(path: Path) -> None:
-    """Refuse a recording that could not be written, before anything starts; no folder is made for it.
+def require_recording(path: Path | None) -> None:
+    """Refuse a recording that could not be written, if any, before anything starts; no folder is made for it.
 
     Raises:
         SettingError: No MCAP file, or none that can be written there.
     """
+    if path is None:
+        return
     if path.suffix.lower() != ".mcap":
         raise SettingError("recording", str(path), "must end with .mcap")
     require_writable(path.parent)

@@ -54,15 +54,7 @@ class Topic:
 
 @dataclass(frozen=True)
 class Series(ByValue):
-    """Numbers out of the messages of one topic, in the order of the file.
-
-    Attributes:
-        topic: Topic of the messages.
-        log_ns: Time at which the recorder took each message [ns], shape (n,).
-        stamp_ns: Stamp in the header of each [ns], shape (n,), or None where the messages have none, or it is not set.
-        values: Field name to numbers, shape (n,).
-        left_out: Messages that have not all of the fields.
-    """
+    """Numbers out of the messages of one topic in the file's order; times in ns, stamps None where none are set."""
 
     topic: str
     log_ns: NDArray[np.int64]
@@ -187,13 +179,6 @@ def require_names(
     source: object, there: Sequence[str], names: Iterable[str], *, row: int | None = None, hint: str = ""
 ) -> None:
     """Refuse a table in which a column is missing, or there twice.
-
-    Args:
-        source: Name of the file, for messages.
-        there: Names of the columns that it has.
-        names: Names of those that are needed.
-        row: Row of the header.
-        hint: What to do where one is missing.
 
     Raises:
         RecordingError: A column is missing, or there twice.

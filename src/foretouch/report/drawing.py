@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from foretouch.quantities import Rows, colours, columns
 from foretouch.report.numbers import largest
-from foretouch.report.statuses import Segment
+from foretouch.report.rows import Segment
 
 Array = NDArray[np.float64]
 

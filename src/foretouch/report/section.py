@@ -10,9 +10,8 @@ from foretouch.report.numbers import NO_BASELINE, Finding
 
 if TYPE_CHECKING:
     from foretouch.messages import SessionLog
-    from foretouch.report.pairs import Pairs
+    from foretouch.report.rows import Pairs, Segment
     from foretouch.report.scene.scene import SceneFindings
-    from foretouch.report.statuses import Segment
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,8 +14,7 @@ from typing import Final
 from foretouch.errors import SettingError
 from foretouch.link import ZenohLink
 from foretouch.messages import Hello, LeaderState, Message, Telemetry
-from foretouch.ros2.graph import Graph
-from foretouch.ros2.topics import as_ros, probe_on_a_line
+from foretouch.ros2.graph import Graph, as_ros, probe_on_a_line
 
 BLOCK_NS = 30_000_000_000
 """The smallest transit is that of this block of time and of the one before [ns]: the last half to whole minute."""

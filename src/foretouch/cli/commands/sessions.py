@@ -73,10 +73,8 @@ def teleop(
     _check_material(settings.material)
     session_calibration(settings)  # the follower reads it again; here, the user gets the error before anything starts
     path = recording or _default_recording(report)
-    if recording is not None:
-        require_recording(recording)
-    if report is not None:
-        make_folder(report)
+    require_recording(recording)
+    make_folder(report)
     require_recording(path)
     if not headless:
         from foretouch.console import require_free_port
@@ -116,10 +114,8 @@ def simulate(
 
     require_duration(duration)
     require_simulated_operator(settings)
-    if recording is not None:
-        require_recording(recording)
-    if report is not None:
-        make_folder(report)
+    require_recording(recording)
+    make_folder(report)
     compile_first()
     with progress_bar("simulating") as bar:
         start = prepare_simulation(settings, duration=duration, progress=lambda now: bar.update(now, duration), say=say)
@@ -224,8 +220,7 @@ def replay(
         require_recording(output)
         if output.resolve() == recording.resolve():
             raise SettingError("recording", str(output), "is the recording itself: name another file")
-    if report is not None:
-        make_folder(report)
+    make_folder(report)
     log = _session(recording)
     settings, told = recorded_settings(log.longest().settings, changes)
     compile_first()

@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from foretouch.messages import SessionLog
 from foretouch.quantities import ByValue, Rows
 from foretouch.report.numbers import number_of, setting
-from foretouch.report.pairs import Pairs
+from foretouch.report.rows import Pairs
 
 Array = NDArray[np.float64]
 

@@ -28,7 +28,7 @@ from foretouch.report.energy import (
     summed_account,
 )
 from foretouch.report.numbers import number_of, runs, setting
-from foretouch.report.pairs import Pairs, not_scored
+from foretouch.report.rows import Pairs, not_scored
 from foretouch.report.scene.map import StiffnessMap, learnt_field, map_figures, stiffness_map
 from foretouch.report.scene.pose import PoseError, SceneRows, pose_error, pose_figures, scene_rows, vectors
 from foretouch.robot import MATERIALS

@@ -13,8 +13,8 @@ from foretouch.models import LAWS
 from foretouch.quantities import QUANTITIES, new_figure
 from foretouch.report.drawing import ERROR, NARROW, PREDICTED, extremes, finished, legend, mark
 from foretouch.report.numbers import Finding, figure, number, parameter_text
+from foretouch.report.rows import Segment
 from foretouch.report.section import Drawing, Section, View
-from foretouch.report.statuses import Segment
 
 Array = NDArray[np.float64]
 

@@ -23,7 +23,7 @@ from foretouch.report.numbers import (
     sentence,
     setting,
 )
-from foretouch.report.pairs import not_scored, pair
+from foretouch.report.rows import not_scored, pair
 from foretouch.report.scores import score_prediction
 from foretouch.report.section import Section
 from foretouch.report.sections.hand import hand_figures
@@ -68,15 +68,12 @@ _SHOWN = {"operator": "", "estimator": "", "position_delay": " s", "force_delay"
 def loop_sentence(settings: Mapping[str, str]) -> str:
     """Whether the force moves a hand, whose, and which device it holds."""
     grip = setting(settings, "grip", NO_GRIP)
-    if settings.get("replay") == "open loop":
+    if settings.get("replay") == "open loop" or (grip == NO_GRIP and settings.get("felt") != "yes"):
         return OPEN_LOOP
     if grip == NO_GRIP:
-        return (
-            OWN_HAND.format(setting(settings, "operator", "a device")) if settings.get("felt") == "yes" else OPEN_LOOP
-        )
-    mass, damping, friction, resolution = (
-        number_of(settings, f"device_{name}", 0.0) for name in ("mass", "damping", "friction", "resolution")
-    )
+        return OWN_HAND.format(setting(settings, "operator", "a device"))
+    names = ("mass", "damping", "friction", "resolution")
+    mass, damping, friction, resolution = (number_of(settings, f"device_{name}", 0.0) for name in names)
     return (
         f"closed loop: a hand with a {grip} grip holds a device of {mass:g} kg, {damping:g} N s/m, "
         f"{friction:g} N of friction and {1e6 * resolution:g} um a count"

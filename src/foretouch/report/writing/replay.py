@@ -18,10 +18,10 @@ from foretouch.messages import SessionLog
 from foretouch.quantities import Rows, new_figure
 from foretouch.report.drawing import DELAYED, ERROR, PREDICTED, TRUE, finished, last_contact, legend, peak, thinned
 from foretouch.report.numbers import number, sentence, value_of
-from foretouch.report.pairs import Pairs, not_scored, pair
+from foretouch.report.rows import Pairs, not_scored, pair
 from foretouch.report.scores import score_prediction
 from foretouch.report.session import CONTACT_FLOOR, session_figures
-from foretouch.report.writing.html import embedded, table, write_html
+from foretouch.report.writing.pages import embedded, table, write_html
 from foretouch.session import SessionSettings
 
 Array = NDArray[np.float64]
@@ -295,8 +295,7 @@ def replay_figure(recorded: SessionLog, replayed: SessionLog, contacts: Mapping[
         _draw_forces(axes, *near_by)
         top = ROOM * max(LEAST, *(peak(columns[kind]) for columns in near_by for kind in ("true", "delayed")))
         axes.set_ylim(-0.08 * top, top)
-        axes.set_ylabel("force [N]")
-        axes.set_xlabel("time of the hand [s]")
+        axes.set(ylabel="force [N]", xlabel="time of the hand [s]")
     whole.set_title("Contact force at equal command, over the time in which the hand moved")
     whole.axvspan(begin, end, color="0.5", alpha=0.15, linewidth=0.0, label="close-up below")
     near.set_title("Close-up")
@@ -351,9 +350,9 @@ def _draw_errors(axes: Any, contacts: Mapping[str, Any]) -> None:
         sizes = np.maximum([one[kind] for one in found], LEAST_ERROR)
         axes.plot(middle, sizes, sign, color=colour, markersize=6.0, label=label)
     axes.set_yscale("log")
-    axes.set_title("Error of each contact, in percent of the force in it")
-    axes.set_ylabel("error [%]")
-    axes.set_xlabel("time of the hand [s]")
+    axes.set(
+        title="Error of each contact, in percent of the force in it", ylabel="error [%]", xlabel="time of the hand [s]"
+    )
     drawn = axes.get_ylim()
     axes.set_yticks([tick for tick in ERROR_TICKS if drawn[0] <= tick <= drawn[1]])
     axes.yaxis.set_major_formatter("{x:g}")
